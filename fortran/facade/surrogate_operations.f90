@@ -17,7 +17,7 @@ module surrogate_operations
    use next_stage, only: next_document
    use problem_posterior, only: new_problem_posterior
    use random, only: new_random_stream, random_stream_type
-   use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
+   use samplers, only: chains_type, checkpoint_type, new_sampler, run_settings_type, sample_chains
    use sequential_design, only: absorb_choices, update_posterior_mean
    use surrogate_domain, only: spread_crystals
    use surrogate_learner, only: add_simulations, choose_next, evaluate_evidence, exclude_candidates, fit_learner, learner_type, &
@@ -70,7 +70,7 @@ contains
       case ('sample')
          call new_sampler(x%in%text('method'), x%in%integer('burn_in'), sampler, x%error)
          if (.not. allocated(x%error)) call sample_chains(density, sampler, run_settings_type(x%in%integer('samples'), &
-            & x%in%integer('chains'), x%threads(), x%in%integer('seed')), chains, x%error)
+            & x%in%integer('chains'), x%threads(), x%in%integer('seed')), chains, x%error, checkpoint_type())
          if (allocated(x%error)) return
          call x%out%put_array('draws', chains%draws, shape(chains%draws))
          call x%out%put_array('log_density', chains%log_density, shape(chains%log_density))

@@ -158,11 +158,14 @@ contains
       type(point_type), intent(inout) :: points(:)
       type(output_polynomial_type), intent(in), optional :: polynomial
       type(log_frame_type) :: frame
-      real(wp) :: c(6, 6), log_volume, outputs(self%n_outputs)
+      real(wp) :: c(6, 6), log_volume
+      !> Not allocated, these moduli are computed.
+      real(wp), allocatable :: moduli(:)
       logical :: inside
       integer :: i, k
 
       k = self%n_constants
+      if (is_fitted(polynomial)) allocate (moduli(self%n_outputs))
       do i = 1, size(points)
          associate (point => points(i))
             point%log_density = outside
@@ -171,14 +174,13 @@ contains
             point%x = point%w
             point%x(:k) = self%prior%class%constants_of(c)
             if (.not. (self%prior%admits(point%x(:k), c, norm2(point%w(3:k))) .and. scale_is_admitted(self, point%x))) cycle
-            if (is_fitted(polynomial)) then
-               call polynomial%evaluate([self%prior%logarithms%saturating(frame, self%typical_modulus), point%w(k + 1:)], outputs, &
+            if (allocated(moduli)) then
+               call polynomial%evaluate([self%prior%logarithms%saturating(frame, self%typical_modulus), point%w(k + 1:)], moduli, &
                   & inside)
                if (.not. inside) cycle
-               point%log_working = self%prior%log_density(c, point%w(:k)) + likelihood_of_crystal(self, point%x, c, exp(outputs))
-            else
-               point%log_working = self%prior%log_density(c, point%w(:k)) + likelihood_of_crystal(self, point%x, c)
+               moduli = exp(moduli)
             end if
+            point%log_working = self%prior%log_density(c, point%w(:k)) + likelihood_of_crystal(self, point%x, c, moduli)
             log_volume = self%prior%logarithms%log_volume(frame)
             point%log_density = point%log_working
             if (self%prior%in_logarithms) then
@@ -349,16 +351,11 @@ contains
       scales = scale_factor(self, x)*self%scale
       if (has_own_variance(self)) scales = sqrt(scales**2 + own_variance*(self%errors%scale*map_slope)**2)
       if (self%grains%n_columns > 0) then
-         if (self%n_directions == 1) then
-            call self%grains%evaluate_columns(c, u(:, :self%grains%n_columns))
-         else
-            allocate (columns(size(self%euler, 2), self%grains%n_columns))
-            call self%grains%evaluate_columns(c, columns)
-            u(:, :self%grains%n_columns) = columns(:self%n_grains, :)
-         end if
+         allocate (columns(size(self%euler, 2), self%grains%n_columns))
+         call self%grains%evaluate_columns(c, columns)
          slope = slope*map_slope/scales
          do g = 1, self%grains%n_columns
-            u(:, g) = u(:, g)*slope
+            u(:, g) = columns(:self%n_grains, g)*slope
          end do
       end if
       if (any(self%calibration > 0.0_wp)) then

@@ -154,9 +154,7 @@ contains
       integer :: i
 
       if (size(b) == 0) then
-         do i = 1, size(r)
-            values(i) = self%log_density(r(i:i), 1.0_wp)
-         end do
+         values = [(self%log_density(r(i:i), 1.0_wp), i=1, size(r))]
          return
       end if
       e = r - matmul(u, b)
@@ -202,19 +200,17 @@ contains
    pure subroutine student_as_normals(self, variance, share)
       class(student_errors_type), intent(in) :: self
       real(wp), allocatable, intent(out) :: variance(:), share(:)
-      real(wp) :: width, low, step, x
+      real(wp) :: width, low, step
+      real(wp), allocatable :: x(:)
       integer :: i, n
 
       width = sqrt(2.0_wp/self%dof)
       low = -72.0_wp/(self%dof + 1.0_wp) - 9.0_wp*min(1.0_wp, width)
       step = min(0.25_wp, 0.5_wp*width)
       n = 1 + int((log(1.0_wp + 80.0_wp/self%dof) + 9.0_wp*min(1.0_wp, width) - low)/step)
-      allocate (variance(n), share(n))
-      do i = 1, n
-         x = low + (i - 1)*step
-         variance(i) = exp(-x)
-         share(i) = step*exp(0.5_wp*self%dof*(x - exp(x) + log(0.5_wp*self%dof)) - log_gamma(0.5_wp*self%dof))
-      end do
+      x = [(low + (i - 1)*step, i=1, n)]
+      variance = exp(-x)
+      share = step*exp(0.5_wp*self%dof*(x - exp(x) + log(0.5_wp*self%dof)) - log_gamma(0.5_wp*self%dof))
    end subroutine student_as_normals
 
    !> By the polar method (Bailey, Math. Comp. 62, 779, 1994).

@@ -173,10 +173,13 @@ contains
       type(conflict_type), intent(out) :: conflict
       type(error_type), allocatable, intent(out) :: error
       type(posterior_type) :: all, free
+      integer, parameter :: few = 4000
+      real(wp), allocatable :: values(:, :)
+      real(wp), dimension(size(posterior%prior%knowledge%mean)) :: mean, sd
       real(wp) :: point(posterior%dimension), other(posterior%dimension), most, most_free, most_other
       integer :: n
 
-      n = size(posterior%prior%knowledge%mean)
+      n = size(mean)
       allocate (conflict%of_quantity(n))
       if (n == 0) return
       all = posterior
@@ -192,7 +195,13 @@ contains
       call climb_up(free, chains, point, most_free)
       conflict%growth = 2.0_wp*max(0.0_wp, max(most_free, most_other) - most)
       conflict%sds = sds_of(conflict%growth, n)
-      call compare_moments(posterior, chains, conflict)
+      associate (knowledge => posterior%prior%knowledge)
+         call evaluate_draws(knowledge%quantities, posterior%prior%class, flattened(thinned(chains%draws, few)), values)
+         call moments(values, mean, sd)
+         mean = (mean - knowledge%mean)/knowledge%sd()
+         sd = sd/knowledge%sd()
+      end associate
+      conflict%of_quantity = min(abs(mean)/sqrt(max(least_share, 1.0_wp - sd**2)), sqrt(conflict%growth))
       if (n == 1) conflict%of_quantity = sqrt(conflict%growth)
    end subroutine find_conflict
 
@@ -216,24 +225,6 @@ contains
       end do
       log_density = values(1)
    end subroutine climb_up
-
-   !> The conflict of each quantity, from mean and variance over some of the draws.
-   subroutine compare_moments(posterior, chains, conflict)
-      type(posterior_type), intent(in) :: posterior
-      type(chains_type), intent(in) :: chains
-      type(conflict_type), intent(inout) :: conflict
-      integer, parameter :: most = 4000
-      real(wp), dimension(size(conflict%of_quantity)) :: mean, sd
-      real(wp), allocatable :: values(:, :)
-
-      associate (knowledge => posterior%prior%knowledge)
-         call evaluate_draws(knowledge%quantities, posterior%prior%class, flattened(thinned(chains%draws, most)), values)
-         call moments(values, mean, sd)
-         mean = (mean - knowledge%mean)/knowledge%sd()
-         sd = sd/knowledge%sd()
-      end associate
-      conflict%of_quantity = min(abs(mean)/sqrt(max(least_share, 1.0_wp - sd**2)), sqrt(conflict%growth))
-   end subroutine compare_moments
 
    !> Wilson and Hilferty's normal variable of a chi-square; exactly its root for one degree of freedom.
    pure real(wp) function sds_of(chi_square, degrees)

@@ -137,10 +137,8 @@ contains
       allocate (products(size(points, 2), (n + 1)*(n + 2)/2))
       products(:, 1) = 1.0_wp
       products(:, 2:n + 1) = transpose(points)
-      do j = 1, n
-         do i = 1, j
-            products(:, 1 + n + (j - 1)*j/2 + i) = products(:, 1 + i)*products(:, 1 + j)
-         end do
+      do concurrent(i=1:n, j=1:n, i <= j)
+         products(:, 1 + n + (j - 1)*j/2 + i) = products(:, 1 + i)*products(:, 1 + j)
       end do
    end function products_of
 

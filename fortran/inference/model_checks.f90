@@ -181,12 +181,10 @@ contains
       call cholesky_factor(factor, error)
       if (allocated(error)) return
       log_factor = sum([(log(factor(j, j)), j=1, d)])
-      do c = 1, size(u, 3)
-         do i = 1, size(u, 2)
-            log_density(i, c) = log_density(i, c) + density%prior%logarithms%log_volume_at(u(:density%n_constants, i, c))
-            u(:, i, c) = u(:, i, c) - mean
-            call solve_lower(factor, u(:, i, c))
-         end do
+      do concurrent(i=1:size(u, 2), c=1:size(u, 3))
+         log_density(i, c) = log_density(i, c) + density%prior%logarithms%log_volume_at(u(:density%n_constants, i, c))
+         u(:, i, c) = u(:, i, c) - mean
+         call solve_lower(factor, u(:, i, c))
       end do
       first = flattened(u(:, :half, :))
       call new_mixture(first, max(1, min(16, n/(5*d*(d + 3)))), fitted)
@@ -194,10 +192,8 @@ contains
       call widen_mixture(fitted, mixture)
       ! The second halves are compared with.
       of_draws = log_density(half + 1:, :) + log_factor
-      do c = 1, size(u, 3)
-         do i = 1, size(of_draws, 1)
-            of_draws(i, c) = of_draws(i, c) - log_mixture(mixture, u(:, half + i, c))
-         end do
+      do concurrent(i=1:size(of_draws, 1), c=1:size(u, 3))
+         of_draws(i, c) = of_draws(i, c) - log_mixture(mixture, u(:, half + i, c))
       end do
       allocate (of_proposals(blocks*(most_draws/blocks)))
       !$omp parallel do num_threads(max(1, threads)) schedule(dynamic, 1)

@@ -271,10 +271,7 @@ contains
       allocate (whitening%bend(m, n), source=0.0_wp)
       allocate (whitening%forward(n, n), whitening%backward(n, n), whitening%width(n))
       whitening%centre = sum(points, 2)/many
-      allocate (z(n, many))
-      do i = 1, many
-         z(:, i) = points(:, i) - whitening%centre
-      end do
+      z = points - spread(whitening%centre, 2, many)
       axes = matmul(z, transpose(z))/many
       call symmetric_eigen(axes, values, error)
       if (allocated(error)) then

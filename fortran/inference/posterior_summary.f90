@@ -73,21 +73,21 @@ contains
       do j = 1, size(parameters)
          values = chains%draws(j, :, :)
          parameters(j)%diagnostics = diagnose_chains(values)
-         parameters(j)%hdi_95 = narrowest_interval(size(values), values, 0.95_wp)
+         parameters(j)%hdi_95 = narrowest_interval(size(values), values)
       end do
       !$omp end parallel do
    end subroutine summarise_parameters
 
-   !> The narrowest interval between two of the values that holds a share of them, by the definition of ArviZ.
-   pure function narrowest_interval(n, values, share) result(interval)
+   !> The narrowest interval between two of the values that holds 95 % of them, by the definition of ArviZ.
+   pure function narrowest_interval(n, values) result(interval)
       integer, intent(in) :: n
-      real(wp), intent(in) :: values(n), share
+      real(wp), intent(in) :: values(n)
       real(wp) :: interval(2)
       real(wp), allocatable :: sorted(:)
       integer :: i, held, best
 
       call sorted_values(n, values, sorted)
-      held = min(n - 1, int(share*n))
+      held = min(n - 1, int(0.95_wp*n))
       best = 1
       do i = 2, n - held
          if (sorted(i + held) - sorted(i) < sorted(best + held) - sorted(best)) best = i
@@ -122,7 +122,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: both(:, :)
       real(wp), dimension(prior%n_constants, prior%n_constants) :: after, before, factor, whitened
-      real(wp), dimension(prior%n_constants) :: vector, covariance, constants, gradient, ratios
+      real(wp), dimension(prior%n_constants) :: vector, constants, gradient, ratios
       real(wp) :: joint(2*prior%n_constants, 2*prior%n_constants)
       integer :: i, j, k
 
@@ -157,11 +157,10 @@ contains
          call solve_upper(factor, vector)
          gradient = logarithmic_gradient(prior, constants, vector)
          vector = vector/gradient(maxloc(abs(gradient), dim=1))
-         covariance = matmul(joint(:k, k + 1:), vector)
          associate (one => combinations(i))
             one%exponents = gradient/gradient(maxloc(abs(gradient), dim=1))
             one%sd = sqrt(max(0.0_wp, sum(vector*matmul(after, vector))))
-            one%correlations = covariance/(one%sd*[(sqrt(joint(j, j)), j=1, k)])
+            one%correlations = matmul(joint(:k, k + 1:), vector)/(one%sd*[(sqrt(joint(j, j)), j=1, k)])
             one%prior_sd = sqrt(sum(vector*matmul(before, vector)))
          end associate
          values(i, :) = matmul(vector, both(k + 1:, :))

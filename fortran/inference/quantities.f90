@@ -313,12 +313,10 @@ contains
       !> Stiffness in crystal axes, GPa.
       real(wp), intent(in) :: c(6, 6)
       real(wp), intent(out) :: values(:)
-      real(wp) :: s(6, 6), hill(size(hill_names)), value
+      real(wp), allocatable :: s(:, :), hill(:)
+      real(wp) :: value
       integer :: i, j
-      logical :: inverted, averaged
 
-      inverted = .false.
-      averaged = .false.
       do i = 1, size(quantities)
          values(i) = 1.0_wp
          do j = 1, size(quantities(i)%factors)
@@ -331,12 +329,10 @@ contains
                case ('anisotropy_index')
                   value = anisotropy_index(c)
                case ('bulk_modulus', 'young', 'shear', 'compressibility')
-                  if (.not. inverted) s = compliance(c)
-                  inverted = .true.
+                  if (.not. allocated(s)) s = compliance(c)
                   value = response(factor%word, s, factor%direction)
                case default
-                  if (.not. averaged) hill = hill_values(c)
-                  averaged = .true.
+                  if (.not. allocated(hill)) hill = hill_values(c)
                   value = hill(findloc(hill_names, factor%word, dim=1))
                end select
                values(i) = values(i)*power_of(value, factor%power)

@@ -23,7 +23,7 @@ module observables
       !> a; d in 1/GPa.
       real(wp) :: factor = 1.0_wp, compliance = 0.0_wp
    contains
-      procedure :: from_simulation, isotropic_modulus
+      procedure :: from_simulation
    end type observable_type
 
 contains
@@ -68,14 +68,5 @@ contains
       slopes = slopes*self%factor
       values = values*self%factor
    end subroutine from_simulation
-
-   !> Indentation modulus of the isotropic solid with a value, GPa; very large where there is none.
-   pure real(wp) function isotropic_modulus(self, measured)
-      class(observable_type), intent(in) :: self
-      !> In the unit of the observable.
-      real(wp), intent(in) :: measured
-
-      isotropic_modulus = measured/max(self%factor - self%compliance*measured, 1.0e-3_wp)
-   end function isotropic_modulus
 
 end module observables

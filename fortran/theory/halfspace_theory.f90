@@ -241,26 +241,14 @@ contains
       !> From a_k a_l to (aa), both by the components 11, 22, 33, 23, 13, 12.
       real(wp), intent(out) :: both(6, 6)
       integer, parameter :: first(6) = [1, 2, 3, 2, 1, 1], second(6) = [1, 2, 3, 3, 3, 2]
-      integer :: i, j, k, l, p, q
+      integer :: i, j, k, l
 
-      do j = 1, 3
-         do i = 1, 3
-            do k = 1, 3
-               do l = 1, 3
-                  one(l + 3*(k - 1), i + 3*(j - 1)) = c(voigt_index(k, i), voigt_index(j, l))
-               end do
-            end do
-         end do
+      do concurrent(i=1:3, j=1:3, k=1:3, l=1:3)
+         one(l + 3*(k - 1), i + 3*(j - 1)) = c(voigt_index(k, i), voigt_index(j, l))
       end do
-      do q = 1, 6
-         i = first(q)
-         j = second(q)
-         do p = 1, 6
-            k = first(p)
-            l = second(p)
-            both(p, q) = c(voigt_index(k, i), voigt_index(j, l))
-            if (k /= l) both(p, q) = both(p, q) + c(voigt_index(l, i), voigt_index(j, k))
-         end do
+      do concurrent(i=1:6, j=1:6)
+         both(i, j) = c(voigt_index(first(i), first(j)), voigt_index(second(j), second(i)))
+         if (i > 3) both(i, j) = both(i, j) + c(voigt_index(second(i), first(j)), voigt_index(second(j), first(i)))
       end do
    end subroutine contraction_maps
 
