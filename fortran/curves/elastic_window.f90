@@ -14,7 +14,7 @@ module elastic_window
    use text, only: fixed
    implicit none
    private
-   public :: test_type, nuisances_type, begin_test, score_test, leave_out, n_shared
+   public :: test_type, begin_test, score_test, leave_out, n_shared
 
    !> Of a test: ln modulus; then the shared ln R, beta and compliance; then h0, drift and load zero.
    integer, parameter :: n_columns = 7, n_shared = 3, i_radius = 1, i_beta = 2, i_compliance = 3, own = 1 + n_shared
@@ -27,11 +27,6 @@ module elastic_window
    real(wp), parameter :: least_span = 4.0_wp
    !> Windows of a smaller share of the probability do not count.
    real(wp), parameter :: negligible = 1.0e-3_wp
-
-   !> Prior sds of what each test has of its own: h0, nm, drift, nm/s, load zero, mN.
-   type :: nuisances_type
-      real(wp) :: zero = 1.0e4_wp, drift = 0.1_wp, load = 0.02_wp
-   end type nuisances_type
 
    type :: test_type
       type(segment_type) :: curve
@@ -103,11 +98,12 @@ contains
    end subroutine begin_test
 
    !> The test about shared unknowns `s` with prior sds `sds`.
-   subroutine score_test(test, s, sds, nuisances)
+   subroutine score_test(test, s, sds)
       type(test_type), intent(inout) :: test
       !> ln R (um), beta, compliance (nm/mN).
-      real(wp), intent(in) :: s(n_shared), sds(n_shared)
-      type(nuisances_type), intent(in) :: nuisances
+      real(wp), intent(in) :: s(n_shared)
+      !> Of these, then of what each test has of its own: h0, nm, drift, nm/s, load zero, mN.
+      real(wp), intent(in) :: sds(n_columns - 1)
       !> The elastic curve misses the first contact by so much of the depth.
       real(wp), parameter :: farthest = 0.15_wp
       real(wp) :: evidence, best, off
@@ -118,7 +114,7 @@ contains
 
       n = size(test%curve%load)
       call linearise(test, s, l)
-      l%variances = [1.0_wp, sds**2, nuisances%zero**2, nuisances%drift**2, nuisances%load**2]
+      l%variances = [1.0_wp, sds**2]
       first = [(findloc(test%curve%load >= beginnings(k)*test%curve%load(n), .true., 1), k=1, size(beginnings))]
       associate (steps => l%residual(2:) - l%residual(:n - 1), rise => l%depth(2:) - l%depth(:n - 1), &
          & sigma => test%sigma(size(correlations)))
@@ -291,15 +287,15 @@ contains
       !> Of a test its modulus and its drift.
       integer, parameter :: told(2) = [1, own + 2]
       type(window_type) :: windows(size(l%load)), best
-      real(wp) :: slope(n_shared), slopes(n_shared), unknowns(n_columns), squares(2), ends(2), share, drift_share
+      real(wp) :: slope(n_shared), unknowns(n_columns), squares(2), ends(2), share
       real(wp), dimension(size(l%load)) :: score, r
       integer :: i, j, k
 
-      slopes = 0.0_wp
       unknowns = 0.0_wp
       squares = 0.0_wp
       ends = 0.0_wp
-      drift_share = 0.0_wp
+      test%slope = 0.0_wp
+      test%drift_share = 0.0_wp
       test%elastic = 0.0_wp*l%load
       do k = 1, size(first)
          if (all(weight(:, k) <= negligible)) cycle
@@ -310,23 +306,21 @@ contains
             associate (mean => windows(i)%mean, c => windows(i)%covariance)
                call give_shared(mean, c, slope)
                if (size(test%curve%stiffness) > 0) call add_stiffness(test, s, windows(i), slope)
-               slopes = slopes + share*slope
+               test%slope = test%slope + share*slope
                unknowns = unknowns + share*mean
                squares = squares + share*[(c(told(j), told(j)) + mean(told(j))**2, j=1, 2)]
                ends = ends + share*l%load([first(k), i])
-               drift_share = drift_share + share*c(1, told(2))**2/(c(1, 1)*c(told(2), told(2)))
+               test%drift_share = test%drift_share + share*c(1, told(2))**2/(c(1, 1)*c(told(2), told(2)))
             end associate
             test%elastic(first(k):i) = test%elastic(first(k):i) + share
          end do
       end do
       test%shift = unknowns(1)
       test%variance = squares(1) - test%shift**2
-      test%slope = slopes
       test%from_load = ends(1)
       test%to_load = ends(2)
       test%drift = unknowns(told(2))
       test%drift_sd = sqrt(squares(2) - test%drift**2)
-      test%drift_share = drift_share
       ! A random walk leaves the zero to the window's mean.
       r = l%residual - matmul(unknowns, l%columns)
       r = r - sum(r*test%elastic)/sum(test%elastic)

@@ -30,7 +30,7 @@ contains
       type(quantity_type), allocatable :: quantities(:)
       real(wp), pointer :: given(:, :), c(:, :, :)
       type(measurements_settings_type) :: settings
-      class(observable_type), allocatable :: observable
+      type(observable_type) :: observable
       real(wp), allocatable :: stiffness(:, :, :), slope(:)
       character(len=:), allocatable :: symmetry
       integer :: i

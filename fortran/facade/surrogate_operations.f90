@@ -17,7 +17,7 @@ module surrogate_operations
    use next_stage, only: next_document
    use problem_posterior, only: new_problem_posterior
    use random, only: new_random_stream, random_stream_type
-   use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
+   use samplers, only: chains_type, checkpoint_type, new_sampler, run_settings_type, sample_chains
    use sequential_design, only: update_posterior_mean
    use surrogate_domain, only: spread_crystals
    use surrogate_learner, only: add_simulations, fit_learner, learner_type, leave_out, new_learner, &
@@ -70,7 +70,7 @@ contains
       case ('sample')
          call new_sampler(x%in%text('method'), x%in%integer('burn_in'), sampler, x%error)
          if (.not. allocated(x%error)) call sample_chains(density, sampler, run_settings_type(x%in%integer('samples'), &
-            & x%in%integer('chains'), x%threads(), x%in%integer('seed')), chains, x%error)
+            & x%in%integer('chains'), x%threads(), x%in%integer('seed')), chains, x%error, checkpoint_type())
          if (allocated(x%error)) return
          call x%out%put_array('draws', chains%draws, shape(chains%draws))
          call x%out%put_array('log_density', chains%log_density, shape(chains%log_density))
@@ -78,7 +78,10 @@ contains
       case ('evaluate')
          ! Log density and log likelihood; minus infinity outside the support.
          allocate (x%values(size(points, 2), 2))
-         call density%evaluate_parts(points, x%values(:, 1), x%values(:, 2))
+         call density%evaluate(points, x%values(:, 1))
+         do i = 1, size(points, 2)
+            x%values(i, 2) = x%values(i, 1) - density%log_prior(density%stiffness(points(:, i)))
+         end do
          where (spread(.not. x%values(:, 1) > -huge(0.0_wp), 2, 2)) x%values = ieee_value(1.0_wp, ieee_negative_inf)
       case ('moduli')
          ! Indentation moduli (GPa) of any grains, with the surrogate's error drawn given the data, and one plus the calibration error of

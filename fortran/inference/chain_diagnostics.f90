@@ -65,14 +65,12 @@ contains
       !> (sample, chain), (sample, half).
       real(wp), intent(in) :: draws(:, :)
       real(wp), allocatable, intent(out) :: halves(:, :)
-      integer :: n, i
+      integer :: n
 
       n = size(draws, 1)/2
       allocate (halves(n, 2*size(draws, 2)))
-      do i = 1, size(draws, 2)
-         halves(:, 2*i - 1) = draws(:n, i)
-         halves(:, 2*i) = draws(size(draws, 1) - n + 1:, i)
-      end do
+      halves(:, 1::2) = draws(:n, :)
+      halves(:, 2::2) = draws(size(draws, 1) - n + 1:, :)
    end subroutine split_chains
 
    !> Normal quantiles of the ranks (Blom, 1958), equal values at their mean rank.
@@ -81,8 +79,7 @@ contains
       real(wp), intent(in) :: values(n)
       real(wp), intent(out) :: scores(n)
       integer, allocatable :: order(:)
-      integer :: first, last, i
-      real(wp) :: score
+      integer :: first, last
 
       allocate (order(n))
       call sort_order(values, order)
@@ -93,10 +90,7 @@ contains
             if (values(order(last + 1)) > values(order(first))) exit
             last = last + 1
          end do
-         score = normal_quantile((0.5_wp*(first + last) - 0.375_wp)/(n + 0.25_wp))
-         do i = first, last
-            scores(order(i)) = score
-         end do
+         scores(order(first:last)) = normal_quantile((0.5_wp*(first + last) - 0.375_wp)/(n + 0.25_wp))
          first = last + 1
       end do
    end subroutine normal_scores
@@ -123,21 +117,17 @@ contains
       real(wp), intent(in), contiguous :: chains(:, :)
       real(wp), allocatable :: x(:, :), mean(:), rho(:)
       real(wp) :: within, total, even, odd, tau
-      integer :: n, m, t, last, i
+      integer :: n, t, last
 
       n = size(chains, 1)
-      m = size(chains, 2)
       ess = size(chains)
       if (maxval(chains) - minval(chains) < resolution) return
-      allocate (x(n, m), mean(m), rho(0:n - 1))
-      do i = 1, m
-         mean(i) = sum(chains(:, i))/n
-         x(:, i) = chains(:, i) - mean(i)
-      end do
+      mean = sum(chains, 1)/n
+      x = chains - spread(mean, 1, n)
       within = autocovariance(x, 0)
       total = within + variance(mean)
       within = within*n/(n - 1.0_wp)
-      rho = 0.0_wp
+      allocate (rho(0:n - 1), source=0.0_wp)
       even = 1.0_wp
       odd = 1.0_wp - (within - autocovariance(x, 1))/total
       rho(0) = even

@@ -19,7 +19,7 @@ module constants_posterior
    use abstract_sampler, only: outside, point_type, target_type
    use settings_schema, only: measurements_settings_type
    use small_matrices, only: factor_columns, solve_upper, sum_of_logs
-   use surrogate_model, only: surrogate_type
+   use surrogate_model, only: new_grain_model, surrogate_type
    use text, only: to_text
    use wave_grains, only: add_waves, wave_grains_type
    implicit none
@@ -42,20 +42,14 @@ module constants_posterior
       integer, private :: n_directions = 1
       !> What the surrogate gives the measured grains, then the same grains with the next tilt, and so on.
       class(grain_model_type), allocatable :: grains
-      class(observable_type), allocatable :: observable
+      type(observable_type) :: observable
       class(error_model_type), allocatable :: errors
       !> Errors that the grains share: the surrogate's, then the calibration's of each group, if any, up to `n_calibrated`, then relative
       !> ones that were stated, then the two tilts of the sample.
       integer :: n_shared = 0, n_calibrated = 0
-      !> Measured values and their sds, GPa, or m/s.
-      real(wp), allocatable :: measured(:), sd(:)
-      !> Of each grain: sd of the tilt, radians, and group.
-      real(wp), allocatable :: tilt_sd(:)
-      integer, allocatable :: group(:)
-      !> Relative sds of the calibration errors, (group); of speeds directions of propagation, see `measured_type`.
-      real(wp), allocatable :: calibration(:), propagation(:)
-      !> Stated relative errors, (grain, error).
-      real(wp), allocatable :: shared(:, :)
+      type(measured_type) :: data
+      !> Relative sds of the calibration errors, (group).
+      real(wp), allocatable :: calibration(:)
       !> Bunge-Euler angles of the rows of `grains`, radians.
       real(wp), allocatable :: euler(:, :)
       !> Scales of their errors, GPa; and the variance of y that grains do not share.
@@ -64,7 +58,7 @@ module constants_posterior
       !> Sum of the logarithms of the scales; and GPa, where the coordinates of polynomials for the moduli saturate.
       real(wp), private :: log_scales = 0.0_wp, typical_modulus = 100.0_wp
    contains
-      procedure :: evaluate, evaluate_parts, evaluate_working, evaluate_outputs, to_working, draw_start, set_field_degree, &
+      procedure :: evaluate, evaluate_working, evaluate_outputs, to_working, draw_start, set_field_degree, &
          & draw_moduli, predict_measurements, infer_shared, evaluate_grains, scale_factor, place_shared, log_prior, stiffness, &
          & new_grains
    end type posterior_type
@@ -97,15 +91,9 @@ contains
       posterior%prior_only = prior_only
       posterior%n_grains = size(measured%modulus)
       posterior%n_constants = prior%n_constants
-      posterior%measured = measured%modulus
-      posterior%sd = measured%sd
-      posterior%tilt_sd = measured%tilt_sd
-      posterior%group = measured%group
-      allocate (posterior%shared(posterior%n_grains, 0))
-      if (allocated(measured%shared)) posterior%shared = measured%shared
+      posterior%data = measured
       posterior%n_groups = max(1, maxval(measured%group))
       posterior%n_moduli = measured%n_moduli()
-      if (posterior%n_moduli < posterior%n_grains) posterior%propagation = measured%propagation
       allocate (posterior%calibration(posterior%n_groups), source=settings%calibration_sd)
       posterior%calibration(maxval([0, measured%group(:posterior%n_moduli)]) + 1:) = settings%velocity_calibration_sd
       posterior%scale = posterior%errors%scale*measured%sd
@@ -115,14 +103,14 @@ contains
       if (settings%misalignment_sd_deg > 0.0_wp .or. any(measured%tilt_sd > 0.0_wp)) posterior%n_directions = n_tilts
       posterior%euler = measured%euler
       if (posterior%n_directions > 1) posterior%euler = all_tilts(measured%euler, measured%tilt_sd)
-      call posterior%observable%new_grain_model(surrogate, prior%class, posterior%euler, with_covariance, posterior%grains, error)
+      call new_grain_model(surrogate, prior%class, posterior%euler, with_covariance, posterior%grains, error)
       if (.not. allocated(error) .and. posterior%n_moduli < posterior%n_grains) call add_waves(measured%propagation, &
          & measured%density, posterior%euler, posterior%grains, error)
       if (allocated(error)) return
       if (posterior%grains%has_theory .and. .not. prior_only) posterior%n_outputs = posterior%grains%n_independent
       if (with_covariance .and. none*surrogate%beta <= 1.0_wp) posterior%scatter = 1.0_wp/surrogate%beta
       posterior%n_calibrated = posterior%grains%n_columns + merge(posterior%n_groups, 0, any(posterior%calibration > 0.0_wp))
-      posterior%n_shared = posterior%n_calibrated + size(posterior%shared, 2) + merge(2, 0, settings%misalignment_sd_deg > 0.0_wp)
+      posterior%n_shared = posterior%n_calibrated + size(measured%shared, 2) + merge(2, 0, settings%misalignment_sd_deg > 0.0_wp)
       posterior%dimension = prior%n_constants + merge(1, 0, posterior%infers_scale)
    end subroutine new_posterior
 
@@ -143,30 +131,16 @@ contains
       !> (dimension, point).
       real(wp), intent(in) :: points(:, :)
       real(wp), intent(out) :: log_density(:)
-      real(wp) :: log_likelihood(size(log_density))
-
-      call self%evaluate_parts(points, log_density, log_likelihood)
-   end subroutine evaluate
-
-   !> The density at points, and its part that the measurements make: Eq. 13 and its extensions, normalised over them.
-   pure subroutine evaluate_parts(self, points, log_density, log_likelihood)
-      class(posterior_type), intent(in) :: self
-      !> (dimension, point).
-      real(wp), intent(in) :: points(:, :)
-      !> (point).
-      real(wp), intent(out) :: log_density(:), log_likelihood(:)
       real(wp) :: c(6, 6)
       integer :: i
 
       log_density = outside
-      log_likelihood = 0.0_wp
       do i = 1, size(log_density)
          c = self%stiffness(points(:, i))
          if (.not. (self%prior%admits(points(:self%n_constants, i), c) .and. scale_is_admitted(self, points(:, i)))) cycle
-         log_likelihood(i) = likelihood_of_crystal(self, points(:, i), c)
-         log_density(i) = self%log_prior(c) + log_likelihood(i)
+         log_density(i) = self%log_prior(c) + likelihood_of_crystal(self, points(:, i), c)
       end do
-   end subroutine evaluate_parts
+   end subroutine evaluate
 
    !> Logarithm of the density of the constants without the measurements, at a crystal of the support, up to a constant.
    pure real(wp) function log_prior(self, c)
@@ -184,11 +158,14 @@ contains
       type(point_type), intent(inout) :: points(:)
       type(output_polynomial_type), intent(in), optional :: polynomial
       type(log_frame_type) :: frame
-      real(wp) :: c(6, 6), log_volume, outputs(self%n_outputs)
+      real(wp) :: c(6, 6), log_volume
+      !> Not allocated, these moduli are computed.
+      real(wp), allocatable :: moduli(:)
       logical :: inside
       integer :: i, k
 
       k = self%n_constants
+      if (is_fitted(polynomial)) allocate (moduli(self%n_outputs))
       do i = 1, size(points)
          associate (point => points(i))
             point%log_density = outside
@@ -197,14 +174,13 @@ contains
             point%x = point%w
             point%x(:k) = self%prior%class%constants_of(c)
             if (.not. (self%prior%admits(point%x(:k), c, norm2(point%w(3:k))) .and. scale_is_admitted(self, point%x))) cycle
-            if (is_fitted(polynomial)) then
-               call polynomial%evaluate([self%prior%logarithms%saturating(frame, self%typical_modulus), point%w(k + 1:)], outputs, &
+            if (allocated(moduli)) then
+               call polynomial%evaluate([self%prior%logarithms%saturating(frame, self%typical_modulus), point%w(k + 1:)], moduli, &
                   & inside)
                if (.not. inside) cycle
-               point%log_working = self%prior%log_density(c, point%w(:k)) + likelihood_of_crystal(self, point%x, c, exp(outputs))
-            else
-               point%log_working = self%prior%log_density(c, point%w(:k)) + likelihood_of_crystal(self, point%x, c)
+               moduli = exp(moduli)
             end if
+            point%log_working = self%prior%log_density(c, point%w(:k)) + likelihood_of_crystal(self, point%x, c, moduli)
             log_volume = self%prior%logarithms%log_volume(frame)
             point%log_density = point%log_working
             if (self%prior%in_logarithms) then
@@ -281,7 +257,7 @@ contains
       end do
    end subroutine to_working
 
-   !> Logarithm of Eq. 13 and its extensions at a point; 0 where the data are left out.
+   !> Logarithm of Eq. 13 and its extensions at a point, normalised over the measurements; 0 where the data are left out.
    pure real(wp) function likelihood_of_crystal(self, x, c, independent) result(log_likelihood)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:), c(6, 6)
@@ -296,13 +272,13 @@ contains
       if (self%n_shared == 0 .and. .not. has_own_variance(self)) then
          call evaluate_grains(self, c, model, slopes, scales, independent)
          call self%observable%from_simulation(model(:self%n_moduli), slopes(:self%n_moduli))
-         log_likelihood = self%errors%log_density((model - self%measured)/self%scale, scale_factor(self, x)) - self%log_scales
+         log_likelihood = self%errors%log_density((model - self%data%modulus)/self%scale, scale_factor(self, x)) - self%log_scales
          return
       end if
       allocate (u(self%n_grains, self%n_shared))
       call self%predict_measurements(x, c, model, scales, u, independent)
       call factor_columns(u, fewer)
-      call self%errors%integrate((self%measured - model)/scales, fewer, b, precision, log_likelihood)
+      call self%errors%integrate((self%data%modulus - model)/scales, fewer, b, precision, log_likelihood)
       log_likelihood = log_likelihood - sum_of_logs(scales)
    end function likelihood_of_crystal
 
@@ -348,7 +324,7 @@ contains
       own_variance(self%n_moduli + 1:) = 0.0_wp
       if (self%n_directions == 1) return
       do g = 1, self%n_grains
-         call tilt_moments(rows(g::self%n_grains), self%tilt_sd(g), modulus(g), variance, tilts)
+         call tilt_moments(rows(g::self%n_grains), self%data%tilt_sd(g), modulus(g), variance, tilts)
          if (present(tilt_slopes)) tilt_slopes(g, :) = tilts
          own_variance(g) = own_variance(g) + variance
       end do
@@ -364,7 +340,7 @@ contains
       real(wp), intent(out), contiguous :: model(:), scales(:), u(:, :)
       !> The independent moduli of the grain model, if they are known.
       real(wp), intent(in), optional :: independent(:)
-      real(wp), dimension(self%n_grains) :: slope, own_variance, map_slope, common
+      real(wp), dimension(self%n_grains) :: slope, own_variance, map_slope
       real(wp) :: tilt_slopes(self%n_grains, 2)
       real(wp), allocatable :: columns(:, :)
       integer :: g, n
@@ -375,28 +351,22 @@ contains
       scales = scale_factor(self, x)*self%scale
       if (has_own_variance(self)) scales = sqrt(scales**2 + own_variance*(self%errors%scale*map_slope)**2)
       if (self%grains%n_columns > 0) then
-         if (self%n_directions == 1) then
-            call self%grains%evaluate_columns(c, u(:, :self%grains%n_columns))
-         else
-            allocate (columns(size(self%euler, 2), self%grains%n_columns))
-            call self%grains%evaluate_columns(c, columns)
-            u(:, :self%grains%n_columns) = columns(:self%n_grains, :)
-         end if
+         allocate (columns(size(self%euler, 2), self%grains%n_columns))
+         call self%grains%evaluate_columns(c, columns)
          slope = slope*map_slope/scales
          do g = 1, self%grains%n_columns
-            u(:, g) = u(:, g)*slope
+            u(:, g) = columns(:self%n_grains, g)*slope
          end do
       end if
       if (any(self%calibration > 0.0_wp)) then
          u(:, self%grains%n_columns + 1:self%n_calibrated) = 0.0_wp
-         common = self%observable%calibration_slope(model)
          do g = 1, self%n_grains
-            u(g, self%grains%n_columns + self%group(g)) = self%calibration(self%group(g))*common(g)/scales(g)
+            u(g, self%grains%n_columns + self%data%group(g)) = self%calibration(self%data%group(g))*model(g)/scales(g)
          end do
       end if
-      n = self%n_calibrated + size(self%shared, 2)
+      n = self%n_calibrated + size(self%data%shared, 2)
       do g = self%n_calibrated + 1, n
-         u(:, g) = self%shared(:, g - self%n_calibrated)*model/scales
+         u(:, g) = self%data%shared(:, g - self%n_calibrated)*model/scales
       end do
       do g = n + 1, self%n_shared
          u(:, g) = self%settings%misalignment_sd_deg*degree*tilt_slopes(:, g - n)*map_slope/scales
@@ -417,7 +387,7 @@ contains
       if (self%n_shared == 0) return
       allocate (u(self%n_grains, self%n_shared))
       call self%predict_measurements(x, self%stiffness(x), model, scales, u)
-      call self%errors%integrate((self%measured - model)/scales, u, b, precision, value)
+      call self%errors%integrate((self%data%modulus - model)/scales, u, b, precision, value)
    end subroutine infer_shared
 
    !> What the surrogate gives other grains, for `draw_moduli` and predictions of measurements.

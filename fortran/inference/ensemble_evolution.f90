@@ -114,8 +114,7 @@ contains
       real(wp) :: density(size(points, 2))
       type(point_type), allocatable :: batch(:)
 
-      call place_points(points, batch)
-      call target%evaluate_working(batch, view%polynomial)
+      call place_points(target, points, batch, view%polynomial)
       density = batch%log_working
    end function viewed_density
 
@@ -177,8 +176,7 @@ contains
       integer(i8) :: generations, generation, visits, stride, i
       logical :: accepted
 
-      call place_points(points(:, [(1 + int((k - 1)*size(density, kind=i8)/m), k=1, m)]), walkers)
-      call target%evaluate_working(walkers, view%polynomial)
+      call place_points(target, points(:, [(1 + int((k - 1)*size(density, kind=i8)/m), k=1, m)]), walkers, view%polynomial)
       do k = 1, m
          call view%whitening%to_white(walkers(k)%w, u(:, k))
       end do
@@ -325,25 +323,28 @@ contains
       if (found < many) return
       call fit_output_polynomial(arguments, outputs, degree, view%polynomial)
       if (.not. is_fitted(view%polynomial)) return
-      call place_points(points(:, [(1 + (k - 1)*(size(points, 2) - 1)/tests, k=1, tests)]), exact)
-      near = exact
-      call target%evaluate_working(exact)
-      call target%evaluate_working(near, view%polynomial)
+      w = points(:, [(1 + (k - 1)*(size(points, 2) - 1)/tests, k=1, tests)])
+      call place_points(target, w, exact)
+      call place_points(target, w, near, view%polynomial)
       if (count(abs(exact%log_working - near%log_working) < 2.0_wp*temperature) >= least_good*tests) return
       view%polynomial = output_polynomial_type()
    end subroutine fit_outputs
 
-   !> Points that are not evaluated yet.
-   pure subroutine place_points(w, points)
-      !> Working coordinates, (dimension, point).
+   !> Points at working coordinates, evaluated.
+   pure subroutine place_points(target, w, points, polynomial)
+      class(target_type), intent(in) :: target
+      !> (dimension, point).
       real(wp), intent(in) :: w(:, :)
       type(point_type), allocatable, intent(out) :: points(:)
+      !> See `evaluate_working`.
+      type(output_polynomial_type), intent(in), optional :: polynomial
       integer :: i
 
       allocate (points(size(w, 2)))
       do i = 1, size(points)
          points(i)%w = w(:, i)
       end do
+      call target%evaluate_working(points, polynomial)
    end subroutine place_points
 
    !> A Metropolis step from `current` to whitened coordinates u.

@@ -71,8 +71,7 @@ contains
       call stream%pick(size(kernel%archive, 2), i)
       u = kernel%archive(:, i)
       call kernel%view%whitening%from_white(u, tried)
-      call place_points(reshape(tried, [size(tried), 1]), start)
-      call target%evaluate_working(start)
+      call place_points(target, reshape(tried, [size(tried), 1]), start)
       current = start(1)
       call target%evaluate_working(start, kernel%view%polynomial)
       nearly = start(1)
@@ -231,8 +230,7 @@ contains
                call draw_mixture(mixture, stream, u(:, i))
                call view%whitening%from_white(u(:, i), w(:, i))
             end do
-            call place_points(w, batch)
-            call target%evaluate_working(batch, view%polynomial)
+            call place_points(target, w, batch, view%polynomial)
             do i = 1, size(u, 2)
                if (batch(i)%log_working > outside) then
                   inside = inside + 1

@@ -61,15 +61,8 @@ contains
       class(error_model_type), intent(in) :: self
       !> (measurement).
       real(wp), intent(in) :: r(:), factor
-      real(wp) :: total
-      integer :: i
 
-      total = 0.0_wp
-      !$omp simd reduction(+:total)
-      do i = 1, size(r)
-         total = total + r(i)**2
-      end do
-      log_density = -0.5_wp*total/factor**2 - size(r)*(log(self%scale*factor) + 0.5_wp*log(2.0_wp*pi))
+      log_density = -0.5_wp*sum(r**2)/factor**2 - size(r)*(log(self%scale*factor) + 0.5_wp*log(2.0_wp*pi))
    end function log_density
 
    !> Minus the first derivative of the log density of scale one over the residual, minus the second, and the one that is expected.
@@ -161,9 +154,7 @@ contains
       integer :: i
 
       if (size(b) == 0) then
-         do i = 1, size(r)
-            values(i) = self%log_density(r(i:i), 1.0_wp)
-         end do
+         values = [(self%log_density(r(i:i), 1.0_wp), i=1, size(r))]
          return
       end if
       e = r - matmul(u, b)
@@ -209,19 +200,17 @@ contains
    pure subroutine student_as_normals(self, variance, share)
       class(student_errors_type), intent(in) :: self
       real(wp), allocatable, intent(out) :: variance(:), share(:)
-      real(wp) :: width, low, step, x
+      real(wp) :: width, low, step
+      real(wp), allocatable :: x(:)
       integer :: i, n
 
       width = sqrt(2.0_wp/self%dof)
       low = -72.0_wp/(self%dof + 1.0_wp) - 9.0_wp*min(1.0_wp, width)
       step = min(0.25_wp, 0.5_wp*width)
       n = 1 + int((log(1.0_wp + 80.0_wp/self%dof) + 9.0_wp*min(1.0_wp, width) - low)/step)
-      allocate (variance(n), share(n))
-      do i = 1, n
-         x = low + (i - 1)*step
-         variance(i) = exp(-x)
-         share(i) = step*exp(0.5_wp*self%dof*(x - exp(x) + log(0.5_wp*self%dof)) - log_gamma(0.5_wp*self%dof))
-      end do
+      x = [(low + (i - 1)*step, i=1, n)]
+      variance = exp(-x)
+      share = step*exp(0.5_wp*self%dof*(x - exp(x) + log(0.5_wp*self%dof)) - log_gamma(0.5_wp*self%dof))
    end subroutine student_as_normals
 
    !> By the polar method (Bailey, Math. Comp. 62, 779, 1994).

@@ -16,7 +16,7 @@ module further_knowledge
    use errors, only: error_type
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor
-   use quantities, only: evaluate_draws, new_quantity, quantity_type
+   use quantities, only: evaluate_draws, new_quantities, quantity_type
    use samplers, only: chains_type
    use posterior_summary, only: climb
    use small_matrices, only: solve_lower
@@ -62,7 +62,6 @@ contains
       character(len=:), allocatable :: names(:)
       type(quantity_type), allocatable :: list(:)
       real(wp), allocatable :: values(:, :), constants(:, :)
-      logical, allocatable :: distinct(:)
       integer :: i, k
 
       constants = flattened(thinned(draws(:prior%n_constants, :, :), most_draws))
@@ -70,21 +69,14 @@ contains
       do k = 1, size(kinds)
          names = split_list(trim(kinds(k)))
          if (all([(is_stated(prior, trim(names(i))), i=1, size(names))])) cycle
-         gain = gain_type()
-         allocate (list(size(names)))
-         do i = 1, size(names)
-            call new_quantity(trim(names(i)), list(i), error)
+         call new_quantities(names, prior%class, 0, list, error)
+         gain = gain_type(name=list(1)%name)
+         do i = 2, size(list)
+            gain%name = trim(gain%name)//', '//list(i)%name
          end do
          call evaluate_draws(list, prior%class, constants, values)
-         call keep_distinct(values, distinct)
-         do i = 1, size(names)
-            if (.not. distinct(i)) cycle
-            if (len_trim(gain%name) > 0) gain%name = trim(gain%name)//','
-            gain%name = adjustl(trim(gain%name)//' '//names(i))
-         end do
          call expect_sds(constants, values, gain)
          gains = [gains, gain]
-         deallocate (list, values)
       end do
    end subroutine expect_gains
 
@@ -99,23 +91,6 @@ contains
          is_stated = is_stated .or. prior%knowledge%quantities(i)%name == name
       end do
    end function is_stated
-
-   !> Leave out quantities that are the same as another in every draw.
-   subroutine keep_distinct(values, distinct)
-      !> (quantity, draw).
-      real(wp), allocatable, intent(inout) :: values(:, :)
-      logical, allocatable, intent(out) :: distinct(:)
-      real(wp), parameter :: same = 1.0e-9_wp
-      integer :: i, j
-
-      allocate (distinct(size(values, 1)), source=.true.)
-      do i = 2, size(distinct)
-         do j = 1, i - 1
-            if (maxval(abs(values(i, :) - values(j, :))) <= same*maxval(abs(values(j, :)))) distinct(i) = .false.
-         end do
-      end do
-      values = values(pack([(i, i=1, size(distinct))], distinct), :)
-   end subroutine keep_distinct
 
    subroutine expect_sds(constants, values, gain)
       !> (constant, draw), GPa; (quantity, draw).
@@ -198,10 +173,13 @@ contains
       type(conflict_type), intent(out) :: conflict
       type(error_type), allocatable, intent(out) :: error
       type(posterior_type) :: all, free
+      integer, parameter :: few = 4000
+      real(wp), allocatable :: values(:, :)
+      real(wp), dimension(size(posterior%prior%knowledge%mean)) :: mean, sd
       real(wp) :: point(posterior%dimension), other(posterior%dimension), most, most_free, most_other
       integer :: n
 
-      n = size(posterior%prior%knowledge%mean)
+      n = size(mean)
       allocate (conflict%of_quantity(n))
       if (n == 0) return
       all = posterior
@@ -217,11 +195,17 @@ contains
       call climb_up(free, chains, point, most_free)
       conflict%growth = 2.0_wp*max(0.0_wp, max(most_free, most_other) - most)
       conflict%sds = sds_of(conflict%growth, n)
-      call compare_moments(posterior, chains, conflict)
+      associate (knowledge => posterior%prior%knowledge)
+         call evaluate_draws(knowledge%quantities, posterior%prior%class, flattened(thinned(chains%draws, few)), values)
+         call moments(values, mean, sd)
+         mean = (mean - knowledge%mean)/knowledge%sd()
+         sd = sd/knowledge%sd()
+      end associate
+      conflict%of_quantity = min(abs(mean)/sqrt(max(least_share, 1.0_wp - sd**2)), sqrt(conflict%growth))
       if (n == 1) conflict%of_quantity = sqrt(conflict%growth)
    end subroutine find_conflict
 
-   !> Simplices one after another until the next adds nothing, whose first steps are a tenth of the sds of the parameters in chains.
+   !> Simplices one after another until the next adds nothing.
    subroutine climb_up(density, chains, point, log_density)
       type(posterior_type), intent(in) :: density
       type(chains_type), intent(in) :: chains
@@ -229,37 +213,18 @@ contains
       real(wp), intent(out) :: log_density
       integer, parameter :: most = 8
       real(wp), parameter :: nothing = 0.05_wp
-      real(wp) :: before, values(1), mean(size(point)), sd(size(point))
+      real(wp) :: before, values(1)
       integer :: i
 
-      call moments(flattened(chains%draws), mean, sd)
       call density%evaluate(reshape(point, [size(point), 1]), values)
       do i = 1, most
          before = values(1)
-         call climb(density, 0.1_wp*sd, point)
+         call climb(density, chains, point)
          call density%evaluate(reshape(point, [size(point), 1]), values)
          if (values(1) - before < nothing) exit
       end do
       log_density = values(1)
    end subroutine climb_up
-
-   !> The conflict of each quantity, from mean and variance over some of the draws.
-   subroutine compare_moments(posterior, chains, conflict)
-      type(posterior_type), intent(in) :: posterior
-      type(chains_type), intent(in) :: chains
-      type(conflict_type), intent(inout) :: conflict
-      integer, parameter :: most = 4000
-      real(wp), dimension(size(conflict%of_quantity)) :: mean, sd
-      real(wp), allocatable :: values(:, :)
-
-      associate (knowledge => posterior%prior%knowledge)
-         call evaluate_draws(knowledge%quantities, posterior%prior%class, flattened(thinned(chains%draws, most)), values)
-         call moments(values, mean, sd)
-         mean = (mean - knowledge%mean)/knowledge%sd()
-         sd = sd/knowledge%sd()
-      end associate
-      conflict%of_quantity = min(abs(mean)/sqrt(max(least_share, 1.0_wp - sd**2)), sqrt(conflict%growth))
-   end subroutine compare_moments
 
    !> Wilson and Hilferty's normal variable of a chi-square; exactly its root for one degree of freedom.
    pure real(wp) function sds_of(chi_square, degrees)

@@ -57,21 +57,15 @@ contains
       real(wp), intent(in) :: mean(components, n), inverse(components, n, n), log_norm(components), u(n)
       real(wp), intent(out) :: terms(components)
       real(wp) :: z(components)
-      integer :: m, i, j
+      integer :: i, j
 
       terms = log_norm
       do i = 1, n
          z = 0.0_wp
          do j = 1, i
-            !$omp simd
-            do m = 1, components
-               z(m) = z(m) + inverse(m, j, i)*(u(j) - mean(m, j))
-            end do
+            z = z + inverse(:, j, i)*(u(j) - mean(:, j))
          end do
-         !$omp simd
-         do m = 1, components
-            terms(m) = terms(m) - 0.5_wp*z(m)*z(m)
-         end do
+         terms = terms - 0.5_wp*z*z
       end do
    end subroutine log_terms
 
@@ -143,10 +137,8 @@ contains
       allocate (products(size(points, 2), (n + 1)*(n + 2)/2))
       products(:, 1) = 1.0_wp
       products(:, 2:n + 1) = transpose(points)
-      do j = 1, n
-         do i = 1, j
-            products(:, 1 + n + (j - 1)*j/2 + i) = products(:, 1 + i)*products(:, 1 + j)
-         end do
+      do concurrent(i=1:n, j=1:n, i <= j)
+         products(:, 1 + n + (j - 1)*j/2 + i) = products(:, 1 + i)*products(:, 1 + j)
       end do
    end function products_of
 

@@ -41,7 +41,7 @@ contains
 
    !> Indentation modulus of the isotropic solid with the mean of what was measured times a factor, GPa: of the moduli, or of speeds alone.
    pure real(wp) function mean_modulus(observable, measured, factor)
-      class(observable_type), intent(in) :: observable
+      type(observable_type), intent(in) :: observable
       type(measured_type), intent(in) :: measured
       real(wp), intent(in) :: factor
       !> Over rho v^2, with Poisson's ratio 0.3.
@@ -50,7 +50,9 @@ contains
 
       n = measured%n_moduli()
       if (n > 0 .or. size(measured%modulus) == 0) then
-         mean_modulus = observable%isotropic_modulus(factor*sum(measured%modulus(:n))/max(1, n))
+         mean_modulus = factor*sum(measured%modulus(:n))/max(1, n)
+         ! Very large where no solid has it.
+         mean_modulus = mean_modulus/max(observable%factor - observable%compliance*mean_modulus, 1.0e-3_wp)
       else
          mean_modulus = factor*of_wave*1.0e-9_wp*measured%density*(sum(measured%modulus)/size(measured%modulus))**2
       end if

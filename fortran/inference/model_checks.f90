@@ -29,7 +29,6 @@ module model_checks
    public :: checks_type, check_model, evidence_type, estimate_evidence
 
    type :: checks_type
-      integer :: stride = 1
       !> Logarithm of the density of a measurement (1/GPa) given the constants and all other measurements; the measurement anew, GPa;
       !> (grain, draw, chain).
       real(wp), allocatable :: log_likelihood(:, :, :), replicated(:, :, :)
@@ -43,13 +42,6 @@ module model_checks
       !> Mean residual of each, (grain).
       real(wp), allocatable :: residuals(:)
    end type checks_type
-
-   !> What the draws of a chain add up to: squares of residuals, residuals (grain), and how many data sets have larger ones.
-   type :: tally_type
-      real(wp) :: squares = 0.0_wp
-      real(wp), allocatable :: residuals(:)
-      integer :: larger = 0, further = 0
-   end type tally_type
 
    !> Random streams (0, first_stream + chain) of the noise, beside those of predictions.
    integer, parameter :: first_stream = 5000000
@@ -72,42 +64,41 @@ contains
       type(chains_type), intent(in) :: chains
       integer, intent(in) :: threads
       type(checks_type), intent(out) :: checks
-      type(tally_type) :: tallies(size(chains%draws, 3))
-      integer :: n, m, c
+      real(wp) :: sums(posterior%n_grains + 3, size(chains%draws, 3)), means(posterior%n_grains + 3)
+      integer :: n, m, c, stride
 
       m = posterior%n_grains
-      checks%stride = thinning(chains, m)
-      n = (size(chains%draws, 2) + checks%stride - 1)/checks%stride
-      allocate (checks%log_likelihood(m, n, size(tallies)), checks%replicated(m, n, size(tallies)), &
-         & checks%log_prior(n, size(tallies)))
+      stride = thinning(chains, m)
+      n = (size(chains%draws, 2) + stride - 1)/stride
+      allocate (checks%log_likelihood(m, n, size(sums, 2)), checks%replicated(m, n, size(sums, 2)), &
+         & checks%log_prior(n, size(sums, 2)))
       !$omp parallel do num_threads(max(1, threads)) schedule(dynamic, 1)
-      do c = 1, size(tallies)
-         call check_chain(posterior, chains%draws(:, ::checks%stride, c), first_stream + c, checks%log_likelihood(:, :, c), &
-            & checks%replicated(:, :, c), checks%log_prior(:, c), tallies(c))
+      do c = 1, size(sums, 2)
+         call check_chain(posterior, chains%draws(:, ::stride, c), first_stream + c, checks%log_likelihood(:, :, c), &
+            & checks%replicated(:, :, c), checks%log_prior(:, c), sums(:, c))
       end do
       !$omp end parallel do
-      n = n*size(tallies)
-      allocate (checks%residuals(m), source=0.0_wp)
-      do c = 1, size(tallies)
-         checks%chi_square = checks%chi_square + tallies(c)%squares/n
-         checks%chi_square_p = checks%chi_square_p + real(tallies(c)%larger, wp)/n
-         checks%extreme_p = checks%extreme_p + real(tallies(c)%further, wp)/n
-         checks%residuals = checks%residuals + tallies(c)%residuals/n
-      end do
+      means = sum(sums, 2)/size(checks%log_prior)
+      checks%residuals = means(:m)
+      checks%chi_square = means(m + 1)
+      checks%chi_square_p = means(m + 2)
+      checks%extreme_p = means(m + 3)
       if (m == 0) return
       checks%extreme_grain = maxloc(abs(checks%residuals), dim=1)
       checks%extreme_residual = checks%residuals(checks%extreme_grain)
    end subroutine check_model
 
    !> Of the draws of one chain.
-   subroutine check_chain(posterior, draws, stream_number, log_likelihood, replicated, log_prior, tally)
+   subroutine check_chain(posterior, draws, stream_number, log_likelihood, replicated, log_prior, sums)
       type(posterior_type), intent(in) :: posterior
       !> (parameter, draw).
       real(wp), intent(in) :: draws(:, :)
       integer, intent(in) :: stream_number
       !> As in `checks_type`, (grain, draw), (draw).
       real(wp), intent(out) :: log_likelihood(:, :), replicated(:, :), log_prior(:)
-      type(tally_type), intent(out) :: tally
+      !> Over the draws: residuals of the grains, sums of their squares, and how many data sets measured anew have a larger one, and a
+      !> worst grain that is further off.
+      real(wp), intent(out) :: sums(:)
       type(random_stream_type) :: stream
       real(wp), allocatable :: u(:, :), fewer(:, :), b(:), z(:), precision(:, :)
       real(wp), dimension(posterior%n_grains) :: model, scales, residuals, shared, noise
@@ -118,35 +109,28 @@ contains
       allocate (u(posterior%n_grains, posterior%n_shared), fewer(posterior%n_grains, columns), b(columns), &
          & z(columns), precision(columns, columns))
       stream = new_random_stream(0, stream_number)
-      tally%residuals = 0.0_wp*posterior%measured
+      sums = 0.0_wp
       do i = 1, size(draws, 2)
          c = posterior%stiffness(draws(:, i))
          log_prior(i) = posterior%log_prior(c)
          call posterior%predict_measurements(draws(:, i), c, model, scales, u)
-         residuals = (posterior%measured - model)/scales
-         shared = 0.0_wp
-         if (columns > 0) then
-            call factor_columns(u, fewer)
-            call posterior%errors%integrate(residuals, fewer, b, precision, value)
-         end if
+         residuals = (posterior%data%modulus - model)/scales
+         call factor_columns(u, fewer)
+         call posterior%errors%integrate(residuals, fewer, b, precision, value)
          call posterior%errors%leave_one_out(residuals, fewer, b, precision, log_likelihood(:, i))
          log_likelihood(:, i) = log_likelihood(:, i) - log(scales)
-         if (columns > 0) then
-            do g = 1, columns
-               call stream%normal(z(g))
-            end do
-            call solve_upper(precision, z)
-            shared = matmul(fewer, b + z)
-         end if
+         do g = 1, columns
+            call stream%normal(z(g))
+         end do
+         call solve_upper(precision, z)
+         shared = matmul(fewer, b + z)
          do g = 1, posterior%n_grains
             call posterior%errors%draw(stream, noise(g))
          end do
          residuals = residuals - shared
          replicated(:, i) = model + scales*(shared + noise)
-         tally%squares = tally%squares + sum(residuals**2)
-         tally%residuals = tally%residuals + residuals
-         if (sum(noise**2) > sum(residuals**2)) tally%larger = tally%larger + 1
-         if (maxval(abs(noise)) > maxval(abs(residuals))) tally%further = tally%further + 1
+         sums = sums + [residuals, sum(residuals**2), merge(1.0_wp, 0.0_wp, sum(noise**2) > sum(residuals**2)), &
+            & merge(1.0_wp, 0.0_wp, maxval(abs(noise)) > maxval(abs(residuals)))]
       end do
    end subroutine check_chain
 
@@ -197,12 +181,10 @@ contains
       call cholesky_factor(factor, error)
       if (allocated(error)) return
       log_factor = sum([(log(factor(j, j)), j=1, d)])
-      do c = 1, size(u, 3)
-         do i = 1, size(u, 2)
-            log_density(i, c) = log_density(i, c) + density%prior%logarithms%log_volume_at(u(:density%n_constants, i, c))
-            u(:, i, c) = u(:, i, c) - mean
-            call solve_lower(factor, u(:, i, c))
-         end do
+      do concurrent(i=1:size(u, 2), c=1:size(u, 3))
+         log_density(i, c) = log_density(i, c) + density%prior%logarithms%log_volume_at(u(:density%n_constants, i, c))
+         u(:, i, c) = u(:, i, c) - mean
+         call solve_lower(factor, u(:, i, c))
       end do
       first = flattened(u(:, :half, :))
       call new_mixture(first, max(1, min(16, n/(5*d*(d + 3)))), fitted)
@@ -210,10 +192,8 @@ contains
       call widen_mixture(fitted, mixture)
       ! The second halves are compared with.
       of_draws = log_density(half + 1:, :) + log_factor
-      do c = 1, size(u, 3)
-         do i = 1, size(of_draws, 1)
-            of_draws(i, c) = of_draws(i, c) - log_mixture(mixture, u(:, half + i, c))
-         end do
+      do concurrent(i=1:size(of_draws, 1), c=1:size(u, 3))
+         of_draws(i, c) = of_draws(i, c) - log_mixture(mixture, u(:, half + i, c))
       end do
       allocate (of_proposals(blocks*(most_draws/blocks)))
       !$omp parallel do num_threads(max(1, threads)) schedule(dynamic, 1)

@@ -48,22 +48,18 @@ module next_measurement
 
 contains
 
-   !> Gain of a measurement at a candidate.
-   !>
-   !> With a target: the share of its variance (`left` of it remains, in units of its square) that goes; else nats.
-   pure subroutine gain_of_candidate(candidates, c, weights, gain, left)
+   !> Gain of a measurement at a candidate, nats; with a target by how much its variance falls, in units of its square.
+   pure real(wp) function gain_of_candidate(candidates, c, weights) result(gain)
       type(candidates_type), intent(in) :: candidates
       integer, intent(in) :: c
       !> Of the draws, of sum 1.
       real(wp), intent(in), contiguous :: weights(:)
-      real(wp), intent(out) :: gain, left
-      real(wp), allocatable :: bins(:, :)
-      real(wp) :: kernel(2*half_bins + 1), width, low, place, powers(3), deviation, mean, variance, sd
+      real(wp), allocatable :: bins(:, :), deviation(:)
+      real(wp) :: kernel(2*half_bins + 1), width, low, place, powers(3), entropy, left, sd
       integer :: s, k, n, i, margin
-      logical :: use_target
 
-      associate (predicted => candidates%predicted(:, c), target => candidates%target)
-         use_target = size(target) > 0
+      deviation = deviations(candidates%target, weights)
+      associate (predicted => candidates%predicted(:, c))
          sd = kernel_sd(candidates, c)
          margin = 2*half_bins
          width = sd/bins_per_sd
@@ -71,36 +67,37 @@ contains
          n = int((maxval(predicted) - low)/width) + 2
          allocate (bins(3, -margin:n + margin))
          bins = 0.0_wp
-         mean = 0.0_wp
-         if (use_target) mean = sum(weights*target)
-         variance = 0.0_wp
-         deviation = 0.0_wp
          do s = 1, size(predicted)
             place = (predicted(s) - low)/width
             k = int(place)
-            if (use_target) deviation = target(s) - mean
-            powers = weights(s)*[1.0_wp, deviation, deviation**2]
+            powers = weights(s)*[1.0_wp, deviation(s), deviation(s)**2]
             bins(:, k) = bins(:, k) + (1.0_wp - (place - k))*powers
             bins(:, k + 1) = bins(:, k + 1) + (place - k)*powers
-            variance = variance + powers(3)
          end do
       end associate
       kernel = [(exp(-0.5_wp*(real(i, wp)/bins_per_sd)**2)/(sqrt(2.0_wp*pi)*sd), i=-half_bins, half_bins)]
-      gain = 0.0_wp
+      entropy = 0.0_wp
       left = 0.0_wp
       do k = -half_bins, n + half_bins, step
          powers = matmul(bins(:, k - half_bins:k + half_bins), kernel)
          if (powers(1) <= 1.0e-30_wp/sd) cycle
-         gain = gain - powers(1)*log(powers(1))*step*width
+         entropy = entropy - powers(1)*log(powers(1))*step*width
          left = left + (powers(3) - powers(2)**2/powers(1))*step*width
       end do
-      if (use_target) then
-         gain = 0.0_wp
-         if (variance > 0.0_wp) gain = 1.0_wp - left/variance
-      else
-         gain = gain - 0.5_wp*sum(weights*log(2.0_wp*pi*exp(1.0_wp)*(candidates%sd(c)**2 + candidates%shared_variance(:, c))))
-      end if
-   end subroutine gain_of_candidate
+      gain = sum(weights*deviation**2) - left
+      if (size(candidates%target) == 0) gain = entropy &
+         & - 0.5_wp*sum(weights*log(2.0_wp*pi*exp(1.0_wp)*(candidates%sd(c)**2 + candidates%shared_variance(:, c))))
+   end function gain_of_candidate
+
+   !> The target of each draw less its mean; 0 without a target.
+   pure function deviations(target, weights)
+      !> (draw), or empty; (draw), of sum 1.
+      real(wp), intent(in) :: target(:), weights(:)
+      real(wp) :: deviations(size(weights))
+
+      deviations = 0.0_wp
+      if (size(target) > 0) deviations = target - sum(weights*target)
+   end function deviations
 
    !> The sd of a measurement, or more where the draws cannot resolve it.
    pure real(wp) function kernel_sd(candidates, c)
@@ -122,29 +119,18 @@ contains
       integer, intent(in) :: threads
       !> (candidate).
       real(wp), intent(out) :: gains(:)
-      real(wp) :: gain, left, before, remaining, mean
+      real(wp) :: before
       integer :: c, r
 
-      before = 0.0_wp
-      associate (target => candidates%target)
-         do r = 1, size(weights, 2)
-            if (size(target) == 0) exit
-            mean = sum(weights(:, r)*target)
-            before = before + sum(weights(:, r)*(target - mean)**2)
-         end do
-      end associate
-      !$omp parallel do num_threads(max(1, threads)) schedule(dynamic, 4) private(r, gain, left, remaining)
+      !$omp parallel do num_threads(max(1, threads)) schedule(dynamic, 4) private(r)
       do c = 1, size(gains)
-         gains(c) = 0.0_wp
-         remaining = 0.0_wp
-         do r = 1, size(weights, 2)
-            call gain_of_candidate(candidates, c, weights(:, r), gain, left)
-            gains(c) = gains(c) + gain/size(weights, 2)
-            remaining = remaining + left
-         end do
-         if (size(candidates%target) > 0) gains(c) = merge(1.0_wp - remaining/before, 0.0_wp, before > 0.0_wp)
+         gains(c) = sum([(gain_of_candidate(candidates, c, weights(:, r)), r=1, size(weights, 2))])
       end do
       !$omp end parallel do
+      before = size(weights, 2)
+      if (size(candidates%target) > 0) before = sum([(sum(weights(:, r)*deviations(candidates%target, weights(:, r))**2), r=1, &
+         & size(weights, 2))])
+      gains = gains/max(tiny(1.0_wp), before)
    end subroutine expected_gains
 
    !> Choose candidates one after another, averaged over `scenarios` of what the earlier ones say, each given those before it, no

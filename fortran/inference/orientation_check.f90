@@ -108,7 +108,7 @@ contains
          end do
       end do
       ! What the crystal leaves: it bends more than the harmonics do.
-      fit%values = (posterior%measured(:n) - model(:n))/fit%scales
+      fit%values = (posterior%data%modulus(:n) - model(:n))/fit%scales
       call fit%to_rows(rows(:, :, 1))
       check%chi_square = fit%chi_square
       ! A harmonic that the grains do not tell from those before it has the pivot 1.
@@ -118,7 +118,7 @@ contains
       if (posterior%infers_scale) check%p = ieee_value(1.0_wp, ieee_quiet_nan)
       far = 5.0_wp
       if (check%p < rare) call find_outliers(fit, rows(:, :, 1), far, check)
-      if (harmonics%n > 1) call try_shuffles(fit, posterior%measured(:n) - sum(posterior%measured(:n))/n, rows, check)
+      if (harmonics%n > 1) call try_shuffles(fit, posterior%data%modulus(:n) - sum(posterior%data%modulus(:n))/n, rows, check)
       if (check%is_noticed() .or. size(check%outliers) > 0) return
       ! Now the orientations are above suspicion: as far as one grain of so many is by chance.
       do while (n*erfc((far - 0.1_wp)/sqrt(2.0_wp)) < rare)

@@ -39,8 +39,11 @@ module output_polynomial
 
    type :: whitening_type
       private
-      integer :: n = 0, richness = 0
+      integer :: n = 0
       real(wp), allocatable :: centre(:), forward(:, :), backward(:, :), width(:)
+      !> A feature is a product of coordinates z: feature k is the earlier feature `parent(k)` times the coordinate `axis(k)`, and those of
+      !> the first m coordinates are the first `n_features(m)`, m from 0.
+      integer, allocatable :: parent(:), axis(:), n_features(:)
       !> Coefficients of the features of z(1) .. z(j-1), for coordinate j.
       real(wp), allocatable :: bend(:, :)
       !> Range of each z in which the polynomial was fitted; beyond it goes on as at the end.
@@ -129,7 +132,6 @@ contains
       turned = transpose(outputs)
       call multiply(f, turned, rhs)
       call cholesky_solve(gram, rhs)
-      allocate (polynomial%coefficients(size(rhs, 2), size(rhs, 1)))
       polynomial%coefficients = transpose(rhs)
       polynomial%n_terms = size(gram, 1)
    end subroutine fit_output_polynomial
@@ -204,54 +206,45 @@ contains
       end do
    end subroutine evaluate
 
-   !> Number of features of the first m coordinates.
-   pure integer function feature_count(m, richness)
+   !> The features of m coordinates: of each, after those of the earlier ones, z(i), then its products with itself and these.
+   pure subroutine list_features(m, richness, whitening)
       integer, intent(in) :: m
       !> 0 to `richest`.
       integer, intent(in) :: richness
-      integer :: n(2:4)
+      type(whitening_type), intent(inout) :: whitening
+      integer :: i, j, k, power, first, last
 
-      n = min(m, axes_with(:, richness))
-      feature_count = 1 + m + n(2)*(n(2) + 1)/2 + n(3)*(n(3) + 1)*(n(3) + 2)/6 + n(4)*(n(4) + 1)*(n(4) + 2)*(n(4) + 3)/24
-   end function feature_count
-
-   !> The features that coordinate i brings, those of the earlier ones being there: z(i), and its products with itself and these.
-   pure subroutine add_features(z, i, richness, f)
-      real(wp), intent(in) :: z(:)
-      integer, intent(in) :: i, richness
-      real(wp), intent(inout) :: f(:)
-      integer :: j, k, last
-
-      last = feature_count(i - 1, richness)
-      f(last + 1) = z(i)
-      last = last + 1
-      if (i > axes_with(2, richness)) return
-      f(last + 1:last + i) = z(i)*z(:i)
-      last = last + i
-      if (i > axes_with(3, richness)) return
-      do j = 1, i
-         f(last + 1:last + j) = z(i)*z(j)*z(:j)
-         last = last + j
-      end do
-      if (i > axes_with(4, richness)) return
-      do j = 1, i
-         do k = 1, j
-            f(last + 1:last + k) = z(i)*z(j)*z(k)*z(:k)
-            last = last + k
+      whitening%parent = [0]
+      whitening%axis = [0]
+      if (allocated(whitening%n_features)) deallocate (whitening%n_features)
+      allocate (whitening%n_features(0:m), source=1)
+      do i = 1, m
+         whitening%parent = [whitening%parent, 1]
+         whitening%axis = [whitening%axis, i]
+         first = size(whitening%axis)
+         do power = 2, 4
+            if (i > axes_with(power, richness)) exit
+            last = size(whitening%axis)
+            do k = first, last
+               whitening%parent = [whitening%parent, spread(k, 1, whitening%axis(k))]
+               whitening%axis = [whitening%axis, (j, j=1, whitening%axis(k))]
+            end do
+            first = last + 1
          end do
+         whitening%n_features(i) = size(whitening%axis)
       end do
-   end subroutine add_features
+   end subroutine list_features
 
-   !> The features of all coordinates; those of fewer come first.
-   pure subroutine evaluate_features(z, richness, f)
+   !> The features of coordinates from the number `first` on, those before it being there.
+   pure subroutine evaluate_features(self, z, first, f)
+      type(whitening_type), intent(in) :: self
       real(wp), intent(in) :: z(:)
-      integer, intent(in) :: richness
-      real(wp), intent(out) :: f(:)
-      integer :: i
+      integer, intent(in) :: first
+      real(wp), intent(inout) :: f(:)
+      integer :: k
 
-      f(1) = 1.0_wp
-      do i = 1, size(z)
-         call add_features(z, i, richness, f)
+      do k = first, self%n_features(size(z))
+         f(k) = f(self%parent(k))*z(self%axis(k))
       end do
    end subroutine evaluate_features
 
@@ -265,23 +258,20 @@ contains
       type(error_type), allocatable :: error
       real(wp), allocatable :: z(:, :), f(:, :), gram(:, :), rhs(:)
       real(wp) :: axes(size(points, 1), size(points, 1)), values(size(points, 1))
-      integer :: n, many, i, j, m
+      integer :: n, many, i, j, m, richness
 
       n = size(points, 1)
       many = size(points, 2)
       whitening%n = n
-      do while (whitening%richness < richest)
-         if (points_a_term*feature_count(n - 1, whitening%richness + 1) > distinct) exit
-         whitening%richness = whitening%richness + 1
+      do richness = richest, 0, -1
+         call list_features(n - 1, richness, whitening)
+         m = size(whitening%axis)
+         if (points_a_term*m <= distinct) exit
       end do
-      m = feature_count(n - 1, whitening%richness)
       allocate (whitening%bend(m, n), source=0.0_wp)
       allocate (whitening%forward(n, n), whitening%backward(n, n), whitening%width(n))
       whitening%centre = sum(points, 2)/many
-      allocate (z(n, many))
-      do i = 1, many
-         z(:, i) = points(:, i) - whitening%centre
-      end do
+      z = points - spread(whitening%centre, 2, many)
       axes = matmul(z, transpose(z))/many
       call symmetric_eigen(axes, values, error)
       if (allocated(error)) then
@@ -297,11 +287,11 @@ contains
       z = matmul(whitening%forward, z)
       whitening%least = minval(z, 2)
       whitening%greatest = maxval(z, 2)
-      allocate (f(m, many), gram(m, m))
+      allocate (f(m, many), source=1.0_wp)
       do i = 1, many
-         call evaluate_features(z(:n - 1, i), whitening%richness, f(:, i))
+         call evaluate_features(whitening, z(:n - 1, i), 2, f(:, i))
       end do
-      gram = 0.0_wp
+      allocate (gram(m, m), source=0.0_wp)
       call add_gram(f, 1.0_wp, gram, transposed=.false.)
       do i = 1, size(gram, 1)
          gram(i, i) = gram(i, i)*(1.0_wp + 1.0e-6_wp) + 1.0e-6_wp*many
@@ -309,7 +299,7 @@ contains
       ! The features of coordinate j are the first ones, and so is their part of the factor.
       call cholesky_factor(gram, error)
       do j = 1, n
-         m = feature_count(j - 1, whitening%richness)
+         m = whitening%n_features(j - 1)
          if (.not. allocated(error)) then
             rhs = matmul(f(:m, :), z(j, :))
             call solve_lower(gram, rhs)
@@ -330,9 +320,10 @@ contains
       integer :: j, m
 
       z = matmul(self%forward, w - self%centre)
-      call evaluate_features(min(max(z(:self%n - 1), self%least(:self%n - 1)), self%greatest(:self%n - 1)), self%richness, f)
+      f(1) = 1.0_wp
+      call evaluate_features(self, min(max(z(:self%n - 1), self%least(:self%n - 1)), self%greatest(:self%n - 1)), 2, f)
       do j = 1, self%n
-         m = feature_count(j - 1, self%richness)
+         m = self%n_features(j - 1)
          u(j) = (z(j) - sum(self%bend(:m, j)*f(:m)))/self%width(j)
       end do
    end subroutine to_white
@@ -344,18 +335,19 @@ contains
       real(wp), intent(in) :: u(:)
       real(wp), intent(out) :: w(:)
       real(wp) :: z(self%n), within(self%n), f(size(self%bend, 1)), bent
-      integer :: j, k
+      integer :: j, k, m
 
       f(1) = 1.0_wp
       do j = 1, self%n
+         m = self%n_features(j - 1)
          bent = 0.0_wp
          !$omp simd reduction(+:bent)
-         do k = 1, feature_count(j - 1, self%richness)
+         do k = 1, m
             bent = bent + self%bend(k, j)*f(k)
          end do
          z(j) = u(j)*self%width(j) + bent
          within(j) = min(max(z(j), self%least(j)), self%greatest(j))
-         if (j < self%n) call add_features(within, j, self%richness, f)
+         if (j < self%n) call evaluate_features(self, within(:j), m + 1, f)
       end do
       w = self%centre + matmul(self%backward, z)
    end subroutine from_white

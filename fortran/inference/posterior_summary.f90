@@ -18,8 +18,8 @@ module posterior_summary
    use statistics, only: covariance_of, flattened, moments, sort_order, sorted_values
    implicit none
    private
-   public :: parameter_type, combination_type, known_quantity_type, predictions_type, summarise_parameters, correlate, &
-      & find_combinations, compare_quantities, predict_grains, most_probable_point, thinning, climb
+   public :: parameter_type, combination_type, predictions_type, summarise_parameters, correlate, find_combinations, &
+      & predict_grains, thinning, climb
 
    !> Draws for derived quantities and predictions; more say nothing new. Of many grains fewer, so that there are about so many
    !> predictions in all.
@@ -40,10 +40,6 @@ module posterior_summary
       !> Of the logarithm, in the posterior and in the prior.
       real(wp) :: sd = 0.0_wp, prior_sd = 0.0_wp
    end type combination_type
-
-   type :: known_quantity_type
-      real(wp) :: mean = 0.0_wp, sd = 0.0_wp, prior_mean = 0.0_wp, prior_sd = 0.0_wp
-   end type known_quantity_type
 
    !> For some of the draws, evenly spaced in each chain.
    type :: predictions_type
@@ -77,39 +73,27 @@ contains
       do j = 1, size(parameters)
          values = chains%draws(j, :, :)
          parameters(j)%diagnostics = diagnose_chains(values)
-         parameters(j)%hdi_95 = narrowest_interval(size(values), values, 0.95_wp)
+         parameters(j)%hdi_95 = narrowest_interval(size(values), values)
       end do
       !$omp end parallel do
    end subroutine summarise_parameters
 
-   !> The narrowest interval between two of the values that holds a share of them, by the definition of ArviZ.
-   pure function narrowest_interval(n, values, share) result(interval)
+   !> The narrowest interval between two of the values that holds 95 % of them, by the definition of ArviZ.
+   pure function narrowest_interval(n, values) result(interval)
       integer, intent(in) :: n
-      real(wp), intent(in) :: values(n), share
+      real(wp), intent(in) :: values(n)
       real(wp) :: interval(2)
       real(wp), allocatable :: sorted(:)
       integer :: i, held, best
 
       call sorted_values(n, values, sorted)
-      held = min(n - 1, int(share*n))
+      held = min(n - 1, int(0.95_wp*n))
       best = 1
       do i = 2, n - held
          if (sorted(i + held) - sorted(i) < sorted(best + held) - sorted(best)) best = i
       end do
       interval = sorted([best, best + held])
    end function narrowest_interval
-
-   !> The point of largest density: the best draw, then uphill.
-   subroutine most_probable_point(posterior, chains, point)
-      type(posterior_type), intent(in) :: posterior
-      type(chains_type), intent(in) :: chains
-      real(wp), allocatable, intent(out) :: point(:)
-      real(wp), dimension(posterior%dimension) :: mean, sd
-
-      point = chains%best_draw()
-      call moments(flattened(chains%draws), mean, sd)
-      call climb(posterior, 0.1_wp*sd, point)
-   end subroutine most_probable_point
 
    !> Correlations of the first k parameters.
    pure function correlate(chains, k) result(correlation)
@@ -138,7 +122,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: both(:, :)
       real(wp), dimension(prior%n_constants, prior%n_constants) :: after, before, factor, whitened
-      real(wp), dimension(prior%n_constants) :: vector, covariance, constants, gradient, ratios
+      real(wp), dimension(prior%n_constants) :: vector, constants, gradient, ratios
       real(wp) :: joint(2*prior%n_constants, 2*prior%n_constants)
       integer :: i, j, k
 
@@ -173,11 +157,10 @@ contains
          call solve_upper(factor, vector)
          gradient = logarithmic_gradient(prior, constants, vector)
          vector = vector/gradient(maxloc(abs(gradient), dim=1))
-         covariance = matmul(joint(:k, k + 1:), vector)
          associate (one => combinations(i))
             one%exponents = gradient/gradient(maxloc(abs(gradient), dim=1))
             one%sd = sqrt(max(0.0_wp, sum(vector*matmul(after, vector))))
-            one%correlations = covariance/(one%sd*[(sqrt(joint(j, j)), j=1, k)])
+            one%correlations = matmul(joint(:k, k + 1:), vector)/(one%sd*[(sqrt(joint(j, j)), j=1, k)])
             one%prior_sd = sqrt(sum(vector*matmul(before, vector)))
          end associate
          values(i, :) = matmul(vector, both(k + 1:, :))
@@ -218,19 +201,6 @@ contains
       end do
    end function logarithmic_gradient
 
-   !> Quantities in the posterior and in the prior.
-   subroutine compare_quantities(values, prior_values, known)
-      !> (quantity, draw).
-      real(wp), intent(in) :: values(:, :), prior_values(:, :)
-      type(known_quantity_type), allocatable, intent(out) :: known(:)
-      real(wp), dimension(size(values, 1)) :: mean, sd, prior_mean, prior_sd
-      integer :: q
-
-      call moments(values, mean, sd)
-      call moments(prior_values, prior_mean, prior_sd)
-      known = [(known_quantity_type(mean(q), sd(q), prior_mean(q), prior_sd(q)), q=1, size(mean))]
-   end subroutine compare_quantities
-
    !> Of how many draws one is kept where there is a number for each grain: so many are left that they say all, and memory holds them.
    pure integer function thinning(chains, n_grains)
       type(chains_type), intent(in) :: chains
@@ -260,7 +230,7 @@ contains
       allocate (predictions%moduli(posterior%n_grains, n, size(chains%draws, 3)), &
          & predictions%factor(posterior%n_groups, n, size(chains%draws, 3)))
       allocate (predictions%quantities(size(quantities), n, size(chains%draws, 3)))
-      call posterior%new_grains(posterior%euler(:, :posterior%n_grains), grains, error, posterior%propagation)
+      call posterior%new_grains(posterior%euler(:, :posterior%n_grains), grains, error, posterior%data%propagation)
       if (allocated(error)) return
       stream = new_random_stream(0, 0)
       do c = 1, size(chains%draws, 3)
@@ -275,21 +245,22 @@ contains
       end do
    end subroutine predict_grains
 
-   !> From a point `x` of the support to a maximum of the density nearby.
-   subroutine climb(target, steps, x)
+   !> From a point `x` of the support to a maximum of the density nearby. The corners of the first simplex are a tenth of the sds of the
+   !> parameters in `chains` apart.
+   subroutine climb(target, chains, x)
       class(target_type), intent(in) :: target
-      !> Steps from the first corner of the simplex to the others, (parameter).
-      real(wp), intent(in) :: steps(:)
+      type(chains_type), intent(in) :: chains
       real(wp), intent(inout) :: x(:)
-      real(wp) :: corner(size(x), size(x) + 1), depth(size(x) + 1), centre(size(x)), tried(size(x)), further(size(x))
+      real(wp) :: corner(size(x), size(x) + 1), depth(size(x) + 1), centre(size(x)), sd(size(x)), tried(size(x)), further(size(x))
       real(wp) :: tried_depth, further_depth
       integer :: n, j, evaluations, order(size(x) + 1)
 
+      call moments(flattened(chains%draws), centre, sd)
       n = size(x)
       evaluations = 0
       do j = 1, n + 1
          corner(:, j) = x
-         if (j > 1) corner(j - 1, j) = x(j - 1) + steps(j - 1)
+         if (j > 1) corner(j - 1, j) = x(j - 1) + 0.1_wp*sd(j - 1)
          depth(j) = depth_at(corner(:, j))
       end do
       do

@@ -67,12 +67,16 @@ contains
       !> Of these draws.
       type(limit_type), intent(in) :: limits(:)
       type(change_type), allocatable, intent(out) :: changes(:)
-      real(wp) :: log_weights(size(draws, 2))
+      real(wp) :: log_weights(size(draws, 2)), mean(size(draws, 1)), sd(size(draws, 1))
+      real(wp), allocatable :: standard(:, :)
       integer :: i
 
       allocate (changes(0))
+      log_weights = 0.0_wp
+      call moments(draws, mean, sd, exp(log_weights))
+      standard = (draws - spread(mean, 2, size(draws, 2)))/spread(max(tiny(1.0_wp), sd), 2, size(draws, 2))
       do i = 1, size(limits)
-         call move_limits(draws, limits(i), changes)
+         call move_limits(standard, limits(i), changes)
       end do
       if (posterior%prior%has_default) return
       associate (logarithms => posterior%prior%logarithms)
@@ -81,12 +85,12 @@ contains
          end do
       end associate
       if (.not. posterior%prior%in_logarithms) log_weights = -log_weights
-      call add_change(draws, change_type('measure'), exp(log_weights - maxval(log_weights)), changes)
+      call add_change(standard, change_type('measure'), exp(log_weights - maxval(log_weights)), changes)
    end subroutine measure_sensitivity
 
    !> Both limits of a coordinate, where they are any, in and out.
    subroutine move_limits(draws, about, changes)
-      !> (parameter, draw).
+      !> Less their means, over their sds, (parameter, draw).
       real(wp), intent(in) :: draws(:, :)
       type(limit_type), intent(in) :: about
       type(change_type), allocatable, intent(inout) :: changes(:)
@@ -110,6 +114,7 @@ contains
 
    !> The draws with weights.
    subroutine add_change(draws, about, weights, changes)
+      !> See `move_limits`.
       real(wp), intent(in) :: draws(:, :)
       !> What is changed.
       type(change_type), intent(in) :: about
@@ -119,11 +124,12 @@ contains
       real(wp), dimension(size(draws, 1)) :: mean, sd
 
       call moments(draws, mean, sd, weights)
-      call compare(draws, about, sum(weights)**2/max(tiny(1.0_wp), sum(weights**2)), mean, sd, changes)
+      call add_moments(about, sum(weights)**2/max(tiny(1.0_wp), sum(weights**2)), mean, sd, changes)
    end subroutine add_change
 
    !> The draws and those that a limit which moves by `step` lets in.
    subroutine add_beyond(draws, about, distance, step, changes)
+      !> See `move_limits`.
       real(wp), intent(in) :: draws(:, :)
       type(change_type), intent(in) :: about
       !> From the limit, (draw), and by how much it moves.
@@ -137,16 +143,17 @@ contains
 
       near = merge(1.0_wp, 0.0_wp, distance <= step)
       far = merge(1.0_wp, 0.0_wp, distance > step .and. distance <= 2.0_wp*step)
-      call moments(draws, mean, sd, spread(1.0_wp, 1, size(draws, 2)))
+      mean = 0.0_wp
+      sd = 1.0_wp
       call moments(draws, near_mean, near_sd, near)
       call moments(draws, far_mean, far_sd, far)
       if (sum(near) >= least_in_strip) then
          beyond = min(greatest_growth*sum(near), continued(distance/step))/size(near)
          if (sum(far) >= least_in_strip) near_mean = 2.0_wp*near_mean - far_mean
-         sd = sqrt((sd**2 + beyond*near_sd**2 + beyond/(1.0_wp + beyond)*(near_mean - mean)**2)/(1.0_wp + beyond))
-         mean = (mean + beyond*near_mean)/(1.0_wp + beyond)
+         sd = sqrt((1.0_wp + beyond*near_sd**2 + beyond/(1.0_wp + beyond)*near_mean**2)/(1.0_wp + beyond))
+         mean = beyond*near_mean/(1.0_wp + beyond)
       end if
-      call compare(draws, about, real(size(distance), wp), mean, sd, changes)
+      call add_moments(about, real(size(distance), wp), mean, sd, changes)
    end subroutine add_beyond
 
    !> How many draws would lie between -1 and 0, of those that lie between 0 and 3.
@@ -180,26 +187,24 @@ contains
       continued = sum(exp(min(100.0_wp, matmul(terms(:bins_per_unit, :), right(:, 1)))))
    end function continued
 
-   !> Add a change from the moments with it.
-   pure subroutine compare(draws, about, effective, new_mean, new_sd, changes)
-      real(wp), intent(in) :: draws(:, :)
+   !> Add a change from the moments that the draws have with it.
+   pure subroutine add_moments(about, effective, mean, sd, changes)
       type(change_type), intent(in) :: about
-      real(wp), intent(in) :: effective, new_mean(:), new_sd(:)
+      !> Draws that are left; mean and sd of each parameter, in sds.
+      real(wp), intent(in) :: effective, mean(:), sd(:)
       type(change_type), allocatable, intent(inout) :: changes(:)
       type(change_type) :: change
-      real(wp), dimension(size(draws, 1)) :: mean, sd
 
-      call moments(draws, mean, sd, spread(1.0_wp, 1, size(draws, 2)))
       change = about
       change%effective = effective
-      change%shift = (new_mean - mean)/max(tiny(1.0_wp), sd)
-      change%sd_ratio = new_sd/max(tiny(1.0_wp), sd)
+      change%shift = mean
+      change%sd_ratio = sd
       if (effective < least_draws) then
          change%shift = ieee_value(1.0_wp, ieee_quiet_nan)
          change%sd_ratio = change%shift
       end if
       changes = [changes, change]
-   end subroutine compare
+   end subroutine add_moments
 
    !> Every coordinate with a limit.
    function list_limits(prior, draws) result(limits)

@@ -13,12 +13,15 @@ module quantities
    use text, only: join, lower, number_ok, read_real, split_list, to_text
    implicit none
    private
-   public :: quantity_type, new_quantity, check_quantity, check_distinct, check_value, reported_quantities, quantity_choices
-   public :: evaluate_draws, evaluate_quantities
+   public :: quantity_type, new_quantity, new_quantities, check_quantity, check_distinct, check_value, reported_quantities
+   public :: evaluate_draws, evaluate_quantities, quantity_choices
 
    !> Words that stand alone, and words that take a direction.
    character(len=*), parameter :: plain_names = 'bulk_modulus, polycrystal_bulk, polycrystal_shear, polycrystal_young, ' &
       & //'polycrystal_poisson, anisotropy_index', directional_names = 'young, shear, compressibility'
+   !> Hill's averages, in the order of `hill_values`.
+   character(len=*), parameter :: hill_names(4) = [character(len=19) :: 'polycrystal_bulk', 'polycrystal_shear', &
+      & 'polycrystal_young', 'polycrystal_poisson']
    !> What is allowed, for messages and the schema.
    character(len=*), parameter :: quantity_choices = 'a constant C11 .. C66, C'' = (C11 - C12)/2, '//plain_names &
       & //', young[100], shear[001], compressibility[100], or a product of powers of these such as C33/C11 or C11^1 C12^-0.3'
@@ -273,28 +276,35 @@ contains
       type(error_type), allocatable, intent(out) :: error
       character(len=*), parameter :: directions = 'young[001], young[100], young[010], young[110], young[101], young[011], ' &
          & //'young[111]'
-      character(len=:), allocatable :: names(:)
-      type(quantity_type), allocatable :: all(:)
-      real(wp), allocatable :: values(:)
-      integer :: i, known, kept
+      character(len=:), allocatable :: plain
 
-      names = split_list(join(class%constants, ', ')//', '//plain_names//', '//directions)
-      known = size(names) - size(split_list(directions))
-      allocate (all(size(names)), values(size(names)))
-      do i = 1, size(names)
-         call new_quantity(trim(names(i)), all(i), error)
-         if (allocated(error)) return
-      end do
-      call evaluate_quantities(all, typical_crystal(class, 0), values)
-      kept = known
-      do i = known + 1, size(names)
-         if (any(abs(values(known + 1:kept) - values(i)) < 1.0e-9_wp*values(i))) cycle
-         kept = kept + 1
-         all(kept) = all(i)
-         values(kept) = values(i)
-      end do
-      list = all(:kept)
+      plain = join(class%constants, ', ')//', '//plain_names
+      call new_quantities(split_list(plain//', '//directions), class, size(split_list(plain)), list, error)
    end subroutine reported_quantities
+
+   !> The quantities of some names, but those after the first `known` whose value is that of an earlier one of them for every crystal of
+   !> a class.
+   subroutine new_quantities(names, class, known, list, error)
+      character(len=*), intent(in) :: names(:)
+      type(crystal_class_type), intent(in) :: class
+      integer, intent(in) :: known
+      type(quantity_type), allocatable, intent(out) :: list(:)
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), parameter :: same = 1.0e-9_wp
+      type(quantity_type) :: all(size(names))
+      real(wp) :: values(size(names))
+      integer :: i, n
+
+      n = 0
+      do i = 1, size(names)
+         n = n + 1
+         call new_quantity(trim(names(i)), all(n), error)
+         if (allocated(error)) return
+         call evaluate_quantities(all(n:n), typical_crystal(class, 0), values(n:n))
+         if (any(abs(values(known + 1:n - 1) - values(n)) < same*abs(values(n)))) n = n - 1
+      end do
+      list = all(:n)
+   end subroutine new_quantities
 
    !> The values of quantities for one stable crystal.
    pure subroutine evaluate_quantities(quantities, c, values)
@@ -302,13 +312,10 @@ contains
       !> Stiffness in crystal axes, GPa.
       real(wp), intent(in) :: c(6, 6)
       real(wp), intent(out) :: values(:)
-      real(wp) :: s(6, 6), value
-      type(averages_type) :: averages
+      real(wp), allocatable :: s(:, :), hill(:)
+      real(wp) :: value
       integer :: i, j
-      logical :: inverted, averaged
 
-      inverted = .false.
-      averaged = .false.
       do i = 1, size(quantities)
          values(i) = 1.0_wp
          do j = 1, size(quantities(i)%factors)
@@ -321,13 +328,11 @@ contains
                case ('anisotropy_index')
                   value = anisotropy_index(c)
                case ('bulk_modulus', 'young', 'shear', 'compressibility')
-                  if (.not. inverted) s = compliance(c)
-                  inverted = .true.
+                  if (.not. allocated(s)) s = compliance(c)
                   value = response(factor%word, s, factor%direction)
                case default
-                  if (.not. averaged) averages = polycrystal_averages(c)
-                  averaged = .true.
-                  value = hill_value(factor%word, averages)
+                  if (.not. allocated(hill)) hill = hill_values(c)
+                  value = hill(findloc(hill_names, factor%word, dim=1))
                end select
                values(i) = values(i)*power_of(value, factor%power)
             end associate
@@ -400,22 +405,15 @@ contains
       end function energy
    end function response
 
-   !> Hill's averages, GPa, and Poisson's ratio.
-   pure real(wp) function hill_value(word, averages)
-      character(len=*), intent(in) :: word
-      type(averages_type), intent(in) :: averages
-      real(wp) :: young, poisson
+   !> Hill's averages of a stiffness: bulk, shear and Young's modulus, GPa, and Poisson's ratio.
+   pure function hill_values(c) result(values)
+      real(wp), intent(in) :: c(6, 6)
+      real(wp) :: values(4)
+      type(averages_type) :: averages
 
-      call hill_young_poisson(averages, young, poisson)
-      select case (word)
-      case ('polycrystal_bulk')
-         hill_value = 0.5_wp*(averages%bulk_voigt + averages%bulk_reuss)
-      case ('polycrystal_shear')
-         hill_value = 0.5_wp*(averages%shear_voigt + averages%shear_reuss)
-      case ('polycrystal_young')
-         hill_value = young
-      case default
-         hill_value = poisson
-      end select
-   end function hill_value
+      averages = polycrystal_averages(c)
+      values(1) = 0.5_wp*(averages%bulk_voigt + averages%bulk_reuss)
+      values(2) = 0.5_wp*(averages%shear_voigt + averages%shear_reuss)
+      call hill_young_poisson(averages, values(3), values(4))
+   end function hill_values
 end module quantities

@@ -12,7 +12,7 @@ module samplers
    use abstract_sampler, only: draw_starts, sampler_type, target_type
    use ensemble_sampler, only: ensemble_sampler_type
    use errors, only: error_type, exit_bad_input, raise
-   use files, only: checksum, file_exists, read_bytes, replace_file
+   use files, only: checksum, read_bytes, replace_file
    use kinds, only: i8, wp
    use machine, only: raise_no_memory
    use random, only: new_random_stream, random_stream_type
@@ -28,11 +28,10 @@ module samplers
    integer(i8), parameter :: bytes_of_real = storage_size(1.0_wp)/8
 
    type :: checkpoint_type
-      private
-      !> Path of a chain's file but for its stream; unallocated: nothing is kept.
+      !> Path of a chain's file but for the number of its stream; unallocated: nothing is kept.
       character(len=:), allocatable :: stem
    contains
-      procedure :: path => path_of, restore, store
+      procedure :: restore, store
    end type checkpoint_type
 
    !> A new sampler: its file, its name here, and its line in `new_sampler`.
@@ -77,15 +76,6 @@ contains
       self%stem = folder//'/'//chain_prefix//checksum(identity)//'-'
    end subroutine new_checkpoint
 
-   !> The file of the chain of a random stream, `number`.
-   function path_of(self, number) result(path)
-      class(checkpoint_type), intent(in) :: self
-      integer, intent(in) :: number
-      character(len=:), allocatable :: path
-
-      path = self%stem//to_text(number)
-   end function path_of
-
    !> The chain of a random stream, if it is there.
    subroutine restore(self, number, draws, log_density, acceptance, found)
       class(checkpoint_type), intent(in) :: self
@@ -105,8 +95,7 @@ contains
 
       found = .false.
       if (.not. allocated(self%stem)) return
-      if (.not. file_exists(self%path(number))) return
-      call read_bytes(self%path(number), content, error)
+      call read_bytes(self%stem//to_text(number), content, error)
       if (allocated(error)) return
       allocate (values(1 + size(log_density) + size(draws)))
       last = size(values)*bytes_of_real
@@ -137,7 +126,7 @@ contains
       values = [acceptance, log_density, reshape(draws, [size(draws)])]
       allocate (character(len=size(values)*bytes_of_real) :: content)
       content = transfer(values, content)
-      call replace_file(self%path(number), content//checksum(content), error)
+      call replace_file(self%stem//to_text(number), content//checksum(content), error)
    end subroutine store
 
    !> The sampler of a name.
@@ -177,8 +166,8 @@ contains
       type(run_settings_type), intent(in) :: settings
       type(chains_type), intent(out) :: chains
       type(error_type), allocatable, intent(out) :: error
-      !> Where each chain is kept as soon as it is finished; default: nowhere.
-      type(checkpoint_type), intent(in), optional :: checkpoint
+      !> Where each chain is kept as soon as it is finished.
+      type(checkpoint_type), intent(in) :: checkpoint
       type(random_stream_type) :: stream
       logical, allocatable :: started(:)
       integer :: k, number, stat
@@ -190,31 +179,25 @@ contains
          return
       end if
       allocate (chains%draws(target%dimension, settings%samples, settings%chains), &
-         & chains%log_density(settings%samples, settings%chains), chains%acceptance(settings%chains), &
-         & started(settings%chains), stat=stat)
+         & chains%log_density(settings%samples, settings%chains), chains%acceptance(settings%chains), source=0.0_wp, stat=stat)
       if (stat /= 0) then
          call raise_no_memory(to_text(settings%chains)//' chains of '//to_text(settings%samples)//' samples', error)
          return
       end if
-      chains%draws = 0.0_wp
-      chains%log_density = 0.0_wp
-      chains%acceptance = 0.0_wp
+      allocate (started(settings%chains))
       call listen()
       call begin_progress('sampling', int(settings%chains, i8)*(sampler%burn_in + settings%samples))
       !$omp parallel do num_threads(max(1, settings%threads)) schedule(dynamic, 1) private(stream, number)
       do k = 1, settings%chains
-         started(k) = .false.
          number = settings%first_stream + k - 1
-         if (present(checkpoint)) then
-            !$omp critical (chain_files)
-            call checkpoint%restore(number, chains%draws(:, :, k), chains%log_density(:, k), chains%acceptance(k), started(k))
-            !$omp end critical (chain_files)
-         end if
+         !$omp critical (chain_files)
+         call checkpoint%restore(number, chains%draws(:, :, k), chains%log_density(:, k), chains%acceptance(k), started(k))
+         !$omp end critical (chain_files)
          if (started(k)) call advance_progress(int(sampler%burn_in + settings%samples, i8))
          if (started(k)) cycle
          stream = new_random_stream(settings%seed, number)
          call sampler%run(target, stream, chains%draws(:, :, k), chains%log_density(:, k), chains%acceptance(k), started(k))
-         if (.not. (present(checkpoint) .and. started(k)) .or. stop_requested()) cycle
+         if (.not. started(k) .or. stop_requested()) cycle
          !$omp critical (chain_files)
          call checkpoint%store(number, chains%draws(:, :, k), chains%log_density(:, k), chains%acceptance(k))
          !$omp end critical (chain_files)

@@ -106,23 +106,40 @@ contains
       !> (source, quantity).
       real(wp), intent(out) :: parts(:, :)
       real(wp), dimension(posterior%n_grains, n_error_sources) :: own, own_mean
-      real(wp), dimension(posterior%n_grains) :: precision, precision_mean
+      real(wp), dimension(posterior%n_grains) :: precision, precision_mean, scales, modulus, slope, variance, value, map_slope
       real(wp), allocatable :: shared(:, :), pull(:, :)
-      integer, allocatable :: source(:)
-      integer :: i, j
+      integer :: i, j, m, n, source
 
+      m = posterior%n_moduli
+      n = posterior%n_calibrated + size(posterior%data%shared, 2)
       own_mean = 0.0_wp
       precision_mean = 0.0_wp
       parts = 0.0_wp
       allocate (shared(posterior%n_grains, posterior%n_shared))
       do i = 1, size(draws, 2)
-         call split_errors(posterior, draws(:, i), own, precision, shared, source)
-         own_mean = own_mean + own/size(draws, 2)
-         precision_mean = precision_mean + precision/size(draws, 2)
-         pull = matmul(transpose(shared), weights)
+         call find_residuals(posterior, draws(:, i), scales, shared, value, precision)
+         precision_mean = precision_mean + precision/scales**2/size(draws, 2)
+         pull = matmul(transpose(shared*spread(scales, 2, posterior%n_shared)), weights)
          do j = 1, posterior%n_shared
-            parts(source(j), :) = parts(source(j), :) + pull(j, :)**2/size(draws, 2)
+            source = from_surrogate
+            if (j > posterior%grains%n_columns) source = from_calibration
+            if (source == from_calibration .and. all(abs(shared(:m, j)) <= 0.0_wp)) source = from_velocities
+            if (j > n) source = from_orientation
+            parts(source, :) = parts(source, :) + pull(j, :)**2/size(draws, 2)
          end do
+         ! Variances of the errors that grains do not share.
+         call posterior%evaluate_grains(posterior%stiffness(draws(:, i)), modulus, slope, variance)
+         value = modulus
+         map_slope = 1.0_wp
+         call posterior%observable%from_simulation(value(:m), map_slope(:m))
+         own = 0.0_wp
+         own(:, from_noise) = (posterior%scale_factor(draws(:, i))*posterior%data%sd)**2
+         own(:, from_surrogate) = posterior%scatter*(slope*map_slope)**2
+         own(:m, from_grains) = (posterior%settings%scatter_sd*modulus(:m)*map_slope(:m))**2
+         own(:, from_orientation) = max(0.0_wp, variance*map_slope**2 - own(:, from_surrogate) - own(:, from_grains))
+         own(m + 1:, from_velocities) = own(m + 1:, from_noise)
+         own(m + 1:, from_noise) = 0.0_wp
+         own_mean = own_mean + own/size(draws, 2)
       end do
       ! What a measurement counts for is its mean precision: of Student's t that is less than one over the variance.
       own_mean = own_mean/spread(precision_mean*sum(own_mean, 2), 2, n_error_sources)
@@ -141,52 +158,11 @@ contains
       real(wp) :: model(size(scales)), b(posterior%n_shared), precision(posterior%n_shared, posterior%n_shared), value
 
       call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, shared)
-      residual = (posterior%measured - model)/scales
-      if (posterior%n_shared > 0) then
-         call posterior%errors%integrate(residual, shared, b, precision, value)
-         residual = residual - matmul(shared, b)
-      end if
+      residual = (posterior%data%modulus - model)/scales
+      call posterior%errors%integrate(residual, shared, b, precision, value)
+      residual = residual - matmul(shared, b)
       call posterior%errors%weigh(residual, weight)
    end subroutine find_residuals
-
-   !> The errors of the measurements at a point, by source.
-   subroutine split_errors(posterior, x, own, precision, shared, source)
-      type(posterior_type), intent(in) :: posterior
-      !> (dimension).
-      real(wp), intent(in) :: x(:)
-      !> Variances of those that grains do not share, (grain, source), and what a measurement counts for, given the others: its precision.
-      real(wp), intent(out) :: own(:, :), precision(:)
-      !> Columns of the factor of the covariance of the shared ones, (grain, shared error).
-      real(wp), intent(out), contiguous :: shared(:, :)
-      !> Of each shared error.
-      integer, allocatable, intent(out) :: source(:)
-      real(wp), dimension(posterior%n_grains) :: model, scales, modulus, slope, variance, residual
-      integer :: j, n
-
-      call find_residuals(posterior, x, scales, shared, residual, precision)
-      precision = precision/scales**2
-      do j = 1, posterior%n_shared
-         shared(:, j) = shared(:, j)*scales
-      end do
-      source = [(from_surrogate, j=1, posterior%grains%n_columns), (from_calibration, j=posterior%grains%n_columns + 1, &
-         & posterior%n_calibrated + size(posterior%shared, 2)), (from_orientation, j=posterior%n_calibrated &
-         & + size(posterior%shared, 2) + 1, posterior%n_shared)]
-      n = posterior%n_moduli
-      do j = 1, posterior%n_shared
-         if (source(j) == from_calibration .and. all(abs(shared(:n, j)) <= 0.0_wp)) source(j) = from_velocities
-      end do
-      call posterior%evaluate_grains(posterior%stiffness(x), modulus, slope, variance)
-      model = modulus
-      residual = 1.0_wp
-      call posterior%observable%from_simulation(model(:n), residual(:n))
-      own = 0.0_wp
-      own(:, from_noise) = (posterior%scale_factor(x)*posterior%sd)**2
-      own(:, from_surrogate) = posterior%scatter*(slope*residual)**2
-      own(:n, from_grains) = (posterior%settings%scatter_sd*modulus(:n)*residual(:n))**2
-      own(:, from_orientation) = max(0.0_wp, variance*residual**2 - own(:, from_surrogate) - own(:, from_grains))
-      own(n + 1:, from_velocities) = own(n + 1:, from_noise)
-      own(n + 1:, from_noise) = 0.0_wp
-   end subroutine split_errors
 
    !> 'determined', 'weak' or 'not_determined', of a quantity with a `mean` and an `sd`.
    pure function verdict_of(mean, sd, least_value, share) result(verdict)

@@ -1,11 +1,8 @@
 !> What is measured in a grain: a type between the crystal and the likelihood.
 module observables
-   use abstract_basis, only: grain_model_type
-   use crystal_class, only: crystal_class_type
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
    use settings_schema, only: measurements_settings_type
-   use surrogate_model, only: surrogate_grains => new_grain_model, surrogate_type
    use text, only: to_text
    implicit none
    private
@@ -13,7 +10,7 @@ module observables
 
    !> What every indentation gives.
    character(len=*), parameter :: moduli_of_indentation = 'indentation_modulus, effective_modulus, sample_modulus'
-   !> A new observable: its type, which extends `observable_type`, its name here, and its line in `new_observable`.
+   !> A new observable: its name here, and its lines in `new_observable`.
    character(len=*), parameter :: observable_names = moduli_of_indentation
 
    !> The kinds of indentation modulus, as functions of the modulus M of the half-space: all are a M/(1 + d M).
@@ -26,7 +23,7 @@ module observables
       !> a; d in 1/GPa.
       real(wp) :: factor = 1.0_wp, compliance = 0.0_wp
    contains
-      procedure :: from_simulation, isotropic_modulus, new_grain_model, calibration_slope
+      procedure :: from_simulation
    end type observable_type
 
 contains
@@ -35,7 +32,7 @@ contains
    subroutine new_observable(name, settings, observable, error)
       character(len=*), intent(in) :: name
       type(measurements_settings_type), intent(in) :: settings
-      class(observable_type), allocatable, intent(out) :: observable
+      type(observable_type), intent(out) :: observable
       type(error_type), allocatable, intent(out) :: error
 
       associate (young => settings%indenter_modulus_gpa, nu => settings%indenter_nu, sample_nu => settings%sample_nu)
@@ -46,11 +43,10 @@ contains
          end if
          select case (name)
          case ('indentation_modulus')
-            allocate (observable)
          case ('effective_modulus')
-            allocate (observable, source=observable_type(compliance=(1.0_wp - nu**2)/young))
+            observable%compliance = (1.0_wp - nu**2)/young
          case ('sample_modulus')
-            allocate (observable, source=observable_type(factor=1.0_wp - sample_nu**2))
+            observable%factor = 1.0_wp - sample_nu**2
          case default
             call raise(error, 'modulus_kind: '''//name//''' is unknown; allowed: '//observable_names, exit_bad_input)
             return
@@ -72,40 +68,5 @@ contains
       slopes = slopes*self%factor
       values = values*self%factor
    end subroutine from_simulation
-
-   !> Indentation modulus of the isotropic solid with a value, GPa; very large where there is none.
-   pure real(wp) function isotropic_modulus(self, measured)
-      class(observable_type), intent(in) :: self
-      !> In the unit of the observable.
-      real(wp), intent(in) :: measured
-
-      isotropic_modulus = measured/max(self%factor - self%compliance*measured, 1.0e-3_wp)
-   end function isotropic_modulus
-
-   !> What it is for a crystal in the orientations of grains, before `from_simulation`: the indentation moduli of a surrogate.
-   subroutine new_grain_model(self, surrogate, class, euler, with_covariance, model, error)
-      class(observable_type), intent(in) :: self
-      type(surrogate_type), intent(in) :: surrogate
-      !> Of the crystals that will be asked for.
-      type(crystal_class_type), intent(in) :: class
-      !> Bunge-Euler angles (3, n), radians.
-      real(wp), intent(in) :: euler(:, :)
-      !> Whether the surrogate's covariance counts.
-      logical, intent(in) :: with_covariance
-      class(grain_model_type), allocatable, intent(out) :: model
-      type(error_type), allocatable, intent(out) :: error
-
-      call surrogate_grains(surrogate, class, euler, with_covariance, model, error)
-   end subroutine new_grain_model
-
-   !> How measurements of a group are correlated: derivatives with respect to their common error, which is relative.
-   pure function calibration_slope(self, values) result(slope)
-      class(observable_type), intent(in) :: self
-      !> (measurement).
-      real(wp), intent(in) :: values(:)
-      real(wp) :: slope(size(values))
-
-      slope = values
-   end function calibration_slope
 
 end module observables

@@ -3,7 +3,7 @@ module curves_stage
    use abstract_stage, only: stage_type
    use curve_materials, only: find_materials
    use curves_document, only: write_curve_files, write_document
-   use elastic_window, only: begin_test, leave_out, n_shared, nuisances_type, score_test, test_type
+   use elastic_window, only: begin_test, leave_out, n_shared, score_test, test_type
    use errors, only: error_type, refuse, warn
    use files, only: printable
    use kinds, only: wp
@@ -91,18 +91,18 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer, parameter :: most = 8, fewest = 3
       real(wp), parameter :: settled = 0.05_wp
-      type(nuisances_type) :: nuisances
+      !> Prior sd of the depth at which a test begins, nm.
+      real(wp), parameter :: zero_sd = 1.0e4_wp
       real(wp) :: before(n_shared)
       integer :: i, step
 
       associate (asked => self%problem%settings%curves, s => self%found, tests => self%found%tests)
-         nuisances%drift = asked%drift_sd_nm_s
-         nuisances%load = asked%load_sd_mn
          s%mean = s%prior_mean
          do step = 1, most
             !$omp parallel do schedule(dynamic)
             do i = 1, size(tests)
-               if (tests(i)%used) call score_test(tests(i), s%mean(:n_shared), s%prior_sd(:n_shared), nuisances)
+               if (tests(i)%used) call score_test(tests(i), s%mean(:n_shared), [s%prior_sd(:n_shared), zero_sd, &
+                  & asked%drift_sd_nm_s, asked%load_sd_mn])
             end do
             call compare_tests(tests, self%found%materials, step > 1)
             if (.not. any(tests%used)) then

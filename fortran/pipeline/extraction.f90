@@ -9,8 +9,8 @@ module extraction
    use kinds, only: i8, wp
    use model_checks, only: check_model, checks_type, estimate_evidence, evidence_type
    use orientation_check, only: check_orientations, orientation_check_type
-   use posterior_summary, only: combination_type, compare_quantities, correlate, find_combinations, known_quantity_type, &
-      & most_probable_point, parameter_type, predict_grains, predictions_type, summarise_parameters, thinning
+   use posterior_summary, only: climb, combination_type, correlate, find_combinations, parameter_type, predict_grains, &
+      & predictions_type, summarise_parameters, thinning
    use prior_sensitivity, only: change_type, limit_type, list_limits, measure_sensitivity
    use problem, only: problem_type
    use problem_posterior, only: allowed_error, choose_field_degree, draw_aside, find_field_error, free_run, &
@@ -45,7 +45,8 @@ module extraction
       !> What further knowledge would bring.
       type(gain_type), allocatable :: gains(:)
       type(quantity_type), allocatable :: quantities(:)
-      type(known_quantity_type), allocatable :: known(:)
+      !> Mean and sd of each in the posterior, then in the prior, (4, quantity).
+      real(wp), allocatable :: known(:, :)
       !> Of what &knowledge says.
       type(conflict_type) :: conflict
       type(predictions_type) :: predictions
@@ -221,7 +222,8 @@ contains
       allocate (self%predicted_mean(self%posterior%n_grains), self%predicted_sd(self%posterior%n_grains))
       call moments(flattened(self%predictions%moduli), self%predicted_mean, self%predicted_sd)
       call check_model(self%posterior, self%chains, threads, self%checks)
-      call most_probable_point(self%posterior, self%chains, self%most_probable)
+      self%most_probable = self%chains%best_draw()
+      call climb(self%posterior, self%chains, self%most_probable)
       call check_orientations(self%posterior, self%most_probable, self%orientations, error)
       if (allocated(error)) return
       draws = flattened(self%chains%draws(:, ::self%predictions%stride, :))
@@ -248,10 +250,12 @@ contains
       self%correlation = correlate(self%chains, k)
       call expect_gains(self%posterior%prior, self%chains%draws, self%gains)
       call evaluate_draws(self%quantities, self%posterior%prior%class, flattened(self%prior_chains%draws), prior_values)
-      call compare_quantities(values, prior_values, self%known)
+      allocate (self%known(4, size(values, 1)))
+      call moments(values, self%known(1, :), self%known(2, :))
+      call moments(prior_values, self%known(3, :), self%known(4, :))
       ! Of the constants, which come first, all draws are there.
-      self%known(:k)%mean = self%parameters(:k)%mean
-      self%known(:k)%sd = self%parameters(:k)%sd
+      self%known(1, :k) = self%parameters(:k)%mean
+      self%known(2, :k) = self%parameters(:k)%sd
    end subroutine summarise
 
    !> Who decided what: the parameters over as many draws as there is time for, the rest over some.

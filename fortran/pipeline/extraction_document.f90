@@ -182,7 +182,7 @@ contains
          do i = 1, found%posterior%n_grains
             call document%begin_object()
             call document%put_numbers('mean, sd, measured, measured_sd', [found%predicted_mean(i), found%predicted_sd(i), &
-               & found%posterior%measured(i), found%posterior%sd(i)])
+               & found%posterior%data%modulus(i), found%posterior%data%sd(i)])
             call document%put('euler_deg', table%euler_deg(:, i))
             if (i > found%posterior%n_moduli) call document%put('propagation_deg', table%propagation_deg(i))
             if (table%named_by > 0) call document%put('grain', table%name(i))
@@ -217,11 +217,11 @@ contains
          end associate
       end do
       do i = 1, size(found%quantities)
-         associate (known => found%known(i))
+         associate (known => found%known(:, i))
             call begin('quantity', found%quantities(i)%name)
             call document%put('unit', found%quantities(i)%unit)
-            call document%put_numbers('mean, sd, prior_mean, prior_sd', [known%mean, known%sd, known%prior_mean, known%prior_sd])
-            call write_share(document, found%quantity_shares(i), verdict_of(known%mean, known%sd, &
+            call document%put_numbers('mean, sd, prior_mean, prior_sd', known)
+            call write_share(document, found%quantity_shares(i), verdict_of(known(1), known(2), &
                & merge(found%least_value(), 0.0_wp, found%quantities(i)%unit == 'GPa'), found%quantity_shares(i)))
             call document%end_object()
          end associate

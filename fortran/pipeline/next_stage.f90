@@ -95,7 +95,7 @@ contains
                & //'modulus, and no moduli were measured whose sd it could be')
             return
          else if (.not. sd > 0.0_wp) then
-            sd = median(posterior%n_moduli, posterior%sd(:posterior%n_moduli))
+            sd = median(posterior%n_moduli, posterior%data%sd(:posterior%n_moduli))
             if (posterior%dimension > posterior%n_constants) sd = sd*sum(draws(posterior%dimension, :))/size(draws, 2)
          end if
          if (posterior%dimension > posterior%n_constants) few(posterior%dimension, :) = log(few(posterior%dimension, :))
@@ -322,13 +322,14 @@ contains
       mean_slope = slope
       call posterior%observable%from_simulation(mean, mean_slope)
       columns = 0.0_wp
-      if (posterior%settings%calibration_sd > 0.0_wp) columns(:, grains%n_columns + 1) = &
-         & posterior%settings%calibration_sd*posterior%observable%calibration_slope(mean)
+      if (posterior%settings%calibration_sd > 0.0_wp) columns(:, grains%n_columns + 1) = posterior%settings%calibration_sd*mean
       call posterior%place_shared(z, b, precision, factor)
       ! Of the errors that were stated it has those of the mean grain.
-      do i = 1, size(posterior%shared, 2)
-         columns(:, posterior%n_calibrated + i) = sum(posterior%shared(:posterior%n_moduli, i))/max(1, posterior%n_moduli)*mean
-         factor = factor + sum(posterior%shared(:posterior%n_moduli, i))/max(1, posterior%n_moduli)*b(posterior%n_calibrated + i)
+      do i = 1, size(posterior%data%shared, 2)
+         associate (common => sum(posterior%data%shared(:posterior%n_moduli, i))/max(1, posterior%n_moduli))
+            columns(:, posterior%n_calibrated + i) = common*mean
+            factor = factor + common*b(posterior%n_calibrated + i)
+         end associate
       end do
       if (grains%n_columns > 0) then
          call grains%evaluate_columns(c, influence)

@@ -261,7 +261,7 @@ contains
             call warn(warnings, 'grain '//printable(problem%measurements%name(check%outliers(i)))//' disagrees with the others: ' &
                & //'its modulus is '//fixed(abs(check%distances(i)), 1)//' sd '//trim(merge('above', 'below', &
                & check%distances(i) > 0.0_wp))//' what they predict, and without it they agree. Check its value (' &
-               & //to_text(found%posterior%measured(check%outliers(i)), 4)//' GPa) and orientation, remove it, or state ' &
+               & //to_text(found%posterior%data%modulus(check%outliers(i)), 4)//' GPa) and orientation, remove it, or state ' &
                & //'likelihood = ''student'', which admits outliers')
          end do
       end associate

@@ -188,7 +188,7 @@ contains
       !> Poisson's ratio of the isotropic solid that the mean measurement is read as.
       real(wp), parameter :: typical_poisson = 0.3_wp
       type(knowledge_type) :: knowledge
-      class(observable_type), allocatable :: observable
+      type(observable_type) :: observable
 
       call read_knowledge(problem, knowledge, error)
       if (.not. allocated(error)) call new_observable(problem%settings%measurements%modulus_kind, problem%settings%measurements, &
@@ -403,7 +403,7 @@ contains
       allocate (moduli(size(posterior%euler, 2)))
       do i = 1, size(draws, 2)
          call observe(posterior, posterior%grains, draws(:, i), moduli)
-         e = (moduli(checked) - exact(:, i))/posterior%sd(checked)
+         e = (moduli(checked) - exact(:, i))/posterior%data%sd(checked)
          errors(i) = max(maxval(abs(e)), allowed_error/allowed_together*sqrt(sum(e**2)/size(e)*posterior%n_grains))
       end do
    end function field_errors
@@ -441,8 +441,8 @@ contains
 
       associate (checked => checked_grains(posterior%n_grains))
          allocate (exact(size(checked), size(draws, 2)))
-         if (allocated(posterior%propagation)) then
-            call posterior%new_grains(posterior%euler(:, checked), in_full, error, posterior%propagation(checked))
+         if (allocated(posterior%data%propagation)) then
+            call posterior%new_grains(posterior%euler(:, checked), in_full, error, posterior%data%propagation(checked))
          else
             call posterior%new_grains(posterior%euler(:, checked), in_full, error)
          end if

@@ -213,7 +213,7 @@ contains
       !> Of surface waves, m/s.
       real(wp), intent(in), optional :: velocity(:)
       character(len=:), allocatable :: kinds(:), names
-      class(observable_type), allocatable :: observable
+      type(observable_type) :: observable
       real(wp), allocatable :: moduli(:, :)
       real(wp) :: slope(size(modulus))
       integer :: j

@@ -280,8 +280,8 @@ contains
       integer :: k
       real(wp), parameter :: cosine(n_angles) = [(cos(2.0_wp*pi*k/n_angles), k=0, n_angles - 1)]
       real(wp), parameter :: sine(n_angles) = [(sin(2.0_wp*pi*k/n_angles), k=0, n_angles - 1)]
-      real(wp) :: a(n), b(n), value(n), ga(n), gb(n), aa(n), ab(n), bb(n), h(n, n_angles)
-      real(wp) :: r, w, determinant, shrink, da, db, moved
+      real(wp), dimension(n) :: a, b, value, ga, gb, aa, ab, bb, determinant, shrink, da, db
+      real(wp) :: h(n, n_angles), r, w
       integer :: j, step, stride
 
       ! The quadratic expansion about a circle: h0 (1 + 3/16 e^2) - (a h1 + b h2)/4.
@@ -291,13 +291,10 @@ contains
       if (all(a**2 + b**2 <= oval)) stride = 2
       if (all(a**2 + b**2 <= round)) stride = 3
       do k = 1, n_angles, stride
-         !$omp simd
-         do j = 1, n
-            h(j, k) = modes(j, 1) + modes(j, 2)*cosine(k) + modes(j, 3)*sine(k) &
-               & + modes(j, 4)*cosine(1 + mod(2*(k - 1), n_angles)) + modes(j, 5)*sine(1 + mod(2*(k - 1), n_angles)) &
-               & + modes(j, 6)*cosine(1 + mod(3*(k - 1), n_angles)) + modes(j, 7)*sine(1 + mod(3*(k - 1), n_angles)) &
-               & + modes(j, 8)*cosine(1 + mod(4*(k - 1), n_angles)) + modes(j, 9)*sine(1 + mod(4*(k - 1), n_angles))
-         end do
+         h(:, k) = modes(:, 1) + modes(:, 2)*cosine(k) + modes(:, 3)*sine(k) &
+            & + modes(:, 4)*cosine(1 + mod(2*(k - 1), n_angles)) + modes(:, 5)*sine(1 + mod(2*(k - 1), n_angles)) &
+            & + modes(:, 6)*cosine(1 + mod(3*(k - 1), n_angles)) + modes(:, 7)*sine(1 + mod(3*(k - 1), n_angles)) &
+            & + modes(:, 8)*cosine(1 + mod(4*(k - 1), n_angles)) + modes(:, 9)*sine(1 + mod(4*(k - 1), n_angles))
       end do
       do step = 1, most_steps
          ga = 0.0_wp
@@ -318,27 +315,19 @@ contains
                bb(j) = bb(j) + w*sine(k)**2
             end do
          end do
-         moved = 0.0_wp
-         !$omp simd private(determinant, shrink, da, db) reduction(max: moved)
-         do j = 1, n
-            determinant = aa(j)*bb(j) - ab(j)**2
-            da = (ab(j)*gb(j) - bb(j)*ga(j))/determinant
-            db = (ab(j)*ga(j) - aa(j)*gb(j))/determinant
-            moved = max(moved, da**2 + db**2)
-            a(j) = a(j) + da
-            b(j) = b(j) + db
-            shrink = min(1.0_wp, largest/sqrt(max(a(j)**2 + b(j)**2, tiny(1.0_wp))))
-            a(j) = a(j)*shrink
-            b(j) = b(j)*shrink
-         end do
-         if (moved <= smallest**2) exit
+         determinant = aa*bb - ab**2
+         da = (ab*gb - bb*ga)/determinant
+         db = (ab*ga - aa*gb)/determinant
+         a = a + da
+         b = b + db
+         shrink = min(1.0_wp, largest/sqrt(max(a**2 + b**2, tiny(1.0_wp))))
+         a = a*shrink
+         b = b*shrink
+         if (all(da**2 + db**2 <= smallest**2)) exit
       end do
       value = 0.0_wp
       do k = 1, n_angles, stride
-         !$omp simd
-         do j = 1, n
-            value(j) = value(j) + h(j, k)/sqrt(1.0_wp + a(j)*cosine(k) + b(j)*sine(k))
-         end do
+         value = value + h(:, k)/sqrt(1.0_wp + a*cosine(k) + b*sine(k))
       end do
       moduli = n_angles/(pi*stride*value)
    end subroutine minimise_compliance

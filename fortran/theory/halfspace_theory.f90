@@ -31,17 +31,20 @@ module halfspace_theory
 
    !> Directions that one call takes: they fill the vector units.
    integer, parameter :: lanes = 8
-   !> Directions of the coarsest grid that is accepted, of those in the table below, and of the finest grid.
-   integer, parameter :: coarsest = 2*lanes, tabulated = 4*lanes, finest = 4096
+   !> Directions of the coarsest grid that is accepted, and of the finest grid.
+   integer, parameter :: coarsest = 2*lanes, finest = 4096
    !> Of the harmonic of h at 3/4 of what a grid resolves, relative to the mean. With the doubling of the grid it guards against a
    !> change that is small by the phase of a harmonic alone.
    real(wp), parameter :: allowed_tail = 3.0e-4_wp
 
    integer :: k
-   !> Directions in half a turn, radians, such that the first n = 8, 16, 32 are equally spaced; those of finer grids follow alike.
-   real(wp), parameter :: directions(tabulated) = pi*[[(k/real(lanes, wp), k=0, lanes - 1)], &
-      & [((k + 0.5_wp)/lanes, k=0, lanes - 1)], [((k + 0.5_wp)/(2*lanes), k=0, 2*lanes - 1)]]
-   real(wp), parameter :: cosines(tabulated) = cos(directions), sines(tabulated) = sin(directions)
+   !> Directions theta in half a turn, radians, such that the first n = 8, 16, 32, .. are equally spaced: after the first eight those that
+   !> double a grid are half way between its own.
+   real(wp), parameter :: directions(finest) = pi*[[(k/real(lanes, wp), k=0, lanes - 1)], &
+      & [((k + 0.5_wp)/2**int(log(k + 0.5_wp)/log(2.0_wp)) - 1.0_wp, k=lanes, finest - 1)]]
+   real(wp), parameter :: cosines(finest) = cos(directions), sines(finest) = sin(directions)
+   !> Of 2 theta.
+   real(wp), parameter :: cosine(finest) = cos(2.0_wp*directions), sine(finest) = sin(2.0_wp*directions)
 
    !> Relative change on doubling the angles below which the finer grid is accepted. The rule converges exponentially on these
    !> periodic integrands, so that the error left is about the square of the change.
@@ -58,7 +61,7 @@ contains
       real(wp), intent(in) :: c(6, 6), euler(3)
       type(halfspace_type), intent(out) :: result
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: one(9, 9), both(6, 6), h(finest), cosine(finest), sine(finest), shape(2), change
+      real(wp) :: one(9, 9), both(6, 6), h(finest), shape(2), change
       integer :: done, n
 
       call check_stiffness(c, error)
@@ -68,10 +71,10 @@ contains
       shape = 0.0_wp
       n = coarsest
       do while (n <= finest)
-         call extend_grid(one, both, done, n, h, cosine, sine)
+         call extend_grid(one, both, done, h(:n))
          done = n
-         call fit_contact_ellipse(h(:n), cosine(:n), sine(:n), shape, result, change)
-         if (change <= tolerance .and. tail(h(:n), cosine(:n), sine(:n)) <= allowed_tail) return
+         call fit_contact_ellipse(h(:n), shape, result, change)
+         if (change <= tolerance .and. tail(h(:n)) <= allowed_tail) return
          n = 2*n
       end do
       call raise(error, 'the surface Green''s function of a nearly unstable crystal did not converge on ' &
@@ -88,47 +91,35 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(halfspace_type) :: result
       type(error_type), allocatable :: own
-      integer :: i, first
+      logical :: failed(size(modulus))
+      integer :: i
 
-      first = size(modulus) + 1
       !$omp parallel do num_threads(threads) schedule(dynamic, 16) private(result, own)
       do i = 1, size(modulus)
          call halfspace_modulus(stiffness(:, :, i), degree*euler_deg(:, i), result, own)
          modulus(i) = result%modulus
          circular(i) = result%modulus_circular
-         if (.not. allocated(own)) cycle
-         !$omp critical (halfspace_moduli_error)
-         if (i < first) then
-            first = i
-            call raise(error, 'crystal '//to_text(i)//': '//own%message, own%status)
-         end if
-         !$omp end critical (halfspace_moduli_error)
+         failed(i) = allocated(own)
       end do
       !$omp end parallel do
+      i = findloc(failed, .true., dim=1)
+      if (i == 0) return
+      call halfspace_modulus(stiffness(:, :, i), degree*euler_deg(:, i), result, error)
+      error%message = 'crystal '//to_text(i)//': '//error%message
    end subroutine halfspace_moduli
 
-   !> h(theta) of u_z = h/r for a unit normal point force, 1/GPa, and the cosine and sine of 2 theta, in the directions after the first
-   !> `done` up to the `n`-th; theta is counted from sample x in the surface.
-   pure subroutine extend_grid(one, both, done, n, h, cosine, sine)
+   !> h(theta) of u_z = h/r for a unit normal point force, 1/GPa, in the directions after the first `done`; theta is counted from sample x
+   !> in the surface.
+   pure subroutine extend_grid(one, both, done, h)
       real(wp), intent(in) :: one(9, 9), both(6, 6)
-      integer, intent(in) :: done, n
-      real(wp), intent(inout) :: h(finest), cosine(finest), sine(finest)
-      real(wp) :: c(lanes), s(lanes), mm(lanes, 6), mn(lanes, 9), nn(lanes, 6), f(lanes, 6), theta
+      integer, intent(in) :: done
+      real(wp), intent(inout) :: h(:)
+      real(wp) :: c(lanes), s(lanes), mm(lanes, 6), mn(lanes, 9), nn(lanes, 6), f(lanes, 6)
       integer :: first, i
 
-      do first = done, n - lanes, lanes
-         if (first < tabulated) then
-            c = cosines(first + 1:first + lanes)
-            s = sines(first + 1:first + lanes)
-         else
-            do i = 1, lanes
-               theta = pi*(first + i - done - 0.5_wp)/done
-               c(i) = cos(theta)
-               s(i) = sin(theta)
-            end do
-         end if
-         cosine(first + 1:first + lanes) = c**2 - s**2
-         sine(first + 1:first + lanes) = 2.0_wp*c*s
+      do first = done, size(h) - lanes, lanes
+         c = cosines(first + 1:first + lanes)
+         s = sines(first + 1:first + lanes)
          ! m = (sin theta, -cos theta, 0) and n = z are perpendicular to t.
          do i = 1, 9
             mn(:, i) = s*one(3, i) - c*one(6, i)
@@ -144,28 +135,18 @@ contains
 
    !> Amplitude of the harmonic 2 (3 n/8) of theta in h on n = 16, 32, .. directions, relative to the mean: n/8 is a power of two, and
    !> with the cube of exp(2 i theta) any symmetry of the surface about its normal has that harmonic.
-   pure real(wp) function tail(h, cosine, sine)
-      real(wp), intent(in), contiguous :: h(:), cosine(:), sine(:)
-      complex(wp) :: z, total
-      integer :: i, j, squarings
+   pure real(wp) function tail(h)
+      real(wp), intent(in), contiguous :: h(:)
+      integer :: n
 
-      squarings = nint(log(size(h)/8.0_wp)/log(2.0_wp))
-      total = 0.0_wp
-      do i = 1, size(h)
-         z = cmplx(cosine(i), sine(i), wp)
-         z = z*z*z
-         do j = 1, squarings
-            z = z*z
-         end do
-         total = total + h(i)*z
-      end do
-      tail = 2.0_wp*abs(total)/sum(h)
+      n = size(h)
+      tail = 2.0_wp*abs(sum(h*cmplx(cosine(:n), sine(:n), wp)**(3*n/8)))/sum(h)
    end function tail
 
    !> Minimise the convex compliance over the shape (a, b) of the contact ellipse by Newton's method.
-   pure subroutine fit_contact_ellipse(h, cosine, sine, shape, result, change)
-      !> h, and the cosine and sine of 2 theta, in n equally spaced directions, of which the first half are equally spaced too.
-      real(wp), intent(in), contiguous :: h(:), cosine(:), sine(:)
+   pure subroutine fit_contact_ellipse(h, shape, result, change)
+      !> In n equally spaced directions, of which the first half are equally spaced too.
+      real(wp), intent(in), contiguous :: h(:)
       !> (a, b): a guess, or 0, on entry.
       real(wp), intent(inout) :: shape(2)
       type(halfspace_type), intent(out) :: result
@@ -180,16 +161,16 @@ contains
 
       n = size(h)
       do iteration = 1, 50
-         call differentiate(h, cosine, sine, shape, gradient, hessian)
+         call differentiate(h, shape, gradient, hessian)
          determinant = hessian(1)*hessian(3) - hessian(2)**2
          step(1) = (hessian(2)*gradient(2) - hessian(3)*gradient(1))/determinant
          step(2) = (hessian(2)*gradient(1) - hessian(1)*gradient(2))/determinant
          length = 1.0_wp
          if (sum((shape + step)**2) > safe_shape**2 .or. sum(step**2) > safe_step**2) then
-            value = total_compliance(h, cosine, sine, shape)
+            value = total_compliance(h, shape)
             do
                if (sum((shape + length*step)**2) < 1.0_wp) then
-                  if (total_compliance(h, cosine, sine, shape + length*step) <= value*(1.0_wp + 1.0e-15_wp)) exit
+                  if (total_compliance(h, shape + length*step) <= value*(1.0_wp + 1.0e-15_wp)) exit
                end if
                length = 0.5_wp*length
                if (length < 1.0e-10_wp) exit
@@ -199,8 +180,8 @@ contains
          shape = shape + length*step
          if (sum(step**2) < smallest**2) exit
       end do
-      half = total_compliance(h(:n/2), cosine(:n/2), sine(:n/2), shape)
-      value = half + total_compliance(h(n/2 + 1:), cosine(n/2 + 1:), sine(n/2 + 1:), shape)
+      half = total_compliance(h(:n/2), shape)
+      value = total_compliance(h, shape)
       change = abs(2.0_wp*half/value - 1.0_wp)
       result%modulus = n/(pi*value)
       result%modulus_circular = n/(pi*sum(h))
@@ -211,8 +192,8 @@ contains
    end subroutine fit_contact_ellipse
 
    !> Sum of h (1 + a cos 2 theta + b sin 2 theta)^-1/2.
-   pure real(wp) function total_compliance(h, cosine, sine, shape) result(total)
-      real(wp), intent(in), contiguous :: h(:), cosine(:), sine(:)
+   pure real(wp) function total_compliance(h, shape) result(total)
+      real(wp), intent(in), contiguous :: h(:)
       real(wp), intent(in) :: shape(2)
       integer :: i
 
@@ -224,8 +205,8 @@ contains
    end function total_compliance
 
    !> Its gradient and its second derivatives aa, ab, bb.
-   pure subroutine differentiate(h, cosine, sine, shape, gradient, hessian)
-      real(wp), intent(in), contiguous :: h(:), cosine(:), sine(:)
+   pure subroutine differentiate(h, shape, gradient, hessian)
+      real(wp), intent(in), contiguous :: h(:)
       real(wp), intent(in) :: shape(2)
       real(wp), intent(out) :: gradient(2), hessian(3)
       real(wp) :: r, w, a, b, aa, ab, bb
@@ -260,26 +241,14 @@ contains
       !> From a_k a_l to (aa), both by the components 11, 22, 33, 23, 13, 12.
       real(wp), intent(out) :: both(6, 6)
       integer, parameter :: first(6) = [1, 2, 3, 2, 1, 1], second(6) = [1, 2, 3, 3, 3, 2]
-      integer :: i, j, k, l, p, q
+      integer :: i, j, k, l
 
-      do j = 1, 3
-         do i = 1, 3
-            do k = 1, 3
-               do l = 1, 3
-                  one(l + 3*(k - 1), i + 3*(j - 1)) = c(voigt_index(k, i), voigt_index(j, l))
-               end do
-            end do
-         end do
+      do concurrent(i=1:3, j=1:3, k=1:3, l=1:3)
+         one(l + 3*(k - 1), i + 3*(j - 1)) = c(voigt_index(k, i), voigt_index(j, l))
       end do
-      do q = 1, 6
-         i = first(q)
-         j = second(q)
-         do p = 1, 6
-            k = first(p)
-            l = second(p)
-            both(p, q) = c(voigt_index(k, i), voigt_index(j, l))
-            if (k /= l) both(p, q) = both(p, q) + c(voigt_index(l, i), voigt_index(j, k))
-         end do
+      do concurrent(i=1:6, j=1:6)
+         both(i, j) = c(voigt_index(first(i), first(j)), voigt_index(second(j), second(i)))
+         if (i > 3) both(i, j) = both(i, j) + c(voigt_index(second(i), first(j)), voigt_index(second(j), first(i)))
       end do
    end subroutine contraction_maps
 

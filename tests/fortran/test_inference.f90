@@ -12,7 +12,7 @@ program test_inference
    use output_polynomial, only: fit_output_polynomial, is_fitted, output_polynomial_type, polynomial_degree, polynomial_terms
    use settings_schema, only: measurements_settings_type
    use random, only: new_random_stream, random_stream_type
-   use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
+   use samplers, only: chains_type, checkpoint_type, new_sampler, run_settings_type, sample_chains
    use testing, only: check, check_close, check_refused, check_success, class_of, finish, long_cases
    use text, only: to_text
    use linear_algebra, only: exp_all, transposed_product
@@ -55,7 +55,7 @@ contains
    !> Shared errors against the determinant and the inverse in closed form; scales; words.
    subroutine test_error_models()
       class(error_model_type), allocatable :: model
-      class(observable_type), allocatable :: observable
+      type(observable_type) :: observable
       type(measurements_settings_type) :: settings
       type(error_type), allocatable :: error
       real(wp) :: r(4), u(4, 2), b(2), l(2, 2), value, expected, large, modulus(1), slope(1)
@@ -161,7 +161,7 @@ contains
       wavy%n_outputs = dimension
       words = 'surrogate transitions in '//to_text(dimension)
       call new_sampler('ensemble', burn_in, sampler, error)
-      call sample_chains(wavy, sampler, run_settings_type(samples, 4, 2, 3), chains, error)
+      call sample_chains(wavy, sampler, run_settings_type(samples, 4, 2, 3), chains, error, checkpoint_type())
       call check_success(trim(words)//': chains', error)
       call check('the polynomial errs, and the exact density tells', all(chains%acceptance < 0.999_wp .and. &
          & chains%acceptance > 0.2_wp))
@@ -230,7 +230,7 @@ contains
       banana%upper = [b, 10.0_wp, 5.0_wp]
       call new_sampler(name, burn_in, sampler, error)
       call check_success(name//': is known', error)
-      call sample_chains(banana, sampler, run_settings_type(samples, 4, 1, 7), chains, error)
+      call sample_chains(banana, sampler, run_settings_type(samples, 4, 1, 7), chains, error, checkpoint_type())
       call check_success(name//': chains', error)
       mass = 0.5_wp*(erf(b/sqrt(2.0_wp)) - erf(a/sqrt(2.0_wp)))
       mean = (normal_density(a) - normal_density(b))/mass
@@ -244,7 +244,7 @@ contains
       if (name == 'scmh') call check_close(name//': acceptance', average(reshape(chains%acceptance, [4, 1])), 0.23_wp, &
          & 0.03_wp)
       do threads = 2, 4, 2
-         call sample_chains(banana, sampler, run_settings_type(samples, 4, threads, 7), other, error)
+         call sample_chains(banana, sampler, run_settings_type(samples, 4, threads, 7), other, error, checkpoint_type())
          call check(name//': the same to the bit on more threads', all(other%draws == chains%draws) .and. &
             & all(other%log_density == chains%log_density))
       end do

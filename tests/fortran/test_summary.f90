@@ -100,17 +100,20 @@ contains
 
    subroutine test_simplex()
       type(banana_type) :: banana
+      type(chains_type) :: chains
       real(wp) :: x(3)
 
+      ! Parameters of sd 1.
+      chains%draws = reshape(spread([-1.0_wp, 0.0_wp, 1.0_wp], 1, 3), [3, 3, 1])
       banana%dimension = 3
       banana%lower = [-1.5_wp, -10.0_wp, -5.0_wp]
       banana%upper = [2.0_wp, 10.0_wp, 5.0_wp]
       x = [1.2_wp, 1.3_wp, 0.5_wp]
-      call climb(banana, [0.1_wp, 0.1_wp, 0.1_wp], x)
+      call climb(banana, chains, x)
       call check('uphill along a ridge', maxval(abs(x)) < 0.02_wp)
       banana%lower(1) = 0.7_wp
       x = [1.2_wp, 1.3_wp, 0.5_wp]
-      call climb(banana, [0.1_wp, 0.1_wp, 0.1_wp], x)
+      call climb(banana, chains, x)
       call check_close('to a bound', x(1), 0.7_wp, 0.01_wp)
       call check('and not across it', x(1) >= 0.7_wp)
    end subroutine test_simplex
