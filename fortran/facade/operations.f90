@@ -14,14 +14,13 @@ module operations
    use extraction_document, only: read_posterior
    use problem, only: problem_type
    use kinds, only: i8
-   use problem_input, only: problem_of_text, read_problem
    use running_command, only: advance_progress, begin_progress, end_command, end_progress, listen, show_progress, &
       & stop_listening, take_folder, watch_signals
    use settings_schema, only: schema_page, settings_type
    use settings_reader, only: put_settings, read_settings
    use simulation_operations, only: held_simulator_type, run_simulator, use_model, use_problem, use_stage
    use stage_documents, only: digest_surrogate, read_document, read_resolved, write_document
-   use stages, only: all_stages, run_command, stage_row_type
+   use stages, only: all_stages, problem_of_text, read_problem, run_command, stage_row_type
    use surrogate_learner, only: learner_type
    use surrogate_model, only: load_named_surrogate, surrogate_type
    use surrogate_operations, only: use_basis, use_learner, use_posterior, use_surrogate

@@ -22,7 +22,7 @@ module simulation_operations
    use settings_reader, only: put_settings, settings_namelist
    use simulate, only: new_simulator, outcome_type, simulation_error, simulator_type
    use stage_documents, only: begin_results, inputs_of
-   use stages, only: check_simulator, check_stages, new_stage
+   use stages, only: check_stages, new_stage
    use surrogate_operations, only: give_basis
    use tables, only: table_type, write_table
    use text, only: join
@@ -192,7 +192,7 @@ contains
             do i = 1, size(physics)
                physics(i)%text = ''
                if (any(jobs%physics == i)) physics(i)%text = settings_namelist(stage%physics(i), &
-                  & 'specimen indenter simulation', .true.)
+                  & 'specimen indenter simulation')
             end do
             call x%out%put('physics', physics)
             call x%out%put_integers('physics_number', jobs%physics - 1, shape(jobs))
@@ -210,7 +210,7 @@ contains
          outcome%message = x%in%text('message')
          call stage%take(x%in%integer('number'), outcome, x%error)
       case ('leave')
-         call stage%leave(x%error)
+         call stage%campaign%flush(x%error)
       case ('close')
          call stage%close(x%text, x%error)
       case ('look_ahead')
@@ -262,8 +262,7 @@ contains
       case ('inputs')
          x%text = '{'//inputs_of(self, self%groups, x%places())//'}'
       case ('check_stages')
-         call check_stages(self, x%places(), x%error)
-         if (.not. allocated(x%error)) call check_simulator(self, x%error)
+         call check_stages(self, x%places(), .true., x%error)
       case ('indentation')
          allocate (model)
          call x%give(model, 'indentation')

@@ -12,6 +12,7 @@ module surrogate_operations
    use exchange, only: exchange_type
    use extraction, only: extract, extraction_type
    use extraction_document, only: put_extraction, write_extraction
+   use json, only: json_type
    use kinds, only: degree, wp
    use labelled_values, only: labelled_values_type
    use next_stage, only: next_document
@@ -19,6 +20,7 @@ module surrogate_operations
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, checkpoint_type, new_sampler, run_settings_type, sample_chains
    use sequential_design, only: update_posterior_mean
+   use stage_documents, only: end_document
    use surrogate_domain, only: spread_crystals
    use surrogate_learner, only: add_simulations, fit_learner, learner_type, leave_out, new_learner, &
       & predict_moduli, set_learner_candidates, surrogate_of
@@ -36,6 +38,8 @@ contains
       type(exchange_type), intent(inout) :: x
       type(posterior_type), pointer :: density
       type(extraction_type) :: found
+      type(json_type) :: page
+      type(warning_type), allocatable :: warnings(:), reasons(:)
 
       allocate (density)
       call x%give(density, 'posterior')
@@ -43,7 +47,9 @@ contains
          call extract(x%problem, surrogate, found, x%error)
          if (allocated(x%error)) return
          density = found%posterior
-         call put_extraction(x%problem, found, write_extraction(x%problem, found), x%out)
+         call page%begin_object()
+         call write_extraction(x%problem, found, page, warnings, reasons)
+         call put_extraction(x%problem, found, end_document(page, [x%problem%warnings, warnings]), x%out)
       else
          call new_problem_posterior(x%problem, surrogate, verb == 'prior', density, x%error)
          if (allocated(x%error)) return
@@ -60,6 +66,7 @@ contains
       type(chains_type) :: chains
       type(random_stream_type) :: stream
       class(grain_model_type), allocatable :: grains
+      type(json_type) :: page
       type(warning_type), allocatable :: warnings(:)
       real(wp), pointer :: points(:, :)
       real(wp), allocatable :: factor(:, :)
@@ -96,7 +103,9 @@ contains
          call x%out%put_array('factor', factor, shape(factor))
       case ('next')
          ! The points are draws, which have the factor on the sds as it is, not its logarithm.
-         call next_document(x%problem, density, points, x%text, warnings, x%error)
+         call page%begin_object()
+         call next_document(x%problem, density, points, page, warnings, x%error)
+         x%text = end_document(page, [x%problem%warnings, warnings])
       case default
          call x%refuse(verb)
       end select

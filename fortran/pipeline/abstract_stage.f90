@@ -6,7 +6,7 @@
 !>        if (size(stage%jobs) == 0) exit
 !>        (simulate each, in any order, and give what became of it to stage%take)
 !>     end do
-!>     call stage%close(document, error)              ! files, and the document; after an error or an interrupt stage%leave
+!>     call stage%close(document, error)              ! files, and the document; after an error or an interrupt stage%campaign%flush
 !>
 !> What became of a simulation is stored by `take`, of a stage that has a campaign; a modulus that is none is a failure. What the machine
 !> could not do (memory) is no result: it is wanted once more, alone, and is an error if that fails too.
@@ -14,11 +14,12 @@ module abstract_stage
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use campaign, only: campaign_type, row_type
    use errors, only: error_type, machine_failure, raise, refuse, warning_type
+   use json, only: json_type
    use kinds, only: wp
    use problem, only: problem_type
    use settings_schema, only: settings_type
    use simulate, only: outcome_done, outcome_failed, outcome_type, outcome_waiting
-   use stage_documents, only: keep_document
+   use stage_documents, only: begin_results, inputs_of, write_document
    use surrogate_model, only: places_type
    use text, only: lower, to_text
    implicit none
@@ -61,22 +62,22 @@ module abstract_stage
       !> Of stages that open it.
       type(campaign_type) :: campaign
    contains
-      procedure, non_overridable :: open, want, take, leave, close, look_up
+      procedure, non_overridable :: open, want, take, close, look_up
       !> Look at what is there, refuse what cannot be, and choose the first batch.
       procedure :: begin
       !> Learn from the batch that was simulated, and choose the next; none: all is done.
       procedure :: choose
-      !> Write the files, and the document: JSON, an object with the warnings.
-      procedure(write_document), deferred :: finish
+      !> Write the files, and the document into the object of a `page`.
+      procedure(describe), deferred :: finish
    end type stage_type
 
    abstract interface
-      subroutine write_document(self, document, error)
-         import :: error_type, stage_type
+      subroutine describe(self, page, error)
+         import :: error_type, json_type, stage_type
          class(stage_type), intent(inout) :: self
-         character(len=:), allocatable, intent(out) :: document
+         type(json_type), intent(inout) :: page
          type(error_type), allocatable, intent(out) :: error
-      end subroutine write_document
+      end subroutine describe
    end interface
 
    !> A job is to be made, to be made once more, or made.
@@ -98,8 +99,7 @@ contains
       self%physics = [problem%settings]
       self%done = ''
       allocate (self%warnings(0), self%reasons(0), self%more(0))
-      if (any(self%name == [character(len=7) :: 'extract', 'next'])) call self%problem%take_curve_results(self%output, error)
-      if (.not. allocated(error)) call self%begin(error)
+      call self%begin(error)
       if (.not. allocated(self%batch)) allocate (self%batch(0))
       if (.not. allocated(self%rows)) allocate (self%rows(size(self%batch)))
       call begin_batch(self)
@@ -125,12 +125,10 @@ contains
       integer :: first(size(self%rows)), next, i
 
       do i = 1, size(found)
-         associate (row => self%rows(i))
-            call self%campaign%find(row%symmetry, row%constants, row%euler_deg, stored, found(i), error)
-            if (allocated(error)) return
-            if (found(i)) row%outcome = stored%outcome
-            first(i) = stored%position - i + 1
-         end associate
+         call self%campaign%find(self%rows(i)%symmetry, self%rows(i)%constants, self%rows(i)%euler_deg, stored, found(i), error)
+         if (allocated(error)) return
+         if (found(i)) self%rows(i)%outcome = stored%outcome
+         first(i) = stored%position - i + 1
       end do
       call self%campaign%next_position(next, error)
       self%rows%position = next - 1 + [(count(.not. found(:i)), i=1, size(found))]
@@ -144,7 +142,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       if (all(self%state == made)) then
-         call self%leave(error)
+         call self%campaign%flush(error)
          if (.not. allocated(error)) call self%choose(error)
          if (allocated(error)) return
          call begin_batch(self)
@@ -185,14 +183,6 @@ contains
       end if
    end subroutine take
 
-   !> Store what waits to be stored; of a stage that ends before its time, too.
-   subroutine leave(self, error)
-      class(stage_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-
-      call self%campaign%flush(error)
-   end subroutine leave
-
    subroutine begin(self, error)
       class(stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
@@ -217,9 +207,17 @@ contains
       !> JSON.
       character(len=:), allocatable, intent(out) :: document
       type(error_type), allocatable, intent(out) :: error
+      type(json_type) :: page
 
       call self%campaign%close()
-      call self%finish(document, error)
-      if (.not. allocated(error)) call keep_document(self%problem, self%groups, self%places, self%document_file, document, error)
+      call page%begin_object()
+      call self%finish(page, error)
+      if (allocated(error)) return
+      call page%put('warnings', [self%problem%warnings, self%warnings])
+      call page%put_json('inputs', '{'//inputs_of(self%problem, self%groups, self%places)//'}')
+      call page%end_object()
+      document = page%text()
+      call begin_results(self%problem, self%groups, self%places, error)
+      if (.not. allocated(error)) call write_document(self%places%output//self%document_file, document, error)
    end subroutine close
 end module abstract_stage

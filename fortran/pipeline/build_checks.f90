@@ -31,39 +31,31 @@ contains
       !> Folder in which the surrogate must be kept, too, without a slash at its end.
       character(len=*), intent(in), optional :: output
       class(basis_type), allocatable :: basis
+      real(wp), parameter :: bytes = 8.0_wp
+      integer :: n
 
       call check_new_name(problem%settings%surrogate%file, error)
       if (present(output) .and. .not. allocated(error)) call check_replaceable(output//'/'//problem%settings%surrogate%file, error)
       if (allocated(error)) error%message = place(problem%path, 'surrogate', 'file')//error%message
       if (.not. allocated(error)) call basis_of_problem(problem, basis, error)
       if (allocated(error)) return
-      associate (budget => problem%settings%design%budget)
-         if (.not. allocated(basis%prior_degrees) .and. budget < basis%n_terms) call refuse(error, place(problem%path, 'design', &
-            & 'budget')//to_text(budget)//' simulations are fewer than the '//to_text(basis%n_terms)//' terms of the ' &
-            & //'surrogate; allowed: '//to_text(basis%n_terms)//' or more, a lower degree or bandlimit, or model = ''correction''')
-      end associate
-      if (.not. allocated(error)) call check_size(problem, basis%n_terms, error)
-      if (.not. allocated(error)) call check_scan(problem, basis%domain, error)
-   end subroutine check_build
-
-   !> The terms of all candidates, twice while they are whitened, and four matrices of the terms.
-   subroutine check_size(problem, n_terms, error)
-      type(problem_type), intent(in) :: problem
-      !> Of the basis.
-      integer, intent(in) :: n_terms
-      type(error_type), allocatable, intent(out) :: error
-      real(wp), parameter :: bytes = 8.0_wp
-      real(wp) :: terms
-      integer :: n
-
+      if (.not. allocated(basis%prior_degrees) .and. problem%settings%design%budget < basis%n_terms) call refuse(error, &
+         & place(problem%path, 'design', 'budget')//to_text(problem%settings%design%budget)//' simulations are fewer than the ' &
+         & //to_text(basis%n_terms)//' terms of the surrogate; allowed: '//to_text(basis%n_terms) &
+         & //' or more, a lower degree or bandlimit, or model = ''correction''')
+      if (allocated(error)) return
       n = problem%settings%design%n_candidates
       if (allocated(problem%candidates)) n = problem%candidates%n
-      terms = n_terms
-      call check_memory(bytes*terms*(2.0_wp*n + 4.0_wp*terms), to_text(n)//' candidates of '//to_text(n_terms)//' terms', error)
-      if (.not. allocated(error)) return
-      error%message = place(problem%path, 'design', 'n_candidates')//error%message
-      error%status = exit_bad_input
-   end subroutine check_size
+      ! The terms of all candidates, twice while they are whitened, and four matrices of the terms.
+      call check_memory(bytes*basis%n_terms*(2.0_wp*n + 4.0_wp*basis%n_terms), to_text(n)//' candidates of ' &
+         & //to_text(basis%n_terms)//' terms', error)
+      if (.not. allocated(error)) then
+         call check_scan(problem, basis%domain, error)
+      else
+         error%message = place(problem%path, 'design', 'n_candidates')//error%message
+         error%status = exit_bad_input
+      end if
+   end subroutine check_build
 
    !> The truncations to compare are possible, too.
    subroutine check_scan(problem, domain, error)
@@ -99,7 +91,8 @@ contains
       if (allocated(error)) return
       outside = count([(.not. domain%admits(self%candidates%stiffness(:, :, i)), i=1, self%candidates%n)])
       if (outside > 0) call warn(self%warnings, place(self%path, 'design', 'candidates')//to_text(outside)//' of ' &
-         & //to_text(self%candidates%n)//' rows of '//printable(self%settings%design%candidates)//' lie outside &domain')
+         & //to_text(self%candidates%n)//' rows of '//printable(self%settings%design%candidates) &
+         & //' lie outside &domain and are left out')
    end subroutine question_candidates
 
    !> What &domain and &surrogate ask for.
@@ -204,14 +197,9 @@ contains
       character(len=*), intent(in) :: text
       integer, allocatable, intent(out) :: list(:)
       character(len=len(text)), allocatable :: items(:)
-      character(len=len(text)) :: commas
       integer :: i, outcome
 
-      commas = text
-      do i = 1, len(text)
-         if (text(i:i) == ' ') commas(i:i) = ','
-      end do
-      allocate (items, source=split_list(commas))
+      allocate (items, source=split_list(text))
       allocate (list(size(items)))
       do i = 1, size(items)
          call read_integer(trim(items(i)), list(i), outcome)

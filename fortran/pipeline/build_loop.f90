@@ -59,14 +59,14 @@ contains
       type(error_type), allocatable, intent(out) :: error
       class(basis_type), allocatable :: basis
       type(row_type), allocatable :: rows(:)
-      character(len=:), allocatable :: warning, others
+      character(len=:), allocatable :: others
 
       allocate (self%chosen(0))
       self%stopped = ''
       associate (problem => self%problem, design => self%problem%settings%design)
          call check_build(problem, error, self%output)
          if (.not. allocated(error)) call basis_of_problem(problem, basis, error)
-         if (.not. allocated(error)) call new_candidates(problem, basis, self%candidates, warning, error)
+         if (.not. allocated(error)) call new_candidates(problem, basis, self%candidates, error)
          if (.not. allocated(error)) call new_learning(basis, design, self%learning, error)
          if (.not. allocated(error)) call set_learner_candidates(self%learning%learner, self%candidates%constants, &
             & self%candidates%euler_deg, design%variance_of, error)
@@ -77,7 +77,6 @@ contains
             call check_focus(problem, error)
          end if
          if (allocated(error)) return
-         if (len(warning) > 0) call warn(self%warnings, warning)
          call initial_set(self%candidates, basis, design, self%initial)
          call self%campaign%open(self%output//'/'//campaign_name, identity_text(problem%settings), error)
          if (.not. allocated(error)) call self%campaign%rows('', rows, error)
@@ -291,7 +290,7 @@ contains
    subroutine choose_unseen(build, error)
       class(build_type), intent(inout) :: build
       type(error_type), allocatable, intent(out) :: error
-      integer :: stored, wanted, i
+      integer :: stored, wanted
 
       wanted = build%problem%settings%design%validation
       if (allocated(build%unseen_modulus)) wanted = 0
@@ -299,11 +298,9 @@ contains
       if (wanted > 0) then
          associate (unused => build%unused)
             if (.not. any(unused%open)) stored = min(wanted, unused%n())
-            associate (rows => [(i, i=unused%taken + 1, unused%taken + stored)])
-               build%unseen_constants = unused%constants(:, rows)
-               build%unseen_euler_deg = unused%euler_deg(:, rows)
-               build%unseen_modulus = unused%modulus(rows)
-            end associate
+            build%unseen_constants = unused%constants(:, unused%taken + 1:unused%taken + stored)
+            build%unseen_euler_deg = unused%euler_deg(:, unused%taken + 1:unused%taken + stored)
+            build%unseen_modulus = unused%modulus(unused%taken + 1:unused%taken + stored)
          end associate
          wanted = min(wanted - stored, count(build%learning%learner%design%available))
       end if
@@ -412,11 +409,9 @@ contains
             else
                call update_posterior_mean(learning%learner%design, exactly, error)
             end if
-            associate (budget => build%problem%settings%design%budget)
-               if (.not. all_done .and. build%n_failed > max(10, budget) .and. .not. allocated(error)) then
-                  call raise(error, failures(build))
-               end if
-            end associate
+            if (.not. (allocated(error) .or. all_done) .and. build%n_failed > max(10, build%problem%settings%design%budget)) then
+               call raise(error, failures(build))
+            end if
          end if
       end associate
       build%chosen = [integer ::]

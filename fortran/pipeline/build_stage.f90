@@ -16,7 +16,7 @@ module build_stage
    use surrogate_learner, only: add_simulations, fit_learner, history_type, learner_type, learning_type, left_out, new_learner, &
       & surrogate_of
    use surrogate_model, only: predict_crystals, save_surrogate, surrogate_type
-   use text, only: fixed, to_text
+   use text, only: fixed, join, to_text
    use build_checks, only: read_scan
    implicit none
    private
@@ -30,13 +30,11 @@ module build_stage
 contains
 
    !> Write the surrogate into the output folder, and say how good it is.
-   subroutine finish(self, document, error)
+   subroutine finish(self, page, error)
       class(build_stage_type), intent(inout) :: self
-      !> JSON.
-      character(len=:), allocatable, intent(out) :: document
+      type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
       type(surrogate_type) :: surrogate
-      type(json_type) :: page
       character(len=:), allocatable :: file, words
       real(wp), allocatable :: stiffness(:, :, :), largest(:)
       integer :: i
@@ -57,7 +55,6 @@ contains
          if (100*self%n_failed > i) call warn(self%warnings, to_text(self%n_failed)//' of '//to_text(i)//' simulations failed: ' &
             & //'the stated errors do not include their crystals, which are often the hardest. campaign.sqlite has the reasons; ' &
             & //'anisotropy_cap or log_anisotropy_max of &domain leave such crystals out')
-         call page%begin_object()
          call page%put('simulations', learning%n())
          call page%put('new_simulations', self%n_new)
          call page%put('failed', self%n_failed)
@@ -82,9 +79,6 @@ contains
          if (allocated(self%unseen_modulus)) call put_validation(page, self, surrogate, error)
          if (allocated(error)) return
          call page%put('file', file)
-         call page%put('warnings', self%warnings)
-         call page%end_object()
-         document = page%text()
          self%done = to_text(learning%n())//' simulations, '//to_text(self%n_new)//' new, '//to_text(self%n_failed)//' failed, ' &
             & //self%stopped//': '//file
       end associate
@@ -96,17 +90,16 @@ contains
       character(len=:), allocatable :: text
       type(json_type) :: page
 
-      associate (learning => build%learning, problem => build%problem)
+      associate (learning => build%learning, problem => build%problem, &
+         & last => build%learning%history(size(build%learning%history)))
          call page%begin_object()
          call page%put('title', 'surrogate of the indentation modulus of '//learning%learner%basis%domain%members//' crystals')
          call page%put('physics', identity_text(problem%settings))
          call page%put('simulations', learning%n())
          call page%put('seed', problem%settings%problem%seed)
-         associate (last => learning%history(size(learning%history)))
-            call page%put_numbers('loocv_gpa, leave_crystal_out_gpa', [last%loocv, last%leave_crystal_out])
-         end associate
+         call page%put_numbers('loocv_gpa, leave_crystal_out_gpa', [last%loocv, last%leave_crystal_out])
          ! What the surrogate follows from, whichever command asked for it.
-         call page%put('namelist', settings_namelist(problem%settings, build%groups, only_needed=.true.))
+         call page%put('namelist', settings_namelist(problem%settings, build%groups))
          call page%end_object()
       end associate
       text = page%text()
@@ -192,7 +185,7 @@ contains
       type(json_type), intent(inout) :: page
       class(build_type), intent(inout) :: build
       character(len=:), allocatable :: advice
-      integer :: i, j, worst
+      integer :: i, worst
 
       advice = '. Increase &design budget, '//to_text(build%problem%settings%design%budget)
       call page%begin_array('focus')
@@ -200,11 +193,7 @@ contains
          associate (round => build%focus%rounds(i), names => build%problem%class%constants)
             call page%begin_object()
             call page%put('simulations', round%simulations)
-            call page%begin_object('surrogate_share')
-            do j = 1, size(names)
-               call page%put(trim(names(j)), round%share(j))
-            end do
-            call page%end_object()
+            call page%put_numbers(join(names, ', '), round%share, 'surrogate_share')
             call page%put_if(round%z >= 0.0_wp, 'rms_z', round%z)
             call page%put('truncated', round%truncated)
             call page%end_object()

@@ -3,15 +3,16 @@ module curves_document
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use curve_tables, only: curve_set_type
    use elastic_window, only: n_shared, test_type
-   use errors, only: error_type, warning_type
+   use errors, only: error_type
    use files, only: new_file_type
    use json, only: json_type
    use kinds, only: wp
    use shared_posterior, only: curves_posterior_type, material_type
    use small_matrices, only: factor_semidefinite
+   use stage_documents, only: cells_of_numbers
    use statistics, only: chi_square_above, median
    use tables, only: csv_cell
-   use text, only: newline, short_text, split_list, to_text
+   use text, only: newline, split_list, to_text
    implicit none
    private
    public :: write_curve_files, write_document
@@ -54,8 +55,8 @@ contains
       do i = 1, size(grains)
          associate (m => found%materials(grains(i)))
             call measurements%add(csv_cell(m%name)//cells_of(findloc(found%tests%material, grains(i), 1)) &
-               & //numbers(exp(m%ln_modulus)*[1.0_wp, m%own_sd]))
-            call errors%add(csv_cell(m%name)//numbers(loadings(i, :)))
+               & //cells_of_numbers(exp(m%ln_modulus)*[1.0_wp, m%own_sd]))
+            call errors%add(csv_cell(m%name)//cells_of_numbers(loadings(i, :)))
          end associate
       end do
       call fits%add('test,time_s,depth_nm,load_mn,fit_nm,elastic'//newline)
@@ -63,7 +64,8 @@ contains
          if (.not. allocated(found%tests(i)%fit)) cycle
          associate (t => found%tests(i), c => found%tests(i)%curve)
             do j = 1, size(t%fit)
-               call fits%add(csv_cell(set%curves(i)%name)//numbers([c%time(j), c%depth(j), c%load(j), t%fit(j), t%elastic(j)]))
+               call fits%add(csv_cell(set%curves(i)%name)//cells_of_numbers([c%time(j), c%depth(j), c%load(j), t%fit(j), &
+                  & t%elastic(j)]))
             end do
          end associate
       end do
@@ -86,19 +88,6 @@ contains
       end function cells_of
    end subroutine write_curve_files
 
-   !> Cells that follow others, and the end of their line.
-   pure function numbers(values) result(line)
-      real(wp), intent(in) :: values(:)
-      character(len=:), allocatable :: line
-      integer :: j
-
-      line = ''
-      do j = 1, size(values)
-         line = line//','//short_text(values(j))
-      end do
-      line = line//newline
-   end function numbers
-
    !> J L: relative errors of sd 1 times these, independent of each other, (grain, error).
    function loadings_of(grains, covariance) result(loadings)
       type(material_type), intent(in) :: grains(:)
@@ -118,16 +107,13 @@ contains
       loadings = loadings(:, pack([(j, j=1, n)], maxval(abs(loadings), 1) > negligible))
    end function loadings_of
 
-   !> The document: JSON.
-   function write_document(set, found, warnings) result(document)
+   !> The document, into the object of a `page`.
+   subroutine write_document(page, set, found)
+      type(json_type), intent(inout) :: page
       type(curve_set_type), intent(in) :: set
       type(curves_posterior_type), intent(in) :: found
-      type(warning_type), intent(in) :: warnings(:)
-      character(len=:), allocatable :: document
-      type(json_type) :: page
       integer :: i
 
-      call page%begin_object()
       call page%begin_object('tip')
       call put_unknown('radius_um', 1, exp(found%mean(1)), exp(found%mean(1)))
       call put_unknown('beta', 2, found%mean(2), 1.0_wp)
@@ -146,9 +132,6 @@ contains
       call page%put_numbers('references, grains', found%repeat_sd, 'repeat_sd')
       call put_tests(page, set, found%tests)
       call put_grains(page, found)
-      call page%put('warnings', warnings)
-      call page%end_object()
-      document = page%text()
 
    contains
 
@@ -167,7 +150,7 @@ contains
          call page%put('decided_by', trim(merge('prior', 'tests', sd > unmoved*found%prior_sd(i))))
          call page%end_object()
       end subroutine put_unknown
-   end function write_document
+   end subroutine write_document
 
    subroutine put_tests(page, set, tests)
       type(json_type), intent(inout) :: page

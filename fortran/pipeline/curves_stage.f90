@@ -1,17 +1,20 @@
-!> `curves`: Step 0, moduli of grains from measured curves.
+!> `curves`: Step 0, moduli of grains from measured curves. Materials are what the tests were made on: references, whose moduli are known,
+!> and grains.
 module curves_stage
    use abstract_stage, only: stage_type
-   use curve_materials, only: find_materials
    use curves_document, only: write_curve_files, write_document
    use elastic_window, only: begin_test, leave_out, n_shared, score_test, test_type
-   use errors, only: error_type, refuse, warn
+   use errors, only: error_type, refuse, warn, warning_type
    use files, only: printable
+   use halfspace_theory, only: halfspace_moduli
+   use json, only: json_type
    use kinds, only: wp
    use loading_segment, only: take_loading
    use namelist_file, only: place
+   use problem, only: problem_type
    use shared_posterior, only: curves_posterior_type, material_type
    use statistics, only: median
-   use text, only: to_text
+   use text, only: join, to_text
    implicit none
    private
    public :: curves_stage_type
@@ -63,24 +66,21 @@ contains
    end subroutine begin
 
    !> The posterior, its files and its document.
-   subroutine finish(self, document, error)
+   subroutine finish(self, page, error)
       class(curves_stage_type), intent(inout) :: self
-      character(len=:), allocatable, intent(out) :: document
+      type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
       integer :: i
 
-      associate (set => self%problem%curves)
-         call iterate(self, error)
-         if (allocated(error)) return
-         do i = 1, size(self%found%tests)
-            if (.not. self%found%tests(i)%used) call warn(self%warnings, 'test '//set%curves(i)%name//' is left out: ' &
-               & //self%found%tests(i)%reason)
-         end do
-         call check_references(self, error)
-         if (.not. allocated(error)) call write_curve_files(set, self%found, self%output, error)
-         if (allocated(error)) return
-         document = write_document(set, self%found, self%warnings)
-      end associate
+      call iterate(self, error)
+      if (allocated(error)) return
+      do i = 1, size(self%found%tests)
+         if (.not. self%found%tests(i)%used) call warn(self%warnings, 'test '//self%problem%curves%curves(i)%name &
+            & //' is left out: '//self%found%tests(i)%reason)
+      end do
+      call check_references(self, error)
+      if (.not. allocated(error)) call write_curve_files(self%problem%curves, self%found, self%output, error)
+      if (.not. allocated(error)) call write_document(page, self%problem%curves, self%found)
       self%done = to_text(count(self%found%tests%used))//' of '//to_text(size(self%found%tests))//' tests: '//self%output &
          & //'/measurements.csv'
    end subroutine finish
@@ -176,4 +176,82 @@ contains
             & //'radius_sd_um; indent a material of known modulus with the same tip')
       end associate
    end subroutine check_references
+
+   !> The materials of a problem's curves, in the order of their first tests, and the sessions.
+   subroutine find_materials(problem, found, error)
+      type(problem_type), intent(in) :: problem
+      type(curves_posterior_type), intent(inout) :: found
+      type(error_type), allocatable, intent(out) :: error
+      type(warning_type), allocatable :: names(:)
+      integer :: i, k
+
+      allocate (names(0), found%sessions(0))
+      do i = 1, size(found%tests)
+         associate (c => problem%curves%curves(i))
+            call number_name(merge('=', ' ', c%reference)//c%material, names, found%tests(i)%material)
+            call number_name(c%session, found%sessions, found%tests(i)%session)
+         end associate
+      end do
+      allocate (found%materials(size(names)))
+      do k = 1, size(names)
+         associate (m => found%materials(k))
+            m%name = names(k)%text(2:)
+            m%reference = names(k)%text(1:1) == '='
+            if (m%reference) call find_reference(problem, m, error)
+            if (allocated(error)) return
+         end associate
+      end do
+   end subroutine find_materials
+
+   !> The number of a name among the `names`, where it is then.
+   subroutine number_name(name, names, number)
+      character(len=*), intent(in) :: name
+      type(warning_type), allocatable, intent(inout) :: names(:)
+      integer, intent(out) :: number
+
+      do number = 1, size(names)
+         if (names(number)%text == name) return
+      end do
+      call warn(names, name)
+   end subroutine number_name
+
+   !> What &references says of a material.
+   subroutine find_reference(problem, material, error)
+      type(problem_type), intent(in) :: problem
+      type(material_type), intent(inout) :: material
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: names
+      real(wp) :: modulus(1), circular(1), sd, effective
+      integer :: i
+
+      names = ''
+      modulus = 0.0_wp
+      associate (r => problem%settings%references, indenter => problem%settings%curves)
+         if (allocated(r%name)) then
+            names = ', '//join(r%name, ', ')
+            i = findloc(r%name == material%name, .true., 1, back=.true.)
+            if (i > 0) modulus = r%young_gpa(i)/(1.0_wp - r%nu(i)**2)
+            if (i > 0) sd = r%young_sd_gpa(i)/r%young_gpa(i)
+         end if
+         if (allocated(problem%references)) then
+            do i = 1, problem%references%n
+               names = names//', '//problem%references%name(i)
+               if (problem%references%name(i) /= material%name) cycle
+               call halfspace_moduli(problem%references%stiffness(:, :, i:i), problem%references%euler_deg(:, i:i), 1, modulus, &
+                  & circular, error)
+               if (allocated(error)) return
+               sd = r%crystal_sd
+            end do
+         end if
+         if (.not. modulus(1) > 0.0_wp) then
+            if (len(names) == 0) names = ', none'
+            call refuse(error, place(problem%path, 'references', 'name')//'the tests have the reference ' &
+               & //printable(material%name)//', whose modulus is not stated; stated: '//names(3:))
+            return
+         end if
+         effective = 1.0_wp/(1.0_wp/modulus(1) + (1.0_wp - indenter%indenter_nu**2)/indenter%indenter_modulus_gpa)
+         material%prior_mean = log(effective)
+         material%prior_sd = max(1.0e-4_wp, sd*effective/modulus(1))
+      end associate
+   end subroutine find_reference
 end module curves_stage

@@ -6,12 +6,12 @@ module extract_stage
    use extraction, only: extract, extraction_type
    use extraction_document, only: describe_prior, save_posterior, write_extraction
    use files, only: new_file_type
+   use json, only: json_type
    use samplers, only: chain_prefix
    use namelist_file, only: place
-   use posterior_diagnostics, only: check_extraction, find_reasons
    use problem_posterior, only: new_problem_posterior
    use running_command, only: remove_files
-   use stage_documents, only: inputs_of
+   use stage_documents, only: end_document, inputs_of
    use surrogate_model, only: load_named_surrogate, surrogate_type
    use text, only: join, newline, number_text, to_text
    implicit none
@@ -36,6 +36,8 @@ contains
 
       class = ''
       associate (problem => self%problem)
+         call problem%take_curve_results(self%output, error)
+         if (allocated(error)) return
          if (allocated(problem%class%name)) class = problem%class%name
          call load_named_surrogate(problem%settings%surrogate%file, class, self%places, self%surrogate, error)
          if (allocated(error)) error%message = place(problem%path, 'surrogate', 'file')//error%message
@@ -44,19 +46,18 @@ contains
    end subroutine begin
 
    !> posterior.bin with all numbers, posterior.csv with the draws, and the document.
-   subroutine finish(self, document, error)
+   subroutine finish(self, page, error)
       class(extract_stage_type), intent(inout) :: self
-      character(len=:), allocatable, intent(out) :: document
+      type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
       type(extraction_type) :: found
 
       self%problem%kept_in = self%output
       call extract(self%problem, self%surrogate, found, error)
       if (allocated(error)) return
-      document = write_extraction(self%problem, found)
-      call find_reasons(found, self%reasons)
-      call check_extraction(self%problem, found, self%warnings)
-      call save_posterior(self%problem, found, document, self%output, inputs_of(self%problem, self%groups, self%places), error)
+      call write_extraction(self%problem, found, page, self%warnings, self%reasons)
+      call save_posterior(self%problem, found, end_document(page, [self%problem%warnings, self%warnings]), self%output, &
+         & inputs_of(self%problem, self%groups, self%places), error)
       if (.not. allocated(error)) call write_draws(found, self%output//'/posterior.csv', error)
       if (allocated(error)) return
       call remove_files(self%output, chain_prefix)

@@ -70,7 +70,7 @@ module extraction
       real(wp) :: surrogate_sd = 0.0_wp
       !> See `surrogate_model`, um; and how far its simulations are from the theory on average, relative.
       real(wp) :: surrogate_contact_radius = 0.0_wp, surrogate_correction = 0.0_wp
-      !> Of the constants by the theory of the half-space alone, GPa, where a correction was learnt: mean and sd; else of size 0.
+      !> Of the constants by the theory of the half-space alone, GPa, where a correction was learnt: mean and sd.
       real(wp), allocatable :: theory_mean(:), theory_sd(:)
       !> Of the posterior's chains, wall clock.
       real(wp) :: seconds = 0.0_wp
@@ -87,7 +87,8 @@ contains
       type(surrogate_type), intent(in) :: surrogate
       type(extraction_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
-      type(posterior_type) :: prior
+      type(posterior_type) :: prior, free
+      type(chains_type) :: free_chains
       integer(i8) :: start, end, rate
 
       call omit_weak_waves(problem, surrogate, error)
@@ -99,7 +100,12 @@ contains
       call system_clock(end)
       self%seconds = real(end - start, wp)/rate
       if (.not. allocated(error)) call sample_aside(problem, prior, prior_run, self%prior_chains, error)
-      if (.not. allocated(error)) call compare_knowledge(problem, self, error)
+      ! What is known, compared with what the measurements say without it.
+      if (size(self%posterior%prior%knowledge%mean) > 0) then
+         if (.not. allocated(error)) call without_knowledge(self%posterior, free, error)
+         if (.not. allocated(error)) call sample_aside(problem, free, free_run, free_chains, error)
+      end if
+      if (.not. allocated(error)) call find_conflict(self%posterior, self%chains, free_chains, self%conflict, error)
       if (problem%settings%sampler%evidence .and. .not. allocated(error)) then
          allocate (self%evidence)
          call estimate_evidence(self%posterior, self%chains, prior, self%prior_chains, &
@@ -109,21 +115,6 @@ contains
       if (.not. allocated(error)) call describe_surrogate(surrogate, self, error)
       if (.not. allocated(error)) call compare_theory(problem, self, error)
    end subroutine extract
-
-   !> Compare what is known with what the measurements say without it.
-   subroutine compare_knowledge(problem, self, error)
-      type(problem_type), intent(in) :: problem
-      type(extraction_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-      type(posterior_type) :: free
-      type(chains_type) :: chains
-
-      if (size(self%posterior%prior%knowledge%mean) > 0) then
-         call without_knowledge(self%posterior, free, error)
-         if (.not. allocated(error)) call sample_aside(problem, free, free_run, chains, error)
-      end if
-      if (.not. allocated(error)) call find_conflict(self%posterior, self%chains, chains, self%conflict, error)
-   end subroutine compare_knowledge
 
    subroutine describe_surrogate(surrogate, self, error)
       type(surrogate_type), intent(in) :: surrogate
@@ -136,12 +127,11 @@ contains
       self%checksum = surrogate%checksum
       self%surrogate_contact_radius = surrogate%contact_radius
       if (surrogate%contact_radius > 0.0_wp) then
-         associate (known => surrogate%simulations)
-            allocate (theory(self%simulations), circular(self%simulations))
-            call halfspace_moduli(stiffnesses(surrogate%basis%domain%class, known%constants), known%euler_deg, 1, theory, &
-               & circular, error)
-            if (.not. allocated(error)) self%surrogate_correction = sum(abs(known%modulus/theory - 1.0_wp))/self%simulations
-         end associate
+         allocate (theory(self%simulations), circular(self%simulations))
+         call halfspace_moduli(stiffnesses(surrogate%basis%domain%class, surrogate%simulations%constants), &
+            & surrogate%simulations%euler_deg, 1, theory, circular, error)
+         if (.not. allocated(error)) self%surrogate_correction = sum(abs(surrogate%simulations%modulus/theory - 1.0_wp)) &
+            & /self%simulations
       end if
       if (self%simulations == 0) return
       associate (posterior => self%posterior, n => self%posterior%n_moduli)
@@ -163,7 +153,6 @@ contains
       real(wp), dimension(self%posterior%dimension) :: mean, sd
       integer :: n
 
-      allocate (self%theory_mean(0), self%theory_sd(0))
       if (self%simulations == 0 .or. .not. self%posterior%grains%has_theory) return
       call new_theory_surrogate(theory, error)
       if (.not. allocated(error)) call draw_aside(problem, theory, theory_run, posterior, draws, error)

@@ -3,7 +3,6 @@
 !> And posterior.bin: all numbers of Step 2 by their names, see `put_extraction`, with a checksum of all before it at the end.
 module extraction_document
    use, intrinsic :: iso_c_binding, only: c_char
-   use constants_prior, only: prior_type
    use errors, only: error_type, refuse, warn, warning_type
    use extraction, only: extraction_type
    use files, only: checksum, file_exists, read_bytes, replace_file
@@ -24,289 +23,265 @@ module extraction_document
 
 contains
 
-   !> The document, as JSON.
-   function write_extraction(problem, found) result(text)
+   !> The document, into the object of a `page`, with what a person should know: `warnings`, and `reasons` for which it cannot be used.
+   subroutine write_extraction(problem, found, page, warnings, reasons)
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(in) :: found
-      character(len=:), allocatable :: text
-      type(json_type) :: document
-      type(warning_type), allocatable :: warnings(:), lines(:), reasons(:)
+      type(json_type), intent(inout) :: page
+      type(warning_type), allocatable, intent(out) :: warnings(:), reasons(:)
       integer :: i
 
-      call find_reasons(found, reasons)
-      call document%begin_object()
-      call document%put('usable', size(reasons) == 0)
-      call document%put('reasons', reasons)
-      call write_parameters(document, found)
-      call write_budget(document, found)
-      call write_ends(document, found)
-      call document%put('correlation', found%correlation)
-      if (size(found%theory_mean) > 0) then
-         call document%begin_object('theory_alone')
-         do i = 1, size(found%theory_mean)
-            call document%put_numbers('mean, sd', [found%theory_mean(i), found%theory_sd(i)], trim(found%names(i)))
-         end do
-         call document%end_object()
-      end if
-      call write_predicted(document, problem, found)
-      call write_identifiability(document, found)
-      call document%begin_object('prior')
-      call write_limits(document, found%posterior%prior)
-      call write_knowledge(document, found)
-      call describe_prior(found, lines)
-      call document%put('words', lines)
-      call document%end_object()
-      call document%begin_object('checks')
-      associate (checks => found%checks)
-         call document%put('draws', size(checks%log_prior))
-         call document%put_numbers('mean, p', [checks%chi_square, checks%chi_square_p], 'chi_square')
-         call document%begin_object('extreme_grain')
-         call document%put('grain', checks%extreme_grain)
-         call document%put_numbers('residual_sd, p', [checks%extreme_residual, checks%extreme_p])
-         call document%end_object()
-      end associate
-      associate (check => found%orientations)
-         call document%begin_object('orientations')
-         call document%put_numbers('constant_chi_square, chi_square, freedom, p, p_shuffled, power', [check%constant, &
-            & check%chi_square, real(check%freedom, wp), check%p, check%p_shuffled, check%power])
-         call document%put('better_reading', trim(readings(check%better)))
-         call document%put('outliers', real(check%outliers, wp))
-         call document%put('distances_sd', check%distances)
-         call document%end_object()
-      end associate
-      call document%end_object()
-      if (allocated(found%evidence)) call document%put_numbers('log_z, sd', [found%evidence%log_z, found%evidence%sd], 'evidence')
-      call write_changes(document, found)
-      if (found%field_degree > 0) then
-         call document%begin_object('theory')
-         call document%put('degree', found%field_degree)
-         call document%put('largest_error_sd', found%field_error)
-         call document%end_object()
-      end if
-      if (allocated(problem%velocities)) call document%put('velocities_left_out', problem%measurements%omitted)
-      call document%put('acceptance', sum(found%chains%acceptance)/size(found%chains%acceptance))
-      call document%put('samples', size(found%chains%draws, 2))
-      call document%put('chains', size(found%chains%draws, 3))
-      call document%put('method', problem%settings%sampler%method)
-      call document%put('seconds', found%seconds)
-      warnings = problem%warnings
+      allocate (warnings(0))
       call check_extraction(problem, found, warnings)
-      call document%put('warnings', warnings)
-      call document%end_object()
-      text = document%text()
-   end function write_extraction
+      call find_reasons(found, reasons)
+      call page%put('usable', size(reasons) == 0)
+      call page%put('reasons', reasons)
+      call write_parameters(page, found)
+      call write_ends(page, found)
+      call page%put('correlation', found%correlation)
+      if (allocated(found%theory_mean)) then
+         call page%begin_object('theory_alone')
+         do i = 1, size(found%theory_mean)
+            call page%put_numbers('mean, sd', [found%theory_mean(i), found%theory_sd(i)], trim(found%names(i)))
+         end do
+         call page%end_object()
+      end if
+      call write_predicted(page, problem, found)
+      call write_identifiability(page, found)
+      call write_prior(page, found)
+      call page%begin_object('checks')
+      associate (checks => found%checks, check => found%orientations)
+         call page%put('draws', size(checks%log_prior))
+         call page%put_numbers('mean, p', [checks%chi_square, checks%chi_square_p], 'chi_square')
+         call page%begin_object('extreme_grain')
+         call page%put('grain', checks%extreme_grain)
+         call page%put_numbers('residual_sd, p', [checks%extreme_residual, checks%extreme_p])
+         call page%end_object()
+         call page%begin_object('orientations')
+         call page%put_numbers('constant_chi_square, chi_square, freedom, p, p_shuffled, power', [check%constant, &
+            & check%chi_square, real(check%freedom, wp), check%p, check%p_shuffled, check%power])
+         call page%put('better_reading', trim(readings(check%better)))
+         call page%put('outliers', real(check%outliers, wp))
+         call page%put('distances_sd', check%distances)
+         call page%end_object()
+      end associate
+      call page%end_object()
+      if (allocated(found%evidence)) call page%put_numbers('log_z, sd', [found%evidence%log_z, found%evidence%sd], 'evidence')
+      call write_changes(page, found)
+      if (found%field_degree > 0) then
+         call page%begin_object('theory')
+         call page%put('degree', found%field_degree)
+         call page%put('largest_error_sd', found%field_error)
+         call page%end_object()
+      end if
+      if (allocated(problem%velocities)) call page%put('velocities_left_out', problem%measurements%omitted)
+      call page%put('acceptance', sum(found%chains%acceptance)/size(found%chains%acceptance))
+      call page%put('samples', size(found%chains%draws, 2))
+      call page%put('chains', size(found%chains%draws, 3))
+      call page%put('method', problem%settings%sampler%method)
+      call page%put('seconds', found%seconds)
+   end subroutine write_extraction
 
-   subroutine write_parameters(document, found)
-      type(json_type), intent(inout) :: document
-      type(extraction_type), intent(in) :: found
-      integer :: i
-
-      call document%begin_object('parameters')
-      do i = 1, size(found%names)
-         associate (parameter => found%parameters(i), d => found%parameters(i)%diagnostics)
-            call document%begin_object(trim(found%names(i)))
-            call document%put_numbers('mean, sd, map', [parameter%mean, parameter%sd, found%most_probable(i)])
-            call document%put('hdi_95', parameter%hdi_95)
-            call document%put_numbers('ess_bulk, ess_tail, r_hat', [d%ess_bulk, d%ess_tail, d%r_hat])
-            call write_share(document, found%parameter_shares(i), found%verdict(i))
-            call document%end_object()
-         end associate
-      end do
-      call document%end_object()
-   end subroutine write_parameters
-
-   !> Who decided a quantity, and whether it is determined.
-   subroutine write_share(document, share, verdict)
-      type(json_type), intent(inout) :: document
-      type(shares_type), intent(in) :: share
-      character(len=*), intent(in) :: verdict
-
-      call document%put_numbers('measurements, knowledge, prior', [share%measurements, share%knowledge, share%prior], 'share')
-      call document%put('verdict', verdict)
-   end subroutine write_share
-
-   !> The parts of the variance of each parameter, by source; of what is known each quantity is one.
-   subroutine write_budget(document, found)
-      type(json_type), intent(inout) :: document
+   !> The parameters; and the parts of the variance of each, by source, of which each quantity that is known is one.
+   subroutine write_parameters(page, found)
+      type(json_type), intent(inout) :: page
       type(extraction_type), intent(in) :: found
       integer :: i, j
 
-      call document%begin_object('error_budget')
+      call page%begin_object('parameters')
       do i = 1, size(found%names)
-         associate (share => found%parameter_shares(i), known => found%posterior%prior%knowledge%quantities)
-            call document%begin_object(trim(found%names(i)))
-            do j = 1, size(error_sources)
-               call document%put(trim(error_sources(j)), share%by_source(j))
-            end do
-            do j = 1, size(known)
-               call document%put(known(j)%name, share%by_quantity(j))
-            end do
-            call document%put('prior', share%prior)
-            call document%end_object()
+         associate (parameter => found%parameters(i), d => found%parameters(i)%diagnostics)
+            call page%begin_object(trim(found%names(i)))
+            call page%put_numbers('mean, sd, map', [parameter%mean, parameter%sd, found%most_probable(i)])
+            call page%put('hdi_95', parameter%hdi_95)
+            call page%put_numbers('ess_bulk, ess_tail, r_hat', [d%ess_bulk, d%ess_tail, d%r_hat])
+            call write_share(page, found%parameter_shares(i), found%verdict(i))
+            call page%end_object()
          end associate
       end do
-      call document%end_object()
-   end subroutine write_budget
+      call page%end_object()
+      call page%begin_object('error_budget')
+      do i = 1, size(found%names)
+         associate (share => found%parameter_shares(i), known => found%posterior%prior%knowledge%quantities)
+            call page%begin_object(trim(found%names(i)))
+            call page%put_numbers(join(error_sources, ', '), share%by_source)
+            do j = 1, size(known)
+               call page%put(known(j)%name, share%by_quantity(j))
+            end do
+            call page%put('prior', share%prior)
+            call page%end_object()
+         end associate
+      end do
+      call page%end_object()
+   end subroutine write_parameters
+
+   !> Who decided a quantity, and whether it is determined.
+   subroutine write_share(page, share, verdict)
+      type(json_type), intent(inout) :: page
+      type(shares_type), intent(in) :: share
+      character(len=*), intent(in) :: verdict
+
+      call page%put_numbers('measurements, knowledge, prior', [share%measurements, share%knowledge, share%prior], 'share')
+      call page%put('verdict', verdict)
+   end subroutine write_share
 
    !> The limits that end the draws.
-   subroutine write_ends(document, found)
-      type(json_type), intent(inout) :: document
+   subroutine write_ends(page, found)
+      type(json_type), intent(inout) :: page
       type(extraction_type), intent(in) :: found
       integer :: i, side
 
-      call document%begin_array('limits')
+      call page%begin_array('limits')
       do i = 1, size(found%limits)
          associate (limit => found%limits(i))
             do side = 1, 2
                if (.not. limit%ends(side)) cycle
-               call document%begin_object()
-               call document%put('name', trim(limit%name))
-               call document%put('side', merge('upper', 'lower', side == 2))
-               call document%put('stated', limit%stated)
-               call document%put_numbers('value, share', [limit%range(side), limit%share(side)])
-               call document%end_object()
+               call page%begin_object()
+               call page%put('name', trim(limit%name))
+               call page%put('side', merge('upper', 'lower', side == 2))
+               call page%put('stated', limit%stated)
+               call page%put_numbers('value, share', [limit%range(side), limit%share(side)])
+               call page%end_object()
             end do
          end associate
       end do
-      call document%end_array()
+      call page%end_array()
    end subroutine write_ends
 
-   subroutine write_predicted(document, problem, found)
-      type(json_type), intent(inout) :: document
+   subroutine write_predicted(page, problem, found)
+      type(json_type), intent(inout) :: page
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(in) :: found
       integer :: i
 
-      call document%begin_array('predicted')
+      call page%begin_array('predicted')
       associate (table => problem%measurements)
          do i = 1, found%posterior%n_grains
-            call document%begin_object()
-            call document%put_numbers('mean, sd, measured, measured_sd', [found%predicted_mean(i), found%predicted_sd(i), &
+            call page%begin_object()
+            call page%put_numbers('mean, sd, measured, measured_sd', [found%predicted_mean(i), found%predicted_sd(i), &
                & found%posterior%data%modulus(i), found%posterior%data%sd(i)])
-            call document%put('euler_deg', table%euler_deg(:, i))
-            if (i > found%posterior%n_moduli) call document%put('propagation_deg', table%propagation_deg(i))
-            if (table%named_by > 0) call document%put('grain', table%name(i))
+            call page%put('euler_deg', table%euler_deg(:, i))
+            if (i > found%posterior%n_moduli) call page%put('propagation_deg', table%propagation_deg(i))
+            if (table%named_by > 0) call page%put('grain', table%name(i))
             if (allocated(table%tests) .and. i <= found%posterior%n_moduli) then
-               call document%put('tests', table%tests(i))
-               call document%put('chi_square_of_tests', table%chi_square(i))
+               call page%put('tests', table%tests(i))
+               call page%put('chi_square_of_tests', table%chi_square(i))
             end if
-            call document%end_object()
+            call page%end_object()
          end do
       end associate
-      call document%end_array()
+      call page%end_array()
    end subroutine write_predicted
 
    !> Combinations of the constants, quantities in the posterior and in the prior, and what further knowledge would bring.
-   subroutine write_identifiability(document, found)
-      type(json_type), intent(inout) :: document
+   subroutine write_identifiability(page, found)
+      type(json_type), intent(inout) :: page
       type(extraction_type), intent(in) :: found
       !> Of a quantity, and some of a combination.
       character(len=:), allocatable :: names
       integer :: i
 
       names = join(found%names, ', ')
-      call document%begin_array('identifiability')
+      call page%begin_array('identifiability')
       do i = 1, size(found%combinations)
          associate (combination => found%combinations(i), share => found%combination_shares(i))
             call begin('combination', powers_text(found%names(:size(found%combinations)), combination%exponents))
-            call document%put_numbers(names, combination%exponents, 'exponents')
-            call document%put_numbers(names, combination%correlations, 'correlations')
-            call document%put_numbers('sd, prior_sd', [combination%sd, combination%prior_sd])
-            call write_share(document, share, verdict_of(1.0_wp, combination%sd, 1.0_wp, share))
-            call document%end_object()
+            call page%put_numbers(names, combination%exponents, 'exponents')
+            call page%put_numbers(names, combination%correlations, 'correlations')
+            call page%put_numbers('sd, prior_sd', [combination%sd, combination%prior_sd])
+            call write_share(page, share, verdict_of(1.0_wp, combination%sd, 1.0_wp, share))
+            call page%end_object()
          end associate
       end do
       do i = 1, size(found%quantities)
          associate (known => found%known(:, i))
             call begin('quantity', found%quantities(i)%name)
-            call document%put('unit', found%quantities(i)%unit)
-            call document%put_numbers('mean, sd, prior_mean, prior_sd', known)
-            call write_share(document, found%quantity_shares(i), verdict_of(known(1), known(2), &
+            call page%put('unit', found%quantities(i)%unit)
+            call page%put_numbers('mean, sd, prior_mean, prior_sd', known)
+            call write_share(page, found%quantity_shares(i), verdict_of(known(1), known(2), &
                & merge(found%least_value(), 0.0_wp, found%quantities(i)%unit == 'GPa'), found%quantity_shares(i)))
-            call document%end_object()
+            call page%end_object()
          end associate
       end do
       do i = 1, size(found%gains)
          call begin('knowledge', trim(found%gains(i)%name))
-         call document%put('relative_sd', found%gains(i)%relative_sd)
-         call document%put_numbers(names, found%gains(i)%sd_then, 'sd_then')
-         call document%end_object()
+         call page%put('relative_sd', found%gains(i)%relative_sd)
+         call page%put_numbers(names, found%gains(i)%sd_then, 'sd_then')
+         call page%end_object()
       end do
-      call document%end_array()
+      call page%end_array()
 
    contains
 
       subroutine begin(kind, name)
          character(len=*), intent(in) :: kind, name
 
-         call document%begin_object()
-         call document%put('kind', kind)
-         call document%put('name', name)
+         call page%begin_object()
+         call page%put('kind', kind)
+         call page%put('name', name)
       end subroutine begin
    end subroutine write_identifiability
 
    !> What other priors would have said; null where too few draws tell.
-   subroutine write_changes(document, found)
-      type(json_type), intent(inout) :: document
+   subroutine write_changes(page, found)
+      type(json_type), intent(inout) :: page
       type(extraction_type), intent(in) :: found
       integer :: i
 
-      call document%begin_array('sensitivity')
+      call page%begin_array('sensitivity')
       do i = 1, size(found%changes)
          associate (change => found%changes(i))
-            call document%begin_object()
-            call document%put('name', trim(change%name))
+            call page%begin_object()
+            call page%put('name', trim(change%name))
             if (change%name /= 'measure') then
-               call document%put('side', merge('upper', 'lower', change%is_upper))
-               call document%put_numbers('from, to', [change%from, change%to])
+               call page%put('side', merge('upper', 'lower', change%is_upper))
+               call page%put_numbers('from, to', [change%from, change%to])
             end if
-            call document%put('exact', change%exact)
-            call document%put('effective_draws', change%effective)
-            call document%put_numbers(join(found%names, ', '), change%shift, 'shift_sd')
-            call document%put_numbers(join(found%names, ', '), change%sd_ratio, 'sd_ratio')
-            call document%end_object()
+            call page%put('exact', change%exact)
+            call page%put('effective_draws', change%effective)
+            call page%put_numbers(join(found%names, ', '), change%shift, 'shift_sd')
+            call page%put_numbers(join(found%names, ', '), change%sd_ratio, 'sd_ratio')
+            call page%end_object()
          end associate
       end do
-      call document%end_array()
+      call page%end_array()
    end subroutine write_changes
 
-   !> What is known, and by how many sds it is away from what all else says.
-   subroutine write_knowledge(document, found)
-      type(json_type), intent(inout) :: document
+   !> The prior that was in effect, what was not stated too, null where there is no limit; and what is known, with by how many sds it is
+   !> away from what all else says.
+   subroutine write_prior(page, found)
+      type(json_type), intent(inout) :: page
       type(extraction_type), intent(in) :: found
+      type(warning_type), allocatable :: lines(:)
       real(wp) :: sd(size(found%conflict%of_quantity))
       integer :: j
 
-      associate (known => found%posterior%prior%knowledge)
-         sd = known%sd()
-         call document%begin_array('knowledge')
-         do j = 1, size(sd)
-            call document%begin_object()
-            call document%put('name', known%quantities(j)%name)
-            call document%put('unit', known%quantities(j)%unit)
-            call document%put_numbers('mean, sd, conflict_sd', [known%mean(j), sd(j), found%conflict%of_quantity(j)])
-            call document%end_object()
+      call page%begin_object('prior')
+      associate (prior => found%posterior%prior, known => found%posterior%prior%knowledge)
+         call page%put('measure', prior%measure())
+         call page%begin_object('bounds')
+         do j = 1, prior%n_constants
+            if (prior%is_stated(j)) call page%put(prior%class%constants(j), [prior%lower(j), prior%upper(j)])
          end do
-         call document%end_array()
-         call document%put('conflict_sd', found%conflict%sds)
+         call page%end_object()
+         call page%put_if(prior%anisotropy_cap < huge(1.0_wp), 'anisotropy_cap', prior%anisotropy_cap)
+         call page%put('share_covered', prior%share_inside)
+         call page%begin_array('knowledge')
+         sd = known%sd()
+         do j = 1, size(sd)
+            call page%begin_object()
+            call page%put('name', known%quantities(j)%name)
+            call page%put('unit', known%quantities(j)%unit)
+            call page%put_numbers('mean, sd, conflict_sd', [known%mean(j), sd(j), found%conflict%of_quantity(j)])
+            call page%end_object()
+         end do
+         call page%end_array()
       end associate
-   end subroutine write_knowledge
-
-   !> The prior that was in effect, what was not stated too; null where there is no limit.
-   subroutine write_limits(document, prior)
-      type(json_type), intent(inout) :: document
-      type(prior_type), intent(in) :: prior
-      integer :: j
-
-      call document%put('measure', prior%measure())
-      call document%begin_object('bounds')
-      do j = 1, prior%n_constants
-         if (prior%is_stated(j)) call document%put(prior%class%constants(j), [prior%lower(j), prior%upper(j)])
-      end do
-      call document%end_object()
-      call document%put_if(prior%anisotropy_cap < huge(1.0_wp), 'anisotropy_cap', prior%anisotropy_cap)
-      call document%put('share_covered', prior%share_inside)
-   end subroutine write_limits
+      call page%put('conflict_sd', found%conflict%sds)
+      call describe_prior(found, lines)
+      call page%put('words', lines)
+      call page%end_object()
+   end subroutine write_prior
 
    !> What the result follows from, in a few lines for people: the measurements; measure and limits of the prior; bounds; what is known;
    !> the surrogate; the evidence, which depends on all of these.
@@ -414,9 +389,7 @@ contains
 
       call values%put('inputs', inputs)
       call put_extraction(problem, found, document, values)
-      associate (content => values%bytes(:values%filled))
-         call replace_file(folder//name, content//checksum(content), error)
-      end associate
+      call replace_file(folder//name, values%bytes(:values%filled)//checksum(values%bytes(:values%filled)), error)
    end subroutine save_posterior
 
    !> The named values of a folder, as bytes (`content`); refused if they were changed.
@@ -428,14 +401,12 @@ contains
 
       call read_bytes(folder//name, content, error)
       if (allocated(error)) return
-      n = len(content) - digits
-      if (n > 0) then
-         if (content(n + 1:) == checksum(content(:n))) then
-            content = content(:n)
-            return
-         end if
+      n = max(0, len(content) - digits)
+      if (content(n + 1:) == checksum(content(:n))) then
+         content = content(:n)
+      else
+         call refuse(error, folder//name//': is damaged, or was changed since it was written; run the command that wrote it again')
       end if
-      call refuse(error, folder//name//': is damaged, or was changed since it was written; run the command that wrote it again')
    end subroutine read_posterior
 
    !> The draws (parameter, draw) that were left in a folder, if they follow from these inputs; else none. A damaged file is refused.

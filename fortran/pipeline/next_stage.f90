@@ -45,9 +45,9 @@ module next_stage
 contains
 
    !> The document, from the draws that `extract` left in the folder, or from new ones.
-   subroutine finish(self, document, error)
+   subroutine finish(self, page, error)
       class(next_stage_type), intent(inout) :: self
-      character(len=:), allocatable, intent(out) :: document
+      type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
       type(extraction_type) :: found
       real(wp), allocatable :: draws(:, :)
@@ -62,26 +62,26 @@ contains
          draws = flattened(found%chains%draws)
          call remove_files(self%output, chain_prefix)
       end if
-      call next_document(self%problem, self%posterior, draws, document, self%warnings, error)
+      call next_document(self%problem, self%posterior, draws, page, self%warnings, error)
       self%done = self%output//'/next.json'
    end subroutine finish
 
-   !> The document of `next` from `draws` of the posterior: suggestions, each given those before it, and the gain of every
-   !> candidate as the first of them.
-   subroutine next_document(problem, posterior, draws, document, warnings, error)
+   !> The document of `next` from `draws` of the posterior, into the object of a `page`: suggestions, each given those before it, and the
+   !> gain of every candidate as the first of them.
+   subroutine next_document(problem, posterior, draws, page, warnings, error)
       type(problem_type), intent(in) :: problem
       !> Its theory is read as finely as these draws need, wherever they come from.
       type(posterior_type), intent(inout) :: posterior
       !> Draws of the posterior, (parameter, draw); the last parameter may be the factor on the sds.
       real(wp), intent(in) :: draws(:, :)
-      !> JSON.
-      character(len=:), allocatable, intent(out) :: document
+      type(json_type), intent(inout) :: page
       !> Beside those of the problem.
       type(warning_type), allocatable, intent(out) :: warnings(:)
       type(error_type), allocatable, intent(out) :: error
       type(candidates_type) :: candidates
       type(suggestions_type) :: suggestions
-      real(wp), allocatable :: few(:, :), euler_deg(:, :)
+      type(quantity_type) :: quantity(1)
+      real(wp), allocatable :: few(:, :), euler_deg(:, :), values(:, :)
       real(wp) :: sd
 
       allocate (warnings(0))
@@ -103,19 +103,23 @@ contains
          if (allocated(error)) return
          call place_candidates(problem, posterior%prior%class, candidates, euler_deg)
          call predict_candidates(posterior, few, sd, problem%settings%problem%seed, euler_deg, candidates, error)
-         if (.not. allocated(error)) call set_target(posterior, wanted%target, few, candidates, error)
+         if (wanted%target /= 'all' .and. .not. allocated(error)) then
+            call new_quantity(wanted%target, quantity(1), error)
+            call evaluate_draws(quantity, posterior%prior%class, few, values)
+            candidates%target = values(1, :)
+            ! Of a product of powers its logarithm.
+            if (quantity(1)%is_product()) candidates%target = log(candidates%target)
+         end if
          if (.not. allocated(error)) call choose_measurements(candidates, wanted%count, scenarios, &
             & problem%settings%problem%seed, thread_count(problem%settings%execution%workers), suggestions)
       end associate
-      if (allocated(error)) then
-         error%message = place(problem%path, 'next', '')//error%message
-      else
-         associate (found => size(suggestions%chosen), count => problem%settings%next%count)
-            if (found < min(count, size(euler_deg, 2))) call warn(warnings, 'only '//to_text(found)//' of '//to_text(count) &
-               & //' orientations are '//fixed(separation_deg, 0)//' degrees apart')
-         end associate
-         document = written(problem, candidates, suggestions, euler_deg, sd, warnings)
-      end if
+      if (allocated(error)) error%message = place(problem%path, 'next', '')//error%message
+      if (allocated(error)) return
+      associate (found => size(suggestions%chosen), count => problem%settings%next%count)
+         if (found < min(count, size(euler_deg, 2))) call warn(warnings, 'only '//to_text(found)//' of '//to_text(count) &
+            & //' orientations are '//fixed(separation_deg, 0)//' degrees apart')
+      end associate
+      call write_suggestions(page, problem, candidates, suggestions, euler_deg, sd)
    end subroutine next_document
 
    !> The grains of &next, each of which may be measured once, or all directions that the crystal tells apart.
@@ -132,10 +136,7 @@ contains
       if (allocated(problem%grains)) then
          euler_deg = problem%grains%euler_deg
          n = size(euler_deg, 2)
-         allocate (candidates%near(n, n), source=.false.)
-         do j = 1, n
-            candidates%near(j, j) = .true.
-         end do
+         candidates%near = reshape([((i == j, i=1, n), j=1, n)], [n, n])
          return
       end if
       call new_region(class, region)
@@ -171,7 +172,7 @@ contains
       if (allocated(error)) return
       allocate (own_variance(n, size(draws, 2)), candidates%predicted(n, size(draws, 2)), &
          & candidates%shared_variance(n, size(draws, 2)), candidates%target(0))
-      normals = even_normals(draws, posterior%n_shared, new_random_stream(seed, 0))
+      normals = even_normals(draws, posterior%n_shared, seed)
       do i = 1, size(draws, 2)
          call draw_measurements(posterior, draws(:, i), grains, normals(:, i), candidates%predicted(:, i), &
             & candidates%shared_variance(:, i), own_variance(:, i))
@@ -181,27 +182,9 @@ contains
       candidates%sd = sqrt(sd**2 + sum(own_variance, 2)/size(draws, 2))
    end subroutine predict_candidates
 
-   !> The values of what is to be known: of a product of powers its logarithm.
-   subroutine set_target(posterior, target, draws, candidates, error)
-      type(posterior_type), intent(in) :: posterior
-      character(len=*), intent(in) :: target
-      real(wp), intent(in) :: draws(:, :)
-      type(candidates_type), intent(inout) :: candidates
-      type(error_type), allocatable, intent(out) :: error
-      type(quantity_type) :: quantity(1)
-      real(wp), allocatable :: values(:, :)
-
-      if (target == 'all') return
-      call new_quantity(target, quantity(1), error)
-      if (allocated(error)) return
-      call evaluate_draws(quantity, posterior%prior%class, draws, values)
-      candidates%target = values(1, :)
-      if (quantity(1)%is_product()) candidates%target = log(candidates%target)
-   end subroutine set_target
-
    !> The indented direction, as a unit vector in crystal axes and, where the unit cell is known, as [uvw].
-   subroutine put_direction(document, problem, euler_deg)
-      type(json_type), intent(inout) :: document
+   subroutine put_direction(page, problem, euler_deg)
+      type(json_type), intent(inout) :: page
       type(problem_type), intent(in) :: problem
       real(wp), intent(in) :: euler_deg(3)
       type(lattice_type) :: lattice
@@ -210,73 +193,65 @@ contains
       real(wp) :: g(3, 3)
 
       g = rotation_matrix(euler_deg*degree)
-      call document%put('direction', g(:, 3))
+      call page%put('direction', g(:, 3))
       allocate (parameters(0))
       if (allocated(problem%settings%problem%lattice)) parameters = problem%settings%problem%lattice
       call new_lattice(problem%class, parameters, lattice, unknown)
-      if (.not. allocated(unknown)) call document%put('uvw', lattice%nearest(g(:, 3)))
+      if (.not. allocated(unknown)) call page%put('uvw', lattice%nearest(g(:, 3)))
    end subroutine put_direction
 
-   function written(problem, candidates, suggestions, euler_deg, sd, warnings) result(text)
+   subroutine write_suggestions(page, problem, candidates, suggestions, euler_deg, sd)
+      type(json_type), intent(inout) :: page
       type(problem_type), intent(in) :: problem
       type(candidates_type), intent(in) :: candidates
       type(suggestions_type), intent(in) :: suggestions
       real(wp), intent(in) :: euler_deg(:, :), sd
-      type(warning_type), intent(in) :: warnings(:)
-      character(len=:), allocatable :: text
-      type(json_type) :: document
       real(wp) :: mean
-      integer :: i, draws, found
+      integer :: i, draws
 
       draws = size(candidates%predicted, 1)
-      found = size(suggestions%chosen)
-      call document%begin_object()
-      call document%begin_array('suggestions')
-      do i = 1, found
+      call page%begin_array('suggestions')
+      do i = 1, size(suggestions%chosen)
          associate (c => suggestions%chosen(i))
             mean = sum(candidates%predicted(:, c))/draws
-            call document%begin_object()
-            if (allocated(problem%grains)) call document%put('grain', problem%grains%name(c))
-            call document%put('euler_deg', euler_deg(:, c))
-            call put_direction(document, problem, euler_deg(:, c))
-            call document%put_numbers('gain, predicted, sd', [suggestions%gains(i), mean, &
+            call page%begin_object()
+            if (allocated(problem%grains)) call page%put('grain', problem%grains%name(c))
+            call page%put('euler_deg', euler_deg(:, c))
+            call put_direction(page, problem, euler_deg(:, c))
+            call page%put_numbers('gain, predicted, sd', [suggestions%gains(i), mean, &
                & sqrt(sum((candidates%predicted(:, c) - mean)**2)/draws)])
-            call document%end_object()
+            call page%end_object()
          end associate
       end do
-      call document%end_array()
-      call document%begin_array('candidates')
+      call page%end_array()
+      call page%begin_array('candidates')
       do i = 1, size(euler_deg, 2)
-         call document%begin_object()
-         if (allocated(problem%grains)) call document%put('grain', problem%grains%name(i))
-         call document%put('euler_deg', euler_deg(:, i))
-         call document%put('gain', suggestions%first_gains(i))
-         call document%end_object()
+         call page%begin_object()
+         if (allocated(problem%grains)) call page%put('grain', problem%grains%name(i))
+         call page%put('euler_deg', euler_deg(:, i))
+         call page%put('gain', suggestions%first_gains(i))
+         call page%end_object()
       end do
-      call document%end_array()
-      call document%put('target', problem%settings%next%target)
-      call document%put('sd_gpa', sd)
-      call document%put('unit', trim(merge('nats                 ', 'share of the variance', size(candidates%target) == 0)))
-      call document%put('warnings', [problem%warnings, warnings])
-      call document%end_object()
-      text = document%text()
-   end function written
+      call page%end_array()
+      call page%put('target', problem%settings%next%target)
+      call page%put('sd_gpa', sd)
+      call page%put('unit', trim(merge('nats                 ', 'share of the variance', size(candidates%target) == 0)))
+   end subroutine write_suggestions
 
    !> Standard normal numbers beside the draws: where these are many, without a mean, of unit covariance, and uncorrelated with all that is
    !> linear in the draws. So the variance of the shared errors is known without the noise of a sample, which is larger than small gains.
-   function even_normals(draws, n, stream) result(normals)
+   function even_normals(draws, n, seed) result(normals)
       !> (dimension, draw).
       real(wp), intent(in) :: draws(:, :)
-      integer, intent(in) :: n
-      type(random_stream_type), intent(in) :: stream
+      integer, intent(in) :: n, seed
       !> (n, draw).
       real(wp), allocatable :: normals(:, :)
       real(wp), allocatable :: columns(:, :)
       real(wp) :: mean
-      type(random_stream_type) :: numbers
+      type(random_stream_type) :: stream
       integer :: i, j, known
 
-      numbers = stream
+      stream = new_random_stream(seed, 0)
       known = 1 + size(draws, 1)
       allocate (columns(size(draws, 2), known + n))
       columns(:, 1) = 1.0_wp
@@ -286,7 +261,7 @@ contains
       end do
       do i = 1, size(columns, 1)
          do j = known + 1, size(columns, 2)
-            call numbers%normal(columns(i, j))
+            call stream%normal(columns(i, j))
          end do
       end do
       if (size(columns, 1) >= 4*size(columns, 2)) then
@@ -309,10 +284,9 @@ contains
       real(wp), intent(out), contiguous :: values(:)
       !> GPa², (grain): of the shared errors given the data and the constants, and of the surrogate's that grains do not share.
       real(wp), intent(out), contiguous :: shared_variance(:), own_variance(:)
-      real(wp) :: c(6, 6), slope(size(values)), influence(size(values), grains%n_columns)
-      real(wp) :: b(posterior%n_shared), precision(posterior%n_shared, posterior%n_shared)
-      real(wp) :: columns(size(values), posterior%n_shared)
-      real(wp) :: factor(posterior%n_groups), mean(size(values)), mean_slope(size(values))
+      real(wp), dimension(size(values)) :: slope, mean, mean_slope
+      real(wp) :: c(6, 6), influence(size(values), grains%n_columns), columns(size(values), posterior%n_shared)
+      real(wp) :: b(posterior%n_shared), precision(posterior%n_shared, posterior%n_shared), factor(posterior%n_groups)
       integer :: i
 
       c = posterior%stiffness(x)

@@ -165,9 +165,8 @@ contains
       do i = 1, found%posterior%n_constants
          if (found%verdict(i) /= 'not_determined') cycle
          names = names//', '//trim(found%names(i))
-         associate (share => found%parameter_shares(i)%prior)
-            if (share > 0.0_wp) names = names//' (prior '//fixed(100.0_wp*share, 0)//' %)'
-         end associate
+         if (found%parameter_shares(i)%prior > 0.0_wp) names = names//' (prior ' &
+            & //fixed(100.0_wp*found%parameter_shares(i)%prior, 0)//' %)'
       end do
       if (len(names) == 0) return
       advice = ''

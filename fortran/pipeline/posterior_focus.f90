@@ -11,7 +11,7 @@ module posterior_focus
    use kinds, only: degree, wp
    use machine, only: thread_count
    use problem, only: problem_type
-   use problem_posterior, only: check_step_2, draw_aside, focus_run, new_problem_posterior, stiffnesses
+   use problem_posterior, only: draw_aside, focus_run, new_problem_posterior, stiffnesses
    use prior_sensitivity, only: limit_type, list_limits
    use surrogate_domain, only: domain_type
    use surrogate_model, only: new_theory_surrogate, predict_crystals, surrogate_type
@@ -80,8 +80,7 @@ contains
       type(surrogate_type) :: theory
       type(posterior_type) :: posterior
 
-      call check_step_2(problem, error)
-      if (.not. allocated(error)) call new_theory_surrogate(theory, error)
+      call new_theory_surrogate(theory, error)
       if (.not. allocated(error)) call new_problem_posterior(problem, theory, .false., posterior, error)
    end subroutine check_focus
 

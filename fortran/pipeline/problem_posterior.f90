@@ -27,23 +27,22 @@ module problem_posterior
    public :: check_step_2, check_target, new_problem_posterior, omit_weak_waves, sample_aside, draw_aside, sample_posterior, &
       & choose_field_degree, find_field_error, allowed_error, stiffnesses
 
-   !> Burn-in, samples, chains, and from where on their random streams are; whether the last digits of the theory do not matter.
+   !> Burn-in, samples, chains, and the first of their random streams, of which a posterior's own are the first; whether the last digits of
+   !> the theory do not matter.
    type, public :: run_type
       integer :: burn_in, samples, chains, first_stream
       logical :: is_rough = .true.
    end type run_type
    !> To see how the posterior must be computed; the prior; the posterior without any knowledge; by the theory alone; and that at which
    !> simulations are chosen.
-   type(run_type), parameter, public :: pilot_run = run_type(5000, 400, 1, 1000000), &
-      & prior_run = run_type(5000, 2500, 4, 0, .false.), free_run = run_type(2000, 500, 2, 2000000), &
-      & theory_run = run_type(5000, 1500, 4, 3000000), focus_run = run_type(3000, 600, 2, 4000000)
+   type(run_type), parameter, public :: pilot_run = run_type(5000, 400, 1, 2000001), &
+      & prior_run = run_type(5000, 2500, 4, 1000001, .false.), free_run = run_type(2000, 500, 2, 3000001), &
+      & theory_run = run_type(5000, 1500, 4, 4000001), focus_run = run_type(3000, 600, 2, 5000001)
 
    !> Of harmonics, where that is so.
    integer, parameter :: rough_degree = 12
    !> Bytes of a number, and how often a draw is kept at a time.
    real(wp), parameter :: bytes = 8.0_wp, copies = 3.0_wp
-   !> No posterior has so many chains; the streams begin at 1.
-   integer, parameter :: far_stream = 1000001
 
    !> The worst grain may err by this share of its sd.
    real(wp), parameter :: allowed_error = 0.02_wp
@@ -123,7 +122,8 @@ contains
       end associate
    end subroutine read_knowledge
 
-   !> The density of the constants given the problem's measurements, or of the prior alone.
+   !> The density of the constants given the problem's measurements, or of the prior alone: of &prior and &knowledge, cut to what the
+   !> surrogate is valid for.
    subroutine new_problem_posterior(problem, surrogate, prior_only, posterior, error)
       type(problem_type), intent(in) :: problem
       type(surrogate_type), intent(in) :: surrogate
@@ -131,7 +131,11 @@ contains
       logical, intent(in) :: prior_only
       type(posterior_type), intent(out) :: posterior
       type(error_type), allocatable, intent(out) :: error
+      !> Poisson's ratio of the isotropic solid that the mean measurement is read as.
+      real(wp), parameter :: typical_poisson = 0.3_wp
       type(prior_type) :: prior
+      type(knowledge_type) :: knowledge
+      type(observable_type) :: observable
       type(measured_type) :: measured
 
       if (.not. allocated(problem%measurements)) then
@@ -153,11 +157,19 @@ contains
          end if
          measured%shared = shared_errors(problem)
       end associate
-      call new_problem_prior(problem, surrogate, measured, prior, error)
-      if (allocated(error)) return
-      call new_posterior(surrogate, prior, problem%settings%measurements, &
-         & problem%settings%sampler%surrogate_variance == 'full', prior_only, measured, posterior, error)
-      if (allocated(error)) error%message = place(problem%path, 'measurements', '')//error%message
+      call read_knowledge(problem, knowledge, error)
+      associate (settings => problem%settings)
+         if (.not. allocated(error)) call new_observable(settings%measurements%modulus_kind, settings%measurements, observable, &
+            & error)
+         if (allocated(error)) return
+         call new_prior(surrogate%basis%domain, problem%class, settings%prior, &
+            & (1.0_wp - typical_poisson**2)*mean_modulus(observable, measured, 1.0_wp), knowledge, prior, error)
+         if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
+         if (allocated(error)) return
+         call new_posterior(surrogate, prior, settings%measurements, settings%sampler%surrogate_variance == 'full', prior_only, &
+            & measured, posterior, error)
+         if (allocated(error)) error%message = place(problem%path, 'measurements', '')//error%message
+      end associate
    end subroutine new_problem_posterior
 
    !> Relative errors that measurements share, (measurement, error): those that are stated of the moduli; of the speeds that of the
@@ -178,27 +190,6 @@ contains
       end associate
    end function shared_errors
 
-   !> &prior and &knowledge, cut to what the surrogate covers.
-   subroutine new_problem_prior(problem, surrogate, measured, prior, error)
-      type(problem_type), intent(in) :: problem
-      type(surrogate_type), intent(in) :: surrogate
-      type(measured_type), intent(in) :: measured
-      type(prior_type), intent(out) :: prior
-      type(error_type), allocatable, intent(out) :: error
-      !> Poisson's ratio of the isotropic solid that the mean measurement is read as.
-      real(wp), parameter :: typical_poisson = 0.3_wp
-      type(knowledge_type) :: knowledge
-      type(observable_type) :: observable
-
-      call read_knowledge(problem, knowledge, error)
-      if (.not. allocated(error)) call new_observable(problem%settings%measurements%modulus_kind, problem%settings%measurements, &
-         & observable, error)
-      if (allocated(error)) return
-      call new_prior(surrogate%basis%domain, problem%class, problem%settings%prior, &
-         & (1.0_wp - typical_poisson**2)*mean_modulus(observable, measured, 1.0_wp), knowledge, prior, error)
-      if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
-   end subroutine new_problem_prior
-
    !> Leave out the speeds whose wave is not the one that a measurement shows at some crystals of the posterior. The errors of the first
    !> posterior are Student's, since what was measured in place of a wave may be far off.
    subroutine omit_weak_waves(problem, surrogate, error)
@@ -217,11 +208,9 @@ contains
       integer :: i, round
 
       if (problem%are_detected .or. .not. allocated(problem%velocities)) return
-      associate (speeds => problem%velocities)
-         allocate (waves(speeds%n), weak(speeds%n))
-         weak = 0.0_wp
-         call new_surface(speeds%euler_deg*degree, speeds%propagation_deg*degree, surface)
-      end associate
+      allocate (waves(problem%velocities%n), weak(problem%velocities%n))
+      weak = 0.0_wp
+      call new_surface(problem%velocities%euler_deg*degree, problem%velocities%propagation_deg*degree, surface)
       pilot = problem
       if (allocated(pilot%kept_in)) deallocate (pilot%kept_in)
       pilot%settings%measurements%likelihood = 'student'
@@ -255,8 +244,7 @@ contains
       call check_step_2(problem, error)
       if (allocated(error)) return
       associate (s => problem%settings%sampler)
-         call run_chains(problem, posterior, s%method, s%burn_in, s%method//' '//to_text(s%burn_in)//' '//to_text(s%samples), &
-            & run_settings_type(s%samples, s%chains), chains, error)
+         call run_chains(problem, posterior, s%method, s%method, run_type(s%burn_in, s%samples, s%chains, 1), chains, error)
       end associate
    end subroutine sample_posterior
 
@@ -271,8 +259,7 @@ contains
 
       if (run%is_rough .and. density%grains%has_theory) call density%set_field_degree(rough_degree, error)
       if (allocated(error)) return
-      call run_chains(problem, density, 'ensemble', run%burn_in, 'aside '//to_text(run%burn_in)//' '//to_text(run%samples), &
-         & run_settings_type(run%samples, run%chains, first_stream=far_stream + run%first_stream), chains, error)
+      call run_chains(problem, density, 'ensemble', 'aside', run, chains, error)
    end subroutine sample_aside
 
    !> The draws of such chains of the posterior with a surrogate, (parameter, draw).
@@ -308,29 +295,24 @@ contains
    end function stiffnesses
 
    !> Chains of a density, those that are kept from the disk.
-   subroutine run_chains(problem, density, method, burn_in, label, settings, chains, error)
+   subroutine run_chains(problem, density, method, label, run, chains, error)
       type(problem_type), intent(in) :: problem
       type(posterior_type), intent(in) :: density
-      character(len=*), intent(in) :: method
-      integer, intent(in) :: burn_in
-      !> Tells these settings of the sampler from others.
-      character(len=*), intent(in) :: label
-      !> Without threads and seed.
-      type(run_settings_type), intent(in) :: settings
+      !> Of the sampler; and what tells these chains from those of other runs.
+      character(len=*), intent(in) :: method, label
+      type(run_type), intent(in) :: run
       type(chains_type), intent(out) :: chains
       type(error_type), allocatable, intent(out) :: error
       character(len=*), parameter :: groups = 'problem measurements prior knowledge'
       class(sampler_type), allocatable :: sampler
-      type(run_settings_type) :: complete
       type(checkpoint_type) :: checkpoint
 
-      complete = settings
-      complete%seed = problem%settings%problem%seed
-      complete%threads = thread_count(problem%settings%execution%workers)
-      call new_sampler(method, burn_in, sampler, error)
-      if (allocated(problem%kept_in)) call new_checkpoint(problem%kept_in, label//settings_namelist(problem%settings, groups), &
-         & density, checkpoint)
-      if (.not. allocated(error)) call sample_chains(density, sampler, complete, chains, error, checkpoint)
+      call new_sampler(method, run%burn_in, sampler, error)
+      if (allocated(problem%kept_in)) call new_checkpoint(problem%kept_in, label//' '//to_text(run%burn_in)//' ' &
+         & //to_text(run%samples)//settings_namelist(problem%settings, groups), density, checkpoint)
+      if (.not. allocated(error)) call sample_chains(density, sampler, run_settings_type(run%samples, run%chains, &
+         & thread_count(problem%settings%execution%workers), problem%settings%problem%seed, run%first_stream), chains, error, &
+         & checkpoint)
       if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
    end subroutine run_chains
 
@@ -437,15 +419,14 @@ contains
       real(wp), allocatable, intent(out) :: exact(:, :)
       type(error_type), allocatable, intent(out) :: error
       class(grain_model_type), allocatable :: in_full
+      real(wp), allocatable :: propagation(:)
       integer :: i
 
       associate (checked => checked_grains(posterior%n_grains))
          allocate (exact(size(checked), size(draws, 2)))
-         if (allocated(posterior%data%propagation)) then
-            call posterior%new_grains(posterior%euler(:, checked), in_full, error, posterior%data%propagation(checked))
-         else
-            call posterior%new_grains(posterior%euler(:, checked), in_full, error)
-         end if
+         if (allocated(posterior%data%propagation)) propagation = posterior%data%propagation(checked)
+         ! What is not allocated is not present.
+         call posterior%new_grains(posterior%euler(:, checked), in_full, error, propagation)
       end associate
       if (allocated(error)) return
       ! No anisotropy is below.

@@ -3,15 +3,16 @@ module simulate_stage
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use abstract_stage, only: job_type, stage_type
    use campaign, only: campaign_name, row_type
-   use stage_documents, only: begin_crystal, put_outcome, write_curves, write_moduli
+   use stage_documents, only: begin_crystal, cells_of_numbers, write_moduli
    use errors, only: error_type, raise, warn
+   use files, only: new_file_type
    use indenters, only: indenter_type, new_indenter
    use json, only: json_type
-   use kinds, only: wp
+   use kinds, only: pi, wp
    use namelist_file, only: place
    use statistics, only: number_equal
    use simulate, only: identity_text, outcome_done, outcome_failed, outcome_waiting, simulation_error
-   use text, only: to_text
+   use text, only: newline, to_text
    implicit none
    private
    public :: simulate_stage_type
@@ -54,51 +55,74 @@ contains
    end subroutine begin
 
    !> moduli.csv, curves.csv, and the document.
-   subroutine finish(self, document, error)
+   subroutine finish(self, page, error)
       class(simulate_stage_type), intent(inout) :: self
-      !> JSON.
-      character(len=:), allocatable, intent(out) :: document
+      type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
-      type(json_type) :: page
       class(indenter_type), allocatable :: indenter
       character(len=:), allocatable :: warning
       real(wp), dimension(size(self%place)) :: largest, modulus
       type(row_type) :: rows(size(self%place))
       integer :: i, failed
 
-      associate (problem => self%problem)
-         rows = self%rows(self%place)
-         modulus = merge(rows%outcome%modulus, ieee_value(1.0_wp, ieee_quiet_nan), rows%outcome%status == outcome_done)
-         call write_moduli(problem, self%output//'/moduli.csv', modulus, error)
-         if (.not. allocated(error)) call write_curves(problem, self%output//'/curves.csv', rows, error)
-         if (.not. allocated(error)) call new_indenter(problem%settings%indenter, indenter, error)
-         if (allocated(error)) return
-         failed = count(rows%outcome%status == outcome_failed)
-         if (failed == size(rows)) then
-            call raise(error, 'every simulation failed: crystal 1 could not be simulated: '//rows(1)%outcome%message)
-            return
-         end if
-         call page%begin_object()
-         call page%begin_array('results')
-         do i = 1, size(rows)
-            call begin_crystal(page, problem%crystals, i)
-            call put_outcome(page, rows(i), indenter)
-            call page%end_object()
-            if (rows(i)%outcome%status == outcome_failed) call warn(self%warnings, 'crystal '//to_text(i) &
-               & //' could not be simulated: '//rows(i)%outcome%message)
-         end do
-         call page%end_array()
-         call page%put('new_simulations', self%n_new)
-         call page%put('failed', failed)
-         call simulation_error(problem%settings, problem%crystals%stiffness, largest, warning)
-         if (len(warning) > 0) call warn(self%warnings, place(problem%path, 'simulation', '')//warning)
-         call page%put('warnings', self%warnings)
+      rows = self%rows(self%place)
+      modulus = merge(rows%outcome%modulus, ieee_value(1.0_wp, ieee_quiet_nan), rows%outcome%status == outcome_done)
+      call write_moduli(self%problem, self%output//'/moduli.csv', modulus, error)
+      if (.not. allocated(error)) call new_indenter(self%problem%settings%indenter, indenter, error)
+      if (.not. allocated(error)) call write_curves(rows, indenter, self%output//'/curves.csv', error)
+      if (allocated(error)) return
+      failed = count(rows%outcome%status == outcome_failed)
+      if (failed == size(rows)) then
+         call raise(error, 'every simulation failed: crystal 1 could not be simulated: '//rows(1)%outcome%message)
+         return
+      end if
+      call page%begin_array('results')
+      do i = 1, size(rows)
+         call begin_crystal(page, self%problem%crystals, i)
+         call page%put('indentation_modulus_gpa', modulus(i))
+         associate (outcome => rows(i)%outcome)
+            if (outcome%elements > 0) call page%put('elements', outcome%elements)
+            if (outcome%elements == 0) call page%put_json('elements', 'null')
+            call page%put_if(outcome%seconds > 0.0_wp, 'seconds', outcome%seconds)
+            call page%put('depth_um', outcome%depth)
+            call page%put('force_mn', outcome%force)
+            call page%put('modulus_by_depth_gpa', outcome%force/indenter%unit_force(outcome%depth))
+            ! 4/(3 pi) M a/R under a paraboloid.
+            call page%put('mean_pressure_gpa', modulus(i)*indenter%unit_force(indenter%depth)/(pi*indenter%contact_radius**2))
+            if (outcome%status == outcome_failed) call warn(self%warnings, 'crystal '//to_text(i) &
+               & //' could not be simulated: '//outcome%message)
+         end associate
          call page%end_object()
-         document = page%text()
-         self%done = to_text(size(rows))//' crystals, '//to_text(self%n_new)//' new, '//to_text(failed)//' failed: '//self%output &
-            & //'/moduli.csv'
-      end associate
+      end do
+      call page%end_array()
+      call page%put('new_simulations', self%n_new)
+      call page%put('failed', failed)
+      call simulation_error(self%problem%settings, self%problem%crystals%stiffness, largest, warning)
+      if (len(warning) > 0) call warn(self%warnings, place(self%problem%path, 'simulation', '')//warning)
+      self%done = to_text(size(rows))//' crystals, '//to_text(self%n_new)//' new, '//to_text(failed)//' failed: '//self%output &
+         & //'/moduli.csv'
    end subroutine finish
+
+   !> Force (mN) over depth (um) of every crystal, by its row from 1, with the modulus of each depth alone (GPa).
+   subroutine write_curves(rows, indenter, path, error)
+      type(row_type), intent(in) :: rows(:)
+      class(indenter_type), intent(in) :: indenter
+      character(len=*), intent(in) :: path
+      type(error_type), allocatable, intent(out) :: error
+      type(new_file_type) :: file
+      integer :: i, j
+
+      call file%begin(path)
+      call file%add('point,depth_um,force_mn,modulus_gpa'//newline)
+      do i = 1, size(rows)
+         do j = 1, size(rows(i)%outcome%depth)
+            associate (depth => rows(i)%outcome%depth(j), force => rows(i)%outcome%force(j))
+               call file%add(to_text(i)//cells_of_numbers([depth, force, force/indenter%unit_force(depth)]))
+            end associate
+         end do
+      end do
+      call file%finish(error)
+   end subroutine write_curves
 
    !> The first row with the same crystal, by class and constants, in the same orientation, for each.
    function first_of_equals(rows) result(first)

@@ -77,8 +77,8 @@ contains
                one%crystal = 1 + (i - 1)/ways
                if (.not. rigid) one%name = names(1 + mod(i - 1, ways))
                do k = 1, n_sizes
-                  call surround(specimens(k), points%stiffness(:, :, one%crystal), factors(1 + mod(i - 1, ways)), one%young)
-                  call set_size(specimens(k), stated, self%sizes(k))
+                  call surround(specimens(k), points%stiffness(:, :, one%crystal), factors(1 + mod(i - 1, ways)), self%sizes(k), &
+                     & one%young)
                   number = (i - 1)*n_sizes + k
                   self%batch(points%n + number) = job_type(points%stiffness(:, :, one%crystal), &
                      & points%euler_deg(:, one%crystal), 1 + number)
@@ -88,32 +88,26 @@ contains
       end associate
    end subroutine begin
 
-   !> Let a specimen be so large, um; a cylinder keeps its proportions.
-   subroutine set_size(specimen, stated, size)
-      type(specimen_settings_type), intent(inout) :: specimen
-      type(specimen_settings_type), intent(in) :: stated
-      real(wp), intent(in) :: size
-
-      if (specimen%geometry == 'film') specimen%thickness_um = size
-      if (specimen%geometry == 'film') return
-      specimen%grain_radius_um = size
-      if (allocated(stated%grain_depth_um)) specimen%grain_depth_um = size*stated%grain_depth_um/stated%grain_radius_um
-   end subroutine set_size
-
-   !> Let what is around a crystal have `factor` times the Young's modulus that is stated: then it is `young`, GPa; 0 where none is stated.
-   subroutine surround(specimen, stiffness, factor, young)
+   !> Let a crystal be of a `size`, um, and let what is around it have `factor` times the Young's modulus that is stated: then it is
+   !> `young`, GPa; 0 where none is stated.
+   subroutine surround(specimen, stiffness, factor, size, young)
       type(specimen_settings_type), intent(inout) :: specimen
       !> Of the crystal, GPa.
-      real(wp), intent(in) :: stiffness(6, 6), factor
+      real(wp), intent(in) :: stiffness(6, 6), factor, size
       real(wp), intent(out) :: young
 
       young = 0.0_wp
       if (specimen%geometry == 'film') then
+         specimen%thickness_um = size
          if (specimen%substrate == 'rigid') return
          specimen%substrate_young_gpa = factor*specimen%substrate_young_gpa
          young = specimen%substrate_young_gpa
          return
-      else if (specimen%matrix == 'self') then
+      end if
+      ! A cylinder keeps its proportions.
+      if (allocated(specimen%grain_depth_um)) specimen%grain_depth_um = size*specimen%grain_depth_um/specimen%grain_radius_um
+      specimen%grain_radius_um = size
+      if (specimen%matrix == 'self') then
          ! As it is stated it stays the average.
          if (.not. abs(factor - 1.0_wp) > 0.0_wp) return
          specimen%matrix = 'isotropic'
@@ -125,11 +119,10 @@ contains
    end subroutine surround
 
    !> The document: of each case the bias against the half-space by the size, and from what size on it is within the limit.
-   subroutine finish(self, document, error)
+   subroutine finish(self, page, error)
       class(size_stage_type), intent(inout) :: self
-      character(len=:), allocatable, intent(out) :: document
+      type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
-      type(json_type) :: page
       !> GPa, 0 where there is none.
       real(wp) :: all_moduli(size(self%rows)), bias(n_sizes), smallest
       logical :: known(n_sizes)
@@ -139,7 +132,6 @@ contains
       end associate
       all_moduli = merge(self%rows%outcome%modulus, 0.0_wp, self%rows%outcome%status == outcome_done)
       lacking = 0
-      call page%begin_object()
       call page%put('variable', trim(merge('thickness_um   ', 'grain_radius_um', &
          & self%problem%settings%specimen%geometry == 'film')))
       call page%put_numbers('contact_radius_um, limit', [self%contact_radius, limit])
@@ -165,9 +157,6 @@ contains
       call page%end_array()
       if (lacking > 0) call warn(self%warnings, to_text(lacking)//' curves lack sizes at which the contact left the refined zone ' &
          & //'of the mesh')
-      call page%put('warnings', self%warnings)
-      call page%end_object()
-      document = page%text()
       self%done = to_text(size(self%cases))//' cases: '//self%output//'/size.json'
    end subroutine finish
 
@@ -181,9 +170,7 @@ contains
       n = size(sizes)
       smallest = 0.0_wp
       if (n == 0) return
-      do i = n, 1, -1
-         if (abs(bias(i)) > limit) exit
-      end do
+      i = findloc(abs(bias) > limit, .true., 1, back=.true.)
       if (i == 0) then
          smallest = sizes(1)
       else if (i == n) then

@@ -6,24 +6,21 @@
 !>
 !> Crystals that were simulated, or given to the theory, have tables, and rows in a document.
 module stage_documents
-   use campaign, only: row_type
-   use errors, only: error_type, refuse
-   use files, only: checksum, file_exists, full_path, new_file_type, read_bytes, replace_file
-   use indenters, only: indenter_type, new_indenter
+   use errors, only: error_type, refuse, warning_type
+   use files, only: checksum, file_exists, full_path, read_bytes, replace_file
    use json, only: json_type, quoted
-   use kinds, only: pi, wp
+   use kinds, only: wp
    use observables, only: moduli_of_indentation, new_observable, observable_type
    use point_tables, only: points_type
    use problem, only: problem_type
    use settings_reader, only: settings_namelist
-   use simulate, only: outcome_done
    use surrogate_model, only: find_surrogate, places_type
    use tables, only: write_table
-   use text, only: newline, short_text, split_list, to_text
+   use text, only: join, newline, short_text, split_list
    implicit none
    private
-   public :: begin_results, digest_surrogate, inputs_of, keep_document, write_document, read_document, read_resolved, &
-      & write_moduli, write_curves, begin_crystal, put_outcome
+   public :: begin_results, digest_surrogate, inputs_of, end_document, write_document, read_document, &
+      & read_resolved, write_moduli, cells_of_numbers, begin_crystal
 
    character(len=*), parameter :: manifest_name = '/inputs.json', resolved_name = '/resolved.nml'
    !> With what a document ends, and what is between it and its checksum.
@@ -78,22 +75,18 @@ contains
          & //'it came from: another run replaced it, or it is damaged; run again')
    end subroutine read_resolved
 
-   !> Keep a document, and the inputs that it follows from.
-   subroutine keep_document(problem, groups, places, name, document, error)
-      type(problem_type), intent(in) :: problem
-      !> As in `begin_results`.
-      character(len=*), intent(in) :: groups
-      type(places_type), intent(in) :: places
-      !> Of the file.
-      character(len=*), intent(in) :: name
-      !> JSON, an object that is not empty; the inputs are added.
-      character(len=:), allocatable, intent(inout) :: document
-      type(error_type), allocatable, intent(out) :: error
+   !> The document of a `page` whose object is open, with the warnings at its end.
+   function end_document(page, warnings) result(document)
+      type(json_type), intent(in) :: page
+      type(warning_type), intent(in) :: warnings(:)
+      character(len=:), allocatable :: document
+      type(json_type) :: whole
 
-      document = document(:len(document) - len(tail))//','//newline//' "inputs": {'//inputs_of(problem, groups, places)//'}'//tail
-      call begin_results(problem, groups, places, error)
-      if (.not. allocated(error)) call write_document(places%output//name, document, error)
-   end subroutine keep_document
+      whole = page
+      call whole%put('warnings', warnings)
+      call whole%end_object()
+      document = whole%text()
+   end function end_document
 
    !> Write a document with a checksum as its last entry.
    subroutine write_document(path, document, error)
@@ -145,30 +138,25 @@ contains
       character(len=*), intent(in) :: groups
       type(places_type), intent(in) :: places
       character(len=:), allocatable :: inputs
-      character(len=:), allocatable :: left, group, page, content, digest
+      character(len=:), allocatable :: group, page, content, digest
       type(error_type), allocatable :: missing
 
       inputs = ''
       page = settings_namelist(problem%settings, groups)
-      left = groups//' '
-      do while (len(left) > 0)
-         group = left(:index(left, ' ') - 1)
-         left = left(len(group) + 2:)
+      do while (len(page) > 0)
+         ! Each group is a line of its name after an empty one, its variables, and a slash.
+         group = page(3:index(page(2:), newline))
+         content = page(:index(page, newline//'/'))
+         page = page(len(content) + 3:)
          ! No result follows from the machine.
-         if (len(group) == 0 .or. group == 'execution' .or. index(inputs, '"'//group//'"') > 0) cycle
+         if (group == 'execution') cycle
          if (.not. problem%settings%curves%given .and. (group == 'curves' .or. group == 'references')) cycle
-         content = page(index(page, newline//'&'//group//newline):)
-         content = content(:index(content, newline//'/'))
-         select case (group)
-         case ('problem')
-            content = content(:index(content, '  title = '))//content(index(content, '  synthetic'):)
-         case ('crystals')
-            call add_table(problem%crystals)
-         case ('curves')
-            if (allocated(problem%curves)) content = content//problem%curves%digest//problem%curves%tests%digest()
-         case ('references')
-            call add_table(problem%references)
-         case ('measurements')
+         if (group == 'problem') content = content(:index(content, '  title = '))//content(index(content, '  synthetic'):)
+         if (group == 'crystals') call add_table(problem%crystals)
+         if (group == 'curves' .and. allocated(problem%curves)) content = content//problem%curves%digest &
+            & //problem%curves%tests%digest()
+         if (group == 'references') call add_table(problem%references)
+         if (group == 'measurements') then
             if (problem%settings%curves%given .and. .not. allocated(problem%settings%measurements%file)) then
                ! They follow from the curves.
                content = content//inputs_of(problem, 'curves references', places)
@@ -177,15 +165,10 @@ contains
                if (allocated(problem%shared_digest)) content = content//problem%shared_digest
             end if
             call add_table(problem%velocities)
-         case ('design')
-            call add_table(problem%candidates)
-         case ('next')
-            call add_table(problem%grains)
-         case ('knowledge')
-            if (allocated(problem%stiffness)) content = content//problem%stiffness%table%digest()
-         case default
-            ! There is no table.
-         end select
+         end if
+         if (group == 'design') call add_table(problem%candidates)
+         if (group == 'next') call add_table(problem%grains)
+         if (group == 'knowledge' .and. allocated(problem%stiffness)) content = content//problem%stiffness%table%digest()
          inputs = inputs//', "'//group//'": "'//checksum(content)//'"'
       end do
       if (index(' '//groups//' ', ' surrogate ') > 0) then
@@ -221,16 +204,14 @@ contains
       allocate (kinds, source=split_list(moduli_of_indentation))
       allocate (moduli(size(modulus), size(kinds)))
       names = ''
-      associate (measured => problem%settings%measurements)
-         do j = 1, size(kinds)
-            call new_observable(trim(kinds(j)), measured, observable, error)
-            if (allocated(error)) return
-            names = names//','//trim(kinds(j))//'_gpa'
-            moduli(:, j) = modulus
-            slope = 1.0_wp
-            call observable%from_simulation(moduli(:, j), slope)
-         end do
-      end associate
+      do j = 1, size(kinds)
+         call new_observable(trim(kinds(j)), problem%settings%measurements, observable, error)
+         if (allocated(error)) return
+         names = names//','//trim(kinds(j))//'_gpa'
+         moduli(:, j) = modulus
+         slope = 1.0_wp
+         call observable%from_simulation(moduli(:, j), slope)
+      end do
       if (present(velocity)) then
          names = names//',rayleigh_velocity_m_s'
          moduli = reshape([moduli, velocity], [size(modulus), size(kinds) + 1])
@@ -238,67 +219,30 @@ contains
       call write_table(problem%crystals%table, path, names, moduli, error)
    end subroutine write_moduli
 
-   !> Force (mN) over depth (um) of every crystal, by its row from 1, with the modulus of each depth alone (GPa).
-   subroutine write_curves(problem, path, rows, error)
-      type(problem_type), intent(in) :: problem
-      character(len=*), intent(in) :: path
-      type(row_type), intent(in) :: rows(:)
-      type(error_type), allocatable, intent(out) :: error
-      type(new_file_type) :: file
-      class(indenter_type), allocatable :: indenter
-      integer :: i, j
+   !> Cells of `values` that follow others, and the end of their line.
+   pure function cells_of_numbers(values) result(line)
+      real(wp), intent(in) :: values(:)
+      character(len=:), allocatable :: line
+      integer :: j
 
-      call new_indenter(problem%settings%indenter, indenter, error)
-      if (allocated(error)) return
-      call file%begin(path)
-      call file%add('point,depth_um,force_mn,modulus_gpa'//newline)
-      do i = 1, size(rows)
-         do j = 1, size(rows(i)%outcome%depth)
-            associate (depth => rows(i)%outcome%depth(j), force => rows(i)%outcome%force(j))
-               call file%add(to_text(i)//','//short_text(depth)//','//short_text(force)//',' &
-                  & //short_text(force/indenter%unit_force(depth))//newline)
-            end associate
-         end do
+      line = ''
+      do j = 1, size(values)
+         line = line//','//short_text(values(j))
       end do
-      call file%finish(error)
-   end subroutine write_curves
+      line = line//newline
+   end function cells_of_numbers
 
    !> Begin the object of the crystal of a `row`: its constants by name, GPa, and its angles, degrees.
    subroutine begin_crystal(page, points, row)
       type(json_type), intent(inout) :: page
       type(points_type), intent(in) :: points
       integer, intent(in) :: row
-      integer :: j
 
       call page%begin_object()
-      call page%begin_object('constants')
-      associate (class => points%classes(points%class(row)))
-         do j = 1, class%n_constants
-            call page%put(class%constants(j), points%constants(j, row))
-         end do
+      associate (names => points%classes(points%class(row))%constants)
+         call page%put_numbers(join(names, ', '), points%constants(:size(names), row), 'constants')
       end associate
-      call page%end_object()
       call page%put('euler_deg', points%euler_deg(:, row))
    end subroutine begin_crystal
-
-   !> What became of its simulation.
-   subroutine put_outcome(page, row, indenter)
-      type(json_type), intent(inout) :: page
-      type(row_type), intent(in) :: row
-      class(indenter_type), intent(in) :: indenter
-
-      associate (outcome => row%outcome)
-         call page%put_if(outcome%status == outcome_done, 'indentation_modulus_gpa', outcome%modulus)
-         if (outcome%elements > 0) call page%put('elements', outcome%elements)
-         if (outcome%elements == 0) call page%put_json('elements', 'null')
-         call page%put_if(outcome%seconds > 0.0_wp, 'seconds', outcome%seconds)
-         call page%put('depth_um', outcome%depth)
-         call page%put('force_mn', outcome%force)
-         call page%put('modulus_by_depth_gpa', outcome%force/indenter%unit_force(outcome%depth))
-         ! 4/(3 pi) M a/R under a paraboloid.
-         call page%put_if(outcome%status == outcome_done, 'mean_pressure_gpa', &
-            & outcome%modulus*indenter%unit_force(indenter%depth)/(pi*indenter%contact_radius**2))
-      end associate
-   end subroutine put_outcome
 
 end module stage_documents

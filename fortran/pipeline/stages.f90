@@ -1,17 +1,21 @@
 !> The stages of a namelist: one table, a row a stage. Each is a command of its own; `run` makes those whose group is there, in
 !> order.
+!>
+!> And a problem from a namelist file for a stage, or from a text made of the keywords of a Python function: same checks, same words.
 module stages
    use abstract_stage, only: stage_type
-   use build_checks, only: check_build
+   use build_checks, only: check_build, question_candidates
    use build_stage, only: build_stage_type
    use curves_stage, only: curves_stage_type
    use errors, only: error_type, refuse
    use extract_stage, only: extract_stage_type
    use files, only: printable
-   use namelist_file, only: namelist_file_type, place
+   use machine, only: blas_bytes, check_memory
+   use namelist_file, only: namelist_file_type, parse_namelist, place, read_namelist_file, replace_entries
    use next_stage, only: next_stage_type
-   use problem, only: problem_type
-   use simulate, only: new_simulator, simulator_type
+   use problem, only: new_problem, problem_type
+   use problem_posterior, only: check_step_2, check_target
+   use simulate, only: check_simulation, new_simulator, simulator_type
    use simulate_stage, only: simulate_stage_type
    use size_stage, only: size_stage_type
    use surrogate_model, only: places_type
@@ -19,7 +23,7 @@ module stages
    use theory_stage, only: theory_stage_type
    implicit none
    private
-   public :: stage_row_type, all_stages, run_command, plan_stages, groups_of, new_stage, check_simulator, check_stages
+   public :: stage_row_type, all_stages, run_command, read_problem, problem_of_text, groups_of, new_stage, check_stages
 
    type :: stage_row_type
       character(len=8) :: name
@@ -77,27 +81,6 @@ module stages
 
 contains
 
-   !> The `names` of the stages of a command and the `groups` that they need, separated by blanks; none if a file asks `run` for nothing.
-   subroutine plan_stages(namelist, command, names, groups, error)
-      type(namelist_file_type), intent(in) :: namelist
-      !> A stage, or 'run'.
-      character(len=*), intent(in) :: command
-      character(len=8), allocatable, intent(out) :: names(:)
-      character(len=:), allocatable, intent(out) :: groups
-      type(error_type), allocatable, intent(out) :: error
-      logical :: asked(size(all_stages))
-      integer :: i
-
-      asked = all_stages%name == command
-      do i = 1, size(namelist%groups)
-         if (command == 'run') asked = asked .or. all_stages%trigger == namelist%groups(i)%text
-      end do
-      names = pack(all_stages%name, asked)
-      groups = trim(run_command%groups)//' '//groups_of(names)
-      if (size(names) == 0 .and. command /= 'run') call refuse(error, 'no command is named '''//printable(command) &
-         & //'''; allowed: run, '//join(all_stages%name, ', '))
-   end subroutine plan_stages
-
    !> The groups of the namelist that stages need, separated by blanks.
    pure function groups_of(names) result(groups)
       !> Of stages.
@@ -110,30 +93,25 @@ contains
 
    !> Refuse what the stages of a problem would refuse before their first simulation or sample, as far as no stage before makes what it
    !> is about.
-   subroutine check_stages(problem, places, error)
+   subroutine check_stages(problem, places, completely, error)
       type(problem_type), intent(in), target :: problem
       type(places_type), intent(in) :: places
+      !> Refuse also simulations that cannot be made: a mesh that is too large, or too coarse, or that memory cannot hold.
+      logical, intent(in) :: completely
       type(error_type), allocatable, intent(out) :: error
       type(extract_stage_type) :: extract
+      type(simulator_type), allocatable :: simulator
 
       if (any(problem%stages == 'build')) then
          call check_build(problem, error, places%output(:len(places%output) - 1))
       else if (.not. any(problem%stages == 'curves') .and. any(problem%stages == 'extract' .or. problem%stages == 'next')) then
          call extract%open(problem, places, error)
       end if
-   end subroutine check_stages
-
-   !> Refuse simulations that cannot be made: a mesh that is too large, or too coarse, or that memory cannot hold.
-   subroutine check_simulator(problem, error)
-      type(problem_type), intent(in) :: problem
-      type(error_type), allocatable, intent(out) :: error
-      type(simulator_type), allocatable :: simulator
-
-      if (problem%settings%simulation%simulator /= 'fe') return
+      if (allocated(error) .or. .not. completely .or. problem%settings%simulation%simulator /= 'fe') return
       if (.not. any(problem%stages == 'simulate' .or. problem%stages == 'build')) return
       call new_simulator(problem%settings, simulator, error)
       if (allocated(error)) error%message = place(problem%path, 'simulation', '')//error%message
-   end subroutine check_simulator
+   end subroutine check_stages
 
    !> The stage of this name.
    subroutine new_stage(name, stage, error)
@@ -167,4 +145,80 @@ contains
       stage%groups_of_posterior = groups_of(['extract'])
       stage%document_file = trim(all_stages(i)%document)
    end subroutine new_stage
+
+   !> Read the file `path` for a stage or for 'run'.
+   subroutine read_problem(path, command, changes, from_python, self, error)
+      !> A file; a stage, or 'run'; a namelist whose variables take the place of the file's, or ''.
+      character(len=*), intent(in) :: path, command, changes
+      !> Whether Python reads the file of the measurements.
+      logical, intent(in) :: from_python
+      type(problem_type), intent(out) :: self
+      type(error_type), allocatable, intent(out) :: error
+      type(namelist_file_type) :: namelist, stated
+      character(len=8), allocatable :: names(:)
+      logical :: asked(size(all_stages))
+      integer :: i
+
+      call check_memory(blas_bytes, 'linear algebra', error)
+      if (.not. allocated(error)) call read_namelist_file(path, namelist, error)
+      if (len(changes) > 0 .and. .not. allocated(error)) then
+         call parse_namelist(path, changes, stated, error)
+         if (.not. allocated(error)) call replace_entries(namelist, stated)
+      end if
+      if (allocated(error)) return
+      asked = all_stages%name == command
+      do i = 1, size(namelist%groups)
+         if (command == 'run') asked = asked .or. all_stages%trigger == namelist%groups(i)%group
+      end do
+      names = pack(all_stages%name, asked)
+      if (size(names) == 0 .and. command /= 'run') then
+         call refuse(error, 'no command is named '''//printable(command)//'''; allowed: run, '//join(all_stages%name, ', '))
+      else
+         call new_problem(path, namelist, command, trim(run_command%groups)//' '//groups_of(names), from_python, self, error)
+      end if
+      if (allocated(error)) return
+      if (size(names) == 0) then
+         call refuse(error, place(path, 'problem', '')//'nothing to do; &crystals asks for simulations, &design for a surrogate, ' &
+            & //'&curves for moduli, &measurements for the constants')
+         return
+      end if
+      self%stages = names
+      call check_problem(self, error)
+   end subroutine read_problem
+
+   !> The problem of a namelist's text, `content`, only for what it has, for Python; `origin` takes the place of the file in messages.
+   subroutine problem_of_text(origin, content, self, error)
+      character(len=*), intent(in) :: origin, content
+      type(problem_type), intent(out) :: self
+      type(error_type), allocatable, intent(out) :: error
+      type(namelist_file_type) :: namelist
+
+      call parse_namelist(origin, content, namelist, error)
+      if (.not. allocated(error)) call new_problem(origin, namelist, '', '', .true., self, error)
+      if (.not. allocated(error)) call check_problem(self, error)
+   end subroutine problem_of_text
+
+   !> Refuse what a stage would refuse before its first simulation or sample.
+   subroutine check_problem(self, error)
+      type(problem_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+      logical :: has_theory
+
+      call check_simulation(self%path, self%settings, has_theory, error)
+      if (allocated(error)) return
+      ! Of a specimen that theory does not know `run` leaves out its stage; who asks for it by name is refused.
+      if (self%command == 'run' .and. .not. has_theory) self%stages = pack(self%stages, self%stages /= 'theory')
+      if (.not. has_theory .and. (any(self%stages == 'theory') .or. self%settings%simulation%simulator == 'theory')) then
+         call refuse(error, place(self%path, 'specimen', 'geometry')//''''//self%settings%specimen%geometry &
+            & //''' has no exact theory; allowed ''halfspace''')
+      else if (self%settings%simulation%simulator == 'import' .and. any(self%stages == 'simulate')) then
+         call refuse(error, place(self%path, 'simulation', 'simulator')//'''import'' cannot indent the &crystals; allowed ' &
+            & //'''fe'', ''theory''')
+      else if (any(self%stages == 'build')) then
+         call check_build(self, error)
+      end if
+      if (.not. allocated(error) .and. any(self%stages == 'extract' .or. self%stages == 'next')) call check_step_2(self, error)
+      if (.not. allocated(error) .and. any(self%stages == 'next')) call check_target(self, error)
+      if (.not. allocated(error) .and. allocated(self%candidates)) call question_candidates(self, error)
+   end subroutine check_problem
 end module stages

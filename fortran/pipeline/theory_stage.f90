@@ -21,12 +21,10 @@ module theory_stage
 contains
 
    !> theory.csv, and the document.
-   subroutine finish(self, document, error)
+   subroutine finish(self, page, error)
       class(theory_stage_type), intent(inout) :: self
-      !> JSON.
-      character(len=:), allocatable, intent(out) :: document
+      type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
-      type(json_type) :: page
       real(wp), allocatable :: modulus(:), circular(:), velocity(:)
       type(wave_type), allocatable :: waves(:)
       integer :: i
@@ -44,7 +42,6 @@ contains
          ! What is not allocated is not present.
          if (.not. allocated(error)) call write_moduli(self%problem, self%output//'/theory.csv', modulus, error, velocity)
          if (allocated(error)) return
-         call page%begin_object()
          call page%begin_array('results')
          do i = 1, points%n
             call begin_crystal(page, points, i)
@@ -57,9 +54,6 @@ contains
             call page%end_object()
          end do
          call page%end_array()
-         call page%put('warnings', self%warnings)
-         call page%end_object()
-         document = page%text()
          self%done = to_text(points%n)//' crystals: '//self%output//'/theory.csv'
       end associate
    end subroutine finish

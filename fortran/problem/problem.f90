@@ -95,7 +95,7 @@ contains
       allocate (self%stages(0))
       self%groups = ''
       do i = 1, size(namelist%groups)
-         self%groups = self%groups//namelist%groups(i)%text//' '
+         self%groups = self%groups//namelist%groups(i)%group//' '
       end do
       allocate (self%warnings(0))
       call read_settings(path, namelist, command, needed, self%settings, error)
@@ -443,17 +443,14 @@ contains
       if (.not. allocated(error)) call combine_tests(self%class, self%measurements, error)
       radians = self%settings%measurements%angles == 'degrees' .and. angles_look_like_radians(self%measurements)
       if (.not. allocated(error) .and. radians) call refuse_radians(self%measurements, error)
-      if (allocated(error)) then
-         error%message = prefix//': '//error%message
-         return
-      end if
+      if (allocated(error)) error%message = prefix//': '//error%message
+      if (allocated(error)) return
       call judge_scatter(self%measurements, prefix, self%warnings)
-      associate (table => self%measurements%table)
-         do i = 1, table%columns
-            hint = column_hint(table, i)
-            if (len(hint) > 0) call warn(self%warnings, prefix//': the column '//printable(table%name(i))//' is not read'//hint)
-         end do
-      end associate
+      do i = 1, self%measurements%table%columns
+         hint = column_hint(self%measurements%table, i)
+         if (len(hint) > 0) call warn(self%warnings, prefix//': the column '//printable(self%measurements%table%name(i)) &
+            & //' is not read'//hint)
+      end do
       if (self%measurements%n == 1) then
          call warn(self%warnings, prefix//' has one grain; one modulus cannot determine the constants')
       else if (allocated(self%class%name) .and. .not. radians) then
@@ -515,6 +512,6 @@ contains
       character(len=:), allocatable :: page
 
       page = '! Every value of '//printable(self%path)//', defaults included; paths are relative to the folder of that file.' &
-         & //newline//settings_namelist(self%settings, self%needed)
+         & //newline//settings_namelist(self%settings, self%needed//' '//self%groups)
    end function resolved_text
 end module problem

@@ -5,7 +5,8 @@ module settings_checks
    use errors, only: error_type, refuse
    use kinds, only: wp
    use namelist_file, only: place
-   use settings_schema, only: settings_type
+   use settings_list, only: settings_list_type
+   use settings_schema, only: list_settings, settings_type
    use text, only: join, to_text
    implicit none
    private
@@ -19,7 +20,7 @@ contains
       type(settings_type), intent(in) :: settings
       type(crystal_class_type), intent(in) :: class
       type(error_type), allocatable, intent(out) :: error
-      integer :: names(2)
+      type(settings_list_type) :: list
       logical :: needed
 
       call check_bounds(path, 'domain', class, settings%domain%c_min, settings%domain%c_max, error)
@@ -32,46 +33,35 @@ contains
          call refuse(error, place(path, 'problem', 'symmetry')//'the variable is missing; allowed '//crystal_class_names())
          return
       end if
-      names = [0, 0]
-      if (allocated(settings%knowledge%quantity)) names(1) = size(settings%knowledge%quantity)
-      if (allocated(settings%references%name)) names(2) = size(settings%references%name)
-      associate (k => settings%knowledge, r => settings%references)
-         call check_lists(path, 'knowledge', [character(len=8) :: 'quantity', 'mean', 'sd'], &
-            & [names(1), count_of(k%mean), count_of(k%sd)], error)
-         if (.not. allocated(error)) call check_lists(path, 'references', [character(len=12) :: 'name', 'young_gpa', &
-            & 'young_sd_gpa', 'nu'], [names(2), count_of(r%young_gpa), count_of(r%young_sd_gpa), count_of(r%nu)], error)
-      end associate
-      if (.not. allocated(error)) call check_velocities(path, settings, error)
+      list = list_settings(settings)
+      call check_lists(path, list, 'knowledge', [character(len=8) :: 'quantity', 'mean', 'sd'], error)
+      if (.not. allocated(error)) call check_lists(path, list, 'references', [character(len=12) :: 'name', 'young_gpa', &
+         & 'young_sd_gpa', 'nu'], error)
       if (allocated(error)) return
-      if (settings%curves%given .and. (allocated(settings%curves%file) .eqv. allocated(settings%curves%files))) then
-         call refuse(error, place(path, 'curves', 'file')//'one of file, a CSV of curves, and files, those of an ' &
-            & //'instrument, is needed')
-         return
-      end if
-      if (allocated(settings%measurements%ebsd_points) .and. .not. allocated(settings%measurements%ebsd)) then
-         call refuse(error, place(path, 'measurements', 'ebsd')//'the variable is missing; ebsd_points needs it')
-         return
-      end if
-      if (allocated(settings%indenter%depth_um) .and. allocated(settings%indenter%contact_radius_um)) then
-         call refuse(error, place(path, 'indenter', 'depth_um')//'the last point is stated twice, by depth_um and by ' &
-            & //'contact_radius_um; one of them is allowed')
-         return
-      end if
-      if (len(settings%specimen%estimator) == 0 .and. settings%measurements%given .and. &
-         & any(['film ', 'grain'] == settings%specimen%geometry)) then
-         call refuse(error, place(path, 'specimen', 'estimator')//'the variable is missing; how does the instrument compute the ' &
-            & //'modulus? Allowed: ''curve'' (fit of force against depth^1.5), ''stiffness'' (S/(2 a), S the contact stiffness ' &
-            & //'dP/dh, a the true contact radius), ''stiffness_hertz'' (S/(2 a), a = sqrt(R h))')
-         return
-      end if
-      if (settings%surrogate%file == 'halfspace' .and. settings%measurements%given .and. &
-         & settings%specimen%geometry /= 'halfspace') then
-         call refuse(error, place(path, 'surrogate', 'file')//'''halfspace'' is the theory of a bulk sample, but geometry is ''' &
-            & //settings%specimen%geometry//'''; state &design to train a surrogate of it, or the name of one')
-         return
-      end if
-      associate (design => settings%design)
-         if (design%initial > design%budget) then
+      associate (design => settings%design, geometry => settings%specimen%geometry, measured => settings%measurements, &
+         & is_bulk => all(['film ', 'grain'] /= settings%specimen%geometry))
+         if (settings%curves%given .and. (allocated(settings%curves%file) .eqv. allocated(settings%curves%files))) then
+            call refuse(error, place(path, 'curves', 'file')//'one of file, a CSV of curves, and files, those of an ' &
+               & //'instrument, is needed')
+         else if (allocated(measured%ebsd_points) .and. .not. allocated(measured%ebsd)) then
+            call refuse(error, place(path, 'measurements', 'ebsd')//'the variable is missing; ebsd_points needs it')
+         else if (allocated(measured%velocities) .and. .not. is_bulk) then
+            call refuse(error, place(path, 'measurements', 'velocities')//'speeds are computed for a bulk sample, but geometry ' &
+               & //'is '''//geometry//'''; remove velocities, or infer the constants from speeds and moduli of a bulk sample')
+         else if (allocated(measured%velocities) .and. .not. allocated(settings%problem%density_kg_m3)) then
+            call refuse(error, place(path, 'problem', 'density_kg_m3')//'the variable is missing; &measurements velocities needs ' &
+               & //'it (allowed 10 to 1e5 kg/m3)')
+         else if (allocated(settings%indenter%depth_um) .and. allocated(settings%indenter%contact_radius_um)) then
+            call refuse(error, place(path, 'indenter', 'depth_um')//'the last point is stated twice, by depth_um and by ' &
+               & //'contact_radius_um; one of them is allowed')
+         else if (len(settings%specimen%estimator) == 0 .and. measured%given .and. .not. is_bulk) then
+            call refuse(error, place(path, 'specimen', 'estimator')//'the variable is missing; how does the instrument compute ' &
+               & //'the modulus? Allowed: ''curve'' (fit of force against depth^1.5), ''stiffness'' (S/(2 a), S the contact ' &
+               & //'stiffness dP/dh, a the true contact radius), ''stiffness_hertz'' (S/(2 a), a = sqrt(R h))')
+         else if (settings%surrogate%file == 'halfspace' .and. measured%given .and. geometry /= 'halfspace') then
+            call refuse(error, place(path, 'surrogate', 'file')//'''halfspace'' is the theory of a bulk sample, but geometry ' &
+               & //'is '''//geometry//'''; state &design to train a surrogate of it, or the name of one')
+         else if (design%initial > design%budget) then
             call refuse(error, place(path, 'design', 'initial')//to_text(design%initial) &
                & //' is more than the budget; allowed 0 to '//to_text(design%budget))
          else if (design%candidates == 'latin' .and. design%n_candidates < design%budget) then
@@ -127,31 +117,22 @@ contains
       end if
    end subroutine check_count
 
-   !> Speeds need a density, and a bulk sample.
-   subroutine check_velocities(path, settings, error)
-      character(len=*), intent(in) :: path
-      type(settings_type), intent(in) :: settings
-      type(error_type), allocatable, intent(out) :: error
-
-      if (.not. allocated(settings%measurements%velocities)) return
-      if (any(['film ', 'grain'] == settings%specimen%geometry)) then
-         call refuse(error, place(path, 'measurements', 'velocities')//'speeds are computed for a bulk sample, but geometry is ''' &
-            & //settings%specimen%geometry//'''; remove velocities, or infer the constants from speeds and moduli of a bulk sample')
-      else if (.not. allocated(settings%problem%density_kg_m3)) then
-         call refuse(error, place(path, 'problem', 'density_kg_m3')//'the variable is missing; &measurements velocities needs ' &
-            & //'it (allowed 10 to 1e5 kg/m3)')
-      end if
-   end subroutine check_velocities
-
    !> Lists of a group that are of equal length, or none is there.
-   subroutine check_lists(path, group, names, sizes, error)
-      character(len=*), intent(in) :: path, group
-      !> Of the variables, and the numbers of their values.
-      character(len=*), intent(in) :: names(:)
-      integer, intent(in) :: sizes(:)
+   subroutine check_lists(path, list, group, names, error)
+      character(len=*), intent(in) :: path
+      type(settings_list_type), intent(in) :: list
+      !> Of the group, and of its variables.
+      character(len=*), intent(in) :: group, names(:)
       type(error_type), allocatable, intent(out) :: error
-      integer :: i, j
+      integer :: sizes(size(names)), i, j
 
+      sizes = 0
+      do i = 1, size(list%variables)
+         associate (v => list%variables(i))
+            if (v%group /= group .or. .not. allocated(v%values)) cycle
+            where (names == v%name) sizes = size(v%values)
+         end associate
+      end do
       i = maxloc(sizes, dim=1)
       j = findloc(sizes == sizes(i), .false., dim=1)
       if (j == 0) return
@@ -163,12 +144,4 @@ contains
             & //join(names(2:), ', '))
       end if
    end subroutine check_lists
-
-   !> How many numbers there are.
-   pure integer function count_of(values)
-      real(wp), allocatable, intent(in) :: values(:)
-
-      count_of = 0
-      if (allocated(values)) count_of = size(values)
-   end function count_of
 end module settings_checks

@@ -1,25 +1,49 @@
 !> bayesindent-batch: the computing stages of a namelist file without Python.
 program batch
+   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
    use abstract_stage, only: stage_type
-   use errors, only: error_type, exit_bad_input, exit_status, exit_unusable, raise, warning_type
+   use errors, only: error_type, exit_bad_input, exit_status, exit_unusable, refuse, warning_type
    use files, only: printable
    use namelist_file, only: place
    use problem, only: problem_type
-   use problem_input, only: read_problem
    use running_command, only: show_progress, take_folder, watch_signals
    use settings_schema, only: schema_page
    use simulation_loop, only: simulate_all
    use stage_documents, only: begin_results
-   use stages, only: check_simulator, check_stages, groups_of, new_stage
+   use stages, only: check_stages, groups_of, new_stage, read_problem
    use surrogate_model, only: places_type
    use text, only: join, newline
-   use system, only: argument, data_folder, end_process, error_stream, say, settle_blas
-   use version, only: package_version, shipped_surrogates
+   use version, only: installed_data, package_version, shipped_surrogates
    implicit none
 
    character(len=*), parameter :: usage = 'usage: bayesindent-batch FILE.nml [--stage NAME] [--output DIR] [--check]'
    character(len=:), allocatable :: path, output, command
    logical :: check_only
+   !> Where `say` writes.
+   integer(c_int), parameter :: output_stream = 1, error_stream = 2
+
+   interface
+      !> End with this status; unlike STOP it prints nothing.
+      subroutine end_process(status) bind(c, name='exit')
+         import :: c_int
+         integer(c_int), value :: status
+      end subroutine end_process
+      !> Have the vector kernels of OpenBLAS that fit this processor, and one thread, in this program or the same one started once more.
+      subroutine settle_blas() bind(c, name='bayesindent_settle_blas')
+      end subroutine settle_blas
+      subroutine c_print(to, line) bind(c, name='bayesindent_print')
+         import :: c_char, c_int
+         integer(c_int), value :: to
+         character(kind=c_char), intent(in) :: line(*)
+      end subroutine c_print
+      subroutine c_data_folder(installed, folder, size) bind(c, name='bayesindent_data_folder')
+         import :: c_char, c_int
+         character(kind=c_char), intent(in) :: installed(*)
+         ! allow(C072)
+         character(kind=c_char), intent(out) :: folder(*)
+         integer(c_int), value :: size
+      end subroutine c_data_folder
+   end interface
 
    call settle_blas()
    call watch_signals()
@@ -31,7 +55,7 @@ contains
 
    subroutine read_arguments()
       character(len=:), allocatable :: word
-      integer :: i
+      integer :: i, dot
 
       path = ''
       output = ''
@@ -55,12 +79,11 @@ contains
          case ('--check')
             check_only = .true.
          case ('--stage')
-            command = ''
-            if (i <= command_argument_count()) command = argument(i)
+            command = argument(i)
             i = i + 1
             if (len(command) == 0) call refuse_usage('--stage needs a name')
          case ('--output')
-            if (i <= command_argument_count()) output = argument(i)
+            output = argument(i)
             i = i + 1
             if (len(output) == 0) call refuse_usage('--output needs a folder')
          case default
@@ -70,38 +93,41 @@ contains
          end select
       end do
       if (len(path) == 0) call refuse_usage('a namelist file is needed')
-      if (len(output) == 0) output = 'runs/'//stem(path)
+      if (len(output) > 0) return
+      ! 'a' of 'folder/a.nml'.
+      word = path(index(path, '/', back=.true.) + 1:)
+      dot = index(word, '.', back=.true.)
+      output = 'runs/'//word(:merge(dot - 1, len(word), dot > 1))
    end subroutine read_arguments
 
    subroutine perform()
       type(problem_type), target :: self
       type(error_type), allocatable :: error
       type(places_type) :: places
+      character(kind=c_char, len=4096) :: folder
       logical :: usable
       integer :: i
 
       call read_problem(path, command, '', .false., self, error)
-      if (.not. allocated(error) .and. allocated(self%table_file)) call raise(error, place(path, 'measurements', 'file') &
+      if (.not. allocated(error) .and. allocated(self%table_file)) call refuse(error, place(path, 'measurements', 'file') &
          & //printable(self%settings%measurements%file)//': a spreadsheet is read by bayesindent, not by bayesindent-batch; save ' &
-         & //'its sheet as CSV', exit_bad_input)
-      if (.not. allocated(error) .and. allocated(self%map)) call raise(error, place(path, 'measurements', 'ebsd') &
+         & //'its sheet as CSV')
+      if (.not. allocated(error) .and. allocated(self%map)) call refuse(error, place(path, 'measurements', 'ebsd') &
          & //printable(self%settings%measurements%ebsd)//': an orientation map is read by bayesindent, not by ' &
-         & //'bayesindent-batch, which needs the orientations as columns', exit_bad_input)
-      if (.not. allocated(error) .and. allocated(self%settings%curves%files)) call raise(error, place(path, 'curves', 'files') &
-         & //'files of instruments are read by bayesindent, not by bayesindent-batch; state file, a CSV of the curves', &
-         & exit_bad_input)
+         & //'bayesindent-batch, which needs the orientations as columns')
+      if (.not. allocated(error) .and. allocated(self%settings%curves%files)) call refuse(error, place(path, 'curves', 'files') &
+         & //'files of instruments are read by bayesindent, not by bayesindent-batch; state file, a CSV of the curves')
       call stop_on(error)
-      call tell(self%warnings)
+      call say_lines('warning: ', self%warnings, error_stream)
       ! A function of deferred length in a structure constructor makes gfortran 12 allocate one byte for it.
       places%output = output//'/'
       places%folder = self%folder
-      places%data_folder = data_folder()
+      call c_data_folder(installed_data//c_null_char, folder, len(folder))
+      places%data_folder = folder(:index(folder, c_null_char) - 1)
       places%shipped = shipped_surrogates
-      call check_stages(self, places, error)
+      call check_stages(self, places, check_only, error)
       call stop_on(error)
       if (check_only) then
-         call check_simulator(self, error)
-         call stop_on(error)
          call say(path//' is right; it asks for: '//join(self%stages, ' '))
          return
       end if
@@ -124,7 +150,6 @@ contains
       class(stage_type), allocatable :: stage
       type(error_type), allocatable :: error
       character(len=:), allocatable :: document
-      integer :: i
 
       call new_stage(name, stage, error)
       if (.not. allocated(error)) call stage%open(self, places, error)
@@ -132,35 +157,47 @@ contains
       if (.not. allocated(error)) call stage%close(document, error)
       call stop_on(error)
       usable = size(stage%reasons) == 0
-      do i = 1, size(stage%reasons)
-         call say('the result cannot be used: '//stage%reasons(i)%text, error_stream)
-      end do
-      call tell(stage%warnings)
+      call say_lines('the result cannot be used: ', stage%reasons, error_stream)
+      call say_lines('warning: ', stage%warnings, error_stream)
       call say(name//': '//stage%done)
-      do i = 1, size(stage%more)
-         call say(stage%more(i)%text)
-      end do
+      call say_lines('', stage%more, output_stream)
    end subroutine perform_stage
 
-   subroutine tell(warnings)
-      type(warning_type), intent(in) :: warnings(:)
+   !> Write a `line` at once; if standard output cannot be written, say so and end. Unlike WRITE it never prints a message of its own.
+   subroutine say(line, to)
+      character(len=*), intent(in) :: line
+      !> `output_stream`, or where it is given `error_stream`.
+      integer(c_int), intent(in), optional :: to
+
+      if (present(to)) then
+         call c_print(to, line//c_null_char)
+      else
+         call c_print(output_stream, line//c_null_char)
+      end if
+   end subroutine say
+
+   !> Lines, each after a `prefix`.
+   subroutine say_lines(prefix, lines, to)
+      character(len=*), intent(in) :: prefix
+      type(warning_type), intent(in) :: lines(:)
+      integer(c_int), intent(in) :: to
       integer :: i
 
-      do i = 1, size(warnings)
-         call say('warning: '//warnings(i)%text, error_stream)
+      do i = 1, size(lines)
+         call say(prefix//lines(i)%text, to)
       end do
-   end subroutine tell
+   end subroutine say_lines
 
-   !> 'a' of 'folder/a.nml'.
-   function stem(name)
-      character(len=*), intent(in) :: name
-      character(len=:), allocatable :: stem
-      integer :: dot
+   !> Argument number `i` of the command line, whole; '' where there is none.
+   function argument(i) result(text)
+      integer, intent(in) :: i
+      character(len=:), allocatable :: text
+      integer :: length
 
-      stem = name(index(name, '/', back=.true.) + 1:)
-      dot = index(stem, '.', back=.true.)
-      if (dot > 1) stem = stem(:dot - 1)
-   end function stem
+      call get_command_argument(i, length=length)
+      allocate (character(len=length) :: text)
+      if (length > 0) call get_command_argument(i, text)
+   end function argument
 
    !> End with the error's status and its one line; go on if there is none.
    subroutine stop_on(error)

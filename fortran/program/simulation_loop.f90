@@ -43,7 +43,7 @@ contains
          end do
          !$omp end parallel do
          if (.not. allocated(error)) cycle
-         call stage%leave(ignored)
+         call stage%campaign%flush(ignored)
          exit
       end do
       call end_progress()

@@ -3,7 +3,7 @@
 !> gfortran's own namelist READ reports a missing group, a missing slash and a wrong type all as end of file, and passes
 !> duplicates and NaN in silence. This parser knows syntax alone; what the names mean is in `settings_schema`.
 module namelist_file
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, exit_bad_input, raise, warning_type
    use files, only: printable, read_text_file
    use text, only: lower, newline, read_integer, to_text
    implicit none
@@ -11,8 +11,7 @@ module namelist_file
    public :: namelist_file_type, entry_type, value_type, read_namelist_file, replace_entries, parse_namelist, place
 
    !> One value as written: a quoted text without its quotes, or a bare word.
-   type :: value_type
-      character(len=:), allocatable :: text
+   type, extends(warning_type) :: value_type
       logical :: quoted = .false.
    end type value_type
 
@@ -23,15 +22,10 @@ module namelist_file
       type(value_type), allocatable :: values(:)
    end type entry_type
 
-   type :: name_type
-      character(len=:), allocatable :: text
-      integer :: line = 0
-   end type name_type
-
    type :: namelist_file_type
       type(entry_type), allocatable :: entries(:)
-      !> The groups that are there, empty ones included, in lower case and in the order of the file.
-      type(name_type), allocatable :: groups(:)
+      !> The groups that are there, empty ones included, each without a variable, in the order of the file.
+      type(entry_type), allocatable :: groups(:)
    end type namelist_file_type
 
    !> What has been read, where the parser stands, and in which group and variable, '' for none.
@@ -70,11 +64,8 @@ contains
       character(len=:), allocatable :: content
 
       call read_text_file(path, content, error)
-      if (allocated(error)) then
-         error%message = path//': '//error%message
-         return
-      end if
-      call parse_namelist(path, content, file, error)
+      if (allocated(error)) error%message = path//': '//error%message
+      if (.not. allocated(error)) call parse_namelist(path, content, file, error)
    end subroutine read_namelist_file
 
    !> Have the groups and the variables that are `stated` in a file, in place of its own.
@@ -84,7 +75,7 @@ contains
       integer :: i, k
 
       do i = 1, size(stated%groups)
-         if (any([(file%groups(k)%text == stated%groups(i)%text, k=1, size(file%groups))])) cycle
+         if (any([(file%groups(k)%group == stated%groups(i)%group, k=1, size(file%groups))])) cycle
          file%groups = [file%groups, stated%groups(i)]
       end do
       do i = 1, size(stated%entries)
@@ -122,7 +113,7 @@ contains
    subroutine parse_group(parser)
       type(parser_type), intent(inout) :: parser
       character(len=:), allocatable :: name, words
-      type(name_type) :: found
+      type(entry_type) :: found
       integer :: line, i
 
       line = parser%line
@@ -143,13 +134,13 @@ contains
       parser%group = name
       associate (groups => parser%file%groups)
          do i = 1, size(groups)
-            if (groups(i)%text == name) call refuse(parser, 'the group is there twice, on lines '//to_text(groups(i)%line) &
+            if (groups(i)%group == name) call refuse(parser, 'the group is there twice, on lines '//to_text(groups(i)%line) &
                & //' and '//to_text(line)//'; once is allowed')
          end do
          if (size(groups) == most_names) call refuse(parser, 'more than '//to_text(most_names)//' groups')
       end associate
       if (allocated(parser%error)) return
-      found%text = name
+      found%group = name
       found%line = line
       parser%file%groups = [parser%file%groups, found]
       if (index(blanks//newline//'/!', peek(parser)) == 0) then

@@ -8,7 +8,7 @@ module settings_list
    use text, only: number_text, read_real
    implicit none
    private
-   public :: settings_list_type, group_type, variable_type, is_text, text_value, text_values, real_values, real_of, name_of
+   public :: settings_list_type, group_type, variable_type, is_text, text_values, real_values, real_of, name_of
    public :: kind_integer, kind_real, kind_logical, kind_text, kind_choice, kind_file, kind_source
    public :: shape_one, shape_constants, shape_list, longest_item
 
@@ -46,32 +46,24 @@ module settings_list
       !> In order.
       type(group_type), allocatable :: groups(:)
       type(variable_type), allocatable :: variables(:)
-      !> How many were added.
-      integer :: n_groups = 0, n_variables = 0
+      !> How many variables were added.
+      integer :: n_variables = 0
    contains
-      procedure :: add_group, add
+      procedure :: add
    end type settings_list_type
 
 contains
 
-   !> The variables that are added next are of this group.
-   subroutine add_group(self, name)
-      class(settings_list_type), intent(inout) :: self
-      character(len=*), intent(in) :: name
-
-      self%n_groups = self%n_groups + 1
-      self%groups(self%n_groups)%name = name
-   end subroutine add_group
-
-   subroutine add(self, name, kind, shape, default, allowed, unit, meaning)
+   !> The next variable, of the group of this number.
+   subroutine add(self, group, name, kind, shape, default, allowed, unit, meaning)
       class(settings_list_type), intent(inout) :: self
       character(len=*), intent(in) :: name, default, allowed, unit, meaning
-      integer, intent(in) :: kind, shape
+      integer, intent(in) :: group, kind, shape
 
       self%n_variables = self%n_variables + 1
       associate (v => self%variables(self%n_variables))
-         v%group_number = self%n_groups
-         v%group = self%groups(self%n_groups)%name
+         v%group_number = group
+         v%group = self%groups(group)%name
          v%name = name
          v%kind = kind
          v%shape = shape
@@ -82,15 +74,7 @@ contains
       end associate
    end subroutine add
 
-   !> One text as the values of a variable.
-   pure function text_value(text) result(values)
-      character(len=*), intent(in) :: text
-      type(value_type) :: values(1)
-
-      values(1)%text = text
-   end function text_value
-
-   !> The same of several `names`.
+   !> The texts `names`, without the blanks at their ends, as the values of a variable.
    pure function text_values(names) result(values)
       character(len=*), intent(in) :: names(:)
       type(value_type) :: values(size(names))

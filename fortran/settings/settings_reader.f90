@@ -4,7 +4,7 @@
 !>
 !> And the settings as a namelist, and as named values.
 module settings_reader
-   use errors, only: error_type, refuse, suggestion, warning_type
+   use errors, only: error_type, refuse, suggestion
    use files, only: printable
    use kinds, only: wp
    use named_values, only: named_values_type
@@ -41,7 +41,7 @@ contains
       call check_names(path, file, list, error)
       if (allocated(error)) return
       do i = 1, size(list%groups)
-         list%groups(i)%given = any([(file%groups(j)%text == list%groups(i)%name, j=1, size(file%groups))])
+         list%groups(i)%given = any([(file%groups(j)%group == list%groups(i)%name, j=1, size(file%groups))])
       end do
       do i = 1, size(list%variables)
          associate (v => list%variables(i), given => list%groups(list%variables(i)%group_number)%given)
@@ -81,12 +81,12 @@ contains
       do i = 1, size(file%groups)
          names = ''
          do j = 1, size(schema%groups)
-            if (schema%groups(j)%name == file%groups(i)%text) exit
+            if (schema%groups(j)%name == file%groups(i)%group) exit
             names = names//', &'//schema%groups(j)%name
          end do
          if (j <= size(schema%groups)) cycle
-         call refuse(error, place(path, file%groups(i)%text, '')//'unknown group'//suggestion('&'//file%groups(i)%text, names(3:)) &
-            & //'; allowed: '//names(3:))
+         call refuse(error, place(path, file%groups(i)%group, '')//'unknown group'//suggestion('&'//file%groups(i)%group, &
+            & names(3:))//'; allowed: '//names(3:))
          return
       end do
       do i = 1, size(file%entries)
@@ -235,27 +235,19 @@ contains
          & .and. (number < high .or. (index(range, 'below') == 0 .and. .not. number > high))
    end function in_range
 
-   !> The groups that are given, and those of the list `needed`, as namelists; numbers to the last bit.
-   function settings_namelist(settings, needed, only_needed) result(page)
+   !> The groups of the list `needed`, separated by blanks, as namelists; numbers to the last bit.
+   function settings_namelist(settings, needed) result(page)
       type(settings_type), intent(in) :: settings
       character(len=*), intent(in) :: needed
-      !> Without those that are given.
-      logical, intent(in), optional :: only_needed
       character(len=:), allocatable :: page
       type(settings_list_type) :: list
-      logical :: with_given, written
       integer :: i, j
 
-      with_given = .true.
-      if (present(only_needed)) with_given = .not. only_needed
       list = list_settings(settings)
       page = ''
       do i = 1, size(list%groups)
-         associate (group => list%groups(i))
-            written = (group%given .and. with_given) .or. index(' '//needed//' ', ' '//group%name//' ') > 0
-            if (.not. written) cycle
-            page = page//newline//'&'//group%name//newline
-         end associate
+         if (index(' '//needed//' ', ' '//list%groups(i)%name//' ') == 0) cycle
+         page = page//newline//'&'//list%groups(i)%name//newline
          do j = 1, size(list%variables)
             if (list%variables(j)%group_number == i) page = page//line_of(list%variables(j))//newline
          end do
@@ -287,8 +279,7 @@ contains
       type(settings_type), intent(in) :: settings
       type(named_values_type), intent(inout) :: values
       type(settings_list_type) :: list
-      type(warning_type), allocatable :: texts(:)
-      integer :: i, j
+      integer :: i
 
       list = list_settings(settings)
       do i = 1, size(list%groups)
@@ -296,13 +287,7 @@ contains
       end do
       do i = 1, size(list%variables)
          associate (v => list%variables(i))
-            if (.not. allocated(v%values)) cycle
-            allocate (texts(size(v%values)))
-            do j = 1, size(texts)
-               texts(j)%text = v%values(j)%text
-            end do
-            call values%put(v%group//'.'//v%name, texts)
-            deallocate (texts)
+            if (allocated(v%values)) call values%put(v%group//'.'//v%name, v%values%warning_type)
          end associate
       end do
    end subroutine put_settings

@@ -10,12 +10,12 @@ from pathlib import Path
 TEXT, TEXTS, REAL, REALS = "character(len=:), allocatable", "character(len=longest_item), allocatable", "real(wp)", "real(wp), allocatable"
 #: What a component of each Fortran type is until it is read; its values as texts; and it from these.
 COMPONENTS = {
-    "integer": (" = 0", "text_value(to_text({}))", "nint(real_of({}(1)))"),
-    "logical": (" = .false.", "text_value(to_text({}))", "{}(1)%text == '.true.'"),
+    "integer": (" = 0", "text_values([to_text({})])", "nint(real_of({}(1)))"),
+    "logical": (" = .false.", "text_values([to_text({})])", "{}(1)%text == '.true.'"),
     REAL: (" = 0.0_wp", "real_values([{}])", "real_of({}(1))"),
     REALS: ("(:)", "real_values({})", "real_of({})"),
     TEXTS: ("(:)", "text_values({})", "name_of({})"),
-    TEXT: ("", "text_value({})", "{}(1)%text"),
+    TEXT: ("", "text_values([{}])", "{}(1)%text"),
 }
 #: By the second column of the page: kind and number of values in `settings_list`, and the Fortran type.
 TYPES = {
@@ -90,8 +90,8 @@ def module(page: str) -> str:
         if line.startswith("## `&"):
             group = line[5:-1]
             types += [f"   type, public :: {group}_settings_type", "      logical :: given = .false."]
-            table += [f"      call list%add_group({text(group)})"]
-            place = len(table) - n
+            place = len(table) - n + 1
+            table += [f"      list%groups({place})%name = {text(group)}"]
             taken += [f"         g({place})%given = s%{group}%given"]
             given += [f"         s%{group}%given = g({place})%given"]
         elif line.startswith("| `"):
@@ -102,7 +102,7 @@ def module(page: str) -> str:
                 declared, start = f"{declared}, allocatable", ""
             types += [f"      {declared} :: {name}{start}"]
             words = ", &\n         & ".join(map(text, (default, allowed, unit, meaning)))
-            table += [f"      call list%add({text(name)}, {kind_and_shape}, &\n         & {words})"]
+            table += [f"      call list%add({place}, {text(name)}, {kind_and_shape}, &\n         & {words})"]
             component, values = f"s%{group}%{name}", f"v({n})%values"
             known = f"if (allocated({component})) " if "allocatable" in declared else ""
             taken += [f"         {known}{values} = {texts.format(component)}"]

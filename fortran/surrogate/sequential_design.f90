@@ -15,7 +15,6 @@ module sequential_design
    use settings_schema, only: design_settings_type
    use statistics, only: number_equal, sort_order
    use surrogate_domain, only: domain_type, spread_crystals
-   use text, only: to_text
    implicit none
    private
    public :: design_type, set_candidates, compute_variances, quadratic_forms, condition_on, update_posterior_mean, &
@@ -134,21 +133,18 @@ contains
    end subroutine update_posterior_mean
 
    !> The candidates that &design asks for.
-   subroutine new_candidates(problem, basis, candidates, warning, error)
+   subroutine new_candidates(problem, basis, candidates, error)
       type(problem_type), intent(in) :: problem
       class(basis_type), intent(in) :: basis
       type(candidates_type), intent(out) :: candidates
-      !> '' if there is none.
-      character(len=:), allocatable, intent(out) :: warning
       type(error_type), allocatable, intent(out) :: error
       integer :: first, seed
       real(wp), allocatable :: constants(:, :), euler_deg(:, :)
 
-      warning = ''
       seed = problem%settings%problem%seed
       associate (design => problem%settings%design)
          if (allocated(problem%candidates)) then
-            call take_table(problem, basis%domain, candidates, warning)
+            call take_table(problem, basis%domain, candidates)
          else if (design%candidates == 'factorial') then
             call factorial(basis%domain, design, seed, candidates, error)
          else
@@ -170,11 +166,10 @@ contains
    end subroutine new_candidates
 
    !> The rows of the user's table that are in the domain.
-   subroutine take_table(problem, domain, candidates, warning)
+   subroutine take_table(problem, domain, candidates)
       type(problem_type), intent(in) :: problem
       type(domain_type), intent(in) :: domain
       type(candidates_type), intent(out) :: candidates
-      character(len=:), allocatable, intent(inout) :: warning
       integer, allocatable :: rows(:)
       integer :: i
 
@@ -185,8 +180,6 @@ contains
             candidates%constants(:, i) = domain%class%constants_of(table%stiffness(:, :, rows(i)))
          end do
          candidates%euler_deg = table%euler_deg(:, rows)
-         if (size(rows) < table%n) warning = to_text(table%n - size(rows))//' of '//to_text(table%n) &
-            & //' candidates are outside the domain and are left out'
       end associate
    end subroutine take_table
 

@@ -132,7 +132,7 @@ contains
       call check_refused('a blank after &', error, 'f: &a: the / that ends the group is missing')
       call parse_namelist('f', '&A x = 2*1.5, ''it''''s'' y = .true. &END &b/', file, error)
       call check_success('two groups on one line', error)
-      call check('names in lower case', file%groups(1)%text == 'a' .and. file%entries(2)%name == 'y')
+      call check('names in lower case', file%groups(1)%group == 'a' .and. file%entries(2)%name == 'y')
       call check('an empty group', size(file%groups) == 2 .and. size(file%entries) == 2)
       call check('repeated values', size(file%entries(1)%values) == 3 .and. file%entries(1)%values(2)%text == '1.5')
       call check('a doubled quote', file%entries(1)%values(3)%text == 'it''s' .and. file%entries(1)%values(3)%quoted)

@@ -400,7 +400,9 @@ def test_candidates_of_a_table(tmp_path):
     lines = ["C11,C12,C44,phi1_deg,Phi_deg,phi2_deg", *(",".join(map(repr, row)) for row in np.hstack(rows).tolist()), outside]
     (tmp_path / "mine.csv").write_text("\n".join(lines) + "\n")
     document = build(make_problem(tmp_path, design={"candidates": "'mine.csv'", "budget": 16}), tmp_path)
-    assert document["warnings"] == ["1 of 31 candidates are outside the domain and are left out"]
+    assert document["warnings"] == [
+        f"{tmp_path}/problem.nml: &design candidates: 1 of 31 rows of mine.csv lie outside &domain and are left out"
+    ]
     known = {tuple(row) for row in np.hstack(rows).tolist()}
     data = Surrogate.load(tmp_path / "surrogate.txt").data
     assert {tuple(row) for row in np.hstack([data["constants"], data["euler_deg"]]).tolist()} <= known
