@@ -5,11 +5,11 @@
 module problem
    use crystal_class, only: crystal_class_type, lattice_type, new_crystal_class, new_lattice
    use curve_tables, only: curve_set_type, read_curves
-   use distinct_directions, only: all_alike, angle_between, new_region, region_type
    use errors, only: error_type, refuse, warn, warning_type
    use files, only: folder_of, printable, read_text_file, resolve_path
-   use kinds, only: degree, wp
+   use kinds, only: wp
    use namelist_file, only: namelist_file_type, place
+   use orientation_questions, only: question_directions, refuse_radians
    use point_tables, only: angles_look_like_radians, points_type, read_crystals, read_grains, read_measurements, read_positions
    use repeated_tests, only: combine_tests, judge_scatter, refuse_copied_rows
    use settings_schema, only: settings_type
@@ -17,7 +17,6 @@ module problem
    use settings_reader, only: read_settings, settings_namelist
    use statistics, only: median
    use stiffness_table, only: new_stiffness_table, stiffness_table_type
-   use symmetric_harmonics, only: harmonics_type, new_harmonics
    use table_columns, only: column_hint, find_column, name_columns
    use tables, only: parse_table, read_table, table_type
    use velocity_tables, only: append_velocities, read_velocities
@@ -68,8 +67,6 @@ module problem
 
    !> Contact radius of the paper's indentations at the last depth, um.
    real(wp), parameter :: paper_contact = 0.5_wp
-   !> As many angles below 2 pi are no chance.
-   integer, parameter :: few_grains = 3
    character(len=*), parameter :: like_radians = ': no angle is above 2 pi; angles are in degrees, and these look like radians'
 
 contains
@@ -413,17 +410,6 @@ contains
       if (allocated(error)) error%message = place(self%path, 'next', 'candidates')//printable(name)//': '//error%message
    end subroutine load_grains
 
-   !> As many angles below a full turn in radians, not all of them whole, are no chance.
-   subroutine refuse_radians(points, error)
-      type(points_type), intent(in) :: points
-      type(error_type), allocatable, intent(out) :: error
-
-      if (points%n < few_grains .or. .not. angles_look_like_radians(points)) return
-      if (any(abs(points%euler_deg - anint(points%euler_deg)) > 0.0_wp)) call refuse(error, 'no angle is above 2 pi, so these ' &
-         & //'look like radians, and degrees are needed; if they are radians say angles = ''radians'', if degrees add 360 to a ' &
-         & //'phi1')
-   end subroutine refuse_radians
-
    !> What is odd about measurements, but may be meant; and angles in radians that nobody said are.
    subroutine question_measurements(self, error)
       type(problem_type), intent(inout) :: self
@@ -454,7 +440,10 @@ contains
       if (self%measurements%n == 1) then
          call warn(self%warnings, prefix//' has one grain; one modulus cannot determine the constants')
       else if (allocated(self%class%name) .and. .not. radians) then
-         call question_directions(self, prefix, error)
+         hint = ''
+         if (allocated(self%map)) hint = '. If the positions all lie in one grain of the map, check the unit and the origin of ' &
+            & //'x_um and y_um'
+         call question_directions(self%measurements, self%class, prefix, hint, self%warnings, error)
          if (allocated(error)) return
       end if
       if (radians) call warn(self%warnings, prefix//like_radians)
@@ -466,45 +455,6 @@ contains
          & //' % of the moduli (median); indentation rarely does better than '//to_text(100.0_wp*least_share, 1)//' %. sd_gpa is ' &
          & //'in GPa: if these are fractions, multiply them by the moduli')
    end subroutine question_measurements
-
-   !> Grains that are all alike, or in fewer different directions than there are combinations of the constants that indentation sees.
-   subroutine question_directions(self, prefix, error)
-      type(problem_type), intent(inout) :: self
-      character(len=*), intent(in) :: prefix
-      type(error_type), allocatable, intent(out) :: error
-      !> Two directions are the same below so many degrees.
-      real(wp), parameter :: alike = 5.0_wp
-      !> To first order in the anisotropy a modulus has no harmonics of higher degree.
-      integer, parameter :: degree_seen = 4
-      type(region_type) :: region
-      type(harmonics_type) :: harmonics
-      real(wp) :: directions(3, self%measurements%n)
-      integer :: kept(self%measurements%n), n, i, j
-      character(len=:), allocatable :: map_hint
-
-      map_hint = ''
-      if (allocated(self%map)) map_hint = '. If the positions all lie in one grain of the map, check the unit and the origin of ' &
-         & //'x_um and y_um'
-      call new_region(self%class, region)
-      if (region%dimension == 0) return
-      directions = self%measurements%directions()
-      if (all_alike(region, directions, alike*degree)) then
-         call warn(self%warnings, prefix//': the orientations are all alike (within 5 degrees of one): how the modulus ' &
-            & //'depends on orientation is not determined'//map_hint)
-         return
-      end if
-      call new_harmonics(self%class%generators, degree_seen, harmonics, error)
-      if (allocated(error)) return
-      n = 0
-      do i = 1, size(directions, 2)
-         if (any([(angle_between(region, directions(:, i), directions(:, kept(j))) < alike*degree, j=1, n)])) cycle
-         n = n + 1
-         kept(n) = i
-         if (n == harmonics%n) return
-      end do
-      call warn(self%warnings, prefix//': grains in '//to_text(n)//' different directions; at least '//to_text(harmonics%n) &
-         & //' are needed for the combinations of the '//to_text(self%class%n_constants)//' constants that indentation determines')
-   end subroutine question_directions
 
    !> The resolved namelists: the groups that are there or needed, every variable with its value.
    function resolved_text(self) result(page)

@@ -9,6 +9,8 @@ from conftest import SOURCE
 
 COMMANDS = (
     "init",
+    "table",
+    "map",
     "run",
     "simulate",
     "theory",
