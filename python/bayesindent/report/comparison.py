@@ -136,20 +136,16 @@ def compare_runs(runs: Sequence[Run], output: Path | None, figures: str) -> dict
     return document
 
 
-def constants_of(runs: Sequence[Run]) -> list[str]:
-    return list(dict.fromkeys(name for run in runs for name in run.parameters))
-
-
 def draw(runs: Sequence[Run], output: Path, kind: str) -> list[str]:
     """The names of the figures that are written."""
     # Not above: importing matplotlib is slow, and `import bayesindent` would.
     from .figures.comparison import forest, overlay
     from .figures.style import house_style, stamp_synthetic
 
-    paths = []
+    paths, names = [], list(dict.fromkeys(name for run in runs for name in run.parameters))
     with house_style():
         for function in (forest, overlay):
-            figure = function(runs, constants_of(runs)).figure
+            figure = function(runs, names).figure
             if any(run.synthetic for run in runs):
                 stamp_synthetic(figure)
             paths.append(output / f"{function.__name__}.{kind}")

@@ -2,13 +2,11 @@
 
 import os
 import re
-from collections import namedtuple
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, make_dataclass
 from functools import cache, cached_property, partial
 from html import escape
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -290,18 +288,19 @@ def _rows(found: dict, name: str) -> list[list[str]]:
 
 
 @cache
-def _types() -> dict[str, Any]:
-    """A named tuple for each group of the schema."""
+def _types() -> tuple[dict[str, type], type]:
+    """A frozen class for each group of the schema, and one that holds them all."""
     names: dict[str, list[str]] = {}
     for variable in schema():
         names.setdefault(variable.group, ["given"]).append(variable.name)
-    return {group: namedtuple(group, variables) for group, variables in names.items()}
+    types = {group: make_dataclass(f"{group}_settings", variables, frozen=True, eq=False) for group, variables in names.items()}
+    return types, make_dataclass("settings", names, frozen=True, eq=False)
 
 
 def _settings(values: dict):
-    """The values of all groups, as named tuples in a named tuple; lists become tuples, and arrays cannot be written to."""
+    """The values of all groups, as frozen objects in a frozen object; lists become tuples, and arrays cannot be written to."""
     for array in (value for value in values.values() if isinstance(value, np.ndarray)):
         array.flags.writeable = False
     found = {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
-    groups = {group: kind(*(found.get(f"{group}.{name}") for name in kind._fields)) for group, kind in _types().items()}
-    return namedtuple("settings", groups)(**groups)
+    types, holder = _types()
+    return holder(*(kind(*(found.get(f"{group}.{name.name}") for name in fields(kind))) for group, kind in types.items()))

@@ -125,7 +125,8 @@ def parity_panels(x: np.ndarray, y: np.ndarray, difference: np.ndarray, labels: 
     ends = [min(x.min(), y.min()), max(x.max(), y.max())]
     left.plot(ends, ends, color=BLACK, lw=0.8)
     points = left.errorbar(x, y, **{"fmt": "o", "color": BLUE, "ms": 3.5, "lw": 0.8} | style)
-    right.plot(x, difference, "o", color=BLUE, ms=points.lines[0].get_markersize())
+    # Above the line of zero.
+    right.plot(x, difference, "o", color=BLUE, ms=points.lines[0].get_markersize(), zorder=3)
     left.set(xlabel=labels[0], ylabel=labels[1])
     right.set(xlabel=labels[0], ylabel=labels[2])
     return figure, right
