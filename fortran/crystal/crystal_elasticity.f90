@@ -14,7 +14,7 @@ module crystal_elasticity
    public :: is_stable, check_stiffness, compliance, averages_type, polycrystal_averages, anisotropy_index, log_anisotropy, &
       & logarithmic_mean
    public :: kelvin_form, stiffness_of_kelvin, diagonalise, hill_young_poisson
-   public :: isotropic_stiffness, polycrystal_stiffness
+   public :: isotropic_stiffness
 
    !> Of a stable crystal a pivot of the stiffness is a larger share of its entry.
    real(wp), parameter :: resolution = 1.0e-12_wp
@@ -186,16 +186,6 @@ contains
          c(i + 3, i + 3) = shear
       end do
    end function isotropic_stiffness
-
-   !> Stiffness of the polycrystal of a crystal, uniform texture, by Hill's averages, GPa.
-   pure function polycrystal_stiffness(crystal) result(c)
-      !> GPa.
-      real(wp), intent(in) :: crystal(6, 6)
-      real(wp) :: c(6, 6), young, poisson
-
-      call hill_young_poisson(polycrystal_averages(crystal), young, poisson)
-      c = isotropic_stiffness(young, poisson)
-   end function polycrystal_stiffness
 
    !> Log-anisotropy: Frobenius norm of log K without its isotropic part, K the Kelvin form; NaN for an unstable crystal.
    pure real(wp) function log_anisotropy(c)

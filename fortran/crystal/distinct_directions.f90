@@ -211,20 +211,16 @@ contains
       real(wp), intent(in) :: directions(:, :)
       !> Radians.
       real(wp), intent(in) :: angle
-      real(wp) :: apart
+      real(wp) :: apart(size(directions, 2))
       integer :: i, j
 
       all_alike = .true.
-      do i = 1, size(directions, 2)
-         do j = 1, size(directions, 2)
-            apart = angle_between(region, directions(:, i), directions(:, j))
-            if (apart > angle) exit
-         end do
-         if (j > size(directions, 2)) return
+      do i = 1, size(apart)
+         apart = [(angle_between(region, directions(:, i), directions(:, j)), j=1, size(apart))]
+         all_alike = all(apart <= angle)
          ! Two that are so far apart have no third near both.
-         if (apart > 2.0_wp*angle) exit
+         if (all_alike .or. any(apart > 2.0_wp*angle)) return
       end do
-      all_alike = size(directions, 2) == 0
    end function all_alike
 
    !> Directions evenly over the region, its corners and edges included: steps of equal size over an arc, equal shares of the

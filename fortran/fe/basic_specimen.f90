@@ -229,9 +229,6 @@ contains
    subroutine check_sizes(self, error)
       class(specimen_type), intent(in) :: self
       type(error_type), allocatable, intent(out) :: error
-
-      associate (unused => self)
-      end associate
    end subroutine check_sizes
 
    !> Stiffness of each material of the mesh, sample frame, GPa (6, 6, materials): the crystal alone, unless a specimen has more.
@@ -241,8 +238,6 @@ contains
       real(wp), intent(in) :: crystal(6, 6)
       real(wp), allocatable :: c(:, :, :)
 
-      associate (unused => self)
-      end associate
       c = spread(crystal, 3, 1)
    end function materials
 

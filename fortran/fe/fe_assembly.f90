@@ -42,39 +42,31 @@ contains
       type(assembly_type), intent(out) :: assembly
       type(error_type), allocatable, intent(out) :: error
       integer, allocatable :: hanging_index(:)
-      integer :: i
+      logical, allocatable :: free(:)
+      integer :: i, j, n, groups
 
       allocate (hanging_index(size(mesh%x, 2)), source=0)
       hanging_index(mesh%hanging) = [(i, i=1, size(mesh%hanging))]
-      call number_unknowns()
+      free = hanging_index == 0
+      free(mesh%clamped) = .false.
+      assembly%unknowns = 3*count(free)
+      assembly%n_contact = size(mesh%contact)
+      allocate (assembly%unknown(3, size(free)), assembly%group(assembly%unknowns), source=0)
+      assembly%unknown(3, mesh%contact) = [(assembly%unknowns - assembly%n_contact + i, i=1, assembly%n_contact)]
+      n = 0
+      groups = 0
+      do i = 1, size(free)
+         if (.not. free(i)) cycle
+         do j = 1, 3
+            if (assembly%unknown(j, i) > 0) cycle
+            n = n + 1
+            assembly%unknown(j, i) = n
+         end do
+         groups = groups + 1
+         assembly%group(assembly%unknown(:, i)) = groups
+      end do
       call list_dofs(mesh, hanging_index, assembly)
       call build_pattern(assembly, error)
-
-   contains
-
-      subroutine number_unknowns()
-         logical, allocatable :: free(:)
-         integer :: i, j, n, groups
-
-         free = hanging_index == 0
-         free(mesh%clamped) = .false.
-         assembly%unknowns = 3*count(free)
-         assembly%n_contact = size(mesh%contact)
-         allocate (assembly%unknown(3, size(free)), assembly%group(assembly%unknowns), source=0)
-         assembly%unknown(3, mesh%contact) = [(assembly%unknowns - assembly%n_contact + i, i=1, assembly%n_contact)]
-         n = 0
-         groups = 0
-         do i = 1, size(free)
-            if (.not. free(i)) cycle
-            do j = 1, 3
-               if (assembly%unknown(j, i) > 0) cycle
-               n = n + 1
-               assembly%unknown(j, i) = n
-            end do
-            groups = groups + 1
-            assembly%group(assembly%unknown(:, i)) = groups
-         end do
-      end subroutine number_unknowns
    end subroutine new_assembly
 
    !> The unknowns of each element; bricks that have hanging nodes are expressed in the nodes these hang on.

@@ -62,33 +62,21 @@ contains
       real(wp), allocatable :: a(:, :), b(:, :), clearance(:)
       integer, allocatable :: set(:)
       logical, allocatable :: wrong(:)
-      integer :: n, step, i, j, status
+      integer :: n, step, i
 
       n = size(gap)
-      allocate (clearance(n), wrong(n))
       do step = 1, most_steps
          set = pack([(i, i=1, n)], active)
          force = 0.0_wp
          if (size(set) > 0) then
-            allocate (a(size(set), size(set)), b(size(set), 1), stat=status)
-            if (status /= 0) then
-               call raise_no_memory('the contact of '//to_text(size(set))//' nodes', error)
-               return
-            end if
-            do j = 1, size(set)
-               a(:, j) = compliance(set, set(j))
-            end do
-            b(:, 1) = depth - gap(set)
+            a = compliance(set, set)
+            b = reshape(depth - gap(set), [size(set), 1])
             call cholesky_factor(a, error)
             if (allocated(error)) return
             call cholesky_solve(a, b)
             force(set) = b(:, 1)
-            deallocate (a, b)
          end if
-         clearance = gap - depth
-         do j = 1, size(set)
-            clearance = clearance + compliance(:, set(j))*force(set(j))
-         end do
+         clearance = gap - depth + matmul(compliance(:, set), force(set))
          wrong = (active .and. force < 0.0_wp) .or. (.not. active .and. clearance < -1.0e-13_wp*depth)
          if (.not. any(wrong)) return
          if (step <= most_block_steps) then

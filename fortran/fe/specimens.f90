@@ -1,10 +1,10 @@
 !> The specimens there are beside the half-space, their names, and one by its settings.
 !>
-!> A new specimen: its type, which extends `specimen_type`, its name here, and its lines in `new_specimen`.
+!> A new specimen: its type, which extends `specimen_type`, its name here, and its lines in `new_indentation`.
 module specimens
    use basic_specimen, only: clamped_around, clamped_bottom, core_of_contact, fineness, graded_layers, halfspace_name, &
       & layers_of_ratio, mesh_plan_type, mesh_stage_type, require, specimen_type, to_ball, to_cylinder
-   use crystal_elasticity, only: polycrystal_stiffness
+   use crystal_elasticity, only: hill_young_poisson, isotropic_stiffness, polycrystal_averages
    use errors, only: error_type, refuse
    use indenters, only: indenter_type, new_indenter
    use kinds, only: wp
@@ -12,7 +12,7 @@ module specimens
    use text, only: to_text
    implicit none
    private
-   public :: geometry_names, new_specimen, new_indentation
+   public :: geometry_names, new_indentation
 
    character(len=*), parameter :: block_name = 'block', film_name = 'film', grain_name = 'grain'
    character(len=*), parameter :: geometry_names = halfspace_name//', '//block_name//', '//film_name//', '//grain_name
@@ -75,36 +75,6 @@ module specimens
 
 contains
 
-   !> The specimen of &specimen; a message of an error begins with the variable.
-   subroutine new_specimen(settings, contact_radius, specimen, error)
-      type(settings_type), intent(in) :: settings
-      !> At the last depth (half-space), um.
-      real(wp), intent(in) :: contact_radius
-      class(specimen_type), allocatable, intent(out) :: specimen
-      type(error_type), allocatable, intent(out) :: error
-
-      select case (settings%specimen%geometry)
-      case (halfspace_name)
-         allocate (specimen)
-      case (block_name)
-         allocate (block_specimen_type :: specimen)
-      case (film_name)
-         allocate (film_specimen_type :: specimen)
-      case (grain_name)
-         allocate (grain_specimen_type :: specimen)
-      case default
-         call refuse(error, "geometry: '"//settings%specimen%geometry//"' is unknown; allowed: "//geometry_names)
-         return
-      end select
-      specimen%contact_radius = contact_radius
-      specimen%element_size = contact_radius/fineness
-      specimen%element = settings%simulation%element
-      specimen%estimator = settings%specimen%estimator
-      call specimen%set_up(settings, error)
-      if (.not. allocated(error)) call specimen%check_sizes(error)
-      if (len(specimen%element) == 0) specimen%element = 'c3d8i'
-   end subroutine new_specimen
-
    !> The indenter and the specimen of the settings; a message of an error begins with the group and the variable.
    subroutine new_indentation(settings, indenter, specimen, error)
       type(settings_type), intent(in) :: settings
@@ -117,8 +87,27 @@ contains
          error%message = '&indenter '//error%message
          return
       end if
-      call new_specimen(settings, indenter%contact_radius, specimen, error)
+      select case (settings%specimen%geometry)
+      case (halfspace_name)
+         allocate (specimen)
+      case (block_name)
+         allocate (block_specimen_type :: specimen)
+      case (film_name)
+         allocate (film_specimen_type :: specimen)
+      case (grain_name)
+         allocate (grain_specimen_type :: specimen)
+      case default
+         call refuse(error, "&specimen geometry: '"//settings%specimen%geometry//"' is unknown; allowed: "//geometry_names)
+         return
+      end select
+      specimen%contact_radius = indenter%contact_radius
+      specimen%element_size = specimen%contact_radius/fineness
+      specimen%element = settings%simulation%element
+      specimen%estimator = settings%specimen%estimator
+      call specimen%set_up(settings, error)
+      if (.not. allocated(error)) call specimen%check_sizes(error)
       if (allocated(error)) error%message = '&specimen '//error%message
+      if (len(specimen%element) == 0) specimen%element = 'c3d8i'
    end subroutine new_indentation
 
    subroutine block_set_up(self, settings, error)
@@ -334,9 +323,12 @@ contains
       !> Sample frame, GPa.
       real(wp), intent(in) :: crystal(6, 6)
       real(wp), allocatable :: c(:, :, :)
+      real(wp) :: young, poisson
 
+      young = self%young
+      poisson = self%poisson
+      if (.not. young > 0.0_wp) call hill_young_poisson(polycrystal_averages(crystal), young, poisson)
       c = spread(crystal, 3, 2)
-      c(:, :, 2) = self%own_stiffness()
-      if (.not. self%young > 0.0_wp) c(:, :, 2) = polycrystal_stiffness(crystal)
+      c(:, :, 2) = isotropic_stiffness(young, poisson)
    end function grain_materials
 end module specimens

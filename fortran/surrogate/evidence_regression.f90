@@ -8,7 +8,6 @@ module evidence_regression
    use kinds, only: pi, wp
    use linear_algebra, only: add_gram, cholesky_factor, cholesky_inverse, cholesky_solve, multiply, &
       & multiply_by_factor, symmetric_eigen
-   use statistics, only: sort_order
    implicit none
    private
    public :: regression_type, new_regression, add_data, maximise_evidence, set_precisions, compute_posterior
@@ -312,9 +311,9 @@ contains
       !> Below this 1 - h has lost its digits, and the covariance of the data is factored instead.
       real(wp), parameter :: least = 1.0e-7_wp
       real(wp), allocatable :: projected(:, :), q(:, :), all_residuals(:), block_of_q(:, :)
-      integer, allocatable :: order(:), members(:)
+      integer, allocatable :: members(:)
       logical :: over_data
-      integer :: n, first, last, i
+      integer :: n, i, j
 
       n = regression%n_data
       associate (terms => regression%terms(:, :n), targets => regression%targets(:n), beta => regression%beta)
@@ -337,15 +336,9 @@ contains
             call cholesky_inverse(q)
             all_residuals = matmul(q, targets)
          end if
-         allocate (order(n))
-         call sort_order(real(groups, wp), order)
-         last = 0
-         do while (last < n)
-            first = last + 1
-            do last = first, n - 1
-               if (groups(order(last + 1)) /= groups(order(first))) exit
-            end do
-            members = order(first:last)
+         do j = 1, n
+            members = pack([(i, i=1, n)], groups == groups(j))
+            if (members(1) < j) cycle
             if (over_data) then
                block_of_q = q(members, members)
             else

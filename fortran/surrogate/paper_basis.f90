@@ -171,7 +171,6 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer :: i
 
-      if (allocated(error)) return
       self%n_independent = size(euler, 2)
       if (allocated(self%k)) deallocate (self%k)
       allocate (self%k(size(euler, 2), self%harmonics%n))

@@ -84,8 +84,8 @@ contains
       surrogate%provenance = '{"model": "exact theory of the half-space"}'
    end subroutine new_theory_surrogate
 
-   !> Mean and sd (GPa) of the simulated indentation modulus of crystals. Refused are those for which it has no meaning: unstable, or without
-   !> the symmetry of the surrogate's class.
+   !> Mean and sd (GPa) of the simulated indentation modulus of crystals. Refused are those for which it has no meaning: unstable, or
+   !> without the symmetry of the surrogate's class.
    subroutine predict_crystals(surrogate, stiffness, euler, threads, modulus, sd, error)
       type(surrogate_type), intent(in) :: surrogate
       !> In crystal axes, GPa, (6, 6, n); Bunge-Euler angles, radians, (3, n).

@@ -13,7 +13,7 @@ program test_indentation
    use settings_schema, only: list_settings
    use simulate, only: identity_text, new_simulator, outcome_done, outcome_failed, outcome_type, simulation_error, &
       & simulator_type
-   use specimens, only: geometry_names, new_specimen
+   use specimens, only: geometry_names, new_indentation
    use testing, only: check, check_close, check_refused, check_success, default_settings, finish, stiffness_of
    use text, only: split_list, to_text
    implicit none
@@ -37,6 +37,7 @@ contains
    subroutine test_specimens()
       character(len=len(geometry_names)), allocatable :: names(:)
       class(specimen_type), allocatable :: specimen
+      class(indenter_type), allocatable :: indenter
       type(settings_type) :: settings
       type(mesh_type) :: mesh
       type(error_type), allocatable :: error
@@ -49,7 +50,8 @@ contains
       allocate (names, source=split_list(geometry_names))
       do i = 1, size(names)
          settings%specimen%geometry = trim(names(i))
-         call new_specimen(settings, 0.5_wp, specimen, error)
+         settings%indenter%contact_radius_um = 0.5_wp
+         call new_indentation(settings, indenter, specimen, error)
          call check_success('specimen '//names(i), error)
          call new_mesh(specimen%plan(0.6_wp), mesh, error)
          call check_success('mesh '//names(i), error)
@@ -57,7 +59,8 @@ contains
             & .and. (size(mesh%facet, 2) > 0 .neqv. size(mesh%clamped) > 0))
       end do
       settings%specimen%geometry = 'dome'
-      call new_specimen(settings, 0.5_wp, specimen, error)
+      settings%indenter%contact_radius_um = 0.5_wp
+      call new_indentation(settings, indenter, specimen, error)
       call check_refused('an unknown specimen', error, "geometry: 'dome' is unknown; allowed: "//geometry_names)
    end subroutine test_specimens
 
@@ -67,6 +70,7 @@ contains
       real(wp), parameter :: blocks(4, 4) = reshape([9.6_wp, 4.8_wp, 0.5_wp, 12400.0_wp, 9.6_wp, 19.2_wp, 0.5_wp, 41200.0_wp, &
          & 100.0_wp, 25.0_wp, 2.0_wp, 10000.0_wp, 4.0_wp, 2.0_wp, 1.0_wp, 6400.0_wp], [4, 4])
       class(specimen_type), allocatable :: specimen
+      class(indenter_type), allocatable :: indenter
       type(settings_type) :: settings
       type(mesh_type) :: mesh
       type(error_type), allocatable :: error
@@ -77,7 +81,8 @@ contains
       do i = 1, size(blocks, 2)
          settings%specimen%width_um = blocks(1, i)
          settings%specimen%height_um = blocks(2, i)
-         call new_specimen(settings, blocks(3, i), specimen, error)
+         settings%indenter%contact_radius_um = blocks(3, i)
+         call new_indentation(settings, indenter, specimen, error)
          call check_success('block', error)
          call check('it has a length', specimen%has_length)
          call new_mesh(specimen%plan(1.0_wp), mesh, error)
@@ -91,11 +96,13 @@ contains
          call check_close('elements to the contact radius', blocks(3, i)/mesh%element_size, 1.0_wp/0.13_wp, 1.0e-9_wp)
          call check('bricks', size(mesh%brick, 2) == nint(blocks(4, i)), to_text(size(mesh%brick, 2)))
       end do
-      call new_specimen(settings, 1.1_wp, specimen, error)
+      settings%indenter%contact_radius_um = 1.1_wp
+      call new_indentation(settings, indenter, specimen, error)
       call check_refused('a contact too large for the block', error, 'width_um: 4.0 um is too narrow for a contact ' &
          & //'radius of 1.1 um; allowed from 4.4 um')
       settings%specimen%height_um = 8.1_wp
-      call new_specimen(settings, 0.5_wp, specimen, error)
+      settings%indenter%contact_radius_um = 0.5_wp
+      call new_indentation(settings, indenter, specimen, error)
       call check_refused('a pillar', error, 'height_um: 8.1 um does not go with width_um = 4.0; allowed 0.5 to 8.0 um')
    end subroutine test_blocks
 
