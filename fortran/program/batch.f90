@@ -1,7 +1,7 @@
 !> bayesindent-batch: the computing stages of a namelist file without Python.
 program batch
    use abstract_stage, only: stage_type
-   use errors, only: error_type, exit_bad_input, exit_status, exit_unusable, raise, warning_type
+   use errors, only: error_type, exit_bad_input, exit_failure, exit_unusable, raise, warning_type
    use files, only: printable
    use namelist_file, only: place
    use problem, only: problem_type
@@ -165,7 +165,7 @@ contains
 
       if (.not. allocated(error)) return
       call say(error%message, error_stream)
-      call end_process(exit_status(error))
+      call end_process(merge(exit_bad_input, exit_failure, error%status == exit_bad_input))
    end subroutine stop_on
 
    subroutine refuse_usage(reason)
