@@ -38,13 +38,11 @@ void add_row(std::string &cells, sqlite3_stmt *statement) {
   }
 }
 
-// A value is t and a text, r and the digits of a number, or n, nothing.
+// A value is t and a text, or r and the digits of a number.
 int bind(sqlite3_stmt *statement, int i, const char *value) {
   double number = 0.0;
   if (*value == 't')
     return sqlite3_bind_text(statement, i, value + 1, -1, SQLITE_TRANSIENT);
-  if (*value == 'n')
-    return sqlite3_bind_null(statement, i);
   std::from_chars(value + 1, value + std::strlen(value), number);
   return sqlite3_bind_double(statement, i, number);
 }

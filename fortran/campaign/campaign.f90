@@ -6,8 +6,7 @@
 module campaign
    use files, only: checksum
    use, intrinsic :: iso_c_binding, only: c_null_char
-   use campaign_file, only: begin_transaction, database_type, end_transaction, open_campaign_file, raise_damaged, real_value, &
-      & text_value
+   use campaign_file, only: begin_transaction, database_type, end_transaction, open_campaign_file, raise_damaged, text_value
    use errors, only: error_type, warning_type
    use kinds, only: i8, wp
    use simulate, only: outcome_done, outcome_failed, outcome_type
@@ -61,8 +60,8 @@ module campaign
       & //'AND constants = ? AND euler_deg = ?'
    character(len=*), parameter :: insertion = 'INSERT INTO simulation (physics_id, '//columns//', created) VALUES (?1, ' &
       & //'COALESCE(NULLIF(?2, ''-1''), (SELECT COALESCE(MAX(position) + 1, 0) FROM simulation WHERE physics_id = ?1)), ' &
-      & //'?3, ?4, ?5, ?6, ?7, ?8, NULLIF(?9, ''''), NULLIF(?10, ''''), ?11, NULLIF(?12, ''0''), ?13, ?14, ' &
-      & //'strftime(''%Y-%m-%dT%H:%M:%S+00:00'', ''now'')) ' &
+      & //'?3, ?4, ?5, ?6, ?7, ?8, NULLIF(?9, ''''), NULLIF(?10, ''''), NULLIF(?11, 0.0), NULLIF(?12, ''0''), ' &
+      & //'NULLIF(?13, 0.0), ?14, strftime(''%Y-%m-%dT%H:%M:%S+00:00'', ''now'')) ' &
       & //'ON CONFLICT (physics_id, symmetry, constants, euler_deg) DO NOTHING'
    character(len=*), parameter :: simulated = 'simulated', told = 'told', done = 'done', failed = 'failed'
 
@@ -166,8 +165,8 @@ contains
       end do
       associate (outcome => row%outcome)
          modulus = merge(outcome%modulus, 0.0_wp, outcome%status == outcome_done)
-         values = values//real_value(outcome%status == outcome_done, modulus)//text_value(to_text(max(0, outcome%elements))) &
-            & //real_value(outcome%seconds > 0.0_wp, outcome%seconds) &
+         values = values//'r'//number_text(modulus)//c_null_char//text_value(to_text(max(0, outcome%elements))) &
+            & //'r'//number_text(max(0.0_wp, outcome%seconds))//c_null_char &
             & //text_value(row_checksum(self%identity, texts, modulus, outcome%elements, outcome%seconds))
       end associate
       call self%file%query(insertion, values, cells, error)

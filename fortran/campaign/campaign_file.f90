@@ -1,23 +1,19 @@
 !> The file of a campaign: its layout, and whether what is there is one.
 !>
-!> Database files are read and written through libsqlite3 (cpp/database.cpp). What the machine could not do (a lock, the disk) is an error of
-!> its own kind. One thread at a time may use a database.
+!> Database files are read and written through libsqlite3 (cpp/database.cpp). What the machine could not do (a lock, the disk) is an error
+!> of its own kind. One thread at a time may use a database.
 module campaign_file
    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_int, c_null_char, c_null_ptr, c_ptr
-   use errors, only: error_type, exit_bad_input, machine_failure, raise, refuse
+   use errors, only: error_type, machine_failure, raise, refuse
    use files, only: file_exists, folder_of, make_folder, name_beside, place_new_file, replace_file
-   use kinds, only: wp
-   use text, only: newline, number_text
+   use text, only: newline
    implicit none
    private
-   public :: open_campaign_file, begin_transaction, end_transaction, raise_damaged, database_type, text_value, &
-      & real_value
+   public :: open_campaign_file, begin_transaction, end_transaction, raise_damaged, database_type, text_value
 
-   !> Result codes of the library for which the machine is to blame: permission, busy, locked, memory, read-only, interrupt, input and output,
-   !> full, cannot open; and that of a database that is not open.
+   !> Result codes of the library for which the machine is to blame: permission, busy, locked, memory, read-only, interrupt, input and
+   !> output, full, cannot open; and that of a database that is not open.
    integer, parameter :: of_the_machine(9) = [3, 5, 6, 7, 8, 9, 10, 13, 14], read_only = 8, full = 13, misuse = 21
-   !> How long to wait for another process, ms.
-   character(len=*), parameter :: be_patient = 'PRAGMA busy_timeout = 60000'
 
    type :: database_type
       private
@@ -94,7 +90,8 @@ contains
 
       if (.not. allocated(self%path)) self%path = path
       self%handle = c_open(path//c_null_char)
-      call self%run(be_patient, error)
+      ! Another process is waited for, ms.
+      call self%run('PRAGMA busy_timeout = 60000; PRAGMA synchronous = FULL', error)
    end subroutine open_database
 
    !> Close the file; what was not committed is not done.
@@ -132,51 +129,40 @@ contains
    !> byte, '' for NULL. An error is in the words of the library, and with the file.
    subroutine query(self, sql, values, cells, error)
       class(database_type), intent(in) :: self
-      !> The statement; its values, by `text_value` and `real_value`.
+      !> The statement; its values, see `text_value`.
       character(len=*), intent(in) :: sql, values
       character(len=:), allocatable, intent(out) :: cells
       type(error_type), allocatable, intent(out) :: error
       character(kind=c_char), pointer :: bytes(:)
       type(c_ptr) :: address
       integer(c_int) :: n, code
-      integer :: i
 
       code = misuse
       cells = 'the database is not open'
       if (c_associated(self%handle)) then
          address = c_query(self%handle, sql//c_null_char, values, len(values), n, code)
          call c_f_pointer(address, bytes, [n])
-         cells = repeat(' ', n)
-         do i = 1, n
-            cells(i:i) = bytes(i)
-         end do
+         cells = transfer(bytes, repeat(' ', n))
       end if
       if (code == 0) return
       code = iand(code, 255)
       if (code == full) cells = 'the disk is full'
       if (code == read_only) cells = 'there is no permission to write it'
-      call raise(error, cells, merge(machine_failure, exit_bad_input, any(of_the_machine == code)))
+      if (any(of_the_machine == code)) then
+         call raise(error, self%path//': the campaign cannot be used: '//cells, machine_failure)
+      else
+         call raise_damaged(self%path, cells, error)
+      end if
       cells = ''
-      call name_file(self%path, error)
    end subroutine query
 
-   !> A `text` as a value of a query; columns that are integers take texts of them.
+   !> A `text` as a value of a query; columns that are integers take texts of them. Of a real, its digits follow an r.
    pure function text_value(text) result(value)
       character(len=*), intent(in) :: text
       character(len=:), allocatable :: value
 
       value = 't'//text//c_null_char
    end function text_value
-
-   !> A `number` as a value of a query, NULL if it is not `known`.
-   pure function real_value(known, number) result(value)
-      logical, intent(in) :: known
-      real(wp), intent(in) :: number
-      character(len=:), allocatable :: value
-
-      value = 'n'//c_null_char
-      if (known) value = 'r'//number_text(number)//c_null_char
-   end function real_value
 
    !> Open a campaign; it is made, with its folders, if it is not there.
    subroutine open_campaign_file(path, file, error)
@@ -189,10 +175,8 @@ contains
       if (allocated(error)) return
       if (.not. file_exists(path)) call create()
       if (.not. allocated(error)) call file%open(path, error)
-      if (.not. allocated(error)) call file%run('PRAGMA synchronous = FULL', error)
       if (.not. allocated(error)) call verify()
       if (.not. allocated(error)) call migrate()
-      call name_file(path, error)
 
    contains
 
@@ -203,6 +187,7 @@ contains
          part%path = path
          ! A file of our own, whatever is there of this name.
          call replace_file(name_beside(path), '', error)
+         if (allocated(error)) error%message = path//': the campaign cannot be used: '//error%message
          if (.not. allocated(error)) call part%open(name_beside(path), error)
          if (.not. allocated(error)) call part%run('BEGIN IMMEDIATE; '//layout//'; COMMIT', error)
          call part%close()
@@ -264,21 +249,4 @@ contains
 
       call refuse(error, path//': is not a campaign, or is damaged ('//why//'); restore a copy, or move it away to start a new one')
    end subroutine raise_damaged
-
-   !> Let an error of the library say which file it is about, and what to do; one that does so stays.
-   subroutine name_file(path, error)
-      character(len=*), intent(in) :: path
-      type(error_type), allocatable, intent(inout) :: error
-      character(len=:), allocatable :: why
-
-      if (.not. allocated(error)) return
-      if (index(error%message, path//': ') == 1) return
-      if (error%status == machine_failure) then
-         error%message = path//': the campaign cannot be used: '//error%message
-      else
-         why = error%message
-         call raise_damaged(path, why, error)
-      end if
-   end subroutine name_file
-
 end module campaign_file

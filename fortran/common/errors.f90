@@ -7,7 +7,7 @@ module errors
    use text, only: split_list
    implicit none
    private
-   public :: error_type, raise, refuse, exit_status, exit_failure, exit_bad_input, exit_unusable, machine_failure, warning_type, &
+   public :: error_type, raise, refuse, exit_failure, exit_bad_input, exit_unusable, machine_failure, warning_type, &
       & warn, suggestion
 
    !> Exit statuses of the programs (see the README).
@@ -49,13 +49,6 @@ contains
 
       call raise(error, message, exit_bad_input)
    end subroutine refuse
-
-   !> With which status a program ends on an error.
-   pure integer function exit_status(error)
-      type(error_type), intent(in) :: error
-
-      exit_status = merge(exit_bad_input, exit_failure, error%status == exit_bad_input)
-   end function exit_status
 
    !> Add a line.
    pure subroutine warn(warnings, text)

@@ -136,10 +136,7 @@ contains
       do while (i <= len(string))
          first = ichar(string(i:i))
          ! Bytes that must follow; below, second bytes that would make a sequence too long, a surrogate or beyond the last character.
-         more = 0
-         if (first >= 128) more = 1
-         if (first >= 224) more = 2
-         if (first >= 240) more = 3
+         more = count(first >= [128, 224, 240])
          if ((first >= 128 .and. first < 194) .or. first > 244 .or. i + more > len(string)) return
          do k = 1, more
             second = ichar(string(i + k:i + k))

@@ -249,18 +249,14 @@ contains
       character(len=:), allocatable :: value
       character(kind=c_char), pointer :: content(:)
       character :: kind
-      integer :: i
 
       call find(self, name, kind, content)
-      if (kind /= 't') then
+      value = ''
+      if (kind == 't') then
+         value = transfer(content, repeat(' ', size(content)))
+      else
          call refuse(self%error, 'the text '''//name//''' is missing')
-         value = ''
-         return
       end if
-      allocate (character(len=size(content)) :: value)
-      do i = 1, len(value)
-         value(i:i) = content(i)
-      end do
    end function text_of
 
    !> The reals of an array of any shape, in Fortran's order, where they are.

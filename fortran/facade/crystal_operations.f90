@@ -32,6 +32,7 @@ contains
       type(measurements_settings_type) :: settings
       type(observable_type) :: observable
       real(wp), allocatable :: stiffness(:, :, :), slope(:)
+      type(wave_type), allocatable :: waves(:)
       character(len=:), allocatable :: symmetry
       integer :: i
 
@@ -82,7 +83,13 @@ contains
       case ('waves')
          ! Speed of the surface wave and of the slowest bulk wave (m/s), and the normal part of the displacement, of crystals of a
          ! density (kg/m3) at angles and in directions (degrees).
-         call measure_waves(c, x)
+         given => x%in%columns('propagation_deg', 1)
+         allocate (waves(size(c, 3)))
+         call rayleigh_waves(c, x%in%columns('euler_deg', 3), given(1, :), waves, x%error)
+         if (allocated(x%error)) return
+         given => x%in%columns('density_kg_m3', 1)
+         x%values = reshape([wave_speed(waves%modulus, given(1, :)), wave_speed(waves%bulk, given(1, :)), waves%normal_share], &
+            & [size(waves), 3])
       case ('reported_quantities')
          call reported_quantities(class, quantities, x%error)
          if (allocated(x%error)) return
@@ -124,18 +131,4 @@ contains
          end do
       end subroutine evaluate
    end subroutine perform_crystal
-
-   subroutine measure_waves(c, x)
-      real(wp), intent(in) :: c(:, :, :)
-      type(exchange_type), intent(inout) :: x
-      type(wave_type) :: waves(size(c, 3))
-      real(wp), pointer :: given(:, :)
-
-      given => x%in%columns('propagation_deg', 1)
-      call rayleigh_waves(c, x%in%columns('euler_deg', 3), given(1, :), waves, x%error)
-      if (allocated(x%error)) return
-      given => x%in%columns('density_kg_m3', 1)
-      x%values = reshape([wave_speed(waves%modulus, given(1, :)), wave_speed(waves%bulk, given(1, :)), waves%normal_share], &
-         & [size(waves), 3])
-   end subroutine measure_waves
 end module crystal_operations

@@ -2,7 +2,7 @@
 program batch
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
    use abstract_stage, only: stage_type
-   use errors, only: error_type, exit_bad_input, exit_status, exit_unusable, refuse, warning_type
+   use errors, only: error_type, exit_bad_input, exit_failure, exit_unusable, refuse, warning_type
    use files, only: printable
    use namelist_file, only: place
    use problem, only: problem_type
@@ -205,7 +205,7 @@ contains
 
       if (.not. allocated(error)) return
       call say(error%message, error_stream)
-      call end_process(exit_status(error))
+      call end_process(merge(exit_bad_input, exit_failure, error%status == exit_bad_input))
    end subroutine stop_on
 
    subroutine refuse_usage(reason)

@@ -86,7 +86,7 @@ contains
       integer, allocatable :: column(:)
       real(wp), allocatable :: drift(:)
       character(len=:), allocatable :: reference, place
-      integer :: i
+      integer :: i, j
 
       call find_columns(set%tests, of_tests, 1, column, error)
       if (allocated(error)) return
@@ -101,7 +101,8 @@ contains
             place = 'line '//to_text(set%tests%line(i))//': test '//printable(c%name)
             if (c%reference .eqv. len(c%material) > 0) call refuse(error, place//' has '//trim(merge('both', 'none', c%reference)) &
                & //' of grain and reference; one of the two columns is needed')
-            if (named(set%curves(:i - 1), c%name) > 0) call refuse(error, place//' is there twice; each test has one row')
+            if (any([(set%curves(j)%name == c%name, j=1, i - 1)])) call refuse(error, place//' is there twice; each test has one ' &
+               & //'row')
             if (allocated(error)) return
             if (c%reference) c%material = reference
          end associate
@@ -120,16 +121,6 @@ contains
       end function text_of
    end subroutine read_tests
 
-   !> The number of the curve of this name; 0 if there is none.
-   pure integer function named(curves, name)
-      type(curve_type), intent(in) :: curves(:)
-      character(len=*), intent(in) :: name
-
-      do named = size(curves), 1, -1
-         if (curves(named)%name == name) return
-      end do
-   end function named
-
    !> Give each test its points; rows with a number that is no value are left out.
    subroutine take_points(table, curves, error)
       type(table_type), intent(in) :: table
@@ -145,7 +136,8 @@ contains
       allocate (values(size(column) - 1, table%rows))
       k = 1
       do i = 1, table%rows
-         if (curves(k)%name /= table%cell(column(1), i)) k = named(curves, table%cell(column(1), i))
+         if (curves(k)%name /= table%cell(column(1), i)) k = findloc([(curves(j)%name == table%cell(column(1), i), j=1, &
+            & size(curves))], .true., 1)
          if (k == 0) then
             call table%refuse(column(1), i, ' is no test of the table of tests; each test needs a row there', error)
             return

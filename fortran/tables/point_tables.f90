@@ -249,23 +249,21 @@ contains
       real(wp), parameter :: largest_turn = 36000.0_wp, rounding = 1.0e-4_wp
       real(wp), allocatable :: values(:)
       real(wp) :: allowed(2), unit
-      integer :: column(3), j
+      integer :: column, j
 
       call set_size(points)
+      unit = merge(degree, 1.0_wp, radians)
       do j = 1, 3
-         call find_column(points%table, trim(angle_names(j)), column(j), error, needed=.true.)
+         call find_column(points%table, trim(angle_names(j)), column, error, needed=.true.)
          if (allocated(error)) return
-         if (.not. radians) call check_unit(points%table, column(j), degrees, error)
+         if (.not. radians) call check_unit(points%table, column, degrees, error)
          if (allocated(error)) then
-            error%message = 'column '//points%table%name(column(j))//' is in radians; degrees are needed, or of measurements ' &
+            error%message = 'column '//points%table%name(column)//' is in radians; degrees are needed, or of measurements ' &
                & //'angles = ''radians'''
             return
          end if
-      end do
-      unit = merge(degree, 1.0_wp, radians)
-      do j = 1, 3
          allowed = merge([0.0_wp, 180.0_wp], [-largest_turn, largest_turn], j == 2)*unit
-         call read_numbers(points%table, column(j), allowed + [0.0_wp, merge(rounding, 0.0_wp, radians .and. j == 2)], .false., &
+         call read_numbers(points%table, column, allowed + [0.0_wp, merge(rounding, 0.0_wp, radians .and. j == 2)], .false., &
             & merge(' radians', ' degrees', radians), '; allowed '//to_text(allowed(1))//' to '//to_text(allowed(2)), values, error)
          if (allocated(error)) return
          points%euler_deg(j, :) = min(values, allowed(2))/unit
@@ -280,7 +278,6 @@ contains
       !> The class whose constants are all entries.
       type(crystal_class_type) :: general
       real(wp), allocatable :: values(:)
-      integer, allocatable :: own(:, :)
       integer :: column(21), i, j
 
       call new_crystal_class(general_class, general, error)
@@ -303,23 +300,15 @@ contains
          call read_classes(default_class)
       end if
       if (allocated(error)) return
-      allocate (own(21, size(points%classes)), source=0)
-      do i = 1, size(points%classes)
-         associate (names => points%classes(i)%constants)
-            own(:size(names), i) = [(findloc(general%constants, names(j), dim=1), j=1, size(names))]
-         end associate
-      end do
       do i = 1, points%n
-         call take_constants(own(:, points%class(i)))
+         call take_constants()
          if (allocated(error)) return
       end do
 
    contains
 
       !> Of the entries of row i the constants of its class, and the stiffness.
-      subroutine take_constants(own)
-         !> Which entries are the constants of the row's class.
-         integer, intent(in) :: own(21)
+      subroutine take_constants()
          real(wp) :: entries(21), implied(21)
          integer :: k
 
@@ -327,7 +316,7 @@ contains
          points%constants(:, i) = nan
          associate (class => points%classes(points%class(i)), table => points%table)
             do k = 1, class%n_constants
-               j = own(k)
+               j = findloc(general%constants, class%constants(k), dim=1)
                if (column(j) == 0) then
                   call refuse(error, 'the column '//class%constants(k)//' is missing; a '//class%name//' crystal has ' &
                      & //join(class%constants, ', '))
@@ -385,8 +374,8 @@ contains
       end subroutine read_classes
    end subroutine read_constants
 
-   !> The `values` of one of `known_columns`. An `optional` one may be absent, and its cells may be empty: NaN there. Nothing is done after an
-   !> error.
+   !> The `values` of one of `known_columns`. An `optional` one may be absent, and its cells may be empty: NaN there. Nothing is done
+   !> after an error.
    subroutine read_column(table, name, optional, values, error)
       type(table_type), intent(in) :: table
       character(len=*), intent(in) :: name
@@ -409,7 +398,8 @@ contains
       !> The least and the greatest.
       real(wp), intent(in) :: allowed(2)
       logical, intent(in) :: may_be_empty
-      !> What follows a cell that is not allowed: its unit, after a blank, and what is wrong, to which the range is added if it has no semicolon.
+      !> What follows a cell that is not allowed: its unit, after a blank, and what is wrong, to which the range is added if it has no
+      !> semicolon.
       character(len=*), intent(in) :: unit, refusal
       real(wp), allocatable, intent(out) :: values(:)
       type(error_type), allocatable, intent(out) :: error
@@ -459,12 +449,8 @@ contains
       integer(i8) :: hash
       integer :: i
 
-      if (column == 0) then
-         allocate (first(table%rows), source=1)
-         return
-      end if
-      allocate (key(2, table%rows))
-      do i = 1, table%rows
+      allocate (key(2, table%rows), source=0.0_wp)
+      do i = 1, merge(table%rows, 0, column > 0)
          hash = hash_of(table%cell(column, i))
          key(:, i) = real([ibits(hash, 0, 32), ibits(hash, 32, 32)], wp)
       end do

@@ -27,15 +27,10 @@ contains
       type(points_type), intent(in) :: points
       type(error_type), allocatable, intent(out) :: error
       integer, parameter :: least = 3
-      real(wp), allocatable :: key(:, :)
       integer :: first(points%n), i, begin
 
-      allocate (key(6, points%n))
-      key(:3, :) = points%euler_deg
-      key(4, :) = points%modulus_gpa
-      key(5, :) = points%sd_gpa
-      key(6, :) = points%group
-      first = number_equal(key)
+      first = number_equal(reshape([(points%euler_deg(:, i), points%modulus_gpa(i), points%sd_gpa(i), real(points%group(i), wp), &
+         & i=1, points%n)], [6, points%n]))
       begin = 1
       do i = 2, points%n + 1
          if (i <= points%n) then
@@ -68,9 +63,9 @@ contains
       call find_column(points%table, 'grain', column, error)
       if (allocated(error) .or. column == 0) return
       do i = 1, points%n
-         if (.not. points%table%is_empty(column, i)) cycle
-         call refuse(error, points%table%place(column, i)//'the cell is empty; the name or number of the grain is needed')
-         return
+         if (points%table%is_empty(column, i)) call refuse(error, points%table%place(column, i)//'the cell is empty; the name or ' &
+            & //'number of the grain is needed')
+         if (allocated(error)) return
       end do
       points%named_by = column
       key(1, :) = points%group

@@ -51,7 +51,16 @@ contains
             & //class%name//' crystal')
          return
       end do
-      row = [(findloc([(table%cell(column(1), i) == labels(j), i=1, table%rows)], .true., dim=1), j=1, size(row))]
+      row = 0
+      do i = 1, table%rows
+         j = findloc(labels == table%cell(column(1), i), .true., dim=1)
+         if (j == 0) cycle
+         if (row(j) > 0) then
+            call refuse(error, 'line '//to_text(table%line(i))//': the row '//trim(labels(j))//' is there twice')
+            return
+         end if
+         row(j) = i
+      end do
       j = findloc(row, 0, dim=1)
       if (j > 0) then
          call refuse(error, 'the row '//trim(labels(j))//' is missing; the rows are mean (GPa) and those of the covariance ' &
