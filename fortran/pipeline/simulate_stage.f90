@@ -82,7 +82,7 @@ contains
          call page%put('indentation_modulus_gpa', modulus(i))
          associate (outcome => rows(i)%outcome)
             if (outcome%elements > 0) call page%put('elements', outcome%elements)
-            if (outcome%elements == 0) call page%put_null('elements')
+            if (outcome%elements == 0) call page%put_json('elements', 'null')
             call page%put_if(outcome%seconds > 0.0_wp, 'seconds', outcome%seconds)
             call page%put('depth_um', outcome%depth)
             call page%put('force_mn', outcome%force)
