@@ -9,8 +9,8 @@ module extraction
    use kinds, only: i8, wp
    use model_checks, only: check_model, checks_type, estimate_evidence, evidence_type
    use orientation_check, only: check_orientations, orientation_check_type
-   use posterior_summary, only: climb, combination_type, correlate, find_combinations, parameter_type, predict_grains, &
-      & predictions_type, summarise_parameters, thinning
+   use posterior_summary, only: climb, combination_type, find_combinations, parameter_type, predict_grains, predictions_type, &
+      & summarise_parameters, thinning
    use prior_sensitivity, only: change_type, limit_type, list_limits, measure_sensitivity
    use problem, only: problem_type
    use problem_posterior, only: allowed_error, choose_field_degree, draw_aside, find_field_error, free_run, &
@@ -39,8 +39,6 @@ module extraction
       real(wp), allocatable :: most_probable(:)
       !> Who decided the parameters, the combinations and the quantities.
       type(shares_type), allocatable :: parameter_shares(:), combination_shares(:), quantity_shares(:)
-      !> (constant, constant).
-      real(wp), allocatable :: correlation(:, :)
       type(combination_type), allocatable :: combinations(:)
       !> What further knowledge would bring.
       type(gain_type), allocatable :: gains(:)
@@ -57,8 +55,6 @@ module extraction
       type(change_type), allocatable :: changes(:)
       !> Of the model and its prior, if that was asked for.
       type(evidence_type), allocatable :: evidence
-      !> Of the modulus of each grain, GPa.
-      real(wp), allocatable :: predicted_mean(:), predicted_sd(:)
       !> Degree of the harmonics with which theory was read (0: no theory in the surrogate), and by how much the worst grain erred for it,
       !> in sds.
       integer :: field_degree = 0
@@ -208,8 +204,6 @@ contains
       if (allocated(error)) return
       call predict_grains(self%posterior, self%chains, self%quantities, self%predictions, error)
       if (allocated(error)) return
-      allocate (self%predicted_mean(self%posterior%n_grains), self%predicted_sd(self%posterior%n_grains))
-      call moments(flattened(self%predictions%moduli), self%predicted_mean, self%predicted_sd)
       call check_model(self%posterior, self%chains, threads, self%checks)
       self%most_probable = self%chains%best_draw()
       call climb(self%posterior, self%chains, self%most_probable)
@@ -236,7 +230,6 @@ contains
       if (n > k) draws(n, :) = exp(draws(n, :))
       self%limits = list_limits(self%posterior%prior, draws)
       call measure_sensitivity(self%posterior, draws, self%limits, self%changes)
-      self%correlation = correlate(self%chains, k)
       call expect_gains(self%posterior%prior, self%chains%draws, self%gains)
       call evaluate_draws(self%quantities, self%posterior%prior%class, flattened(self%prior_chains%draws), prior_values)
       allocate (self%known(4, size(values, 1)))

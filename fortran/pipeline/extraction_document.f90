@@ -11,7 +11,9 @@ module extraction_document
    use named_values, only: named_values_reader_type, named_values_type
    use orientation_check, only: readings
    use posterior_diagnostics, only: check_extraction, find_reasons, known_text, powers_text
+   use posterior_summary, only: correlate
    use problem, only: problem_type
+   use statistics, only: flattened, moments
    use text, only: fixed, join, to_text
    use variance_shares, only: error_sources, shares_type, verdict_of
    implicit none
@@ -38,7 +40,7 @@ contains
       call page%put('reasons', reasons)
       call write_parameters(page, found)
       call write_ends(page, found)
-      call page%put('correlation', found%correlation)
+      call page%put('correlation', correlate(found%chains, found%posterior%n_constants))
       if (allocated(found%theory_mean)) then
          call page%begin_object('theory_alone')
          do i = 1, size(found%theory_mean)
@@ -152,14 +154,16 @@ contains
       type(json_type), intent(inout) :: page
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(in) :: found
+      real(wp), dimension(found%posterior%n_grains) :: mean, sd
       integer :: i
 
+      call moments(flattened(found%predictions%moduli), mean, sd)
       call page%begin_array('predicted')
       associate (table => problem%measurements)
          do i = 1, found%posterior%n_grains
             call page%begin_object()
-            call page%put_numbers('mean, sd, measured, measured_sd', [found%predicted_mean(i), found%predicted_sd(i), &
-               & found%posterior%data%modulus(i), found%posterior%data%sd(i)])
+            call page%put_numbers('mean, sd, measured, measured_sd', [mean(i), sd(i), found%posterior%data%modulus(i), &
+               & found%posterior%data%sd(i)])
             call page%put('euler_deg', table%euler_deg(:, i))
             if (i > found%posterior%n_moduli) call page%put('propagation_deg', table%propagation_deg(i))
             if (table%named_by > 0) call page%put('grain', table%name(i))
@@ -317,26 +321,21 @@ contains
          end do
          if (len(line) > 0) call warn(lines, 'known: '//line(3:))
       end associate
-      call warn(lines, 'surrogate: '//surrogate_text(found))
+      line = ''
+      if (found%field_degree > 0) line = 'the exact theory of the half-space, harmonics to degree '//to_text(found%field_degree) &
+         & //', the worst grain off by '//fixed(100.0_wp*found%field_error, 1)//' % of its sd'
+      if (found%simulations > 0) then
+         if (len(line) > 0) line = line//'; times a correction trained on '
+         line = line//to_text(found%simulations)//' simulations'
+         if (len_trim(found%checksum) > 0) line = line//', checksum '//found%checksum
+         line = line//', sd '//fixed(found%surrogate_sd, 2)//' GPa in the mean grain; it is valid for ' &
+            & //fixed(100.0_wp*found%posterior%prior%share_inside, 0)//' % of the prior'
+      end if
+      call warn(lines, 'surrogate: '//line)
       if (allocated(found%evidence)) call warn(lines, 'evidence: log Z = '//fixed(found%evidence%log_z, 2)//' ± ' &
          & //fixed(found%evidence%sd, 2)//', to compare with other models of the same data. It depends on the limits above: ' &
          & //'where the measurements determine the constants, a prior twice as wide has a log Z that is lower by 0.69')
    end subroutine describe_prior
-
-   function surrogate_text(found) result(text)
-      type(extraction_type), intent(in) :: found
-      character(len=:), allocatable :: text
-
-      text = ''
-      if (found%field_degree > 0) text = 'the exact theory of the half-space, harmonics to degree '//to_text(found%field_degree) &
-         & //', the worst grain off by '//fixed(100.0_wp*found%field_error, 1)//' % of its sd'
-      if (found%simulations == 0) return
-      if (len(text) > 0) text = text//'; times a correction trained on '
-      text = text//to_text(found%simulations)//' simulations'
-      if (len_trim(found%checksum) > 0) text = text//', checksum '//found%checksum
-      text = text//', sd '//fixed(found%surrogate_sd, 2)//' GPa in the mean grain; it is valid for ' &
-         & //fixed(100.0_wp*found%posterior%prior%share_inside, 0)//' % of the prior'
-   end function surrogate_text
 
    !> The `document`, what it is about, and numbers. Chains: 'draws' (parameter, sample, chain), 'log_density' (sample, chain),
    !> 'acceptance' (chain), 'prior_draws'; of some draws, 'stride'

@@ -182,34 +182,23 @@ contains
       candidates%sd = sqrt(sd**2 + sum(own_variance, 2)/size(draws, 2))
    end subroutine predict_candidates
 
-   !> The indented direction, as a unit vector in crystal axes and, where the unit cell is known, as [uvw].
-   subroutine put_direction(page, problem, euler_deg)
-      type(json_type), intent(inout) :: page
-      type(problem_type), intent(in) :: problem
-      real(wp), intent(in) :: euler_deg(3)
-      type(lattice_type) :: lattice
-      type(error_type), allocatable :: unknown
-      real(wp), allocatable :: parameters(:)
-      real(wp) :: g(3, 3)
-
-      g = rotation_matrix(euler_deg*degree)
-      call page%put('direction', g(:, 3))
-      allocate (parameters(0))
-      if (allocated(problem%settings%problem%lattice)) parameters = problem%settings%problem%lattice
-      call new_lattice(problem%class, parameters, lattice, unknown)
-      if (.not. allocated(unknown)) call page%put('uvw', lattice%nearest(g(:, 3)))
-   end subroutine put_direction
-
+   !> Of each suggestion with the indented direction, as a unit vector in crystal axes and, where the unit cell is known, as [uvw].
    subroutine write_suggestions(page, problem, candidates, suggestions, euler_deg, sd)
       type(json_type), intent(inout) :: page
       type(problem_type), intent(in) :: problem
       type(candidates_type), intent(in) :: candidates
       type(suggestions_type), intent(in) :: suggestions
       real(wp), intent(in) :: euler_deg(:, :), sd
-      real(wp) :: mean
+      type(lattice_type) :: lattice
+      type(error_type), allocatable :: unknown
+      real(wp), allocatable :: parameters(:)
+      real(wp) :: mean, g(3, 3)
       integer :: i, draws
 
       draws = size(candidates%predicted, 1)
+      allocate (parameters(0))
+      if (allocated(problem%settings%problem%lattice)) parameters = problem%settings%problem%lattice
+      call new_lattice(problem%class, parameters, lattice, unknown)
       call page%begin_array('suggestions')
       do i = 1, size(suggestions%chosen)
          associate (c => suggestions%chosen(i))
@@ -217,7 +206,9 @@ contains
             call page%begin_object()
             if (allocated(problem%grains)) call page%put('grain', problem%grains%name(c))
             call page%put('euler_deg', euler_deg(:, c))
-            call put_direction(page, problem, euler_deg(:, c))
+            g = rotation_matrix(euler_deg(:, c)*degree)
+            call page%put('direction', g(:, 3))
+            if (.not. allocated(unknown)) call page%put('uvw', lattice%nearest(g(:, 3)))
             call page%put_numbers('gain, predicted, sd', [suggestions%gains(i), mean, &
                & sqrt(sum((candidates%predicted(:, c) - mean)**2)/draws)])
             call page%end_object()
