@@ -32,8 +32,10 @@ module abstract_sampler
       procedure(draw_start_interface), deferred :: draw_start
       !> Logarithm of the density of the parameters, up to a constant.
       procedure(evaluate_interface), deferred :: evaluate
-      !> Coordinates in which the density is smoother: by default the parameters themselves.
-      procedure :: to_working, evaluate_working, evaluate_outputs
+      !> All of points from their coordinates in which the density is smoother.
+      procedure(evaluate_working_interface), deferred :: evaluate_working
+      !> These coordinates: by default the parameters themselves.
+      procedure :: to_working, evaluate_outputs
    end type target_type
 
    abstract interface
@@ -53,6 +55,14 @@ module abstract_sampler
          !> (point); `outside` the support.
          real(wp), intent(out) :: log_density(:)
       end subroutine evaluate_interface
+      !> All of points from their working coordinates, which are there; the parameters of those in the support.
+      pure subroutine evaluate_working_interface(self, points, polynomial)
+         import :: output_polynomial_type, point_type, target_type
+         class(target_type), intent(in) :: self
+         type(point_type), intent(inout) :: points(:)
+         !> What takes the place of the costly results, if it is there and fitted.
+         type(output_polynomial_type), intent(in), optional :: polynomial
+      end subroutine evaluate_working_interface
    end interface
 
    type, abstract :: sampler_type
@@ -89,23 +99,6 @@ contains
 
       w = x(:self%dimension, :)
    end subroutine to_working
-
-   !> All of points from their working coordinates, which are there; the parameters of those in the support.
-   pure subroutine evaluate_working(self, points, polynomial)
-      class(target_type), intent(in) :: self
-      type(point_type), intent(inout) :: points(:)
-      !> What takes the place of the costly results, if it is there and fitted; this target has none.
-      type(output_polynomial_type), intent(in), optional :: polynomial
-      real(wp) :: log_density(1)
-      integer :: i
-
-      do i = 1, size(points)
-         points(i)%x = points(i)%w
-         call self%evaluate(reshape(points(i)%x, [self%dimension, 1]), log_density)
-         points(i)%log_density = log_density(1)
-         points(i)%log_working = log_density(1)
-      end do
-   end subroutine evaluate_working
 
    !> The costly results at points and coordinates in which they are smooth; there are none by default.
    pure subroutine evaluate_outputs(self, w, arguments, outputs, inside)

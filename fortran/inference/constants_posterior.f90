@@ -263,14 +263,14 @@ contains
       real(wp), intent(in) :: x(:), c(6, 6)
       !> See `predict_measurements`.
       real(wp), intent(in), optional :: independent(:)
-      real(wp) :: model(self%n_grains), scales(self%n_grains), slopes(self%n_grains)
+      real(wp) :: model(self%n_grains), scales(self%n_grains), slopes(self%n_grains), tilt_slopes(self%n_grains, 2)
       real(wp), allocatable :: u(:, :)
       real(wp) :: b(min(self%n_grains, self%n_shared)), precision(size(b), size(b)), fewer(self%n_grains, size(b))
 
       log_likelihood = 0.0_wp
       if (self%prior_only) return
       if (self%n_shared == 0 .and. .not. has_own_variance(self)) then
-         call evaluate_grains(self, c, model, slopes, scales, independent)
+         call evaluate_grains(self, c, model, slopes, scales, tilt_slopes, independent)
          call self%observable%from_simulation(model(:self%n_moduli), slopes(:self%n_moduli))
          log_likelihood = self%errors%log_density((model - self%data%modulus)/self%scale, scale_factor(self, x)) - self%log_scales
          return
@@ -299,15 +299,15 @@ contains
 
    !> Of each measured grain the mean of what the grain model gives, its derivative with respect to y, and the variance that it does not
    !> share with others: the surrogate's, that of its orientation, and that of grains as such.
-   pure subroutine evaluate_grains(self, c, modulus, slope, own_variance, independent, tilt_slopes)
+   pure subroutine evaluate_grains(self, c, modulus, slope, own_variance, tilt_slopes, independent)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
       !> GPa, (grain); GPa².
       real(wp), intent(out), contiguous :: modulus(:), slope(:), own_variance(:)
+      !> Derivatives with respect to the tilts of the sample, GPa/rad, (grain, 2), where these are asked for.
+      real(wp), intent(out) :: tilt_slopes(:, :)
       real(wp), intent(in), optional :: independent(:)
-      !> Derivatives with respect to the tilts of the sample, GPa/rad, (grain, 2).
-      real(wp), intent(out), optional :: tilt_slopes(:, :)
-      real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), variance, tilts(2)
+      real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), variance
       integer :: g
 
       if (present(independent)) then
@@ -324,8 +324,7 @@ contains
       own_variance(self%n_moduli + 1:) = 0.0_wp
       if (self%n_directions == 1) return
       do g = 1, self%n_grains
-         call tilt_moments(rows(g::self%n_grains), self%data%tilt_sd(g), modulus(g), variance, tilts)
-         if (present(tilt_slopes)) tilt_slopes(g, :) = tilts
+         call tilt_moments(rows(g::self%n_grains), self%data%tilt_sd(g), modulus(g), variance, tilt_slopes(g, :))
          own_variance(g) = own_variance(g) + variance
       end do
    end subroutine evaluate_grains
@@ -345,7 +344,7 @@ contains
       real(wp), allocatable :: columns(:, :)
       integer :: g, n
 
-      call evaluate_grains(self, c, model, slope, own_variance, independent, tilt_slopes)
+      call evaluate_grains(self, c, model, slope, own_variance, tilt_slopes, independent)
       map_slope = 1.0_wp
       call self%observable%from_simulation(model(:self%n_moduli), map_slope(:self%n_moduli))
       scales = scale_factor(self, x)*self%scale

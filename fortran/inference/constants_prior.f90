@@ -48,8 +48,8 @@ module constants_prior
       integer :: n_constants = 0
       !> Bounds of the constants, GPa; where none is stated these are wide.
       real(wp), allocatable :: lower(:), upper(:)
-      !> Whether both bounds of all constants are stated; else the density is that of the default prior.
-      logical :: has_box = .false., has_default = .false.
+      !> Whether the density is that of the default prior: not both bounds of all constants are stated.
+      logical :: has_default = .false.
       !> On Eq. 14.
       real(wp) :: anisotropy_cap = huge(1.0_wp)
       !> Mean of the scale tr log K/6, K in GPa, where not all bounds are stated.
@@ -97,15 +97,14 @@ contains
       prior%upper = spread(no_upper, 1, class%n_constants)
       if (allocated(stated%c_min)) prior%lower = stated%c_min
       if (allocated(stated%c_max)) prior%upper = stated%c_max
-      prior%has_box = all(prior%lower > no_lower) .and. all(prior%upper < no_upper)
+      prior%has_default = any(prior%lower <= no_lower .or. prior%upper >= no_upper)
       width = merge(0.0_wp, max(least_width, relative_width*abs(prior%lower)), prior%upper > prior%lower)
       prior%lower = prior%lower - width
       prior%upper = prior%upper + width
       prior%typical_scale = (log(typical_young/(1.0_wp - 2.0_wp*nu)) + 5.0_wp*log(typical_young/(1.0_wp + nu)))/6.0_wp
       if (allocated(stated%anisotropy_cap)) prior%anisotropy_cap = stated%anisotropy_cap
-      prior%has_default = .not. prior%has_box
-      prior%in_logarithms = stated%measure == 'logarithms' .or. .not. prior%has_box
-      if (prior%has_box .and. prior%in_logarithms .and. prior%anisotropy_cap >= huge(1.0_wp) &
+      prior%in_logarithms = stated%measure == 'logarithms' .or. prior%has_default
+      if (.not. prior%has_default .and. prior%in_logarithms .and. prior%anisotropy_cap >= huge(1.0_wp) &
          & .and. domain%log_anisotropy_max >= huge(1.0_wp)) call check_proper(prior, error)
       if (.not. allocated(error)) call prior%set_knowledge(knowledge, error)
       if (.not. allocated(error)) call estimate_share(domain, prior, error)
@@ -121,9 +120,7 @@ contains
       integer :: i, j
 
       do i = 0, 2**prior%n_constants - 1
-         do j = 1, size(x)
-            x(j) = merge(prior%upper(j), prior%lower(j), btest(i, j - 1))
-         end do
+         x = merge(prior%upper, prior%lower, btest(i, [(j, j=0, size(x) - 1)]))
          if (is_stable(prior%class%stiffness(x))) cycle
          corner = trim(prior%class%constants(1))//' = '//to_text(x(1))
          do j = 2, size(x)
@@ -212,12 +209,9 @@ contains
       real(wp), intent(in) :: x(:), c(6, 6)
       !> The log-anisotropy, if it is known: then the crystal is stable.
       real(wp), intent(in), optional :: anisotropy
-      integer :: j
 
       admits = .false.
-      do j = 1, self%n_constants
-         if (.not. (x(j) >= self%lower(j) .and. x(j) <= self%upper(j))) return
-      end do
+      if (.not. all(x >= self%lower .and. x <= self%upper)) return
       if (present(anisotropy)) then
          if (.not. anisotropy <= most_anisotropic) return
       else
@@ -278,7 +272,7 @@ contains
       real(wp) :: z(self%n_constants + int(freedom)), w(self%n_constants), c(6, 6), contrast, scale
       integer :: j
 
-      if (self%has_box) then
+      if (.not. self%has_default) then
          do j = 1, self%n_constants
             call stream%uniform(x(j))
          end do

@@ -196,7 +196,12 @@ contains
          if (stop_requested()) return
          moved = 0
          do k = 1, m
-            call pick_pair(stream, m, k, a, b)
+            ! Others, different from each other, where there are enough.
+            do
+               call stream%pick(m, a)
+               call stream%pick(m, b)
+               if (m < 3 .or. (a /= b .and. a /= k .and. b /= k)) exit
+            end do
             call add_difference(stream, u(:, a) - u(:, b), view%step_scale, u(:, k), tried)
             call try_step(target, view, stream, tried, temperature, walkers(k), accepted)
             if (accepted) then
@@ -410,16 +415,4 @@ contains
       end do
    end subroutine add_difference
 
-   !> Two members of a population, different from each other and from `w` where there are enough.
-   subroutine pick_pair(stream, walkers, w, a, b)
-      type(random_stream_type), intent(inout) :: stream
-      integer, intent(in) :: walkers, w
-      integer, intent(out) :: a, b
-
-      do
-         call stream%pick(walkers, a)
-         call stream%pick(walkers, b)
-         if (walkers < 3 .or. (a /= b .and. a /= w .and. b /= w)) exit
-      end do
-   end subroutine pick_pair
 end module ensemble_evolution

@@ -205,7 +205,6 @@ contains
       type(mixture_type) :: fitted
       real(wp), allocatable :: points(:, :), weights(:), log_weights(:), beyond(:, :), u(:, :), w(:, :)
       type(point_type), allocatable :: batch(:)
-      real(wp) :: cap
       integer :: i, round, archived, inside, out, few
       logical :: last
 
@@ -253,8 +252,7 @@ contains
             return
          end if
          ! Truncated weights (Ionides, J. Comput. Graph. Stat. 17, 295, 2008) keep one point from taking over.
-         cap = sum(log_weights(:inside))/sqrt(real(inside, wp))
-         log_weights(:inside) = min(log_weights(:inside), cap)
+         log_weights(:inside) = min(log_weights(:inside), sum(log_weights(:inside))/sqrt(real(inside, wp)))
          weights(:archived) = archive_share*inside/archived
          weights(archived + 1:archived + inside) = (1.0_wp - archive_share)*inside/sum(log_weights(:inside))*log_weights(:inside)
          few = min(out, most_outside)

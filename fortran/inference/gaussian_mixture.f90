@@ -203,12 +203,12 @@ contains
       end do
    end subroutine set_factor
 
-   !> The mixture with heavier tails: a share `tails` of each component has `spread` times its covariance, the rest `inflation`
-   !> times, and a share `whole` of all has the mean of the mixture and `spread` times its covariance.
+   !> The mixture with heavier tails: a share `tails` of each component has `wider` times its covariance, the rest `inflation`
+   !> times, and a share `whole` of all has the mean of the mixture and `wider` times its covariance.
    subroutine widen_mixture(mixture, wide)
       type(mixture_type), intent(in) :: mixture
       type(mixture_type), intent(out) :: wide
-      real(wp), parameter :: inflation = 1.05_wp, tails = 0.1_wp, whole = 0.03_wp, spread = 4.0_wp
+      real(wp), parameter :: inflation = 1.05_wp, tails = 0.1_wp, whole = 0.03_wp, wider = 4.0_wp
       real(wp) :: covariance(mixture%n, mixture%n), mean(mixture%n), d(mixture%n)
       integer :: m, j, n
 
@@ -223,16 +223,14 @@ contains
          do j = 1, 2
             n = n + 1
             wide%mean(n, :) = mixture%mean(m, :)
-            call set_factor(wide, n, sqrt(merge(inflation, spread, j == 1))*mixture%factor(:, :, m))
+            call set_factor(wide, n, sqrt(merge(inflation, wider, j == 1))*mixture%factor(:, :, m))
          end do
          d = mixture%mean(m, :) - mean
          covariance = covariance + mixture%weight(m)*matmul(mixture%factor(:, :, m), transpose(mixture%factor(:, :, m)))
-         do j = 1, mixture%n
-            covariance(:, j) = covariance(:, j) + mixture%weight(m)*d(j)*d
-         end do
+         covariance = covariance + mixture%weight(m)*spread(d, 1, mixture%n)*spread(d, 2, mixture%n)
       end do
       wide%weight(n + 1) = whole
       wide%mean(n + 1, :) = mean
-      call set_factor(wide, n + 1, sqrt(spread)*factor_of(covariance))
+      call set_factor(wide, n + 1, sqrt(wider)*factor_of(covariance))
    end subroutine widen_mixture
 end module gaussian_mixture

@@ -86,7 +86,7 @@ contains
       !> Bunge-Euler angles, and the tilt towards x and y; radians.
       real(wp), intent(in) :: euler(3), tilt(2)
       real(wp) :: other(3)
-      real(wp) :: axes(3, 3), g(3, 3)
+      real(wp) :: axes(3, 3)
 
       ! The columns are the new sample axes in the old ones: z tilts, x and y follow.
       axes(:, 3) = [tilt(1), tilt(2), 1.0_wp]
@@ -95,8 +95,7 @@ contains
       axes(:, 1) = axes(:, 1)/norm2(axes(:, 1))
       axes(:, 2) = [axes(2, 3)*axes(3, 1) - axes(3, 3)*axes(2, 1), axes(3, 3)*axes(1, 1) - axes(1, 3)*axes(3, 1), &
          & axes(1, 3)*axes(2, 1) - axes(2, 3)*axes(1, 1)]
-      g = matmul(rotation_matrix(euler), axes)
-      other = euler_angles(g)
+      other = euler_angles(matmul(rotation_matrix(euler), axes))
    end function tilted
 
    !> Mean and variance of a modulus of an uncertain tilt, GPa and GPa².

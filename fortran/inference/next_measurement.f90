@@ -56,17 +56,15 @@ contains
       real(wp), intent(in), contiguous :: weights(:)
       real(wp), allocatable :: bins(:, :), deviation(:)
       real(wp) :: kernel(2*half_bins + 1), width, low, place, powers(3), entropy, left, sd
-      integer :: s, k, n, i, margin
+      integer :: s, k, n, i
 
       deviation = deviations(candidates%target, weights)
       associate (predicted => candidates%predicted(:, c))
          sd = kernel_sd(candidates, c)
-         margin = 2*half_bins
          width = sd/bins_per_sd
          low = minval(predicted)
          n = int((maxval(predicted) - low)/width) + 2
-         allocate (bins(3, -margin:n + margin))
-         bins = 0.0_wp
+         allocate (bins(3, -2*half_bins:n + 2*half_bins), source=0.0_wp)
          do s = 1, size(predicted)
             place = (predicted(s) - low)/width
             k = int(place)
@@ -162,10 +160,7 @@ contains
          suggestions%gains = [suggestions%gains, values(c)]
          free = free .and. .not. candidates%near(:, c)
          free(c) = .false.
-         if (i == 1 .and. count > 1) then
-            deallocate (weights)
-            allocate (weights(draws, max(1, scenarios)), source=1.0_wp/draws)
-         end if
+         if (i == 1 .and. count > 1) weights = spread(weights(:, 1), 2, max(1, scenarios))
          sd = kernel_sd(candidates, c)
          do r = 1, size(weights, 2)
             call stream%normal(z)

@@ -19,8 +19,8 @@ module output_polynomial
 
    type :: output_polynomial_type
       private
-      !> Numbers of coordinates and of terms; no terms, no polynomial.
-      integer :: n = 0, n_terms = 0
+      !> None: there is no polynomial.
+      integer :: n_terms = 0
       real(wp), allocatable :: centre(:), forward(:, :)
       !> Term k is the earlier term `parent(k)` times the Chebyshev polynomial of degree `power(k)` of coordinate `axis(k)`.
       integer, allocatable :: parent(:), axis(:), power(:)
@@ -102,7 +102,6 @@ contains
 
       n = size(points, 1)
       many = size(points, 2)
-      polynomial%n = n
       call list_terms(n, degree, polynomial)
       polynomial%centre = sum(points, 2)/many
       z = points - spread(polynomial%centre, 2, many)
@@ -163,7 +162,7 @@ contains
       !> Whether no coordinate is further out than that; the terms only if so.
       logical, intent(out) :: inside
       real(wp), intent(in) :: range
-      real(wp) :: z(self%n), chebyshev(0:highest_degree, self%n)
+      real(wp) :: z(size(w)), chebyshev(0:highest_degree, size(w))
       integer :: k
 
       z = matmul(self%forward, w - self%centre)
@@ -269,7 +268,7 @@ contains
          if (points_a_term*m <= distinct) exit
       end do
       allocate (whitening%bend(m, n), source=0.0_wp)
-      allocate (whitening%forward(n, n), whitening%backward(n, n), whitening%width(n))
+      allocate (whitening%width(n))
       whitening%centre = sum(points, 2)/many
       z = points - spread(whitening%centre, 2, many)
       axes = matmul(z, transpose(z))/many
@@ -279,11 +278,10 @@ contains
          axes = reshape([1.0_wp, (spread(0.0_wp, 1, n), 1.0_wp, j=2, n)], [n, n])
       end if
       ! The longest axis first, of unit variance.
-      values = sqrt(max(values, 1.0e-16_wp*max(values(n), 1.0e-8_wp)))
-      do j = 1, n
-         whitening%forward(j, :) = axes(:, n + 1 - j)/values(n + 1 - j)
-         whitening%backward(:, j) = axes(:, n + 1 - j)*values(n + 1 - j)
-      end do
+      values = sqrt(max(values(n:1:-1), 1.0e-16_wp*max(values(n), 1.0e-8_wp)))
+      axes = axes(:, n:1:-1)
+      whitening%forward = transpose(axes/spread(values, 1, n))
+      whitening%backward = axes*spread(values, 1, n)
       z = matmul(whitening%forward, z)
       whitening%least = minval(z, 2)
       whitening%greatest = maxval(z, 2)

@@ -105,9 +105,7 @@ contains
 
       correlation = covariance_of(flattened(chains%draws(:k, :, :)))
       sd = [(sqrt(correlation(j, j)), j=1, k)]
-      do j = 1, k
-         correlation(:, j) = correlation(:, j)/(sd*sd(j))
-      end do
+      correlation = correlation/(spread(sd, 2, k)*spread(sd, 1, k))
    end function correlate
 
    !> Combinations of the constants from the best to the worst identified: the eigenvectors of the posterior's covariance of log K

@@ -219,8 +219,7 @@ contains
       !> From soft polymers to diamond.
       real(wp) :: range(2)
 
-      range = [-500.0_wp, 2000.0_wp]
-      if (quantity%unit == '1/TPa') range = [-200.0_wp, 1000.0_wp]
+      range = merge([-200.0_wp, 1000.0_wp], [-500.0_wp, 2000.0_wp], quantity%unit == '1/TPa')
       if (.not. any(quantity%unit == ['GPa  ', '1/TPa']) .or. (value >= range(1) .and. value <= range(2))) return
       call raise(error, quantity%name//' = '//to_text(value)//' '//quantity%unit//' is not that of a solid; allowed: ' &
          & //to_text(range(1))//' .. '//to_text(range(2))//' '//quantity%unit//'. Check the unit', exit_bad_input)
@@ -359,10 +358,8 @@ contains
    pure real(wp) function power_of(value, power)
       real(wp), intent(in) :: value, power
 
-      if (abs(power - 1.0_wp) <= 0.0_wp) then
-         power_of = value
-      else if (abs(power + 1.0_wp) <= 0.0_wp) then
-         power_of = 1.0_wp/value
+      if (abs(abs(power) - 1.0_wp) <= 0.0_wp) then
+         power_of = value**nint(power)
       else
          power_of = value**power
       end if

@@ -108,6 +108,7 @@ contains
       real(wp), dimension(posterior%n_grains, n_error_sources) :: own, own_mean
       real(wp), dimension(posterior%n_grains) :: precision, precision_mean, scales, modulus, slope, variance, value, map_slope
       real(wp), allocatable :: shared(:, :), pull(:, :)
+      real(wp) :: tilt_slopes(posterior%n_grains, 2)
       integer :: i, j, m, n, source
 
       m = posterior%n_moduli
@@ -128,7 +129,7 @@ contains
             parts(source, :) = parts(source, :) + pull(j, :)**2/size(draws, 2)
          end do
          ! Variances of the errors that grains do not share.
-         call posterior%evaluate_grains(posterior%stiffness(draws(:, i)), modulus, slope, variance)
+         call posterior%evaluate_grains(posterior%stiffness(draws(:, i)), modulus, slope, variance, tilt_slopes)
          value = modulus
          map_slope = 1.0_wp
          call posterior%observable%from_simulation(value(:m), map_slope(:m))

@@ -343,7 +343,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(harmonics_type) :: harmonics
       type(region_type) :: region
-      real(wp), allocatable :: directions(:, :), values(:, :), gram(:, :), of_grain(:)
+      real(wp), allocatable :: directions(:, :), values(:, :), gram(:, :)
       real(wp) :: g(3, 3)
       integer :: i, n
 
@@ -368,11 +368,10 @@ contains
       if (allocated(error)) return
       call cholesky_solve(gram, values)
       call move_alloc(values, expansion%fit)
-      allocate (expansion%reading(n, harmonics%n), of_grain(harmonics%n))
+      allocate (expansion%reading(n, harmonics%n))
       do i = 1, n
          g = rotation_matrix(euler(:, i))
-         call evaluate_harmonics(harmonics, g(:, 3), of_grain)
-         expansion%reading(i, :) = of_grain
+         call evaluate_harmonics(harmonics, g(:, 3), expansion%reading(i, :))
       end do
       expansion%cost = 0.0007_wp*size(expansion%reading)
    end subroutine new_modulus_expansion

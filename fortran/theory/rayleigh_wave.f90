@@ -141,12 +141,10 @@ contains
       real(wp), parameter :: guesses(2) = [0.35_wp, 0.45_wp]
       integer, parameter :: most_steps = 60
       real(wp), dimension(lanes) :: low, high, s, before, value, last, further, limiting
-      real(wp) :: bulk
       integer :: i, step
 
       do i = 1, lanes
-         call bulk_moduli(mm(i, :), mn(i, :), nn(i, :), limiting(i), bulk)
-         waves(i)%bulk = bulk
+         call bulk_moduli(mm(i, :), mn(i, :), nn(i, :), limiting(i), waves(i)%bulk)
       end do
       low = least
       high = 1.0_wp

@@ -8,8 +8,14 @@ module known_targets
    private
    public :: banana_type, wavy_type
 
+   !> Densities of which the working coordinates are the parameters.
+   type, abstract, extends(target_type) :: known_type
+   contains
+      procedure :: evaluate_working
+   end type known_type
+
    !> x is normal within -1.5 .. 2, and y is normal about x² with sd 0.1.
-   type, extends(target_type) :: banana_type
+   type, extends(known_type) :: banana_type
       !> Bounds of the parameters, (dimension).
       real(wp), allocatable :: lower(:), upper(:)
    contains
@@ -18,11 +24,10 @@ module known_targets
    end type banana_type
 
    !> The model's results o = (w1, w2 + 0.8 sin 2 w1, w3 + 0.3 w1², w4, ..) are standard normal, and w1 > -1. No polynomial is exact.
-   type, extends(target_type) :: wavy_type
+   type, extends(known_type) :: wavy_type
    contains
       procedure :: draw_start => draw_wavy_start
       procedure :: evaluate => evaluate_wavy
-      procedure :: evaluate_working => evaluate_wavy_working
       procedure :: evaluate_outputs => evaluate_wavy_outputs
    end type wavy_type
 
@@ -80,8 +85,8 @@ contains
       where (inside) log_density = -0.5_wp*sum(outputs**2, 1)
    end subroutine evaluate_wavy
 
-   pure subroutine evaluate_wavy_working(self, points, polynomial)
-      class(wavy_type), intent(in) :: self
+   pure subroutine evaluate_working(self, points, polynomial)
+      class(known_type), intent(in) :: self
       type(point_type), intent(inout) :: points(:)
       type(output_polynomial_type), intent(in), optional :: polynomial
       real(wp) :: outputs(self%n_outputs), log_density(1)
@@ -98,7 +103,7 @@ contains
          points(i)%log_density = log_density(1)
          points(i)%log_working = log_density(1)
       end do
-   end subroutine evaluate_wavy_working
+   end subroutine evaluate_working
 
    pure subroutine evaluate_wavy_outputs(self, w, arguments, outputs, inside)
       class(wavy_type), intent(in) :: self
