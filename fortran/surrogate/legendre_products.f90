@@ -5,7 +5,6 @@
 !> coefficients are found once; evaluating it costs some thousand operations where the double sum costs hundreds of thousands.
 module legendre_products
    use kinds, only: wp
-   use statistics, only: new_point_index, point_index_type
    implicit none
    private
    public :: legendre_products_type, new_legendre_products, count_products, evaluate_products, covariance_polynomial
@@ -15,7 +14,6 @@ module legendre_products
       !> Largest degree in one coordinate; of each product in each coordinate, (n_coordinates, n_products).
       integer :: degree = 0
       integer, allocatable :: degrees(:, :)
-      type(point_index_type), private :: index
       logical, private :: total = .false.
       !> Product q is product parent(q) times the polynomial of degree factor_degree(q) in coordinate factor(q).
       integer, allocatable, private :: parent(:), factor(:), factor_degree(:)
@@ -43,7 +41,6 @@ contains
       !> Whether `degree` bounds the sum of the degrees, or each.
       logical, intent(in) :: total
       integer :: counter(n), sum_of_degrees, q, i, m
-      integer, allocatable :: found(:)
 
       self%n_coordinates = n
       self%degree = degree
@@ -66,7 +63,6 @@ contains
             call fill_last(counter(i + 1:), sum_of_degrees - sum(counter(:i)), degree)
          end do
       end do
-      call new_point_index(real(self%degrees, wp), self%index)
       self%parent = 0
       self%factor = 1
       self%factor_degree = 0
@@ -76,8 +72,7 @@ contains
          self%factor(q) = i
          self%factor_degree(q) = counter(i)
          counter(i) = 0
-         call self%index%find(real(counter, wp), found)
-         self%parent(q) = found(1)
+         self%parent(q) = place_of(self, counter)
       end do
       allocate (self%a(0:degree), self%b(0:degree))
       self%a = [(sqrt((2.0_wp*m + 3.0_wp)*(2.0_wp*m + 1.0_wp))/(m + 1), m=0, degree)]
@@ -96,6 +91,35 @@ contains
          left = left - degrees(i)
       end do
    end subroutine fill_last
+
+   !> Which product has these degrees.
+   pure integer function place_of(self, degrees) result(middle)
+      type(legendre_products_type), intent(in) :: self
+      integer, intent(in) :: degrees(:)
+      integer :: low, high
+
+      low = 1
+      high = self%n_products
+      do
+         middle = (low + high)/2
+         if (low >= high) return
+         if (precedes(self%degrees(:, middle), degrees)) then
+            low = middle + 1
+         else
+            high = middle
+         end if
+      end do
+   end function place_of
+
+   !> Whether degrees a come before b in the list.
+   pure logical function precedes(a, b)
+      integer, intent(in) :: a(:), b(:)
+      integer :: i
+
+      precedes = sum(a) < sum(b)
+      i = findloc(a /= b, .true., 1)
+      if (i > 0 .and. sum(a) == sum(b)) precedes = a(i) < b(i)
+   end function precedes
 
    !> All products at coordinates x in [-1, 1].
    pure subroutine evaluate_products(self, x, p)
@@ -132,7 +156,6 @@ contains
       !> (n_products of the squares, n (n + 1)/2).
       real(wp), allocatable, intent(out) :: coefficients(:, :)
       real(wp), allocatable :: table(:, :, :), sums(:, :), pair(:)
-      integer, allocatable :: found(:)
       integer :: q, r, i, h, g, column
       integer :: low(self%n_coordinates), high(self%n_coordinates), c(self%n_coordinates)
       real(wp) :: weight
@@ -157,8 +180,8 @@ contains
             c = low
             do
                weight = product([(table(self%degrees(i, q), self%degrees(i, r), c(i)), i=1, size(c))])
-               call squares%index%find(real(c, wp), found)
-               sums(:, found(1)) = sums(:, found(1)) + weight*pair
+               i = place_of(squares, c)
+               sums(:, i) = sums(:, i) + weight*pair
                do i = size(c), 1, -1
                   if (c(i) < high(i)) exit
                   c(i) = low(i)

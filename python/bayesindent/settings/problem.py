@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields, make_dataclass
 from functools import cache, cached_property, partial
 from html import escape
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
