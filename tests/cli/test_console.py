@@ -50,7 +50,7 @@ def test_the_first_warnings_are_shown_and_all_are_in_the_document(capsys):
 @pytest.mark.parametrize(
     ("words", "meant"),
     [
-        (["rnu", "a.nml"], "'rnu' is no command; allowed: init, table, run, "),
+        (["rnu", "a.nml"], "'rnu' is no command; allowed: init, table, map, run, "),
         (["extrct", "a.nml"], "Did you mean 'extract'?"),
         (["a.nml"], "Did you mean 'run a.nml'?"),
         (["run", "a.nml", "--chek"], "unrecognized arguments: --chek. Did you mean '--check'?"),

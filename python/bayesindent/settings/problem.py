@@ -205,10 +205,10 @@ class Problem(NativeObject):
     def _points(self, table: str):
         return Points(self, table, self._tables[table]) if table in self._tables else None
 
-    crystals = property(partial(_points, table="crystals"))
-    measurements = property(partial(_points, table="measurements"))
-    candidates = property(partial(_points, table="candidates"))
-    grains = property(partial(_points, table="grains"))
+    crystals = property(partial(_points, table="crystals"), doc="The crystals of `&crystals`, or None.")
+    measurements = property(partial(_points, table="measurements"), doc="The measurements, or None.")
+    candidates = property(partial(_points, table="candidates"), doc="The candidates of `&design`, or None.")
+    grains = property(partial(_points, table="grains"), doc="The grains of `&next`, or None.")
 
     def __repr__(self) -> str:
         asked = f"asks for {', '.join(self.stages)}" if self.stages else "asks for nothing"

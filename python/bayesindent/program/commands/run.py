@@ -19,7 +19,7 @@ def run(arguments: argparse.Namespace) -> dict:
         problem._call("check_stages", **places(output_folder(arguments, arguments.file), problem.folder))
         return {"file": str(arguments.file), "stages": problem.stages, "warnings": problem.warnings}
     problem, output = prepare(arguments)
-    if problem.table and not arguments.quiet:
+    if problem.table and not (problem.table.is_plain or arguments.quiet):
         print(*problem.table.words(len(problem.measurements)), sep="\n", file=sys.stderr)
     known = {command.name: command for command in COMMANDS}
     documents: dict[str, dict] = {}
