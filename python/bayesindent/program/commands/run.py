@@ -14,12 +14,14 @@ __all__ = ["COMMAND"]
 def run(arguments: argparse.Namespace) -> dict:
     """The stages of the file in order, then a report; with --check only what would be done. A result that cannot be used suggests no grain."""
     if arguments.check:
-        problem = problem_of(arguments)
-        # What the reader cannot see: the surrogate, if no stage before builds it, and whether it is valid for the prior's crystals.
-        problem._call("check_stages", **places(output_folder(arguments, arguments.file), problem.folder))
+        problem, output = problem_of(arguments), output_folder(arguments, arguments.file)
+    else:
+        problem, output = prepare(arguments)
+    # What the reader cannot see: the surrogate, if no stage before builds it, and whether it is valid for the prior's crystals.
+    problem._call("check_stages", **places(output, problem.folder))
+    if arguments.check:
         return {"file": str(arguments.file), "stages": problem.stages, "warnings": problem.warnings}
-    problem, output = prepare(arguments)
-    if problem.table and not (problem.table.is_plain or arguments.quiet):
+    if problem.table and not arguments.quiet:
         print(*problem.table.words(len(problem.measurements)), sep="\n", file=sys.stderr)
     known = {command.name: command for command in COMMANDS}
     documents: dict[str, dict] = {}
