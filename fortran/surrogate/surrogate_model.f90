@@ -23,7 +23,7 @@ module surrogate_model
    implicit none
    private
    public :: surrogate_type, simulations_type, new_theory_surrogate, predict_crystals, new_grain_model, save_surrogate, &
-      & load_surrogate, check_replaceable, check_values, exchange_surrogate, theory_name, places_type, find_surrogate, &
+      & load_surrogate, check_replaceable, exchange_surrogate, theory_name, places_type, find_surrogate, &
       & load_named_surrogate, check_new_name
 
    !> What a surrogate was trained on.

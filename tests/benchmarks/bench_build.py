@@ -63,15 +63,14 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"{basis.n_terms} terms, {len(modulus)} candidates, {arguments.initial} + {arguments.steps} points, one thread")
 
     learner = Learner(basis)
-    learner.set_candidates(constants, angles, "modulus")
     first = np.arange(arguments.initial)
-    learner.exclude(first)
+    learner.set_candidates(constants[len(first) :], angles[len(first) :], "modulus")
     learner.add(constants[first], angles[first], modulus[first], chosen=True)
     learner.fit()
     order = list(first)
     start = time.process_time()
     for _ in range(arguments.steps):
-        chosen, _ = learner.choose(1)
+        chosen = learner.choose(1)[0] + len(first)
         learner.add(constants[chosen], angles[chosen], modulus[chosen], chosen=True)
         learner.update()
         order.append(int(chosen[0]))
@@ -169,7 +168,9 @@ def time_cholesky(terms, y, data, refits: int, learner: Learner) -> tuple[float,
     left = np.setdiff1d(np.arange(terms.shape[1]), data)
     differences = [np.abs(learner.values("mean") - mean).max() / np.abs(mean).max()]
     if len(left):
-        differences.append(np.abs(learner.variances()[left] / variance[left] - 1).max())
+        # The candidates are the points after the first.
+        of_left = learner.variances()[left - terms.shape[1]]
+        differences.append(np.abs(of_left / variance[left] - 1).max())
     return seconds, max(differences)
 
 
