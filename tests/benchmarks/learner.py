@@ -14,7 +14,7 @@ from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
 
-__all__ = ["Learner", "build", "spread_of", "surrogate_of", "to_modulus", "to_y"]
+__all__ = ["Learner", "build", "spread_crystals", "spread_of", "surrogate_of", "terms_of", "to_modulus", "to_y"]
 
 
 def build(problem: Problem, output: Path, simulate: Callable[[Job], dict] | None = None) -> dict:
@@ -22,12 +22,24 @@ def build(problem: Problem, output: Path, simulate: Callable[[Job], dict] | None
     return run_stage(problem, "build", output, simulate)
 
 
+def spread_crystals(basis: Basis, n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """n crystals (n, k) in GPa spread over the domain, and angles (n, 3) in degrees, indentation directions uniform on the sphere."""
+    found = basis._call("crystals", count=n, seed=seed)
+    return found["constants"], found["euler_deg"]
+
+
+def terms_of(basis: Basis, constants: ArrayLike, euler_deg: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """Terms (n_terms, n), not divided by the spread of the noise, and scales (n,) in GPa of stable crystals (n, k) in GPa at angles (n, 3) in degrees."""
+    found = basis._call("terms", **basis.rows(constants, euler_deg))
+    return found["values"].T, found["scale"]
+
+
 def surrogate_of(
     basis: Basis, coefficients: ArrayLike, covariance: ArrayLike, *, beta: float, alpha: float = 1.0, fall: float = 1.0
 ) -> Surrogate:
     """The surrogate with this posterior mean (n_terms,) and covariance (n_terms, n_terms) of the coefficients of a basis."""
     learner = Learner(basis)
-    learner.add(*basis.crystals(2, 1), [100.0, 100.0])
+    learner.add(*spread_crystals(basis, 2, 1), [100.0, 100.0])
     make, (text,) = learner.surrogate().__reduce__()
     for name, value in {"alpha": alpha, "beta": beta, "fall": fall}.items():
         text = re.sub(rf"^{name} .*", f"{name} {float(value)!r}", text, flags=re.MULTILINE)
