@@ -274,10 +274,8 @@ contains
       call read_real(cell(10)%text, row%outcome%modulus, outcome)
       call read_integer(cell(11)%text, row%outcome%elements, outcome)
       call read_real(cell(12)%text, row%outcome%seconds, outcome)
-      ! Rows of the first version of the layout have none.
-      good(5) = len(cell(13)%text) == 0
-      if (.not. good(5)) good(5) = cell(13)%text == row_checksum(self%identity, cell(2:1 + n_texts), row%outcome%modulus, &
-         & row%outcome%elements, row%outcome%seconds)
+      good(5) = cell(13)%text == row_checksum(self%identity, cell(2:1 + n_texts), row%outcome%modulus, row%outcome%elements, &
+         & row%outcome%seconds)
       if (all(good) .and. size(angles) == size(row%euler_deg)) then
          row%euler_deg = angles
       else

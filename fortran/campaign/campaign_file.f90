@@ -46,8 +46,6 @@ module campaign_file
    character(len=*), parameter :: application_id = '1650555241', layout_version = '2'
    !> From here to `end_transaction` all changes are kept, or none.
    character(len=*), parameter :: begin_transaction = 'BEGIN IMMEDIATE'
-   !> What version 2 has more than version 1, whose rows stay without a checksum.
-   character(len=*), parameter :: from_version_1 = 'ALTER TABLE simulation ADD COLUMN checksum TEXT; PRAGMA user_version = 2'
 
    character(len=*), parameter :: layout = &
       & 'CREATE TABLE physics ('//newline// &
@@ -176,7 +174,6 @@ contains
       if (.not. file_exists(path)) call create()
       if (.not. allocated(error)) call file%open(path, error)
       if (.not. allocated(error)) call verify()
-      if (.not. allocated(error)) call migrate()
 
    contains
 
@@ -194,7 +191,7 @@ contains
          call place_new_file(path, whole=.not. allocated(error))
       end subroutine create
 
-      !> That the file is a whole campaign of a version that is known.
+      !> That the file is a whole campaign of the present format.
       subroutine verify()
          character(len=:), allocatable :: found
 
@@ -206,30 +203,15 @@ contains
             call refuse(error, path//': is a database, but not a campaign of bayesindent; choose another output folder')
             return
          end if
-         call file%value('SELECT user_version FROM pragma_user_version WHERE user_version > '//layout_version, found, error)
-         if (allocated(error)) return
-         if (len(found) > 0) then
-            call refuse(error, path//': was written by a newer version (format '//found//', known: '//layout_version//')')
-            return
-         end if
-         call file%value('PRAGMA integrity_check(1)', found, error)
+         call file%value('PRAGMA user_version', found, error)
+         if (found /= layout_version .and. .not. allocated(error)) call refuse(error, path//': is a campaign of format '//found &
+            & //', not '//layout_version//'; move it away to start a new one')
+         if (.not. allocated(error)) call file%value('PRAGMA integrity_check(1)', found, error)
          ! The first line of a complaint is a heading.
          if (found == 'ok' .or. allocated(error)) return
          found = found(index(found, newline, back=.true.) + 1:)
          call raise_damaged(path, found, error)
       end subroutine verify
-
-      !> Bring a file of an earlier version to the present one. Another process may do so at the same time.
-      subroutine migrate()
-         character(len=:), allocatable :: version
-
-         call file%value('PRAGMA user_version', version, error)
-         if (allocated(error) .or. version == layout_version) return
-         call file%run(begin_transaction, error)
-         if (.not. allocated(error)) call file%value('PRAGMA user_version', version, error)
-         if (version /= layout_version .and. .not. allocated(error)) call file%run(from_version_1, error)
-         call end_transaction(file, error)
-      end subroutine migrate
    end subroutine open_campaign_file
 
    !> Keep what was changed since `begin_transaction` was run, or nothing after an `error`.

@@ -7,7 +7,7 @@ module surrogate_operations
    use bases, only: describe_basis
    use constants_posterior, only: posterior_type
    use crystal_elasticity, only: logarithmic_mean
-   use errors, only: exit_bad_input, raise, warning_type
+   use errors, only: warning_type
    use evidence_regression, only: coefficient_covariance, coefficient_mean
    use exchange, only: exchange_type
    use extraction, only: extract, extraction_type
@@ -23,8 +23,8 @@ module surrogate_operations
    use stage_documents, only: end_document
    use surrogate_domain, only: spread_crystals
    use surrogate_learner, only: add_simulations, fit_learner, learner_type, leave_out, new_learner, &
-      & predict_moduli, set_learner_candidates, surrogate_of
-   use surrogate_model, only: check_values, exchange_surrogate, predict_crystals, save_surrogate, surrogate_type
+      & set_learner_candidates, surrogate_of
+   use surrogate_model, only: exchange_surrogate, predict_crystals, save_surrogate, surrogate_type
    implicit none
    private
    public :: give_basis, use_basis, use_surrogate, use_learner, new_posterior, use_posterior
@@ -124,7 +124,6 @@ contains
       character(len=*), intent(in) :: verb
       class(basis_type), intent(inout) :: basis
       type(exchange_type), intent(inout) :: x
-      type(surrogate_type), pointer :: surrogate
       type(learner_type), pointer :: learner
       real(wp), allocatable :: found(:, :), others(:, :), scale(:), spread(:)
       real(wp), pointer :: c(:, :, :)
@@ -159,21 +158,6 @@ contains
             x%values(i, 2) = merge(1.0_wp, 0.0_wp, basis%domain%admits(c(:, :, i)))
          end do
          !$omp end parallel do
-      case ('surrogate')
-         allocate (surrogate)
-         call x%give(surrogate, 'surrogate')
-         allocate (surrogate%basis, source=basis)
-         surrogate%coefficients = x%in%reals('coefficients')
-         surrogate%covariance = x%in%columns('covariance', max(1, basis%n_terms))
-         surrogate%alpha = x%in%real('alpha')
-         surrogate%beta = x%in%real('beta')
-         surrogate%decay_rate = x%in%real('fall')
-         surrogate%provenance = x%in%text('provenance')
-         if (size(surrogate%coefficients) == basis%n_terms) then
-            call check_values(surrogate, x%error)
-         else
-            call raise(x%error, 'the number of coefficients is not that of the basis', exit_bad_input)
-         end if
       case ('learner')
          allocate (learner)
          call x%give(learner, 'learner')
@@ -246,8 +230,6 @@ contains
          end associate
       case ('set_candidates')
          call set_learner_candidates(learner, constants, euler_deg, x%in%text('rule'), x%error)
-      case ('exclude')
-         learner%design%available(numbers + 1) = .false.
       case ('add')
          call add_simulations(learner, constants, euler_deg, x%in%reals('modulus_gpa'), x%in%logical('chosen'), x%error)
       case ('fit')
@@ -263,9 +245,6 @@ contains
          call x%out%put_array('variance', values, shape(values))
       case ('update')
          call update_posterior_mean(learner%design, x%in%logical('exactly'), x%error)
-      case ('predict')
-         allocate (x%values(size(euler_deg, 2), 1))
-         call predict_moduli(learner, coefficient_mean(learner%design%regression), constants, euler_deg, x%values(:, 1))
       case ('leave_out')
          ! Modulus (GPa) and z.
          allocate (x%values(size(numbers), 2))

@@ -17,7 +17,7 @@ module prior_sensitivity
    use statistics, only: moments
    implicit none
    private
-   public :: change_type, measure_sensitivity, limit_type, list_limits, no_limit
+   public :: change_type, measure_sensitivity, limit_type, list_limits, is_truncated
 
    !> What another prior would have said.
    type :: change_type
@@ -281,5 +281,13 @@ contains
       limit%share(side) = real(counts(1), wp)/size(x)
       limit%ends(side) = low - inwards*limit%range(side) < width .and. counts(1) > fallen*maxval(counts)
    end subroutine find_end
+
+   !> Whether a limit that nobody stated ends the draws.
+   pure logical function is_truncated(limits)
+      type(limit_type), intent(in) :: limits(:)
+      integer :: i
+
+      is_truncated = any([(.not. limits(i)%stated .and. any(limits(i)%ends), i=1, size(limits))])
+   end function is_truncated
 
 end module prior_sensitivity

@@ -7,7 +7,7 @@ module posterior_diagnostics
    use files, only: printable
    use indenters, only: indenter_type, new_indenter
    use kinds, only: pi, wp
-   use prior_sensitivity, only: change_type
+   use prior_sensitivity, only: change_type, is_truncated
    use orientation_check, only: readings
    use problem, only: problem_type
    use text, only: fixed, to_text
@@ -49,12 +49,12 @@ contains
          & //'the slowest bulk wave, or hardly moves along the normal. What is measured there is the pseudo-surface wave. ' &
          & //'Choose other directions')
       call check_sizes(problem, found, warnings)
-      if (.not. is_truncated(found)) call check_knowledge(found, warnings)
+      if (.not. is_truncated(found%limits)) call check_knowledge(found, warnings)
       call check_mixing(found, greatest_r_hat, size(found%chains%draws, 3), warnings)
       call check_determined(found, warnings)
       call check_sensitivity(found, warnings)
       call check_scale(found, warnings)
-      if (blamed .or. is_truncated(found)) return
+      if (blamed .or. is_truncated(found%limits)) return
       call check_residuals(found, warnings)
    end subroutine check_extraction
 
@@ -76,14 +76,6 @@ contains
          end do
       end associate
    end subroutine find_reasons
-
-   !> Whether a limit that nobody stated ends the draws.
-   pure logical function is_truncated(found)
-      type(extraction_type), intent(in) :: found
-      integer :: i
-
-      is_truncated = any([(.not. found%limits(i)%stated .and. any(found%limits(i)%ends), i=1, size(found%limits))])
-   end function is_truncated
 
    !> The limits that end the draws, either the stated ones or the others.
    subroutine check_limits(found, stated, warnings)

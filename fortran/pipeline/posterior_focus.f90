@@ -12,7 +12,7 @@ module posterior_focus
    use machine, only: thread_count
    use problem, only: problem_type
    use problem_posterior, only: draw_aside, focus_run, new_problem_posterior, stiffnesses
-   use prior_sensitivity, only: limit_type, list_limits
+   use prior_sensitivity, only: is_truncated, list_limits
    use surrogate_domain, only: domain_type
    use surrogate_model, only: new_theory_surrogate, predict_crystals, surrogate_type
    use variance_shares, only: find_shares, from_surrogate, shares_type
@@ -99,7 +99,6 @@ contains
       type(round_type) :: round
       real(wp), allocatable :: draws(:, :), crystals(:, :, :)
       type(shares_type), allocatable :: shares(:)
-      type(limit_type), allocatable :: limits(:)
       integer :: i
 
       if (.not. allocated(focus%rough)) call draw_roughly(problem, focus%rough, error)
@@ -115,8 +114,7 @@ contains
          & thread_count(problem%settings%execution%workers), shares, error)
       if (allocated(error)) return
       round%share = [(shares(i)%by_source(from_surrogate), i=1, size(shares))]
-      limits = list_limits(posterior%prior, draws)
-      round%truncated = any([(.not. limits(i)%stated .and. any(limits(i)%ends), i=1, size(limits))])
+      round%truncated = is_truncated(list_limits(posterior%prior, draws))
       crystals = stiffnesses(problem%class, draws)
       call hold(focus%domain, crystals)
       ! Of the rough ones others in each round.

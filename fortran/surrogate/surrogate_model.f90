@@ -23,7 +23,7 @@ module surrogate_model
    implicit none
    private
    public :: surrogate_type, simulations_type, new_theory_surrogate, predict_crystals, new_grain_model, save_surrogate, &
-      & load_surrogate, check_replaceable, check_values, exchange_surrogate, theory_name, places_type, find_surrogate, &
+      & load_surrogate, check_replaceable, exchange_surrogate, theory_name, places_type, find_surrogate, &
       & load_named_surrogate, check_new_name
 
    !> What a surrogate was trained on.
@@ -50,7 +50,7 @@ module surrogate_model
    end type surrogate_type
 
    character(len=*), parameter :: label = 'bayesindent-surrogate'
-   integer, parameter :: version = 4, oldest = 3
+   integer, parameter :: version = 4
 
    !> The surrogate that needs no simulation and no file.
    character(len=*), parameter :: theory_name = 'halfspace'
@@ -254,8 +254,8 @@ contains
          number = version
       end if
       call file%integer(label, number)
-      if (number < oldest .or. number > version) call file%fail('it has version '//to_text(number)//' of the format; versions ' &
-         & //to_text(oldest)//' and '//to_text(version)//' are known')
+      if (number /= version) call file%fail('it has version '//to_text(number)//' of the format, not '//to_text(version) &
+         & //'; build it anew')
       call file%text('model', name)
       if (file%reading .and. .not. allocated(file%error)) then
          call allocate_basis(name, surrogate%basis, error)
@@ -269,8 +269,7 @@ contains
          call surrogate%basis%set_up(error)
          if (allocated(error)) call file%fail(error%message)
       end if
-      surrogate%basis%noise_growth = merge(surrogate%basis%noise_growth, 0.0_wp, number == version)
-      if (number == version) call file%real('noise_growth', surrogate%basis%noise_growth)
+      call file%real('noise_growth', surrogate%basis%noise_growth)
       call file%real('alpha', surrogate%alpha)
       call file%real('beta', surrogate%beta)
       call file%real('fall', surrogate%decay_rate)

@@ -25,8 +25,6 @@ module halfspace_theory
    type :: halfspace_type
       !> Exact (elliptical contact) and circular-contact (Vlassak-Nix) modulus, GPa.
       real(wp) :: modulus = 0.0_wp, modulus_circular = 0.0_wp
-      !> The contact's minor over major axis, and the direction of the major axis from sample x, radians in [0, pi).
-      real(wp) :: axis_ratio = 1.0_wp, major_axis = 0.0_wp
    end type halfspace_type
 
    !> Directions that one call takes: they fill the vector units.
@@ -185,10 +183,6 @@ contains
       change = abs(2.0_wp*half/value - 1.0_wp)
       result%modulus = n/(pi*value)
       result%modulus_circular = n/(pi*sum(h))
-      length = norm2(shape)
-      result%axis_ratio = sqrt((1.0_wp - length)/(1.0_wp + length))
-      ! The weight is largest where the contact is narrowest.
-      result%major_axis = modulo(0.5_wp*atan2(shape(2), shape(1)) + 0.5_wp*pi, pi)
    end subroutine fit_contact_ellipse
 
    !> Sum of h (1 + a cos 2 theta + b sin 2 theta)^-1/2.

@@ -101,7 +101,7 @@ def decode(content: np.ndarray) -> dict:
 #: Operations that give up Python's lock; see fortran/facade/core.f90 for why not all do.
 LONG = {
     "crystal.theory", "crystal.waves", "indentation.run", "indentation.fields", "simulator.run", "surrogate.predict",
-    "learner.choose", "learner.fit", "learner.update", "learner.predict", "learner.leave_out", "posterior.sample", "posterior.evaluate",
+    "learner.choose", "learner.fit", "learner.update", "learner.leave_out", "posterior.sample", "posterior.evaluate",
     "posterior.moduli",
 }  # fmt: skip
 

@@ -19,7 +19,7 @@ import time
 from contextlib import nullcontext
 
 import numpy as np
-from learner import Learner, to_y
+from learner import Learner, spread_crystals, terms_of, to_y
 from paper_domains import DOMAINS
 from scipy.linalg import cho_factor, solve_triangular
 
@@ -55,23 +55,22 @@ def one_thread():
 def run(arguments: argparse.Namespace) -> int:
     """Run the benchmark."""
     basis = Basis.from_keywords("hexagonal", DOMAINS["hexagonal"], model="paper", truncation="tensor", degree=2, bandlimit=4)
-    constants, angles = basis.crystals(arguments.candidates, 1)
+    constants, angles = spread_crystals(basis, arguments.candidates, 1)
     # Of a uniform direction the declination's cosine is uniform; the paper's declination is.
     angles = np.column_stack([0 * angles[:, 0], 90 * (1 - np.cos(np.radians(angles[:, 1]))), 0 * angles[:, 2]])
-    terms, _ = basis.terms(constants, angles)
+    terms, _ = terms_of(basis, constants, angles)
     modulus = halfspace_modulus(stiffness_rows("hexagonal", constants), angles)
     print(f"{basis.n_terms} terms, {len(modulus)} candidates, {arguments.initial} + {arguments.steps} points, one thread")
 
     learner = Learner(basis)
-    learner.set_candidates(constants, angles, "modulus")
     first = np.arange(arguments.initial)
-    learner.exclude(first)
+    learner.set_candidates(constants[len(first) :], angles[len(first) :], "modulus")
     learner.add(constants[first], angles[first], modulus[first], chosen=True)
     learner.fit()
     order = list(first)
     start = time.process_time()
     for _ in range(arguments.steps):
-        chosen, _ = learner.choose(1)
+        chosen = learner.choose(1)[0] + len(first)
         learner.add(constants[chosen], angles[chosen], modulus[chosen], chosen=True)
         learner.update()
         order.append(int(chosen[0]))
@@ -100,9 +99,9 @@ def print_table(title: str, seconds: dict[str, float]) -> None:
 
 def time_fit(basis: Basis, rule: str, n: int, candidates: int, repeats: int) -> dict[str, float]:
     """Seconds of what is done once, at a step, and at a refit, with n points and so many candidates."""
-    constants, angles = basis.crystals(n, 1)
+    constants, angles = spread_crystals(basis, n, 1)
     modulus = halfspace_modulus(stiffness_rows(basis.symmetry, constants), angles)
-    learner, others = Learner(basis), basis.crystals(candidates, 2)
+    learner, others = Learner(basis), spread_crystals(basis, candidates, 2)
     seconds = {"terms of the candidates": timed(lambda: learner.set_candidates(*others, rule), 1)}
     learner.add(constants, angles, modulus, chosen=True)
     seconds["refit"] = timed(learner.fit, repeats)
@@ -116,11 +115,11 @@ def time_fit(basis: Basis, rule: str, n: int, candidates: int, repeats: int) -> 
         learner.update()
 
     seconds["step"] = timed(step, 3 * repeats)
-    terms, scale = basis.terms(constants, angles)
+    terms, scale = terms_of(basis, constants, angles)
     if (ridge := bayesian_ridge()) is not None:
         rows, y = np.ascontiguousarray((width[:, None] * terms).T), to_y(basis, modulus, scale)
         blocks = [slice(i, i + BLOCK) for i in range(0, candidates, BLOCK)]
-        wide = [np.ascontiguousarray((width[:, None] * basis.terms(others[0][block], others[1][block])[0]).T) for block in blocks]
+        wide = [np.ascontiguousarray((width[:, None] * terms_of(basis, others[0][block], others[1][block])[0]).T) for block in blocks]
 
         def refit() -> None:
             fitted = ridge.fit(rows, y)
@@ -169,7 +168,9 @@ def time_cholesky(terms, y, data, refits: int, learner: Learner) -> tuple[float,
     left = np.setdiff1d(np.arange(terms.shape[1]), data)
     differences = [np.abs(learner.values("mean") - mean).max() / np.abs(mean).max()]
     if len(left):
-        differences.append(np.abs(learner.variances()[left] / variance[left] - 1).max())
+        # The candidates are the points after the first.
+        of_left = learner.variances()[left - terms.shape[1]]
+        differences.append(np.abs(of_left / variance[left] - 1).max())
     return seconds, max(differences)
 
 

@@ -24,6 +24,7 @@ from pathlib import Path
 import numpy as np
 from bench_studies import BINS, DRAWS, effective_size, holm
 from densities import PRIOR, Posterior
+from learner import terms_of
 from reference_density import LogPosterior
 from reference_posteriors import SYNONYMS
 from scipy import stats
@@ -170,7 +171,7 @@ class Study:
         """Moduli of grains by coefficients of the correction that are drawn from what is known of them."""
         # The constants of a triclinic crystal, row by row.
         triclinic = stiffness_rows(self.symmetry, [constants])[0][np.triu_indices(6)]
-        terms, theory = self.correction.basis.terms(np.tile(triclinic, (len(euler_deg), 1)), euler_deg)
+        terms, theory = terms_of(self.correction.basis, np.tile(triclinic, (len(euler_deg), 1)), euler_deg)
         coefficients = self.rng.multivariate_normal(self.correction.coefficients, self.correction.covariance, method="cholesky")
         return theory * np.exp(coefficients @ terms + self.rng.normal(size=len(theory)) / np.sqrt(self.correction.beta))
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import f90nml
 import numpy as np
-from learner import build
+from learner import build, spread_crystals
 from paper_domains import DOMAINS
 from scipy.linalg import expm
 
@@ -126,7 +126,7 @@ def unseen_crystals(arguments) -> dict[str, list[tuple]]:
 def spread_over_domain(specimen: str, symmetry: str, n: int, seed: int) -> list[tuple]:
     """Crystals of a class of the domain that a correction of this specimen has by default."""
     basis = Basis(Problem.from_keywords("learning", specimen=SPECIMENS[specimen], domain={"classes": [symmetry]}))
-    constants, angles = basis.crystals(n, seed)
+    constants, angles = spread_crystals(basis, n, seed)
     return [(basis.symmetry, tuple(row), tuple(euler)) for row, euler in zip(constants.tolist(), angles.tolist(), strict=True)]
 
 

@@ -16,6 +16,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from learner import spread_crystals
 
 import bayesindent as bi
 from bayesindent.common.result_files import write_csv
@@ -126,7 +127,7 @@ def campaign_steps(rows: int, folder: Path) -> dict:
     """
     design = {"n_candidates": rows + 2000, "budget": rows + 2 * BATCH, "initial": rows, "batch": BATCH, "refit": 100000}
     problem = Problem.from_keywords("bench scale", specimen={"geometry": "block"}, design=design)
-    constants, euler_deg = Basis(problem).crystals(rows, 1)
+    constants, euler_deg = spread_crystals(Basis(problem), rows, 1)
     moduli = 1.1 * halfspace_modulus(stiffness_rows("triclinic", constants), euler_deg)
     clock = [time.process_time()]
 

@@ -1,6 +1,7 @@
 """What trains a surrogate, step by step: the operations of the core, for tests and benchmarks of the choice of simulations."""
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
 
-__all__ = ["Learner", "build", "spread_of", "surrogate_of", "to_modulus", "to_y"]
+__all__ = ["Learner", "build", "spread_crystals", "spread_of", "surrogate_of", "terms_of", "to_modulus", "to_y"]
 
 
 def build(problem: Problem, output: Path, simulate: Callable[[Job], dict] | None = None) -> dict:
@@ -21,12 +22,42 @@ def build(problem: Problem, output: Path, simulate: Callable[[Job], dict] | None
     return run_stage(problem, "build", output, simulate)
 
 
+def spread_crystals(basis: Basis, n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """n crystals (n, k) in GPa spread over the domain, and angles (n, 3) in degrees, indentation directions uniform on the sphere."""
+    found = basis._call("crystals", count=n, seed=seed)
+    return found["constants"], found["euler_deg"]
+
+
+def terms_of(basis: Basis, constants: ArrayLike, euler_deg: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """Terms (n_terms, n), not divided by the spread of the noise, and scales (n,) in GPa of stable crystals (n, k) in GPa at angles (n, 3) in degrees."""
+    found = basis._call("terms", **basis.rows(constants, euler_deg))
+    return found["values"].T, found["scale"]
+
+
 def surrogate_of(
     basis: Basis, coefficients: ArrayLike, covariance: ArrayLike, *, beta: float, alpha: float = 1.0, fall: float = 1.0
 ) -> Surrogate:
     """The surrogate with this posterior mean (n_terms,) and covariance (n_terms, n_terms) of the coefficients of a basis."""
-    found = basis._call("surrogate", coefficients=coefficients, covariance=covariance, alpha=alpha, beta=beta, fall=fall, provenance="{}")
-    return Surrogate(found["handle"])
+    learner = Learner(basis)
+    learner.add(*spread_crystals(basis, 2, 1), [100.0, 100.0])
+    make, (text,) = learner.surrogate().__reduce__()
+    for name, value in {"alpha": alpha, "beta": beta, "fall": fall}.items():
+        text = re.sub(rf"^{name} .*", f"{name} {float(value)!r}", text, flags=re.MULTILINE)
+    arrays = {"coefficients": np.asarray(coefficients), "covariance": np.asarray(covariance)[np.triu_indices(basis.n_terms)]}
+    for name, values in arrays.items():
+        numbers = [*map(repr, values.astype(float).tolist())]
+        block = "\n".join(" ".join(numbers[i : i + 4]) for i in range(0, len(numbers), 4))
+        text = re.sub(rf"^{name} \d+\n(.*\n)*?(?=[a-z])", f"{name} {len(numbers)}\n{block}\n", text, flags=re.MULTILINE)
+    text = text[: text.index("\nchecksum ") + 1]
+    return make(f"{text}checksum {fnv_1a(text.encode()):016X}\n")
+
+
+def fnv_1a(content: bytes) -> int:
+    """The hash that ends a surrogate's file."""
+    value = 0xCBF29CE484222325
+    for byte in content:
+        value = (value ^ byte) * 0x100000001B3 & 0xFFFFFFFFFFFFFFFF
+    return value
 
 
 def spread_of(basis: Basis, stiffness: ArrayLike) -> np.ndarray:
@@ -67,10 +98,6 @@ class Learner(NativeObject):
         """Crystals (n, k) at angles (n, 3) in degrees, all of them available, and the rule of the choice, see &design."""
         self._call("set_candidates", rule=variance_of, **self.basis.rows(constants, euler_deg))
 
-    def exclude(self, numbers: ArrayLike) -> None:
-        """These candidates may not be chosen any more."""
-        self._call("exclude", numbers=np.ravel(numbers))
-
     def add(self, constants: ArrayLike, euler_deg: ArrayLike, modulus_gpa: ArrayLike, *, chosen: bool = False) -> None:
         """Learn moduli (n,) in GPa. If the choice asked for them the posterior follows with `fit` or `update`; else it is updated here."""
         if np.size(modulus_gpa):
@@ -88,10 +115,6 @@ class Learner(NativeObject):
     def update(self, exactly: bool = False) -> None:
         """The posterior mean once the moduli of all choices were added; `exactly` if one of them failed."""
         self._call("update", exactly=exactly)
-
-    def predict(self, constants: ArrayLike, euler_deg: ArrayLike) -> np.ndarray:
-        """Moduli (n,) in GPa by the posterior mean."""
-        return self._call("predict", **self.basis.rows(constants, euler_deg))["values"][0]
 
     def leave_out(self, groups: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Modulus (GPa) of each simulation with its whole group left out, and the error of y over its sd."""

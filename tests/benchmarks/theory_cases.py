@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
-from learner import surrogate_of
+from learner import spread_crystals, surrogate_of, terms_of
 from measured_tables import read_measurements
 from paper_domains import DOMAINS
 
@@ -47,9 +47,9 @@ class Case:
 def theory_surrogate(symmetry: str, degree: int, bandlimit: int, truncation: str = "tensor", points: int = 4000) -> Surrogate:
     """The paper's model by least squares on half-space theory over the paper's domain; the covariance is that of the regression."""
     basis = Basis.from_keywords(symmetry, DOMAINS[symmetry], model="paper", truncation=truncation, degree=degree, bandlimit=bandlimit)
-    constants, angles = basis.crystals(points, 2)
+    constants, angles = spread_crystals(basis, points, 2)
     y = halfspace_modulus(stiffness_rows(symmetry, constants), angles)
-    terms, _ = basis.terms(constants, angles)
+    terms, _ = terms_of(basis, constants, angles)
     values, vectors = np.linalg.eigh(terms @ terms.T)
     inverse = (vectors / np.maximum(values, 1e-8)) @ vectors.T
     coefficients = inverse @ (terms @ y)

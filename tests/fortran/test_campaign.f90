@@ -175,7 +175,7 @@ contains
       call database%run('PRAGMA user_version = 3', error)
       call database%close()
       call store%open(path, theory, error)
-      call check_refused('a newer version', error, path//': was written by a newer version (format 3, known: 2)')
+      call check_refused('another format', error, path//': is a campaign of format 3, not 2; move it away to start a new one')
       call store%open('test_campaign', theory, error)
       call check_refused('a folder', error, 'test_campaign: the campaign cannot be used: unable to open database file')
    end subroutine test_foreign

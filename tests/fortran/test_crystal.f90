@@ -122,10 +122,8 @@ contains
       expected = 2.0_wp*sqrt((c11*c33 - c13**2)/c11/(1/c44 + 2/(sqrt(c11*c33) + c13)))
       call halfspace_modulus(stiffness_of('hexagonal', zinc), [0.0_wp, 0.0_wp, 0.0_wp], result, error)
       call check_close('closed form along c', result%modulus, expected, 1.0e-6_wp)
-      call check_close('a circle along c', result%axis_ratio, 1.0_wp, 1.0e-6_wp)
+      call check_close('a circle along c', result%modulus_circular, result%modulus, 1.0e-6_wp)
       call halfspace_modulus(stiffness_of('hexagonal', zinc), [15.0_wp, 25.0_wp, 35.0_wp]*degree, result, error)
-      call check_close('zinc, contact ellipse', result%axis_ratio, 0.96392831_wp, 1.0e-5_wp)
-      call check_close('zinc, major axis', result%major_axis/degree, 105.0_wp, 1.0e-3_wp)
       call check('exact is not below Vlassak-Nix', result%modulus >= result%modulus_circular)
    end subroutine test_theory
 

@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from learner import surrogate_of
+from learner import spread_crystals, surrogate_of, terms_of
 from measured_tables import read_measurements
 from scipy import stats
 from theory_cases import FILES, SYMMETRIES, theory_surrogate
@@ -43,7 +43,7 @@ def rough_correction(degree=2, directions=6, sd=0.01, beta=1e5, domain=None):
     """A correction of random coefficients, with an sd of y that comes from a few directions of these, which matter alike."""
     basis = Basis.from_keywords(domain=domain, model="correction", degree=degree)
     rng = np.random.default_rng(1)
-    terms = basis.terms(*basis.crystals(1000, 3))[0]
+    terms = terms_of(basis, *spread_crystals(basis, 1000, 3))[0]
     values, vectors = np.linalg.eigh(terms @ terms.T / 1000)
     root = (vectors / np.sqrt(values)) @ vectors.T @ np.linalg.qr(rng.normal(size=(basis.n_terms, directions)))[0]
     covariance = sd**2 / directions * root @ root.T + 1e-14 * np.diag(1 / np.mean(terms**2, axis=1))

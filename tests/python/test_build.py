@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from learner import Learner, build
+from learner import Learner, build, spread_crystals
 from paper_domains import DOMAINS
 from test_surrogate import specimen
 
@@ -395,7 +395,7 @@ def test_ask_and_tell(tmp_path):
 
 
 def test_candidates_of_a_table(tmp_path):
-    rows = Basis.from_keywords("cubic", DOMAINS["cubic"]).crystals(30, 3)
+    rows = spread_crystals(Basis.from_keywords("cubic", DOMAINS["cubic"]), 30, 3)
     outside = "100,99,120,0,0,0"
     lines = ["C11,C12,C44,phi1_deg,Phi_deg,phi2_deg", *(",".join(map(repr, row)) for row in np.hstack(rows).tolist()), outside]
     (tmp_path / "mine.csv").write_text("\n".join(lines) + "\n")
@@ -446,7 +446,7 @@ def test_told_moduli_of_a_specimen_teach_a_correction(tmp_path):
 def test_what_was_not_simulated_is_named(tmp_path):
     """Candidates of a narrow table in a wide domain."""
     narrow = Basis.from_keywords(domain={"log_anisotropy_max": 0.4, "poisson_min": 0.2, "poisson_max": 0.3})
-    rows = np.hstack(narrow.crystals(20, 1))
+    rows = np.hstack(spread_crystals(narrow, 20, 1))
     names = [*bi.constants("triclinic"), "phi1_deg", "Phi_deg", "phi2_deg"]
     (tmp_path / "mine.csv").write_text("\n".join([",".join(names), *(",".join(map(repr, row)) for row in rows.tolist())]) + "\n")
     document = build(make_problem(tmp_path, model=CORRECTION, design={"candidates": "'mine.csv'", "budget": 12}), tmp_path)
@@ -470,7 +470,9 @@ def test_a_build_over_the_scale(tmp_path, specimens):
     whole = build(make_problem(tmp_path / "b", model=model, design={"n_candidates": 300, "budget": 24}), tmp_path / "b")
     assert [again[key] for key in ("alpha", "beta", "fall", "loocv_gpa")] == [whole[key] for key in ("alpha", "beta", "fall", "loocv_gpa")]
     rows = np.hstack(
-        Basis.from_keywords(domain={"stiffness_min_gpa": 100.0, "stiffness_max_gpa": 200.0, "log_anisotropy_max": 1.2}).crystals(20, 1)
+        spread_crystals(
+            Basis.from_keywords(domain={"stiffness_min_gpa": 100.0, "stiffness_max_gpa": 200.0, "log_anisotropy_max": 1.2}), 20, 1
+        )
     )
     names = [*bi.constants("triclinic"), "phi1_deg", "Phi_deg", "phi2_deg"]
     (tmp_path / "mine.csv").write_text("\n".join([",".join(names), *(",".join(map(repr, row)) for row in rows.tolist())]) + "\n")

@@ -105,43 +105,20 @@ def test_rows_come_back_to_the_last_bit(tmp_path):
     assert again["results"] == document["results"]
 
 
-#: The layout of the files that version 0.1 wrote with Python's sqlite3.
-OLD = """
-CREATE TABLE physics (id INTEGER PRIMARY KEY, identity TEXT NOT NULL UNIQUE);
-CREATE TABLE simulation (
-    id INTEGER PRIMARY KEY, physics_id INTEGER NOT NULL REFERENCES physics(id), position INTEGER NOT NULL, symmetry TEXT NOT NULL,
-    constants TEXT NOT NULL, euler_deg TEXT NOT NULL, origin TEXT NOT NULL, status TEXT NOT NULL, message TEXT NOT NULL,
-    indentation_modulus_gpa REAL, elements INTEGER, seconds REAL, depth_um TEXT, force_mn TEXT, created TEXT NOT NULL,
-    UNIQUE (physics_id, symmetry, constants, euler_deg)
-);
-PRAGMA application_id = 0x62617969;
-PRAGMA user_version = 1;
-INSERT INTO physics (identity) VALUES ('{"simulator": "theory"}');
-"""
-
-
 @pytest.mark.long
-def test_rows_that_python_wrote_are_found(tmp_path):
+def test_many_rows_are_found(tmp_path):
     path = tmp_path / "campaign.sqlite"
     points = crystals(20000, 2).tolist()
-    unique = {json.dumps(point): point for point in points}
-    with closing(sqlite3.connect(path)) as file:
-        file.executescript(OLD)
-        cells = [(i, json.dumps(p[:3]), json.dumps(p[3:]), p[0] / 3, json.dumps([0.1, p[1]])) for i, p in enumerate(unique.values())]
-        file.executemany(
-            "INSERT INTO simulation VALUES (NULL, 1, ?, 'cubic', ?, ?, 'told', 'done', '', ?, NULL, NULL, ?, '[1.0, 2.0]', '2026-01-01')",
-            cells,
-        )
-        file.commit()
+    unique = list(dict.fromkeys(map(tuple, points)))
+    told(tmp_path, unique, [point[0] / 3 for point in unique])
     start = time.process_time()
     document = simulated(tmp_path, points)
     assert time.process_time() - start < 30
     assert document["new_simulations"] == 0
     assert [row["indentation_modulus_gpa"] for row in document["results"]] == [point[0] / 3 for point in points]
-    assert document["results"][7]["depth_um"] == [0.1, points[7][1]]
     stored = rows(path)
     assert len(stored) == len(unique)
-    assert (stored[7].force_mn, stored[7].imported, stored[7].seconds) == ([1.0, 2.0], True, None)
+    assert (stored[7].imported, stored[7].seconds) == (True, None)
     # A new one comes after them.
     assert simulated(tmp_path, [*points[:3], (*COPPER, *ANGLES)])["new_simulations"] == 1
     assert rows(path)[-1].position == len(unique)

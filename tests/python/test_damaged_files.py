@@ -121,19 +121,12 @@ def test_other_files_are_no_campaign(tmp_path, content):
     assert path.read_bytes() == content
 
 
-def test_rows_without_a_checksum_are_read(tmp_path):
-    """Those of the first version of the layout."""
-    path = tmp_path / "campaign.sqlite"
-    results = simulated(tmp_path)
-    with closing(sqlite3.connect(path)) as file:
-        file.executescript("ALTER TABLE simulation DROP COLUMN checksum; PRAGMA user_version = 1")
-    assert simulated(tmp_path) == results
-    assert learnt(tmp_path) == 20
-    assert simulated(tmp_path, 21)[:20] == results
-    with closing(sqlite3.connect(path)) as file:
-        sums = [row[0] for row in file.execute("SELECT checksum FROM simulation ORDER BY position")]
-    assert sums[:-1] == [None] * 20
-    assert len(sums[-1]) == 16
+def test_rows_without_a_checksum_are_refused(tmp_path):
+    simulated(tmp_path)
+    with closing(sqlite3.connect(tmp_path / "campaign.sqlite")) as file:
+        file.executescript("DROP TRIGGER simulation_is_not_changed; UPDATE simulation SET checksum = NULL WHERE position = 7")
+    with pytest.raises(InputError, match="the row of position 7 was changed"):
+        simulated(tmp_path)
 
 
 def test_bits_of_a_surrogate(tmp_path):

@@ -6,7 +6,7 @@ import arviz as az
 import numpy as np
 import pytest
 from densities import EXTRACTION, PRIOR, Posterior
-from learner import spread_of, surrogate_of
+from learner import spread_of, surrogate_of, terms_of
 from scipy import stats
 from scipy.linalg import block_diag
 from step_2_cases import KIND, columns, crystal, reference, rough_correction, table_of
@@ -71,12 +71,12 @@ def moduli_of(model, symmetry, c, angles):
     """Moduli of the model, GPa, dM/dy, and terms; a correction's theory is the exact one."""
     constants = np.repeat(np.atleast_2d(c), len(angles), axis=0)
     if model.symmetry == symmetry:
-        terms, scale = model.basis.terms(constants, angles)
+        terms, scale = terms_of(model.basis, constants, angles)
         m = model.coefficients @ terms
         assert scale == pytest.approx(1, rel=0)
         return m, np.ones_like(m), terms
     stiffness = stiffness_rows(symmetry, constants)
-    terms, _ = model.basis.terms(stiffness[(slice(None), *np.triu_indices(6))], angles)
+    terms, _ = terms_of(model.basis, stiffness[(slice(None), *np.triu_indices(6))], angles)
     m = bi.halfspace_modulus(stiffness, angles) * np.exp(model.coefficients @ terms)
     spread = spread_of(model.basis, stiffness)
     return m, m * spread, terms / spread

@@ -5,7 +5,7 @@ import csv
 import numpy as np
 import pytest
 from densities import Posterior
-from learner import spread_of
+from learner import spread_of, terms_of
 from scipy.stats import multivariate_normal
 
 import bayesindent as bi
@@ -62,7 +62,7 @@ def test_the_likelihood_of_many_grains_by_brute_force(name, n):
         mean = surrogate.predict(crystal, angles)[0]
         covariance = 100.0 * np.eye(n)
         if name == "block":
-            terms = surrogate.basis.terms(np.tile(crystal[np.triu_indices(6)], (n, 1)), angles)[0]
+            terms = terms_of(surrogate.basis, np.tile(crystal[np.triu_indices(6)], (n, 1)), angles)[0]
             covariance += np.outer(mean, mean) * (
                 terms.T @ surrogate.covariance @ terms + spread_of(surrogate.basis, [crystal])[0] ** 2 * np.eye(n) / surrogate.beta
             )

@@ -4,6 +4,7 @@ import arviz as az
 import numpy as np
 import pytest
 from densities import Posterior
+from learner import terms_of
 from scipy import stats
 from step_2_cases import KIND, columns, reference, rough_correction, table_of
 from theory_cases import theory_surrogate
@@ -49,7 +50,7 @@ def test_likelihood_of_a_grain_given_the_others(rough, full, calibration, scatte
         **reference("cubic")[1],
     )
     for point, values in zip(constants_of(result)[::10], pointwise(result)[::10], strict=True):
-        terms = model.basis.terms(np.repeat([point], len(angles), axis=0), angles)[0]
+        terms = terms_of(model.basis, np.repeat([point], len(angles), axis=0), angles)[0]
         m = model.coefficients @ terms
         covariance = np.diag(sd**2 + (scatter * m) ** 2) + calibration**2 * np.outer(m, m) * (GROUPS[:, None] == GROUPS)
         if full:
@@ -87,7 +88,7 @@ def test_student_likelihood_of_a_grain(dof, calibration):
     scale = sd * np.sqrt((dof - 2) / dof if dof > 2 else 1.0)
     e = np.linspace(-0.15, 0.15, 6001)
     for point, values in zip(constants_of(result)[::10], pointwise(result)[::10], strict=True):
-        m = model.coefficients @ model.basis.terms(np.repeat([point], len(angles), axis=0), angles)[0]
+        m = model.coefficients @ terms_of(model.basis, np.repeat([point], len(angles), axis=0), angles)[0]
         if calibration == 0.0:
             assert values == pytest.approx(stats.t(dof, m, scale).logpdf(measured), abs=1e-8)
             continue
@@ -116,7 +117,7 @@ def test_measured_anew(rough):
     result = known_crystal(model, case, calibration_sd=0.03)
     drawn = result.posterior_predictive["modulus"].values.reshape(-1, len(measured))
     assert len(drawn) == 4000
-    terms = model.basis.terms(np.repeat([case["truth"]], len(angles), axis=0), angles)[0]
+    terms = terms_of(model.basis, np.repeat([case["truth"]], len(angles), axis=0), angles)[0]
     m = model.coefficients @ terms
     shared = terms.T @ model.covariance @ terms + 0.03**2 * np.outer(m, m) * (GROUPS[:, None] == GROUPS)
     noise = np.diag(sd**2 + 1 / model.beta)

@@ -33,16 +33,6 @@ class Basis(NativeObject):
         """The basis of a symmetry with variables of &domain and &surrogate: `model`, `degree`, `bandlimit`, `truncation`."""
         return cls(Problem.from_keywords("Basis", problem={"symmetry": symmetry}, domain=domain or {}, surrogate=surrogate))
 
-    def crystals(self, n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-        """n crystals (n, k) in GPa spread over the domain, and angles (n, 3) in degrees, indentation directions uniform on the sphere."""
-        found = self._call("crystals", count=n, seed=seed)
-        return found["constants"], found["euler_deg"]
-
-    def terms(self, constants: ArrayLike, euler_deg: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Terms (n_terms, n), not divided by the spread of the noise, and scales (n,) in GPa of stable crystals (n, k) in GPa at angles (n, 3) in degrees."""
-        found = self._call("terms", **self.rows(constants, euler_deg))
-        return found["values"].T, found["scale"]
-
     def coverage(self, stiffness: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of crystals (n, 6, 6) in GPa: the largest of the coordinates, 1 at the end of its range; whether a surrogate is valid for it; and
         the scale in GPa, the geometric mean of the eigenvalues of the Kelvin stiffness."""
