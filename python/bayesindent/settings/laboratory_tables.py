@@ -35,6 +35,7 @@ STATISTICS = re.compile(
     re.I,
 )
 NUMBER = r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eEdD][+-]?\d+)?"
+is_plain_number = re.compile(NUMBER).fullmatch
 PLUS_MINUS = re.compile(rf"({NUMBER})\s*(?:±|\+/-|\+-)\s*({NUMBER})\s*(\S*)$")
 WITH_UNIT = re.compile(rf"({NUMBER})\s*(°|deg|GPa|nm|um|µm|μm|mN|s|%)$")
 #: A cell of a row of units.
@@ -231,7 +232,7 @@ def refuse_formulas(place: str, openpyxl: ModuleType, path: Path, sheet: str, va
 
 def is_number(cell: str) -> bool:
     """Whether a cell is a number, perhaps with a unit or an sd."""
-    return bool(re.fullmatch(NUMBER, cell) or WITH_UNIT.match(cell) or PLUS_MINUS.match(cell))
+    return bool(is_plain_number(cell) or WITH_UNIT.match(cell) or PLUS_MINUS.match(cell))
 
 
 def meanings_of(names: Sequence[str], stated: Iterable[str] = ()) -> list[str]:
@@ -320,7 +321,7 @@ def clean(table: LaboratoryTable, short: dict[int, int]) -> None:
     table.leave_out(
         (i for i, row in enumerate(table.rows) if i and STATISTICS.match(next(filter(None, row), ""))), "statistics of the table"
     )
-    table.leave_out((i for i, row in enumerate(table.rows) if [is_number(cell) for cell in row if cell] == [False]), "a remark")
+    table.leave_out((i for i, row in enumerate(table.rows) if row.count("") == len(row) - 1 and not is_number("".join(row))), "a remark")
     for line in table.lines:
         if line in short:
             raise InputError(f"{table.place}line {line}: {short[line]} cells where the header has {len(table.names)}")
@@ -344,18 +345,19 @@ def split_sds(table: LaboratoryTable) -> None:
     """`109.7 ± 3.0` becomes two cells, `46.3°` and `112.3 GPa` numbers; `5 %` of the modulus GPa."""
     modulus, sd = table.column(*MODULI), table.column("sd_gpa")
     sds: dict[int, str] = {}
+    numbers = numeric_columns(table)
     for i, row in enumerate(table.rows):
-        for j in numeric_columns(table):
+        for j in (j for j in numbers if not is_plain_number(row[j])):
             if (found := PLUS_MINUS.match(row[j])) and j == modulus and sd < 0:
                 row[j], sds[i] = found[1], found[2]
             if (found := WITH_UNIT.match(row[j])) and (found[2] != "%" or (j == sd and modulus >= 0)):
                 is_share = found[2] == "%"
-                row[j] = repr(float(found[1]) / 100 * float(row[modulus])) if is_share and re.fullmatch(NUMBER, row[modulus]) else found[1]
+                row[j] = repr(float(found[1]) / 100 * float(row[modulus])) if is_share and is_plain_number(row[modulus]) else found[1]
                 table.is_plain = False
     if sds:
         table.add_column("sd_gpa", "sd_gpa", [sds.get(i, "") for i in range(len(table.rows))])
         table.note(f"column {table.names[modulus]}: what follows ± is its sd")
-    if sd >= 0 and "%" in table.names[sd] and modulus >= 0 and all(re.fullmatch(NUMBER, row[sd]) for row in table.rows):
+    if sd >= 0 and "%" in table.names[sd] and modulus >= 0 and all(is_plain_number(row[sd]) for row in table.rows):
         for row in table.rows:
             row[sd] = repr(float(row[sd]) / 100 * float(row[modulus]))
         table.note(f"column {table.names[sd]}: per cent of the modulus")
@@ -398,7 +400,7 @@ def refuse_words(table: LaboratoryTable) -> None:
         f"line {line}, column {table.names[j]}: {row[j][:30]!r}"
         for line, row in zip(table.lines, table.rows, strict=True)
         for j in numeric_columns(table)
-        if row[j].lower() not in MISSING and not re.fullmatch(NUMBER, row[j])
+        if row[j].lower() not in MISSING and not is_plain_number(row[j])
     ]
     if len(wrong) > 1:
         raise InputError(f"{table.place}{len(wrong)} cells are no numbers: {'; '.join(wrong[:12])}{'; ..' if len(wrong) > 12 else ''}")
@@ -430,7 +432,7 @@ def standard_errors(table: LaboratoryTable, grain: int) -> None:
         table.note(
             f"column {table.names[sd]}: a standard deviation of {table.names[number]} tests, divided by its root: the standard error of the mean"
         )
-    if sd >= 0 or grain < 0 or modulus < 0 or not all(re.fullmatch(NUMBER, row[modulus]) for row in table.rows):
+    if sd >= 0 or grain < 0 or modulus < 0 or not all(is_plain_number(row[modulus]) for row in table.rows):
         return
     tests: dict[str, list[float]] = {}
     for row in table.rows:
