@@ -2,7 +2,7 @@
 !>
 !> Chain k draws from the random stream (seed, first_stream + k - 1), whatever thread runs it.
 !>
-!> Finished chains are on the disk until what is made of them is written: a run that was stopped goes on with them.
+!> Finished chains are on the disk until what is made of them is written: a run that was stopped resumes from them.
 !> Its numbers are the same.
 !>
 !> A chain follows from the target, the sampler's settings and its random stream. Its file is named by a hash of the settings and of the

@@ -152,7 +152,7 @@ BUILDS = {"fe": {"simulator": "fe", "budget": 4}, "theory": {}, "all crystals": 
 @pytest.mark.long_where("theory", "all crystals")
 @pytest.mark.parametrize("words", BUILDS.values(), ids=list(BUILDS))
 def test_builds_as_python_does(batch, bayesindent, tmp_path, words):
-    """From nothing: the same choices, simulations, surrogate and document, to the last bit; and each goes on with what the other did."""
+    """From nothing: the same choices, simulations, surrogate and document, to the last bit; and each resumes from what the other did."""
     small(tmp_path, **words)
     done = bayesindent("build", "small.nml", "--output", "python", "--json")
     assert done.returncode == 0, done.stderr

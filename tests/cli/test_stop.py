@@ -131,7 +131,7 @@ def test_finished_chains_are_gone_on_with_to_the_bit(bayesindent, tmp_path):
     kept = list(output.glob(".chain-*-1"))
     assert len(kept) == 1
     assert not list(output.glob("posterior.*"))
-    # What Python goes on with: the chain that is there, whose numbers are kept to the last bit.
+    # What Python resumes from: the chain that is there, whose numbers are kept to the last bit.
     whole = np.genfromtxt(tmp_path / "whole" / "posterior.csv", delimiter=",", names=True)
     numbers = np.frombuffer(kept[0].read_bytes()[:-16])  # the checksum is last
     assert set(numbers) >= set(whole["C11"][:400])

@@ -8,6 +8,7 @@ from test_orientation_maps import EDGE, along, measured, pixels, write
 
 import bayesindent as bi
 from bayesindent.program.cli import main
+from bayesindent.report.figures.maps import draw_map
 
 pytest.importorskip("orix.io")
 
@@ -77,7 +78,7 @@ def test_three_points_leave_the_error_unknown(tmp_path):
         ("x_um,y_um,map_x_um,map_y_um\n0,0,1,1\n5,5,6,six\n9,2,10,3\n", "no CSV of numbers in the columns x_um, y_um, map_x_um, map_y_um"),
         ("x,y,u,v\n0,0,1,1\n5,5,6,6\n9,2,10,3\n", "no CSV of numbers in the columns x_um"),
         ("", "0 points on a line or at one place"),
-        (None, "points.csv"),
+        (None, "f: &measurements ebsd_points: .*points.csv: No such file"),
     ],
 )
 def test_points_that_are_none(tmp_path, text, words):
@@ -126,3 +127,15 @@ def test_the_picture_and_the_grains_of_the_indents(tmp_path, capsys, monkeypatch
         "&problem symmetry = 'cubic' /\n&measurements file = 'grains.csv' /\n&surrogate file = 'half-space' /\n"
     )
     assert main(["map", "b.nml"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("places", "labels"), [([(2.1, 5.2), (12.3, 4.9)], ["a", "b"]), ([(2.1, 5.2), (3.0, 3.0), (12.3, 4.9)], ["1", "2", "3"])]
+)
+def test_each_indent_has_its_own_label(tmp_path, places, labels):
+    """Two indents in one grain are one measurement, whose name is not that of the next one."""
+    grains = ["a", "b"] if len(places) == 2 else ["a", "a", "b"]
+    problem = measured(write(tmp_path / "map.h5", *pixels()), places, grain=grains)
+    axes = draw_map(problem.map, problem.measurements.names).figure.axes[0]
+    found = {text.get_text(): text.xy for text in axes.texts}
+    assert {label: tuple(found[label]) for label in labels} == dict(zip(labels, places, strict=True)) and len(found) == len(labels)

@@ -368,7 +368,7 @@ def test_stages(tmp_path):
     surrogate = bi.Surrogate.load(tmp_path / "model.txt")
     suggestions = suggested()
     assert len(suggestions) == 3
-    # What `next` goes on with is that posterior, and none of other measurements.
+    # `next` resumes from that posterior, and from none of other measurements.
     assert suggestions == suggested(draws)
     (tmp_path / "data.csv").write_text((REFERENCE / "cubic_fe3si.csv").read_text().rstrip().rpartition("\n")[0] + "\n")
     fewer = Posterior(bi.Problem(tmp_path / "case.nml", "run"), surrogate, EXTRACTION).values["draws"]

@@ -52,15 +52,15 @@ class IndentedMap:
 
 
 def indented_map(
-    place: str, path: Path, points: Path | None, stage: np.ndarray, columns: Sequence[str], symmetry: str | None
+    place: str, path: Path, points: tuple[str, Path] | None, stage: np.ndarray, columns: Sequence[str], symmetry: str | None
 ) -> IndentedMap:
-    """The map of a file, and what it says of indents at positions (n, 2) of the stage, which `points` lead to those of the map; without them
-    the two are the same. `columns`: of the measurements. The phase is compared with the stated `symmetry`. `place` begins the message of a refusal."""
+    """The map of a file, and what it says of indents at positions (n, 2) of the stage, which the file of `points`, with what messages on it begin
+    with, leads to those of the map; without it the two are the same. `columns`: of the measurements. The phase is compared with the stated `symmetry`. `place` begins the message of a refusal."""
     for name in columns:
         if name.lower().startswith(("phi", "φ", "euler")):
             raise InputError(f"{place}the column {name} states the orientation too; one of them is allowed")
     grid = Grid(place, path)
-    indents, sd, warnings = registered(points, stage) if points else (stage, np.zeros(len(stage)), [])
+    indents, sd, warnings = registered(*points, stage) if points else (stage, np.zeros(len(stage)), [])
     tree = cKDTree(grid.positions)
     away, pixel = tree.query(indents)
     for row in np.flatnonzero(away > grid.step):
@@ -90,10 +90,9 @@ def indented_map(
     return IndentedMap(grid, indents, grains, as_csv(list(rows[0]), [list(row.values()) for row in rows]), warnings)
 
 
-def registered(path: Path, stage: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[str]]:
+def registered(place: str, path: Path, stage: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """Positions of the map (n, 2) of those of the stage by the affine map that homologous points determine, by least squares; their sd per
-    coordinate, um, (n,); and the warning where it is unknown."""
-    place = f"{path}: "
+    coordinate, um, (n,); and the warning where it is unknown. `place` begins the message of a refusal."""
     try:
         rows = list(csv.DictReader(path.read_text(encoding="utf-8-sig").splitlines(), skipinitialspace=True))
         known = np.array([[float(row[name]) for name in POINT_COLUMNS] for row in rows]).reshape(-1, 4)

@@ -181,7 +181,8 @@ class Problem(NativeObject):
             from .orientation_maps import indented_map
 
             place = f"{path}: &measurements ebsd: {facts['measurements.ebsd']}: "
-            points = Path(facts["map_points"]) if "map_points" in facts else None
+            of_points = f"{path}: &measurements ebsd_points: {facts.get('measurements.ebsd_points')}: "
+            points = (of_points, Path(facts["map_points"])) if "map_points" in facts else None
             stage = np.transpose(facts["indents_um"])
             self.map = indented_map(place, Path(facts["map"]), points, stage, facts["indents_columns"], facts.get("problem.symmetry"))
             self._set_table("ebsd", self.map.page)

@@ -31,7 +31,8 @@ def orientation_map(results: Results) -> Picture:
 
 
 def draw_map(found: IndentedMap, names: list[str] | None, residuals: list[float] | None = None) -> Picture:
-    """The map in the colours of the inverse pole figure along the indenter, with boundaries, and the indents by their names, with residuals."""
+    """The map in the colours of the inverse pole figure along the indenter, with boundaries, and the indents by their names, or by their
+    rows where several are in one grain, with residuals."""
     grid = found.grid
     low, high = grid.positions.min(axis=0), grid.positions.max(axis=0)
     spacing = max(grid.step, (high - low).max() / PIXELS)
@@ -47,7 +48,9 @@ def draw_map(found: IndentedMap, names: list[str] | None, residuals: list[float]
     marks = axes.scatter(*found.positions.T, c=values, cmap="coolwarm", vmin=-3, vmax=3, edgecolors=BLACK, s=42, linewidths=1)
     if residuals is not None:
         figure.colorbar(marks, ax=axes, label="residual (sd)", shrink=0.8)
-    for name, place in zip(names or map(str, range(1, len(values) + 1)), found.positions):
+    if not names or len(names) != len(values):  # several indents in one grain are one measurement
+        names = [str(row) for row in range(1, len(values) + 1)]
+    for name, place in zip(names, found.positions):
         label = {"facecolor": "white", "alpha": 0.7, "pad": 1, "edgecolor": "none"}
         axes.annotate(name, place, (5, 5), textcoords="offset points", size=7.5, bbox=label)
     axes.set(xlabel="x of the map (µm)", ylabel="y of the map (µm)")
