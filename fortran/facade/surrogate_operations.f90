@@ -16,6 +16,7 @@ module surrogate_operations
    use kinds, only: degree, wp
    use labelled_values, only: labelled_values_type
    use next_stage, only: next_document
+   use plan_stage, only: plan_stage_type
    use problem_posterior, only: new_problem_posterior
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, checkpoint_type, new_sampler, run_settings_type, sample_chains
@@ -172,6 +173,8 @@ contains
       type(surrogate_type), intent(inout) :: surrogate
       type(exchange_type), intent(inout), target :: x
       type(labelled_values_type) :: labels
+      type(json_type) :: page
+      type(plan_stage_type) :: stage
       real(wp), pointer :: c(:, :, :), euler_deg(:, :)
 
       select case (verb)
@@ -182,6 +185,12 @@ contains
          call give_basis(surrogate%basis, x)
       case ('density', 'prior', 'extract')
          call new_posterior(verb, surrogate, x)
+      case ('plan')
+         call page%begin_object()
+         stage%problem => x%problem
+         stage%surrogate = surrogate
+         call stage%finish(page, x%error)
+         x%text = end_document(page, x%problem%warnings)
       case ('save')
          call save_surrogate(surrogate, x%in%text('path'), x%error)
       case ('predict')

@@ -13,6 +13,7 @@ module stages
    use machine, only: blas_bytes, check_memory
    use namelist_file, only: namelist_file_type, parse_namelist, place, read_namelist_file, replace_entries
    use next_stage, only: next_stage_type
+   use plan_stage, only: plan_stage_type
    use problem, only: new_problem, problem_type
    use problem_posterior, only: check_step_2, check_target
    use simulate, only: check_simulation, new_simulator, simulator_type
@@ -38,7 +39,7 @@ module stages
       character(len=320) :: description
    end type stage_row_type
 
-   type(stage_row_type), parameter :: all_stages(7) = [ &
+   type(stage_row_type), parameter :: all_stages(8) = [ &
       & stage_row_type('simulate', 'crystals', 'problem crystals specimen indenter simulation execution', 'simulate.json', &
       & 'finite element indentation of the crystals in a namelist', &
       & 'Writes moduli.csv (the three kinds of modulus), curves.csv (force and modulus by depth), and with vtu or inp the fields ' &
@@ -56,6 +57,9 @@ module stages
       & 'Writes the surrogate. Every simulation is kept in campaign.sqlite as soon as it is done, so that the command may be ' &
       & //'interrupted and run again, with a larger budget too. With --ask it only prints the next crystals; --tell takes ' &
       & //'their moduli.'), &
+      & stage_row_type('plan', 'plan', 'problem surrogate plan measurements prior knowledge sampler execution', 'plan.json', &
+      & 'the sd that each constant is expected to have, before anything is measured', &
+      & 'By posteriors of made-up measurements of a stated crystal, with the errors and the knowledge of the file.'), &
       & stage_row_type('curves', 'curves', 'problem curves references execution', 'curves.json', &
       & 'step 0: moduli of grains from measured curves', &
       & 'Writes measurements.csv (a grain a row), shared_errors.csv (the relative errors that grains share) and fits.csv ' &
@@ -75,8 +79,8 @@ module stages
    !> All stages that a file asks for.
    type(stage_row_type), parameter :: run_command = stage_row_type('run', '', 'problem execution', '', &
       & 'all that the groups of a namelist ask for, in order, resuming what is done', &
-      & '&crystals asks for simulate and theory, &design for build, &curves for curves, &measurements for extract, &next for ' &
-      & //'next; a report ends ' &
+      & '&crystals asks for simulate and theory, &design for build, &plan for plan, &curves for curves, &measurements for ' &
+      & //'extract, &next for next; a report ends ' &
       & //'it. Nothing that is already in the output folder is simulated again.')
 
 contains
@@ -100,12 +104,15 @@ contains
       logical, intent(in) :: completely
       type(error_type), allocatable, intent(out) :: error
       type(extract_stage_type) :: extract
+      type(plan_stage_type) :: plan
       type(simulator_type), allocatable :: simulator
 
       if (any(problem%stages == 'build')) then
          call check_build(problem, error, places%output(:len(places%output) - 1))
-      else if (.not. any(problem%stages == 'curves') .and. any(problem%stages == 'extract' .or. problem%stages == 'next')) then
-         call extract%open(problem, places, error)
+      else
+         if (any(problem%stages == 'plan')) call plan%open(problem, places, error)
+         if (.not. allocated(error) .and. all(problem%stages /= 'curves') .and. any(problem%stages == 'extract' &
+            & .or. problem%stages == 'next')) call extract%open(problem, places, error)
       end if
       if (allocated(error) .or. .not. completely .or. problem%settings%simulation%simulator /= 'fe') return
       if (.not. any(problem%stages == 'simulate' .or. problem%stages == 'build')) return
@@ -135,6 +142,8 @@ contains
          allocate (extract_stage_type :: stage)
       case ('next')
          allocate (next_stage_type :: stage)
+      case ('plan')
+         allocate (plan_stage_type :: stage)
       case default
          call refuse(error, 'no stage is named '//printable(name))
          return
@@ -179,7 +188,7 @@ contains
       if (allocated(error)) return
       if (size(names) == 0) then
          call refuse(error, place(path, 'problem', '')//'nothing to do; &crystals asks for simulations, &design for a surrogate, ' &
-            & //'&curves for moduli, &measurements for the constants')
+            & //'&plan for expected sds, &curves for moduli, &measurements for the constants')
          return
       end if
       self%stages = names
@@ -208,6 +217,11 @@ contains
       if (allocated(error)) return
       ! Of a specimen that theory does not know `run` leaves out its stage; who asks for it by name is refused.
       if (self%command == 'run' .and. .not. has_theory) self%stages = pack(self%stages, self%stages /= 'theory')
+      ! A plan may state errors of measurements that are still to be made.
+      if (self%command == 'run' .and. self%settings%plan%given .and. .not. (self%settings%curves%given .or. &
+         & allocated(self%settings%measurements%file) .or. allocated(self%settings%measurements%velocities))) then
+         self%stages = pack(self%stages, self%stages /= 'extract')
+      end if
       if (.not. has_theory .and. (any(self%stages == 'theory') .or. self%settings%simulation%simulator == 'theory')) then
          call refuse(error, place(self%path, 'specimen', 'geometry')//''''//self%settings%specimen%geometry &
             & //''' has no exact theory; allowed ''halfspace''')

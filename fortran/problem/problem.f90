@@ -43,6 +43,8 @@ module problem
       logical :: are_detected = .false.
       !> Of &next: the grains to choose from; unallocated: all directions.
       type(points_type), allocatable :: grains
+      !> Of &plan: the grains whose orientations are taken; unallocated: random orientations.
+      type(points_type), allocatable :: textured
       !> The file of measurements that Python turns into a plain table (see `set_table`), any file where Python asks, or a spreadsheet.
       character(len=:), allocatable :: table_file
       !> Measurements that wait for the orientations that Python takes from a map, the paths of the map and of its homologous points, and
@@ -175,7 +177,11 @@ contains
             call take_stiffness(self, table, place(self%path, 'knowledge', 'stiffness_file') &
                & //printable(s%knowledge%stiffness_file)//': ', error)
          end if
-         if (.not. allocated(error) .and. allocated(s%next%candidates)) call load_grains(self, s%next%candidates, error)
+         if (.not. allocated(error) .and. allocated(s%plan%orientations)) call load_grains(self, place(self%path, 'plan', &
+            & 'orientations'), s%plan%orientations, error)
+         call move_alloc(self%grains, self%textured)
+         if (.not. allocated(error) .and. allocated(s%next%candidates)) call load_grains(self, place(self%path, 'next', &
+            & 'candidates'), s%next%candidates, error)
          if (allocated(error) .or. any(['latin    ', 'factorial'] == s%design%candidates)) return
          call load_candidates(self, s%design%candidates, error)
       end associate
@@ -389,9 +395,10 @@ contains
       end do
    end subroutine load_candidates
 
-   subroutine load_grains(self, name, error)
+   !> The grains of a file; `prefix` begins the message of a refusal.
+   subroutine load_grains(self, prefix, name, error)
       type(problem_type), intent(inout) :: self
-      character(len=*), intent(in) :: name
+      character(len=*), intent(in) :: prefix, name
       type(error_type), allocatable, intent(out) :: error
       !> Of each the moduli of 2000 draws are kept.
       integer, parameter :: most_grains = 2000
@@ -407,7 +414,7 @@ contains
       else if (.not. (allocated(error) .or. radians)) then
          call refuse_radians(self%grains, error)
       end if
-      if (allocated(error)) error%message = place(self%path, 'next', 'candidates')//printable(name)//': '//error%message
+      if (allocated(error)) error%message = prefix//printable(name)//': '//error%message
    end subroutine load_grains
 
    !> What is odd about measurements, but may be meant; and angles in radians that nobody said are.

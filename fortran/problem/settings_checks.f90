@@ -27,11 +27,22 @@ contains
       if (.not. allocated(error)) call check_bounds(path, 'prior', class, settings%prior%c_min, settings%prior%c_max, error)
       if (allocated(error)) return
       ! Only what is learnt for all classes needs no symmetry.
-      needed = settings%measurements%given .or. settings%prior%given .or. (settings%surrogate%model == 'paper' .and. &
-         & (settings%design%given .or. settings%domain%given))
+      needed = settings%measurements%given .or. settings%prior%given .or. settings%plan%given .or. &
+         & (settings%surrogate%model == 'paper' .and. (settings%design%given .or. settings%domain%given))
       if (needed .and. .not. allocated(settings%problem%symmetry)) then
          call refuse(error, place(path, 'problem', 'symmetry')//'the variable is missing; allowed '//crystal_class_names())
          return
+      end if
+      if (settings%plan%given) then
+         call check_count(place(path, 'plan', 'constants'), class, settings%plan%constants, error)
+         if (allocated(error)) return
+         if (any(abs(settings%plan%grains - anint(settings%plan%grains)) > 0.0_wp)) then
+            call refuse(error, place(path, 'plan', 'grains')//'a number of grains is not an integer; allowed 1 to 10000')
+         else if (.not. is_stable(class%stiffness(settings%plan%constants))) then
+            call refuse(error, place(path, 'plan', 'constants')//'the crystal is not elastically stable; the stiffness must be ' &
+               & //'positive definite')
+         end if
+         if (allocated(error)) return
       end if
       list = list_settings(settings)
       call check_lists(path, list, 'knowledge', [character(len=8) :: 'quantity', 'mean', 'sd'], error)
@@ -58,7 +69,8 @@ contains
             call refuse(error, place(path, 'specimen', 'estimator')//'the variable is missing; how does the instrument compute ' &
                & //'the modulus? Allowed: ''curve'' (fit of force against depth^1.5), ''stiffness'' (S/(2 a), S the contact ' &
                & //'stiffness dP/dh, a the true contact radius), ''stiffness_hertz'' (S/(2 a), a = sqrt(R h))')
-         else if (settings%surrogate%file == 'halfspace' .and. measured%given .and. geometry /= 'halfspace') then
+         else if (settings%surrogate%file == 'halfspace' .and. (measured%given .or. settings%plan%given) .and. geometry &
+            & /= 'halfspace') then
             call refuse(error, place(path, 'surrogate', 'file')//'''halfspace'' is the theory of a bulk sample, but geometry ' &
                & //'is '''//geometry//'''; state &design to train a surrogate of it, or the name of one')
          else if (design%initial > design%budget) then

@@ -217,16 +217,17 @@ contains
    end subroutine refuse_usage
 
    subroutine print_help()
-      character(len=*), parameter :: lines(17) = [character(len=120) :: usage, &
+      character(len=*), parameter :: lines(18) = [character(len=120) :: usage, &
          & '', &
          & 'The computing stages of a namelist file, without Python:', &
          & '  &crystals      indents the crystals: campaign.sqlite, moduli.csv, curves.csv; and theory.csv', &
          & '  &design        chooses simulations, performs and learns them: campaign.sqlite, surrogate.txt, build.json', &
+         & '  &plan          says how well the constants would be known before anything is measured: plan.json', &
          & '  &measurements  samples the constants: posterior.csv, posterior.bin, summary.json', &
          & '  &next          ranks the grains to measure next: next.json', &
          & 'bayesindent report DIR makes the page of results.', &
          & '', &
-         & '  --stage NAME  only simulate, theory, size, build, extract or next', &
+         & '  --stage NAME  only simulate, theory, size, build, plan, curves, extract or next', &
          & '  --output DIR  folder of the results (default runs/<stem of the file>)', &
          & '  --check       only say whether the file, and what it names, is right', &
          & '  --schema      print the page of all groups and variables', &

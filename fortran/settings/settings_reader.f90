@@ -50,8 +50,8 @@ contains
             ! What is there and wrong comes before what is not there.
             if (allocated(v%values) .or. allocated(missing) .or. v%default /= '*') cycle
             if (len(command) == 0 .and. v%kind == kind_file) cycle
-            ! Curves give the measurements.
-            if (v%group == 'measurements' .and. any(list%groups%given .and. [(list%groups(j)%name == 'curves', &
+            ! Curves give the measurements; a plan makes them up.
+            if (v%group == 'measurements' .and. any(list%groups%given .and. [(any(['curves', 'plan  '] == list%groups(j)%name), &
                & j=1, size(list%groups))])) cycle
             if (v%group == 'measurements' .and. any([(list%variables(j)%name == 'velocities' &
                & .and. allocated(list%variables(j)%values), j=1, i)])) cycle

@@ -17,7 +17,7 @@ from .crystal.elasticity import (
 )
 from .crystal.elasticity import constant_names as constants
 from .fe.indentation import Indentation, IndentationResult
-from .inference.extract import extract, next_grain, summary
+from .inference.extract import extract, next_grain, plan, summary
 from .pipeline.build import build_surrogate as build
 from .pipeline.curves import curves
 from .report import plots
@@ -29,6 +29,6 @@ from .surrogate.surrogate import Surrogate
 __all__ = [
     "BayesindentError", "BayesindentWarning", "Indentation", "IndentationResult", "InputError", "MachineError", "Problem",
     "Surrogate", "anisotropy_index", "build", "compare", "constants", "curves", "extract", "halfspace_modulus", "log_anisotropy",
-    "next_grain", "polycrystal_averages", "quantities", "rayleigh_velocity", "report", "stiffness", "summary",
+    "next_grain", "plan", "polycrystal_averages", "quantities", "rayleigh_velocity", "report", "stiffness", "summary",
 ]  # fmt: skip
 __all__ += plots.__all__

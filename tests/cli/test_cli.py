@@ -16,6 +16,7 @@ COMMANDS = (
     "theory",
     "size",
     "build",
+    "plan",
     "curves",
     "predict",
     "extract",

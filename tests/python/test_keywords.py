@@ -40,6 +40,7 @@ def draws(found):
     [
         (bi.extract, ("indenter", "measurements", "prior", "sampler")),
         (bi.next_grain, ("next", "measurements")),
+        (bi.plan, ("measurements", "prior", "sampler")),
         (bi.Indentation.__init__, ("specimen", "indenter", "simulation")),
         (bi.Surrogate.fit, ("surrogate",)),
     ],

@@ -189,6 +189,15 @@ def suggested(folder, groups):
     return json.dumps(bi.next_grain(GRAINS, surrogate=of_cubic_crystals(), result=drawn(), **KIND | settings))
 
 
+def planned(folder, groups):
+    """The expected sds."""
+    folder.mkdir(exist_ok=True)
+    (folder / "alike.csv").write_text("phi1_deg,Phi_deg,phi2_deg\n400,2,3\n400,3,5\n")
+    defaults = {"problem": {"symmetry": "isotropic"}, "plan": {"constants": [250.0, 110.0], "grains": [5], "noise": [0.02]}}
+    problem = written(folder, merged(defaults, groups), "plan")
+    return run_stage(problem, "plan", folder / "out")["results"]
+
+
 def engine(folder, groups):
     """Where simulations run."""
     execution = written(folder, {"problem": {"symmetry": "cubic"}, "crystals": {"points": "points.csv"}} | groups).settings.execution
@@ -233,6 +242,7 @@ CONE = {"indenter": {"shape": "cone"}}
 BOUNDED = {"domain": {"c_min": [100, 60, 40], "c_max": [250, 150, 120]}}
 PAPER = BOUNDED | {"surrogate": {"model": "paper", "degree": 1, "bandlimit": 4}}
 FACTORIAL = BOUNDED | {"design": {"candidates": "factorial", "n_candidates": 40, "n_directions": 3}}
+CUBIC_PLAN = {"problem": {"symmetry": "cubic"}, "plan": {"constants": [168.4, 121.4, 75.4]}}
 REDUCED = {"measurements": {"modulus_kind": "effective_modulus"}}
 
 #: What is looked at, in which problem, and the value that is another than the default.
@@ -395,6 +405,12 @@ EFFECTS = {
         "candidates": (suggested, {}, "mine.csv"),
         "count": (suggested, {}, 3),
     },
+    "plan": {
+        "constants": (planned, {}, [250.0, 100.0]),
+        "grains": (planned, {}, [6]),
+        "noise": (planned, {}, [0.03]),
+        "orientations": (planned, CUBIC_PLAN, "alike.csv"),
+    },
     "execution": {
         "workers": (engine, {"execution": {"workers": 1}}, 3),
         "engine": (engine, {}, "dask"),
@@ -417,6 +433,10 @@ def test_every_variable_is_here():
     "design-patience",
     "problem-seed",
     "next-target",
+    "plan-constants",
+    "plan-grains",
+    "plan-noise",
+    "plan-orientations",
     "next-sd_gpa",
     "specimen-width_um",
     "specimen-height_um",

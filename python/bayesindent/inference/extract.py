@@ -15,7 +15,7 @@ from ..settings.problem import Problem, schema
 from ..surrogate.surrogate import Surrogate
 from .measurements import problem_of
 
-__all__ = ["EXTRACTION", "Posterior", "extract", "groups_of", "inference_data", "next_grain", "summary"]
+__all__ = ["EXTRACTION", "Posterior", "extract", "groups_of", "inference_data", "next_grain", "plan", "summary"]
 
 #: What `Posterior` makes of a problem and a surrogate for the chains of both prior and posterior; 'density' for none.
 EXTRACTION = "extract"
@@ -136,6 +136,28 @@ def extract(
     # For `next_grain` in this process; a file of the result has the name alone.
     result.posterior.encoding["surrogate"] = surrogate
     return result
+
+
+@takes(*GROUPS, "plan", without=LEFT_OUT)
+def plan(
+    symmetry: str, constants, grains, noise, *, surrogate: Surrogate | str | PathLike = "halfspace", bounds: Mapping | None = None,
+    knowledge: Mapping | None = None, seed: int = 1, workers: int = 0, **settings,
+) -> dict:  # fmt: skip
+    """The `sd` that each constant is expected to have, GPa, for each number of grains and noise (`results`), before anything is measured.
+
+    Parameters
+    ----------
+    constants, grains, noise
+        As in `&plan`; the constants in the order of `bi.constants(symmetry)`, the others numbers or lists.
+    symmetry, surrogate, bounds, knowledge, seed, workers
+        As in `bi.extract`.
+    """
+    settings |= {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge, "seed": seed, "workers": workers}
+    surrogate = loaded(surrogate)
+    problem = problem_of("bi.plan", surrogate, None, constants=constants, grains=grains, noise=noise, **settings)
+    document = json.loads(surrogate._call("plan", problem=problem.handle)["text"])
+    warn_of(document)
+    return document
 
 
 def loaded(surrogate: Surrogate | str | PathLike) -> Surrogate:

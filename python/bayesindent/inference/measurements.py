@@ -13,7 +13,7 @@ from ..settings.problem import Problem, schema
 __all__ = ["measurements_of", "problem_of"]
 
 #: Groups whose variables are keywords of `extract` and `next_grain`.
-GROUPS = ("problem", "indenter", "measurements", "prior", "sampler", "next")
+GROUPS = ("problem", "indenter", "measurements", "prior", "sampler", "next", "plan")
 
 
 def problem_of(
@@ -29,12 +29,12 @@ def problem_of(
     if symmetry is None:
         raise InputError(f"{origin}: symmetry is missing: this surrogate serves crystals of every class; state one, such as 'cubic'")
     groups = {v.name: v.group for v in schema() if v.group in GROUPS and (v.group, v.name) != ("measurements", "file")}
-    asked: dict[str, dict] = {group: {} for group in GROUPS}
+    asked: dict[str, dict] = {group: {} for group in GROUPS if group != "plan" or "constants" in variables}
     asked["problem"] = {"symmetry": symmetry, "lattice": lattice, "seed": seed}
     table, pages, velocities = None, {}, variables.pop("velocities", None)
     if isinstance(measurements, str | os.PathLike):
         asked["measurements"]["file"] = measurements
-    elif measurements is not None or velocities is None:
+    elif measurements is not None or (velocities is None and "constants" not in variables):
         table = measurements_of(measurements)
     if isinstance(velocities, str | os.PathLike):
         asked["measurements"]["velocities"] = velocities

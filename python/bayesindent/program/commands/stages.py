@@ -19,6 +19,12 @@ from ..console import show_moduli, show_table
 __all__ = ["COMMANDS"]
 
 
+def show_plan(document: dict) -> None:
+    """The expected sds."""
+    rows = [[f"{row['grains']:g}", f"{100 * row['noise']:g} %", *(f"{sd:.3g}" for sd in row["sd"].values())] for row in document["results"]]
+    show_table("Expected sds of the constants (GPa)", ["grains", "noise", *document["constants"]], rows)
+
+
 def show_curves(document: dict) -> None:
     """The tip, and the moduli of the grains."""
     radius, compliance = document["tip"]["radius_um"], document["frame"]["compliance_nm_mn"]
@@ -167,6 +173,7 @@ COMMANDS = (
     namelist_command("theory", show=show_moduli, then=report_of),
     namelist_command("size", stage=size, show=show_size, then=report_of),
     namelist_command("build", action=build, arguments=add_build_arguments, show=show_build, resumes=True, then=after_build),
+    namelist_command("plan", show=show_plan, then=report_of),
     namelist_command("curves", show=show_curves, then=report_of),
     namelist_command("extract", stage=extract, show=show_extract, resumes=True, then=after_extract),
     namelist_command("next", show=show_next, resumes=True, then=after_next),

@@ -10,6 +10,7 @@ FIGURES = (
     ("simulation", simulations.load_depth),
     ("simulation", simulations.theory),
     ("size", simulations.specimen_size),
+    ("plan", posterior.expected_sds),
     ("curves", curves.curve_fits),
     ("curves", curves.tip_radius),
     ("curves", curves.curve_moduli),

@@ -9,7 +9,7 @@ from ..results import NothingToShow, Results, present
 from .style import BLACK, BLUE, CYCLE, MARKERS, RED, SKY, Picture, density_axes, grid_of_constants, panels, parity_panels, sd_axes
 
 __all__ = [
-    "chi_square", "error_budget", "grain_comparison", "knowledge", "marginals", "pairs", "prior_posterior", "residuals", "shares",
+    "chi_square", "error_budget", "expected_sds", "grain_comparison", "knowledge", "marginals", "pairs", "prior_posterior", "residuals", "shares",
     "traces", "velocities",
 ]  # fmt: skip
 
@@ -271,3 +271,18 @@ def stacked(parts: dict[str, dict], labels: list[str], above: int, caption: str)
     return Picture(
         figure, f"Shares of variances in per cent. {text}.", caption, (["name", *names], [[*row] for row in zip(parts, *values.T.tolist())])
     )
+
+
+def expected_sds(results: Results) -> Picture:
+    """The sds that a plan expects, against the number of grains and the noise."""
+    document = present(results.documents["plan"])
+    rows = sorted(document["results"], key=lambda row: row["grains"])
+    figure, grid = grid_of_constants(document["constants"], 2.4, 0.4)
+    for name, axes in grid.items():
+        for noise, marker in zip(sorted({row["noise"] for row in rows}), MARKERS):
+            points = [(row["grains"], row["sd"][name]) for row in rows if row["noise"] == noise]
+            axes.plot(*zip(*points), marker=marker, ms=4, label=f"noise {100 * noise:g} %")
+        axes.set(xlabel="grains", ylabel=f"sd of {subscript(name)} (GPa)", ylim=(0, None))
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=4)
+    text = "Expected sd of each constant against the number of grains, for each noise of the moduli."
+    return Picture(figure, text, f"{text} Means over posteriors of made-up data sets of the stated crystal.")

@@ -1,0 +1,129 @@
+!> `plan`: the sd that each constant is expected to have, before anything is measured.
+!>
+!> Grains get the moduli of the stated crystal with normal noise, several times. Each of these data sets has the posterior that
+!> `extract` would sample, with its prior, knowledge and errors, and short chains; the mean of the sds over the data sets is what is to
+!> be expected. An expansion about the crystal would not do: where the long tails of the prior decide, it gives a fifth of the sd.
+module plan_stage
+   use errors, only: error_type, refuse
+   use extract_stage, only: extract_stage_type
+   use json, only: json_type
+   use kinds, only: degree, wp
+   use namelist_file, only: place
+   use observables, only: new_observable, observable_type
+   use point_tables, only: points_type
+   use problem, only: problem_type
+   use problem_posterior, only: new_problem_posterior, run_type, sample_aside
+   use random, only: new_random_stream, random_stream_type
+   use samplers, only: chains_type
+   use statistics, only: flattened, moments
+   use surrogate_model, only: load_named_surrogate, predict_crystals
+   use text, only: join
+   implicit none
+   private
+   public :: plan_stage_type
+
+   type, extends(extract_stage_type) :: plan_stage_type
+   contains
+      procedure :: begin, finish
+   end type plan_stage_type
+
+   !> Data sets of each number of grains and noise; the chains of each, and where their random streams begin.
+   integer, parameter :: n_sets = 8, burn_in = 2000, samples = 2000, n_chains = 2, first_stream = 6000000
+
+contains
+
+   !> Refuse what the first data set would be refused for.
+   subroutine begin(self, error)
+      class(plan_stage_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+
+      self%done = self%output//'/plan.json'
+      associate (problem => self%problem)
+         call load_named_surrogate(problem%settings%surrogate%file, problem%class%name, self%places, self%surrogate, error)
+         if (allocated(error)) error%message = place(problem%path, 'surrogate', 'file')//error%message
+      end associate
+      if (.not. allocated(error)) call make_up(self, [1, 1, 1], error)
+   end subroutine begin
+
+   !> The expected sds for every number of grains and noise. Of the stage it needs the problem and the surrogate alone.
+   subroutine finish(self, page, error)
+      class(plan_stage_type), intent(inout) :: self
+      type(json_type), intent(inout) :: page
+      type(error_type), allocatable, intent(out) :: error
+      type(chains_type) :: chains
+      real(wp), dimension(self%problem%class%n_constants + 1) :: mean, sd, expected
+      character(len=:), allocatable :: names
+      integer :: i, j, k
+
+      names = join(self%problem%class%constants, ', ')
+      associate (plan => self%problem%settings%plan)
+         call page%put_numbers(names, plan%constants, 'constants')
+         call page%begin_array('results')
+         do i = 1, size(plan%grains)
+            do j = 1, size(plan%noise)
+               expected = 0.0_wp
+               do k = 1, n_sets
+                  call make_up(self, [i, j, k], error)
+                  if (.not. allocated(error)) call sample_aside(self%problem, self%posterior, run_type(burn_in, samples, n_chains, &
+                     & first_stream + n_chains*k), chains, error)
+                  if (allocated(error)) return
+                  call moments(flattened(chains%draws), mean(:size(chains%draws, 1)), sd(:size(chains%draws, 1)))
+                  expected = expected + sd/n_sets
+               end do
+               call page%begin_object()
+               call page%put_numbers('grains, noise', [plan%grains(i), plan%noise(j)])
+               call page%put_numbers(names, expected(:size(plan%constants)), 'sd')
+               call page%end_object()
+            end do
+         end do
+      end associate
+      call page%end_array()
+   end subroutine finish
+
+   !> The posterior of made-up measurements. Those of fewer grains, and of less noise, are the same but for that.
+   subroutine make_up(self, number, error)
+      class(plan_stage_type), intent(inout) :: self
+      !> Of the grains and of the noise in the lists of &plan, and of the data set.
+      integer, intent(in) :: number(3)
+      type(error_type), allocatable, intent(out) :: error
+      type(observable_type) :: observable
+      type(random_stream_type) :: stream
+      type(problem_type) :: used
+      real(wp), allocatable :: z(:, :), unused(:)
+      real(wp) :: c(6, 6), noise
+      integer :: i, j, n
+
+      used = self%problem
+      n = nint(used%settings%plan%grains(number(1)))
+      noise = used%settings%plan%noise(number(2))
+      allocate (z(4, n), unused(n), source=0.0_wp)
+      used%measurements = points_type(n=n, row=[(i, i=1, n)], group=spread(1, 1, n), orientation_sd_deg=spread(-1.0_wp, 1, n), &
+         & modulus_gpa=unused, sd_gpa=unused)
+      ! Of the errors that were stated they have those of the mean grain.
+      if (allocated(used%shared_errors)) used%shared_errors = spread(sum(self%problem%shared_errors, 1)/ &
+         & size(self%problem%shared_errors, 1), 1, n)
+      stream = new_random_stream(used%settings%problem%seed, -1 - number(3))
+      do i = 1, n
+         do j = 1, 3
+            call stream%uniform(z(j, i))
+         end do
+         call stream%normal(z(4, i))
+      end do
+      associate (grains => used%measurements, asked => used%settings%measurements, crystal => self%problem%settings%plan%constants)
+         grains%euler_deg = reshape([(360.0_wp*z(1, i), acos(2.0_wp*z(2, i) - 1.0_wp)/degree, 360.0_wp*z(3, i), i=1, n)], [3, n])
+         if (allocated(used%textured)) grains%euler_deg = used%textured%euler_deg(:, [(modulo(i - 1, used%textured%n) + 1, i=1, n)])
+         c = used%class%stiffness(crystal)
+         call predict_crystals(self%surrogate, spread(c, 3, n), grains%euler_deg*degree, 1, grains%modulus_gpa, unused, error)
+         if (.not. allocated(asked%modulus_kind)) asked%modulus_kind = 'indentation_modulus'
+         if (.not. allocated(error)) call new_observable(asked%modulus_kind, asked, observable, error)
+         if (allocated(error)) return
+         call observable%from_simulation(grains%modulus_gpa, unused)
+         grains%sd_gpa = noise*grains%modulus_gpa
+         grains%modulus_gpa = grains%modulus_gpa*(1.0_wp + hypot(noise, asked%scatter_sd)*z(4, :))
+         call new_problem_posterior(used, self%surrogate, .false., self%posterior, error)
+         if (allocated(error)) return
+         if (.not. self%posterior%prior%admits(crystal, c)) call refuse(error, place(used%path, 'plan', 'constants') &
+            & //'the crystal is outside the limits of &prior, or the domain of the surrogate')
+      end associate
+   end subroutine make_up
+end module plan_stage

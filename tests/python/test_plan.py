@@ -1,0 +1,109 @@
+"""Expected sds before anything is measured: against closed forms, and against posteriors of data sets that the test makes up."""
+
+import json
+
+import numpy as np
+import pytest
+from densities import Posterior
+from step_2_cases import KIND
+
+import bayesindent as bi
+from conftest import SOURCE
+
+COPPER = {"C11": 168.4, "C12": 121.4, "C44": 75.4}
+
+
+def sds(*arguments, **keywords) -> np.ndarray:
+    """The expected sds, (row, constant)."""
+    return np.array([list(row["sd"].values()) for row in bi.plan(*arguments, **keywords)["results"]])
+
+
+def modulus(bulk, shear):
+    """Of an isotropic half-space, GPa."""
+    young, nu = 9 * bulk * shear / (3 * bulk + shear), (3 * bulk - 2 * shear) / (2 * (3 * bulk + shear))
+    return young / (1 - nu**2)
+
+
+@pytest.mark.long_where("4", "64")
+@pytest.mark.parametrize(("n", "noise", "calibration_sd"), [(16, 0.04, 0.03), (4, 0.02, 0.0), (64, 0.04, 0.0)])
+def test_an_isotropic_solid_has_a_closed_form(n, noise, calibration_sd):
+    """Its modulus is known to noise/sqrt(n) and the calibration, its bulk modulus as stated; both are normal, and so are the constants."""
+    bulk, shear, bulk_sd = 150.0, 80.0, 1.5
+    slopes = [(modulus(bulk + a, shear + b) - modulus(bulk - a, shear - b)) / 0.02 for a, b in ((0.01, 0), (0, 0.01))]
+    measured = np.hypot(noise / np.sqrt(n), calibration_sd) * modulus(bulk, shear)
+    # The shear modulus is (M - slope K) / slope, with independent errors of M and K.
+    of_bulk = np.array([1 - 4 / 3 * slopes[0] / slopes[1], 1 + 2 / 3 * slopes[0] / slopes[1]])
+    of_measured = np.array([4 / 3, -2 / 3]) / slopes[1]
+    crystal, known = [bulk + 4 / 3 * shear, bulk - 2 / 3 * shear], {"bulk_modulus": (bulk, bulk_sd)}
+    found = sds("isotropic", crystal, n, noise, calibration_sd=calibration_sd, knowledge=known)[0]
+    assert found == pytest.approx(np.hypot(of_bulk * bulk_sd, of_measured * measured), rel=0.06)
+
+
+CRYSTALS = {"cubic": COPPER.values(), "hexagonal": [162.4, 92.0, 46.7, 180.7, 69.0], "trigonal": [86.6, 6.7, 12.6, -17.8, 106.1, 57.8]}
+CASES = {
+    "copper, 10 grains": ("cubic", 10, 0.02, {}),
+    "copper, 40 grains": ("cubic", 40, 0.02, {}),
+    "copper, calibration": ("cubic", 20, 0.02, {"calibration_sd": 0.05, "knowledge": {"bulk_modulus": (137, 2.74)}}),
+    "titanium": ("hexagonal", 25, 0.05, {}),
+    "titanium, bulk modulus": ("hexagonal", 25, 0.05, {"knowledge": {"bulk_modulus": (107, 2.14)}}),
+    "quartz": ("trigonal", 30, 0.01, {}),
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("case", CASES)
+def test_full_posteriors_have_these_sds(case):
+    """Each constant within 20 % of the mean sd over ten data sets, whose own error is 2 to 14 %: sds vary with the luck of the data."""
+    symmetry, n, noise, settings = CASES[case]
+    crystal = bi.stiffness(symmetry, *CRYSTALS[symmetry])
+    full = []
+    for number in range(10):
+        rng = np.random.default_rng(900 + number)
+        angles = np.column_stack([rng.uniform(0, 360, n), np.degrees(np.arccos(rng.uniform(-1, 1, n))), rng.uniform(0, 360, n)])
+        moduli = bi.halfspace_modulus(crystal, angles) * (1 + settings.get("calibration_sd", 0) * rng.normal())
+        table = np.column_stack([angles, moduli * (1 + noise * rng.normal(size=n)), noise * moduli])
+        posterior = Posterior.of(table, surrogate=bi.Surrogate.load("halfspace"), symmetry=symmetry, **KIND | settings)
+        draws = posterior.sample(method="ensemble", samples=10000, burn_in=6000, chains=2, threads=2, seed=number + 17)[0]
+        full.append(draws.reshape(-1, draws.shape[-1]).std(axis=0))
+    assert sds(symmetry, list(CRYSTALS[symmetry]), n, noise, **settings)[0] == pytest.approx(np.mean(full, axis=0), rel=0.2)
+
+
+@pytest.mark.long
+def test_grains_of_one_direction_say_nothing_of_anisotropy(tmp_path):
+    (tmp_path / "alike.csv").write_text("phi1_deg,Phi_deg,phi2_deg\n400,0,0\n410,1,0\n")
+    known = {"knowledge": {"bulk_modulus": (137, 2)}}
+    textured, random = (sds("fcc", list(COPPER.values()), 20, 0.02, orientations=o, **known)[0] for o in (tmp_path / "alike.csv", None))
+    assert np.all(textured > 3 * random)
+
+
+@pytest.mark.parametrize(
+    ("keywords", "words"),
+    [
+        ({"grains": 0}, "bi.plan: grains: 0 is out of range; allowed 1 to 10000"),
+        ({"grains": 10.5}, "bi.plan: grains: a number of grains is not an integer; allowed 1 to 10000"),
+        ({"noise": -0.02}, "bi.plan: noise: -0.02 is out of range; allowed above 0 to 0.5"),
+        ({"symmetry": "quasi"}, "bi.plan: symmetry: 'quasi' is not known; allowed 'isotropic'"),
+        ({"constants": [168, 121]}, "bi.plan: constants: 2 values; 3 are needed: C11, C12, C44"),
+        ({"constants": [121, 168, 75]}, "bi.plan: constants: the crystal is not elastically stable; the stiffness"),
+        ({"bounds": {"C11": (200, 300)}}, "bi.plan: constants: the crystal is outside the limits of bounds"),
+    ],
+)
+def test_what_cannot_be_planned_is_refused(keywords, words):
+    with pytest.raises(bi.InputError) as error:
+        bi.plan(**{"symmetry": "cubic", "constants": [168.4, 121.4, 75.4], "grains": 5, "noise": 0.02} | keywords)
+    assert str(error.value).startswith(words) and "&" not in str(error.value)
+
+
+@pytest.mark.long
+def test_both_programs_plan_the_same(bayesindent, batch, tmp_path):
+    text = (SOURCE / "inputs" / "plan.nml").read_text().replace("10, 40", "5").replace("0.01, 0.04", "0.02")
+    (tmp_path / "a.nml").write_text(text)
+    (tmp_path / "one.nml").write_text(f"{text}&execution workers = 1 /\n")
+    done = bayesindent("run", "a.nml", "--output", "python")
+    assert done.returncode == 0, done.stderr
+    assert "Expected sds of the constants (GPa)" in done.stdout
+    assert "Expected sd of each constant against the number of grains" in (tmp_path / "python" / "report.html").read_text()
+    done = batch("one.nml", "--stage", "plan", "--output", "batch")
+    assert (done.returncode, done.stdout) == (0, "plan: batch/plan.json\n"), done.stderr
+    one, other = (json.loads((tmp_path / name / "plan.json").read_text())["results"] for name in ("python", "batch"))
+    assert one == other and len(one) == 1
