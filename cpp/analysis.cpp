@@ -81,7 +81,7 @@ cholmod_sparse pattern(integer n, const integer *start, const integer *row) {
   lower.itype = CHOLMOD_INT;
   lower.xtype = CHOLMOD_PATTERN;
   lower.dtype = CHOLMOD_DOUBLE;
-  lower.sorted = lower.packed = 1;
+  lower.packed = 1;
   return lower;
 }
 
@@ -96,6 +96,7 @@ std::vector<integer> places_of_groups(integer n, const integer *start, const int
       if (first[group[row[p]]] == row[p])
         group_row.push_back(group[row[p]]);
     }
+    std::sort(group_row.begin() + group_start.back(), group_row.end());
     group_start.push_back(static_cast<integer>(group_row.size()));
   }
   cholmod_sparse graph = pattern(groups, group_start.data(), group_row.data());

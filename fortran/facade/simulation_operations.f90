@@ -153,14 +153,8 @@ contains
    subroutine put_mesh(model, out)
       type(indentation_model_type), intent(in) :: model
       type(named_values_type), intent(inout) :: out
-      integer, allocatable :: masters(:, :)
-      integer :: i
 
       associate (mesh => model%grid(1)%mesh)
-         masters = mesh%master
-         do i = 1, size(masters, 2)
-            masters(mesh%masters(i) + 1:, i) = 0
-         end do
          call out%put_array('x', mesh%x, shape(mesh%x))
          call out%put_array('gap', model%grid(1)%gap, shape(mesh%contact))
          call out%put_integers('brick', mesh%brick - 1, shape(mesh%brick))
@@ -169,7 +163,7 @@ contains
          call out%put_integers('contact', mesh%contact - 1, shape(mesh%contact))
          call out%put_integers('clamped', mesh%clamped - 1, shape(mesh%clamped))
          call out%put_integers('hanging', mesh%hanging - 1, shape(mesh%hanging))
-         call out%put_integers('master', masters - 1, shape(masters))
+         call out%put_integers('master', mesh%master - 1, shape(mesh%master))
       end associate
    end subroutine put_mesh
 

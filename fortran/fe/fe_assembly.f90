@@ -4,8 +4,6 @@ module fe_assembly
    use fe_element, only: brick_stiffness, infinite_stiffness
    use fe_mesh, only: mesh_type
    use kinds, only: wp
-   use machine, only: raise_no_memory
-   use statistics, only: sort_order
    use text, only: to_text
    implicit none
    private
@@ -16,7 +14,7 @@ module fe_assembly
       integer :: unknowns = 0, n_contact = 0
       !> Unknown of each displacement component of each node; 0 where clamped or hanging.
       integer, allocatable :: unknown(:, :)
-      !> Lower triangle in compressed columns, 1-based, rows ascending.
+      !> Lower triangle in compressed columns, 1-based, rows in no order.
       integer, allocatable :: column_start(:), row(:)
       !> Node of each unknown, numbered by first use.
       integer, allocatable :: group(:)
@@ -37,10 +35,9 @@ module fe_assembly
 
 contains
 
-   subroutine new_assembly(mesh, assembly, error)
+   subroutine new_assembly(mesh, assembly)
       type(mesh_type), intent(in) :: mesh
       type(assembly_type), intent(out) :: assembly
-      type(error_type), allocatable, intent(out) :: error
       integer, allocatable :: hanging_index(:)
       logical, allocatable :: free(:)
       integer :: i, j, n, groups
@@ -66,7 +63,7 @@ contains
          assembly%group(assembly%unknown(:, i)) = groups
       end do
       call list_dofs(mesh, hanging_index, assembly)
-      call build_pattern(assembly, error)
+      call build_pattern(assembly)
    end subroutine new_assembly
 
    !> The unknowns of each element; bricks that have hanging nodes are expressed in the nodes these hang on.
@@ -75,6 +72,7 @@ contains
       integer, intent(in) :: hanging_index(:)
       type(assembly_type), intent(inout) :: assembly
       logical, allocatable :: has_hanging(:)
+      integer, allocatable :: masters(:)
       integer :: e, a, m, h, n_bricks, n, node(most_nodes)
 
       n_bricks = size(mesh%brick, 2)
@@ -99,8 +97,9 @@ contains
                if (h == 0) then
                   call add(mesh%brick(a, e), 1.0_wp)
                else
-                  do m = 1, mesh%masters(h)
-                     call add(mesh%master(m, h), 1.0_wp/mesh%masters(h))
+                  masters = pack(mesh%master(:, h), mesh%master(:, h) > 0)
+                  do m = 1, size(masters)
+                     call add(masters(m), 1.0_wp/size(masters))
                   end do
                end if
             end do
@@ -128,17 +127,17 @@ contains
    end subroutine list_dofs
 
    !> The rows of each column, and where the entries of the elements go.
-   subroutine build_pattern(assembly, error)
+   subroutine build_pattern(assembly)
       type(assembly_type), intent(inout) :: assembly
-      type(error_type), allocatable, intent(out) :: error
       !> The last place in the dofs of each unknown, the one before each place, 0 where there is none, and the element of a place.
       integer, allocatable :: last(:), previous(:), owner(:)
-      integer, allocatable :: entry_start(:), mark(:), position(:), rows(:), order(:), filled(:)
-      integer :: elements, e, i, j, n, column, found, p, t, status
+      !> Before the entries of each element; the entry of each row in the latest column that has one; rows of the entries.
+      integer, allocatable :: entry_start(:), position(:), rows(:)
+      integer :: elements, e, i, j, n, column, next, p, t
 
       elements = size(assembly%dof_start) - 1
-      allocate (last(0:assembly%unknowns), entry_start(elements + 1), source=0)
-      allocate (previous(size(assembly%dof)), owner(size(assembly%dof)))
+      allocate (last(0:assembly%unknowns), entry_start(elements + 1), position(assembly%unknowns), source=0)
+      allocate (previous(size(assembly%dof)), owner(size(assembly%dof)), assembly%column_start(assembly%unknowns + 1))
       do e = 1, elements
          do p = assembly%dof_start(e), assembly%dof_start(e + 1) - 1
             owner(p) = e
@@ -149,34 +148,10 @@ contains
          entry_start(e + 1) = entry_start(e) + (n*(n + 1))/2
       end do
       ! Elements share entries: they fill less than that.
-      allocate (assembly%place(entry_start(elements + 1)), filled(entry_start(elements + 1)), source=0, stat=status)
-      if (status /= 0) then
-         call raise_no_memory('the entries of '//to_text(elements)//' elements', error)
-         return
-      end if
-
-      allocate (mark(assembly%unknowns), position(assembly%unknowns), source=0)
-      allocate (rows(3*most_nodes*64), order(3*most_nodes*64), assembly%column_start(assembly%unknowns + 1))
-      assembly%column_start(1) = 1
+      allocate (assembly%place(entry_start(elements + 1)), rows(entry_start(elements + 1)), source=0)
+      next = 1
       do column = 1, assembly%unknowns
-         found = 0
-         t = last(column)
-         do while (t > 0)
-            do p = assembly%dof_start(owner(t)), assembly%dof_start(owner(t) + 1) - 1
-               i = assembly%dof(p)
-               if (i < column) cycle
-               if (mark(i) == column) cycle
-               mark(i) = column
-               found = found + 1
-               rows(found) = i
-            end do
-            t = previous(t)
-         end do
-         call sort_order(real(rows(:found), wp), order(:found))
-         p = assembly%column_start(column)
-         assembly%column_start(column + 1) = p + found
-         filled(p:p + found - 1) = rows(order(:found))
-         position(rows(order(:found))) = [(i, i=p, p + found - 1)]
+         assembly%column_start(column) = next
          t = last(column)
          do while (t > 0)
             e = owner(t)
@@ -185,6 +160,11 @@ contains
                j = t - assembly%dof_start(e) + 1
                do i = 1, n
                   if (dof(i) < column) cycle
+                  if (position(dof(i)) < assembly%column_start(column)) then
+                     position(dof(i)) = next
+                     rows(next) = dof(i)
+                     next = next + 1
+                  end if
                   p = min(i, j)
                   assembly%place(entry_start(e) + ((p - 1)*(2*n - p))/2 + max(i, j)) = position(dof(i))
                end do
@@ -192,7 +172,8 @@ contains
             t = previous(t)
          end do
       end do
-      assembly%row = filled(:assembly%column_start(assembly%unknowns + 1) - 1)
+      assembly%column_start(assembly%unknowns + 1) = next
+      assembly%row = rows(:next - 1)
    end subroutine build_pattern
 
    !> Values of the matrix, in mN/um, where the materials have the stiffnesses `c`.
@@ -209,14 +190,10 @@ contains
       real(wp), allocatable :: class_stiffness(:, :)
       real(wp) :: k(24, 24), small(12, 12)
       logical :: valid
-      integer :: e, i, m, n, p, n_bricks, status
+      integer :: e, i, m, n, p, n_bricks
 
       values = 0.0_wp
-      allocate (class_stiffness(300, size(mesh%representative)), stat=status)
-      if (status /= 0) then
-         call raise_no_memory('the stiffness of '//to_text(size(mesh%representative))//' elements', error)
-         return
-      end if
+      allocate (class_stiffness(300, size(mesh%representative)))
       do i = 1, size(mesh%representative)
          e = mesh%representative(i)
          call brick_stiffness(mesh%x(:, mesh%brick(:, e)), c(:, :, mesh%material(e)), formulation, mesh%growth(e), k, valid)
@@ -283,12 +260,10 @@ contains
 
       y = 0.0_wp
       do j = 1, size(x)
-         p = assembly%column_start(j)
-         y(j) = y(j) + values(p)*x(j)
-         do p = p + 1, assembly%column_start(j + 1) - 1
+         do p = assembly%column_start(j), assembly%column_start(j + 1) - 1
             i = assembly%row(p)
             y(i) = y(i) + values(p)*x(j)
-            y(j) = y(j) + values(p)*x(i)
+            if (i > j) y(j) = y(j) + values(p)*x(i)
          end do
       end do
    end function product_with
@@ -310,7 +285,7 @@ contains
          end do
       end do
       do i = 1, size(mesh%hanging)
-         m = mesh%masters(i)
+         m = count(mesh%master(:, i) > 0)
          u(:, mesh%hanging(i)) = sum(u(:, mesh%master(:m, i)), dim=2)/m
       end do
    end subroutine expand_displacement

@@ -13,7 +13,7 @@ module fe_grid
    use fe_mesh, only: mesh_type, new_mesh
    use kinds, only: i8, pi, wp
    use linear_algebra, only: cholesky_factor, cholesky_inverse, cholesky_solve
-   use machine, only: raise_no_memory
+   use machine, only: check_memory
    use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factorise, release_factor, retained_factor, &
       & solve_factored
    use text, only: to_text
@@ -114,8 +114,7 @@ contains
 
       call new_mesh(specimen%plan(refine), grid%mesh, error)
       if (allocated(error)) return
-      call new_assembly(grid%mesh, grid%assembly, error)
-      if (allocated(error)) return
+      call new_assembly(grid%mesh, grid%assembly)
       associate (x => grid%mesh%x(:, grid%mesh%contact), a => grid%assembly)
          grid%gap = indenter%gap(sqrt(x(1, :)**2 + x(2, :)**2))
          call analyse_pattern(a%column_start, a%row, a%group, a%n_contact, grid%cholesky, error)
@@ -141,18 +140,17 @@ contains
       real(wp), allocatable :: values(:), u(:, :)
       real(wp) :: held(3), total
       integer(i8) :: start, finish, rate
-      integer :: n, depths, status
+      integer :: n, depths
 
       call acquire_factor(grid%cholesky, factor, error)
       if (allocated(error)) return
       n = grid%assembly%n_contact
       depths = size(curve%depth)
       solve: block
-         allocate (values(size(grid%assembly%row)), compliance(n, n), forces(n, depths), u(3, size(grid%mesh%x, 2)), stat=status)
-         if (status /= 0) then
-            call raise_no_memory('the matrix of '//to_text(grid%assembly%unknowns)//' unknowns', error)
-            exit solve
-         end if
+         call check_memory(8.0_wp*(size(grid%assembly%row) + 300.0_wp*size(grid%mesh%representative) + 2.0_wp*n**2), &
+            & 'the matrix of '//to_text(grid%assembly%unknowns)//' unknowns', error)
+         if (allocated(error)) exit solve
+         allocate (values(size(grid%assembly%row)), compliance(n, n), forces(n, depths), u(3, size(grid%mesh%x, 2)))
          call assemble(grid%mesh, grid%assembly, formulation, c, values, error)
          if (allocated(error)) exit solve
          call system_clock(start, rate)

@@ -33,8 +33,8 @@ module fe_mesh
       integer, allocatable :: facet(:, :), facet_material(:)
       !> Clamped nodes.
       integer, allocatable :: clamped(:)
-      !> Hanging nodes: the mean of the first `masters(j)` of `master(:, j)`.
-      integer, allocatable :: hanging(:), masters(:), master(:, :)
+      !> Hanging nodes: node j is the mean of those of `master(:, j)`, two or four, then zeros.
+      integer, allocatable :: hanging(:), master(:, :)
       !> Surface nodes that may touch the indenter.
       integer, allocatable :: contact(:)
       !> Contact may reach this far from the centre, and edge of an element there, um.
@@ -71,7 +71,7 @@ contains
       nodes = 3*bricks
       allocate (self%x(3, nodes), self%brick(8, bricks), self%material(bricks), self%class(bricks), self%representative(bricks))
       allocate (self%scale(bricks), self%growth(bricks), source=1.0_wp)
-      allocate (self%hanging(nodes), self%masters(nodes), self%master(4, nodes))
+      allocate (self%hanging(nodes), self%master(4, nodes), source=0)
       call fill_box(plan, self)
       do i = 1, size(plan%stages)
          if (plan%stages(i)%coarsen) call coarsen(self)
@@ -91,7 +91,6 @@ contains
       self%growth = self%growth(:self%bricks)
       self%representative = self%representative(:self%classes)
       self%hanging = self%hanging(:self%n_hanging)
-      self%masters = self%masters(:self%n_hanging)
       self%master = self%master(:, :self%n_hanging)
       call close_mesh(plan, self)
       mesh = self%mesh_type
@@ -310,7 +309,6 @@ contains
                   m = m + 1
                   self%master(m, self%n_hanging) = fine(corner(1), corner(2), corner(3))
                end do
-               self%masters(self%n_hanging) = m
                self%at(i, j, k) = 0
             end do
          end do
