@@ -9,7 +9,7 @@ module operations
    use crystal_operations, only: perform_crystal
    use exchange, only: exchange_type, find_object, register_object
    use fe_indentation, only: indentation_model_type
-   use namelist_file, only: namelist_file_type, parse_namelist
+   use namelist_file, only: entry_type, parse_namelist
    use point_tables, only: read_crystals
    use extraction_document, only: read_posterior
    use problem, only: problem_type
@@ -101,7 +101,7 @@ contains
       type(problem_type), pointer :: problem
       type(surrogate_type), pointer :: surrogate
       type(crystal_class_type) :: class
-      type(namelist_file_type) :: namelist
+      type(entry_type), allocatable :: namelist(:)
       type(settings_type) :: settings
       type(stage_row_type), parameter :: rows(*) = [run_command, all_stages]
       character(len=:), allocatable :: path

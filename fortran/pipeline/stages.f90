@@ -11,7 +11,7 @@ module stages
    use extract_stage, only: extract_stage_type
    use files, only: printable
    use machine, only: blas_bytes, check_memory
-   use namelist_file, only: namelist_file_type, parse_namelist, place, read_namelist_file, replace_entries
+   use namelist_file, only: entry_type, parse_namelist, place, read_namelist_file, replace_entries
    use next_stage, only: next_stage_type
    use plan_stage, only: plan_stage_type
    use problem, only: new_problem, problem_type
@@ -163,7 +163,7 @@ contains
       logical, intent(in) :: from_python
       type(problem_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
-      type(namelist_file_type) :: namelist, stated
+      type(entry_type), allocatable :: namelist(:), stated(:)
       character(len=8), allocatable :: names(:)
       logical :: asked(size(all_stages))
       integer :: i
@@ -176,8 +176,8 @@ contains
       end if
       if (allocated(error)) return
       asked = all_stages%name == command
-      do i = 1, size(namelist%groups)
-         if (command == 'run') asked = asked .or. all_stages%trigger == namelist%groups(i)%group
+      do i = 1, size(namelist)
+         if (command == 'run') asked = asked .or. all_stages%trigger == namelist(i)%group
       end do
       names = pack(all_stages%name, asked)
       if (size(names) == 0 .and. command /= 'run') then
@@ -200,7 +200,7 @@ contains
       character(len=*), intent(in) :: origin, content
       type(problem_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
-      type(namelist_file_type) :: namelist
+      type(entry_type), allocatable :: namelist(:)
 
       call parse_namelist(origin, content, namelist, error)
       if (.not. allocated(error)) call new_problem(origin, namelist, '', '', .true., self, error)

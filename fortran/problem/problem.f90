@@ -8,7 +8,7 @@ module problem
    use errors, only: error_type, refuse, warn, warning_type
    use files, only: folder_of, printable, read_text_file, resolve_path
    use kinds, only: wp
-   use namelist_file, only: namelist_file_type, place
+   use namelist_file, only: entry_type, place
    use orientation_questions, only: question_directions, refuse_radians
    use point_tables, only: angles_look_like_radians, points_type, read_crystals, read_grains, read_measurements, read_positions
    use repeated_tests, only: combine_tests, judge_scatter, refuse_copied_rows
@@ -77,7 +77,7 @@ contains
    subroutine new_problem(path, namelist, command, needed, from_python, self, error)
       !> A file, or the origin of keywords.
       character(len=*), intent(in) :: path
-      type(namelist_file_type), intent(in) :: namelist
+      type(entry_type), intent(in) :: namelist(:)
       !> See `problem_type`.
       character(len=*), intent(in) :: command, needed
       !> Whether Python reads the file of the measurements.
@@ -93,8 +93,8 @@ contains
       self%needed = needed
       allocate (self%stages(0))
       self%groups = ''
-      do i = 1, size(namelist%groups)
-         self%groups = self%groups//namelist%groups(i)%group//' '
+      do i = 1, size(namelist)
+         if (len(namelist(i)%name) == 0) self%groups = self%groups//namelist(i)%group//' '
       end do
       allocate (self%warnings(0))
       call read_settings(path, namelist, command, needed, self%settings, error)

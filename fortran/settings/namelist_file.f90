@@ -8,29 +8,23 @@ module namelist_file
    use text, only: lower, newline, read_integer, to_text
    implicit none
    private
-   public :: namelist_file_type, entry_type, value_type, read_namelist_file, replace_entries, parse_namelist, place
+   public :: entry_type, value_type, read_namelist_file, replace_entries, parse_namelist, find_entry, place
 
    !> One value as written: a quoted text without its quotes, or a bare word.
    type, extends(warning_type) :: value_type
       logical :: quoted = .false.
    end type value_type
 
-   !> `name = values` of a group; names in lower case.
+   !> `name = values` of a group; names in lower case. Of the group itself, an empty one too, the name is '', and there are no values.
    type :: entry_type
       character(len=:), allocatable :: group, name
       integer :: line = 0
       type(value_type), allocatable :: values(:)
    end type entry_type
 
-   type :: namelist_file_type
-      type(entry_type), allocatable :: entries(:)
-      !> The groups that are there, empty ones included, each without a variable, in the order of the file.
-      type(entry_type), allocatable :: groups(:)
-   end type namelist_file_type
-
    !> What has been read, where the parser stands, and in which group and variable, '' for none.
    type :: parser_type
-      type(namelist_file_type) :: file
+      type(entry_type), allocatable :: file(:)
       character(len=:), allocatable :: path, text, group, name
       integer :: at = 1, line = 1
       type(error_type), allocatable :: error
@@ -40,7 +34,7 @@ module namelist_file
    character(len=*), parameter :: letters = 'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_'
    !> More repetitions than any array of ours has elements are refused before they are made.
    integer, parameter :: most_repeats = 10000
-   !> Of groups, and of variables: more are no input of ours.
+   !> Of groups and variables: more are no input of ours.
    integer, parameter :: most_names = 2000
 
 contains
@@ -59,7 +53,7 @@ contains
 
    subroutine read_namelist_file(path, file, error)
       character(len=*), intent(in) :: path
-      type(namelist_file_type), intent(out) :: file
+      type(entry_type), allocatable, intent(out) :: file(:)
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: content
 
@@ -70,27 +64,31 @@ contains
 
    !> Have the groups and the variables that are `stated` in a file, in place of its own.
    subroutine replace_entries(file, stated)
-      type(namelist_file_type), intent(inout) :: file
-      type(namelist_file_type), intent(in) :: stated
+      type(entry_type), allocatable, intent(inout) :: file(:)
+      type(entry_type), intent(in) :: stated(:)
       integer :: i, k
 
-      do i = 1, size(stated%groups)
-         if (any([(file%groups(k)%group == stated%groups(i)%group, k=1, size(file%groups))])) cycle
-         file%groups = [file%groups, stated%groups(i)]
-      end do
-      do i = 1, size(stated%entries)
-         do k = 1, size(file%entries)
-            if (file%entries(k)%group == stated%entries(i)%group .and. file%entries(k)%name == stated%entries(i)%name) exit
-         end do
-         if (k > size(file%entries)) file%entries = [file%entries, stated%entries(i)]
-         file%entries(k) = stated%entries(i)
+      do i = 1, size(stated)
+         k = find_entry(file, stated(i)%group, stated(i)%name)
+         if (k > 0) file(k) = stated(i)
+         if (k == 0) file = [file, stated(i)]
       end do
    end subroutine replace_entries
+
+   !> The place of a variable among entries, or of a group, whose `name` is ''; 0 if it is not there.
+   pure integer function find_entry(entries, group, name) result(i)
+      type(entry_type), intent(in) :: entries(:)
+      character(len=*), intent(in) :: group, name
+
+      do i = size(entries), 1, -1
+         if (entries(i)%group == group .and. entries(i)%name == name) return
+      end do
+   end function find_entry
 
    !> Parse the content of a file; `path` is for messages.
    subroutine parse_namelist(path, content, file, error)
       character(len=*), intent(in) :: path, content
-      type(namelist_file_type), intent(out) :: file
+      type(entry_type), allocatable, intent(out) :: file(:)
       type(error_type), allocatable, intent(out) :: error
       type(parser_type) :: parser
 
@@ -98,15 +96,15 @@ contains
       parser%text = content//newline
       parser%group = ''
       parser%name = ''
-      allocate (parser%file%entries(0), parser%file%groups(0))
+      allocate (parser%file(0))
       do
          call skip_blanks(parser)
          if (allocated(parser%error) .or. peek(parser) == '') exit
          call parse_group(parser)
       end do
-      file = parser%file
+      call move_alloc(parser%file, file)
       call move_alloc(parser%error, error)
-      if (.not. allocated(error) .and. size(file%groups) == 0) call raise(error, path &
+      if (.not. allocated(error) .and. size(file) == 0) call raise(error, path &
          & //': the file holds no namelist group, only comments', exit_bad_input)
    end subroutine parse_namelist
 
@@ -114,7 +112,7 @@ contains
       type(parser_type), intent(inout) :: parser
       character(len=:), allocatable :: name, words
       type(entry_type) :: found
-      integer :: line, i
+      integer :: line
 
       line = parser%line
       if (peek(parser) /= '&') then
@@ -132,17 +130,11 @@ contains
       if (name == 'end') call refuse(parser, '&end without a group to end', line)
       if (allocated(parser%error)) return
       parser%group = name
-      associate (groups => parser%file%groups)
-         do i = 1, size(groups)
-            if (groups(i)%group == name) call refuse(parser, 'the group is there twice, on lines '//to_text(groups(i)%line) &
-               & //' and '//to_text(line)//'; once is allowed')
-         end do
-         if (size(groups) == most_names) call refuse(parser, 'more than '//to_text(most_names)//' groups')
-      end associate
-      if (allocated(parser%error)) return
       found%group = name
+      found%name = ''
       found%line = line
-      parser%file%groups = [parser%file%groups, found]
+      call add_entry(parser, found)
+      if (allocated(parser%error)) return
       if (index(blanks//newline//'/!', peek(parser)) == 0) then
          call refuse(parser, 'a blank must follow the name of a group, not '//rest_of_line(parser), line)
       end if
@@ -170,7 +162,6 @@ contains
       type(parser_type), intent(inout) :: parser
       type(entry_type) :: entry
       character(len=:), allocatable :: here
-      integer :: i
 
       entry%group = parser%group
       entry%line = parser%line
@@ -188,18 +179,23 @@ contains
       end if
       if (allocated(parser%error)) return
       parser%at = parser%at + 1
-      associate (entries => parser%file%entries)
-         do i = 1, size(entries)
-            if (entries(i)%group == entry%group .and. entries(i)%name == entry%name) call refuse(parser, &
-               & 'the variable is there twice, on lines '//to_text(entries(i)%line)//' and '//to_text(entry%line) &
-               & //'; once is allowed')
-         end do
-         if (size(entries) == most_names) call refuse(parser, 'more than '//to_text(most_names)//' variables')
-      end associate
       call parse_values(parser, entry)
-      parser%file%entries = [parser%file%entries, entry]
+      call add_entry(parser, entry)
       parser%name = ''
    end subroutine parse_entry
+
+   !> A group or a variable that is not there yet.
+   subroutine add_entry(parser, entry)
+      type(parser_type), intent(inout) :: parser
+      type(entry_type), intent(in) :: entry
+      integer :: i
+
+      i = find_entry(parser%file, entry%group, entry%name)
+      if (i > 0) call refuse(parser, 'the '//trim(merge('group   ', 'variable', len(entry%name) == 0))//' is there twice, on ' &
+         & //'lines '//to_text(parser%file(i)%line)//' and '//to_text(entry%line)//'; once is allowed')
+      if (size(parser%file) == most_names) call refuse(parser, 'more than '//to_text(most_names)//' groups and variables')
+      parser%file = [parser%file, entry]
+   end subroutine add_entry
 
    subroutine parse_values(parser, entry)
       type(parser_type), intent(inout) :: parser

@@ -1,6 +1,6 @@
 !> The variables of the settings with their values as a namelist has them: read, listed, written and compared in this one form.
 !>
-!> `settings_schema`, which is made of docs/namelists.md, adds each group and variable, with what variable_type says of `kind`, `shape`,
+!> `settings_schema`, which is made of docs/namelists.md, adds each group and variable, with what variable_type says of `kind`,
 !> `default`, `allowed`, `unit` and `meaning`, and turns components into texts and back.
 module settings_list
    use kinds, only: wp
@@ -8,19 +8,10 @@ module settings_list
    use text, only: number_text, read_real
    implicit none
    private
-   public :: settings_list_type, group_type, variable_type, is_text, text_values, real_values, real_of, name_of
-   public :: kind_integer, kind_real, kind_logical, kind_text, kind_choice, kind_file, kind_source
-   public :: shape_one, shape_constants, shape_list, longest_item
+   public :: settings_list_type, group_type, variable_type, is_text, text_values, real_values, real_of, name_of, longest_item
 
    !> Bytes of a text in a list: the name of a quantity, or of a column with its header.
    integer, parameter :: longest_item = 128
-
-   !> A whole number; a real; .true. or .false.; any text; one of some words; a CSV that must exist; a word or a CSV.
-   integer, parameter :: kind_integer = 1, kind_real = 2, kind_logical = 3, kind_text = 4, kind_choice = 5, &
-      & kind_file = 6, kind_source = 7
-
-   !> One value; one for each constant of the crystal class; any number of them.
-   integer, parameter :: shape_one = 1, shape_constants = 2, shape_list = 3
 
    type :: group_type
       character(len=:), allocatable :: name
@@ -30,9 +21,9 @@ module settings_list
 
    type :: variable_type
       character(len=:), allocatable :: group, name
-      !> The number of its group.
-      integer :: group_number = 0
-      integer :: kind = kind_text, shape = shape_one
+      !> As the page has it: 'integer', 'real', 'logical', 'text', 'choice' of some words, 'file' that must exist, 'choice or file', or
+      !> 'real for each constant', 'list of reals', 'list of texts'.
+      character(len=:), allocatable :: kind
       !> Namelist text; '*' is required; 'unset' has no value.
       character(len=:), allocatable :: default
       !> As messages say it: '0 to below 1', 'above 0 to 1'; the words of a choice in quotes.
@@ -55,18 +46,16 @@ module settings_list
 contains
 
    !> The next variable, of the group of this number.
-   subroutine add(self, group, name, kind, shape, default, allowed, unit, meaning)
+   subroutine add(self, group, name, kind, default, allowed, unit, meaning)
       class(settings_list_type), intent(inout) :: self
-      character(len=*), intent(in) :: name, default, allowed, unit, meaning
-      integer, intent(in) :: group, kind, shape
+      character(len=*), intent(in) :: name, kind, default, allowed, unit, meaning
+      integer, intent(in) :: group
 
       self%n_variables = self%n_variables + 1
       associate (v => self%variables(self%n_variables))
-         v%group_number = group
          v%group = self%groups(group)%name
          v%name = name
          v%kind = kind
-         v%shape = shape
          v%default = default
          v%allowed = allowed
          v%unit = unit
@@ -114,6 +103,6 @@ contains
    pure logical function is_text(v)
       type(variable_type), intent(in) :: v
 
-      is_text = any(v%kind == [kind_text, kind_choice, kind_file, kind_source])
+      is_text = index(v%kind, 'text') + index(v%kind, 'choice') + index(v%kind, 'file') > 0
    end function is_text
 end module settings_list

@@ -8,9 +8,8 @@ module settings_reader
    use files, only: printable
    use kinds, only: wp
    use named_values, only: named_values_type
-   use namelist_file, only: namelist_file_type, place, value_type
-   use settings_list, only: is_text, kind_choice, kind_file, kind_integer, kind_logical, kind_source, longest_item, &
-      & settings_list_type, shape_list, shape_one, variable_type
+   use namelist_file, only: entry_type, find_entry, place, value_type
+   use settings_list, only: is_text, longest_item, settings_list_type, text_values, variable_type
    use settings_schema, only: list_settings, set_settings, settings_type
    use text, only: lower, newline, number_malformed, number_ok, quoted, read_real, to_text
    implicit none
@@ -19,8 +18,6 @@ module settings_reader
 
    !> Longest text, bytes.
    integer, parameter :: longest_text = 512
-   !> Of an integer, a real, a logical.
-   character(len=10), parameter :: nouns(3) = [character(len=10) :: 'an integer', 'a number', 'a logical']
 
 contains
 
@@ -28,34 +25,32 @@ contains
    !> where tables come as arrays, so that no file is required.
    subroutine read_settings(path, file, command, needed, settings, error)
       character(len=*), intent(in) :: path
-      type(namelist_file_type), intent(in) :: file
+      type(entry_type), intent(in) :: file(:)
       character(len=*), intent(in) :: command, needed
       type(settings_type), intent(out) :: settings
       type(error_type), allocatable, intent(out) :: error
       type(settings_list_type) :: list
       type(error_type), allocatable :: missing
       character(len=:), allocatable :: reason
-      integer :: i, j
+      integer :: i
 
       list = list_settings(settings)
       call check_names(path, file, list, error)
       if (allocated(error)) return
       do i = 1, size(list%groups)
-         list%groups(i)%given = any([(file%groups(j)%group == list%groups(i)%name, j=1, size(file%groups))])
+         list%groups(i)%given = find_entry(file, list%groups(i)%name, '') > 0
       end do
       do i = 1, size(list%variables)
-         associate (v => list%variables(i), given => list%groups(list%variables(i)%group_number)%given)
+         associate (v => list%variables(i))
             call read_variable(path, file, v, error)
             if (allocated(error)) return
             ! What is there and wrong comes before what is not there.
             if (allocated(v%values) .or. allocated(missing) .or. v%default /= '*') cycle
-            if (len(command) == 0 .and. v%kind == kind_file) cycle
-            ! Curves give the measurements; a plan makes them up.
-            if (v%group == 'measurements' .and. any(list%groups%given .and. [(any(['curves', 'plan  '] == list%groups(j)%name), &
-               & j=1, size(list%groups))])) cycle
-            if (v%group == 'measurements' .and. any([(list%variables(j)%name == 'velocities' &
-               & .and. allocated(list%variables(j)%values), j=1, i)])) cycle
-            if (given) then
+            if (len(command) == 0 .and. v%kind == 'file') cycle
+            ! Curves give the measurements; a plan makes them up; speeds take their place.
+            if (v%group == 'measurements' .and. find_entry(file, 'curves', '') + find_entry(file, 'plan', '') &
+               & + find_entry(file, 'measurements', 'velocities') > 0) cycle
+            if (find_entry(file, v%group, '') > 0) then
                call refuse(missing, place(path, v%group, v%name)//'the variable is missing; '//v%meaning//allowed_part(v))
             else if (index(' '//needed//' ', ' '//v%group//' ') > 0) then
                reason = command
@@ -72,25 +67,26 @@ contains
    subroutine check_names(path, file, schema, error)
       !> For messages.
       character(len=*), intent(in) :: path
-      type(namelist_file_type), intent(in) :: file
+      type(entry_type), intent(in) :: file(:)
       type(settings_list_type), intent(in) :: schema
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: names, near
       integer :: i, j
 
-      do i = 1, size(file%groups)
+      do i = 1, size(file)
          names = ''
          do j = 1, size(schema%groups)
-            if (schema%groups(j)%name == file%groups(i)%group) exit
+            if (schema%groups(j)%name == file(i)%group) exit
             names = names//', &'//schema%groups(j)%name
          end do
          if (j <= size(schema%groups)) cycle
-         call refuse(error, place(path, file%groups(i)%group, '')//'unknown group'//suggestion('&'//file%groups(i)%group, &
-            & names(3:))//'; allowed: '//names(3:))
+         call refuse(error, place(path, file(i)%group, '')//'unknown group'//suggestion('&'//file(i)%group, names(3:)) &
+            & //'; allowed: '//names(3:))
          return
       end do
-      do i = 1, size(file%entries)
-         associate (entry => file%entries(i))
+      do i = 1, size(file)
+         associate (entry => file(i))
+            if (len(entry%name) == 0) cycle
             names = ''
             near = ''
             do j = 1, size(schema%variables)
@@ -112,33 +108,31 @@ contains
    subroutine read_variable(path, file, variable, error)
       !> For messages.
       character(len=*), intent(in) :: path
-      type(namelist_file_type), intent(in) :: file
+      type(entry_type), intent(in) :: file(:)
       type(variable_type), intent(inout) :: variable
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: message
       integer :: i, j
 
       if (allocated(variable%values)) deallocate (variable%values)
-      do i = 1, size(file%entries)
-         if (file%entries(i)%group /= variable%group .or. file%entries(i)%name /= variable%name) cycle
-         variable%values = file%entries(i)%values
-         message = ''
-         if (variable%shape == shape_one .and. size(variable%values) > 1) message = to_text(size(variable%values)) &
-            & //' values; one is needed'//allowed_part(variable)
-         do j = 1, size(variable%values)
-            if (len(message) > 0) exit
-            if (is_text(variable)) then
-               call check_text(variable, variable%values(j), message)
-            else
-               call check_number(variable, variable%values(j), message)
-            end if
-         end do
-         if (len(message) > 0) call refuse(error, place(path, variable%group, variable%name)//message)
+      i = find_entry(file, variable%group, variable%name)
+      if (i == 0) then
+         if (variable%default /= '*' .and. variable%default /= 'unset') variable%values = text_values([variable%default])
          return
+      end if
+      variable%values = file(i)%values
+      message = ''
+      if (index(variable%kind, 'list') + index(variable%kind, 'each') == 0 .and. size(variable%values) > 1) message = &
+         & to_text(size(variable%values))//' values; one is needed'//allowed_part(variable)
+      do j = 1, size(variable%values)
+         if (len(message) > 0) exit
+         if (is_text(variable)) then
+            call check_text(variable, variable%values(j), message)
+         else
+            call check_number(variable, variable%values(j), message)
+         end if
       end do
-      if (variable%default == '*' .or. variable%default == 'unset') return
-      allocate (variable%values(1))
-      variable%values(1)%text = variable%default
+      if (len(message) > 0) call refuse(error, place(path, variable%group, variable%name)//message)
    end subroutine read_variable
 
    !> A text in quotes; words in lower case.
@@ -148,7 +142,7 @@ contains
       character(len=:), allocatable, intent(inout) :: message
       integer :: i, longest
 
-      longest = merge(longest_item, longest_text, v%shape == shape_list)
+      longest = merge(longest_item, longest_text, v%kind == 'list of texts')
       associate (string => value%text)
          if (.not. value%quoted) then
             message = printable(string)//' is not in quotes; a text is needed'//allowed_part(v)
@@ -160,12 +154,12 @@ contains
                & //to_text(longest)//' are allowed'
          else if (any([(iachar(string(i:i)) < 32, i=1, len(string))])) then
             message = ''''//printable(string)//''' holds a control character; plain text is allowed'
-         else if (v%kind == kind_file .and. len_trim(string) == 0) then
+         else if (v%kind == 'file' .and. len_trim(string) == 0) then
             message = 'the name of the file is empty'
-         else if (any(v%kind == [kind_choice, kind_source]) .and. string /= v%default) then
+         else if (index(v%kind, 'choice') > 0 .and. string /= v%default) then
             if (index(v%allowed, ''''//lower(string)//'''') > 0) then
                string = lower(string)
-            else if (v%kind == kind_choice .or. index(string, '.') == 0) then
+            else if (v%kind == 'choice' .or. index(string, '.') == 0) then
                message = ''''//printable(string)//''' is not known'//allowed_part(v)
             end if
          end if
@@ -177,38 +171,35 @@ contains
       type(variable_type), intent(in) :: v
       type(value_type), intent(inout) :: value
       character(len=:), allocatable, intent(inout) :: message
+      character(len=:), allocatable :: noun
       real(wp) :: number
       integer :: outcome
-      logical :: whole
 
+      noun = trim(merge('an integer', merge('a logical ', 'a number  ', v%kind == 'logical'), v%kind == 'integer'))
       if (value%quoted) then
-         message = 'the text '''//printable(value%text)//''' stands where '//trim(nouns(v%kind))//' is needed'//allowed_part(v)
+         message = 'the text '''//printable(value%text)//''' stands where '//noun//' is needed'//allowed_part(v)
          return
       end if
-      if (v%kind == kind_logical) then
+      if (v%kind == 'logical') then
          select case (lower(value%text))
          case ('.true.', '.t.', 'true', 't')
             value%text = '.true.'
          case ('.false.', '.f.', 'false', 'f')
             value%text = '.false.'
          case default
-            message = printable(value%text)//' is not a logical'//allowed_part(v)
+            message = printable(value%text)//' is not '//noun//allowed_part(v)
          end select
          return
       end if
       call read_real(value%text, number, outcome)
-      whole = verify(value%text, '+-0123456789') == 0
-      if (v%kind == kind_integer .and. outcome == number_ok .and. abs(number - anint(number)) <= 0.0_wp &
-         & .and. abs(number) < huge(1)) then
-         whole = .true.
-         value%text = to_text(nint(number))
-      end if
-      if (outcome == number_malformed .or. (outcome == number_ok .and. v%kind == kind_integer .and. .not. whole)) then
-         message = printable(value%text)//' is not '//trim(nouns(v%kind))//allowed_part(v)
-      else if (outcome /= number_ok .and. .not. whole) then
+      if (outcome == number_malformed .or. (v%kind == 'integer' .and. abs(number - anint(number)) > 0.0_wp)) then
+         message = printable(value%text)//' is not '//noun//allowed_part(v)
+      else if (outcome /= number_ok .and. verify(value%text, '+-0123456789') > 0) then
          message = printable(value%text)//' is not a finite number'//allowed_part(v)
       else if (outcome /= number_ok .or. .not. in_range(number, v%allowed)) then
          message = printable(value%text)//' is out of range'//allowed_part(v)
+      else if (v%kind == 'integer') then
+         value%text = to_text(nint(number))
       end if
    end subroutine check_number
 
@@ -249,7 +240,7 @@ contains
          if (index(' '//needed//' ', ' '//list%groups(i)%name//' ') == 0) cycle
          page = page//newline//'&'//list%groups(i)%name//newline
          do j = 1, size(list%variables)
-            if (list%variables(j)%group_number == i) page = page//line_of(list%variables(j))//newline
+            if (list%variables(j)%group == list%groups(i)%name) page = page//line_of(list%variables(j))//newline
          end do
          page = page//'/'//newline
       end do

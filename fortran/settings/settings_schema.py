@@ -17,18 +17,18 @@ COMPONENTS = {
     TEXTS: ("(:)", "text_values({})", "name_of({})"),
     TEXT: ("", "text_values([{}])", "{}(1)%text"),
 }
-#: By the second column of the page: kind and number of values in `settings_list`, and the Fortran type.
+#: The Fortran type by the second column of the page.
 TYPES = {
-    "integer": ("kind_integer, shape_one", "integer"),
-    "logical": ("kind_logical, shape_one", "logical"),
-    "real": ("kind_real, shape_one", REAL),
-    "real for each constant": ("kind_real, shape_constants", REALS),
-    "list of reals": ("kind_real, shape_list", REALS),
-    "list of texts": ("kind_text, shape_list", TEXTS),
-    "text": ("kind_text, shape_one", TEXT),
-    "choice": ("kind_choice, shape_one", TEXT),
-    "file": ("kind_file, shape_one", TEXT),
-    "choice or file": ("kind_source, shape_one", TEXT),
+    "integer": "integer",
+    "logical": "logical",
+    "real": REAL,
+    "real for each constant": REALS,
+    "list of reals": REALS,
+    "list of texts": TEXTS,
+    "text": TEXT,
+    "choice": TEXT,
+    "file": TEXT,
+    "choice or file": TEXT,
 }
 
 MODULE = """\
@@ -96,13 +96,13 @@ def module(page: str) -> str:
             given += [f"         s%{group}%given = g({place})%given"]
         elif line.startswith("| `"):
             name, kind, unit, default, allowed, meaning = line[2:-2].split(" | ")
-            n, name, (kind_and_shape, declared) = n + 1, name.strip("`"), TYPES[kind]
+            n, name, declared = n + 1, name.strip("`"), TYPES[kind]
             start, texts, value = COMPONENTS[declared]
             if default == "unset" and start.startswith(" ="):
                 declared, start = f"{declared}, allocatable", ""
             types += [f"      {declared} :: {name}{start}"]
             words = ", &\n         & ".join(map(text, (default, allowed, unit, meaning)))
-            table += [f"      call list%add({place}, {text(name)}, {kind_and_shape}, &\n         & {words})"]
+            table += [f"      call list%add({place}, {text(name)}, {text(kind)}, &\n         & {words})"]
             component, values = f"s%{group}%{name}", f"v({n})%values"
             known = f"if (allocated({component})) " if "allocatable" in declared else ""
             taken += [f"         {known}{values} = {texts.format(component)}"]

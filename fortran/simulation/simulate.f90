@@ -17,7 +17,7 @@ module simulate
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: i8, wp
    use namelist_file, only: place, value_type
-   use settings_list, only: is_text, kind_logical, settings_list_type
+   use settings_list, only: is_text, settings_list_type
    use settings_schema, only: list_settings, settings_type
    use specimens, only: new_indentation
    use text, only: split_list, to_text
@@ -270,7 +270,7 @@ contains
             if (all(split_list(wanted) /= v%name)) cycle
             value = v%values(1)%text
             if (is_text(v)) value = '"'//value//'"'
-            if (v%kind == kind_logical) value = value(2:len(value) - 1)
+            if (v%kind == 'logical') value = value(2:len(value) - 1)
             call add_pair(v%name, value)
          end associate
       end do

@@ -6,7 +6,7 @@ program test_input
    use error_models, only: likelihood_names
    use errors, only: error_type
    use kinds, only: wp
-   use namelist_file, only: namelist_file_type, parse_namelist
+   use namelist_file, only: entry_type, parse_namelist
    use indenters, only: indenter_names
    use observables, only: observable_names
    use paper_basis, only: truncation_names
@@ -16,7 +16,6 @@ program test_input
    use settings_schema, only: list_settings
    use settings_checks, only: check_settings
    use settings_reader, only: read_settings
-   use settings_list, only: kind_choice, kind_integer, kind_real
    use specimens, only: geometry_names
    use text, only: join, number_malformed, number_not_finite, number_ok, number_text, read_integer, read_real, split_list
    use random, only: new_random_stream, random_stream_type
@@ -125,17 +124,17 @@ contains
    end subroutine test_tables
 
    subroutine test_syntax()
-      type(namelist_file_type) :: file
+      type(entry_type), allocatable :: file(:)
       type(error_type), allocatable :: error
 
       call parse_namelist('f', '&A x = 2*1.5, ''it''''s'' y = .true. & END &b/', file, error)
       call check_refused('a blank after &', error, 'f: &a: the / that ends the group is missing')
       call parse_namelist('f', '&A x = 2*1.5, ''it''''s'' y = .true. &END &b/', file, error)
       call check_success('two groups on one line', error)
-      call check('names in lower case', file%groups(1)%group == 'a' .and. file%entries(2)%name == 'y')
-      call check('an empty group', size(file%groups) == 2 .and. size(file%entries) == 2)
-      call check('repeated values', size(file%entries(1)%values) == 3 .and. file%entries(1)%values(2)%text == '1.5')
-      call check('a doubled quote', file%entries(1)%values(3)%text == 'it''s' .and. file%entries(1)%values(3)%quoted)
+      call check('names in lower case', file(1)%group == 'a' .and. file(3)%name == 'y')
+      call check('an empty group', size(file) == 4 .and. len(file(1)%name//file(4)%name) == 0)
+      call check('repeated values', size(file(2)%values) == 3 .and. file(2)%values(2)%text == '1.5')
+      call check('a doubled quote', file(2)%values(3)%text == 'it''s' .and. file(2)%values(3)%quoted)
       call parse_namelist('f', '&a x = 10001*1 /', file, error)
       call check_refused('too many repetitions', error, 'repeat count')
       call parse_namelist('f', '&a x = 1 y (2) = 3 /', file, error)
@@ -152,11 +151,11 @@ contains
       s = list_settings(unset)
       do i = 1, size(s%variables)
          associate (v => s%variables(i))
-            if (v%kind == kind_choice) call check('row '//v%group//' '//v%name//' has words', len(v%allowed) > 0)
+            if (v%kind == 'choice') call check('row '//v%group//' '//v%name//' has words', len(v%allowed) > 0)
             call check('row '//v%group//' '//v%name//' is there once', count([(s%variables(j)%group == v%group .and. &
                & s%variables(j)%name == v%name, j=1, size(s%variables))]) == 1)
             call check('row '//v%group//' '//v%name//' has a meaning', len(v%meaning) > 0)
-            if (v%kind == kind_integer .or. v%kind == kind_real) then
+            if (v%kind == 'integer' .or. index(v%kind, 'real') > 0) then
                n = index(v%allowed, ' to ')
                call check('row '//v%group//' '//v%name//' has a range', n > 0)
                call read_real(v%allowed(index(v%allowed(:n - 1), ' ') + 1:n - 1), low, outcome(1))
@@ -180,7 +179,7 @@ contains
    subroutine check_words(schema, group, name, words)
       type(settings_list_type), intent(in) :: schema
       character(len=*), intent(in) :: group, name, words
-      type(namelist_file_type) :: file
+      type(entry_type), allocatable :: file(:)
       type(settings_type) :: read
       type(error_type), allocatable :: error
       character(len=:), allocatable :: each(:)
@@ -210,7 +209,7 @@ contains
    !> Values, defaults and what is unset, as components of the types.
    subroutine test_settings()
       type(crystal_class_type) :: class
-      type(namelist_file_type) :: file
+      type(entry_type), allocatable :: file(:)
       type(settings_type) :: s
       type(error_type), allocatable :: error
 
