@@ -2,7 +2,6 @@
 #include <charconv>
 #include <cstdint>
 #include <cstring>
-#include <map>
 #include <sqlite3.h>
 #include <string>
 
@@ -11,19 +10,11 @@ namespace {
 struct database {
   sqlite3 *handle;
   int opened;
-  // With parameters, each prepared once.
-  std::map<std::string, sqlite3_stmt *> statements;
-  // What the last one gave, each ended by a zero byte; or the reason of its failure.
+  // What the last statements gave, each ended by a zero byte; or the reason of its failure.
   std::string cells;
 };
 
 void add_cell(std::string &cells, const char *text) { cells.append(text == nullptr ? "" : text).push_back('\0'); }
-
-int add_cells(void *cells, int n, char **texts, char **) {
-  for (int i = 0; i < n; ++i)
-    add_cell(*static_cast<std::string *>(cells), texts[i]);
-  return SQLITE_OK;
-}
 
 // Numbers to the last bit: the library's own texts of them have 15 digits.
 void add_row(std::string &cells, sqlite3_stmt *statement) {
@@ -48,20 +39,19 @@ int bind(sqlite3_stmt *statement, int i, const char *value) {
 }
 
 int run(database &self, const char *sql, const char *values, const char *end) {
-  if (self.opened != SQLITE_OK)
-    return self.opened;
-  if (values == end)
-    return sqlite3_exec(self.handle, sql, add_cells, &self.cells, nullptr);
-  sqlite3_stmt *&statement = self.statements[sql];
-  int code = statement == nullptr ? sqlite3_prepare_v2(self.handle, sql, -1, &statement, nullptr) : SQLITE_OK;
-  for (int i = 1; code == SQLITE_OK && values < end; ++i, values += std::strlen(values) + 1)
-    code = bind(statement, i, values);
-  if (code == SQLITE_OK)
-    while ((code = sqlite3_step(statement)) == SQLITE_ROW)
+  int code = self.opened;
+  while (code == SQLITE_OK && *sql != '\0') {
+    sqlite3_stmt *statement = nullptr;
+    code = sqlite3_prepare_v2(self.handle, sql, -1, &statement, &sql);
+    for (int i = 1; code == SQLITE_OK && values < end; ++i, values += std::strlen(values) + 1)
+      code = bind(statement, i, values);
+    while (code == SQLITE_OK && sqlite3_step(statement) == SQLITE_ROW)
       add_row(self.cells, statement);
-  // The file is left to others.
-  sqlite3_reset(statement);
-  return code == SQLITE_DONE ? SQLITE_OK : code;
+    // Gives the code of the last step, and leaves the file to others.
+    const int ended = sqlite3_finalize(statement);
+    code = code == SQLITE_OK ? ended : code;
+  }
+  return code;
 }
 
 } // namespace
@@ -77,14 +67,12 @@ database *bayesindent_open_database(const char *path) {
 
 // Close the file; what was not committed is not done.
 void bayesindent_close_database(database *self) {
-  for (const auto &[sql, statement] : self->statements)
-    sqlite3_finalize(statement);
   sqlite3_close_v2(self->handle);
   delete self;
 }
 
-// Perform a statement with the `length` bytes of values, each ended by a zero byte, for its parameters; without them several,
-// separated by semicolons. The cells of the rows that it gives, so many `bytes`, or the reason of a failure, with its result code.
+// Perform statements, separated by semicolons, the first with the `length` bytes of values, each ended by a zero byte, for its
+// parameters. The cells of the rows that it gives, so many `bytes`, or the reason of a failure, with its result code.
 const char *bayesindent_query(database *self, const char *sql, const char *values, std::int32_t length, std::int32_t *bytes,
                               std::int32_t *code) {
   self->cells.clear();

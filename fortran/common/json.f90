@@ -9,7 +9,6 @@
 !>
 !> The key is empty for the outermost value and within arrays. What is not finite becomes null; numbers come back to the last bit.
 module json
-   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use kinds, only: wp
    use text, only: append, newline, number_text, split_list, to_text
    use errors, only: warning_type
@@ -27,7 +26,7 @@ module json
       logical :: begun(0:deepest) = .false.
       character :: bracket(0:deepest) = ' '
    contains
-      procedure :: begin_object, end_object => close_level, begin_array, end_array => close_level, put_if, put_numbers
+      procedure :: begin_object, end_object => close_level, begin_array, end_array => close_level, put_numbers
       !> A value that is JSON already.
       procedure :: put_json, text => document_text
       procedure, private :: put_text, put_real, put_integer, put_logical, put_reals, put_matrix, put_lines
@@ -51,17 +50,6 @@ contains
 
       call open_level(self, '[]', key)
    end subroutine begin_array
-
-   !> The number `value` under `key`, or null if it is not `known`.
-   pure subroutine put_if(self, known, key, value)
-      class(json_type), intent(inout) :: self
-      logical, intent(in) :: known
-      character(len=*), intent(in) :: key
-      real(wp), intent(in) :: value
-
-      if (known) call self%put(key, value)
-      if (.not. known) call self%put_json(key, 'null')
-   end subroutine put_if
 
    !> A number, of `values`, for each name, in the object that is open, or in one of their own under `key`.
    pure subroutine put_numbers(self, names, values, key)
@@ -216,7 +204,7 @@ contains
       character(len=:), allocatable :: string
 
       string = 'null'
-      if (ieee_is_finite(value)) string = number_text(value)
+      if (abs(value) <= huge(value)) string = number_text(value)
    end function number
 
    !> The text `string` as JSON.

@@ -53,14 +53,7 @@ contains
    !> A number of `bytes` in words: '5.6 GB'.
    pure function memory_text(bytes) result(string)
       real(wp), intent(in) :: bytes
-      character(len=len_trim(in_units(bytes))) :: string
-
-      string = in_units(bytes)
-   end function memory_text
-
-   pure function in_units(bytes) result(string)
-      real(wp), intent(in) :: bytes
-      character(len=40) :: string
+      character(len=:), allocatable :: string
 
       if (bytes < 1.0e9_wp) then
          string = to_text(nint(1.0e-6_wp*bytes))//' MB'
@@ -69,7 +62,7 @@ contains
       else
          string = to_text(nint(1.0e-12_wp*min(bytes, 1.0e21_wp)))//' TB'
       end if
-   end function in_units
+   end function memory_text
 
    !> As many as are wanted, 0: one for each processor that this process may use; at most four for each, since more gain nothing. One in a
    !> process that was forked from one with threads, which it has not inherited though OpenMP waits for them.

@@ -17,7 +17,8 @@ module crystal_class
       & lattice_type, new_lattice, lattice_parameters
 
    type :: row_type
-      character(len=20) :: name, synonyms
+      !> The name, then synonyms.
+      character(len=28) :: names
       !> Proper rotations that, with the inversion, generate the group of the stiffness: 'fold axis', fold 0 for an axis of
       !> infinite order.
       character(len=12) :: generators
@@ -28,17 +29,17 @@ module crystal_class
    end type row_type
 
    type(row_type), parameter :: table(*) = [ &
-      & row_type('isotropic', '', '0 z, 0 x', 'a, a, a, 90, 90, 90', 'C11 C12'), &
-      & row_type('cubic', 'm-3m, m-3, fcc, bcc', '4 z, 3 xyz', 'a, a, a, 90, 90, 90', 'C11 C12 C44'), &
-      & row_type('hexagonal', '6/mmm, 6/m, hcp', '0 z', 'a, a, c, 90, 90, 120', 'C11 C12 C44 C33 C13'), &
-      & row_type('tetragonal', '4/mmm', '4 z, 2 x', 'a, a, c, 90, 90, 90', 'C11 C12 C13 C33 C44 C66'), &
-      & row_type('4/m', '', '4 z', 'a, a, c, 90, 90, 90', 'C11 C12 C13 C33 C44 C66 C16'), &
-      & row_type('trigonal', '-3m', '3 z, 2 x', 'a, a, c, 90, 90, 120', 'C11 C12 C13 C14 C33 C44'), &
-      & row_type('-3', '', '3 z', 'a, a, c, 90, 90, 120', 'C11 C12 C13 C14 C33 C44 C15'), &
-      & row_type('orthorhombic', 'mmm', '2 z, 2 x', 'a, b, c, 90, 90, 90', 'C11 C12 C13 C22 C23 C33 C44 C55 C66'), &
-      & row_type('monoclinic', '2/m', '2 y', 'a, b, c, 90, beta, 90', &
+      & row_type('isotropic', '0 z, 0 x', 'a, a, a, 90, 90, 90', 'C11 C12'), &
+      & row_type('cubic, m-3m, m-3, fcc, bcc', '4 z, 3 xyz', 'a, a, a, 90, 90, 90', 'C11 C12 C44'), &
+      & row_type('hexagonal, 6/mmm, 6/m, hcp', '0 z', 'a, a, c, 90, 90, 120', 'C11 C12 C44 C33 C13'), &
+      & row_type('tetragonal, 4/mmm', '4 z, 2 x', 'a, a, c, 90, 90, 90', 'C11 C12 C13 C33 C44 C66'), &
+      & row_type('4/m', '4 z', 'a, a, c, 90, 90, 90', 'C11 C12 C13 C33 C44 C66 C16'), &
+      & row_type('trigonal, -3m', '3 z, 2 x', 'a, a, c, 90, 90, 120', 'C11 C12 C13 C14 C33 C44'), &
+      & row_type('-3', '3 z', 'a, a, c, 90, 90, 120', 'C11 C12 C13 C14 C33 C44 C15'), &
+      & row_type('orthorhombic, mmm', '2 z, 2 x', 'a, b, c, 90, 90, 90', 'C11 C12 C13 C22 C23 C33 C44 C55 C66'), &
+      & row_type('monoclinic, 2/m', '2 y', 'a, b, c, 90, beta, 90', &
       & 'C11 C12 C13 C15 C22 C23 C25 C33 C35 C44 C46 C55 C66'), &
-      & row_type('triclinic', '-1', '', 'a, b, c, alpha, beta, gamma', &
+      & row_type('triclinic, -1', '', 'a, b, c, alpha, beta, gamma', &
       & 'C11 C12 C13 C14 C15 C16 C22 C23 C24 C25 C26 C33 C34 C35 C36 C44 C45 C46 C55 C56 C66')]
 
    !> The class without symmetry, whose constants are all 21 entries row by row.
@@ -48,8 +49,9 @@ module crystal_class
       character(len=:), allocatable :: name
       !> Edges and angles of the unit cell, a list of six.
       character(len=:), allocatable :: cell
-      !> Names of the independent constants, (n_constants).
+      !> Names of the independent constants, (n_constants), and the row and column of each, (2, n_constants).
       character(len=3), allocatable :: constants(:)
+      integer, allocatable, private :: entry(:, :)
       integer :: n_constants = 0
       !> Proper rotations that generate the group, (3, 3, n); an axis of infinite order is one rotation by 1 radian.
       real(wp), allocatable :: generators(:, :, :)
@@ -78,19 +80,21 @@ contains
       character(len=*), intent(in) :: name
       type(crystal_class_type), intent(out) :: class
       type(error_type), allocatable, intent(out) :: error
-      integer :: i, k
+      integer :: i, j, k
 
       do i = 1, size(table)
-         if (any(split_list(trim(table(i)%name)//', '//table(i)%synonyms) == lower(adjustl(name)))) exit
+         if (any(split_list(table(i)%names) == lower(adjustl(name)))) exit
       end do
       if (i > size(table) .or. len_trim(name) == 0) then
          call raise(error, ''''//trim(name)//''' is no crystal class; allowed '//crystal_class_names(), exit_bad_input)
          return
       end if
-      class%name = trim(table(i)%name)
+      class%name = table(i)%names(:scan(table(i)%names, ', ') - 1)
       class%cell = trim(table(i)%cell)
       class%n_constants = (len_trim(table(i)%constants) + 1)/4
       class%constants = [(table(i)%constants(4*k - 3:4*k - 1), k=1, class%n_constants)]
+      class%entry = reshape([((iachar(class%constants(k)(j:j)) - iachar('0'), j=2, 3), k=1, class%n_constants)], &
+         & [2, class%n_constants])
       call rotations_about(table(i)%generators, class%generators, class%folds)
       call derive_map(class, error)
    end subroutine new_crystal_class
@@ -98,13 +102,8 @@ contains
    !> Every name and synonym: 'isotropic, cubic, m-3m, ..'.
    function crystal_class_names() result(names)
       character(len=:), allocatable :: names
-      integer :: i
 
-      names = ''
-      do i = 1, size(table)
-         if (i > 1) names = names//', '
-         names = names//join(split_list(trim(table(i)%name)//', '//table(i)%synonyms), ', ')
-      end do
+      names = join(table%names, ', ')
    end function crystal_class_names
 
    !> The proper rotations that a list 'fold axis, ..' names: fold 0 (by 1 radian), 2, 3, 4, 6; the axis is a sum of x, y, z.
@@ -163,7 +162,7 @@ contains
       integer, allocatable :: other(:)
       logical :: definite
 
-      named = [(findloc([(entry_name(first(i), second(i)), i=1, 21)], self%constants(k), dim=1), k=1, self%n_constants)]
+      named = [(findloc(first == self%entry(1, k) .and. second == self%entry(2, k), .true., dim=1), k=1, self%n_constants)]
       other = pack([(k, k=1, 21)], [(all(named /= k), k=1, 21)])
       do k = 1, 21
          unit = 0.0_wp
@@ -201,13 +200,6 @@ contains
       end associate
    end subroutine derive_map
 
-   pure function entry_name(row, column) result(name)
-      integer, intent(in) :: row, column
-      character(len=3) :: name
-
-      name = 'C'//to_text(row)//to_text(column)
-   end function entry_name
-
    !> Stiffness in crystal axes, GPa.
    pure function stiffness(self, constants) result(c)
       class(crystal_class_type), intent(in) :: self
@@ -233,9 +225,7 @@ contains
       real(wp) :: constants(self%n_constants)
       integer :: k
 
-      do k = 1, self%n_constants
-         constants(k) = c(iachar(self%constants(k)(2:2)) - iachar('0'), iachar(self%constants(k)(3:3)) - iachar('0'))
-      end do
+      constants = [(c(self%entry(1, k), self%entry(2, k)), k=1, self%n_constants)]
    end function constants_of
 
    !> Whether every stiffness of another class, in the same axes, is one of this class too.

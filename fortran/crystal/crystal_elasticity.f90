@@ -3,9 +3,8 @@
 !> Stiffness in GPa, Voigt order 11,22,33,23,13,12 without factors of two. Bunge-Euler angles (phi1, Phi, phi2) in
 !> radians; g maps sample to crystal axes, v_crystal = g v_sample.
 module crystal_elasticity
-   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use errors, only: error_type, exit_bad_input, raise
-   use kinds, only: wp
+   use kinds, only: nan, wp
    use small_matrices, only: factor_definite, solve_lower, solve_upper
    use text, only: to_text
    implicit none
@@ -108,7 +107,7 @@ contains
 
       factor = c
       call factor_definite(factor, resolution, stable)
-      s = merge(0.0_wp, ieee_value(1.0_wp, ieee_quiet_nan), stable)
+      s = merge(0.0_wp, nan, stable)
       do j = 1, merge(6, 0, stable)
          s(j, j) = 1.0_wp
          call solve_lower(factor, s(:, j))
@@ -209,7 +208,7 @@ contains
 
       call diagonalise(kelvin_form(c), values, vectors)
       if (.not. minval(values) > 0.0_wp) then
-         poisson = ieee_value(1.0_wp, ieee_quiet_nan)
+         poisson = nan
          anisotropy = poisson
          if (present(stiffness)) stiffness = poisson
          return

@@ -4,8 +4,7 @@
 !> Autocovariances are sums over lags that end where Geyer's sequence ends: mixed chains cost a few lags, stuck ones up to
 !> samples²/8 products for each half. Long arrays are allocatable: others are on a thread's stack.
 module chain_diagnostics
-   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
-   use kinds, only: pi, wp
+   use kinds, only: nan, pi, wp
    use linear_algebra, only: dot
    use statistics, only: median, sort_order, sorted_values
    implicit none
@@ -34,7 +33,7 @@ contains
       real(wp), allocatable :: halves(:, :), work(:, :), sorted(:)
       real(wp) :: folded
 
-      diagnostics = diagnostics_type(nan(), nan(), nan())
+      diagnostics = diagnostics_type(nan, nan, nan)
       if (size(draws, 1) < least_samples) return
       call split_chains(draws, halves)
       allocate (work, mold=halves)
@@ -55,10 +54,6 @@ contains
       work = merge(1.0_wp, 0.0_wp, halves <= quantile(sorted, 1.0_wp - tail))
       diagnostics%ess_tail = min(diagnostics%ess_tail, effective_size(work))
    end function diagnose_chains
-
-   pure real(wp) function nan()
-      nan = ieee_value(1.0_wp, ieee_quiet_nan)
-   end function nan
 
    !> First and last halves of the chains, each a chain; a sample in the middle is left out.
    pure subroutine split_chains(draws, halves)
@@ -167,7 +162,7 @@ contains
       real(wp) :: mean(size(chains, 2)), within
       integer :: n, i
 
-      scale_reduction = nan()
+      scale_reduction = nan
       if (maxval(chains) - minval(chains) < resolution) return
       n = size(chains, 1)
       mean = sum(chains, 1)/n

@@ -5,12 +5,11 @@
 !> is inferred. The surrogate's own uncertainty is correlated between grains: its covariance is G T(c) Gᵀ with G = (df/dy) K, of the
 !> rank of the harmonics. So V = D + U Uᵀ with a thin U, and |V| and V^-1 cost a matrix of the size of U's columns (Woodbury).
 module constants_posterior
-   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use abstract_basis, only: grain_model_type
    use constants_prior, only: prior_type
    use error_models, only: error_model_type, new_error_model
    use errors, only: error_type, exit_bad_input, raise
-   use kinds, only: degree, wp
+   use kinds, only: degree, nan, wp
    use logarithmic_coordinates, only: log_frame_type
    use measured_grains, only: all_tilts, mean_modulus, measured_type, n_tilts, tilt_moments
    use observables, only: new_observable, observable_type
@@ -402,7 +401,7 @@ contains
       allocate (grains, source=self%grains)
       select type (grains)
       type is (wave_grains_type)
-         grains%propagation = spread(ieee_value(1.0_wp, ieee_quiet_nan), 1, size(euler, 2))
+         grains%propagation = spread(nan, 1, size(euler, 2))
          if (present(propagation)) grains%propagation = propagation
       end select
       call grains%set_grains(euler, error)

@@ -4,11 +4,10 @@
 !> the errors that measurements share. If the orientations are those of the grains, a chi-square is left. If the rows are in disorder, it
 !> is that of shuffled rows: the share of shuffles that fit as well is a probability, the share that is noticed the power of the check.
 module orientation_check
-   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use constants_posterior, only: posterior_type
    use crystal_elasticity, only: rotation_matrix
    use errors, only: error_type
-   use kinds, only: wp
+   use kinds, only: nan, wp
    use random, only: new_random_stream, random_stream_type
    use small_matrices, only: factor_columns, fit_columns, solve_lower
    use statistics, only: chi_square_above
@@ -115,7 +114,7 @@ contains
       check%freedom = n - count([(fit%l(i, i) > seen, i=1, harmonics%n)])
       check%p = chi_square_above(check%chi_square, check%freedom)
       ! With sds that were fitted chi-square says nothing.
-      if (posterior%infers_scale) check%p = ieee_value(1.0_wp, ieee_quiet_nan)
+      if (posterior%infers_scale) check%p = nan
       far = 5.0_wp
       if (check%p < rare) call find_outliers(fit, rows(:, :, 1), far, check)
       if (harmonics%n > 1) call try_shuffles(fit, posterior%data%modulus(:n) - sum(posterior%data%modulus(:n))/n, rows, check)

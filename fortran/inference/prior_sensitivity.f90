@@ -7,12 +7,11 @@
 !> The limits are those of the support of a posterior, stated ones and those of the surrogate's domain, each in the coordinate that it
 !> limits; and where the draws end at one is said, too.
 module prior_sensitivity
-   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use constants_posterior, only: posterior_type
    use constants_prior, only: least_width, prior_type, relative_width
    use crystal_elasticity, only: anisotropy_index, logarithmic_mean
    use errors, only: error_type
-   use kinds, only: wp
+   use kinds, only: nan, wp
    use linear_algebra, only: cholesky_factor, cholesky_solve
    use statistics, only: moments
    implicit none
@@ -200,7 +199,7 @@ contains
       change%shift = mean
       change%sd_ratio = sd
       if (effective < least_draws) then
-         change%shift = ieee_value(1.0_wp, ieee_quiet_nan)
+         change%shift = nan
          change%sd_ratio = change%shift
       end if
       changes = [changes, change]

@@ -7,10 +7,9 @@
 !> bounds, the default prior, the surrogate's domain. Covariances need no slopes, so that ridges do no harm; several modes do, and then
 !> the shares are not a number.
 module variance_shares
-   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use constants_posterior, only: posterior_type
    use errors, only: error_type
-   use kinds, only: wp
+   use kinds, only: nan, wp
    use linear_algebra, only: cholesky_factor, cholesky_solve
    use quantities, only: evaluate_draws
    implicit none
@@ -87,7 +86,7 @@ contains
             one%by_source = parts(:, q)/unit
             one%by_quantity = pulls(:, q)*known(:, q)/unit
             if (.not. (mixed .and. total(q) <= greatest_sum)) then
-               one%by_source = ieee_value(1.0_wp, ieee_quiet_nan)
+               one%by_source = nan
                one%by_quantity = one%by_source(1)
             end if
             one%measurements = sum(one%by_source)

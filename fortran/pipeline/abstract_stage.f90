@@ -11,7 +11,6 @@
 !> What became of a simulation is stored by `take`, of a stage that has a campaign; a modulus that is none is a failure. What the machine
 !> could not do (memory) is no result: it is wanted once more, alone, and is an error if that fails too.
 module abstract_stage
-   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use campaign, only: campaign_type, row_type
    use errors, only: error_type, machine_failure, raise, refuse, warning_type
    use json, only: json_type
@@ -169,7 +168,7 @@ contains
          self%n_new = self%n_new + 1
          self%rows(number)%outcome = outcome
          associate (kept => self%rows(number)%outcome)
-            if (kept%status == outcome_done .and. .not. (ieee_is_finite(kept%modulus) .and. kept%modulus > 0.0_wp)) then
+            if (kept%status == outcome_done .and. .not. (kept%modulus > 0.0_wp .and. kept%modulus <= huge(1.0_wp))) then
                kept%status = outcome_failed
                kept%message = 'the modulus is '//lower(to_text(kept%modulus))//' GPa'
             end if

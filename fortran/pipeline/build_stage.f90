@@ -7,7 +7,7 @@ module build_stage
    use errors, only: error_type, warn
    use halfspace_theory, only: halfspace_moduli
    use json, only: json_type
-   use kinds, only: degree, wp
+   use kinds, only: degree, nan, wp
    use posterior_focus, only: accurate_share, accurate_z
    use problem_posterior, only: stiffnesses
    use settings_reader, only: settings_namelist
@@ -111,7 +111,7 @@ contains
       type(history_type), intent(in) :: state
 
       call page%put_numbers('loocv_gpa, leave_crystal_out_gpa', [state%loocv, state%leave_crystal_out])
-      call page%put_if(state%next >= 0.0_wp, 'next_gpa', state%next)
+      call page%put('next_gpa', merge(state%next, nan, state%next >= 0.0_wp))
       call page%put_numbers('alpha, beta, fall, log_evidence, norm, angle_deg', [state%alpha, state%beta, state%decay_rate, &
          & state%log_evidence, state%norm, state%angle_deg])
    end subroutine put_state
@@ -194,7 +194,7 @@ contains
             call page%begin_object()
             call page%put('simulations', round%simulations)
             call page%put_numbers(join(names, ', '), round%share, 'surrogate_share')
-            call page%put_if(round%z >= 0.0_wp, 'rms_z', round%z)
+            call page%put('rms_z', merge(round%z, nan, round%z >= 0.0_wp))
             call page%put('truncated', round%truncated)
             call page%end_object()
             if (i < size(build%focus%rounds)) cycle

@@ -1,12 +1,11 @@
 !> What `curves` leaves in a folder: the moduli of the grains, their shared errors, the fits, and the document.
 module curves_document
-   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use curve_tables, only: curve_set_type
    use elastic_window, only: n_shared, test_type
    use errors, only: error_type
    use files, only: new_file_type
    use json, only: json_type
-   use kinds, only: wp
+   use kinds, only: nan, wp
    use shared_posterior, only: curves_posterior_type, material_type
    use small_matrices, only: factor_semidefinite
    use stage_documents, only: cells_of_numbers
@@ -171,7 +170,7 @@ contains
             values = [exp(t%ln_modulus)*[1.0_wp, sqrt(t%variance)], t%from_load, t%to_load, t%zero, t%drift, t%drift_sd, t%noise, &
                & t%correlation]
             ! What is not finite is null.
-            if (.not. t%used) values = ieee_value(1.0_wp, ieee_quiet_nan)
+            if (.not. t%used) values = nan
             call page%put_numbers('effective_modulus_gpa, sd_gpa, elastic_from_mn, elastic_to_mn, zero_nm, drift_nm_s, ' &
                & //'drift_sd_nm_s, noise_nm, noise_correlation', values)
             call page%end_object()

@@ -1,12 +1,11 @@
 !> Step 2 of a problem: chains of the posterior and of the prior, and all that is said of them.
 module extraction
-   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use constants_posterior, only: posterior_type
    use crystal_elasticity, only: hill_young_poisson, polycrystal_averages
    use errors, only: error_type
    use further_knowledge, only: conflict_type, expect_gains, find_conflict, gain_type, without_knowledge
    use halfspace_theory, only: halfspace_moduli
-   use kinds, only: i8, wp
+   use kinds, only: i8, nan, wp
    use model_checks, only: check_model, checks_type, estimate_evidence, evidence_type
    use orientation_check, only: check_orientations, orientation_check_type
    use posterior_summary, only: climb, combination_type, find_combinations, parameter_type, predict_grains, predictions_type, &
@@ -222,7 +221,7 @@ contains
       do i = 1, n
          associate (interval => self%parameters(i)%hdi_95, point => self%most_probable(i))
             ! Along a ridge it is noise.
-            if (.not. (point >= interval(1) .and. point <= interval(2))) point = ieee_value(1.0_wp, ieee_quiet_nan)
+            if (.not. (point >= interval(1) .and. point <= interval(2))) point = nan
          end associate
       end do
       call share_all(threads, self, draws, logarithms, values, error)

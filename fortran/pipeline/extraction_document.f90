@@ -7,7 +7,7 @@ module extraction_document
    use extraction, only: extraction_type
    use files, only: checksum, file_exists, read_bytes, replace_file
    use json, only: json_type
-   use kinds, only: wp
+   use kinds, only: nan, wp
    use named_values, only: named_values_reader_type, named_values_type
    use orientation_check, only: readings
    use posterior_diagnostics, only: check_extraction, find_reasons, known_text, powers_text
@@ -268,7 +268,7 @@ contains
             if (prior%is_stated(j)) call page%put(prior%class%constants(j), [prior%lower(j), prior%upper(j)])
          end do
          call page%end_object()
-         call page%put_if(prior%anisotropy_cap < huge(1.0_wp), 'anisotropy_cap', prior%anisotropy_cap)
+         call page%put('anisotropy_cap', merge(prior%anisotropy_cap, nan, prior%anisotropy_cap < huge(1.0_wp)))
          call page%put('share_covered', prior%share_inside)
          call page%begin_array('knowledge')
          sd = known%sd()

@@ -1,6 +1,5 @@
 !> `simulate`: every crystal of &crystals, kept in the campaign of the output folder as soon as it is simulated.
 module simulate_stage
-   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use abstract_stage, only: job_type, stage_type
    use campaign, only: campaign_name, row_type
    use stage_documents, only: begin_crystal, cells_of_numbers, write_moduli
@@ -8,7 +7,7 @@ module simulate_stage
    use files, only: new_file_type
    use indenters, only: indenter_type, new_indenter
    use json, only: json_type
-   use kinds, only: pi, wp
+   use kinds, only: nan, pi, wp
    use namelist_file, only: place
    use statistics, only: number_equal
    use simulate, only: identity_text, outcome_done, outcome_failed, outcome_waiting, simulation_error
@@ -66,7 +65,7 @@ contains
       integer :: i, failed
 
       rows = self%rows(self%place)
-      modulus = merge(rows%outcome%modulus, ieee_value(1.0_wp, ieee_quiet_nan), rows%outcome%status == outcome_done)
+      modulus = merge(rows%outcome%modulus, nan, rows%outcome%status == outcome_done)
       call write_moduli(self%problem, self%output//'/moduli.csv', modulus, error)
       if (.not. allocated(error)) call new_indenter(self%problem%settings%indenter, indenter, error)
       if (.not. allocated(error)) call write_curves(rows, indenter, self%output//'/curves.csv', error)
@@ -83,7 +82,7 @@ contains
          associate (outcome => rows(i)%outcome)
             if (outcome%elements > 0) call page%put('elements', outcome%elements)
             if (outcome%elements == 0) call page%put_json('elements', 'null')
-            call page%put_if(outcome%seconds > 0.0_wp, 'seconds', outcome%seconds)
+            call page%put('seconds', merge(outcome%seconds, nan, outcome%seconds > 0.0_wp))
             call page%put('depth_um', outcome%depth)
             call page%put('force_mn', outcome%force)
             call page%put('modulus_by_depth_gpa', outcome%force/indenter%unit_force(outcome%depth))

@@ -8,7 +8,7 @@ module size_stage
    use errors, only: error_type, refuse, warn
    use indenters, only: indenter_type, new_indenter
    use json, only: json_type
-   use kinds, only: wp
+   use kinds, only: nan, wp
    use namelist_file, only: place
    use settings_schema, only: specimen_settings_type
    use simulate, only: outcome_done
@@ -146,11 +146,11 @@ contains
             smallest = smallest_size(pack(self%sizes, known), pack(bias, known))
             call begin_crystal(page, self%problem%crystals, one%crystal)
             call page%put('surroundings', trim(one%name))
-            call page%put_if(one%young > 0.0_wp, 'young_gpa', one%young)
-            call page%put_if(ideal > 0.0_wp, 'halfspace_gpa', ideal)
+            call page%put('young_gpa', merge(one%young, nan, one%young > 0.0_wp))
+            call page%put('halfspace_gpa', merge(ideal, nan, ideal > 0.0_wp))
             call page%put('size_um', pack(self%sizes, known))
             call page%put('bias', pack(bias, known))
-            call page%put_if(any(known), 'smallest_um', smallest)
+            call page%put('smallest_um', merge(smallest, nan, any(known)))
             call page%end_object()
          end associate
       end do

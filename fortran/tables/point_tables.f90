@@ -5,7 +5,7 @@ module point_tables
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
    use crystal_elasticity, only: check_stiffness, rotation_matrix
    use errors, only: error_type, refuse
-   use kinds, only: degree, i8, pi, wp
+   use kinds, only: degree, i8, nan, pi, wp
    use statistics, only: number_equal
    use settings_schema, only: measurements_settings_type
    use table_columns, only: check_unit, column_list, degrees, find_column, find_modulus, find_ways, known_columns, name_columns, &
@@ -15,7 +15,7 @@ module point_tables
    implicit none
    private
    public :: points_type, read_crystals, read_grains, read_measurements, read_positions, first_rows, angles_look_like_radians, &
-      & nan, read_angles, read_groups, read_column
+      & read_angles, read_groups, read_column
 
    !> One row a point. What a table has not is NaN.
    type :: points_type
@@ -56,10 +56,8 @@ module point_tables
    end type points_type
 
    character(len=*), parameter :: angle_names(3) = [character(len=8) :: 'phi1_deg', 'Phi_deg', 'phi2_deg']
-   !> Quiet. (A function of the intrinsic module would save the state of the processor at each call.)
-   real(wp), parameter :: nan = transfer(int(z'7FF8000000000000', i8), 1.0_wp)
    !> What a stiffness can be, GPa.
-   real(wp), parameter :: stiffness_most = 5000.0_wp
+   real(wp), parameter, public :: stiffness_most = 5000.0_wp
 
 contains
 
@@ -408,9 +406,7 @@ contains
 
       allocate (values(table%rows), source=nan)
       do i = 1, merge(table%rows, 0, column > 0)
-         if (may_be_empty) then
-            if (table%is_empty(column, i)) cycle
-         end if
+         if (may_be_empty .and. table%is_empty(column, i)) cycle
          call table%number(column, i, values(i), error)
          if (allocated(error)) return
          if (values(i) >= allowed(1) .and. values(i) <= allowed(2)) cycle

@@ -7,6 +7,7 @@ module stiffness_table
    use files, only: printable
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor
+   use point_tables, only: stiffness_most
    use tables, only: table_type
    use text, only: join, to_text
    implicit none
@@ -19,9 +20,6 @@ module stiffness_table
       !> In the order of the class: GPa (n_constants), GPa² (n_constants, n_constants).
       real(wp), allocatable :: mean(:), covariance(:, :)
    end type stiffness_table_type
-
-   !> GPa.
-   real(wp), parameter :: stiffness_most = 5000.0_wp
 
 contains
 

@@ -75,14 +75,10 @@ module table_columns
    !> Fewer letters are near to everything.
    integer, parameter :: shortest_misspelt = 4
 
-   !> A way to state a direction: the names of its columns.
-   type :: way_type
-      integer :: n
-      character(len=2) :: names(4)
-   end type way_type
+   !> Ways to state a direction: the columns of each. The first three have all names.
    integer, parameter :: quaternions = 1, four_directions = 2, four_planes = 3, directions = 4, planes = 5
-   type(way_type), parameter :: ways(5) = [way_type(4, ['q0', 'q1', 'q2', 'q3']), way_type(4, ['u ', 'v ', 't ', 'w ']), &
-      & way_type(4, ['h ', 'k ', 'i ', 'l ']), way_type(3, ['u ', 'v ', 'w ', '  ']), way_type(3, ['h ', 'k ', 'l ', '  '])]
+   character(len=14), parameter :: ways(5) = [ &
+      & 'q0, q1, q2, q3', 'u, v, t, w    ', 'h, k, i, l    ', 'u, v, w       ', 'h, k, l       ']
    !> What is rounded away in a file, relative.
    real(wp), parameter :: rounding = 1.0e-2_wp
 
@@ -143,7 +139,7 @@ contains
       integer :: i
 
       name = lower(header)
-      if (all([ways(quaternions)%names, ways(four_directions)%names, ways(four_planes)%names] /= name)) name = ''
+      if (all(split_list(join(ways(:3), ', ')) /= name)) name = ''
       do i = size(known_columns), 1, -1
          if (is_other_name(header, i) .or. lower(known_columns(i)%name) == lower(header)) name = known_columns(i)%name
       end do
@@ -314,8 +310,7 @@ contains
       integer :: equals, column, i, k
 
       if (.not. allocated(said)) return
-      names = join(known_columns%name, ', ')//', ' &
-         & //join([ways(quaternions)%names, ways(four_directions)%names, ways(four_planes)%names], ', ')
+      names = join(known_columns%name, ', ')//', '//join(ways(:3), ', ')
       known = split_list(names)
       given = ''
       table%given_names = ''
@@ -350,19 +345,21 @@ contains
       integer, intent(out) :: way
       integer, allocatable, intent(out) :: columns(:)
       type(error_type), allocatable, intent(out) :: error
+      character(len=len(ways)), allocatable :: names(:)
       integer, allocatable :: own(:)
       integer :: i, j
 
       way = 0
       allocate (columns(0))
       do i = 1, size(ways)
-         own = [(table%find(trim(ways(i)%names(j))), j=1, ways(i)%n)]
+         names = split_list(ways(i))
+         own = [(table%find(trim(names(j))), j=1, size(names))]
          if (any(own == 0)) cycle
          ! Three of four indices are no way of their own.
          if ((way == four_directions .and. i == directions) .or. (way == four_planes .and. i == planes)) cycle
          if (way > 0) then
-            call refuse(error, 'orientations are stated twice, by '//join(ways(way)%names(:ways(way)%n), ', ')//' and by ' &
-               & //join(ways(i)%names(:ways(i)%n), ', ')//'; one of them is allowed')
+            call refuse(error, 'orientations are stated twice, by '//trim(ways(way))//' and by '//trim(ways(i)) &
+               & //'; one of them is allowed')
             return
          end if
          way = i
@@ -386,7 +383,7 @@ contains
       integer :: i, j
 
       if (way /= quaternions) then
-         call find_lattice(ways(way))
+         call find_lattice()
          if (allocated(error)) return
       end if
       do i = 1, table%rows
@@ -417,8 +414,7 @@ contains
    contains
 
       !> The cell to which indices refer.
-      subroutine find_lattice(way)
-         type(way_type), intent(in) :: way
+      subroutine find_lattice()
          character(len=:), allocatable :: open
 
          open = lattice_parameters(class)
@@ -427,12 +423,11 @@ contains
          else if (len(open) == 0) then
             call new_lattice(class, [real(wp) ::], lattice, error)
          else
-            call refuse(error, 'the columns '//join(way%names(:way%n), ', ')//' are indices of a '//class%name//' crystal, whose ' &
-               & //'directions depend on its cell: &problem lattice = '//open//' (lengths in any unit, angles in degrees) is ' &
-               & //'needed')
+            call refuse(error, 'the columns '//trim(ways(way))//' are indices of a '//class%name//' crystal, whose directions ' &
+               & //'depend on its cell: &problem lattice = '//open//' (lengths in any unit, angles in degrees) is needed')
          end if
-         if (.not. allocated(error) .and. way%n == 4 .and. .not. lattice%is_hexagonal) call refuse(error, 'the columns ' &
-            & //join(way%names, ', ')//' are four indices, which only cells with 120 degrees between a and b have; a '//class%name &
+         if (.not. allocated(error) .and. size(columns) == 4 .and. .not. lattice%is_hexagonal) call refuse(error, 'the columns ' &
+            & //trim(ways(way))//' are four indices, which only cells with 120 degrees between a and b have; a '//class%name &
             & //' crystal has three')
       end subroutine find_lattice
    end subroutine read_directions

@@ -1,8 +1,8 @@
 !> The table of measured speeds of waves, beside or instead of moduli: a row of each follows the rows of the moduli.
 module velocity_tables
    use errors, only: error_type
-   use kinds, only: wp
-   use point_tables, only: nan, points_type, read_angles, read_column, read_groups
+   use kinds, only: nan, wp
+   use point_tables, only: points_type, read_angles, read_column, read_groups
    use table_columns, only: find_column
    use tables, only: table_type
    implicit none
