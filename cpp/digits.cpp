@@ -84,24 +84,17 @@ void bayesindent_write_real(double value, std::int32_t form, std::int32_t n, cha
 void bayesindent_read_real(const char *text, std::int32_t length, double *value, std::int32_t *outcome) {
   *value = 0.0;
   *outcome = malformed;
-  const char *first = text + (length > 0 && (text[0] == '-' || text[0] == '+')), *last = text + length;
+  std::string digits(text + (length > 0 && (text[0] == '-' || text[0] == '+')), text + length);
+  std::replace(digits.begin(), digits.end(), 'd', 'e');
+  std::replace(digits.begin(), digits.end(), 'D', 'e');
+  const char *const last = digits.data() + digits.size();
   double size = 0.0;
-  auto done = std::from_chars(first, last, size);
-  std::string digits;
-  if (done.ptr != last) {
-    digits.assign(first, last);
-    std::replace(digits.begin(), digits.end(), 'd', 'e');
-    std::replace(digits.begin(), digits.end(), 'D', 'e');
-    first = digits.data();
-    last = first + digits.size();
-    size = 0.0;
-    done = std::from_chars(first, last, size);
-  }
+  const auto done = std::from_chars(digits.data(), last, size);
   // A second sign is none.
-  if (done.ec == std::errc::invalid_argument || done.ptr != last || *first == '-')
+  if (done.ec == std::errc::invalid_argument || done.ptr != last || digits[0] == '-')
     return;
   // Out of range is what is too small, too.
-  *outcome = std::isfinite(size) && (done.ec == std::errc() || !is_large({first, last})) ? ok : not_finite;
+  *outcome = std::isfinite(size) && (done.ec == std::errc() || !is_large(digits)) ? ok : not_finite;
   if (*outcome == ok)
     *value = text[0] == '-' ? -size : size;
 }

@@ -54,17 +54,11 @@ contains
    pure subroutine warn(warnings, text)
       type(warning_type), allocatable, intent(inout) :: warnings(:)
       character(len=*), intent(in) :: text
-      type(warning_type), allocatable :: longer(:)
-      integer :: n, i
+      type(warning_type) :: last
 
-      n = 0
-      if (allocated(warnings)) n = size(warnings)
-      allocate (longer(n + 1))
-      do i = 1, n
-         call move_alloc(warnings(i)%text, longer(i)%text)
-      end do
-      longer(n + 1)%text = text
-      call move_alloc(longer, warnings)
+      last%text = text
+      if (.not. allocated(warnings)) allocate (warnings(0))
+      warnings = [warnings, last]
    end subroutine warn
 
    !> ', did you mean X?' with the nearest of the allowed names, or nothing if none is near.

@@ -155,10 +155,9 @@ contains
       end if
       if (allocated(self%error)) return
       ! A value takes two bytes at least.
-      if (n < 0 .or. n > (len(self%content) - self%position)/2) then
-         call self%fail(''''//label//''' cannot have '//to_text(n)//' values')
-         return
-      end if
+      if (n < 0 .or. n > (len(self%content) - self%position)/2) call self%fail(''''//label//''' cannot have ' &
+         & //to_text(n)//' values')
+      if (allocated(self%error)) return
       if (allocated(values)) deallocate (values)
       allocate (values(n))
       do i = 1, n

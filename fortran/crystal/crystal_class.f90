@@ -85,10 +85,9 @@ contains
       do i = 1, size(table)
          if (any(split_list(table(i)%names) == lower(adjustl(name)))) exit
       end do
-      if (i > size(table) .or. len_trim(name) == 0) then
-         call raise(error, ''''//trim(name)//''' is no crystal class; allowed '//crystal_class_names(), exit_bad_input)
-         return
-      end if
+      if (i > size(table) .or. len_trim(name) == 0) call raise(error, ''''//trim(name)//''' is no crystal class; ' &
+         & //'allowed '//crystal_class_names(), exit_bad_input)
+      if (allocated(error)) return
       class%name = table(i)%names(:scan(table(i)%names, ', ') - 1)
       class%cell = trim(table(i)%cell)
       class%n_constants = (len_trim(table(i)%constants) + 1)/4
@@ -185,10 +184,9 @@ contains
       end if
       map = 0.0_wp
       map(other, :) = snapped(solution)
-      if (any(abs(matmul(equations(:, other), map(other, :)) + equations(:, named)) > 1.0e-6_wp)) then
-         call raise(error, 'the constants of a '//self%name//' crystal, and their halves, do not span its stiffnesses')
-         return
-      end if
+      if (any(abs(matmul(equations(:, other), map(other, :)) + equations(:, named)) > 1.0e-6_wp)) call raise(error, &
+         & 'the constants of a '//self%name//' crystal, and their halves, do not span its stiffnesses')
+      if (allocated(error)) return
       do i = 1, self%n_constants
          map(named(i), i) = 1.0_wp
       end do

@@ -89,12 +89,8 @@ contains
          bend = abs(bend(3:) - 2.0_wp*bend(2:n - 1) + bend(:n - 2))
          test%sigma = max(least, normal*median(n - 2, bend)/spread)
       end associate
-      if (.not. slope > 0.0_wp) then
-         call leave_out(test, 'no elastic part: the depth does not grow with the load')
-         return
-      end if
-      test%ln_modulus = log(0.75_wp/sqrt(radius)*(1.0e3_wp/slope)**1.5_wp)
-
+      if (.not. slope > 0.0_wp) call leave_out(test, 'no elastic part: the depth does not grow with the load')
+      if (test%used) test%ln_modulus = log(0.75_wp/sqrt(radius)*(1.0e3_wp/slope)**1.5_wp)
    end subroutine begin_test
 
    !> The test about shared unknowns `s` with prior sds `sds`.
@@ -140,10 +136,8 @@ contains
          chosen = i
          weight = exp(score - evidence)
       end do
-      if (chosen == 0) then
-         call leave_out(test, 'no elastic part: too few points')
-         return
-      end if
+      if (chosen == 0) call leave_out(test, 'no elastic part: too few points')
+      if (chosen == 0) return
       test%correlation = correlations(chosen)
       test%noise = test%sigma(chosen)
       call sum_windows(test, s, l, first, weight)
@@ -251,9 +245,7 @@ contains
          integer :: k
 
          associate (mean => now%mean, covariance => now%covariance)
-            do k = 1, n_columns
-               gain(k) = sum(covariance(:, k)*x)
-            end do
+            gain = matmul(x, covariance)
             total = noise + sum(gain*x)
             error = y - sum(mean*x)
             density = density - 0.5_wp*(log(2.0_wp*pi*total) + error**2/total)

@@ -37,10 +37,8 @@ contains
       segment%refusal = ''
       associate (load => points(3, :))
          peak = maxval(load)
-         if (.not. peak > 0.0_wp) then
-            segment%refusal = 'no load is above zero'
-            return
-         end if
+         if (.not. peak > 0.0_wp) segment%refusal = 'no load is above zero'
+         if (len(segment%refusal) > 0) return
          last = findloc(load >= last_share*peak, .true., 1)
          first = findloc(load(:last) < first_share*peak, .true., 1, back=.true.) + 1
          block = 1 + max(0, last - first - 1)/most_points
@@ -51,10 +49,8 @@ contains
       if (size(air) > few) means(3, :) = means(3, :) - median(size(air), air)
       means = means(:, pack([(i, i=1, n)], means(3, :) > first_share*peak))
       n = size(means, 2)
-      if (n < fewest_points) then
-         segment%refusal = 'only '//to_text(n)//' points from contact to peak load; 12 are needed'
-         return
-      end if
+      if (n < fewest_points) segment%refusal = 'only '//to_text(n)//' points from contact to peak load; 12 are needed'
+      if (len(segment%refusal) > 0) return
       segment%time = means(1, :) - means(1, 1)
       segment%depth = means(2, :) - drift*segment%time
       segment%load = means(3, :)

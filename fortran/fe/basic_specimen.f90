@@ -199,11 +199,9 @@ contains
       bricks = nx**2*nz
       do i = 1, size(plan%stages)
          associate (stage => plan%stages(i))
-            if (.not. (stage%growth > 1.0_wp .and. stage%growth < 10.0_wp)) then
-               call refuse(error, to_text(stage%layers)//' layers growing by '//to_text(stage%growth) &
-                  & //' cannot be made; allowed: at least none, and 1 to 10')
-               return
-            end if
+            if (.not. (stage%growth > 1.0_wp .and. stage%growth < 10.0_wp)) call refuse(error, to_text(stage%layers) &
+               & //' layers growing by '//to_text(stage%growth)//' cannot be made; allowed: at least none, and 1 to 10')
+            if (allocated(error)) return
             if (stage%coarsen) then
                nx = nx/2
                nz = nz/2

@@ -197,10 +197,8 @@ contains
       do i = 1, size(mesh%representative)
          e = mesh%representative(i)
          call brick_stiffness(mesh%x(:, mesh%brick(:, e)), c(:, :, mesh%material(e)), formulation, mesh%growth(e), k, valid)
-         if (.not. valid) then
-            call raise(error, 'element '//to_text(e)//' of the mesh is turned inside out')
-            return
-         end if
+         if (.not. valid) call raise(error, 'element '//to_text(e)//' of the mesh is turned inside out')
+         if (allocated(error)) return
          class_stiffness(:, i) = pack(k, lower(:24, :24))
       end do
       n_bricks = size(mesh%brick, 2)
@@ -276,13 +274,10 @@ contains
       real(wp), intent(in) :: solution(:)
       !> (3, nodes).
       real(wp), intent(out) :: u(:, :)
-      integer :: i, j, m
+      integer :: i, m
 
-      u = 0.0_wp
       do i = 1, size(u, 2)
-         do j = 1, 3
-            if (assembly%unknown(j, i) > 0) u(j, i) = solution(assembly%unknown(j, i))
-         end do
+         u(:, i) = merge(solution(max(1, assembly%unknown(:, i))), 0.0_wp, assembly%unknown(:, i) > 0)
       end do
       do i = 1, size(mesh%hanging)
          m = count(mesh%master(:, i) > 0)

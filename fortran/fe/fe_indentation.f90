@@ -136,10 +136,8 @@ contains
       allocate (model%grid(merge(1, size(model%refine), model%as_needed)))
       do i = 1, size(model%grid)
          call new_grid(model%specimen, model%indenter, model%refine(i), model%grid(i), error)
-         if (allocated(error)) then
-            call free_indentation_model(model)
-            return
-         end if
+         if (allocated(error)) call free_indentation_model(model)
+         if (allocated(error)) return
          model%elements = model%elements + size(model%grid(i)%mesh%brick, 2) + size(model%grid(i)%mesh%facet, 2)
       end do
    end subroutine make_grids
@@ -230,8 +228,7 @@ contains
       moduli = moduli_of(model, result%force)
       result%modulus_slope = moduli(2)
       result%modulus_last = moduli(3)
-      result%modulus_by_depth = model%indenter%unit_force(model%depth)
-      result%modulus_by_depth = result%force/result%modulus_by_depth
+      result%modulus_by_depth = result%force/model%indenter%unit_force(model%depth)
       result%elements = elements
       result%zone = zone
       call system_clock(finish)

@@ -172,10 +172,10 @@ contains
       type(mesh_stage_type), intent(in) :: stage
       type(builder_type), intent(inout) :: self
       integer, allocatable :: quad(:, :, :), first_class(:)
-      logical, allocatable :: similar(:)
       real(wp), allocatable :: start(:, :), finish(:, :)
       real(wp) :: share
       integer :: layer, facets, points, f, p
+      logical :: above
 
       if (stage%layers == 0) return
       call surface_quads(self, quad)
@@ -183,10 +183,7 @@ contains
       points = count(self%at > 0)
       start = self%x(:, pack(self%at, self%at > 0))
       finish = stage_end(stage, start)
-      allocate (first_class(facets), similar(facets))
-      do f = 1, facets
-         similar(f) = stage%shape == growing .and. .not. is_above(stage, self, nodes_of(self%at, quad(:, :, f)))
-      end do
+      allocate (first_class(facets))
       do layer = 1, stage%layers
          do f = 1, facets
             self%brick(1:4, self%bricks + f) = nodes_of(self%at, quad(:, :, f))
@@ -198,9 +195,10 @@ contains
          do f = 1, facets
             associate (brick => self%bricks + f)
                self%brick(5:8, brick) = nodes_of(self%at, quad(:, :, f))
-               self%material(brick) = merge(1, stage%material, is_above(stage, self, self%brick(:, brick)))
+               above = is_above(stage, self, self%brick(:, brick))
+               self%material(brick) = merge(1, stage%material, above)
                self%growth(brick) = stage%growth
-               if (layer == 1 .or. .not. similar(f)) then
+               if (layer == 1 .or. above .or. stage%shape /= growing) then
                   self%classes = self%classes + 1
                   self%representative(self%classes) = brick
                   first_class(f) = self%classes

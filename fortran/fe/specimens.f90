@@ -83,10 +83,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       call new_indenter(settings%indenter, indenter, error)
-      if (allocated(error)) then
-         error%message = '&indenter '//error%message
-         return
-      end if
+      if (allocated(error)) error%message = '&indenter '//error%message
+      if (allocated(error)) return
       select case (settings%specimen%geometry)
       case (halfspace_name)
          allocate (specimen)

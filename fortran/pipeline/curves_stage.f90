@@ -105,11 +105,9 @@ contains
                   & asked%drift_sd_nm_s, asked%load_sd_mn])
             end do
             call compare_tests(tests, self%found%materials, step > 1)
-            if (.not. any(tests%used)) then
-               call refuse(error, self%problem%curves_place()//'no test has an elastic part; test ' &
-                  & //self%problem%curves%curves(1)%name//': '//tests(1)%reason)
-               return
-            end if
+            if (.not. any(tests%used)) call refuse(error, self%problem%curves_place()//'no test has an elastic part; test ' &
+               & //self%problem%curves%curves(1)%name//': '//tests(1)%reason)
+            if (allocated(error)) return
             before = s%mean(:n_shared)
             call s%infer_shared(error)
             if (allocated(error)) return

@@ -32,8 +32,8 @@ module namelist_file
 
    character(len=*), parameter :: blanks = ' '//achar(9)//achar(13)
    character(len=*), parameter :: letters = 'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_'
-   !> More repetitions than any array of ours has elements are refused before they are made.
-   integer, parameter :: most_repeats = 10000
+   !> More repetitions and values than any array of ours has elements are refused before they are made.
+   integer, parameter :: most_repeats = 10000, most_values = most_repeats
    !> Of groups and variables: more are no input of ours.
    integer, parameter :: most_names = 2000
 
@@ -200,14 +200,12 @@ contains
    subroutine parse_values(parser, entry)
       type(parser_type), intent(inout) :: parser
       type(entry_type), intent(inout) :: entry
-      type(value_type), allocatable :: found(:), grown(:)
       type(value_type) :: value
       character :: mark
-      integer :: n, length, repeats, start(2)
+      integer :: length, repeats, start(2), i
       logical :: needs_value
 
-      allocate (found(8))
-      n = 0
+      allocate (entry%values(0))
       needs_value = .true.
       do while (.not. allocated(parser%error))
          call skip_blanks(parser)
@@ -240,17 +238,12 @@ contains
             call take_repeats(parser, value, repeats)
          end select
          if (allocated(parser%error)) return
-         do while (n + repeats > size(found))
-            allocate (grown(2*size(found)))
-            grown(:n) = found(:n)
-            call move_alloc(grown, found)
-         end do
-         found(n + 1:n + repeats) = value
-         n = n + repeats
+         if (size(entry%values) + repeats > most_values) call refuse(parser, 'more than '//to_text(most_values)//' values')
+         if (allocated(parser%error)) return
+         entry%values = [entry%values, (value, i=1, repeats)]
          needs_value = .false.
       end do
-      if (n == 0) call refuse(parser, 'no value follows the =', entry%line)
-      entry%values = found(:n)
+      if (size(entry%values) == 0) call refuse(parser, 'no value follows the =', entry%line)
    end subroutine parse_values
 
    !> The count of `3*1.0` or `2*'a'`, which is taken off the value.
@@ -267,11 +260,9 @@ contains
       count = value%text(:star - 1)
       if (star < 2 .or. verify(count, '0123456789') > 0) return
       call read_integer(count, repeats, outcome)
-      if (repeats < 1 .or. repeats > most_repeats) then
-         call refuse(parser, 'the repeat count of '//printable(value%text)//' is out of range; allowed 1 to ' &
-            & //to_text(most_repeats))
-         return
-      end if
+      if (repeats < 1 .or. repeats > most_repeats) call refuse(parser, 'the repeat count of ' &
+         & //printable(value%text)//' is out of range; allowed 1 to '//to_text(most_repeats))
+      if (allocated(parser%error)) return
       value%text = value%text(star + 1:)
       if (len(value%text) > 0) return
       if (scan(peek(parser), '''"') > 0) then

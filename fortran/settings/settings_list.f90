@@ -8,7 +8,8 @@ module settings_list
    use text, only: number_text, read_real
    implicit none
    private
-   public :: settings_list_type, group_type, variable_type, is_text, text_values, real_values, real_of, name_of, longest_item
+   public :: settings_list_type, group_type, variable_type, is_text, text_values, real_values, real_of, name_of, longest_item, &
+      & new_variable
 
    !> Bytes of a text in a list: the name of a quantity, or of a column with its header.
    integer, parameter :: longest_item = 128
@@ -37,31 +38,22 @@ module settings_list
       !> In order.
       type(group_type), allocatable :: groups(:)
       type(variable_type), allocatable :: variables(:)
-      !> How many variables were added.
-      integer :: n_variables = 0
-   contains
-      procedure :: add
    end type settings_list_type
 
 contains
 
-   !> The next variable, of the group of this number.
-   subroutine add(self, group, name, kind, default, allowed, unit, meaning)
-      class(settings_list_type), intent(inout) :: self
-      character(len=*), intent(in) :: name, kind, default, allowed, unit, meaning
-      integer, intent(in) :: group
+   !> A variable without values.
+   pure type(variable_type) function new_variable(group, name, kind, default, allowed, unit, meaning) result(v)
+      character(len=*), intent(in) :: group, name, kind, default, allowed, unit, meaning
 
-      self%n_variables = self%n_variables + 1
-      associate (v => self%variables(self%n_variables))
-         v%group = self%groups(group)%name
-         v%name = name
-         v%kind = kind
-         v%default = default
-         v%allowed = allowed
-         v%unit = unit
-         v%meaning = meaning
-      end associate
-   end subroutine add
+      v%group = group
+      v%name = name
+      v%kind = kind
+      v%default = default
+      v%allowed = allowed
+      v%unit = unit
+      v%meaning = meaning
+   end function new_variable
 
    !> The texts `names`, without the blanks at their ends, as the values of a variable.
    pure function text_values(names) result(values)

@@ -176,10 +176,8 @@ contains
       integer :: outcome
 
       noun = trim(merge('an integer', merge('a logical ', 'a number  ', v%kind == 'logical'), v%kind == 'integer'))
-      if (value%quoted) then
-         message = 'the text '''//printable(value%text)//''' stands where '//noun//' is needed'//allowed_part(v)
-         return
-      end if
+      if (value%quoted) message = 'the text '''//printable(value%text)//''' stands where '//noun//' is needed'//allowed_part(v)
+      if (value%quoted) return
       if (v%kind == 'logical') then
          select case (lower(value%text))
          case ('.true.', '.t.', 'true', 't')

@@ -102,7 +102,7 @@ def module(page: str) -> str:
                 declared, start = f"{declared}, allocatable", ""
             types += [f"      {declared} :: {name}{start}"]
             words = ", &\n         & ".join(map(text, (default, allowed, unit, meaning)))
-            table += [f"      call list%add({place}, {text(name)}, {text(kind)}, &\n         & {words})"]
+            table += [f"      list%variables({n}) = new_variable({text(group)}, {text(name)}, {text(kind)}, &\n         & {words})"]
             component, values = f"s%{group}%{name}", f"v({n})%values"
             known = f"if (allocated({component})) " if "allocatable" in declared else ""
             taken += [f"         {known}{values} = {texts.format(component)}"]

@@ -50,10 +50,8 @@ contains
 
       call read_table(tests_path, set%tests, error)
       if (.not. allocated(error)) call read_tests(set, error)
-      if (allocated(error)) then
-         error%message = tests_prefix//error%message
-         return
-      end if
+      if (allocated(error)) error%message = tests_prefix//error%message
+      if (allocated(error)) return
       set%digest = checksum(content)
       call parse_table(content, table, error)
       if (.not. allocated(error)) call take_points(table, set%curves, error)
@@ -138,10 +136,8 @@ contains
       do i = 1, table%rows
          if (curves(k)%name /= table%cell(column(1), i)) k = findloc([(curves(j)%name == table%cell(column(1), i), j=1, &
             & size(curves))], .true., 1)
-         if (k == 0) then
-            call table%refuse(column(1), i, ' is no test of the table of tests; each test needs a row there', error)
-            return
-         end if
+         if (k == 0) call table%refuse(column(1), i, ' is no test of the table of tests; each test needs a row there', error)
+         if (allocated(error)) return
          owner(i) = k
          do j = 2, size(column)
             call table%number(column(j), i, values(j - 1, i), error)

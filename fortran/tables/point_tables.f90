@@ -156,11 +156,9 @@ contains
          if (allocated(error)) return
          zero_sd_nm = merge(zero_sd_nm, asked%zero_sd_nm, zero_sd_nm >= 0.0_wp)
          i = findloc(zero_sd_nm > 0.0_wp .and. .not. (points%depth_um > 0.0_wp .and. points%sd_gpa > 0.0_wp), .true., dim=1)
-         if (i > 0) then
-            call refuse(error, 'line '//to_text(points%table%line(i))//': zero_sd_nm = '//to_text(zero_sd_nm(i))//' nm needs the ' &
-               & //'depth of the test (column depth_nm or depth_um) and its sd_gpa')
-            return
-         end if
+         if (i > 0) call refuse(error, 'line '//to_text(points%table%line(i))//': zero_sd_nm = '//to_text(zero_sd_nm(i)) &
+            & //' nm needs the depth of the test (column depth_nm or depth_um) and its sd_gpa')
+         if (allocated(error)) return
          where (zero_sd_nm > 0.0_wp) points%sd_gpa = sqrt(points%sd_gpa**2 &
             & + (power*1.0e-3_wp*zero_sd_nm/points%depth_um*points%modulus_gpa)**2)
       end subroutine add_zero_error
@@ -255,11 +253,9 @@ contains
          call find_column(points%table, trim(angle_names(j)), column, error, needed=.true.)
          if (allocated(error)) return
          if (.not. radians) call check_unit(points%table, column, degrees, error)
-         if (allocated(error)) then
-            error%message = 'column '//points%table%name(column)//' is in radians; degrees are needed, or of measurements ' &
-               & //'angles = ''radians'''
-            return
-         end if
+         if (allocated(error)) error%message = 'column '//points%table%name(column)//' is in radians; degrees are needed, or of ' &
+            & //'measurements angles = ''radians'''
+         if (allocated(error)) return
          allowed = merge([0.0_wp, 180.0_wp], [-largest_turn, largest_turn], j == 2)*unit
          call read_numbers(points%table, column, allowed + [0.0_wp, merge(rounding, 0.0_wp, radians .and. j == 2)], .false., &
             & merge(' radians', ' degrees', radians), '; allowed '//to_text(allowed(1))//' to '//to_text(allowed(2)), values, error)
@@ -359,10 +355,8 @@ contains
             if (named > 0) cell = points%table%cell(named, i)
             class = usual
             if (len(cell) > 0) call new_crystal_class(cell, class, error)
-            if (allocated(error)) then
-               error%message = points%table%place(named, i)//error%message
-               return
-            end if
+            if (allocated(error)) error%message = points%table%place(named, i)//error%message
+            if (allocated(error)) return
             do j = 1, size(points%classes)
                if (points%classes(j)%name == class%name) exit
             end do

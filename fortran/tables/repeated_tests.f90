@@ -83,21 +83,19 @@ contains
          type(region_type) :: region
          real(wp) :: direction(3, points%n), angle
 
-         if (.not. all(points%sd_gpa > 0.0_wp)) then
-            call refuse(error, 'the column '//printable(points%table%name(column))//' has several tests of one grain, and to ' &
-               & //'combine them the column sd_gpa is needed')
-            return
-         end if
+         if (.not. all(points%sd_gpa > 0.0_wp)) call refuse(error, 'the column ' &
+            & //printable(points%table%name(column))//' has several tests of one grain, and to combine them the column sd_gpa is ' &
+            & //'needed')
+         if (allocated(error)) return
          call new_region(class, region)
          if (region%dimension == 0) return
          direction = points%directions()
          do i = 1, points%n
             angle = angle_between(region, direction(:, i), direction(:, first(i)))/degree
-            if (angle > alike) then
-               call points%table%refuse(column, i, ' is indented '//fixed(angle, 1)//' degrees away from its direction on line ' &
-                  & //to_text(points%table%line(first(i)))//'; tests of one grain are within 5 degrees of each other', error)
-               return
-            end if
+            if (angle > alike) call points%table%refuse(column, i, ' is indented '//fixed(angle, 1)//' degrees away from its ' &
+               & //'direction on line '//to_text(points%table%line(first(i)))//'; tests of one grain are within 5 degrees of ' &
+               & //'each other', error)
+            if (allocated(error)) return
          end do
       end subroutine check_tests
 

@@ -39,10 +39,9 @@ contains
       labels = [character(len=4) :: 'mean', class%constants]
       column = [(table%find(trim(headers(j))), j=1, size(column))]
       j = findloc(column, 0, dim=1)
-      if (j > 0) then
-         call refuse(error, 'the column '//trim(headers(j))//' is missing; a '//class%name//' crystal needs '//join(headers, ', '))
-         return
-      end if
+      if (j > 0) call refuse(error, 'the column '//trim(headers(j))//' is missing; a '//class%name//' crystal needs ' &
+         & //join(headers, ', '))
+      if (allocated(error)) return
       do j = 1, table%columns
          if (any(column == j)) cycle
          call refuse(error, 'the column '//printable(table%name(j))//' is none of '//join(headers, ', ')//', the constants of a ' &
@@ -53,10 +52,8 @@ contains
       do i = 1, table%rows
          j = findloc(labels == table%cell(column(1), i), .true., dim=1)
          if (j == 0) cycle
-         if (row(j) > 0) then
-            call refuse(error, 'line '//to_text(table%line(i))//': the row '//trim(labels(j))//' is there twice')
-            return
-         end if
+         if (row(j) > 0) call refuse(error, 'line '//to_text(table%line(i))//': the row '//trim(labels(j))//' is there twice')
+         if (allocated(error)) return
          row(j) = i
       end do
       j = findloc(row, 0, dim=1)
@@ -76,11 +73,9 @@ contains
       self%mean = values(:, 1)
       self%covariance = transpose(values(:, 2:))
       j = findloc(abs(self%mean) <= stiffness_most, .false., dim=1)
-      if (j > 0) then
-         call refuse(error, 'the mean of '//class%constants(j)//', '//to_text(self%mean(j)) &
-            & //' GPa, looks like MPa; allowed up to '//to_text(stiffness_most)//' GPa')
-         return
-      end if
+      if (j > 0) call refuse(error, 'the mean of '//class%constants(j)//', '//to_text(self%mean(j)) &
+         & //' GPa, looks like MPa; allowed up to '//to_text(stiffness_most)//' GPa')
+      if (allocated(error)) return
       call check_stiffness(class%stiffness(self%mean), error)
       if (allocated(error)) error%message = 'the mean: '//error%message
       if (.not. allocated(error)) call check_covariance()
@@ -94,9 +89,9 @@ contains
 
          associate (c => self%covariance, names => class%constants)
             do i = 1, class%n_constants
-               if (c(i, i) > 0.0_wp) cycle
-               call refuse(error, 'the variance of '//names(i)//' is '//to_text(c(i, i))//' GPa^2; above 0 is allowed')
-               return
+               if (.not. c(i, i) > 0.0_wp) call refuse(error, 'the variance of '//names(i)//' is '//to_text(c(i, i)) &
+                  & //' GPa^2; above 0 is allowed')
+               if (allocated(error)) return
             end do
             do j = 1, class%n_constants
                do i = 1, class%n_constants

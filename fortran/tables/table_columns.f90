@@ -99,11 +99,9 @@ contains
       i = findloc(known_columns%name, name, dim=1)
       found = pack([(j, j=1, table%columns)], [(is_other_name(table%called(j), i), j=1, table%columns)])
       column = table%find(name)
-      if (column == 0 .and. size(found) > 1) then
-         call refuse(error, 'the columns '//printable(table%name(found(1)))//' and '//printable(table%name(found(2))) &
-            & //' are both '//name//'; one of them is allowed, or one that is named '//name)
-         return
-      end if
+      if (column == 0 .and. size(found) > 1) call refuse(error, 'the columns '//printable(table%name(found(1)))//' and ' &
+         & //printable(table%name(found(2)))//' are both '//name//'; one of them is allowed, or one that is named '//name)
+      if (allocated(error)) return
       if (column == 0 .and. size(found) == 1) column = found(1)
       if (column > 0) call check_unit(table, column, known_columns(i)%units, error)
       if (.not. present(needed)) return
@@ -357,11 +355,9 @@ contains
          if (any(own == 0)) cycle
          ! Three of four indices are no way of their own.
          if ((way == four_directions .and. i == directions) .or. (way == four_planes .and. i == planes)) cycle
-         if (way > 0) then
-            call refuse(error, 'orientations are stated twice, by '//trim(ways(way))//' and by '//trim(ways(i)) &
-               & //'; one of them is allowed')
-            return
-         end if
+         if (way > 0) call refuse(error, 'orientations are stated twice, by '//trim(ways(way))//' and by '//trim(ways(i)) &
+            & //'; one of them is allowed')
+         if (allocated(error)) return
          way = i
          columns = own
       end do

@@ -47,8 +47,7 @@ contains
       character(len=:), allocatable :: content
 
       call read_text_file(path, content, error)
-      if (allocated(error)) return
-      call parse_table(content, table, error)
+      if (.not. allocated(error)) call parse_table(content, table, error)
    end subroutine read_table
 
    !> The table of the text `content` of a CSV file.
@@ -61,10 +60,8 @@ contains
 
       call split(content, table, bounds, line, rows, error)
       if (allocated(error)) return
-      if (rows == 0) then
-         call refuse(error, 'the table has no header row')
-         return
-      end if
+      if (rows == 0) call refuse(error, 'the table has no header row')
+      if (allocated(error)) return
       allocate (table%given_names(table%columns), table%units(table%columns))
       table%given_names = ''
       table%units = ''
@@ -189,10 +186,8 @@ contains
          do
             cells = cells + 1
             call take_cell(table%buffer, delimiter, i, number, bounds(:, cells), error)
-            if (allocated(error)) then
-               error%message = 'line '//to_text(line(rows))//': '//error%message
-               return
-            end if
+            if (allocated(error)) error%message = 'line '//to_text(line(rows))//': '//error%message
+            if (allocated(error)) return
             i = i + 1
             if (table%buffer(i - 1:i - 1) == newline) exit
          end do
@@ -248,10 +243,8 @@ contains
       bounds = [i, i - 1]
       do
          i = i + 1
-         if (i > len(buffer)) then
-            call refuse(error, 'a double quote is not closed')
-            return
-         end if
+         if (i > len(buffer)) call refuse(error, 'a double quote is not closed')
+         if (allocated(error)) return
          if (buffer(i:i) == '"') then
             i = i + 1
             if (buffer(i:i) /= '"') exit
