@@ -42,7 +42,7 @@ module settings_list
 
 contains
 
-   !> A variable without values.
+   !> A variable of a `group`, without values.
    pure type(variable_type) function new_variable(group, name, kind, default, allowed, unit, meaning) result(v)
       character(len=*), intent(in) :: group, name, kind, default, allowed, unit, meaning
 
