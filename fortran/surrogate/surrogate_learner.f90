@@ -7,7 +7,7 @@ module surrogate_learner
    use acquisitions, only: acquisition_type, new_acquisition
    use errors, only: error_type, exit_bad_input, raise
    use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, leave_groups_out, maximise_evidence, &
-      & new_regression, scale_columns, set_precisions
+      & new_regression, scale_columns
    use kinds, only: degree, wp
    use statistics, only: number_equal
    use sequential_design, only: compute_variances, condition_on, design_type, refresh_interval, set_candidates, &
@@ -149,21 +149,15 @@ contains
       end associate
    end subroutine revert
 
-   !> Posterior from all simulations, and the variances of all candidates, at alpha and beta of largest evidence or as given.
-   subroutine fit_learner(learner, error, precisions)
+   !> Posterior from all simulations, and the variances of all candidates, at alpha and beta of largest evidence.
+   subroutine fit_learner(learner, error)
       type(learner_type), intent(inout) :: learner
       type(error_type), allocatable, intent(out) :: error
-      !> alpha and beta, in units of y.
-      real(wp), intent(in), optional :: precisions(2)
       real(wp) :: ratio(learner%basis%n_terms)
 
       associate (design => learner%design, regression => learner%design%regression)
          ratio = 1.0_wp/regression%prior_width
-         if (present(precisions)) then
-            call set_precisions(regression, precisions(1), precisions(2), error)
-         else
-            call maximise_evidence(regression, error, learner%log_evidence)
-         end if
+         call maximise_evidence(regression, error, learner%log_evidence)
          if (allocated(error)) return
          ratio = ratio*regression%prior_width
          if (any(abs(ratio - 1.0_wp) > 0.0_wp)) call scale_columns(ratio, design%candidates)
@@ -186,13 +180,13 @@ contains
       modulus = learner%basis%to_modulus(matmul(coefficients, terms), scale, spread)
    end subroutine predict_moduli
 
-   !> Each simulation predicted with its whole group left out: modulus (GPa), and the error of y over its sd.
-   subroutine leave_out(learner, groups, modulus, z, error)
-      type(learner_type), intent(inout) :: learner
+   !> Each simulation predicted with its whole group left out.
+   subroutine leave_out(learner, groups, modulus, error)
+      type(learner_type), intent(in) :: learner
       !> Group of each simulation, any numbers.
       integer, intent(in) :: groups(:)
-      !> (n).
-      real(wp), intent(out) :: modulus(:), z(:)
+      !> GPa, (n).
+      real(wp), intent(out) :: modulus(:)
       type(error_type), allocatable, intent(out) :: error
       real(wp), dimension(size(groups)) :: residual, sd, spread
       integer :: i
@@ -203,7 +197,6 @@ contains
          spread = [(spread_of(basis%noise_growth, basis%domain%class%stiffness(known%constants(:, i))), i=1, size(groups))]
          modulus = known%modulus*(basis%to_modulus(y - residual, 1.0_wp, spread)/basis%to_modulus(y, 1.0_wp, spread))
       end associate
-      z = residual/sd
    end subroutine leave_out
 
    !> The surrogate from these simulations.
@@ -362,10 +355,10 @@ contains
       !> GPa.
       real(wp), intent(out) :: error_gpa
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: modulus(size(groups)), z(size(groups))
+      real(wp) :: modulus(size(groups))
 
       error_gpa = 0.0_wp
-      call leave_out(learner, groups, modulus, z, error)
+      call leave_out(learner, groups, modulus, error)
       if (.not. allocated(error)) error_gpa = sum(abs(modulus - learner%simulations%modulus))/size(groups)
    end subroutine left_out
 
