@@ -17,7 +17,7 @@ module surrogate_learner
    use text, only: to_text
    implicit none
    private
-   public :: learner_type, new_learner, set_learner_candidates, add_simulations, revert, fit_learner, predict_moduli, leave_out, &
+   public :: learner_type, new_learner, add_simulations, revert, fit_learner, predict_moduli, leave_out, &
       & surrogate_of, learning_type, history_type, new_learning, batch_end, learn, close_batch, refit_all, change_basis, &
       & why_to_stop, left_out
 
@@ -82,19 +82,6 @@ contains
          call set_candidates(learner%design, basis, known%constants, known%euler_deg)
       end associate
    end subroutine new_learner
-
-   !> Give the candidates, all of them available, and the name of the rule by which they are chosen.
-   subroutine set_learner_candidates(learner, constants, euler_deg, rule, error)
-      type(learner_type), intent(inout) :: learner
-      !> Constants (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
-      real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
-      !> See `acquisitions`.
-      character(len=*), intent(in) :: rule
-      type(error_type), allocatable, intent(out) :: error
-
-      call new_acquisition(rule, learner%rule, error)
-      if (.not. allocated(error)) call set_candidates(learner%design, learner%basis, constants, euler_deg)
-   end subroutine set_learner_candidates
 
    !> Add simulations to the data. If the design has `chosen` them, it expects them and the posterior mean follows with
    !> `update_posterior_mean`; else each is an update of the posterior (Eq. 11), or all at once are where there are many.
@@ -233,6 +220,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       call new_learner(basis, learning%learner, error)
+      if (.not. allocated(error)) call new_acquisition(settings%variance_of, learning%learner%rule, error)
       if (allocated(error)) return
       learning%settings = settings
       learning%fewest = fewest_points
@@ -343,6 +331,7 @@ contains
       end associate
       if (.not. allocated(error)) call fit_learner(learner, error)
       if (allocated(error)) return
+      call move_alloc(learning%learner%rule, learner%rule)
       learning%learner = learner
       learning%last_mean = coefficient_mean(learner%design%regression)
    end subroutine change_basis

@@ -7,7 +7,7 @@ module test_operations
    use abstract_sampler, only: sampler_type
    use acquisitions, only: new_acquisition
    use constants_posterior, only: posterior_type
-   use evidence_regression, only: coefficient_covariance, coefficient_mean, leave_groups_out, set_precisions
+   use evidence_regression, only: coefficient_covariance, coefficient_mean, compute_posterior, leave_groups_out
    use exchange, only: exchange_type, find_object, register_object, release_object
    use kinds, only: degree, wp
    use operations, only: perform
@@ -214,7 +214,9 @@ contains
          call add_simulations(learner, constants, euler_deg, x%in%reals('modulus_gpa'), x%in%logical('chosen'), x%error)
       case ('learner.fit')
          if (x%in%has('alpha')) then
-            call set_precisions(learner%design%regression, x%in%real('alpha'), x%in%real('beta'), x%error)
+            learner%design%regression%alpha = x%in%real('alpha')
+            learner%design%regression%beta = x%in%real('beta')
+            call compute_posterior(learner%design%regression, x%error)
             call compute_variances(learner%design)
          else
             call fit_learner(learner, x%error)
