@@ -379,11 +379,9 @@ contains
    pure subroutine coefficient_covariance(regression, covariance)
       type(regression_type), intent(in) :: regression
       real(wp), allocatable, intent(out) :: covariance(:, :)
-      integer :: j
 
-      covariance = regression%covariance
-      do j = 1, regression%n_terms
-         covariance(:, j) = regression%prior_width(j)*regression%prior_width*covariance(:, j)
-      end do
+      associate (width => regression%prior_width, n => regression%n_terms)
+         covariance = spread(width, 1, n)*spread(width, 2, n)*regression%covariance
+      end associate
    end subroutine coefficient_covariance
 end module evidence_regression

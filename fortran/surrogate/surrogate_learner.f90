@@ -17,7 +17,7 @@ module surrogate_learner
    use text, only: to_text
    implicit none
    private
-   public :: learner_type, new_learner, add_simulations, revert, fit_learner, predict_moduli, leave_out, &
+   public :: learner_type, new_learner, add_simulations, revert, fit_learner, predict_moduli, &
       & surrogate_of, learning_type, history_type, new_learning, batch_end, learn, close_batch, refit_all, change_basis, &
       & why_to_stop, left_out
 
@@ -166,25 +166,6 @@ contains
       call learner%basis%evaluate_crystals(constants, euler_deg, terms, scale, spread)
       modulus = learner%basis%to_modulus(matmul(coefficients, terms), scale, spread)
    end subroutine predict_moduli
-
-   !> Each simulation predicted with its whole group left out.
-   subroutine leave_out(learner, groups, modulus, error)
-      type(learner_type), intent(in) :: learner
-      !> Group of each simulation, any numbers.
-      integer, intent(in) :: groups(:)
-      !> GPa, (n).
-      real(wp), intent(out) :: modulus(:)
-      type(error_type), allocatable, intent(out) :: error
-      real(wp), dimension(size(groups)) :: residual, sd, spread
-      integer :: i
-
-      call leave_groups_out(learner%design%regression, groups, residual, sd, error)
-      if (allocated(error)) return
-      associate (basis => learner%basis, known => learner%simulations, y => learner%design%regression%targets(:size(groups)))
-         spread = [(spread_of(basis%noise_growth, basis%domain%class%stiffness(known%constants(:, i))), i=1, size(groups))]
-         modulus = known%modulus*(basis%to_modulus(y - residual, 1.0_wp, spread)/basis%to_modulus(y, 1.0_wp, spread))
-      end associate
-   end subroutine leave_out
 
    !> The surrogate from these simulations.
    subroutine surrogate_of(learner, provenance, surrogate, error)
@@ -336,19 +317,25 @@ contains
       learning%last_mean = coefficient_mean(learner%design%regression)
    end subroutine change_basis
 
-   !> Mean absolute error of each simulation with its whole group left out, GPa.
+   !> Mean absolute error of each simulation predicted with its whole group left out, GPa.
    subroutine left_out(learner, groups, error_gpa, error)
-      type(learner_type), intent(inout) :: learner
+      type(learner_type), intent(in) :: learner
       !> Of each simulation, any numbers.
       integer, intent(in) :: groups(:)
       !> GPa.
       real(wp), intent(out) :: error_gpa
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: modulus(size(groups))
+      real(wp), dimension(size(groups)) :: residual, sd, spread, modulus
+      integer :: i
 
       error_gpa = 0.0_wp
-      call leave_out(learner, groups, modulus, error)
-      if (.not. allocated(error)) error_gpa = sum(abs(modulus - learner%simulations%modulus))/size(groups)
+      call leave_groups_out(learner%design%regression, groups, residual, sd, error)
+      if (allocated(error)) return
+      associate (basis => learner%basis, known => learner%simulations, y => learner%design%regression%targets(:size(groups)))
+         spread = [(spread_of(basis%noise_growth, basis%domain%class%stiffness(known%constants(:, i))), i=1, size(groups))]
+         modulus = known%modulus*(basis%to_modulus(y - residual, 1.0_wp, spread)/basis%to_modulus(y, 1.0_wp, spread))
+         error_gpa = sum(abs(modulus - known%modulus))/size(groups)
+      end associate
    end subroutine left_out
 
    !> Why to stop before the budget, or ''.

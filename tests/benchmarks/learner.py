@@ -139,10 +139,10 @@ class Learner(Held):
         """The posterior mean once the moduli of all choices were added; `exactly` if one of them failed."""
         self._call("update", exactly=exactly)
 
-    def leave_out(self, groups: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Modulus (GPa) of each simulation with its whole group left out, and the error of y over its sd."""
-        modulus, z = self._call("leave_out", numbers=np.ravel(groups))["values"]
-        return modulus, z
+    def leave_out(self, groups: ArrayLike) -> tuple[np.ndarray, np.ndarray, float]:
+        """y of each simulation with its whole group left out, the error of y over its sd, and the mean absolute error of the modulus, GPa."""
+        found = self._call("leave_out", numbers=np.ravel(groups))
+        return *found["values"], found["error_gpa"]
 
     def precisions(self) -> dict[str, float]:
         """alpha, beta, fall, and log_evidence of the last `fit`, in units of y."""

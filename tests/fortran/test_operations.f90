@@ -16,7 +16,7 @@ module test_operations
    use samplers, only: chains_type, checkpoint_type, new_sampler, run_settings_type, sample_chains
    use sequential_design, only: compute_variances, set_candidates, update_posterior_mean
    use surrogate_domain, only: spread_crystals
-   use surrogate_learner, only: add_simulations, fit_learner, learner_type, leave_out, new_learner, surrogate_of
+   use surrogate_learner, only: add_simulations, fit_learner, learner_type, left_out, new_learner, surrogate_of
    use surrogate_model, only: surrogate_type
    implicit none
    private
@@ -185,6 +185,7 @@ contains
       type(surrogate_type), pointer :: surrogate
       real(wp), pointer :: constants(:, :), euler_deg(:, :)
       real(wp), allocatable :: values(:), covariance(:, :)
+      real(wp) :: mean_error
       integer, allocatable :: numbers(:)
 
       if (x%in%has('constants')) then
@@ -229,11 +230,13 @@ contains
       case ('learner.update')
          call update_posterior_mean(learner%design, x%in%logical('exactly'), x%error)
       case ('learner.leave_out')
-         ! Modulus (GPa), and of y the error over its sd.
+         ! y, and its error over its sd; and the mean absolute error of the modulus, GPa.
          allocate (x%values(size(numbers), 2), values(size(numbers)))
          call leave_groups_out(learner%design%regression, numbers, x%values(:, 2), values, x%error)
+         x%values(:, 1) = learner%design%regression%targets(:size(numbers)) - x%values(:, 2)
          x%values(:, 2) = x%values(:, 2)/values
-         if (.not. allocated(x%error)) call leave_out(learner, numbers, x%values(:, 1), x%error)
+         if (.not. allocated(x%error)) call left_out(learner, numbers, mean_error, x%error)
+         call x%out%put('error_gpa', mean_error)
       case ('learner.surrogate')
          allocate (surrogate)
          call x%give(surrogate, 'surrogate')

@@ -177,12 +177,14 @@ def test_leaving_out_equals_brute_force(name, n_data):
     alpha, beta = 1.5 / case.unit**2, 2000.0 / case.unit**2
     case.learner.fit(alpha, beta)
     for groups in (np.arange(n_data), np.random.default_rng(2).integers(0, 6, n_data)):
-        modulus, z = case.learner.leave_out(groups)
+        y, z, error_gpa = case.learner.leave_out(groups)
+        moduli = to_modulus(case.basis, y * case.spread, case.scale)
+        assert error_gpa == pytest.approx(np.abs(moduli - case.modulus).mean(), rel=1e-6)
         for i in range(n_data):
             rest = groups != groups[i]
             mean, covariance = case.closed_form(case.terms[:, rest], case.y[rest], alpha, beta)
             predicted, sd = mean @ case.terms[:, i], np.sqrt(1 / beta + case.terms[:, i] @ covariance @ case.terms[:, i])
-            assert modulus[i] == pytest.approx(to_modulus(case.basis, predicted * case.spread[i], case.scale[i]), rel=1e-6)
+            assert moduli[i] == pytest.approx(to_modulus(case.basis, predicted * case.spread[i], case.scale[i]), rel=1e-6)
             assert z[i] == pytest.approx((case.y[i] - predicted) / sd, rel=1e-5, abs=1e-6)
 
 
