@@ -4,7 +4,6 @@ module operations
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_loc
    use abstract_basis, only: basis_type
    use abstract_stage, only: stage_type
-   use constants_posterior, only: posterior_type
    use crystal_class, only: crystal_class_type, new_crystal_class
    use crystal_operations, only: perform_crystal
    use exchange, only: exchange_type, find_object, register_object
@@ -21,9 +20,8 @@ module operations
    use simulation_operations, only: held_simulator_type, run_simulator, use_model, use_problem, use_stage
    use stage_documents, only: digest_surrogate, read_document, read_resolved, write_document
    use stages, only: all_stages, problem_of_text, read_problem, run_command, stage_row_type
-   use surrogate_learner, only: learner_type
    use surrogate_model, only: load_named_surrogate, surrogate_type
-   use surrogate_operations, only: use_basis, use_learner, use_posterior, use_surrogate
+   use surrogate_operations, only: use_basis, use_surrogate
    use table_columns, only: standard_name
    implicit none
    private
@@ -45,7 +43,7 @@ contains
 
       kind = operation(:index(operation, '.') - 1)
       verb = operation(index(operation, '.') + 1:)
-      samples = any(operation == [character(len=17) :: 'posterior.sample', 'surrogate.extract', 'stage.close'])
+      samples = any(operation == [character(len=17) :: 'surrogate.extract', 'stage.close'])
       allocate (x)
       call x%open(request)
       if (samples) call listen()
@@ -84,12 +82,8 @@ contains
          call use_basis(verb, object, x)
       type is (surrogate_type)
          call use_surrogate(verb, object, x)
-      type is (learner_type)
-         call use_learner(verb, object, x)
       class is (stage_type)
          call use_stage(verb, object, x)
-      type is (posterior_type)
-         call use_posterior(verb, object, x)
       end select
    end subroutine use_object
 

@@ -86,10 +86,7 @@ contains
       character(len=*), intent(in) :: name
       integer :: i
 
-      is_stated = .false.
-      do i = 1, size(prior%knowledge%mean)
-         is_stated = is_stated .or. prior%knowledge%quantities(i)%name == name
-      end do
+      is_stated = any([(prior%knowledge%quantities(i)%name == name, i=1, size(prior%knowledge%mean))])
    end function is_stated
 
    subroutine expect_sds(constants, values, gain)

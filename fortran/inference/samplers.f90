@@ -173,11 +173,6 @@ contains
       integer :: k, number, stat
       logical :: interrupted
 
-      if (settings%samples < 1 .or. sampler%burn_in < 0 .or. settings%chains < 1) then
-         call raise(error, 'samples = '//to_text(settings%samples)//' and chains = '//to_text(settings%chains) &
-            & //' must be at least 1, burn_in = '//to_text(sampler%burn_in)//' at least 0', exit_bad_input)
-         return
-      end if
       allocate (chains%draws(target%dimension, settings%samples, settings%chains), &
          & chains%log_density(settings%samples, settings%chains), chains%acceptance(settings%chains), source=0.0_wp, stat=stat)
       if (stat /= 0) then

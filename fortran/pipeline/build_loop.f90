@@ -15,10 +15,11 @@ module build_loop
    use machine, only: thread_count
    use posterior_focus, only: check_focus, find_focus, focus_type, has_focus, is_accurate, round_size, &
       & simulations_before, tempered
-   use sequential_design, only: candidates_type, design_type, initial_set, new_candidates, update_posterior_mean
+   use sequential_design, only: candidates_type, design_type, initial_set, new_candidates, set_candidates, &
+      & update_posterior_mean
    use simulate, only: identity_text, outcome_done, outcome_failed, outcome_waiting
    use surrogate_learner, only: add_simulations, batch_end, change_basis, close_batch, learn, learning_type, &
-      & new_learning, predict_moduli, refit_all, revert, set_learner_candidates, surrogate_of, why_to_stop
+      & new_learning, predict_moduli, refit_all, revert, surrogate_of, why_to_stop
    use surrogate_model, only: surrogate_type
    use text, only: to_text
    implicit none
@@ -68,9 +69,9 @@ contains
          if (.not. allocated(error)) call basis_of_problem(problem, basis, error)
          if (.not. allocated(error)) call new_candidates(problem, basis, self%candidates, error)
          if (.not. allocated(error)) call new_learning(basis, design, self%learning, error)
-         if (.not. allocated(error)) call set_learner_candidates(self%learning%learner, self%candidates%constants, &
-            & self%candidates%euler_deg, design%variance_of, error)
-         if (.not. allocated(error) .and. has_focus(problem)) then
+         if (allocated(error)) return
+         call set_candidates(self%learning%learner%design, basis, self%candidates%constants, self%candidates%euler_deg)
+         if (has_focus(problem)) then
             allocate (self%focus)
             allocate (self%focus%rounds(0))
             self%groups = self%groups//' measurements prior knowledge'
@@ -268,9 +269,8 @@ contains
          build%candidates = focus%candidates
          call new_basis(focus%domain, build%problem%settings%surrogate, surrogate%basis, error)
          if (.not. allocated(error)) call change_basis(learning, surrogate%basis, error)
-         if (.not. allocated(error)) call set_learner_candidates(learning%learner, build%candidates%constants, &
-            & build%candidates%euler_deg, design%variance_of, error)
          if (allocated(error)) return
+         call set_candidates(learning%learner%design, surrogate%basis, build%candidates%constants, build%candidates%euler_deg)
          build%stopped = ''
          if (is_accurate(focus)) then
             build%stopped = 'the surrogate is accurate at the posterior'

@@ -39,7 +39,7 @@ module abstract_basis
       procedure(exchange_interface), deferred :: exchange
       procedure(evaluate_many_interface), deferred :: evaluate_many
       procedure(new_grain_model_interface), deferred :: new_grain_model
-      procedure :: term_degrees, evaluate_crystals, to_y, to_modulus
+      procedure :: evaluate_crystals, to_y, to_modulus
    end type basis_type
 
    !> The moduli that a surrogate gives certain grains, as a function of the crystal alone: what depends on the orientations is
@@ -159,16 +159,6 @@ contains
             & terms(:, i:i), scale(i:i), spread(i:i))
       end do
    end subroutine evaluate_crystals
-
-   !> Degrees of each term, in the direction and in the coordinates of the crystal.
-   pure subroutine term_degrees(self, directional, polynomial)
-      class(basis_type), intent(in) :: self
-      !> (n_terms).
-      integer, intent(out) :: directional(:), polynomial(:)
-
-      directional = 0
-      if (allocated(self%prior_degrees)) polynomial = self%prior_degrees
-   end subroutine term_degrees
 
    !> Modulus of each grain and its derivative with respect to y.
    pure subroutine evaluate_moduli(self, c, modulus, slope)

@@ -54,18 +54,15 @@ contains
       class(basis_type), intent(inout) :: basis
       type(named_values_type), intent(inout), target :: found
       type(labelled_values_type) :: labels
-      integer :: directional(basis%n_terms), polynomial(basis%n_terms)
 
       labels%described => found
       call exchange_domain(basis%domain, labels)
       call basis%exchange(labels)
-      call basis%term_degrees(directional, polynomial)
       call found%put('model', basis%settings%model)
       call found%put('n_terms', basis%n_terms)
       call found%put('least_noise', basis%least_noise)
       call found%put('noise_growth', basis%noise_growth)
       call found%put('logarithmic', basis%logarithmic)
-      call found%put_integers('directional_degrees', directional, shape(directional))
-      call found%put_integers('polynomial_degrees', polynomial, shape(polynomial))
+      if (allocated(basis%prior_degrees)) call found%put_integers('polynomial_degrees', basis%prior_degrees, [basis%n_terms])
    end subroutine describe_basis
 end module bases

@@ -10,7 +10,7 @@ module evidence_regression
       & multiply_by_factor, symmetric_eigen
    implicit none
    private
-   public :: regression_type, new_regression, add_data, maximise_evidence, set_precisions, compute_posterior
+   public :: regression_type, new_regression, add_data, maximise_evidence, compute_posterior
    public :: log_evidence, leave_groups_out, coefficient_mean, coefficient_covariance, scale_columns, factored_forms
    public :: spectrum_type, compute_spectrum
 
@@ -61,7 +61,9 @@ contains
       regression%degrees = degrees
       regression%least_noise = least_noise
       call set_decay_rate(regression, regression%decay_rate)
-      call set_precisions(regression, first_sds(1)**(-2), max(first_sds(2), least_noise)**(-2), error)
+      regression%alpha = first_sds(1)**(-2)
+      regression%beta = max(first_sds(2), least_noise)**(-2)
+      call compute_posterior(regression, error)
    end subroutine new_regression
 
    !> Let the widths of the prior decay at another rate; the posterior is that of before until it is computed.
@@ -180,7 +182,7 @@ contains
       integer, parameter :: n_rates = 14
       real(wp), parameter :: least = -2.1_wp, step = 0.15_wp, typical = -0.9_wp, sd = 0.12_wp
       type(spectrum_type) :: spectrum, best
-      real(wp) :: log_rate, ratio, value, best_rate, best_ratio, beta
+      real(wp) :: log_rate, ratio, value, best_rate, best_ratio
       logical :: decays
       integer :: i
 
@@ -204,8 +206,9 @@ contains
          best = spectrum
       end do
       if (decays) call set_decay_rate(regression, exp(best_rate))
-      beta = best_beta(best, best_ratio, regression%least_noise)
-      call set_precisions(regression, best_ratio*beta, beta, error, best%gram)
+      regression%beta = best_beta(best, best_ratio, regression%least_noise)
+      regression%alpha = best_ratio*regression%beta
+      call compute_posterior(regression, error, best%gram)
    end subroutine maximise_evidence
 
    !> alpha/beta of largest evidence. For a given ratio of the two the best beta is known in closed form: one search along its logarithm,
@@ -260,18 +263,6 @@ contains
          profile = log_evidence(spectrum, exp(log_ratio)*beta, beta)
       end function profile
    end subroutine maximise_over_ratio
-
-   !> Set alpha and beta, and compute the posterior, for which `gram` is the Gram matrix of all data over the terms if it is known.
-   subroutine set_precisions(regression, alpha, beta, error, gram)
-      type(regression_type), intent(inout) :: regression
-      real(wp), intent(in) :: alpha, beta
-      type(error_type), allocatable, intent(out) :: error
-      real(wp), intent(in), optional :: gram(:, :)
-
-      regression%alpha = alpha
-      regression%beta = beta
-      call compute_posterior(regression, error, gram)
-   end subroutine set_precisions
 
    !> Mean and covariance from all data at the present alpha, beta (Eq. 7).
    subroutine compute_posterior(regression, error, gram)
@@ -388,11 +379,9 @@ contains
    pure subroutine coefficient_covariance(regression, covariance)
       type(regression_type), intent(in) :: regression
       real(wp), allocatable, intent(out) :: covariance(:, :)
-      integer :: j
 
-      covariance = regression%covariance
-      do j = 1, regression%n_terms
-         covariance(:, j) = regression%prior_width(j)*regression%prior_width*covariance(:, j)
-      end do
+      associate (width => regression%prior_width, n => regression%n_terms)
+         covariance = spread(width, 1, n)*spread(width, 2, n)*regression%covariance
+      end associate
    end subroutine coefficient_covariance
 end module evidence_regression

@@ -34,7 +34,7 @@ module paper_basis
       !> P_q.
       type(legendre_products_type) :: polynomials
    contains
-      procedure :: set_up, exchange, evaluate_many, term_degrees, new_grain_model
+      procedure :: set_up, exchange, evaluate_many, new_grain_model
    end type paper_basis_type
 
    type, extends(grain_model_type) :: paper_grain_model_type
@@ -98,18 +98,6 @@ contains
       call file%integer('degree', self%settings%degree)
       call file%integer('bandlimit', self%settings%bandlimit)
    end subroutine exchange
-
-   pure subroutine term_degrees(self, directional, polynomial)
-      class(paper_basis_type), intent(in) :: self
-      !> (n_terms).
-      integer, intent(out) :: directional(:), polynomial(:)
-      integer :: q
-
-      associate (n => self%harmonics%n, polynomials => self%polynomials)
-         directional = [(self%harmonics%degrees, q=1, polynomials%n_products)]
-         polynomial = [(spread(sum(polynomials%degrees(:, q)), 1, n), q=1, polynomials%n_products)]
-      end associate
-   end subroutine term_degrees
 
    !> Indentation direction in crystal axes: sample z turned by g.
    pure function direction_of(euler) result(direction)

@@ -7,7 +7,7 @@ module surrogate_learner
    use acquisitions, only: acquisition_type, new_acquisition
    use errors, only: error_type, exit_bad_input, raise
    use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, leave_groups_out, maximise_evidence, &
-      & new_regression, scale_columns, set_precisions
+      & new_regression, scale_columns
    use kinds, only: degree, wp
    use statistics, only: number_equal
    use sequential_design, only: compute_variances, condition_on, design_type, refresh_interval, set_candidates, &
@@ -17,7 +17,7 @@ module surrogate_learner
    use text, only: to_text
    implicit none
    private
-   public :: learner_type, new_learner, set_learner_candidates, add_simulations, revert, fit_learner, predict_moduli, leave_out, &
+   public :: learner_type, new_learner, add_simulations, revert, fit_learner, predict_moduli, &
       & surrogate_of, learning_type, history_type, new_learning, batch_end, learn, close_batch, refit_all, change_basis, &
       & why_to_stop, left_out
 
@@ -83,19 +83,6 @@ contains
       end associate
    end subroutine new_learner
 
-   !> Give the candidates, all of them available, and the name of the rule by which they are chosen.
-   subroutine set_learner_candidates(learner, constants, euler_deg, rule, error)
-      type(learner_type), intent(inout) :: learner
-      !> Constants (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
-      real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
-      !> See `acquisitions`.
-      character(len=*), intent(in) :: rule
-      type(error_type), allocatable, intent(out) :: error
-
-      call new_acquisition(rule, learner%rule, error)
-      if (.not. allocated(error)) call set_candidates(learner%design, learner%basis, constants, euler_deg)
-   end subroutine set_learner_candidates
-
    !> Add simulations to the data. If the design has `chosen` them, it expects them and the posterior mean follows with
    !> `update_posterior_mean`; else each is an update of the posterior (Eq. 11), or all at once are where there are many.
    subroutine add_simulations(learner, constants, euler_deg, modulus, chosen, error)
@@ -149,21 +136,15 @@ contains
       end associate
    end subroutine revert
 
-   !> Posterior from all simulations, and the variances of all candidates, at alpha and beta of largest evidence or as given.
-   subroutine fit_learner(learner, error, precisions)
+   !> Posterior from all simulations, and the variances of all candidates, at alpha and beta of largest evidence.
+   subroutine fit_learner(learner, error)
       type(learner_type), intent(inout) :: learner
       type(error_type), allocatable, intent(out) :: error
-      !> alpha and beta, in units of y.
-      real(wp), intent(in), optional :: precisions(2)
       real(wp) :: ratio(learner%basis%n_terms)
 
       associate (design => learner%design, regression => learner%design%regression)
          ratio = 1.0_wp/regression%prior_width
-         if (present(precisions)) then
-            call set_precisions(regression, precisions(1), precisions(2), error)
-         else
-            call maximise_evidence(regression, error, learner%log_evidence)
-         end if
+         call maximise_evidence(regression, error, learner%log_evidence)
          if (allocated(error)) return
          ratio = ratio*regression%prior_width
          if (any(abs(ratio - 1.0_wp) > 0.0_wp)) call scale_columns(ratio, design%candidates)
@@ -185,26 +166,6 @@ contains
       call learner%basis%evaluate_crystals(constants, euler_deg, terms, scale, spread)
       modulus = learner%basis%to_modulus(matmul(coefficients, terms), scale, spread)
    end subroutine predict_moduli
-
-   !> Each simulation predicted with its whole group left out: modulus (GPa), and the error of y over its sd.
-   subroutine leave_out(learner, groups, modulus, z, error)
-      type(learner_type), intent(inout) :: learner
-      !> Group of each simulation, any numbers.
-      integer, intent(in) :: groups(:)
-      !> (n).
-      real(wp), intent(out) :: modulus(:), z(:)
-      type(error_type), allocatable, intent(out) :: error
-      real(wp), dimension(size(groups)) :: residual, sd, spread
-      integer :: i
-
-      call leave_groups_out(learner%design%regression, groups, residual, sd, error)
-      if (allocated(error)) return
-      associate (basis => learner%basis, known => learner%simulations, y => learner%design%regression%targets(:size(groups)))
-         spread = [(spread_of(basis%noise_growth, basis%domain%class%stiffness(known%constants(:, i))), i=1, size(groups))]
-         modulus = known%modulus*(basis%to_modulus(y - residual, 1.0_wp, spread)/basis%to_modulus(y, 1.0_wp, spread))
-      end associate
-      z = residual/sd
-   end subroutine leave_out
 
    !> The surrogate from these simulations.
    subroutine surrogate_of(learner, provenance, surrogate, error)
@@ -240,6 +201,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       call new_learner(basis, learning%learner, error)
+      if (.not. allocated(error)) call new_acquisition(settings%variance_of, learning%learner%rule, error)
       if (allocated(error)) return
       learning%settings = settings
       learning%fewest = fewest_points
@@ -350,23 +312,30 @@ contains
       end associate
       if (.not. allocated(error)) call fit_learner(learner, error)
       if (allocated(error)) return
+      call move_alloc(learning%learner%rule, learner%rule)
       learning%learner = learner
       learning%last_mean = coefficient_mean(learner%design%regression)
    end subroutine change_basis
 
-   !> Mean absolute error of each simulation with its whole group left out, GPa.
+   !> Mean absolute error of each simulation predicted with its whole group left out, GPa.
    subroutine left_out(learner, groups, error_gpa, error)
-      type(learner_type), intent(inout) :: learner
+      type(learner_type), intent(in) :: learner
       !> Of each simulation, any numbers.
       integer, intent(in) :: groups(:)
       !> GPa.
       real(wp), intent(out) :: error_gpa
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: modulus(size(groups)), z(size(groups))
+      real(wp), dimension(size(groups)) :: residual, sd, spread, modulus
+      integer :: i
 
       error_gpa = 0.0_wp
-      call leave_out(learner, groups, modulus, z, error)
-      if (.not. allocated(error)) error_gpa = sum(abs(modulus - learner%simulations%modulus))/size(groups)
+      call leave_groups_out(learner%design%regression, groups, residual, sd, error)
+      if (allocated(error)) return
+      associate (basis => learner%basis, known => learner%simulations, y => learner%design%regression%targets(:size(groups)))
+         spread = [(spread_of(basis%noise_growth, basis%domain%class%stiffness(known%constants(:, i))), i=1, size(groups))]
+         modulus = known%modulus*(basis%to_modulus(y - residual, 1.0_wp, spread)/basis%to_modulus(y, 1.0_wp, spread))
+         error_gpa = sum(abs(modulus - known%modulus))/size(groups)
+      end associate
    end subroutine left_out
 
    !> Why to stop before the budget, or ''.

@@ -99,11 +99,7 @@ def decode(content: np.ndarray) -> dict:
 
 
 #: Operations that give up Python's lock; see fortran/facade/core.f90 for why not all do.
-LONG = {
-    "crystal.theory", "crystal.waves", "indentation.run", "indentation.fields", "simulator.run", "surrogate.predict",
-    "learner.choose", "learner.fit", "learner.update", "learner.leave_out", "posterior.sample", "posterior.evaluate",
-    "posterior.moduli",
-}  # fmt: skip
+LONG = {"crystal.theory", "crystal.waves", "indentation.run", "indentation.fields", "simulator.run", "surrogate.predict", "basis.fit"}
 
 
 def call(operation: str, handle: int = 0, /, **values) -> dict:

@@ -4,11 +4,12 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import ArrayLike
+from testing_core import Held, inside
 
-from bayesindent.core import NativeObject
 from bayesindent.pipeline.stage import Job, run_stage
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.basis import Basis
@@ -22,15 +23,37 @@ def build(problem: Problem, output: Path, simulate: Callable[[Job], dict] | None
     return run_stage(problem, "build", output, simulate)
 
 
+class _Basis(Held, Basis):
+    """A basis in the core of the tests."""
+
+
+def of_tests(basis: Basis) -> _Basis:
+    """The same basis in the core of the tests."""
+    if "of_tests" not in basis.__dict__:
+        facts = vars(basis)
+        limits = {"c_min": facts["c_min"], "c_max": facts["c_max"]} if len(facts["c_min"]) else {}
+        limits |= {name: facts[name] for name in ("anisotropy_cap", "log_anisotropy_max") if facts[name] < np.finfo(float).max}
+        if not len(facts["c_min"]):
+            limits |= {"classes": facts["classes"].split(", "), "poisson_min": facts["poisson"][0], "poisson_max": facts["poisson"][1]}
+        if facts["stiffness"][1] < np.finfo(float).max:
+            limits |= {"stiffness_min_gpa": facts["stiffness"][0], "stiffness_max_gpa": facts["stiffness"][1]}
+        settings = {name: facts[name] for name in ("model", "truncation", "degree", "bandlimit") if name in facts}
+        with inside():
+            problem = Problem.from_keywords("Basis", problem={"symmetry": basis.symmetry}, domain=limits, surrogate=settings)
+            facts["of_tests"] = _Basis(problem)
+            del problem
+    return basis.__dict__["of_tests"]
+
+
 def spread_crystals(basis: Basis, n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """n crystals (n, k) in GPa spread over the domain, and angles (n, 3) in degrees, indentation directions uniform on the sphere."""
-    found = basis._call("crystals", count=n, seed=seed)
+    found = of_tests(basis)._call("crystals", count=n, seed=seed)
     return found["constants"], found["euler_deg"]
 
 
 def terms_of(basis: Basis, constants: ArrayLike, euler_deg: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Terms (n_terms, n), not divided by the spread of the noise, and scales (n,) in GPa of stable crystals (n, k) in GPa at angles (n, 3) in degrees."""
-    found = basis._call("terms", **basis.rows(constants, euler_deg))
+    found = of_tests(basis)._call("terms", **basis.rows(constants, euler_deg))
     return found["values"].T, found["scale"]
 
 
@@ -85,14 +108,14 @@ def to_modulus(basis: Basis, y: ArrayLike, scale: ArrayLike) -> np.ndarray:
     return scale * (np.exp(y) if basis.logarithmic else np.asarray(y))
 
 
-class Learner(NativeObject):
+class Learner(Held):
     """Evidence regression over a basis, and the choice of the next candidates by variance. Crystals are constants (n, k) in GPa."""
 
     kind = "learner"
 
     def __init__(self, basis: Basis):
         self.basis = basis
-        self._hold(basis._call("learner")["handle"])
+        self._hold(of_tests(basis)._call("learner")["handle"])
 
     def set_candidates(self, constants: ArrayLike, euler_deg: ArrayLike, variance_of: str = "imse") -> None:
         """Crystals (n, k) at angles (n, 3) in degrees, all of them available, and the rule of the choice, see &design."""
@@ -116,10 +139,10 @@ class Learner(NativeObject):
         """The posterior mean once the moduli of all choices were added; `exactly` if one of them failed."""
         self._call("update", exactly=exactly)
 
-    def leave_out(self, groups: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Modulus (GPa) of each simulation with its whole group left out, and the error of y over its sd."""
-        modulus, z = self._call("leave_out", numbers=np.ravel(groups))["values"]
-        return modulus, z
+    def leave_out(self, groups: ArrayLike) -> tuple[np.ndarray, np.ndarray, float]:
+        """y of each simulation with its whole group left out, the error of y over its sd, and the mean absolute error of the modulus, GPa."""
+        found = self._call("leave_out", numbers=np.ravel(groups))
+        return *found["values"], found["error_gpa"]
 
     def precisions(self) -> dict[str, float]:
         """alpha, beta, fall, and log_evidence of the last `fit`, in units of y."""
@@ -139,4 +162,11 @@ class Learner(NativeObject):
 
     def surrogate(self, **provenance) -> Surrogate:
         """The surrogate of what was learnt."""
-        return Surrogate(self._call("surrogate", provenance=json.dumps(provenance, indent=1))["handle"])
+        handle = self._call("surrogate", provenance=json.dumps(provenance, indent=1))["handle"]
+        with TemporaryDirectory() as folder:
+            path = Path(folder, "surrogate.txt")
+            with inside():
+                made = Surrogate(handle)
+                made.save(path)
+                del made
+            return Surrogate.load(path)

@@ -1,14 +1,16 @@
 !> The fit of a surrogate, and the choice of the next simulation.
 program test_fit
    use abstract_basis, only: basis_type
+   use acquisitions, only: new_acquisition
    use bases, only: new_basis
    use crystal_elasticity, only: rotate_stiffness, rotation_matrix
    use errors, only: error_type
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: degree, wp
+   use sequential_design, only: set_candidates
    use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, spread_crystals
-   use surrogate_learner, only: add_simulations, fit_learner, learner_type, new_learner, set_learner_candidates, surrogate_of
+   use surrogate_learner, only: add_simulations, fit_learner, learner_type, new_learner, surrogate_of
    use surrogate_model, only: surrogate_type
    use testing, only: check, check_close, check_refused, check_success, evaluate_terms, finish, new_domain, new_wide_domain, &
       & predict
@@ -127,10 +129,11 @@ contains
       call simulate(basis, 230, constants, euler_deg, modulus)
       call new_learner(basis, learner, error)
       call add_simulations(learner, constants(:, 201:), euler_deg(:, 201:), modulus(201:), .true., error)
-      call set_learner_candidates(learner, constants(:, :200), euler_deg(:, :200), 'guess', error)
+      call new_acquisition('guess', learner%rule, error)
       call check_refused('an unknown rule', error, '''guess'' is unknown; allowed: imse, all_moduli, variance, modulus')
       do rule = 1, 3
-         call set_learner_candidates(learner, constants(:, :200), euler_deg(:, :200), trim(rules(rule)), error)
+         call new_acquisition(trim(rules(rule)), learner%rule, error)
+         call set_candidates(learner%design, basis, constants(:, :200), euler_deg(:, :200))
          call fit_learner(learner, error)
          call surrogate_of(learner, '{}', surrogate, error)
          do i = 1, 200
@@ -148,12 +151,14 @@ contains
          end if
          call learner%rule%choose(learner%design, basis, 1, chosen, variance)
          call check('the best by '//trim(rules(rule)), chosen(1) == maxloc(sd, 1))
-         call set_learner_candidates(learner, constants(:, :200), euler_deg(:, :200), trim(older(rule)), error)
+         call new_acquisition(trim(older(rule)), learner%rule, error)
+         call set_candidates(learner%design, basis, constants(:, :200), euler_deg(:, :200))
          call fit_learner(learner, error)
          call learner%rule%choose(learner%design, basis, 1, again, variance)
          call check('and by its older name', all(again == chosen))
       end do
-      call set_learner_candidates(learner, constants(:, :200), euler_deg(:, :200), 'variance', error)
+      call new_acquisition('variance', learner%rule, error)
+      call set_candidates(learner%design, basis, constants(:, :200), euler_deg(:, :200))
       learner%design%available(3:) = .false.
       call learner%rule%choose(learner%design, basis, 1, chosen(:2), variance(:2))
       call check('what is excluded is not chosen', all(chosen(:2) <= 2))

@@ -56,7 +56,8 @@ def test_only_long_work_gives_up_the_lock():
     procedures = re.findall(r"^subroutine (\w+)(.*?)^end subroutine", text, flags=re.M | re.S)
     assert [name for name, body in procedures if "!f2py threadsafe" in body] == ["core_do_long"]
     makes_texts = {"stage", "campaign", "problem", "settings", "file", "basis"}
-    assert not {operation for operation in bayesindent.core.LONG if operation.split(".")[0] in makes_texts}
+    # A fit is work on numbers.
+    assert not {operation for operation in bayesindent.core.LONG - {"basis.fit"} if operation.split(".")[0] in makes_texts}
 
 
 def test_fortran_folders_depend_one_way():

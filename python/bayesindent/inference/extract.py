@@ -8,32 +8,18 @@ import numpy as np
 
 from ..common.progress import show_progress
 from ..common.result_files import plain
-from ..core import InputError, NativeObject
+from ..core import InputError
 from ..crystal.elasticity import constant_names, quantity_names
 from ..settings.keywords import takes, warn_of
 from ..settings.problem import Problem, schema
 from ..surrogate.surrogate import Surrogate
 from .measurements import problem_of
 
-__all__ = ["EXTRACTION", "Posterior", "extract", "groups_of", "inference_data", "next_grain", "plan", "summary"]
-
-#: What `Posterior` makes of a problem and a surrogate for the chains of both prior and posterior; 'density' for none.
-EXTRACTION = "extract"
+__all__ = ["extract", "groups_of", "inference_data", "next_grain", "plan", "summary"]
 
 #: Groups whose variables are keywords, and those that other keywords stand for.
 GROUPS = ("problem", "indenter", "measurements", "prior", "sampler")
 LEFT_OUT = ("symmetry", "lattice", "title", "synthetic", "seed", "file", "c_min", "c_max")
-
-
-class Posterior(NativeObject):
-    """The posterior of the constants in the core. `values` of an `EXTRACTION` have the names of fortran/pipeline/extraction_document.f90,
-    with the axes reversed."""
-
-    kind = "posterior"
-
-    def __init__(self, problem: Problem, surrogate: Surrogate, what: str):
-        self.values = surrogate._call(what, problem=problem.handle)
-        self._hold(self.values["handle"])
 
 
 @takes(*GROUPS, "next", without=LEFT_OUT)
@@ -74,8 +60,7 @@ def next_grain(
             of_next = {variable.name for variable in schema() if variable.group == "next"}
             result = extract(measurements, surrogate=surrogate, **own, **{name: settings[name] for name in settings if name not in of_next})
     draws = np.stack([values.values.ravel() for values in result.posterior.data_vars.values()], axis=1)
-    posterior = Posterior(problem, surrogate, "density")
-    document = json.loads(posterior._call("next", problem=problem.handle, points=draws)["text"])
+    document = json.loads(surrogate._call("next", problem=problem.handle, points=draws)["text"])
     warn_of(document)
     return document
 
@@ -125,7 +110,7 @@ def extract(
     problem = problem_of("bi.extract", surrogate, measurements, **own, **settings)
     show_progress(progressbar)
     try:
-        found = Posterior(problem, surrogate, EXTRACTION).values
+        found = surrogate._call("extract", problem=problem.handle)
     finally:
         show_progress(False)
     warn_of(json.loads(found["document"]))

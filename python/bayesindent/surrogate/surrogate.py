@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..core import NativeObject, call, native
+from ..core import NativeObject, call
 from ..crystal.elasticity import crystal_rows
 from ..settings.keywords import takes
 from ..settings.problem import Points, html_details
@@ -71,13 +71,7 @@ class Surrogate(NativeObject):
         ----------
         """
         basis = Basis.from_keywords(symmetry, domain, **settings)
-        learner = basis._call("learner")["handle"]
-        try:
-            call("learner.add", learner, modulus_gpa=modulus_gpa, chosen=True, **basis.rows(constants, euler_deg))
-            call("learner.fit", learner)
-            return cls(call("learner.surrogate", learner, provenance="{}")["handle"])
-        finally:
-            native.core_release(learner)
+        return cls(basis._call("fit", modulus_gpa=modulus_gpa, **basis.rows(constants, euler_deg))["handle"])
 
     @classmethod
     def load(cls, name: str | PathLike, *, symmetry: str = "", output: str | PathLike = "", folder: str | PathLike = "") -> Surrogate:

@@ -1,0 +1,248 @@
+!> Operations that tests alone need: the training of a surrogate step by step, and the density of Step 2 point by point. They are those of
+!> a core of its own, beside the one that is tested; see tests/benchmarks/testing_core.py.
+module test_operations
+   use, intrinsic :: ieee_arithmetic, only: ieee_negative_inf, ieee_value
+   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_loc
+   use abstract_basis, only: basis_type, grain_model_type
+   use abstract_sampler, only: sampler_type
+   use acquisitions, only: new_acquisition
+   use constants_posterior, only: posterior_type
+   use evidence_regression, only: coefficient_covariance, coefficient_mean, compute_posterior, leave_groups_out
+   use exchange, only: exchange_type, find_object, register_object, release_object
+   use kinds, only: degree, wp
+   use operations, only: perform
+   use problem_posterior, only: new_problem_posterior
+   use random, only: new_random_stream, random_stream_type
+   use samplers, only: chains_type, checkpoint_type, new_sampler, run_settings_type, sample_chains
+   use sequential_design, only: compute_variances, set_candidates, update_posterior_mean
+   use surrogate_domain, only: spread_crystals
+   use surrogate_learner, only: add_simulations, fit_learner, learner_type, left_out, new_learner, surrogate_of
+   use surrogate_model, only: surrogate_type
+   implicit none
+   private
+   public :: test_do, test_release
+
+contains
+
+   !> Do an operation, of these or of the core; see `core_do`.
+   subroutine test_do(operation, length, handle, n, request, reply, address, words, status) bind(c, name='bayesindent_test_do')
+      integer(c_int64_t), intent(in), value :: length, handle, n
+      character(kind=c_char), intent(in) :: operation(length)
+      integer(c_int64_t), intent(in), target :: request(n)
+      integer(c_int64_t), intent(out) :: reply, address, words
+      integer(c_int), intent(out) :: status
+      type(exchange_type), pointer :: x
+      class(*), pointer :: object
+      character(len=:), allocatable :: name, kind
+      logical :: known
+      integer :: i
+
+      allocate (character(len=length) :: name)
+      do i = 1, int(length)
+         name(i:i) = operation(i)
+      end do
+      kind = name(:index(name, '.') - 1)
+      allocate (x)
+      call x%open(request)
+      if (.not. allocated(x%error)) call find_object(handle, kind, object, x%error)
+      known = .false.
+      if (.not. allocated(x%error)) then
+         known = .true.
+         select type (object)
+         class is (basis_type)
+            call use_basis(name, object, x, known)
+         type is (surrogate_type)
+            call use_surrogate(name, object, x, known)
+         type is (learner_type)
+            call use_learner(name, object, x)
+         type is (posterior_type)
+            call use_posterior(name, object, x)
+         class default
+            known = .false.
+         end select
+      end if
+      if (.not. known) then
+         deallocate (x)
+         call perform(name, handle, request, reply, address, words, status)
+         return
+      end if
+      call x%close(status)
+      if (x%out%filled == 0) call x%out%put('', 0)
+      words = x%out%filled/8
+      address = transfer(c_loc(x%out%bytes), address)
+      object => x
+      call register_object(object, 'reply', reply)
+   end subroutine test_do
+
+   !> Give back an object.
+   subroutine test_release(handle) bind(c, name='bayesindent_test_release')
+      integer(c_int64_t), intent(in), value :: handle
+
+      call release_object(handle)
+   end subroutine test_release
+
+   subroutine use_basis(name, basis, x, known)
+      character(len=*), intent(in) :: name
+      class(basis_type), intent(in) :: basis
+      type(exchange_type), intent(inout) :: x
+      logical, intent(out) :: known
+      type(learner_type), pointer :: learner
+      real(wp), allocatable :: found(:, :), others(:, :), scale(:), spread(:)
+      integer :: i
+
+      known = .true.
+      select case (name)
+      case ('basis.crystals')
+         ! Some that are spread over the domain by a seed.
+         call spread_crystals(basis%domain, x%in%integer('count'), x%in%integer('seed'), found, others, x%error)
+         if (allocated(x%error)) return
+         call x%out%put_array('constants', found, shape(found))
+         call x%out%put_array('euler_deg', others, shape(others))
+      case ('basis.terms')
+         call basis%evaluate_crystals(x%in%columns('constants', basis%domain%class%n_constants), x%in%columns('euler_deg', 3), &
+            & x%values, scale, spread)
+         call x%out%put_array('scale', scale, shape(scale))
+         do i = 1, size(spread)
+            x%values(:, i) = spread(i)*x%values(:, i)
+         end do
+      case ('basis.learner')
+         allocate (learner)
+         call x%give(learner, 'learner')
+         call new_learner(basis, learner, x%error)
+      case default
+         known = .false.
+      end select
+   end subroutine use_basis
+
+   !> The density of a problem, or that of its prior.
+   subroutine use_surrogate(name, surrogate, x, known)
+      character(len=*), intent(in) :: name
+      type(surrogate_type), intent(in) :: surrogate
+      type(exchange_type), intent(inout) :: x
+      logical, intent(out) :: known
+      type(posterior_type), pointer :: density
+
+      known = any(name == [character(len=17) :: 'surrogate.density', 'surrogate.prior'])
+      if (.not. known) return
+      allocate (density)
+      call x%give(density, 'posterior')
+      call new_problem_posterior(x%problem, surrogate, name == 'surrogate.prior', density, x%error)
+      if (allocated(x%error)) return
+      call x%out%put('grains', density%n_grains)
+      call x%out%put('groups', density%n_groups)
+   end subroutine use_surrogate
+
+   subroutine use_posterior(name, density, x)
+      character(len=*), intent(in) :: name
+      type(posterior_type), intent(inout) :: density
+      type(exchange_type), intent(inout) :: x
+      class(sampler_type), allocatable :: sampler
+      type(chains_type) :: chains
+      type(random_stream_type) :: stream
+      class(grain_model_type), allocatable :: grains
+      real(wp), pointer :: points(:, :)
+      real(wp), allocatable :: factor(:, :)
+      integer :: i
+
+      if (x%in%has('points')) points => x%in%columns('points', density%dimension)
+      select case (name)
+      case ('posterior.sample')
+         call new_sampler(x%in%text('method'), x%in%integer('burn_in'), sampler, x%error)
+         if (.not. allocated(x%error)) call sample_chains(density, sampler, run_settings_type(x%in%integer('samples'), &
+            & x%in%integer('chains'), x%threads(), x%in%integer('seed')), chains, x%error, checkpoint_type())
+         if (allocated(x%error)) return
+         call x%out%put_array('draws', chains%draws, shape(chains%draws))
+         call x%out%put_array('log_density', chains%log_density, shape(chains%log_density))
+         call x%out%put_array('acceptance', chains%acceptance, shape(chains%acceptance))
+      case ('posterior.evaluate')
+         ! Log density and log likelihood; minus infinity outside the support.
+         allocate (x%values(size(points, 2), 2))
+         call density%evaluate(points, x%values(:, 1))
+         do i = 1, size(points, 2)
+            x%values(i, 2) = x%values(i, 1) - density%log_prior(density%stiffness(points(:, i)))
+         end do
+         where (spread(.not. x%values(:, 1) > -huge(0.0_wp), 2, 2)) x%values = ieee_value(1.0_wp, ieee_negative_inf)
+      case ('posterior.moduli')
+         ! Indentation moduli (GPa) of any grains, with the surrogate's error drawn given the data, and one plus the calibration error of
+         ! each group, drawn likewise.
+         call density%new_grains(degree*x%in%columns('euler_deg', 3), grains, x%error)
+         if (allocated(x%error)) return
+         allocate (x%values(size(x%in%columns('euler_deg', 3), 2), size(points, 2)), factor(density%n_groups, size(points, 2)))
+         stream = new_random_stream(x%in%integer('seed'), 0)
+         do i = 1, size(points, 2)
+            call density%draw_moduli(points(:, i), grains, stream, x%values(:, i), factor(:, i))
+         end do
+         call x%out%put_array('factor', factor, shape(factor))
+      case default
+         call x%refuse(name)
+      end select
+   end subroutine use_posterior
+
+   subroutine use_learner(name, learner, x)
+      character(len=*), intent(in) :: name
+      type(learner_type), intent(inout) :: learner
+      type(exchange_type), intent(inout) :: x
+      type(surrogate_type), pointer :: surrogate
+      real(wp), pointer :: constants(:, :), euler_deg(:, :)
+      real(wp), allocatable :: values(:), covariance(:, :)
+      real(wp) :: mean_error
+      integer, allocatable :: numbers(:)
+
+      if (x%in%has('constants')) then
+         constants => x%in%columns('constants', learner%basis%domain%class%n_constants)
+         euler_deg => x%in%columns('euler_deg', 3)
+      end if
+      if (x%in%has('numbers')) numbers = nint(x%in%reals('numbers'))
+      select case (name)
+      case ('learner.values')
+         ! Of the coefficients, and of the candidates where there are some.
+         associate (design => learner%design)
+            call x%out%put('alpha', design%regression%alpha)
+            call x%out%put('beta', design%regression%beta)
+            call x%out%put('fall', design%regression%decay_rate)
+            call x%out%put('log_evidence', learner%log_evidence)
+            call coefficient_covariance(design%regression, covariance)
+            call x%out%put_array('covariance', covariance, shape(covariance))
+            values = coefficient_mean(design%regression)
+            call x%out%put_array('mean', values, shape(values))
+            call x%out%put_array('prior_width', design%regression%prior_width, shape(values))
+            if (allocated(design%variance)) call x%out%put_array('variances', design%variance, shape(design%variance))
+         end associate
+      case ('learner.set_candidates')
+         call new_acquisition(x%in%text('rule'), learner%rule, x%error)
+         if (.not. allocated(x%error)) call set_candidates(learner%design, learner%basis, constants, euler_deg)
+      case ('learner.add')
+         call add_simulations(learner, constants, euler_deg, x%in%reals('modulus_gpa'), x%in%logical('chosen'), x%error)
+      case ('learner.fit')
+         if (x%in%has('alpha')) then
+            learner%design%regression%alpha = x%in%real('alpha')
+            learner%design%regression%beta = x%in%real('beta')
+            call compute_posterior(learner%design%regression, x%error)
+            call compute_variances(learner%design)
+         else
+            call fit_learner(learner, x%error)
+         end if
+      case ('learner.choose')
+         allocate (numbers(x%in%integer('count')), values(x%in%integer('count')))
+         call learner%rule%choose(learner%design, learner%basis, x%threads(), numbers, values)
+         call x%out%put_integers('chosen', numbers - 1, shape(numbers))
+         call x%out%put_array('variance', values, shape(values))
+      case ('learner.update')
+         call update_posterior_mean(learner%design, x%in%logical('exactly'), x%error)
+      case ('learner.leave_out')
+         ! y, and its error over its sd; and the mean absolute error of the modulus, GPa.
+         allocate (x%values(size(numbers), 2), values(size(numbers)))
+         call leave_groups_out(learner%design%regression, numbers, x%values(:, 2), values, x%error)
+         x%values(:, 1) = learner%design%regression%targets(:size(numbers)) - x%values(:, 2)
+         x%values(:, 2) = x%values(:, 2)/values
+         if (.not. allocated(x%error)) call left_out(learner, numbers, mean_error, x%error)
+         call x%out%put('error_gpa', mean_error)
+      case ('learner.surrogate')
+         allocate (surrogate)
+         call x%give(surrogate, 'surrogate')
+         call surrogate_of(learner, x%in%text('provenance'), surrogate, x%error)
+      case default
+         call x%refuse(name)
+      end select
+   end subroutine use_learner
+end module test_operations
