@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import partial
 from os import PathLike
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +15,7 @@ from ..core import BayesindentError, InputError, NativeObject
 from ..crystal.elasticity import oriented_crystals
 from ..engines import ENGINES
 from ..settings.keywords import takes
-from ..settings.problem import Problem, schema
+from ..settings.problem import Problem, grouped
 from .deck import write_deck
 
 __all__ = ["Indentation", "IndentationResult"]
@@ -96,11 +95,7 @@ class Indentation(NativeObject):
         ----------
         """
         self._made_of: tuple = (partial(type(self), **settings), ())  # type: ignore[misc]
-        group = {variable.name: variable.group for variable in schema() if variable.group in GROUPS}
-        asked: dict[str, Any] = {name: {} for name in GROUPS}
-        for name, value in settings.items():
-            asked[group[name]][name] = value
-        self._set_up(Problem.from_keywords("bi.Indentation", **asked))
+        self._set_up(Problem.from_keywords("bi.Indentation", **grouped(settings, GROUPS)))
 
     @classmethod
     def of_problem(cls, problem: Problem) -> Indentation:

@@ -4,8 +4,8 @@ import csv
 import textwrap
 from dataclasses import dataclass
 from functools import cache
-from importlib import resources
 from math import isclose
+from pathlib import Path
 
 import numpy as np
 
@@ -63,7 +63,7 @@ class Metal:
 @cache
 def metals() -> dict[str, Metal]:
     """The metals that come with the package, by their symbols."""
-    text = (resources.files("bayesindent") / "data" / "metals.csv").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[1] / "data" / "metals.csv").read_text(encoding="utf-8")
     found = {}
     for row in csv.DictReader(line for line in text.splitlines() if not line.startswith("#")):
         constants = {name: float(value) for name, value in row.items() if name[1:].isdigit() and value}

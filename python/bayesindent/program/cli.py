@@ -74,9 +74,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv = ["--version"]
     elif argv[:1] == ["help"]:
         argv = [*argv[1:], "--help"]
-    if "--all" in argv:
-        argv = [word for word in argv if word not in ("-h", "--help")]
-    arguments, unknown = parser().parse_known_args(argv)
+    arguments, unknown = parser("--all" in argv).parse_known_args(argv)
     if unknown:
         arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     # ArviZ announces its next version at every import.
@@ -152,17 +150,8 @@ class Parser(argparse.ArgumentParser):
         super().error(message + (f". Did you mean '{near[0]}'?" if near else ""))
 
 
-class ShowAll(argparse.Action):
-    """The help with every variable."""
-
-    def __call__(self, parser, namespace, values, option_string=None):
-        parser.full = True
-        parser.print_help()
-        parser.exit()
-
-
-def parser() -> argparse.ArgumentParser:
-    """The parser of all commands."""
+def parser(full: bool = False) -> argparse.ArgumentParser:
+    """The parser of all commands. `full`: their help has every variable."""
     root = Parser(prog="bayesindent", description=DESCRIPTION, epilog=EXAMPLES)
     root.add_argument("--version", action="version", version=f"bayesindent {__version__}")
     subparsers = root.add_subparsers(title="commands", metavar="COMMAND", required=True)
@@ -170,10 +159,10 @@ def parser() -> argparse.ArgumentParser:
         words = textwrap.fill(" ".join(f"{command.summary[0].upper()}{command.summary[1:]}. {command.description}".split()), 100)
         sub = subparsers.add_parser(command.name, help=command.summary, description=words)
         sub.set_defaults(command=command, json=False, results=None, quiet=False, parser=sub)
-        sub.groups = command.groups
+        sub.groups, sub.full = command.groups, full
         if command.groups:
             sub.add_argument("file", metavar="FILE.nml", type=Path, help="the namelist")
-            sub.add_argument("--all", action=ShowAll, nargs=0, help="show this help with every variable of the namelist")
+            sub.add_argument("--all", action="help", help="show this help with every variable of the namelist")
             sub.add_argument("--seed", metavar="N", type=int, help="in place of &problem seed")
             if "sampler" in command.groups:
                 sub.add_argument("--samples", metavar="N", type=int, help="in place of &sampler samples")
@@ -203,6 +192,7 @@ def finish(arguments: argparse.Namespace, document: dict | int) -> int:
     exit status stays one."""
     if isinstance(document, int):
         return document
+    document["warnings"] = list(dict.fromkeys(document["warnings"]))
     reasons = document.get("extract", document).get("reasons", [])
     for reason in reasons:
         log.error("the result cannot be used: %s", reason)

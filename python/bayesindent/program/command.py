@@ -14,7 +14,7 @@ from ..settings.problem import Problem, schema, stages
 from ..surrogate.surrogate import places
 from ..version import __version__
 
-__all__ = ["PATIENCE_S", "Command", "namelist_command", "output_folder", "perform", "prepare", "problem_of", "report_of", "take_folder"]
+__all__ = ["PATIENCE_S", "Command", "namelist_command", "output_folder", "perform", "prepare", "problem_of", "report_of"]
 
 log = logging.getLogger("bayesindent")
 
@@ -44,10 +44,7 @@ class Command:
 
     def run(self, arguments: argparse.Namespace) -> dict | int:
         """Do it."""
-        if self.action is not None:
-            return self.action(arguments)
-        problem, output = prepare(arguments)
-        return with_warnings(problem, perform(self, problem, output))
+        return self.action(arguments) if self.action is not None else perform(self, *prepare(arguments))
 
 
 def namelist_command(name: str, **more) -> Command:
@@ -76,8 +73,7 @@ class Log(logging.FileHandler):
 def prepare(arguments: argparse.Namespace, patience_s: int = 0):
     """The problem of a command's namelist, and its output folder, which no other process has, with the resolved input and the log."""
     problem = problem_of(arguments)
-    output = arguments.results = output_folder(arguments, arguments.file)
-    take_folder(output, patience_s, arguments.command.resumes)
+    output = arguments.results = output_folder(arguments, arguments.file, patience_s)
     handler = Log(output / "run.log", encoding="utf-8")
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
     log.addHandler(handler)
@@ -94,14 +90,13 @@ def report_of(arguments: argparse.Namespace, document: dict) -> str:
     return f"bayesindent report {arguments.results}"
 
 
-def take_folder(output: Path, patience_s: int = PATIENCE_S, resumes: bool = False) -> None:
-    """Have an output folder, which is made, to the end of the command; refuse if another process has it for longer."""
-    call("file.take_folder", folder=output, patience=patience_s, resumes=resumes)
-
-
-def output_folder(arguments: argparse.Namespace, source: Path) -> Path:
-    """Where the results go."""
-    return arguments.output or Path("runs") / source.stem
+def output_folder(arguments: argparse.Namespace, source: Path, patience_s: int | None = PATIENCE_S) -> Path:
+    """Where the results of a file go. The folder is made and the command's own to its end, which is refused if another process has it for longer
+    than `patience_s`; None: it may be another's."""
+    output = arguments.output or Path("runs") / source.stem
+    if patience_s is not None:
+        call("file.take_folder", folder=output, patience=patience_s, resumes=arguments.command.resumes)
+    return output
 
 
 def perform(command: Command, problem: Problem, output: Path) -> dict:
@@ -111,8 +106,3 @@ def perform(command: Command, problem: Problem, output: Path) -> dict:
     document = stage(problem, output=output)
     log.info("%s ends", command.name)
     return document
-
-
-def with_warnings(problem, document: dict) -> dict:
-    """The document with the warnings of the reader before its own."""
-    return document | {"warnings": list(dict.fromkeys([*problem.warnings, *document["warnings"]]))}

@@ -7,27 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from ..common.result_files import as_csv
 from ..core import InputError
 from .laboratory_tables import reader_of
 
-__all__ = ["as_file", "curves_of_files", "files_of", "read_curves", "tdm_settings"]
+__all__ = ["curves_of_files", "files_of", "tdm_settings"]
 
 #: The last where the stiffness was measured.
 COLUMNS = ("time_s", "depth_nm", "load_mn", "stiffness_n_m")
 #: Numbers above this are none: instruments write 1.797e308.
 NO_VALUE = 1e300
 UNITS = {"time (s)": 1.0, "depth (nm)": 1.0, "depth (µm)": 1e3, "load (mn)": 1.0, "load (µn)": 1e-3}
-
-
-def read_curves(curves, folder: Path, origin: str, drift_removed: bool = True) -> str:
-    """The path of a CSV of curves: itself, or written to `folder` from files of instruments or from a table. `drift_removed` is compared
-    with what the instrument says."""
-    if isinstance(curves, str | os.PathLike) and Path(curves).suffix.lower() != ".csv":
-        curves = [curves]
-    if isinstance(curves, list | tuple):
-        curves = curves_of_files([(f"{origin}: {file}: ", Path(file)) for file in curves], drift_removed)
-    return as_file(curves, folder / "curves.csv")
 
 
 def files_of(place: str, folder: Path, names: Iterable[str]) -> list[tuple[str, Path]]:
@@ -60,16 +49,6 @@ def curves_of_files(files: Iterable[tuple[str, Path]], drift_removed: bool) -> d
         for name, values in zip(names, curve[:, whole], strict=False):
             columns[name] += values.tolist()
     return columns
-
-
-def as_file(table, path: Path) -> str:
-    """The file of a table, written to `path` where it is none."""
-    if isinstance(table, str | os.PathLike):
-        return str(Path(table).absolute())
-    columns = {str(name): list(table[name]) for name in table}
-    blank = [["" if value is None or value != value else value for value in values] for values in columns.values()]
-    path.write_text(as_csv(list(columns), zip(*blank, strict=True)))
-    return str(path)
 
 
 def read_file(file: Path, place: str) -> list[tuple[str, tuple]]:

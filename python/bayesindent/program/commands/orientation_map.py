@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ...core import InputError
 from ...settings.problem import Problem
-from ..command import Command, output_folder, take_folder
+from ..command import Command, output_folder
 
 __all__ = ["COMMAND"]
 
@@ -22,7 +22,6 @@ def draw(arguments: argparse.Namespace) -> dict:
     from ...report.figures.style import house_style, stamp_synthetic
 
     output = output_folder(arguments, arguments.file)
-    take_folder(output)
     with house_style():
         figure = draw_map(problem.map, problem.measurements.names).figure
         if problem.settings.problem.synthetic:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ...settings.problem import read_crystals
 from ...surrogate.surrogate import Surrogate
-from ..command import Command, output_folder, take_folder
+from ..command import Command, output_folder
 
 __all__ = ["COMMAND"]
 
@@ -18,9 +18,7 @@ def predict(arguments: argparse.Namespace) -> dict:
     model, table = Surrogate.load(arguments.surrogate), arguments.points
     points = read_crystals(table, arguments.symmetry or model.symmetry)
     mean, sd, outside = model.predict_table(points, len(os.sched_getaffinity(0)))
-    folder = output_folder(arguments, table)
-    take_folder(folder)
-    file = folder / "predictions.csv"
+    file = output_folder(arguments, table) / "predictions.csv"
     points.write(file, {"modulus_gpa": mean, "sd_gpa": sd})
     # Many rows in a document take much more memory than in a file.
     wanted = range(len(points) if arguments.json else 0)

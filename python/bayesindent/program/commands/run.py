@@ -4,7 +4,7 @@ import argparse
 import sys
 
 from ...surrogate.surrogate import places
-from ..command import namelist_command, output_folder, perform, prepare, problem_of, with_warnings
+from ..command import namelist_command, output_folder, perform, prepare, problem_of
 from . import report
 from .stages import COMMANDS
 
@@ -14,7 +14,7 @@ __all__ = ["COMMAND"]
 def run(arguments: argparse.Namespace) -> dict:
     """The stages of the file in order, then a report; with --check only what would be done. A result that cannot be used suggests no grain."""
     if arguments.check:
-        problem, output = problem_of(arguments), output_folder(arguments, arguments.file)
+        problem, output = problem_of(arguments), output_folder(arguments, arguments.file, None)
     else:
         problem, output = prepare(arguments)
     # What the reader cannot see: the surrogate, if no stage before builds it, and whether it is valid for the prior's crystals.
@@ -29,8 +29,7 @@ def run(arguments: argparse.Namespace) -> dict:
         if name != "next" or documents.get("extract", {}).get("usable", True):
             documents[name] = perform(known[name], problem, output)
     documents["report"] = report.make(output, output)
-    warnings = [line for document in documents.values() for line in document["warnings"]]
-    return with_warnings(problem, documents | {"warnings": warnings})
+    return documents | {"warnings": [*problem.warnings, *(line for document in documents.values() for line in document["warnings"])]}
 
 
 def show(document: dict) -> None:

@@ -13,7 +13,7 @@ from ...pipeline.stage import run_stage
 from ...report.formatting import SHARES, number, numbers, share_cells
 from ...settings.problem import Problem, read_crystals
 from ...surrogate.basis import Basis
-from ..command import PATIENCE_S, namelist_command, perform, prepare, report_of, with_warnings
+from ..command import PATIENCE_S, namelist_command, perform, prepare, report_of
 from ..console import show_moduli, show_table
 
 __all__ = ["COMMANDS"]
@@ -91,11 +91,11 @@ def build(arguments: argparse.Namespace) -> dict:
     problem, output = prepare(arguments, PATIENCE_S if (arguments.ask, arguments.tell) != (None, None) else 0)
     if arguments.ask is not None:
         arguments.results = None
-        return with_warnings(problem, ask(problem, output, arguments.ask))
+        return ask(problem, output, arguments.ask)
     if arguments.tell is not None:
         points = read_crystals(arguments.tell, problem.settings.problem.symmetry or Basis(problem).symmetry)
-        return with_warnings(problem, tell(problem, output, points, str(arguments.tell)))
-    return with_warnings(problem, perform(arguments.command, problem, output))
+        return tell(problem, output, points, str(arguments.tell))
+    return perform(arguments.command, problem, output)
 
 
 def add_build_arguments(parser: argparse.ArgumentParser) -> None:
