@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from ..core import BayesindentError, InputError, NativeObject
 from ..crystal.elasticity import oriented_crystals
-from ..engines import ENGINES
 from ..settings.keywords import takes
 from ..settings.problem import Problem, grouped
 from .deck import write_deck
@@ -147,6 +146,9 @@ class Indentation(NativeObject):
         The numbers do not depend on these. errors: 'raise' the first, or 'return' each in the place of its result. done(1) is called after
         each simulation.
         """
+        # Not above: it takes time to import.
+        from ..engines import ENGINES
+
         asked = {"workers": workers, "engine": engine, "scheduler": scheduler}
         execution = Problem.from_keywords("bi.Indentation.run_many", execution=asked).settings.execution
         if errors not in ("raise", "return"):

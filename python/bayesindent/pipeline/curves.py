@@ -5,12 +5,11 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from ..core import InputError
 from ..common.result_files import as_csv
+from ..core import InputError
 from ..settings.keywords import takes, warn_of
 from ..settings.problem import Problem
 from .stage import run_stage
@@ -56,6 +55,9 @@ def curves(curves, tests, references: Mapping | str | os.PathLike | None = None,
     crystal_sd : float, optional
         Relative sd of the moduli of references that are crystals.
     """
+    # Not above: it takes time to import.
+    from tempfile import TemporaryDirectory
+
     origin = "bi.curves"
     with TemporaryDirectory() as folder:
         settings["tests"] = file_of(tests, Path(folder) / "tests.csv")

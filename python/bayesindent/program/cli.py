@@ -74,7 +74,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv = ["--version"]
     elif argv[:1] == ["help"]:
         argv = [*argv[1:], "--help"]
-    arguments, unknown = parser("--all" in argv).parse_known_args(argv)
+    arguments, unknown = parser(argv).parse_known_args(argv)
     if unknown:
         arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     # ArviZ announces its next version at every import.
@@ -150,16 +150,18 @@ class Parser(argparse.ArgumentParser):
         super().error(message + (f". Did you mean '{near[0]}'?" if near else ""))
 
 
-def parser(full: bool = False) -> argparse.ArgumentParser:
-    """The parser of all commands. `full`: their help has every variable."""
+def parser(words: Sequence[str]) -> argparse.ArgumentParser:
+    """The parser of all commands, with the arguments of those that are among the words; with '--all' their help has every variable."""
     root = Parser(prog="bayesindent", description=DESCRIPTION, epilog=EXAMPLES)
     root.add_argument("--version", action="version", version=f"bayesindent {__version__}")
     subparsers = root.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in COMMANDS:
-        words = textwrap.fill(" ".join(f"{command.summary[0].upper()}{command.summary[1:]}. {command.description}".split()), 100)
-        sub = subparsers.add_parser(command.name, help=command.summary, description=words)
+        about = textwrap.fill(" ".join(f"{command.summary[0].upper()}{command.summary[1:]}. {command.description}".split()), 100)
+        sub = subparsers.add_parser(command.name, help=command.summary, description=about)
+        if command.name not in words:
+            continue
         sub.set_defaults(command=command, json=False, results=None, quiet=False, parser=sub)
-        sub.groups, sub.full = command.groups, full
+        sub.groups, sub.full = command.groups, "--all" in words
         if command.groups:
             sub.add_argument("file", metavar="FILE.nml", type=Path, help="the namelist")
             sub.add_argument("--all", action="help", help="show this help with every variable of the namelist")

@@ -6,7 +6,6 @@ from collections import namedtuple
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import cache, cached_property, partial
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -165,7 +164,7 @@ class Problem(NativeObject):
             files = files_of(f"{path}: &curves files: ", path.parent, names)
             self._set_table("curves", curves_of_files(files, facts["curves.drift_removed"]))
         #: The file of measurements as it was understood, or None.
-        self.table: "LaboratoryTable | None" = None
+        self.table: LaboratoryTable | None = None
         if "table_file" in facts:
             from .laboratory_tables import laboratory_table
 
@@ -226,6 +225,8 @@ class Problem(NativeObject):
 
 def html_details(thing: object, text: str) -> str:
     """What a notebook shows of a thing: its name, and after a click the text."""
+    from html import escape
+
     return f"<details><summary>{escape(repr(thing)[1:-1])}</summary><pre>{escape(text)}</pre></details>"
 
 

@@ -9,7 +9,6 @@ import json
 import os
 from os import PathLike
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -92,9 +91,12 @@ class Surrogate(NativeObject):
         self._call("save", path=path)
 
     def __reduce__(self):
+        # Not above: it takes time to import.
+        from tempfile import TemporaryDirectory
+
         with TemporaryDirectory() as folder:
-            self.save(Path(folder) / "surrogate.txt")
-            return _from_text, ((Path(folder) / "surrogate.txt").read_text(encoding="utf-8"),)
+            self.save(f"{folder}/surrogate.txt")
+            return _from_text, (Path(folder, "surrogate.txt").read_bytes(),)
 
     def __repr__(self) -> str:
         simulations, terms = len(self._facts["simulated_modulus_gpa"]), self.basis.n_terms
@@ -157,8 +159,10 @@ class Surrogate(NativeObject):
         return words
 
 
-def _from_text(text: str) -> Surrogate:
+def _from_text(text: bytes) -> Surrogate:
     """The surrogate of a file's content."""
+    from tempfile import TemporaryDirectory
+
     with TemporaryDirectory() as folder:
-        (Path(folder) / "surrogate.txt").write_text(text)
-        return Surrogate.load(Path(folder) / "surrogate.txt")
+        Path(folder, "surrogate.txt").write_bytes(text)
+        return Surrogate.load(f"{folder}/surrogate.txt")

@@ -3,7 +3,6 @@
 import argparse
 from pathlib import Path
 
-from ...settings.laboratory_tables import LaboratoryTable, meanings_of
 from ...settings.problem import Problem, schema
 from ..command import Command
 from ..console import show_table
@@ -13,6 +12,9 @@ __all__ = ["COMMAND"]
 
 def table(arguments: argparse.Namespace) -> dict:
     """Columns and what each is taken for, the kind of modulus, the grains, and the rows left out."""
+    # Not above: it takes time to import.
+    from ...settings.laboratory_tables import LaboratoryTable, meanings_of
+
     path = arguments.table
     # The last class has no symmetry.
     classes = next(variable.allowed for variable in schema() if variable.name == "symmetry").split(", ")
