@@ -85,9 +85,7 @@ def write_groups(path: Path, groups: dict[str, tuple[dict, dict]]) -> None:
 def as_csv(header: Sequence[str], rows: Iterable[Sequence]) -> str:
     """A table as text; a float that is not given as text keeps its last bit."""
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows([repr(float(value)) if isinstance(value, float) else value for value in row] for row in rows)
+    csv.writer(text, lineterminator="\n").writerows([header, *rows])
     return text.getvalue()
 
 

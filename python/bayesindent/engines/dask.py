@@ -1,5 +1,6 @@
 """Workers of a Dask cluster: processes of this machine, those of a scheduler at an address, or jobs of SLURM."""
 
+import pickle
 from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
 from typing import Any
@@ -54,11 +55,8 @@ class DaskEngine:
             raise MachineError(f"&execution engine: workers died again and again at the same simulation: {error}") from None
 
 
-@lru_cache(maxsize=1)
-def _job(pickled: bytes) -> Callable:
-    import cloudpickle
-
-    return cloudpickle.loads(pickled)
+#: The job of a pickle, made once.
+_job = lru_cache(maxsize=1)(pickle.loads)
 
 
 def _run(pickled: bytes, item):

@@ -13,15 +13,14 @@ from ..crystal.elasticity import constant_names, quantity_names
 from ..settings.keywords import takes, warn_of
 from ..settings.problem import Problem, grouped
 from ..surrogate.surrogate import Surrogate
-from .measurements import problem_of
+from .measurements import GROUPS, problem_of
 
 __all__ = ["EXTRACTION", "Posterior", "extract", "groups_of", "inference_data", "next_grain", "plan", "summary"]
 
 #: What `Posterior` makes of a problem and a surrogate for the chains of both prior and posterior; 'density' for none.
 EXTRACTION = "extract"
 
-#: Groups whose variables are keywords, and those that other keywords stand for.
-GROUPS = ("problem", "indenter", "measurements", "prior", "sampler", "execution")
+#: Variables that other keywords stand for.
 LEFT_OUT = ("symmetry", "title", "synthetic", "file", "c_min", "c_max", "engine", "scheduler")
 
 

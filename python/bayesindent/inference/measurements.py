@@ -9,10 +9,10 @@ from ..core import InputError
 from ..crystal.elasticity import angles_of, constant_names
 from ..settings.problem import Problem, grouped
 
-__all__ = ["measurements_of", "problem_of"]
+__all__ = ["GROUPS", "measurements_of", "problem_of"]
 
-#: Groups whose variables are keywords of `extract` and `next_grain`.
-GROUPS = ("problem", "indenter", "measurements", "prior", "sampler", "execution", "next", "plan")
+#: Groups whose variables are keywords.
+GROUPS = ("problem", "indenter", "measurements", "prior", "sampler", "execution")
 
 
 def problem_of(
@@ -22,12 +22,12 @@ def problem_of(
     """The problem that keywords of the function `origin` ask for, checked as a namelist file is.
 
     The keywords are those of `bi.extract`. `measurements`: a CSV file, or what `measurements_of` takes. `symmetry`: if there is none, that of a
-    surrogate of one class. `variables` are those of `GROUPS`.
+    surrogate of one class. `variables` are those of `GROUPS`, and of the next measurement or the plan.
     """
     symmetry = symmetry or (surrogate.symmetry if len(surrogate.basis.c_min) else None)
     if symmetry is None:
         raise InputError(f"{origin}: symmetry is missing: this surrogate serves crystals of every class; state one, such as 'cubic'")
-    asked = grouped(variables | {"symmetry": symmetry}, [group for group in GROUPS if group != "plan" or "constants" in variables])
+    asked = grouped(variables | {"symmetry": symmetry}, (*GROUPS, "plan" if "constants" in variables else "next"))
     tables: dict[str, Mapping] = {}
     if isinstance(velocities, str | os.PathLike):
         asked["measurements"]["velocities"] = velocities

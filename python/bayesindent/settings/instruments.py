@@ -42,13 +42,10 @@ def curves_of_files(files: Iterable[tuple[str, Path]], drift_removed: bool) -> d
                 "&curves drift_removed = .false., and drift_nm_s in the table of tests"
             )
     names = COLUMNS[: min(len(curve) for _, curve in found)]
-    columns: dict[str, list] = {name: [] for name in ("test", *names)}
-    for test, curve in found:
-        whole = np.abs(curve[: len(names)]).max(axis=0) < NO_VALUE
-        columns["test"] += [test] * int(whole.sum())
-        for name, values in zip(names, curve[:, whole], strict=False):
-            columns[name] += values.tolist()
-    return columns
+    tests = np.repeat([test for test, _ in found], [curve.shape[1] for _, curve in found])
+    values = np.hstack([curve[: len(names)] for _, curve in found])
+    whole = np.abs(values).max(axis=0) < NO_VALUE
+    return {"test": tests[whole].tolist()} | dict(zip(names, values[:, whole].tolist(), strict=True))
 
 
 def read_file(file: Path, place: str) -> list[tuple[str, tuple]]:

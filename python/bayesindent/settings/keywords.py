@@ -71,9 +71,7 @@ def type_of(variable: Variable):
 
 def default_of(variable: Variable):
     """The default of a keyword; None where there is none."""
-    if variable.default in ("*", "unset"):
-        return None
-    return variable.default == ".true." if variable.kind == "logical" else TYPES.get(variable.kind, str)(variable.default)
+    return None if variable.default in ("*", "unset") else variable.value_of([variable.default])
 
 
 @cache

@@ -2,9 +2,8 @@
 
 import os
 import re
-from collections import namedtuple
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, make_dataclass
 from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -59,8 +58,8 @@ class Stage:
 class Points:
     """A table of n points of a problem: crystals with orientations, measurements, or candidates. The core has it; what is asked for is copied.
 
-    `symmetry` is a list of n names (None in measurements), `constants` a list of n dicts (GPa), `stiffness` (n, 6, 6) in GPa
-    (crystal frame) or None, `euler_deg` (n, 3), `modulus_gpa` and `sd_gpa` (n,) or None where the table has none (NaN in
+    Of crystals `constants` is a list of n dicts (GPa), and `stiffness` (n, 6, 6) in GPa
+    (crystal frame); `euler_deg` (n, 3), `modulus_gpa` and `sd_gpa` (n,) or None where the table has none (NaN in
     empty cells). `columns` and `rows` are the cells as written; of measurements there are more rows than points where several tests of one
     grain are combined. `modulus_kind`: of measurements, which modulus was measured. `names`: of grains, or None.
     """
@@ -81,30 +80,21 @@ class Points:
         return None if np.isnan(values).all() else values
 
     @cached_property
-    def symmetry(self) -> list:
-        """The crystal class of each row."""
-        if not self._classes:
-            return self._n * [None]
-        return [self._classes[number - 1] for number in self._numbers["class"].tolist()]
-
-    @cached_property
     def constants(self) -> list[dict]:
         """Constants of each row by name, GPa."""
-        if not self._classes:
-            return self._n * [{}]
-        names = {symmetry: constant_names(symmetry) for symmetry in self._classes}
-        rows = zip(self.symmetry, self._numbers["constants"].tolist(), strict=True)
-        return [dict(zip(names[symmetry], values, strict=False)) for symmetry, values in rows]
+        names = [constant_names(symmetry) for symmetry in self._classes]
+        rows = zip(self._numbers["class"].tolist(), self._numbers["constants"].tolist(), strict=True)
+        return [dict(zip(names[number - 1], values, strict=False)) for number, values in rows]
 
     # Others see the class.
-    stiffness = cached_property(lambda self: self._columns("stiffness")["stiffness"] if self._classes else None)
+    stiffness = cached_property(lambda self: self._columns("stiffness")["stiffness"])
     _numbers = cached_property(lambda self: self._columns("numbers"))
     euler_deg = property(lambda self: self._numbers["euler_deg"])
     modulus_gpa = property(lambda self: self._given("modulus_gpa"))
     sd_gpa = property(lambda self: self._given("sd_gpa"))
-    _cells = cached_property(lambda self: _rows(self._columns("cells"), "cells"))
-    columns = property(lambda self: self._cells[0])
-    rows = property(lambda self: self._cells[1:])
+    _cells = cached_property(lambda self: self._columns("cells"))
+    columns = property(lambda self: self._cells["cells"][: self._cells["cells.columns"]])
+    rows = property(lambda self: list(batched(self._cells["cells"], self._cells["cells.columns"]))[1:])
 
     def write(self, path: str | os.PathLike, columns: Mapping[str, np.ndarray]) -> None:
         """Write the crystals as the table that they came from, with columns of n numbers added or, where it has them, replaced."""
@@ -192,8 +182,6 @@ class Problem(NativeObject):
         self.path, self.folder = path, path.parent
         self.resolved, self.warnings, self.stages = facts["resolved"], facts["warnings"], facts["stages"].split()
         self.settings = _settings(facts)
-        #: The rows of &knowledge stiffness_file, the header first.
-        self.stiffness = _rows(facts, "stiffness") if "stiffness" in facts else None
         self._tables = {table: facts for table in ("crystals", "measurements", "candidates", "grains") if f"{table}.n" in facts}
         self._frozen = True
 
@@ -294,12 +282,8 @@ def batched(values: list, n: int) -> Iterator[list]:
     return (values[i : i + n] for i in range(0, len(values), n))
 
 
-def _rows(found: dict, name: str) -> list[list[str]]:
-    return list(batched(found[name], found[f"{name}.columns"]))
-
-
-#: The class of tuples with these names.
-_tuple_type = cache(namedtuple)
+#: The frozen class of a name with these fields.
+_frozen_type = cache(partial(make_dataclass, frozen=True, eq=False))
 
 
 def _settings(values: dict):
@@ -311,5 +295,5 @@ def _settings(values: dict):
             value.flags.writeable = False
         group = groups.setdefault(variable.group, {"given": values[f"{variable.group}.given"]})
         group[variable.name] = tuple(value) if isinstance(value, list) else value
-    whole = {name: _tuple_type(f"{name}_settings", tuple(group))(**group) for name, group in groups.items()}
-    return _tuple_type("settings", tuple(whole))(**whole)
+    whole = {name: _frozen_type(f"{name}_settings", tuple(group))(**group) for name, group in groups.items()}
+    return _frozen_type("settings", tuple(whole))(**whole)

@@ -96,7 +96,7 @@ class Surrogate(NativeObject):
 
         with TemporaryDirectory() as folder:
             self.save(f"{folder}/surrogate.txt")
-            return _from_text, (Path(folder, "surrogate.txt").read_bytes(),)
+            return _from_text, (Path(folder, "surrogate.txt").read_text(encoding="utf-8"),)
 
     def __repr__(self) -> str:
         simulations, terms = len(self._facts["simulated_modulus_gpa"]), self.basis.n_terms
@@ -159,10 +159,10 @@ class Surrogate(NativeObject):
         return words
 
 
-def _from_text(text: bytes) -> Surrogate:
+def _from_text(text: str) -> Surrogate:
     """The surrogate of a file's content."""
     from tempfile import TemporaryDirectory
 
     with TemporaryDirectory() as folder:
-        Path(folder, "surrogate.txt").write_bytes(text)
+        Path(folder, "surrogate.txt").write_text(text, encoding="utf-8")
         return Surrogate.load(f"{folder}/surrogate.txt")

@@ -1,6 +1,6 @@
 """The commands, in the order of the help."""
 
-from . import compare, completion, init, orientation_map, predict, report, run, source_tree, stages, table
+from . import compare, completion, init, orientation_map, predict, report, source_tree, stages, table
 
 __all__ = ["COMMANDS"]
 
@@ -8,7 +8,7 @@ COMMANDS = (
     init.COMMAND,
     table.COMMAND,
     orientation_map.COMMAND,
-    run.COMMAND,
+    stages.RUN,
     *stages.COMMANDS,
     predict.COMMAND,
     report.COMMAND,

@@ -5,8 +5,7 @@ from pathlib import Path
 
 from ...report.comparison import compare_runs, read_runs
 from ...report.formatting import number
-from ..command import Command, output_folder
-from ..console import show_table
+from ..command import Command, output_folder, show_table
 
 __all__ = ["COMMAND"]
 

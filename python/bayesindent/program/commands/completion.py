@@ -23,12 +23,11 @@ complete -o default -F _bayesindent bayesindent ./bayesindent
 
 def print_script(arguments: argparse.Namespace) -> int:
     """Print the script."""
-    from ..cli import COMMANDS, parser
+    from ..cli import parser
 
-    names = [command.name for command in COMMANDS]
-    subparsers = next(action for action in parser(names)._actions if isinstance(action, argparse._SubParsersAction)).choices
+    subparsers = next(action for action in parser()._actions if isinstance(action, argparse._SubParsersAction)).choices
     cases = [f"  *:{name}:-*) options='{' '.join(sorted(sub._option_string_actions))}' ;;" for name, sub in subparsers.items()]
-    print(SCRIPT.replace("@COMMANDS@", " ".join([*names, "help", "version"])).replace("@CASES@", "\n".join(cases)), end="")
+    print(SCRIPT.replace("@COMMANDS@", " ".join([*subparsers, "help", "version"])).replace("@CASES@", "\n".join(cases)), end="")
     return 0
 
 

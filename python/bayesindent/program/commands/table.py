@@ -4,8 +4,7 @@ import argparse
 from pathlib import Path
 
 from ...settings.problem import Problem, schema
-from ..command import Command
-from ..console import show_table
+from ..command import Command, show_table
 
 __all__ = ["COMMAND"]
 
