@@ -75,9 +75,7 @@ def write_groups(path: Path, groups: dict[str, tuple[dict, dict]]) -> None:
             group.attrs.update(facts)
             for label, (axes, values, *attributes) in variables.items():
                 group.dimensions.update({axis: size for axis, size in zip(axes, values.shape) if axis not in group.dimensions})
-                variable = group.create_variable(label, axes, data=values)
-                for facts_of_it in attributes:
-                    variable.attrs.update(facts_of_it)
+                group.create_variable(label, axes, data=values).attrs.update(*attributes)
     with whole_file(path) as beside:
         beside.write_bytes(content.getvalue())
 

@@ -66,13 +66,11 @@ def stiffness(symmetry: str, *values: ArrayLike, **constants: ArrayLike) -> np.n
     C11=168.4. Arrays of constants broadcast. Raises `InputError` for other names, or another number of values.
     """
     names = constant_names(symmetry)
-    if len(values) == len(names) and not constants:
-        constants = dict(zip(names, values, strict=True))
-    if values and set(constants) != set(names):
-        raise InputError(f"a {symmetry} crystal takes {len(names)} constants, {', '.join(names)}, not {len(values) + len(constants)}")
-    if set(constants) != set(names):
-        raise InputError(f"a {symmetry} crystal takes the constants {', '.join(names)}, not {', '.join(constants) or 'none'}")
-    arrays = np.broadcast_arrays(*(np.asarray(constants[name], dtype=float) for name in names))
+    given = dict(zip(names, values, strict=False)) | constants
+    if set(given) != set(names) or len(given) < len(values) + len(constants):
+        stated = [*[f"{len(values)} values"] * bool(values), *constants]
+        raise InputError(f"a {symmetry} crystal takes the constants {', '.join(names)}, not {', '.join(stated) or 'none'}")
+    arrays = np.broadcast_arrays(*(np.asarray(given[name], dtype=float) for name in names))
     return stiffness_rows(symmetry, np.stack(arrays, axis=-1))
 
 

@@ -171,7 +171,6 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
     """What Step 2 found by the groups of ArviZ' schema: of each the variables (axes, values; coordinates have the name of their axis)
     and facts. `found`: by the names of fortran/pipeline/extraction_document.f90; fortran/inference/model_checks.f90 says what a likelihood
     and a prediction are."""
-    document = json.loads(found["document"])
     names, units = constant_names(found["symmetry"]), quantity_names(found["symmetry"])
     draws, before, quantities = (found[name] for name in ("draws", "prior_draws", "quantities"))
     each, per_grain, gpa = ("chain", "draw"), ("chain", "draw", "grain"), {"units": "GPa"}
@@ -197,20 +196,13 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
     sd = np.where(found["sd_gpa"] > 0, found["sd_gpa"], 1.0)
     conditions = by_kind(("grain", "angle"), found["euler_deg"], ("euler_deg", "velocity_euler_deg"), ("degree", "degree"))
     conditions |= by_kind(("grain",), sd, ("sd", "velocity_sd"))
-    bounds = zip(found["lower"].tolist(), found["upper"].tolist())
+    bounds = dict(zip(names, zip(found["lower"].tolist(), found["upper"].tolist())))
     facts = {name: found[name] for name in ("symmetry", "title", "modulus_kind", "acceptance", "anisotropy_cap", "share_inside")}
-    facts |= {
-        "summary": found["document"],
-        "settings": found["resolved"],
-        "map": found["most_probable"],
-        "bounds": json.dumps(dict(zip(names, bounds))),
-    }
+    facts |= {"summary": found["document"], "settings": found["resolved"], "map": found["most_probable"], "bounds": json.dumps(bounds)}
+    reported = json.loads(found["document"])["parameters"]
+    parameters = {name: (each, draws[..., j], {"units": units.get(name, "1")}) for j, name in enumerate(reported)}
     return {
-        "posterior": (
-            counted(draws)
-            | {name: (each, draws[..., j], {"units": units.get(name, "1")}) for j, name in enumerate(document["parameters"])},
-            facts,
-        ),
+        "posterior": (counted(draws) | parameters, facts),
         "prior": (counted(before) | {name: (each, before[..., j], gpa) for j, name in enumerate(names)}, {}),
         "sample_stats": (counted(draws) | {"lp": (each, found["log_density"])}, {}),
         "derived": (some | derived, {}),

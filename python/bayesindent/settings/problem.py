@@ -130,15 +130,13 @@ class Problem(NativeObject):
             stated = {name: value for name, value in (values or {}).items() if value is not None}
             lines = [f"{name} = {spelled(value, f'{origin}: &{group} {name}')}\n" for name, value in stated.items()]
             text += "" if values is None else f"&{group}\n{''.join(lines)}/\n"
-        self = cls.parse(origin, text, tables)
-        object.__setattr__(self, "_made_of", (partial(cls.from_keywords, origin, tables, **groups), ()))
-        return self
+        return cls.parse(origin, text, tables, (partial(cls.from_keywords, origin, tables, **groups), ()))
 
     @classmethod
-    def parse(cls, origin: str, text: str, tables: Mapping[str, Mapping] | None = None) -> "Problem":
-        """The problem of a namelist's text; messages begin with the origin."""
+    def parse(cls, origin: str, text: str, tables: Mapping[str, Mapping] | None = None, made_of: tuple = ()) -> "Problem":
+        """The problem of a namelist's text; messages begin with the origin. `made_of`: how a copy is made, nothing where it is not."""
         self = cls.__new__(cls)
-        self._made_of = ()
+        self._made_of = made_of
         self._fill(call("settings.problem", path=origin, content=text), Path(origin), tables)
         return self
 
@@ -149,10 +147,10 @@ class Problem(NativeObject):
         facts = self._facts()
         if names := facts.get("curves.files"):
             # Neither this nor what follows is above: they take time to import.
-            from .instruments import curves_of_files, files_of
+            from .instruments import curves_of_files
 
-            files = files_of(f"{path}: &curves files: ", path.parent, names)
-            self._set_table("curves", curves_of_files(files, facts["curves.drift_removed"]))
+            columns = curves_of_files(f"{path}: &curves files: ", path.parent, names, facts["curves.drift_removed"])
+            self._set_table("curves", columns)
         #: The file of measurements as it was understood, or None.
         self.table: LaboratoryTable | None = None
         if "table_file" in facts:
@@ -241,15 +239,10 @@ def read_crystals(path: str | os.PathLike, symmetry: str) -> Points:
 
 
 @cache
-def _listed() -> dict:
-    return call("settings.list")
-
-
-@cache
 def schema() -> tuple[Variable, ...]:
     """Every variable that a namelist may set, in order."""
     found = []
-    for section in _listed()["page"].split("## `&")[1:]:
+    for section in call("settings.list")["page"].split("## `&")[1:]:
         heading, _, meaning, *lines = section.splitlines()
         for name, words, *more in (line[3:-2].split(" | ") for line in lines if line.startswith("| `")):
             shape = "constants" if words.endswith(" constant") else "list" if words.startswith("list") else "one"
@@ -261,7 +254,7 @@ def schema() -> tuple[Variable, ...]:
 @cache
 def stages() -> tuple[Stage, ...]:
     """The commands that read a namelist: 'run', then the stages in order."""
-    rows = batched(_listed()["stages"], len(fields(Stage)))
+    rows = batched(call("settings.list")["stages"], len(fields(Stage)))
     return tuple(Stage(name, tuple(groups.split()), *more) for name, groups, *more in rows)
 
 

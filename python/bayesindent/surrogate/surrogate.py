@@ -152,10 +152,9 @@ class Surrogate(NativeObject):
         words = f"{len(outside)} of {len(covered)} rows are outside the surrogate's domain: "
         words += ", ".join(map(str, outside[:10] + 1)) + (", .." if len(outside) > 10 else "")
         low, high = self.basis.stiffness
-        if high < np.finfo(float).max and not len(self.basis.c_min):
-            beyond = np.count_nonzero((scale < low) | (scale > high))
-            if beyond:
-                words += f"; {beyond} by the scale (geometric mean of the stiffness' eigenvalues), for which it is valid from {low:.3g} to {high:.3g} GPa"
+        beyond = np.count_nonzero((scale < low) | (scale > high))
+        if beyond and high < np.finfo(float).max and not len(self.basis.c_min):
+            words += f"; {beyond} by the scale (geometric mean of the stiffness' eigenvalues), for which it is valid from {low:.3g} to {high:.3g} GPa"
         return words
 
 
