@@ -181,11 +181,10 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
 
     some = counted(draws, found["stride"])
     derived = {name: (each, quantities[..., q], {"units": unit}) for q, (name, unit) in enumerate(units.items()) if name not in names}
-    n = found["n_moduli"]
 
     def by_kind(axes: tuple, values: np.ndarray, names: tuple = ("modulus", "velocity"), units: tuple = ("GPa", "m/s")) -> dict:
         at = axes.index("grain")
-        modulus, velocity = np.split(values, [n], axis=at)
+        modulus, velocity = np.split(values, [found["n_moduli"]], axis=at)
         parts = {names[0]: (axes, modulus, {"units": units[0]})}
         speeds = ((*axes[:at], "wave", *axes[at + 1 :]), velocity, {"units": units[1]})
         return parts | ({names[1]: speeds} if velocity.size else {})

@@ -99,9 +99,8 @@ def file_of(table, path: Path) -> Path:
     """The file of a table, written to `path` where it is none."""
     if isinstance(table, str | os.PathLike):
         return Path(table).absolute()
-    columns = {str(name): list(table[name]) for name in table}
-    blank = [["" if value is None or value != value else value for value in values] for values in columns.values()]
-    path.write_text(as_csv(list(columns), zip(*blank, strict=True)))
+    columns = {str(name): ["" if value is None or value != value else value for value in table[name]] for name in table}
+    path.write_text(as_csv(list(columns), zip(*columns.values(), strict=True)))
     return path
 
 

@@ -149,10 +149,11 @@ def parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
     root.add_argument("--version", action="version", version=f"bayesindent {__version__}")
     subparsers = root.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in COMMANDS:
-        about = textwrap.fill(" ".join(f"{command.summary[0].upper()}{command.summary[1:]}. {command.description}".split()), 100)
-        sub = subparsers.add_parser(command.name, help=command.summary, description=about)
+        sub = subparsers.add_parser(command.name, help=command.summary)
         if words is not None and command.name not in words:
             continue
+        about = " ".join(f"{command.summary[0].upper()}{command.summary[1:]}. {command.description}".split())
+        sub.description = textwrap.fill(about, 100)
         sub.set_defaults(command=command, json=False, results=None, quiet=False, parser=sub)
         sub.groups, sub.full = command.groups, "--all" in (words or ())
         if command.groups:

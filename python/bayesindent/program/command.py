@@ -37,7 +37,7 @@ class Command:
     groups: tuple[str, ...] = ()
     stage: Callable[..., dict] | None = None
     action: Callable[[argparse.Namespace], dict | int] | None = None
-    arguments: Callable[[argparse.ArgumentParser], None] | None = None
+    arguments: Callable[[argparse.ArgumentParser], object] | None = None
     show: Callable[[dict], object] | None = None
     resumes: bool = False
     then: Callable[[argparse.Namespace, dict], str] | None = None

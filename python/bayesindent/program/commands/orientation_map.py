@@ -38,16 +38,12 @@ def show(document: dict) -> None:
     print(f"Map: {document['file']}, {len(document['results'])} indents in {len({row['grain'] for row in document['results']})} grains")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", metavar="FILE.nml", type=Path, help="with &measurements file and ebsd")
-
-
 COMMAND = Command(
     "map",
     "a picture of the orientation map with its indents",
     "It draws the map in the colours of the inverse pole figure along the indenter, the boundaries of its grains, and the indents by name.",
     action=draw,
-    arguments=add_arguments,
+    arguments=lambda parser: parser.add_argument("file", metavar="FILE.nml", type=Path, help="with &measurements file and ebsd"),
     show=show,
     then=lambda arguments, document: f"open {document['file']}",
 )
