@@ -152,8 +152,7 @@ def parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
         sub = subparsers.add_parser(command.name, help=command.summary)
         if words is not None and command.name not in words:
             continue
-        about = " ".join(f"{command.summary[0].upper()}{command.summary[1:]}. {command.description}".split())
-        sub.description = textwrap.fill(about, 100)
+        sub.description = textwrap.fill(" ".join(f"{command.summary[0].upper()}{command.summary[1:]}. {command.description}".split()), 100)
         sub.set_defaults(command=command, json=False, results=None, quiet=False, parser=sub)
         sub.groups, sub.full = command.groups, "--all" in (words or ())
         if command.groups:
