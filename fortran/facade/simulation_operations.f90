@@ -144,8 +144,6 @@ contains
          call out%put('nodes', size(mesh%x, 2))
          call out%put('bricks', size(mesh%brick, 2))
          call out%put('infinite_elements', size(mesh%facet, 2))
-         call out%put('materials', max(maxval(mesh%material), maxval([1, mesh%facet_material])))
-         call out%put('contact_nodes', size(mesh%contact))
       end associate
    end subroutine describe_model
 
@@ -337,7 +335,6 @@ contains
          end if
          deallocate (classes, names)
       end do
-      if (allocated(self%stiffness)) call put_cells('stiffness', self%stiffness%table, out)
    end subroutine describe_problem
 
    !> A table of a problem by its name, not associated where there is none.

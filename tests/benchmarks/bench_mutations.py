@@ -133,7 +133,7 @@ def read(path: Path, command: str) -> str:
         if path.suffix == ".nml":
             Problem(path, command)
         elif path.suffix == ".ctf":
-            Problem.from_keywords(str(path), INDENTS, problem={"symmetry": "cubic"}, measurements={"ebsd": path})
+            Problem.from_keywords(str(path), {"measurements": INDENTS}, problem={"symmetry": "cubic"}, measurements={"ebsd": path})
         elif path.suffix != ".txt":
             read_measurements(path, "cubic", modulus_kind="indentation_modulus")
         else:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
-from bayesindent.pipeline.template import SPREAD, metals
+from bayesindent.program.commands.init import SPREAD, known_of, metals, template
 from conftest import SOURCE
 
 #: Bulk moduli in GPa as another table of Kittel's Introduction to Solid State Physics lists them.
@@ -30,8 +30,9 @@ def test_what_is_known_of_metals():
         else:
             bulk = (c["C11"] + 2 * c["C12"]) / 3
             expected = {"bulk_modulus": bulk}
-        assert {name: mean for name, (mean, _) in metal.known.items()} == pytest.approx(expected, rel=1e-9)
-        assert {sd for _, sd in metal.known.values()} == {SPREAD * max(mean for mean, _ in metal.known.values())}
+        known = known_of(metal)
+        assert {name: mean for name, (mean, _) in known.items()} == pytest.approx(expected, rel=1e-9)
+        assert {sd for _, sd in known.values()} == {SPREAD * max(mean for mean, _ in known.values())}
         assert bulk == pytest.approx(BULK[symbol], rel=0.16), symbol
         assert bi.log_anisotropy(bi.stiffness(metal.symmetry, **c)) < 2.5
         assert metal.source
@@ -92,12 +93,10 @@ def test_what_cannot_be_meant_is_refused(bayesindent, tmp_path, arguments, said)
 
 
 def test_every_class_and_structure_has_a_file_that_is_right(tmp_path):
-    from bayesindent.pipeline.template import template
-
     classes = re.findall(r"'([^']+)'", re.search(r"\| `symmetry` .*", (SOURCE / "docs" / "namelists.md").read_text())[0])
     assert len(classes) > 15
     for word in (*classes, "fcc", "bcc", "hcp"):
-        namelist, table = template(word, None, "grains.csv")
+        namelist, table = template(word, None).values()
         (tmp_path / "grains.csv").write_text(table.replace(",modulus_gpa", ",effective_modulus_gpa") + "0,0,0,150,2\n")
         (tmp_path / "grains.nml").write_text(namelist)
         assert bi.Problem(tmp_path / "grains.nml").stages == ["extract", "next"]

@@ -99,7 +99,7 @@ def test_unstable_crystal_is_refused():
     [
         (np.eye(3), [0, 0, 0], "a stiffness has the shape"),
         (np.triu(np.ones((6, 6))), [0, 0, 0], "not symmetric"),
-        (np.eye(6), [0, 0], "three Euler angles"),
+        (np.eye(6), [0, 0], "a crystal has 3 Euler angles"),
         (np.eye(6), [0, np.nan, 0], "angle is not finite"),
         (np.ones((2, 6, 6)), np.zeros((3, 3)), "do not broadcast"),
     ],

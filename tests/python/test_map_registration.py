@@ -34,7 +34,9 @@ def registered(tmp_path, places, points, **further):
     path = write(tmp_path / "map.h5", *pixels())
     stage = dict(zip(("x_um", "y_um"), stage_of(places).T.tolist(), strict=True))
     table = stage | {"Er": [200.0 + k for k in range(len(places))], "sd": len(places) * [4.0]} | further
-    return bi.Problem.from_keywords("f", table, problem={"symmetry": "cubic"}, measurements={"ebsd": path, "ebsd_points": points})
+    return bi.Problem.from_keywords(
+        "f", {"measurements": table}, problem={"symmetry": "cubic"}, measurements={"ebsd": path, "ebsd_points": points}
+    )
 
 
 def test_homologous_points_lead_to_the_grains(tmp_path):
@@ -93,7 +95,7 @@ def test_points_need_a_map(tmp_path):
     with pytest.raises(bi.InputError, match="ebsd: the variable is missing; ebsd_points needs it"):
         table = {"phi1_deg": [0.0], "Phi_deg": [0.0], "phi2_deg": [0.0], "Er": [200.0], "sd": [4.0]}
         bi.Problem.from_keywords(
-            "f", table, problem={"symmetry": "cubic"}, measurements={"ebsd_points": points_file(tmp_path / "points.csv")}
+            "f", {"measurements": table}, problem={"symmetry": "cubic"}, measurements={"ebsd_points": points_file(tmp_path / "points.csv")}
         )
 
 

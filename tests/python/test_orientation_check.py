@@ -130,7 +130,7 @@ def test_a_turn_that_all_orientations_share():
 def test_a_shared_turn_needs_angles():
     table = {"u": [0, 1, 1], "v": [0, 1, 2], "w": [1, 1, 3], "indentation_modulus_gpa": [130, 140, 150], "sd_gpa": [3, 3, 3]}
     with pytest.raises(bi.InputError, match="misalignment_sd_deg = 2.0 needs Euler angles"):
-        bi.Problem.from_keywords("f", table, problem={"symmetry": "cubic"}, measurements={"misalignment_sd_deg": 2.0})
+        bi.Problem.from_keywords("f", {"measurements": table}, problem={"symmetry": "cubic"}, measurements={"misalignment_sd_deg": 2.0})
 
 
 @pytest.mark.long

@@ -57,7 +57,7 @@ def write(path, x, y, euler, point_group="m-3m", phases=None):
 def measured(path, positions, symmetry="cubic", **further):
     table = dict(zip(("x_um", "y_um"), np.asarray(positions, float).T.tolist(), strict=True))
     table |= {"Er": [200.0 + k for k in range(len(positions))], "sd": len(positions) * [4.0]} | further
-    return bi.Problem.from_keywords("f", table, problem={"symmetry": symmetry}, measurements={"ebsd": path})
+    return bi.Problem.from_keywords("f", {"measurements": table}, problem={"symmetry": symmetry}, measurements={"ebsd": path})
 
 
 def along(euler_deg):
@@ -165,7 +165,9 @@ def test_columns_of_the_user_may_have_any_header(tmp_path):
     path = write(tmp_path / "map.h5", *pixels())
     table = {"right": [6.0, 2.0], "down": [5.0, 5.0], "Er": [200.0, 201.0], "sd": [4.0, 4.0], "Korn": ["a", "b"]}
     named = {"x_um": "right", "y_um": "down", "grain": "Korn"}
-    problem = bi.Problem.from_keywords("f", table, problem={"symmetry": "cubic"}, measurements={"ebsd": path, "columns": named})
+    problem = bi.Problem.from_keywords(
+        "f", {"measurements": table}, problem={"symmetry": "cubic"}, measurements={"ebsd": path, "columns": named}
+    )
     assert problem.measurements.names == ["a", "b"]
     assert [float(value) for value in columns(problem, "grain_radius_um")[0]] == pytest.approx([1.75, 5.75], abs=1e-9)
 

@@ -24,7 +24,9 @@ def directions(columns, symmetry="cubic", lattice=None, **asked):
     """What the core reads as the indented direction, (n, 3): the third column of g."""
     n = len(next(iter(columns.values())))
     table = columns | {"Er": n * [200.0], "sd": n * [4.0]}
-    problem = bi.Problem.from_keywords("f", table, problem={"symmetry": symmetry, "lattice": lattice or None}, measurements=asked)
+    problem = bi.Problem.from_keywords(
+        "f", {"measurements": table}, problem={"symmetry": symmetry, "lattice": lattice or None}, measurements=asked
+    )
     _, phi, phi2 = np.radians(problem.measurements.euler_deg.T)
     return np.column_stack([np.sin(phi2) * np.sin(phi), np.cos(phi2) * np.sin(phi), np.cos(phi)])
 
@@ -97,7 +99,7 @@ def test_the_modulus_is_that_of_the_direction():
     """Copper along [112], and titanium along [11-23], by the theory of one given with its angles."""
     copper = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)
     points = bi.Problem.from_keywords(
-        "f", named("uvw", [[1, 1, 2]]) | {"Er": [130.0], "sd": [2.0]}, problem={"symmetry": "cubic"}, measurements={}
+        "f", {"measurements": named("uvw", [[1, 1, 2]]) | {"Er": [130.0], "sd": [2.0]}}, problem={"symmetry": "cubic"}, measurements={}
     ).measurements
     assert bi.halfspace_modulus(copper, points.euler_deg[0]) == pytest.approx(
         bi.halfspace_modulus(copper, [77.0, np.degrees(np.arccos(2 / np.sqrt(6))), 45.0]), rel=1e-9

@@ -22,7 +22,7 @@ def table(rows=ROWS, **columns):
 
 
 def problem(table, symmetry="cubic", **asked):
-    return bi.Problem.from_keywords("f", table, problem={"symmetry": symmetry}, measurements=asked)
+    return bi.Problem.from_keywords("f", {"measurements": table}, problem={"symmetry": symmetry}, measurements=asked)
 
 
 def moments(name, rows=ROWS):

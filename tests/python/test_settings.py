@@ -93,7 +93,7 @@ MEASURED = {"phi1_deg": [0.0, 0.0], "Phi_deg": [10.0, 80.0], "phi2_deg": [20.0, 
 
 def test_measurements_from_arrays():
     def problem(table, **measurements):
-        return bi.Problem.from_keywords("f", table, problem={"symmetry": "cubic"}, measurements=measurements)
+        return bi.Problem.from_keywords("f", {"measurements": table}, problem={"symmetry": "cubic"}, measurements=measurements)
 
     made = problem(MEASURED)
     assert made.settings.measurements.modulus_kind == "effective_modulus"
@@ -122,7 +122,7 @@ def test_problems_are_made_anew(tmp_path):
     (tmp_path / "a.nml").write_text(f"&problem symmetry = 'cubic' /\n{DOMAIN['cubic']}&design budget = 7 /\n")
     for problem in (
         bi.Problem(tmp_path / "a.nml", "build"),
-        bi.Problem.from_keywords("f", MEASURED, problem={"symmetry": "cubic"}, measurements={}, design={"budget": 7}),
+        bi.Problem.from_keywords("f", {"measurements": MEASURED}, problem={"symmetry": "cubic"}, measurements={}, design={"budget": 7}),
     ):
         for again in (copy.copy(problem), copy.deepcopy(problem), pickle.loads(pickle.dumps(problem))):
             assert again.settings.design.budget == 7

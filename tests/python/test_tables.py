@@ -161,7 +161,10 @@ def test_columns_of_a_namelist_and_of_a_table_in_python(tmp_path):
     problem = bi.Problem(tmp_path / "a.nml", "extract")
     table = dict(zip(OWN, zip(*[(*row, 1.0) for row in ROWS], strict=True), strict=True))
     of_python = bi.Problem.from_keywords(
-        "f", table | {"std": ["7", "8"]}, problem={"symmetry": "cubic"}, measurements={"columns": NAMED, "modulus_kind": "sample_modulus"}
+        "f",
+        {"measurements": table | {"std": ["7", "8"]}},
+        problem={"symmetry": "cubic"},
+        measurements={"columns": NAMED, "modulus_kind": "sample_modulus"},
     )
     for points in (problem.measurements, of_python.measurements):
         assert np.array_equal(np.column_stack([points.euler_deg, points.modulus_gpa, points.sd_gpa]), ROWS) and points.names == ["7", "8"]
@@ -214,7 +217,7 @@ def test_stated_columns_that_are_refused(tmp_path, said, words):
 
 def test_columns_that_nobody_reads_but_are_near_to_known_ones_are_told_of():
     table = dict(zip([*HEADER, "orientaton_sd_deg", "remark"], np.array([(*row, 1.0, 2.0) for row in ROWS]).T, strict=True))
-    problem = bi.Problem.from_keywords("f", table, problem={"symmetry": "isotropic"}, measurements={})
+    problem = bi.Problem.from_keywords("f", {"measurements": table}, problem={"symmetry": "isotropic"}, measurements={})
     assert problem.warnings == [
         "f: &measurements file: the table: the column orientaton_sd_deg is not read, did you mean orientation_sd_deg?"
     ]
@@ -227,7 +230,7 @@ def test_an_uncertain_zero_of_the_depth():
     modulus, sd = table["indentation_modulus_gpa"], table["sd_gpa"]
 
     def sds(table):
-        problem = bi.Problem.from_keywords("f", table, problem={"symmetry": "cubic"}, measurements={"zero_sd_nm": 2.0})
+        problem = bi.Problem.from_keywords("f", {"measurements": table}, problem={"symmetry": "cubic"}, measurements={"zero_sd_nm": 2.0})
         return problem.measurements.sd_gpa
 
     assert sds(table) == pytest.approx(np.hypot(sd, 1.5 * 2.0 / depth * modulus), rel=1e-12)

@@ -75,9 +75,7 @@ def write_groups(path: Path, groups: dict[str, tuple[dict, dict]]) -> None:
             group.attrs.update(facts)
             for label, (axes, values, *attributes) in variables.items():
                 group.dimensions.update({axis: size for axis, size in zip(axes, values.shape) if axis not in group.dimensions})
-                variable = group.create_variable(label, axes, data=values)
-                for facts_of_it in attributes:
-                    variable.attrs.update(facts_of_it)
+                group.create_variable(label, axes, data=values).attrs.update(*attributes)
     with whole_file(path) as beside:
         beside.write_bytes(content.getvalue())
 
@@ -85,9 +83,7 @@ def write_groups(path: Path, groups: dict[str, tuple[dict, dict]]) -> None:
 def as_csv(header: Sequence[str], rows: Iterable[Sequence]) -> str:
     """A table as text; a float that is not given as text keeps its last bit."""
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows([repr(float(value)) if isinstance(value, float) else value for value in row] for row in rows)
+    csv.writer(text, lineterminator="\n").writerows([header, *rows])
     return text.getvalue()
 
 

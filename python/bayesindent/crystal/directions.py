@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core import call
-from ..crystal.elasticity import class_name
 
 __all__ = ["euler_of", "indentation_direction", "representative", "spread_of_directions"]
 
@@ -23,9 +22,9 @@ def euler_of(directions: ArrayLike) -> np.ndarray:
 
 def representative(symmetry: str, directions: ArrayLike) -> np.ndarray:
     """Of directions (n, 3) those that stand for them in the region that the class tells apart."""
-    return call("crystal.representatives", symmetry=class_name(symmetry), directions=np.reshape(directions, (-1, 3)))["values"]
+    return call("crystal.representatives", symmetry=symmetry, directions=np.reshape(directions, (-1, 3)))["values"]
 
 
 def spread_of_directions(symmetry: str, n: int = 0) -> np.ndarray:
     """n directions (n, 3) that are far apart in the region that the class tells apart, its corners first; of 0 those of an even lattice."""
-    return call("crystal.directions", symmetry=class_name(symmetry), count=n)["values"]
+    return call("crystal.directions", symmetry=symmetry, count=n)["values"]

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from ..core import InputError, call
 
 __all__ = [
-    "angles_of", "anisotropy_index", "class_name", "constant_names", "halfspace_modulus", "log_anisotropy", "polycrystal_averages", "quantities",
-    "quantity_names", "rayleigh_velocity", "stiffness", "stiffness_rows",
+    "angles_of", "anisotropy_index", "class_name", "constant_names", "finite_rows", "halfspace_modulus", "log_anisotropy", "polycrystal_averages",
+    "quantities", "quantity_names", "rayleigh_velocity", "stiffness", "stiffness_rows",
 ]  # fmt: skip
 
 
@@ -66,23 +66,18 @@ def stiffness(symmetry: str, *values: ArrayLike, **constants: ArrayLike) -> np.n
     C11=168.4. Arrays of constants broadcast. Raises `InputError` for other names, or another number of values.
     """
     names = constant_names(symmetry)
-    if len(values) == len(names) and not constants:
-        constants = dict(zip(names, values, strict=True))
-    if values and set(constants) != set(names):
-        raise InputError(f"a {symmetry} crystal takes {len(names)} constants, {', '.join(names)}, not {len(values) + len(constants)}")
-    if set(constants) != set(names):
-        raise InputError(f"a {symmetry} crystal takes the constants {', '.join(names)}, not {', '.join(constants) or 'none'}")
-    arrays = np.broadcast_arrays(*(np.asarray(constants[name], dtype=float) for name in names))
+    given = dict(zip(names, values, strict=False)) | constants
+    if set(given) != set(names) or len(given) < len(values) + len(constants):
+        stated = [*[f"{len(values)} values"] * bool(values), *constants]
+        raise InputError(f"a {symmetry} crystal takes the constants {', '.join(names)}, not {', '.join(stated) or 'none'}")
+    arrays = np.broadcast_arrays(*(np.asarray(given[name], dtype=float) for name in names))
     return stiffness_rows(symmetry, np.stack(arrays, axis=-1))
 
 
 def stiffness_rows(symmetry: str, constants: ArrayLike) -> np.ndarray:
     """Stiffness (..., 6, 6) in GPa of constants (..., k) in the order of `constant_names`."""
-    values, k = np.asarray(constants, dtype=float), len(constant_names(symmetry))
-    if values.shape[-1:] != (k,):
-        raise InputError(f"a {symmetry} crystal has {k} constants; their shape is {values.shape}")
-    if not np.isfinite(values).all():
-        raise InputError(f"a constant of a {symmetry} crystal is not finite")
+    k = len(constant_names(symmetry))
+    values = finite_rows(f"a {symmetry} crystal", "constant", constants, k)
     found = call("crystal.stiffness", symmetry=symmetry, constants=values.reshape(-1, k))
     return found["stiffness"].reshape(*values.shape[:-1], 6, 6)
 
@@ -110,15 +105,21 @@ def _averages(stiffness: ArrayLike) -> np.ndarray:
     return found.T.reshape(6, *matrices.shape[:-2])
 
 
+def finite_rows(crystal: str, what: str, values: ArrayLike, n: int) -> np.ndarray:
+    """Values (..., n), which are finite; messages call them n of `what` of a `crystal`."""
+    array = np.asarray(values, dtype=float)
+    if array.shape[-1:] != (n,):
+        raise InputError(f"{crystal} has {n} {what}s; their shape is {array.shape}")
+    if not np.isfinite(array).all():
+        raise InputError(f"of {crystal} one {what} is not finite")
+    return array
+
+
 def oriented_crystals(stiffness: ArrayLike, euler_deg: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Stiffness (..., 6, 6) in GPa and angles (..., 3) in degrees of what users give, checked for shape, symmetry and finite angles."""
-    matrices, angles = np.asarray(stiffness, dtype=float), angles_of(euler_deg)
+    matrices, angles = np.asarray(stiffness, dtype=float), finite_rows("a crystal", "Euler angle", angles_of(euler_deg), 3)
     if matrices.shape[-2:] != (6, 6):
         raise InputError(f"a stiffness has the shape (6, 6), not {matrices.shape}; bi.stiffness makes it from constants")
-    if angles.shape[-1:] != (3,):
-        raise InputError(f"a crystal has three Euler angles (phi1, Phi, phi2) in degrees; their shape is {angles.shape}")
-    if not np.isfinite(angles).all():
-        raise InputError("an Euler angle is not finite")
     transposed = np.swapaxes(matrices, -1, -2)
     if np.any(np.abs(matrices - transposed) > SYMMETRIC * np.abs(matrices).max(axis=(-2, -1), keepdims=True, initial=0.0)):
         raise InputError("a stiffness is not symmetric")

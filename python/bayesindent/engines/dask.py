@@ -1,6 +1,8 @@
 """Workers of a Dask cluster: processes of this machine, those of a scheduler at an address, or jobs of SLURM."""
 
+import pickle
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from functools import lru_cache, partial
 from typing import Any
 
@@ -13,7 +15,7 @@ __all__ = ["DaskEngine"]
 PATIENCE_S = 10
 
 
-class DaskEngine:
+class DaskEngine(AbstractContextManager):
     """`workers` processes with one thread each (0: as many as there are cores, or one job of SLURM), or all that a scheduler has.
 
     `scheduler` is 'local', 'slurm' (as Dask's own `jobqueue.yaml` says) or an address such as 'tcp://head:8786'. Raises `InputError` where
@@ -28,9 +30,6 @@ class DaskEngine:
             raise InputError(f"&execution engine: 'dask' needs the package {error.name}: pip install 'bayesindent[dask]'") from None
         except (OSError, TimeoutError) as error:
             raise MachineError(f"&execution scheduler: no scheduler answers at {scheduler}: {error}") from None
-
-    def __enter__(self) -> "DaskEngine":
-        return self
 
     def __exit__(self, *_) -> None:
         self._client.close()
@@ -54,11 +53,8 @@ class DaskEngine:
             raise MachineError(f"&execution engine: workers died again and again at the same simulation: {error}") from None
 
 
-@lru_cache(maxsize=1)
-def _job(pickled: bytes) -> Callable:
-    import cloudpickle
-
-    return cloudpickle.loads(pickled)
+#: The job of a pickle, made once.
+_job = lru_cache(maxsize=1)(pickle.loads)
 
 
 def _run(pickled: bytes, item):

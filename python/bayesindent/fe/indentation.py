@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from os import PathLike
@@ -13,10 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core import BayesindentError, InputError, NativeObject
-from ..crystal.elasticity import oriented_crystals
-from ..engines import ENGINES
+from ..crystal.elasticity import crystal_rows, oriented_crystals
 from ..settings.keywords import takes
-from ..settings.problem import Problem, schema
+from ..settings.problem import Problem, grouped
 from .deck import write_deck
 
 __all__ = ["Indentation", "IndentationResult"]
@@ -77,9 +75,7 @@ class Indentation(NativeObject):
     nodes: int
     bricks: int
     infinite_elements: int
-    contact_nodes: int
     unknowns: int
-    materials: int
     #: Entries of the factor, floating point operations of one factorisation, bytes of workspace of one simulation.
     factor_entries: float
     factor_operations: float
@@ -96,11 +92,7 @@ class Indentation(NativeObject):
         ----------
         """
         self._made_of: tuple = (partial(type(self), **settings), ())  # type: ignore[misc]
-        group = {variable.name: variable.group for variable in schema() if variable.group in GROUPS}
-        asked: dict[str, Any] = {name: {} for name in GROUPS}
-        for name, value in settings.items():
-            asked[group[name]][name] = value
-        self._set_up(Problem.from_keywords("bi.Indentation", **asked))
+        self._set_up(Problem.from_keywords("bi.Indentation", **grouped(settings, GROUPS)))
 
     @classmethod
     def of_problem(cls, problem: Problem) -> Indentation:
@@ -144,23 +136,21 @@ class Indentation(NativeObject):
         engine: str = "local",
         scheduler: str = "local",
         errors: str = "raise",
-        done: Callable[[int], None] | None = None,
     ) -> list[IndentationResult | BayesindentError]:
         """Indent n crystals, stiffness (n, 6, 6) and angles (n, 3), on `workers` threads (0: all cores), or by the `engine` 'dask' and
         its `scheduler`: 'local', 'slurm' or an address.
 
-        The numbers do not depend on these. errors: 'raise' the first, or 'return' each in the place of its result. done(1) is called after
-        each simulation.
+        The numbers do not depend on these. errors: 'raise' the first, or 'return' each in the place of its result.
         """
+        # Not above: it takes time to import.
+        from ..engines import ENGINES
+
         asked = {"workers": workers, "engine": engine, "scheduler": scheduler}
         execution = Problem.from_keywords("bi.Indentation.run_many", execution=asked).settings.execution
         if errors not in ("raise", "return"):
             raise InputError(f"bi.Indentation.run_many: errors: '{errors}' is unknown; allowed: 'raise', 'return'")
-        matrices, angles = np.asarray(stiffness, dtype=float), np.asarray(euler_deg, dtype=float)
-        if len(matrices) != len(angles):
-            raise InputError(f"there are {len(matrices)} crystals but {len(angles)} orientations")
-
-        results: dict[int, IndentationResult | BayesindentError] = {}
+        crystals, _ = crystal_rows(stiffness, euler_deg)
+        results: dict[int, Any] = {}
 
         def attempt(item):
             try:
@@ -170,14 +160,9 @@ class Indentation(NativeObject):
                     raise
                 return error
 
-        def collect(number: int, result) -> None:
-            results[number] = result
-            if done is not None:
-                done(1)
-
         with ENGINES[execution.engine](execution.workers, execution.scheduler) as queue:
-            queue.map(attempt, list(zip(matrices, angles, strict=True)), collect)
-        return [results[number] for number in range(len(matrices))]
+            queue.map(attempt, list(zip(*crystals.values(), strict=True)), results.__setitem__)
+        return [results[number] for number in sorted(results)]
 
     def largest_error(self, stiffness: ArrayLike) -> np.ndarray:
         """How large the error of the mesh may be, relative (n,), for crystals of stiffness (n, 6, 6) in GPa: see docs/simulation.md."""

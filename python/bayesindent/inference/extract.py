@@ -11,21 +11,20 @@ from ..common.result_files import plain
 from ..core import InputError
 from ..crystal.elasticity import constant_names, quantity_names
 from ..settings.keywords import takes, warn_of
-from ..settings.problem import Problem, schema
+from ..settings.problem import Problem, grouped
 from ..surrogate.surrogate import Surrogate
-from .measurements import problem_of
+from .measurements import GROUPS, problem_of
 
 __all__ = ["extract", "groups_of", "inference_data", "next_grain", "plan", "summary"]
 
-#: Groups whose variables are keywords, and those that other keywords stand for.
-GROUPS = ("problem", "indenter", "measurements", "prior", "sampler")
-LEFT_OUT = ("symmetry", "lattice", "title", "synthetic", "seed", "file", "c_min", "c_max")
+#: Variables that other keywords stand for.
+LEFT_OUT = ("symmetry", "title", "synthetic", "file", "c_min", "c_max", "engine", "scheduler")
 
 
 @takes(*GROUPS, "next", without=LEFT_OUT)
 def next_grain(
-    measurements, symmetry: str | None = None, *, surrogate: Surrogate | str | PathLike | None = None, result=None, lattice=None,
-    bounds: Mapping | None = None, knowledge: Mapping | None = None, seed: int = 1, workers: int = 0, **settings,
+    measurements, symmetry: str | None = None, *, surrogate: Surrogate | str | PathLike | None = None, result=None,
+    bounds: Mapping | None = None, knowledge: Mapping | None = None, **settings,
 ) -> dict:  # fmt: skip
     """Orientations worth measuring next, ranked, each given those above it.
 
@@ -37,7 +36,7 @@ def next_grain(
         Of a result its own measurements and settings are used.
     result : result of bi.extract, optional
         Draws that are there already, where `measurements` is a table.
-    symmetry, surrogate, lattice, bounds, knowledge, seed, workers
+    symmetry, surrogate, bounds, knowledge
         As in `bi.extract`.
 
     Returns
@@ -45,20 +44,20 @@ def next_grain(
     dict
         `suggestions`: of each `euler_deg`, `gain`, and its indices; `unit` of the gain; `candidates`: all that were compared.
     """
-    own = {"symmetry": symmetry, "lattice": lattice, "bounds": bounds, "knowledge": knowledge, "seed": seed, "workers": workers}
+    own = {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge} | settings
     if hasattr(measurements, "posterior"):
         result, facts = measurements, measurements.posterior.attrs
         surrogate = surrogate or result.posterior.encoding.get("surrogate") or facts["surrogate"]
         if not surrogate:
             raise InputError("bi.next_grain: a result from a file does not have its surrogate; state it with surrogate=")
-        surrogate, (_, *tables, groups) = loaded(surrogate), json.loads(facts["asked"])
-        problem = Problem.from_keywords("bi.next_grain", *tables, **groups | {"next": settings})
+        surrogate, (_, tables, groups) = loaded(surrogate), json.loads(facts["asked"])
+        problem = Problem.from_keywords("bi.next_grain", tables, **groups | {"next": settings})
     else:
         surrogate = loaded(surrogate or "halfspace")
-        problem = problem_of("bi.next_grain", surrogate, measurements, **own, **settings)
+        problem = problem_of("bi.next_grain", surrogate, measurements, **own)
         if result is None:
-            of_next = {variable.name for variable in schema() if variable.group == "next"}
-            result = extract(measurements, surrogate=surrogate, **own, **{name: settings[name] for name in settings if name not in of_next})
+            of_next = grouped(settings, ["next"])["next"]
+            result = extract(measurements, surrogate=surrogate, **{name: own[name] for name in own if name not in of_next})
     draws = np.stack([values.values.ravel() for values in result.posterior.data_vars.values()], axis=1)
     document = json.loads(surrogate._call("next", problem=problem.handle, points=draws)["text"])
     warn_of(document)
@@ -67,8 +66,8 @@ def next_grain(
 
 @takes(*GROUPS, without=LEFT_OUT)
 def extract(
-    measurements, symmetry: str | None = None, *, surrogate: Surrogate | str | PathLike = "halfspace", lattice=None,
-    bounds: Mapping | None = None, knowledge: Mapping | None = None, seed: int = 1, workers: int = 0, progressbar: bool = False, **settings,
+    measurements, symmetry: str | None = None, *, surrogate: Surrogate | str | PathLike = "halfspace", bounds: Mapping | None = None,
+    knowledge: Mapping | None = None, progressbar: bool = False, **settings,
 ):  # fmt: skip
     """Infer the elastic constants of a crystal from measured moduli of its grains.
 
@@ -84,17 +83,11 @@ def extract(
         The crystal class, such as 'cubic', 'hcp' or '4/mmm'.
     surrogate : Surrogate, str or path, default 'halfspace'
         What simulations gave; 'halfspace' is the exact theory of a bulk sample, 'block' comes with the package.
-    lattice : list of float, optional
-        Unit cell, where orientations are indices of directions or planes: what the symmetry leaves open of a, b, c, alpha, beta, gamma.
     bounds : dict, optional
         (low, high) in GPa by constant, each perhaps None: {'C11': (150, 300)}.
     knowledge : dict, optional
         (mean, sd) by quantity ('bulk_modulus', 'C44', 'C33/C11', 'young[110]', ..); 'stiffness': (means, covariance) of all constants
         in GPa and GPa², or a CSV of them.
-    seed : int, default 1
-        Of all random numbers.
-    workers : int, default 0
-        Threads; 0: all cores. Results do not depend on it.
     progressbar : bool, default False
         Show how far the chains are.
 
@@ -106,8 +99,7 @@ def extract(
         first warning. `bi.summary(result)` has mean, sd and shares of each constant.
     """
     name, surrogate = "" if isinstance(surrogate, Surrogate) else str(surrogate), loaded(surrogate)
-    own = {"symmetry": symmetry, "lattice": lattice, "bounds": bounds, "knowledge": knowledge, "seed": seed, "workers": workers}
-    problem = problem_of("bi.extract", surrogate, measurements, **own, **settings)
+    problem = problem_of("bi.extract", surrogate, measurements, symmetry=symmetry, bounds=bounds, knowledge=knowledge, **settings)
     show_progress(progressbar)
     try:
         found = surrogate._call("extract", problem=problem.handle)
@@ -123,10 +115,10 @@ def extract(
     return result
 
 
-@takes(*GROUPS, "plan", without=LEFT_OUT)
+@takes(*GROUPS, "plan", without=(*LEFT_OUT, "lattice"))
 def plan(
     symmetry: str, constants, grains, noise, *, surrogate: Surrogate | str | PathLike = "halfspace", bounds: Mapping | None = None,
-    knowledge: Mapping | None = None, seed: int = 1, workers: int = 0, **settings,
+    knowledge: Mapping | None = None, **settings,
 ) -> dict:  # fmt: skip
     """The `sd` that each constant is expected to have, GPa, for each number of grains and noise (`results`), before anything is measured.
 
@@ -134,12 +126,12 @@ def plan(
     ----------
     constants, grains, noise
         As in `&plan`; the constants in the order of `bi.constants(symmetry)`, the others numbers or lists.
-    symmetry, surrogate, bounds, knowledge, seed, workers
+    symmetry, surrogate, bounds, knowledge
         As in `bi.extract`.
     """
-    settings |= {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge, "seed": seed, "workers": workers}
     surrogate = loaded(surrogate)
-    problem = problem_of("bi.plan", surrogate, None, constants=constants, grains=grains, noise=noise, **settings)
+    settings |= {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge, "constants": constants, "grains": grains, "noise": noise}
+    problem = problem_of("bi.plan", surrogate, None, **settings)
     document = json.loads(surrogate._call("plan", problem=problem.handle)["text"])
     warn_of(document)
     return document
@@ -164,7 +156,6 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
     """What Step 2 found by the groups of ArviZ' schema: of each the variables (axes, values; coordinates have the name of their axis)
     and facts. `found`: by the names of fortran/pipeline/extraction_document.f90; fortran/inference/model_checks.f90 says what a likelihood
     and a prediction are."""
-    document = json.loads(found["document"])
     names, units = constant_names(found["symmetry"]), quantity_names(found["symmetry"])
     draws, before, quantities = (found[name] for name in ("draws", "prior_draws", "quantities"))
     each, per_grain, gpa = ("chain", "draw"), ("chain", "draw", "grain"), {"units": "GPa"}
@@ -175,11 +166,10 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
 
     some = counted(draws, found["stride"])
     derived = {name: (each, quantities[..., q], {"units": unit}) for q, (name, unit) in enumerate(units.items()) if name not in names}
-    n = found["n_moduli"]
 
     def by_kind(axes: tuple, values: np.ndarray, names: tuple = ("modulus", "velocity"), units: tuple = ("GPa", "m/s")) -> dict:
         at = axes.index("grain")
-        modulus, velocity = np.split(values, [n], axis=at)
+        modulus, velocity = np.split(values, [found["n_moduli"]], axis=at)
         parts = {names[0]: (axes, modulus, {"units": units[0]})}
         speeds = ((*axes[:at], "wave", *axes[at + 1 :]), velocity, {"units": units[1]})
         return parts | ({names[1]: speeds} if velocity.size else {})
@@ -190,20 +180,13 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
     sd = np.where(found["sd_gpa"] > 0, found["sd_gpa"], 1.0)
     conditions = by_kind(("grain", "angle"), found["euler_deg"], ("euler_deg", "velocity_euler_deg"), ("degree", "degree"))
     conditions |= by_kind(("grain",), sd, ("sd", "velocity_sd"))
-    bounds = zip(found["lower"].tolist(), found["upper"].tolist())
+    bounds = dict(zip(names, zip(found["lower"].tolist(), found["upper"].tolist())))
     facts = {name: found[name] for name in ("symmetry", "title", "modulus_kind", "acceptance", "anisotropy_cap", "share_inside")}
-    facts |= {
-        "summary": found["document"],
-        "settings": found["resolved"],
-        "map": found["most_probable"],
-        "bounds": json.dumps(dict(zip(names, bounds))),
-    }
+    facts |= {"summary": found["document"], "settings": found["resolved"], "map": found["most_probable"], "bounds": json.dumps(bounds)}
+    reported = json.loads(found["document"])["parameters"]
+    parameters = {name: (each, draws[..., j], {"units": units.get(name, "1")}) for j, name in enumerate(reported)}
     return {
-        "posterior": (
-            counted(draws)
-            | {name: (each, draws[..., j], {"units": units.get(name, "1")}) for j, name in enumerate(document["parameters"])},
-            facts,
-        ),
+        "posterior": (counted(draws) | parameters, facts),
         "prior": (counted(before) | {name: (each, before[..., j], gpa) for j, name in enumerate(names)}, {}),
         "sample_stats": (counted(draws) | {"lp": (each, found["log_density"])}, {}),
         "derived": (some | derived, {}),

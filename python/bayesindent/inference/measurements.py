@@ -5,44 +5,38 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..common.result_files import as_csv
 from ..core import InputError
 from ..crystal.elasticity import angles_of, constant_names
-from ..settings.problem import Problem, schema
+from ..settings.problem import Problem, grouped
 
-__all__ = ["measurements_of", "problem_of"]
+__all__ = ["GROUPS", "measurements_of", "problem_of"]
 
-#: Groups whose variables are keywords of `extract` and `next_grain`.
-GROUPS = ("problem", "indenter", "measurements", "prior", "sampler", "next", "plan")
+#: Groups whose variables are keywords.
+GROUPS = ("problem", "indenter", "measurements", "prior", "sampler", "execution")
 
 
 def problem_of(
-    origin: str, surrogate, measurements, *, symmetry: str | None = None, lattice=None, bounds: Mapping | None = None,
-    knowledge: Mapping | None = None, seed: int = 1, workers: int = 0, **variables,
+    origin: str, surrogate, measurements, *, symmetry: str | None = None, bounds: Mapping | None = None, knowledge: Mapping | None = None,
+    velocities=None, **variables,
 ) -> Problem:  # fmt: skip
     """The problem that keywords of the function `origin` ask for, checked as a namelist file is.
 
     The keywords are those of `bi.extract`. `measurements`: a CSV file, or what `measurements_of` takes. `symmetry`: if there is none, that of a
-    surrogate of one class. `variables` are those of `GROUPS`.
+    surrogate of one class. `variables` are those of `GROUPS`, and of the next measurement or the plan.
     """
     symmetry = symmetry or (surrogate.symmetry if len(surrogate.basis.c_min) else None)
     if symmetry is None:
         raise InputError(f"{origin}: symmetry is missing: this surrogate serves crystals of every class; state one, such as 'cubic'")
-    groups = {v.name: v.group for v in schema() if v.group in GROUPS and (v.group, v.name) != ("measurements", "file")}
-    asked: dict[str, dict] = {group: {} for group in GROUPS if group != "plan" or "constants" in variables}
-    asked["problem"] = {"symmetry": symmetry, "lattice": lattice, "seed": seed}
-    table, pages, velocities = None, {}, variables.pop("velocities", None)
-    if isinstance(measurements, str | os.PathLike):
-        asked["measurements"]["file"] = measurements
-    elif measurements is not None or (velocities is None and "constants" not in variables):
-        table = measurements_of(measurements)
+    asked = grouped(variables | {"symmetry": symmetry}, (*GROUPS, "plan" if "constants" in variables else "next"))
+    tables: dict[str, Mapping] = {}
     if isinstance(velocities, str | os.PathLike):
         asked["measurements"]["velocities"] = velocities
     elif velocities is not None:
-        columns = measurements_of(velocities)
-        pages["velocities"] = as_csv(list(columns), zip(*columns.values(), strict=True))
-    for name, value in variables.items():
-        asked[groups.get(name, "measurements")][name] = value
+        tables["velocities"] = measurements_of(velocities)
+    if isinstance(measurements, str | os.PathLike):
+        asked["measurements"]["file"] = measurements
+    elif measurements is not None or (velocities is None and "constants" not in variables):
+        tables["measurements"] = measurements_of(measurements)
     if bounds:
         asked["prior"] |= bounds_of(origin, symmetry, bounds)
     if knowledge:
@@ -54,8 +48,8 @@ def problem_of(
         if isinstance(stiffness, str | os.PathLike):
             asked["knowledge"]["stiffness_file"] = stiffness
         elif stiffness is not None:
-            pages["stiffness"] = stiffness_page(origin, symmetry, *stiffness)
-    return Problem.from_keywords(origin, table, pages, execution={"workers": workers}, **asked)
+            tables = {"stiffness": stiffness_table(origin, symmetry, *stiffness)} | tables
+    return Problem.from_keywords(origin, tables, **asked)
 
 
 def pair_of(place: str, value, allowed: str) -> tuple:
@@ -65,8 +59,8 @@ def pair_of(place: str, value, allowed: str) -> tuple:
     return tuple(value)
 
 
-def stiffness_page(origin: str, symmetry: str, mean, covariance) -> str:
-    """What a file of `&knowledge stiffness_file` would hold: means (k,) in GPa and covariance (k, k) in GPa² of the constants."""
+def stiffness_table(origin: str, symmetry: str, mean, covariance) -> dict[str, list]:
+    """The columns of a file of `&knowledge stiffness_file`: means (k,) in GPa and covariance (k, k) in GPa² of the constants."""
     names = constant_names(symmetry)
     mean, covariance = np.asarray(mean, dtype=float), np.asarray(covariance, dtype=float)
     if mean.shape != (len(names),) or covariance.shape != 2 * mean.shape:
@@ -74,8 +68,7 @@ def stiffness_page(origin: str, symmetry: str, mean, covariance) -> str:
             f"{origin}: &knowledge stiffness: means and covariance have shapes {mean.shape} and {covariance.shape}; "
             f"allowed ({len(names)},) and {2 * (len(names),)} for {', '.join(names)}"
         )
-    rows = [("row", *names), ("mean", *mean.tolist()), *((name, *row) for name, row in zip(names, covariance.tolist(), strict=True))]
-    return "".join(",".join(map(str, row)) + "\n" for row in rows)
+    return {"row": ["mean", *names]} | dict(zip(names, np.vstack([mean, covariance]).T.tolist(), strict=True))
 
 
 #: GPa; a bound there is none.

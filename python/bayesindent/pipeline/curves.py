@@ -5,12 +5,11 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from ..common.result_files import as_csv
 from ..core import InputError
-from ..settings.instruments import as_file, read_curves
 from ..settings.keywords import takes, warn_of
 from ..settings.problem import Problem
 from .stage import run_stage
@@ -39,7 +38,7 @@ class Curves:
         return self.table | {f"shared_{j}": list(column) for j, column in enumerate(self.shared_errors.T, 1)}
 
 
-@takes("curves", without=("file", "tests"))
+@takes("curves", without=("file", "files", "tests"))
 def curves(curves, tests, references: Mapping | str | os.PathLike | None = None, *, crystal_sd: float | None = None, **settings) -> Curves:
     """Infer the moduli of grains from curves of load and depth, with all errors that they share.
 
@@ -56,11 +55,19 @@ def curves(curves, tests, references: Mapping | str | os.PathLike | None = None,
     crystal_sd : float, optional
         Relative sd of the moduli of references that are crystals.
     """
+    # Not above: it takes time to import.
+    from tempfile import TemporaryDirectory
+
     origin = "bi.curves"
     with TemporaryDirectory() as folder:
-        removed = settings.get("drift_removed", True)
-        files = {"file": read_curves(curves, Path(folder), origin, removed), "tests": as_file(tests, Path(folder) / "tests.csv")}
-        problem = Problem.from_keywords(origin, curves=files | settings, references=references_of(references, crystal_sd))
+        settings["tests"] = file_of(tests, Path(folder) / "tests.csv")
+        if isinstance(curves, str | os.PathLike) and Path(curves).suffix.lower() != ".csv":
+            curves = [curves]
+        if isinstance(curves, list | tuple):
+            settings["files"] = [Path(file).absolute() for file in curves]
+        else:
+            settings["file"] = file_of(curves, Path(folder) / "curves.csv")
+        problem = Problem.from_keywords(origin, curves=settings, references=references_of(references, crystal_sd))
         document = run_stage(problem, "curves", folder)
         found = {name: read_columns(Path(folder) / f"{name}.csv") for name in ("measurements", "shared_errors", "fits")}
     warn_of(document)
@@ -86,6 +93,15 @@ def references_of(references, crystal_sd: float | None) -> dict | None:
             "bi.curves: references: each has Young's modulus, its sd and Poisson's ratio: {'quartz': (72, 0.5, 0.17)}"
         ) from None
     return {"name": list(references), "young_gpa": list(moduli), "young_sd_gpa": list(sds), "nu": list(ratios)}
+
+
+def file_of(table, path: Path) -> Path:
+    """The file of a table, written to `path` where it is none."""
+    if isinstance(table, str | os.PathLike):
+        return Path(table).absolute()
+    columns = {str(name): ["" if value is None or value != value else value for value in table[name]] for name in table}
+    path.write_text(as_csv(list(columns), zip(*columns.values(), strict=True)))
+    return path
 
 
 def read_columns(path: Path) -> dict[str, list]:

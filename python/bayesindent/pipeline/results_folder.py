@@ -27,9 +27,7 @@ def read_resolved(folder: Path) -> str:
 
 def read_posterior(folder: Path) -> dict:
     """The numbers of Step 2 by their names, see fortran/pipeline/extraction_document.f90; nothing where there are none."""
-    if not (folder / "posterior.bin").exists():
-        return {}
-    return call("file.read_posterior", folder=folder)
+    return call("file.read_posterior", folder=folder) if (folder / "posterior.bin").exists() else {}
 
 
 def surrogate_digest(name: str, folder: Path, namelist_folder: Path) -> dict[str, str]:

@@ -12,7 +12,6 @@ import numpy as np
 
 from ..common.progress import progress_bar
 from ..core import MachineError, NativeObject
-from ..engines import ENGINES
 from ..settings.problem import Problem
 from ..surrogate.surrogate import places
 
@@ -94,6 +93,9 @@ class Stage(NativeObject):
 
 def run_stage(problem: Problem, name: str, output: Path | str, simulate: Callable[[Job], dict] | None = None) -> dict:
     """A stage from its beginning to its document. Simulations are made by `simulate`, or as the problem asks, on the engine of &execution."""
+    # Not above: it takes time to import.
+    from ..engines import ENGINES
+
     stage, execution, engine = Stage(problem, name, output), problem.settings.execution, None
     with progress_bar("simulations", stage.expected) as advance, ExitStack() as opened:
         opened.callback(stage._call, "leave")

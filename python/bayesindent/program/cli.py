@@ -74,9 +74,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv = ["--version"]
     elif argv[:1] == ["help"]:
         argv = [*argv[1:], "--help"]
-    if "--all" in argv:
-        argv = [word for word in argv if word not in ("-h", "--help")]
-    arguments, unknown = parser().parse_known_args(argv)
+    arguments, unknown = parser(argv).parse_known_args(argv)
     if unknown:
         arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     # ArviZ announces its next version at every import.
@@ -95,12 +93,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         log.error("%s", error)
         tell(str(error))
         return BAD_INPUT if isinstance(error, InputError) else FAILED
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return FAILED
     except OSError as error:
-        log.error("%s", error)
-        tell(f"{error.filename or 'standard output'}: {REASONS.get(error.errno or 0) or error.strerror}")
+        if not isinstance(error, BrokenPipeError):
+            log.error("%s", error)
+            tell(f"{error.filename or 'standard output'}: {REASONS.get(error.errno or 0) or error.strerror}")
         if error.filename is None:
             with suppress(OSError):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -131,14 +127,8 @@ class Parser(argparse.ArgumentParser):
         super().__init__(*args, **(kwargs | {"formatter_class": argparse.RawDescriptionHelpFormatter}))
 
     def format_help(self) -> str:
-        if self.full or not self.groups:
-            return super().format_help() + "".join(f"\n{describe_group(name)}" for name in self.groups)
-        lines = [f"\ngroups of the namelist ('{self.prog} --all' explains every variable):\n"]
-        for name in self.groups:
-            variables = [variable for variable in schema() if variable.group == name]
-            words = f"{variables[0].group_meaning} Variables: {', '.join(variable.name for variable in variables)}."
-            lines += [textwrap.fill(words, 79, initial_indent=f"  {f'&{name}':<15}", subsequent_indent=17 * " ") + "\n"]
-        return super().format_help() + "".join(lines)
+        short = f"\ngroups of the namelist ('{self.prog} --all' explains every variable):\n" if self.groups and not self.full else ""
+        return super().format_help() + short + "".join(describe_group(name, self.full) for name in self.groups)
 
     def error(self, message: str) -> NoReturn:
         choices = [option for action in self._actions for option in action.option_strings]
@@ -152,28 +142,22 @@ class Parser(argparse.ArgumentParser):
         super().error(message + (f". Did you mean '{near[0]}'?" if near else ""))
 
 
-class ShowAll(argparse.Action):
-    """The help with every variable."""
-
-    def __call__(self, parser, namespace, values, option_string=None):
-        parser.full = True
-        parser.print_help()
-        parser.exit()
-
-
-def parser() -> argparse.ArgumentParser:
-    """The parser of all commands."""
+def parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
+    """The parser of all commands, with the arguments of those that are among the words (default: of all); with '--all' their help has every
+    variable."""
     root = Parser(prog="bayesindent", description=DESCRIPTION, epilog=EXAMPLES)
     root.add_argument("--version", action="version", version=f"bayesindent {__version__}")
     subparsers = root.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in COMMANDS:
-        words = textwrap.fill(" ".join(f"{command.summary[0].upper()}{command.summary[1:]}. {command.description}".split()), 100)
-        sub = subparsers.add_parser(command.name, help=command.summary, description=words)
+        sub = subparsers.add_parser(command.name, help=command.summary)
+        if words is not None and command.name not in words:
+            continue
+        sub.description = textwrap.fill(" ".join(f"{command.summary[0].upper()}{command.summary[1:]}. {command.description}".split()), 100)
         sub.set_defaults(command=command, json=False, results=None, quiet=False, parser=sub)
-        sub.groups = command.groups
+        sub.groups, sub.full = command.groups, "--all" in (words or ())
         if command.groups:
             sub.add_argument("file", metavar="FILE.nml", type=Path, help="the namelist")
-            sub.add_argument("--all", action=ShowAll, nargs=0, help="show this help with every variable of the namelist")
+            sub.add_argument("--all", action="help", help="show this help with every variable of the namelist")
             sub.add_argument("--seed", metavar="N", type=int, help="in place of &problem seed")
             if "sampler" in command.groups:
                 sub.add_argument("--samples", metavar="N", type=int, help="in place of &sampler samples")
@@ -186,10 +170,13 @@ def parser() -> argparse.ArgumentParser:
     return root
 
 
-def describe_group(name: str) -> str:
-    """The variables of one namelist group, as the core's reader knows them."""
+def describe_group(name: str, full: bool) -> str:
+    """The variables of one namelist group, as the core's reader knows them: their names, or all of each."""
     variables = [variable for variable in schema() if variable.group == name]
-    lines = [f"&{name}: {variables[0].group_meaning}"]
+    if not full:
+        words = f"{variables[0].group_meaning} Variables: {', '.join(variable.name for variable in variables)}."
+        return textwrap.fill(words, 79, initial_indent=f"  {f'&{name}':<15}", subsequent_indent=17 * " ") + "\n"
+    lines = [f"\n&{name}: {variables[0].group_meaning}"]
     for variable in variables:
         default = "required" if variable.default == "*" else f"default: {variable.default or 'none'}"
         allowed = f"one of {variable.allowed}" if variable.kind == "choice" else variable.allowed
@@ -203,6 +190,7 @@ def finish(arguments: argparse.Namespace, document: dict | int) -> int:
     exit status stays one."""
     if isinstance(document, int):
         return document
+    document["warnings"] = list(dict.fromkeys(document["warnings"]))
     reasons = document.get("extract", document).get("reasons", [])
     for reason in reasons:
         log.error("the result cannot be used: %s", reason)

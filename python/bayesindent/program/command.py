@@ -3,7 +3,7 @@
 import argparse
 import logging
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,7 +14,7 @@ from ..settings.problem import Problem, schema, stages
 from ..surrogate.surrogate import places
 from ..version import __version__
 
-__all__ = ["PATIENCE_S", "Command", "namelist_command", "output_folder", "perform", "prepare", "problem_of", "report_of", "take_folder"]
+__all__ = ["PATIENCE_S", "Command", "namelist_command", "output_folder", "perform", "prepare", "report_of", "show_table"]
 
 log = logging.getLogger("bayesindent")
 
@@ -37,17 +37,14 @@ class Command:
     groups: tuple[str, ...] = ()
     stage: Callable[..., dict] | None = None
     action: Callable[[argparse.Namespace], dict | int] | None = None
-    arguments: Callable[[argparse.ArgumentParser], None] | None = None
+    arguments: Callable[[argparse.ArgumentParser], object] | None = None
     show: Callable[[dict], object] | None = None
     resumes: bool = False
     then: Callable[[argparse.Namespace, dict], str] | None = None
 
     def run(self, arguments: argparse.Namespace) -> dict | int:
         """Do it."""
-        if self.action is not None:
-            return self.action(arguments)
-        problem, output = prepare(arguments)
-        return with_warnings(problem, perform(self, problem, output))
+        return self.action(arguments) if self.action is not None else perform(self, *prepare(arguments))
 
 
 def namelist_command(name: str, **more) -> Command:
@@ -57,28 +54,19 @@ def namelist_command(name: str, **more) -> Command:
     return Command(name, row.summary, row.description, groups=groups, **more)
 
 
-def problem_of(arguments: argparse.Namespace) -> Problem:
-    """The problem of a command's namelist, with the options that take the place of its variables."""
+def prepare(arguments: argparse.Namespace, patience_s: int | None = 0) -> tuple[Problem, Path]:
+    """The problem of a command's namelist, with the options that take the place of its variables, and its output folder, see `output_folder`;
+    in one that is the command's own are the resolved input and the log."""
     options = {"&sampler samples": getattr(arguments, "samples", None), "&problem seed": arguments.seed}
     changes = "\n".join(f"{name} = {value} /" for name, value in options.items() if value is not None)
-    return Problem(arguments.file, arguments.command.name, changes)
-
-
-class Log(logging.FileHandler):
-    """A log that is a file: not what a link leads to, and no pipe, which would wait for a reader."""
-
-    def _open(self):
-        return open(
-            self.baseFilename, "a", encoding="utf-8", opener=lambda path, flags: os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
-        )
-
-
-def prepare(arguments: argparse.Namespace, patience_s: int = 0):
-    """The problem of a command's namelist, and its output folder, which no other process has, with the resolved input and the log."""
-    problem = problem_of(arguments)
-    output = arguments.results = output_folder(arguments, arguments.file)
-    take_folder(output, patience_s, arguments.command.resumes)
-    handler = Log(output / "run.log", encoding="utf-8")
+    problem = Problem(arguments.file, arguments.command.name, changes)
+    output = output_folder(arguments, arguments.file, patience_s)
+    if patience_s is None:
+        return problem, output
+    arguments.results = output
+    # Not what a link leads to, and no pipe, which would wait for a reader.
+    os.close(os.open(output / "run.log", os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666))
+    handler = logging.FileHandler(output / "run.log", encoding="utf-8")
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
     log.addHandler(handler)
     log.setLevel(logging.INFO)
@@ -94,14 +82,13 @@ def report_of(arguments: argparse.Namespace, document: dict) -> str:
     return f"bayesindent report {arguments.results}"
 
 
-def take_folder(output: Path, patience_s: int = PATIENCE_S, resumes: bool = False) -> None:
-    """Have an output folder, which is made, to the end of the command; refuse if another process has it for longer."""
-    call("file.take_folder", folder=output, patience=patience_s, resumes=resumes)
-
-
-def output_folder(arguments: argparse.Namespace, source: Path) -> Path:
-    """Where the results go."""
-    return arguments.output or Path("runs") / source.stem
+def output_folder(arguments: argparse.Namespace, source: Path, patience_s: int | None = PATIENCE_S) -> Path:
+    """Where the results of a file go. The folder is made and the command's own to its end, which is refused if another process has it for longer
+    than `patience_s`; None: it may be another's."""
+    output = arguments.output or Path("runs") / source.stem
+    if patience_s is not None:
+        call("file.take_folder", folder=output, patience=patience_s, resumes=arguments.command.resumes)
+    return output
 
 
 def perform(command: Command, problem: Problem, output: Path) -> dict:
@@ -113,6 +100,10 @@ def perform(command: Command, problem: Problem, output: Path) -> dict:
     return document
 
 
-def with_warnings(problem, document: dict) -> dict:
-    """The document with the warnings of the reader before its own."""
-    return document | {"warnings": list(dict.fromkeys([*problem.warnings, *document["warnings"]]))}
+def show_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """A table under its title, numbers to the right, as wide as it needs: no number is cut."""
+    cells = [list(header), *map(list, rows)]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    print(f"{title}:")
+    for first, *others in cells:
+        print(f"{first:<{widths[0]}}", *(f"{cell:>{width}}" for cell, width in zip(others, widths[1:], strict=True)), sep="  ")

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..common.result_files import as_csv
 from ..core import InputError
 from .laboratory_tables import reader_of
 
-__all__ = ["as_file", "curves_of_files", "files_of", "read_curves", "tdm_settings"]
+__all__ = ["curves_of_files", "tdm_settings"]
 
 #: The last where the stiffness was measured.
 COLUMNS = ("time_s", "depth_nm", "load_mn", "stiffness_n_m")
@@ -20,56 +19,27 @@ NO_VALUE = 1e300
 UNITS = {"time (s)": 1.0, "depth (nm)": 1.0, "depth (µm)": 1e3, "load (mn)": 1.0, "load (µn)": 1e-3}
 
 
-def read_curves(curves, folder: Path, origin: str, drift_removed: bool = True) -> str:
-    """The path of a CSV of curves: itself, or written to `folder` from files of instruments or from a table. `drift_removed` is compared
-    with what the instrument says."""
-    if isinstance(curves, str | os.PathLike) and Path(curves).suffix.lower() != ".csv":
-        curves = [curves]
-    if isinstance(curves, list | tuple):
-        curves = curves_of_files([(f"{origin}: {file}: ", Path(file)) for file in curves], drift_removed)
-    return as_file(curves, folder / "curves.csv")
-
-
-def files_of(place: str, folder: Path, names: Iterable[str]) -> list[tuple[str, Path]]:
-    """Files of a folder, of which names such as 'raw/*.txt' are several, with what messages on each begin with."""
+def curves_of_files(place: str, folder: Path, names: Iterable[str], drift_removed: bool) -> dict[str, list]:
+    """The columns of the neutral CSV of files of a folder, of which names such as 'raw/*.txt' are several; `place` begins messages."""
     found = []
     for name in names:
         paths = sorted(folder.glob(name)) if set(name) & set("*?[") and not Path(name).is_absolute() else [folder / name]
         if not paths:
             raise InputError(f"{place}{name}: there is no such file")
-        found += [(f"{place}{path.relative_to(folder) if path.is_relative_to(folder) else path}: ", path) for path in paths]
-    return found
-
-
-def curves_of_files(files: Iterable[tuple[str, Path]], drift_removed: bool) -> dict[str, list]:
-    """The columns of the neutral CSV of files, each with what messages on it begin with."""
-    found = []
-    for place, file in files:
-        found += [(name, np.asarray(curve, dtype=float)) for name, curve in read_file(file, place)]
-        settings = tdm_settings(beside) if (beside := file.with_suffix(".tdm")).is_file() else {}
-        if drift_removed and not settings.get("drift_removed", True):
-            raise InputError(
-                f"{place.removesuffix(': ')} ({beside.name}): the drift of {settings.get('drift_nm_s')} nm/s is still in the depths; state "
-                "&curves drift_removed = .false., and drift_nm_s in the table of tests"
-            )
+        for file in paths:
+            of_file = f"{place}{file.relative_to(folder) if file.is_relative_to(folder) else file}"
+            found += [(test, np.asarray(curve, dtype=float)) for test, curve in read_file(file, f"{of_file}: ")]
+            settings = tdm_settings(beside) if (beside := file.with_suffix(".tdm")).is_file() else {}
+            if drift_removed and not settings.get("drift_removed", True):
+                raise InputError(
+                    f"{of_file} ({beside.name}): the drift of {settings.get('drift_nm_s')} nm/s is still in the depths; state "
+                    "&curves drift_removed = .false., and drift_nm_s in the table of tests"
+                )
     names = COLUMNS[: min(len(curve) for _, curve in found)]
-    columns: dict[str, list] = {name: [] for name in ("test", *names)}
-    for test, curve in found:
-        whole = np.abs(curve[: len(names)]).max(axis=0) < NO_VALUE
-        columns["test"] += [test] * int(whole.sum())
-        for name, values in zip(names, curve[:, whole], strict=False):
-            columns[name] += values.tolist()
-    return columns
-
-
-def as_file(table, path: Path) -> str:
-    """The file of a table, written to `path` where it is none."""
-    if isinstance(table, str | os.PathLike):
-        return str(Path(table).absolute())
-    columns = {str(name): list(table[name]) for name in table}
-    blank = [["" if value is None or value != value else value for value in values] for values in columns.values()]
-    path.write_text(as_csv(list(columns), zip(*blank, strict=True)))
-    return str(path)
+    tests = np.repeat([test for test, _ in found], [curve.shape[1] for _, curve in found])
+    values = np.hstack([curve[: len(names)] for _, curve in found])
+    whole = np.abs(values).max(axis=0) < NO_VALUE
+    return {"test": tests[whole].tolist()} | dict(zip(names, values[:, whole].tolist(), strict=True))
 
 
 def read_file(file: Path, place: str) -> list[tuple[str, tuple]]:

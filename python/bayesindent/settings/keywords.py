@@ -71,11 +71,10 @@ def type_of(variable: Variable):
 
 def default_of(variable: Variable):
     """The default of a keyword; None where there is none."""
-    if variable.default in ("*", "unset"):
-        return None
-    return variable.default == ".true." if variable.kind == "logical" else TYPES.get(variable.kind, str)(variable.default)
+    return None if variable.default in ("*", "unset") else variable.value_of([variable.default])
 
 
+@cache
 def explained(variable: Variable) -> str:
     """The entry of a keyword as numpydoc has it."""
     default = default_of(variable)
@@ -87,15 +86,15 @@ def explained(variable: Variable) -> str:
 
 
 @cache
-def _places() -> re.Pattern:
-    names = "|".join(sorted({variable.name for variable in schema()} | {"stiffness"}, key=len, reverse=True))
-    return re.compile(rf"&(\w+)(?: ({names})\b)?")
+def _names() -> set[str]:
+    return {variable.name for variable in schema()} | {"stiffness"}
 
 
 def in_python(text: str) -> str:
     """A message of the core in the words of keywords: without the groups of namelists."""
     text = re.sub(r"&knowledge (mean|sd)\b", r"knowledge \1", text)
-    text = _places().sub(lambda found: KEYWORDS.get(found[2] or found[1], found[2] or found[1]), text)
+    text = re.sub(r"&\w+ (\w+)", lambda found: KEYWORDS.get(found[1], found[1]) if found[1] in _names() else found[0], text)
+    text = re.sub(r"&(\w+)", lambda found: KEYWORDS.get(found[1], found[1]), text)
     return text.replace(".true.", "True").replace(".false.", "False")
 
 

@@ -322,9 +322,8 @@ def clean(table: LaboratoryTable, short: dict[int, int]) -> None:
         (i for i, row in enumerate(table.rows) if i and STATISTICS.match(next(filter(None, row), ""))), "statistics of the table"
     )
     table.leave_out((i for i, row in enumerate(table.rows) if row.count("") == len(row) - 1 and not is_number("".join(row))), "a remark")
-    for line in table.lines:
-        if line in short:
-            raise InputError(f"{table.place}line {line}: {short[line]} cells where the header has {len(table.names)}")
+    if line := next((line for line in table.lines if line in short), 0):
+        raise InputError(f"{table.place}line {line}: {short[line]} cells where the header has {len(table.names)}")
     split_sds(table)
     refuse_words(table)
     grain = table.column("grain")

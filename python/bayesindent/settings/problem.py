@@ -2,22 +2,22 @@
 
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, fields, make_dataclass
 from functools import cache, cached_property, partial
-from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..common.result_files import as_csv
 from ..core import InputError, NativeObject, call
 from ..crystal.elasticity import constant_names
-from .instruments import curves_of_files, files_of
-from .laboratory_tables import LaboratoryTable, laboratory_table
 
-__all__ = ["Points", "Problem", "Stage", "Variable", "html_details", "read_crystals", "schema", "spelled", "stages", "typed"]
+if TYPE_CHECKING:
+    from .laboratory_tables import LaboratoryTable
+
+__all__ = ["Points", "Problem", "Stage", "Variable", "grouped", "html_details", "read_crystals", "schema", "spelled", "stages", "typed"]
 
 
 #: From texts of a namelist.
@@ -58,8 +58,8 @@ class Stage:
 class Points:
     """A table of n points of a problem: crystals with orientations, measurements, or candidates. The core has it; what is asked for is copied.
 
-    `symmetry` is a list of n names (None in measurements), `constants` a list of n dicts (GPa), `stiffness` (n, 6, 6) in GPa
-    (crystal frame) or None, `euler_deg` (n, 3), `modulus_gpa` and `sd_gpa` (n,) or None where the table has none (NaN in
+    Of crystals `constants` is a list of n dicts (GPa), and `stiffness` (n, 6, 6) in GPa
+    (crystal frame); `euler_deg` (n, 3), `modulus_gpa` and `sd_gpa` (n,) or None where the table has none (NaN in
     empty cells). `columns` and `rows` are the cells as written; of measurements there are more rows than points where several tests of one
     grain are combined. `modulus_kind`: of measurements, which modulus was measured. `names`: of grains, or None.
     """
@@ -80,30 +80,21 @@ class Points:
         return None if np.isnan(values).all() else values
 
     @cached_property
-    def symmetry(self) -> list:
-        """The crystal class of each row."""
-        if not self._classes:
-            return self._n * [None]
-        return [self._classes[number - 1] for number in self._numbers["class"].tolist()]
-
-    @cached_property
     def constants(self) -> list[dict]:
         """Constants of each row by name, GPa."""
-        if not self._classes:
-            return self._n * [{}]
-        names = {symmetry: constant_names(symmetry) for symmetry in self._classes}
-        rows = zip(self.symmetry, self._numbers["constants"].tolist(), strict=True)
-        return [dict(zip(names[symmetry], values, strict=False)) for symmetry, values in rows]
+        names = [constant_names(symmetry) for symmetry in self._classes]
+        rows = zip(self._numbers["class"].tolist(), self._numbers["constants"].tolist(), strict=True)
+        return [dict(zip(names[number - 1], values, strict=False)) for number, values in rows]
 
     # Others see the class.
-    stiffness = cached_property(lambda self: self._columns("stiffness")["stiffness"] if self._classes else None)
+    stiffness = cached_property(lambda self: self._columns("stiffness")["stiffness"])
     _numbers = cached_property(lambda self: self._columns("numbers"))
     euler_deg = property(lambda self: self._numbers["euler_deg"])
     modulus_gpa = property(lambda self: self._given("modulus_gpa"))
     sd_gpa = property(lambda self: self._given("sd_gpa"))
-    _cells = cached_property(lambda self: _rows(self._columns("cells"), "cells"))
-    columns = property(lambda self: self._cells[0])
-    rows = property(lambda self: self._cells[1:])
+    _cells = cached_property(lambda self: self._columns("cells"))
+    columns = property(lambda self: self._cells["cells"][: self._cells["cells.columns"]])
+    rows = property(lambda self: list(batched(self._cells["cells"], self._cells["cells.columns"]))[1:])
 
     def write(self, path: str | os.PathLike, columns: Mapping[str, np.ndarray]) -> None:
         """Write the crystals as the table that they came from, with columns of n numbers added or, where it has them, replaced."""
@@ -128,45 +119,43 @@ class Problem(NativeObject):
         self._fill(call("file.problem", path=path, command=command, changes=changes), Path(path))
 
     @classmethod
-    def from_keywords(
-        cls, origin: str, measurements_table: Mapping | None = None, pages: Mapping[str, str] | None = None, **groups: Mapping | None
-    ) -> "Problem":
+    def from_keywords(cls, origin: str, tables: Mapping[str, Mapping] | None = None, **groups: Mapping | None) -> "Problem":
         """The problem of variables by group, `specimen={"geometry": "block"}`, that the function `origin` was called with.
 
-        The messages are those of a file with these values. What is None is left out. `measurements_table`: columns of equal length by name, as
-        a file of measurements has them. `pages`: what files of 'velocities', and of 'stiffness' in `&knowledge`, would hold.
+        The messages are those of a file with these values. What is None is left out. `tables`: columns of equal length by name, as files of
+        'measurements', of 'velocities', and of 'stiffness' in `&knowledge` have them.
         """
         text = ""
         for group, values in groups.items():
             stated = {name: value for name, value in (values or {}).items() if value is not None}
             lines = [f"{name} = {spelled(value, f'{origin}: &{group} {name}')}\n" for name, value in stated.items()]
             text += "" if values is None else f"&{group}\n{''.join(lines)}/\n"
-        self = cls.parse(origin, text, measurements_table, pages)
-        object.__setattr__(self, "_made_of", (partial(cls.from_keywords, origin, measurements_table, pages, **groups), ()))
-        return self
+        return cls.parse(origin, text, tables, (partial(cls.from_keywords, origin, tables, **groups), ()))
 
     @classmethod
-    def parse(cls, origin: str, text: str, measurements_table: Mapping | None = None, pages: Mapping[str, str] | None = None) -> "Problem":
-        """The problem of a namelist's text; messages begin with the origin."""
+    def parse(cls, origin: str, text: str, tables: Mapping[str, Mapping] | None = None, made_of: tuple = ()) -> "Problem":
+        """The problem of a namelist's text; messages begin with the origin. `made_of`: how a copy is made, nothing where it is not."""
         self = cls.__new__(cls)
-        self._made_of = ()
-        self._fill(call("settings.problem", path=origin, content=text), Path(origin), measurements_table, pages)
+        self._made_of = made_of
+        self._fill(call("settings.problem", path=origin, content=text), Path(origin), tables)
         return self
 
-    def _fill(self, made: dict, path: Path, measurements_table: Mapping | None = None, pages: Mapping[str, str] | None = None) -> None:
+    def _fill(self, made: dict, path: Path, tables: Mapping[str, Mapping] | None = None) -> None:
         self._hold(made["handle"], frozen=False)
-        for name, page in (pages or {}).items():
-            self._set_table(name, page)
-        if measurements_table is not None:
-            self._set_table("measurements", as_csv(list(measurements_table), zip(*measurements_table.values(), strict=True)))
+        for name, table in (tables or {}).items():
+            self._set_table(name, table)
         facts = self._facts()
         if names := facts.get("curves.files"):
-            files = files_of(f"{path}: &curves files: ", path.parent, names)
-            columns = curves_of_files(files, facts["curves.drift_removed"])
-            self._set_table("curves", as_csv(list(columns), zip(*columns.values(), strict=True)))
+            # Neither this nor what follows is above: they take time to import.
+            from .instruments import curves_of_files
+
+            columns = curves_of_files(f"{path}: &curves files: ", path.parent, names, facts["curves.drift_removed"])
+            self._set_table("curves", columns)
         #: The file of measurements as it was understood, or None.
         self.table: LaboratoryTable | None = None
         if "table_file" in facts:
+            from .laboratory_tables import laboratory_table
+
             place = f"{path}: &measurements file: {facts['measurements.file']}: "
             stated = [words.partition("=")[2].strip() for words in facts.get("measurements.columns") or []]
             self.table = laboratory_table(place, Path(facts["table_file"]), facts["measurements.sheet"], stated)
@@ -177,7 +166,6 @@ class Problem(NativeObject):
         #: The orientation map with the indents, or None.
         self.map: Any = None
         if "indents_um" in facts:
-            # Not above: it needs scipy, which is slow to import.
             from .orientation_maps import indented_map
 
             place = f"{path}: &measurements ebsd: {facts['measurements.ebsd']}: "
@@ -192,16 +180,15 @@ class Problem(NativeObject):
         self.path, self.folder = path, path.parent
         self.resolved, self.warnings, self.stages = facts["resolved"], facts["warnings"], facts["stages"].split()
         self.settings = _settings(facts)
-        #: The rows of &knowledge stiffness_file, the header first.
-        self.stiffness = _rows(facts, "stiffness") if "stiffness" in facts else None
         self._tables = {table: facts for table in ("crystals", "measurements", "candidates", "grains") if f"{table}.n" in facts}
         self._frozen = True
 
     def _facts(self) -> dict:
         return typed(self._call("describe"))
 
-    def _set_table(self, table: str, page: str) -> None:
-        self._call("set_table", table=table, page=page)
+    def _set_table(self, name: str, table: str | Mapping) -> None:
+        page = table if isinstance(table, str) else as_csv(list(table), zip(*table.values(), strict=True))
+        self._call("set_table", table=name, page=page)
 
     def _points(self, table: str):
         return Points(self, table, self._tables[table]) if table in self._tables else None
@@ -224,6 +211,8 @@ class Problem(NativeObject):
 
 def html_details(thing: object, text: str) -> str:
     """What a notebook shows of a thing: its name, and after a click the text."""
+    from html import escape
+
     return f"<details><summary>{escape(repr(thing)[1:-1])}</summary><pre>{escape(text)}</pre></details>"
 
 
@@ -250,15 +239,10 @@ def read_crystals(path: str | os.PathLike, symmetry: str) -> Points:
 
 
 @cache
-def _listed() -> dict:
-    return call("settings.list")
-
-
-@cache
 def schema() -> tuple[Variable, ...]:
     """Every variable that a namelist may set, in order."""
     found = []
-    for section in _listed()["page"].split("## `&")[1:]:
+    for section in call("settings.list")["page"].split("## `&")[1:]:
         heading, _, meaning, *lines = section.splitlines()
         for name, words, *more in (line[3:-2].split(" | ") for line in lines if line.startswith("| `")):
             shape = "constants" if words.endswith(" constant") else "list" if words.startswith("list") else "one"
@@ -270,7 +254,7 @@ def schema() -> tuple[Variable, ...]:
 @cache
 def stages() -> tuple[Stage, ...]:
     """The commands that read a namelist: 'run', then the stages in order."""
-    rows = batched(_listed()["stages"], len(fields(Stage)))
+    rows = batched(call("settings.list")["stages"], len(fields(Stage)))
     return tuple(Stage(name, tuple(groups.split()), *more) for name, groups, *more in rows)
 
 
@@ -280,29 +264,29 @@ def typed(found: dict) -> dict:
     return {name: names[name].value_of(value) if name in names else value for name, value in found.items()}
 
 
+def grouped(values: Mapping, groups: Collection[str]) -> dict[str, dict]:
+    """Values of variables by name, of each of the groups those that are its variables."""
+    names = {group: [variable.name for variable in schema() if variable.group == group] for group in groups}
+    return {group: {name: values[name] for name in values if name in names[group]} for group in groups}
+
+
 def batched(values: list, n: int) -> Iterator[list]:
     """Rows of n values."""
     return (values[i : i + n] for i in range(0, len(values), n))
 
 
-def _rows(found: dict, name: str) -> list[list[str]]:
-    return list(batched(found[name], found[f"{name}.columns"]))
-
-
-@cache
-def _types() -> tuple[dict[str, type], type]:
-    """A frozen class for each group of the schema, and one that holds them all."""
-    names: dict[str, list[str]] = {}
-    for variable in schema():
-        names.setdefault(variable.group, ["given"]).append(variable.name)
-    types = {group: make_dataclass(f"{group}_settings", variables, frozen=True, eq=False) for group, variables in names.items()}
-    return types, make_dataclass("settings", names, frozen=True, eq=False)
+#: The frozen class of a name with these fields.
+_frozen_type = cache(partial(make_dataclass, frozen=True, eq=False))
 
 
 def _settings(values: dict):
     """The values of all groups, as frozen objects in a frozen object; lists become tuples, and arrays cannot be written to."""
-    for array in (value for value in values.values() if isinstance(value, np.ndarray)):
-        array.flags.writeable = False
-    found = {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
-    types, holder = _types()
-    return holder(*(kind(*(found.get(f"{group}.{name.name}") for name in fields(kind))) for group, kind in types.items()))
+    groups: dict[str, dict] = {}
+    for variable in schema():
+        value = values.get(f"{variable.group}.{variable.name}")
+        if isinstance(value, np.ndarray):
+            value.flags.writeable = False
+        group = groups.setdefault(variable.group, {"given": values[f"{variable.group}.given"]})
+        group[variable.name] = tuple(value) if isinstance(value, list) else value
+    whole = {name: _frozen_type(f"{name}_settings", tuple(group))(**group) for name, group in groups.items()}
+    return _frozen_type("settings", tuple(whole))(**whole)

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core import InputError, NativeObject
-from ..crystal.elasticity import constant_names
+from ..crystal.elasticity import constant_names, finite_rows
 from ..settings.problem import Problem
 
 __all__ = ["Basis"]
@@ -42,13 +42,8 @@ class Basis(NativeObject):
     def rows(self, constants: ArrayLike, euler_deg: ArrayLike) -> dict[str, np.ndarray]:
         """Constants (n, k) in GPa and angles (n, 3) in degrees, checked."""
         k = len(constant_names(self.symmetry))
-        values, angles = (np.atleast_2d(np.asarray(rows, dtype=float)) for rows in (constants, euler_deg))
-        if values.shape[1:] != (k,) or angles.shape[1:] != (3,):
-            raise InputError(
-                f"a {self.symmetry} crystal takes arrays (n, {k}) of constants and (n, 3) of angles, not {values.shape} and {angles.shape}"
-            )
+        values = np.atleast_2d(finite_rows(f"a {self.symmetry} crystal", "constant", constants, k))
+        angles = np.atleast_2d(finite_rows("a crystal", "Euler angle", euler_deg, 3))
         if len(values) != len(angles):
             raise InputError(f"there are {len(values)} crystals but {len(angles)} orientations")
-        if not (np.isfinite(values).all() and np.isfinite(angles).all()):
-            raise InputError("a constant or an angle is not finite")
         return {"constants": values, "euler_deg": angles}

@@ -9,7 +9,6 @@ import json
 import os
 from os import PathLike
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -86,9 +85,12 @@ class Surrogate(NativeObject):
         self._call("save", path=path)
 
     def __reduce__(self):
+        # Not above: it takes time to import.
+        from tempfile import TemporaryDirectory
+
         with TemporaryDirectory() as folder:
-            self.save(Path(folder) / "surrogate.txt")
-            return _from_text, ((Path(folder) / "surrogate.txt").read_text(encoding="utf-8"),)
+            self.save(f"{folder}/surrogate.txt")
+            return _from_text, (Path(folder, "surrogate.txt").read_text(encoding="utf-8"),)
 
     def __repr__(self) -> str:
         simulations, terms = len(self._facts["simulated_modulus_gpa"]), self.basis.n_terms
@@ -144,15 +146,16 @@ class Surrogate(NativeObject):
         words = f"{len(outside)} of {len(covered)} rows are outside the surrogate's domain: "
         words += ", ".join(map(str, outside[:10] + 1)) + (", .." if len(outside) > 10 else "")
         low, high = self.basis.stiffness
-        if high < np.finfo(float).max and not len(self.basis.c_min):
-            beyond = np.count_nonzero((scale < low) | (scale > high))
-            if beyond:
-                words += f"; {beyond} by the scale (geometric mean of the stiffness' eigenvalues), for which it is valid from {low:.3g} to {high:.3g} GPa"
+        beyond = np.count_nonzero((scale < low) | (scale > high))
+        if beyond and high < np.finfo(float).max and not len(self.basis.c_min):
+            words += f"; {beyond} by the scale (geometric mean of the stiffness' eigenvalues), for which it is valid from {low:.3g} to {high:.3g} GPa"
         return words
 
 
 def _from_text(text: str) -> Surrogate:
     """The surrogate of a file's content."""
+    from tempfile import TemporaryDirectory
+
     with TemporaryDirectory() as folder:
-        (Path(folder) / "surrogate.txt").write_text(text)
-        return Surrogate.load(Path(folder) / "surrogate.txt")
+        Path(folder, "surrogate.txt").write_text(text, encoding="utf-8")
+        return Surrogate.load(f"{folder}/surrogate.txt")

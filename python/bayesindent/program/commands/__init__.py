@@ -1,16 +1,16 @@
 """The commands, in the order of the help."""
 
-from . import compare, completion, init, orientation_map, predict, report, run, source_tree, stages, table
+from . import compare, completion, init, orientation_map, report, source_tree, stages, tables
 
 __all__ = ["COMMANDS"]
 
 COMMANDS = (
     init.COMMAND,
-    table.COMMAND,
+    tables.TABLE,
     orientation_map.COMMAND,
-    run.COMMAND,
+    stages.RUN,
     *stages.COMMANDS,
-    predict.COMMAND,
+    tables.PREDICT,
     report.COMMAND,
     compare.COMMAND,
     completion.COMMAND,

@@ -5,8 +5,7 @@ from pathlib import Path
 
 from ...report.comparison import compare_runs, read_runs
 from ...report.formatting import number
-from ..command import Command, take_folder
-from ..console import show_table
+from ..command import Command, output_folder, show_table
 
 __all__ = ["COMMAND"]
 
@@ -14,9 +13,8 @@ __all__ = ["COMMAND"]
 def compare(arguments: argparse.Namespace) -> dict:
     """Tables and figures of the runs in the output folder, and the document."""
     runs = read_runs(arguments.runs)
-    output = arguments.results = arguments.output or Path("runs") / "compare"
-    take_folder(output)
-    return compare_runs(runs, output, arguments.figures)
+    arguments.results = output_folder(arguments, Path("compare"))
+    return compare_runs(runs, arguments.results, arguments.figures)
 
 
 def show(document: dict) -> None:

@@ -31,14 +31,10 @@ def print_script(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("shell", choices=("bash", "zsh"), help="of the script")
-
-
 COMMAND = Command(
     "completion",
     "a script that completes commands and options in bash or zsh",
     "Put source <(bayesindent completion bash) into ~/.bashrc, or the same with zsh into ~/.zshrc.",
     action=print_script,
-    arguments=add_arguments,
+    arguments=lambda parser: parser.add_argument("shell", choices=("bash", "zsh"), help="of the script"),
 )

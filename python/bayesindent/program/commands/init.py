@@ -1,23 +1,147 @@
-"""`init`: a namelist and a table to begin with."""
+"""`init`: a namelist and a table of measurements to begin with: every variable of Step 2 explained, and what handbooks know of a metal."""
 
 import argparse
+import csv
+import textwrap
+from functools import cache
+from math import isclose
 from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
 
 from ...common.result_files import write_text
 from ...core import InputError
-from ...pipeline.template import metals, template
+from ...crystal.elasticity import class_name, constant_names, quantities
+from ...settings.problem import Variable, schema, spelled
 from ..command import Command
 
-__all__ = ["COMMAND"]
+__all__ = ["COMMAND", "known_of", "metals", "template"]
 
 #: Names of the two files.
 NAMELIST, TABLE = "grains.nml", "grains.csv"
+
+#: What pressure tells of a crystal: the bulk modulus, and by it alone where these are equal.
+COMPRESSIBILITIES = ("compressibility[100]", "compressibility[001]")
+
+#: Relative sd of these quantities: what handbooks differ by, of the largest of them.
+SPREAD = 0.03
+
+#: Variables of &surrogate that only `build` reads.
+FOR_BUILDING = ("model", "degree", "bandlimit", "truncation", "scan")
+
+#: The variable that has no default.
+KINDS = """\
+  ! Which modulus the instrument reported. Remove the ! of one line:
+  ! modulus_kind = 'effective_modulus'     ! Er, the reduced modulus of specimen and tip: 1/Er = 1/M + (1 - nu_i^2)/E_i
+  ! modulus_kind = 'indentation_modulus'   ! M = E/(1 - nu^2) of the specimen alone; the deformation of the tip is removed
+  ! modulus_kind = 'sample_modulus'        ! Es = (1 - nu_s^2) M, often called E, EIT or Young's modulus, for an assumed sample_nu""".splitlines()
+
+EMPTY_TABLE = """\
+# One grain a row: Bunge-Euler angles (v_crystal = g v_sample; the indenter moves along -z of the sample), modulus, and its standard deviation
+# (the standard error of the value given). Lines that start with # are not read: put your grains below the header.
+phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa
+# 46.3,88.7,199.3,151.0,2.0
+"""
+
+
+@cache
+def metals() -> dict[str, SimpleNamespace]:
+    """The pure metals that come with the package by their symbols: the `name`, the word for its `structure`, the crystal class (`symmetry`), the
+    `constants` in GPa at room temperature, and their `source`."""
+    text = (Path(__file__).parents[2] / "data" / "metals.csv").read_text(encoding="utf-8")
+    rows = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
+    constants = ((row, {name: float(value) for name, value in row.items() if name[1:].isdigit() and value}) for row in rows)
+    return {row["symbol"]: SimpleNamespace(**row, constants=own) for row, own in constants}
+
+
+def known_of(metal: SimpleNamespace) -> dict[str, tuple[float, float]]:
+    """Mean and sd of what high pressure tells: bulk modulus in GPa, or compressibilities in 1/TPa."""
+    values = np.array([metal.constants[name] for name in constant_names(metal.symmetry)])
+    means = {name: float(value) for name, value in quantities(metal.symmetry, values, ("bulk_modulus", *COMPRESSIBILITIES)).items()}
+    isotropic = isclose(*(means[name] for name in COMPRESSIBILITIES), rel_tol=1e-9)
+    known = ("bulk_modulus",) if isotropic else COMPRESSIBILITIES
+    return {name: (means[name], SPREAD * max(means[other] for other in known)) for name in known}
+
+
+def template(symmetry: str | None, metal: str | None) -> dict[str, str]:
+    """The texts of a namelist and of its table of measurements by the names of their files.
+
+    `symmetry`: a crystal class; `metal`: its symbol. One of them is enough if it is the metal.
+    """
+    known = metals().get(metal[:1].upper() + metal[1:].lower()) if metal else None
+    if metal and known is None:
+        raise InputError(f"init: --metal: {metal} is not known; known are {', '.join(metals())}")
+    if symmetry is None:
+        if known is None:
+            raise InputError("init: the crystal class is missing; state one, such as fcc, hcp or mmm, or a --metal")
+        symmetry = known.structure
+    if symmetry.capitalize() in metals():
+        raise InputError(f"init: {symmetry} is a metal, not a crystal class; bayesindent init --metal {symmetry.capitalize()}")
+    word, stated = class_name(symmetry), symmetry.lower()
+    others = {metal.structure for metal in metals().values()} - {known.structure if known else ""}
+    if known and (word != known.symmetry or stated in others):
+        raise InputError(f"init: --metal: {known.name} is {known.structure} ({known.symmetry}), not {symmetry}")
+    constants = ", ".join(constant_names(word))
+    lines = [
+        f"! Elastic constants of a {word} crystal ({constants}) from indentation moduli of single grains.",
+        f"! Fill in {TABLE}, look through this file, and run it: bayesindent run {NAMELIST}",
+        "! What starts with ! is a comment: take the ! away where you want another value than the default.",
+    ]
+    # The variables that are set; the others of these groups stand in the file as comments with their defaults.
+    groups: dict[str, dict[str, str]] = {
+        "problem": {"symmetry": word, "title": known.name.capitalize() if known else ""},
+        "surrogate": {"file": "halfspace"},
+        "measurements": {"file": TABLE},
+        "prior": {},
+        "knowledge": {},
+        "sampler": {},
+        "next": {"count": "3"},
+    }
+    for group, values in groups.items():
+        variables = [variable for variable in schema() if variable.group == group and variable.name not in FOR_BUILDING]
+        lines += ["", f"! {variables[0].group_meaning}"]
+        order = [f"! The constants are in the order {constants}."] if group == "prior" else []
+        lines += [*order, f"&{group}"]
+        if group == "knowledge" and known:
+            lines += knowledge(known)
+            variables = [variable for variable in variables if variable.name not in ("quantity", "mean", "sd")]
+        for variable in variables:
+            lines += KINDS if variable.name == "modulus_kind" else explained(variable, values.get(variable.name))
+        lines += ["/"]
+    return {NAMELIST: "\n".join(lines) + "\n", TABLE: EMPTY_TABLE}
+
+
+def knowledge(metal: SimpleNamespace) -> list[str]:
+    known = known_of(metal)
+    stated = ", ".join(f"{name} {value:g}" for name, value in metal.constants.items())
+    said = f"Of pure {metal.name} at room temperature, by its constants {stated} GPa ({metal.source}). Of an alloy take its own, or a larger sd."
+    units = "GPa" if "bulk_modulus" in known else "1/TPa"
+    return [
+        *(f"  ! {line}" for line in textwrap.wrap(said, 120)),
+        f"  quantity = {', '.join(spelled(name) for name in known)}",
+        f"  mean = {', '.join(f'{mean:.4g}' for mean, _ in known.values())}   ! {units}",
+        f"  sd = {', '.join(f'{sd:.2g}' for _, sd in known.values())}",
+    ]
+
+
+def explained(variable: Variable, value: str | None) -> list[str]:
+    """The line of a variable under its meaning: its value, or its default in a comment."""
+    allowed = f"; {variable.allowed}" if variable.allowed and variable.kind != "logical" and len(variable.allowed) < 120 else ""
+    unit = f", {variable.unit}" if variable.unit else ""
+    meaning = textwrap.wrap(f"{variable.meaning}{unit}{allowed}", 120)
+    stated = variable.default if value is None else value
+    if variable.kind in ("text", "choice", "file") and stated not in ("*", "unset"):
+        stated = spelled(stated)
+    elif stated in ("unset", "*", ""):
+        stated = ".."
+    return [*(f"  ! {line}" for line in meaning), f"  {'! ' if value is None else ''}{variable.name} = {stated}"]
 
 
 def init(arguments: argparse.Namespace) -> dict:
     """Write both; what is there is not replaced."""
     folder = arguments.output or Path()
-    texts = dict(zip((NAMELIST, TABLE), template(arguments.symmetry, arguments.metal, TABLE), strict=True))
+    texts = template(arguments.symmetry, arguments.metal)
     there = [folder / name for name in texts if (folder / name).exists()]
     # One alone that is as it would be written is what a kill or a full disk left.
     if len(there) == len(texts) or any(path.read_bytes() != texts[path.name].encode() for path in there):

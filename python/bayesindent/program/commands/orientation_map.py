@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ...core import InputError
 from ...settings.problem import Problem
-from ..command import Command, output_folder, take_folder
+from ..command import Command, output_folder
 
 __all__ = ["COMMAND"]
 
@@ -22,7 +22,6 @@ def draw(arguments: argparse.Namespace) -> dict:
     from ...report.figures.style import house_style, stamp_synthetic
 
     output = output_folder(arguments, arguments.file)
-    take_folder(output)
     with house_style():
         figure = draw_map(problem.map, problem.measurements.names).figure
         if problem.settings.problem.synthetic:
@@ -39,16 +38,12 @@ def show(document: dict) -> None:
     print(f"Map: {document['file']}, {len(document['results'])} indents in {len({row['grain'] for row in document['results']})} grains")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", metavar="FILE.nml", type=Path, help="with &measurements file and ebsd")
-
-
 COMMAND = Command(
     "map",
     "a picture of the orientation map with its indents",
     "It draws the map in the colours of the inverse pole figure along the indenter, the boundaries of its grains, and the indents by name.",
     action=draw,
-    arguments=add_arguments,
+    arguments=lambda parser: parser.add_argument("file", metavar="FILE.nml", type=Path, help="with &measurements file and ebsd"),
     show=show,
     then=lambda arguments, document: f"open {document['file']}",
 )

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from ..command import Command, take_folder
+from ..command import PATIENCE_S, Command, output_folder
 
 __all__ = ["COMMAND", "make"]
 
@@ -19,9 +19,8 @@ def make(folder: Path, output: Path, kind_of_files: str = "", paper: bool = Fals
 
 def report(arguments: argparse.Namespace) -> dict:
     """The report of a folder that no other process is writing to."""
-    output = arguments.output or arguments.folder
-    if arguments.folder.is_dir():
-        take_folder(output)
+    arguments.output = arguments.output or arguments.folder
+    output = output_folder(arguments, arguments.folder, PATIENCE_S if arguments.folder.is_dir() else None)
     return make(arguments.folder, output, arguments.figures, arguments.paper)
 
 

@@ -1,6 +1,7 @@
-"""The stages: what a command adds to the core's stage of its name, and how its document is shown."""
+"""The stages: what a command adds to the core's stage of its name, and how its document is shown; and `run`, all that a namelist asks for."""
 
 import argparse
+import sys
 from pathlib import Path
 
 from ...common.progress import progress_bar
@@ -13,10 +14,30 @@ from ...pipeline.stage import run_stage
 from ...report.formatting import SHARES, number, numbers, share_cells
 from ...settings.problem import Problem, read_crystals
 from ...surrogate.basis import Basis
-from ..command import PATIENCE_S, namelist_command, perform, prepare, report_of, with_warnings
-from ..console import show_moduli, show_table
+from ...surrogate.surrogate import places
+from ..command import PATIENCE_S, namelist_command, perform, prepare, report_of, show_table
+from . import report
 
-__all__ = ["COMMANDS"]
+__all__ = ["COMMANDS", "RUN"]
+
+
+def show_moduli(document: dict) -> None:
+    """Moduli of crystals, simulated or of the theory."""
+    simulated = any(row.get("elements") for row in document["results"])
+    header = ["constants (GPa)", "phi1", "Phi", "phi2", "M (GPa)", *["elements", "seconds"] * simulated]
+    if waves := any("rayleigh_velocity_m_s" in row for row in document["results"]):
+        header += ["along", "Rayleigh (m/s)"]
+    rows = []
+    for row in document["results"]:
+        modulus = row["indentation_modulus_gpa"]
+        constants = ", ".join(f"{name} {value:g}" for name, value in row["constants"].items())
+        cells = [constants, *(f"{angle:g}" for angle in row["euler_deg"]), "failed" if modulus is None else f"{modulus:.3f}"]
+        if simulated:
+            cells += [str(row["elements"]), f"{row['seconds']:.2f}"] if row["elements"] else ["–", "–"]
+        if waves:
+            cells += [f"{row['propagation_deg']:g}", f"{row['rayleigh_velocity_m_s']:.1f}" + " weak" * (not row["rayleigh_detected"])]
+        rows.append(cells)
+    show_table("Finite elements" if simulated else "Half-space theory", header, rows)
 
 
 def show_plan(document: dict) -> None:
@@ -91,11 +112,11 @@ def build(arguments: argparse.Namespace) -> dict:
     problem, output = prepare(arguments, PATIENCE_S if (arguments.ask, arguments.tell) != (None, None) else 0)
     if arguments.ask is not None:
         arguments.results = None
-        return with_warnings(problem, ask(problem, output, arguments.ask))
+        return ask(problem, output, arguments.ask)
     if arguments.tell is not None:
         points = read_crystals(arguments.tell, problem.settings.problem.symmetry or Basis(problem).symmetry)
-        return with_warnings(problem, tell(problem, output, points, str(arguments.tell)))
-    return with_warnings(problem, perform(arguments.command, problem, output))
+        return tell(problem, output, points, str(arguments.tell))
+    return perform(arguments.command, problem, output)
 
 
 def add_build_arguments(parser: argparse.ArgumentParser) -> None:
@@ -178,3 +199,44 @@ COMMANDS = (
     namelist_command("extract", stage=extract, show=show_extract, resumes=True, then=after_extract),
     namelist_command("next", show=show_next, resumes=True, then=after_next),
 )
+
+
+def run(arguments: argparse.Namespace) -> dict:
+    """The stages of the file in order, then a report; with --check only what would be done. A result that cannot be used suggests no grain."""
+    problem, output = prepare(arguments, None if arguments.check else 0)
+    # What the reader cannot see: the surrogate, if no stage before builds it, and whether it is valid for the prior's crystals.
+    problem._call("check_stages", **places(output, problem.folder))
+    if arguments.check:
+        return {"file": str(arguments.file), "stages": problem.stages, "warnings": problem.warnings}
+    if problem.table and not arguments.quiet:
+        print(*problem.table.words(len(problem.measurements)), sep="\n", file=sys.stderr)
+    known = {command.name: command for command in COMMANDS}
+    documents: dict[str, dict] = {}
+    for name in problem.stages:
+        if name != "next" or documents.get("extract", {}).get("usable", True):
+            documents[name] = perform(known[name], problem, output)
+    documents["report"] = report.make(output, output)
+    return documents | {"warnings": [*problem.warnings, *(line for document in documents.values() for line in document["warnings"])]}
+
+
+def show_run(document: dict) -> None:
+    if "stages" in document:
+        print(f"{document['file']}: right; it asks for {', '.join(document['stages'])}")
+    # The constants last: a terminal shows the end.
+    for command in sorted((*COMMANDS, report.COMMAND), key=lambda command: command.name == "extract"):
+        if command.show is not None and command.name in document:
+            command.show(document[command.name])
+
+
+def after_run(arguments: argparse.Namespace, document: dict) -> str:
+    if arguments.check:
+        return f"bayesindent run {arguments.file}"
+    more = f"; bayesindent report {arguments.results} --paper for a paper" if "extract" in document else ""
+    return f"open {document['report']['file']} in a browser{more}"
+
+
+def add_run_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--check", action="store_true", help="only validate the file and what it names")
+
+
+RUN = namelist_command("run", action=run, arguments=add_run_arguments, show=show_run, resumes=True, then=after_run)

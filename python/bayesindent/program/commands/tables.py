@@ -1,18 +1,23 @@
-"""`table`: what is read of a table of measurements, before anything is computed."""
+"""On a table: `table`, what is read of measurements before anything is computed; `predict`, a surrogate on crystals."""
 
 import argparse
+import os
+import shutil
+import sys
 from pathlib import Path
 
-from ...settings.laboratory_tables import LaboratoryTable, meanings_of
-from ...settings.problem import Problem, schema
-from ..command import Command
-from ..console import show_table
+from ...settings.problem import Problem, read_crystals, schema
+from ...surrogate.surrogate import Surrogate
+from ..command import Command, output_folder, show_table
 
-__all__ = ["COMMAND"]
+__all__ = ["PREDICT", "TABLE"]
 
 
 def table(arguments: argparse.Namespace) -> dict:
     """Columns and what each is taken for, the kind of modulus, the grains, and the rows left out."""
+    # Not above: it takes time to import.
+    from ...settings.laboratory_tables import LaboratoryTable, meanings_of
+
     path = arguments.table
     # The last class has no symmetry.
     classes = next(variable.allowed for variable in schema() if variable.name == "symmetry").split(", ")
@@ -37,7 +42,7 @@ def table(arguments: argparse.Namespace) -> dict:
     }
 
 
-def show(document: dict) -> None:
+def show_understood(document: dict) -> None:
     print("\n".join(document["words"]))
     rows = []
     for number, row in enumerate(document["results"], 1):
@@ -46,7 +51,7 @@ def show(document: dict) -> None:
     show_table("Grains (degrees, GPa)", ["grain", "phi1", "Phi", "phi2", document["modulus_kind"], "sd"], rows)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_table_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("table", metavar="FILE", type=Path, help="a table of measurements: .csv, .txt, .xlsx")
     parser.add_argument("--symmetry", help="of the crystals, where it matters: directions by indices")
     parser.add_argument("--lattice", type=float, nargs="+", metavar="X", help="parameters of the unit cell, where indices need them")
@@ -55,12 +60,51 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--column", action="append", metavar="'NAME = HEADER'", help="as &measurements columns; may be repeated")
 
 
-COMMAND = Command(
+TABLE = Command(
     "table",
     "what is read of a table of measurements",
     "It shows the columns and what each is taken for, the rows that are left out, and the grains. Nothing is computed.",
     action=table,
-    arguments=add_arguments,
-    show=show,
+    arguments=add_table_arguments,
+    show=show_understood,
     then=lambda arguments, document: f"&measurements file = '{arguments.table}' in a namelist (bayesindent init writes one)",
+)
+
+
+def predict(arguments: argparse.Namespace) -> dict:
+    """Mean and sd of the modulus for each row: predictions.csv and its rows."""
+    model, table = Surrogate.load(arguments.surrogate), arguments.points
+    points = read_crystals(table, arguments.symmetry or model.symmetry)
+    mean, sd, outside = model.predict_table(points, len(os.sched_getaffinity(0)))
+    file = output_folder(arguments, table) / "predictions.csv"
+    points.write(file, {"modulus_gpa": mean, "sd_gpa": sd})
+    # Many rows in a document take much more memory than in a file.
+    wanted = range(len(points) if arguments.json else 0)
+    crystals = [{"constants": points.constants[i], "euler_deg": points.euler_deg[i]} for i in wanted]
+    results = [crystal | {"modulus_gpa": mean[i], "sd_gpa": sd[i]} for i, crystal in enumerate(crystals)]
+    return {"results": results, "file": str(file), "warnings": [f"{table}: {outside}"] if outside else []}
+
+
+def show_predictions(document: dict) -> None:
+    sys.stdout.flush()
+    with open(document["file"], "rb") as file:
+        shutil.copyfileobj(file, sys.stdout.buffer)
+    sys.stdout.buffer.flush()
+
+
+def add_predict_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--surrogate", required=True, help="'halfspace', 'block', or a surrogate.txt")
+    columns = "columns: the constants and phi1_deg, Phi_deg, phi2_deg"
+    parser.add_argument("--symmetry", default="", help="class of the rows that do not say theirs (default: that of the surrogate)")
+    parser.add_argument("--points", required=True, type=Path, metavar="points.csv", help=columns)
+
+
+PREDICT = Command(
+    "predict",
+    "mean and sd of the modulus for each row of a table",
+    "It prints them with modulus_gpa and sd_gpa.",
+    action=predict,
+    arguments=add_predict_arguments,
+    show=show_predictions,
+    then=lambda arguments, document: f"the same rows are in {document['file']}",
 )
