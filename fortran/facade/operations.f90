@@ -17,7 +17,8 @@ module operations
       & stop_listening, take_folder, watch_signals
    use settings_schema, only: schema_page, settings_type
    use settings_reader, only: put_settings, read_settings
-   use simulation_operations, only: held_simulator_type, run_simulator, use_model, use_problem, use_stage
+   use simulate, only: simulator_type
+   use simulation_operations, only: run_simulator, use_model, use_problem, use_stage
    use stage_documents, only: digest_surrogate, read_document, read_resolved, write_document
    use stages, only: all_stages, problem_of_text, read_problem, run_command, stage_row_type
    use surrogate_model, only: load_named_surrogate, surrogate_type
@@ -76,8 +77,8 @@ contains
          call use_problem(verb, object, x)
       type is (indentation_model_type)
          call use_model(verb, object, x)
-      type is (held_simulator_type)
-         call run_simulator(object%simulator, x)
+      type is (simulator_type)
+         call run_simulator(object, x)
       class is (basis_type)
          call use_basis(verb, object, x)
       type is (surrogate_type)

@@ -28,11 +28,7 @@ module simulation_operations
    use text, only: join
    implicit none
    private
-   public :: held_simulator_type, run_simulator, use_model, use_stage, use_problem
-
-   type :: held_simulator_type
-      type(simulator_type), allocatable :: simulator
-   end type held_simulator_type
+   public :: run_simulator, use_model, use_stage, use_problem
 
 contains
 
@@ -228,7 +224,7 @@ contains
       type(problem_type), intent(inout), target :: self
       type(exchange_type), intent(inout) :: x
       type(indentation_model_type), pointer :: model
-      type(held_simulator_type), pointer :: simulator
+      type(simulator_type), pointer :: simulator
       class(stage_type), allocatable :: new
       class(stage_type), pointer :: stage
       class(basis_type), allocatable :: basis
@@ -263,7 +259,7 @@ contains
       case ('simulator')
          allocate (simulator)
          call x%give(simulator, 'simulator')
-         call new_simulator(self%settings, simulator%simulator, x%error)
+         call new_simulator(self%settings, simulator, x%error)
          if (allocated(x%error)) x%error%message = place(self%path, 'simulation', '')//x%error%message
       case ('basis')
          call basis_of_problem(self, basis, x%error)

@@ -120,8 +120,10 @@ contains
       ! Of the rough ones others in each round.
       associate (stride => size(focus%rough, 3)/tempered)
          i = 1 + modulo(round%simulations, stride)
-         focus%candidates = candidates_of(problem, focus%domain, focus%rough(:, :, i::stride), &
-            & crystals(:, :, ::max(1, size(crystals, 3)/n_candidates)))
+         associate (rough => focus%rough(:, :, i::stride), others => crystals(:, :, ::max(1, size(crystals, 3)/n_candidates)))
+            focus%candidates = candidates_of(problem, focus%domain, reshape([rough, others], &
+               & [6, 6, size(rough, 3) + size(others, 3)]))
+         end associate
       end associate
       focus%surrogate = surrogate
       focus%rounds = [focus%rounds, round]
@@ -234,19 +236,18 @@ contains
       range = range + margin*(range(2) - range(1))*[-1.0_wp, 1.0_wp]
    end function held
 
-   !> So many crystals of each posterior, evenly over the draws, in the directions of the grains, which take turns.
-   type(candidates_type) function candidates_of(problem, domain, first, others) result(found)
+   !> Crystals in the directions of the grains, which take turns.
+   type(candidates_type) function candidates_of(problem, domain, stiffness) result(found)
       type(problem_type), intent(in) :: problem
       type(domain_type), intent(in) :: domain
       !> GPa, (6, 6, n).
-      real(wp), intent(in) :: first(:, :, :), others(:, :, :)
+      real(wp), intent(in) :: stiffness(:, :, :)
       integer :: i, n
 
-      n = size(first, 3)
-      allocate (found%constants(domain%class%n_constants, n + size(others, 3)), found%euler_deg(3, n + size(others, 3)))
-      do i = 1, size(found%euler_deg, 2)
-         if (i <= n) found%constants(:, i) = domain%class%constants_of(first(:, :, i))
-         if (i > n) found%constants(:, i) = domain%class%constants_of(others(:, :, i - n))
+      n = size(stiffness, 3)
+      allocate (found%constants(domain%class%n_constants, n), found%euler_deg(3, n))
+      do i = 1, n
+         found%constants(:, i) = domain%class%constants_of(stiffness(:, :, i))
          found%euler_deg(:, i) = problem%measurements%euler_deg(:, modulo(i - 1, problem%measurements%n) + 1)
       end do
    end function candidates_of

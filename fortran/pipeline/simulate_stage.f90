@@ -31,6 +31,8 @@ contains
       class(simulate_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       type(row_type) :: rows(self%problem%crystals%n)
+      !> Class, angles and constants of each crystal, and the first one that has the same.
+      real(wp) :: keys(4 + size(self%problem%crystals%constants, 1), size(rows))
       integer :: first(size(rows)), i
 
       associate (points => self%problem%crystals)
@@ -41,7 +43,10 @@ contains
                row%euler_deg = points%euler_deg(:, i)
             end associate
          end do
-         first = first_of_equals(rows)
+         keys(1, :) = points%class
+         keys(2:4, :) = points%euler_deg
+         keys(5:, :) = points%constants
+         first = number_equal(keys)
          associate (chosen => pack([(i, i=1, size(rows))], first == [(i, i=1, size(rows))]))
             self%place = [(findloc(chosen, first(i), 1), i=1, size(rows))]
             self%rows = rows(chosen)
@@ -122,23 +127,4 @@ contains
       end do
       call file%finish(error)
    end subroutine write_curves
-
-   !> The first row with the same crystal, by class and constants, in the same orientation, for each.
-   function first_of_equals(rows) result(first)
-      type(row_type), intent(in) :: rows(:)
-      integer :: first(size(rows))
-      real(wp), allocatable :: points(:, :)
-      integer :: i, j, most
-
-      most = maxval([(size(rows(i)%constants), i=1, size(rows))])
-      allocate (points(len(rows%symmetry) + 3 + most, size(rows)), source=0.0_wp)
-      do i = 1, size(rows)
-         associate (row => rows(i))
-            points(:len(row%symmetry), i) = [(iachar(row%symmetry(j:j)), j=1, len(row%symmetry))]
-            points(len(row%symmetry) + 1:len(row%symmetry) + 3, i) = row%euler_deg
-            points(len(row%symmetry) + 4:len(row%symmetry) + 3 + size(row%constants), i) = row%constants
-         end associate
-      end do
-      first = number_equal(points)
-   end function first_of_equals
 end module simulate_stage

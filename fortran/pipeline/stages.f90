@@ -105,7 +105,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(extract_stage_type) :: extract
       type(plan_stage_type) :: plan
-      type(simulator_type), allocatable :: simulator
+      type(simulator_type) :: simulator
 
       if (any(problem%stages == 'build')) then
          call check_build(problem, error, places%output(:len(places%output) - 1))

@@ -387,12 +387,11 @@ contains
       allocate (self%candidates)
       call read_crystals(resolve_path(self%folder, name), prefix, self%class, self%candidates, error)
       if (allocated(error) .or. .not. allocated(self%class%name)) return
-      do i = 1, self%candidates%n
-         if (self%candidates%classes(self%candidates%class(i))%name == self%class%name) cycle
-         call refuse(error, prefix//'line '//to_text(self%candidates%table%line(i))//': the crystal is not of the symmetry of ' &
-            & //'&problem')
-         return
-      end do
+      associate (classes => self%candidates%classes, class => self%candidates%class)
+         i = findloc([(classes(class(i))%name == self%class%name, i=1, size(class))], .false., 1)
+      end associate
+      if (i > 0) call refuse(error, prefix//'line '//to_text(self%candidates%table%line(i))//': the crystal is not of the ' &
+         & //'symmetry of &problem')
    end subroutine load_candidates
 
    !> The grains of a file; `prefix` begins the message of a refusal.

@@ -70,11 +70,11 @@ contains
             call print_help()
             call end_process(0)
          case ('--version')
-            call say('bayesindent-batch '//package_version)
+            call say('bayesindent-batch '//package_version, output_stream)
             call end_process(0)
          case ('--schema')
             word = schema_page()
-            call say(word(:len(word) - 1))
+            call say(word(:len(word) - 1), output_stream)
             call end_process(0)
          case ('--check')
             check_only = .true.
@@ -128,7 +128,7 @@ contains
       call check_stages(self, places, check_only, error)
       call stop_on(error)
       if (check_only) then
-         call say(path//' is right; it asks for: '//join(self%stages, ' '))
+         call say(path//' is right; it asks for: '//join(self%stages, ' '), output_stream)
          return
       end if
       call take_folder(output, 0, .true., error)
@@ -159,21 +159,17 @@ contains
       usable = size(stage%reasons) == 0
       call say_lines('the result cannot be used: ', stage%reasons, error_stream)
       call say_lines('warning: ', stage%warnings, error_stream)
-      call say(name//': '//stage%done)
+      call say(name//': '//stage%done, output_stream)
       call say_lines('', stage%more, output_stream)
    end subroutine perform_stage
 
    !> Write a `line` at once; if standard output cannot be written, say so and end. Unlike WRITE it never prints a message of its own.
    subroutine say(line, to)
       character(len=*), intent(in) :: line
-      !> `output_stream`, or where it is given `error_stream`.
-      integer(c_int), intent(in), optional :: to
+      !> `output_stream` or `error_stream`.
+      integer(c_int), intent(in) :: to
 
-      if (present(to)) then
-         call c_print(to, line//c_null_char)
-      else
-         call c_print(output_stream, line//c_null_char)
-      end if
+      call c_print(to, line//c_null_char)
    end subroutine say
 
    !> Lines, each after a `prefix`.
@@ -236,6 +232,6 @@ contains
          & 'exit status: 0 done, perhaps with warnings; 2 bad input; 3 done, but the result cannot be used; 1 anything else; ', &
          & '128 + N stopped by signal N (run it again to go on).']
 
-      call say(join(lines, newline))
+      call say(join(lines, newline), output_stream)
    end subroutine print_help
 end program batch

@@ -61,7 +61,10 @@ contains
          if (enough) return
          associate (job => stage%jobs(i), needed => held(stage%jobs(i)%physics))
             !$omp critical (simulation_loop_simulators)
-            if (.not. allocated(needed%simulator)) call new_simulator(stage%physics(job%physics), needed%simulator, own)
+            if (.not. allocated(needed%simulator)) then
+               allocate (needed%simulator)
+               call new_simulator(stage%physics(job%physics), needed%simulator, own)
+            end if
             ! What could not be made is made anew for the next job.
             if (allocated(own) .and. allocated(needed%simulator)) deallocate (needed%simulator)
             !$omp end critical (simulation_loop_simulators)

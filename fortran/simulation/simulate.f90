@@ -114,10 +114,9 @@ contains
    !> The simulator that the settings ask for; for finite elements the meshes are made.
    subroutine new_simulator(settings, simulator, error)
       type(settings_type), intent(in) :: settings
-      type(simulator_type), allocatable, intent(out) :: simulator
+      type(simulator_type), intent(out) :: simulator
       type(error_type), allocatable, intent(out) :: error
 
-      allocate (simulator)
       select case (settings%simulation%simulator)
       case ('fe')
          allocate (simulator%model)

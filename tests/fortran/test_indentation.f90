@@ -387,7 +387,7 @@ contains
    subroutine test_simulators()
       real(wp), parameter :: euler(3) = [0.1_wp, 0.5_wp*pi, 0.0_wp]
       type(settings_type) :: settings
-      type(simulator_type), allocatable :: simulator
+      type(simulator_type) :: simulator
       type(outcome_type) :: outcome
       type(error_type), allocatable :: error
       real(wp) :: copper(6, 6)
