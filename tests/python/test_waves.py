@@ -173,18 +173,17 @@ def test_waves_that_are_not_detected_are_left_out():
 def theories(symmetry, waves, angles):
     """Moduli and speeds of crystals (n, k) by NumPy alone."""
     along = Waves(waves["euler_deg"], waves["propagation_deg"])
-    symmetry = {"-3m": "trigonal"}.get(symmetry, symmetry)
     moduli = FieldTheory(symmetry, angles, 14, 120, points=32, angles=32, newton=6, precision=float)
     return lambda x: (moduli.moduli(x), np.array([np.sqrt(1e9 * along(c) / DENSITY) for c in stiffness_of(symmetry, x)]))
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("name", "n"), [("Ti", 12), ("quartz", 16)])
+@pytest.mark.parametrize(("name", "n"), [("Ti", 12)])
 def test_posteriors_by_importance_sampling(name, n):
-    """Moduli and speeds of titanium and quartz between bounds, with an error of the density: by theories in NumPy, which share nothing with the
+    """Moduli and speeds of titanium between bounds, with an error of the density: by theories in NumPy, which share nothing with the
     package, at points of a wide Student's t, weighted."""
     symmetry, constants, table, waves = measured(name, n, DENSITY, 11)
-    width = np.array([40.0, 40, 15, 40, 40] if name == "Ti" else [15.0, 15, 15, 10, 15, 8])
+    width = np.array([40.0, 40, 15, 40, 40])
     bounds = {key: (x - w, x + w) for key, x, w in zip(bi.constants(symmetry), constants, width, strict=True)}
     asked = {"symmetry": symmetry, "bounds": bounds, "velocities": waves, "density_kg_m3": DENSITY, "density_sd_kg_m3": 20.0}
     posterior = Posterior.of(table, surrogate=bi.Surrogate.load("halfspace"), **asked)
@@ -205,7 +204,6 @@ def test_posteriors_by_importance_sampling(name, n):
     assert 1 / (weights**2).sum() > 1000
     mean = weights @ x
     sd = np.sqrt(weights @ (x - mean) ** 2)
-    print(name, 1 / (weights**2).sum(), (draws.mean(axis=0) - mean) / sd, draws.std(axis=0) / sd)
     assert np.abs((draws.mean(axis=0) - mean) / sd).max() < 0.15
     assert draws.std(axis=0) == pytest.approx(sd, rel=0.1)
 
