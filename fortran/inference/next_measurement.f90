@@ -28,13 +28,17 @@ module next_measurement
    real(wp), parameter :: least_kernel = 0.02_wp
 
    type :: candidates_type
-      !> What each draw predicts, GPa, and the variance of that where the constants are known, GPa²; (draw, candidate).
+      !> Of moduli, then of speeds: Bunge-Euler angles, degrees, (3, candidate), the direction of propagation, degrees, NaN of moduli, the
+      !> number of the grain, or 0, and what it costs, (candidate).
+      real(wp), allocatable :: euler_deg(:, :), propagation_deg(:), cost(:)
+      integer, allocatable :: grain(:)
+      !> What each draw predicts, GPa or m/s, and the variance of that where the constants are known; (draw, candidate).
       real(wp), allocatable :: predicted(:, :), shared_variance(:, :)
-      !> Of a measurement's own error, GPa, (candidate).
+      !> Of a measurement's own error, (candidate).
       real(wp), allocatable :: sd(:)
       !> What is to be known, (draw); empty: all about the constants.
       real(wp), allocatable :: target(:)
-      !> Whether two candidates are too near each other for both to be measured, (candidate, candidate).
+      !> Whether two of the first candidates are too near each other for both to be measured.
       logical, allocatable :: near(:, :)
    end type candidates_type
 
@@ -131,9 +135,8 @@ contains
       gains = gains/max(tiny(1.0_wp), before)
    end subroutine expected_gains
 
-   !> Choose candidates one after another, averaged over `scenarios` of what the earlier ones say, each given those before it, no
-   !> two of them near each other; fewer than `count` where no
-   !> more are left.
+   !> Choose candidates of the largest gain over cost one after another, averaged over `scenarios` of what the earlier ones say, each given
+   !> those before it, no two of them near each other; fewer than `count` where no more are left.
    subroutine choose_measurements(candidates, count, scenarios, seed, threads, suggestions)
       type(candidates_type), intent(in) :: candidates
       integer, intent(in) :: count, scenarios, seed, threads
@@ -155,11 +158,11 @@ contains
          if (.not. any(free)) exit
          call expected_gains(candidates, weights, threads, values)
          if (i == 1) suggestions%first_gains = values
-         c = maxloc(values, dim=1, mask=free)
+         c = maxloc(values/candidates%cost, dim=1, mask=free)
          suggestions%chosen = [suggestions%chosen, c]
          suggestions%gains = [suggestions%gains, values(c)]
-         free = free .and. .not. candidates%near(:, c)
          free(c) = .false.
+         if (c <= size(candidates%near, 2)) where (candidates%near(:, c)) free(:size(candidates%near, 1)) = .false.
          if (i == 1 .and. count > 1) weights = spread(weights(:, 1), 2, max(1, scenarios))
          sd = kernel_sd(candidates, c)
          do r = 1, size(weights, 2)

@@ -16,6 +16,7 @@ module extraction_document
    use statistics, only: flattened, moments
    use text, only: fixed, join, to_text
    use variance_shares, only: error_sources, shares_type, verdict_of
+   use velocity_tables, only: wave_kind, wave_names
    implicit none
    private
    public :: write_extraction, describe_prior, put_extraction, save_posterior, read_posterior, stored_draws
@@ -165,7 +166,13 @@ contains
             call page%put_numbers('mean, sd, measured, measured_sd', [mean(i), sd(i), found%posterior%data%modulus(i), &
                & found%posterior%data%sd(i)])
             call page%put('euler_deg', table%euler_deg(:, i))
-            if (i > found%posterior%n_moduli) call page%put('propagation_deg', table%propagation_deg(i))
+            if (i > found%posterior%n_moduli) then
+               associate (along => table%propagation_deg(i), kind => wave_kind(table%propagation_deg(i)/360.0_wp))
+                  call page%put('propagation_deg', along - 720.0_wp*kind)
+                  if (kind > 0) call page%put('wave', trim(wave_names(modulo(kind - 1, 3) + 1)))
+                  if (kind > 3) call page%put('inclination_deg', 90)
+               end associate
+            end if
             if (table%named_by > 0) call page%put('grain', table%name(i))
             if (allocated(table%tests) .and. i <= found%posterior%n_moduli) then
                call page%put('tests', table%tests(i))

@@ -1,4 +1,4 @@
-!> `next`: the grain orientations worth measuring next, from draws of a posterior.
+!> `next`: the grains worth measuring next, by indentation or by the speed of a surface wave, from draws of a posterior.
 module next_stage
    use abstract_basis, only: grain_model_type
    use constants_posterior, only: posterior_type
@@ -13,11 +13,13 @@ module next_stage
    use linear_algebra, only: orthonormalize
    use namelist_file, only: place
    use next_measurement, only: candidates_type, choose_measurements, suggestions_type
+   use point_tables, only: nan, points_type
+   use rayleigh_wave, only: new_surface, surface_type, surface_waves, wave_speed, wave_type
    use table_columns, only: angles_of_direction
    use machine, only: thread_count
    use extraction_document, only: stored_draws
    use problem, only: problem_type
-   use problem_posterior, only: check_target, choose_field_degree
+   use problem_posterior, only: are_detected, check_target, choose_field_degree
    use quantities, only: evaluate_draws, new_quantity, quantity_type
    use random, only: new_random_stream, random_stream_type
    use running_command, only: remove_files
@@ -41,6 +43,8 @@ module next_stage
    integer, parameter :: degree_stride = 5
    !> Suggestions are at least so far apart: the same grain cannot be measured again, and a near twin is hard to find.
    real(wp), parameter :: separation_deg = 5.0_wp
+   !> Directions of propagation that are compared in a grain, in how many grains at most.
+   integer, parameter :: n_along = 12, most_grains = 200
 
 contains
 
@@ -81,28 +85,36 @@ contains
       type(candidates_type) :: candidates
       type(suggestions_type) :: suggestions
       type(quantity_type) :: quantity(1)
-      real(wp), allocatable :: few(:, :), euler_deg(:, :), values(:, :)
-      real(wp) :: sd
+      real(wp), allocatable :: few(:, :), values(:, :)
+      real(wp) :: sd(2), factor
+      integer :: m, n
 
       allocate (warnings(0))
       call check_target(problem, error)
       if (allocated(error)) return
       few = draws(:, ::max(1, size(draws, 2)/most_draws))
       associate (wanted => problem%settings%next)
-         sd = wanted%sd_gpa
-         if (.not. sd > 0.0_wp .and. posterior%n_moduli == 0) then
+         m = posterior%n_moduli
+         n = posterior%n_grains
+         sd = [wanted%sd_gpa, wanted%velocity_sd_m_s]
+         factor = 1.0_wp
+         if (posterior%dimension > posterior%n_constants) factor = sum(draws(posterior%dimension, :))/size(draws, 2)
+         if (.not. sd(1) > 0.0_wp .and. m > 0) sd(1) = factor*median(m, posterior%data%sd(:m))
+         if (.not. sd(2) > 0.0_wp .and. n > m) sd(2) = factor*median(n - m, posterior%data%sd(m + 1:))
+         if (.not. sd(1) > 0.0_wp) then
             call refuse(error, place(problem%path, 'next', 'sd_gpa')//'the variable is missing; it is the sd of the next ' &
                & //'modulus, and no moduli were measured whose sd it could be')
-            return
-         else if (.not. sd > 0.0_wp) then
-            sd = median(posterior%n_moduli, posterior%data%sd(:posterior%n_moduli))
-            if (posterior%dimension > posterior%n_constants) sd = sd*sum(draws(posterior%dimension, :))/size(draws, 2)
+         else if (allocated(wanted%velocity_cost) .and. .not. sd(2) > 0.0_wp) then
+            call refuse(error, place(problem%path, 'next', 'velocity_sd_m_s')//'the variable is missing; it is the sd of the ' &
+               & //'next speed, and no speeds were measured whose sd it could be')
          end if
+         if (allocated(error)) return
          if (posterior%dimension > posterior%n_constants) few(posterior%dimension, :) = log(few(posterior%dimension, :))
          if (posterior%grains%has_theory) call choose_field_degree(posterior, few(:, ::degree_stride), error)
          if (allocated(error)) return
-         call place_candidates(problem, posterior%prior%class, candidates, euler_deg)
-         call predict_candidates(posterior, few, sd, problem%settings%problem%seed, euler_deg, candidates, error)
+         call place_moduli(problem, posterior%prior%class, candidates)
+         if (allocated(wanted%velocity_cost)) call place_speeds(problem, posterior, few(:, ::degree_stride), candidates, error)
+         if (.not. allocated(error)) call predict_candidates(problem, posterior, few, sd, candidates, error)
          if (wanted%target /= 'all' .and. .not. allocated(error)) then
             call new_quantity(wanted%target, quantity(1), error)
             call evaluate_draws(quantity, posterior%prior%class, few, values)
@@ -116,83 +128,126 @@ contains
       if (allocated(error)) error%message = place(problem%path, 'next', '')//error%message
       if (allocated(error)) return
       associate (found => size(suggestions%chosen), count => problem%settings%next%count)
-         if (found < min(count, size(euler_deg, 2))) call warn(warnings, 'only '//to_text(found)//' of '//to_text(count) &
+         if (found < min(count, size(candidates%cost))) call warn(warnings, 'only '//to_text(found)//' of '//to_text(count) &
             & //' orientations are '//fixed(separation_deg, 0)//' degrees apart')
       end associate
-      call write_suggestions(page, problem, candidates, suggestions, euler_deg, sd)
+      call write_suggestions(page, problem, candidates, suggestions, sd)
    end subroutine next_document
 
-   !> The grains of &next, each of which may be measured once, or all directions that the crystal tells apart.
-   subroutine place_candidates(problem, class, candidates, euler_deg)
+   !> Moduli of the grains of &next, each of which may be measured once, or of all directions that the crystal tells apart.
+   subroutine place_moduli(problem, class, candidates)
       type(problem_type), intent(in) :: problem
       type(crystal_class_type), intent(in) :: class
       type(candidates_type), intent(inout) :: candidates
-      !> Bunge-Euler angles of the candidates, (3, candidate).
-      real(wp), allocatable, intent(out) :: euler_deg(:, :)
       type(region_type) :: region
       real(wp), allocatable :: directions(:, :)
       integer :: i, j, n
 
       if (allocated(problem%grains)) then
-         euler_deg = problem%grains%euler_deg
-         n = size(euler_deg, 2)
-         candidates%near = reshape([((i == j, i=1, n), j=1, n)], [n, n])
-         return
-      end if
-      call new_region(class, region)
-      call lattice_of_directions(region, directions)
-      n = size(directions, 2)
-      allocate (euler_deg(3, n), candidates%near(n, n))
-      do j = 1, n
-         euler_deg(:, j) = angles_of_direction(directions(:, j))
-         do i = 1, n
-            candidates%near(i, j) = angle_between(region, directions(:, i), directions(:, j)) < separation_deg*degree
+         candidates%euler_deg = problem%grains%euler_deg
+         n = size(candidates%euler_deg, 2)
+         candidates%grain = [(i, i=1, n)]
+         allocate (candidates%near(0, 0))
+      else
+         call new_region(class, region)
+         call lattice_of_directions(region, directions)
+         n = size(directions, 2)
+         candidates%grain = spread(0, 1, n)
+         allocate (candidates%euler_deg(3, n), candidates%near(n, n))
+         do j = 1, n
+            candidates%euler_deg(:, j) = angles_of_direction(directions(:, j))
+            do i = 1, n
+               candidates%near(i, j) = angle_between(region, directions(:, i), directions(:, j)) < separation_deg*degree
+            end do
          end do
-      end do
-   end subroutine place_candidates
+      end if
+      candidates%propagation_deg = spread(nan, 1, n)
+      candidates%cost = spread(1.0_wp, 1, n)
+   end subroutine place_moduli
+
+   !> Speeds in several directions of propagation, of those waves that are detected at the draws, in the grains of &next, or in those that
+   !> were measured, of which there may be several rows each.
+   subroutine place_speeds(problem, posterior, draws, candidates, error)
+      type(problem_type), intent(in) :: problem
+      type(posterior_type), intent(in) :: posterior
+      !> (dimension, draw).
+      real(wp), intent(in) :: draws(:, :)
+      type(candidates_type), intent(inout) :: candidates
+      type(error_type), allocatable, intent(out) :: error
+      type(points_type) :: grains
+      real(wp), allocatable :: euler_deg(:, :), along(:)
+      integer, allocatable :: rows(:)
+      integer :: i, j
+
+      grains = problem%measurements
+      if (allocated(problem%grains)) grains = problem%grains
+      rows = pack([(i, i=1, grains%n)], [(all([(maxval(abs(grains%euler_deg(:, i) - grains%euler_deg(:, j))) > 0.0_wp, j=1, &
+         & i - 1)]), i=1, grains%n)])
+      if (.not. grains%has_angles) then
+         call refuse(error, 'velocity_cost: the grains have directions alone, and a wave needs Euler angles')
+      else if (size(rows) > most_grains) then
+         call refuse(error, 'velocity_cost: '//to_text(size(rows))//' grains; allowed up to '//to_text(most_grains))
+      end if
+      if (allocated(error)) return
+      rows = [((rows(i), j=1, n_along), i=1, size(rows))]
+      along = [(180.0_wp*modulo(i - 1, n_along)/n_along, i=1, size(rows))]
+      euler_deg = grains%euler_deg(:, rows)
+      associate (kept => pack([(i, i=1, size(rows))], are_detected(posterior, draws, euler_deg, along)), &
+         & n => size(candidates%cost))
+         candidates%euler_deg = reshape([candidates%euler_deg, euler_deg(:, kept)], [3, n + size(kept)])
+         candidates%propagation_deg = [candidates%propagation_deg, along(kept)]
+         candidates%grain = [candidates%grain, rows(kept)]
+         candidates%cost = [candidates%cost, spread(problem%settings%next%velocity_cost, 1, size(kept))]
+      end associate
+   end subroutine place_speeds
 
    !> What each draw predicts at each candidate.
-   subroutine predict_candidates(posterior, draws, sd, seed, euler_deg, candidates, error)
+   subroutine predict_candidates(problem, posterior, draws, sd, candidates, error)
+      type(problem_type), intent(in) :: problem
       type(posterior_type), intent(in) :: posterior
       !> (dimension, draw), as the sampler has them.
       real(wp), intent(in) :: draws(:, :)
-      !> Of the next measurement, GPa.
-      real(wp), intent(in) :: sd
-      integer, intent(in) :: seed
-      !> See `place_candidates`.
-      real(wp), intent(in) :: euler_deg(:, :)
+      !> Of the next modulus, GPa, and speed, m/s.
+      real(wp), intent(in) :: sd(2)
       type(candidates_type), intent(inout) :: candidates
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: own_variance(:, :), normals(:, :)
+      real(wp), allocatable :: own_variance(:, :), normals(:, :), relative(:, :)
       class(grain_model_type), allocatable :: grains
+      type(surface_type) :: surface
       integer :: i, n
 
-      n = size(euler_deg, 2)
-      call posterior%new_grains(euler_deg*degree, grains, error)
+      n = count(.not. abs(candidates%propagation_deg) <= huge(1.0_wp))
+      call posterior%new_grains(candidates%euler_deg(:, :n)*degree, grains, error)
       if (allocated(error)) return
-      allocate (own_variance(n, size(draws, 2)), candidates%predicted(n, size(draws, 2)), &
-         & candidates%shared_variance(n, size(draws, 2)), candidates%target(0))
-      normals = even_normals(draws, posterior%n_shared, seed)
+      call new_surface(candidates%euler_deg(:, n + 1:)*degree, candidates%propagation_deg(n + 1:)*degree, surface)
+      relative = relative_errors(problem, posterior, surface%n > 0)
+      associate (all => size(candidates%cost))
+         allocate (own_variance(all, size(draws, 2)), candidates%predicted(all, size(draws, 2)), &
+            & candidates%shared_variance(all, size(draws, 2)), candidates%target(0))
+         candidates%sd = [spread(sd(1), 1, n), spread(sd(2), 1, all - n)]
+      end associate
+      normals = even_normals(draws, size(relative, 1), problem%settings%problem%seed)
       do i = 1, size(draws, 2)
-         call draw_measurements(posterior, draws(:, i), grains, normals(:, i), candidates%predicted(:, i), &
+         call draw_measurements(posterior, draws(:, i), grains, surface, relative, normals(:, i), candidates%predicted(:, i), &
             & candidates%shared_variance(:, i), own_variance(:, i))
       end do
       candidates%predicted = transpose(candidates%predicted)
       candidates%shared_variance = transpose(candidates%shared_variance)
-      candidates%sd = sqrt(sd**2 + sum(own_variance, 2)/size(draws, 2))
+      candidates%sd = sqrt(candidates%sd**2 + sum(own_variance, 2)/size(draws, 2))
    end subroutine predict_candidates
 
-   !> Of each suggestion with the indented direction, as a unit vector in crystal axes and, where the unit cell is known, as [uvw].
-   subroutine write_suggestions(page, problem, candidates, suggestions, euler_deg, sd)
+   !> Of each suggestion with the indented direction and that of propagation, as unit vectors in crystal axes and, where the unit cell is
+   !> known, as [uvw].
+   subroutine write_suggestions(page, problem, candidates, suggestions, sd)
       type(json_type), intent(inout) :: page
       type(problem_type), intent(in) :: problem
       type(candidates_type), intent(in) :: candidates
       type(suggestions_type), intent(in) :: suggestions
-      real(wp), intent(in) :: euler_deg(:, :), sd
+      real(wp), intent(in) :: sd(2)
       type(lattice_type) :: lattice
       type(error_type), allocatable :: unknown
       real(wp), allocatable :: parameters(:)
-      real(wp) :: mean, g(3, 3)
+      real(wp) :: mean, g(3, 3), along(3)
       integer :: i, draws
 
       draws = size(candidates%predicted, 1)
@@ -203,12 +258,15 @@ contains
       do i = 1, size(suggestions%chosen)
          associate (c => suggestions%chosen(i))
             mean = sum(candidates%predicted(:, c))/draws
-            call page%begin_object()
-            if (allocated(problem%grains)) call page%put('grain', problem%grains%name(c))
-            call page%put('euler_deg', euler_deg(:, c))
-            g = rotation_matrix(euler_deg(:, c)*degree)
+            call begin_candidate(c)
+            g = rotation_matrix(candidates%euler_deg(:, c)*degree)
             call page%put('direction', g(:, 3))
             if (.not. allocated(unknown)) call page%put('uvw', lattice%nearest(g(:, 3)))
+            associate (angle => candidates%propagation_deg(c)*degree)
+               along = cos(angle)*g(:, 1) + sin(angle)*g(:, 2)
+               if (abs(angle) <= huge(angle)) call page%put('along', along)
+               if (abs(angle) <= huge(angle) .and. .not. allocated(unknown)) call page%put('along_uvw', lattice%nearest(along))
+            end associate
             call page%put_numbers('gain, predicted, sd', [suggestions%gains(i), mean, &
                & sqrt(sum((candidates%predicted(:, c) - mean)**2)/draws)])
             call page%end_object()
@@ -216,17 +274,32 @@ contains
       end do
       call page%end_array()
       call page%begin_array('candidates')
-      do i = 1, size(euler_deg, 2)
-         call page%begin_object()
-         if (allocated(problem%grains)) call page%put('grain', problem%grains%name(i))
-         call page%put('euler_deg', euler_deg(:, i))
+      do i = 1, size(candidates%cost)
+         call begin_candidate(i)
          call page%put('gain', suggestions%first_gains(i))
          call page%end_object()
       end do
       call page%end_array()
       call page%put('target', problem%settings%next%target)
-      call page%put('sd_gpa', sd)
+      call page%put('sd_gpa', sd(1))
+      if (allocated(problem%settings%next%velocity_cost)) call page%put_numbers('velocity_sd_m_s, velocity_cost', [sd(2), &
+         & problem%settings%next%velocity_cost])
       call page%put('unit', trim(merge('nats                 ', 'share of the variance', size(candidates%target) == 0)))
+
+   contains
+
+      subroutine begin_candidate(c)
+         integer, intent(in) :: c
+
+         call page%begin_object()
+         if (allocated(problem%grains)) then
+            call page%put('grain', problem%grains%name(candidates%grain(c)))
+         else if (candidates%grain(c) > 0) then
+            call page%put('grain', problem%measurements%name(candidates%grain(c)))
+         end if
+         call page%put('euler_deg', candidates%euler_deg(:, c))
+         if (abs(candidates%propagation_deg(c)) <= huge(1.0_wp)) call page%put('propagation_deg', candidates%propagation_deg(c))
+      end subroutine begin_candidate
    end subroutine write_suggestions
 
    !> Standard normal numbers beside the draws: where these are many, without a mean, of unit covariance, and uncorrelated with all that is
@@ -262,54 +335,90 @@ contains
       normals = transpose(columns(:, known + 1:))
    end function even_normals
 
-   !> What a further measurement of any grains would give at a point, of the kind and the first group that were measured, without its
-   !> own error.
-   subroutine draw_measurements(posterior, x, grains, z, values, shared_variance, own_variance)
+   !> Relative sds of the errors that a further modulus (1) or speed (2) shares, (error, kind): the calibration of the first group and, of
+   !> the errors that were stated, those of the mean measurement of the kind; where there is none, the last error has them.
+   pure function relative_errors(problem, posterior, with_speeds) result(relative)
+      type(problem_type), intent(in) :: problem
+      type(posterior_type), intent(in) :: posterior
+      logical, intent(in) :: with_speeds
+      real(wp), allocatable :: relative(:, :)
+      real(wp) :: apart(2)
+      integer :: first(2), last(2), k
+
+      first = [1, posterior%n_moduli + 1]
+      last = [posterior%n_moduli, posterior%n_grains]
+      apart = [posterior%settings%calibration_sd, hypot(posterior%settings%velocity_calibration_sd, &
+         & 0.5_wp*problem%settings%problem%density_sd_kg_m3/posterior%data%density)]
+      k = posterior%n_shared + merge(1, 0, first(1) > last(1) .or. (with_speeds .and. first(2) > last(2)))
+      allocate (relative(k, 2), source=0.0_wp)
+      do k = 1, merge(2, 1, with_speeds)
+         if (first(k) > last(k)) then
+            relative(posterior%n_shared + 1, k) = apart(k)
+         else
+            associate (n => posterior%grains%n_columns, calibrated => posterior%n_calibrated, &
+               & group => posterior%data%group(first(k)))
+               if (calibrated > n) relative(n + group, k) = posterior%calibration(group)
+               relative(calibrated + 1:calibrated + size(posterior%data%shared, 2), k) = &
+                  & sum(posterior%data%shared(first(k):last(k), :), 1)/(last(k) - first(k) + 1)
+            end associate
+         end if
+      end do
+   end function relative_errors
+
+   !> What further moduli, then speeds, of any grains would be at a point, of the kind that was measured, without their own error.
+   subroutine draw_measurements(posterior, x, grains, surface, relative, z, values, shared_variance, own_variance)
       type(posterior_type), intent(in) :: posterior
       !> (dimension).
       real(wp), intent(in) :: x(:)
+      !> Of moduli.
       class(grain_model_type), intent(in) :: grains
-      !> Standard normal numbers, (shared error).
-      real(wp), intent(in) :: z(:)
-      !> GPa, (grain), the shared errors of these numbers, given the data.
+      !> Of speeds.
+      type(surface_type), intent(in) :: surface
+      !> See `relative_errors`; standard normal numbers, (error).
+      real(wp), intent(in) :: relative(:, :), z(:)
+      !> GPa or m/s, (measurement), the shared errors of these numbers, given the data.
       real(wp), intent(out), contiguous :: values(:)
-      !> GPa², (grain): of the shared errors given the data and the constants, and of the surrogate's that grains do not share.
+      !> Their squares, (measurement): of the shared errors given the data and the constants, and of the surrogate's that grains do not
+      !> share.
       real(wp), intent(out), contiguous :: shared_variance(:), own_variance(:)
-      real(wp), dimension(size(values)) :: slope, mean, mean_slope
-      real(wp) :: c(6, 6), influence(size(values), grains%n_columns), columns(size(values), posterior%n_shared)
-      real(wp) :: b(posterior%n_shared), precision(posterior%n_shared, posterior%n_shared), factor(posterior%n_groups)
-      integer :: i
+      real(wp), dimension(size(values) - surface%n) :: slope, mean, mean_slope
+      real(wp) :: c(6, 6), influence(size(mean), grains%n_columns), columns(size(values), size(z)), b(size(z))
+      real(wp) :: precision(posterior%n_shared, posterior%n_shared), factor(posterior%n_groups)
+      type(wave_type) :: waves(surface%n)
+      integer :: i, n, m
 
+      n = size(mean)
+      m = posterior%n_shared
       c = posterior%stiffness(x)
-      call posterior%infer_shared(x, b, precision)
-      call grains%evaluate_moduli(c, values, slope)
-      mean = values
+      call posterior%infer_shared(x, b(:m), precision)
+      call grains%evaluate_moduli(c, values(:n), slope)
+      mean = values(:n)
       mean_slope = slope
       call posterior%observable%from_simulation(mean, mean_slope)
-      columns = 0.0_wp
-      if (posterior%settings%calibration_sd > 0.0_wp) columns(:, grains%n_columns + 1) = posterior%settings%calibration_sd*mean
-      call posterior%place_shared(z, b, precision, factor)
-      ! Of the errors that were stated it has those of the mean grain.
-      do i = 1, size(posterior%data%shared, 2)
-         associate (common => sum(posterior%data%shared(:posterior%n_moduli, i))/max(1, posterior%n_moduli))
-            columns(:, posterior%n_calibrated + i) = common*mean
-            factor = factor + common*b(posterior%n_calibrated + i)
-         end associate
+      call surface_waves(surface, reshape(c, [6, 6, 1]), waves)
+      values(n + 1:) = wave_speed(waves%modulus, posterior%data%density)
+      call posterior%place_shared(z(:m), b(:m), precision, factor)
+      b(m + 1:) = z(m + 1:)
+      do i = 1, size(z)
+         columns(:n, i) = relative(i, 1)*mean
+         columns(n + 1:, i) = relative(i, 2)*values(n + 1:)
       end do
       if (grains%n_columns > 0) then
          call grains%evaluate_columns(c, influence)
-         values = values + slope*matmul(influence, b(:grains%n_columns))
+         values(:n) = values(:n) + slope*matmul(influence, b(:grains%n_columns))
          do i = 1, grains%n_columns
-            columns(:, i) = mean_slope*influence(:, i)
+            columns(:n, i) = mean_slope*influence(:, i)
          end do
       end if
-      call posterior%observable%from_simulation(values, slope)
-      values = factor(1)*values
+      call posterior%observable%from_simulation(values(:n), slope)
+      values(:n) = (1.0_wp + dot_product(relative(:, 1), b))*values(:n)
+      values(n + 1:) = (1.0_wp + dot_product(relative(:, 2), b))*values(n + 1:)
       do i = 1, size(values)
-         call solve_lower(precision, columns(i, :))
+         call solve_lower(precision, columns(i, :m))
       end do
       shared_variance = sum(columns**2, 2)
-      own_variance = posterior%scatter*mean_slope**2 + (posterior%settings%scatter_sd*mean)**2
+      own_variance = 0.0_wp
+      own_variance(:n) = posterior%scatter*mean_slope**2 + (posterior%settings%scatter_sd*mean)**2
    end subroutine draw_measurements
 
 end module next_stage

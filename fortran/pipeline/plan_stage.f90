@@ -1,8 +1,9 @@
 !> `plan`: the sd that each constant is expected to have, before anything is measured.
 !>
-!> Grains get the moduli of the stated crystal with normal noise, several times. Each of these data sets has the posterior that
-!> `extract` would sample, with its prior, knowledge and errors, and short chains; the mean of the sds over the data sets is what is to
-!> be expected. An expansion about the crystal would not do: where the long tails of the prior decide, it gives a fifth of the sd.
+!> Grains get the moduli, and the speeds, of the stated crystal with normal noise, several times. Each of these data sets has the
+!> posterior that `extract` would sample, with its prior, knowledge and errors, and short chains; the mean of the sds over the data sets
+!> is what is to be expected. An expansion about the crystal would not do: where the long tails of the prior decide, it gives a fifth of
+!> the sd.
 module plan_stage
    use errors, only: error_type, refuse
    use extract_stage, only: extract_stage_type
@@ -12,12 +13,13 @@ module plan_stage
    use observables, only: new_observable, observable_type
    use point_tables, only: points_type
    use problem, only: problem_type
-   use problem_posterior, only: new_problem_posterior, run_type, sample_aside
+   use problem_posterior, only: draw_aside, new_problem_posterior, run_type
    use random, only: new_random_stream, random_stream_type
-   use samplers, only: chains_type
-   use statistics, only: flattened, moments
+   use rayleigh_wave, only: rayleigh_waves, wave_speed, wave_type
+   use statistics, only: moments
    use surrogate_model, only: load_named_surrogate, predict_crystals
    use text, only: join
+   use velocity_tables, only: append_velocities
    implicit none
    private
    public :: plan_stage_type
@@ -36,13 +38,21 @@ contains
    subroutine begin(self, error)
       class(plan_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
+      type(problem_type) :: used
 
       self%done = self%output//'/plan.json'
       associate (problem => self%problem)
          call load_named_surrogate(problem%settings%surrogate%file, problem%class%name, self%places, self%surrogate, error)
          if (allocated(error)) error%message = place(problem%path, 'surrogate', 'file')//error%message
+         if (.not. allocated(error)) call make_up(self, [1, 1, 1], used, error)
+         if (.not. allocated(error)) call new_problem_posterior(used, self%surrogate, .false., self%posterior, error)
+         if (allocated(error)) return
+         associate (crystal => problem%settings%plan%constants)
+            if (.not. self%posterior%prior%admits(crystal, problem%class%stiffness(crystal))) call refuse(error, &
+               & place(problem%path, 'plan', 'constants')//'the crystal is outside the limits of &prior, or the domain of the ' &
+               & //'surrogate')
+         end associate
       end associate
-      if (.not. allocated(error)) call make_up(self, [1, 1, 1], error)
    end subroutine begin
 
    !> The expected sds for every number of grains and noise. Of the stage it needs the problem and the surrogate alone.
@@ -50,7 +60,8 @@ contains
       class(plan_stage_type), intent(inout) :: self
       type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
-      type(chains_type) :: chains
+      type(problem_type) :: used
+      real(wp), allocatable :: draws(:, :)
       real(wp), dimension(self%problem%class%n_constants + 1) :: mean, sd, expected
       character(len=:), allocatable :: names
       integer :: i, j, k
@@ -63,11 +74,11 @@ contains
             do j = 1, size(plan%noise)
                expected = 0.0_wp
                do k = 1, n_sets
-                  call make_up(self, [i, j, k], error)
-                  if (.not. allocated(error)) call sample_aside(self%problem, self%posterior, run_type(burn_in, samples, n_chains, &
-                     & first_stream + n_chains*k), chains, error)
+                  call make_up(self, [i, j, k], used, error)
+                  if (.not. allocated(error)) call draw_aside(used, self%surrogate, run_type(burn_in, samples, n_chains, &
+                     & first_stream + n_chains*k), self%posterior, draws, error)
                   if (allocated(error)) return
-                  call moments(flattened(chains%draws), mean(:size(chains%draws, 1)), sd(:size(chains%draws, 1)))
+                  call moments(draws, mean(:size(draws, 1)), sd(:size(draws, 1)))
                   expected = expected + sd/n_sets
                end do
                call page%begin_object()
@@ -80,15 +91,16 @@ contains
       call page%end_array()
    end subroutine finish
 
-   !> The posterior of made-up measurements. Those of fewer grains, and of less noise, are the same but for that.
-   subroutine make_up(self, number, error)
-      class(plan_stage_type), intent(inout) :: self
+   !> The problem with made-up measurements. Those of fewer grains, and of less noise, are the same but for that.
+   subroutine make_up(self, number, used, error)
+      class(plan_stage_type), intent(in) :: self
       !> Of the grains and of the noise in the lists of &plan, and of the data set.
       integer, intent(in) :: number(3)
+      type(problem_type), intent(out) :: used
       type(error_type), allocatable, intent(out) :: error
       type(observable_type) :: observable
-      type(random_stream_type) :: stream
-      type(problem_type) :: used
+      type(random_stream_type) :: stream, of_waves
+      type(wave_type), allocatable :: waves(:)
       real(wp), allocatable :: z(:, :), unused(:)
       real(wp) :: c(6, 6), noise
       integer :: i, j, n
@@ -96,18 +108,22 @@ contains
       used = self%problem
       n = nint(used%settings%plan%grains(number(1)))
       noise = used%settings%plan%noise(number(2))
-      allocate (z(4, n), unused(n), source=0.0_wp)
+      allocate (z(6, n), unused(n), source=0.0_wp)
+      allocate (waves(n))
       used%measurements = points_type(n=n, row=[(i, i=1, n)], group=spread(1, 1, n), orientation_sd_deg=spread(-1.0_wp, 1, n), &
          & modulus_gpa=unused, sd_gpa=unused)
       ! Of the errors that were stated they have those of the mean grain.
       if (allocated(used%shared_errors)) used%shared_errors = spread(sum(self%problem%shared_errors, 1)/ &
          & size(self%problem%shared_errors, 1), 1, n)
       stream = new_random_stream(used%settings%problem%seed, -1 - number(3))
+      of_waves = new_random_stream(used%settings%problem%seed, -1 - n_sets - number(3))
       do i = 1, n
          do j = 1, 3
             call stream%uniform(z(j, i))
          end do
          call stream%normal(z(4, i))
+         call of_waves%uniform(z(5, i))
+         call of_waves%normal(z(6, i))
       end do
       associate (grains => used%measurements, asked => used%settings%measurements, crystal => self%problem%settings%plan%constants)
          grains%euler_deg = reshape([(360.0_wp*z(1, i), acos(2.0_wp*z(2, i) - 1.0_wp)/degree, 360.0_wp*z(3, i), i=1, n)], [3, n])
@@ -120,10 +136,18 @@ contains
          call observable%from_simulation(grains%modulus_gpa, unused)
          grains%sd_gpa = noise*grains%modulus_gpa
          grains%modulus_gpa = grains%modulus_gpa*(1.0_wp + hypot(noise, asked%scatter_sd)*z(4, :))
-         call new_problem_posterior(used, self%surrogate, .false., self%posterior, error)
-         if (allocated(error)) return
-         if (.not. self%posterior%prior%admits(crystal, c)) call refuse(error, place(used%path, 'plan', 'constants') &
-            & //'the crystal is outside the limits of &prior, or the domain of the surrogate')
+         if (.not. allocated(used%settings%plan%velocity_noise)) return
+         noise = used%settings%plan%velocity_noise
+         used%velocities = grains
+         associate (speeds => used%velocities)
+            speeds%propagation_deg = 180.0_wp*z(5, :)
+            call rayleigh_waves(spread(c, 3, n), speeds%euler_deg, speeds%propagation_deg, waves, error)
+            speeds%modulus_gpa = wave_speed(waves%modulus, used%settings%problem%density_kg_m3)
+            speeds%sd_gpa = noise*speeds%modulus_gpa
+            speeds%modulus_gpa = speeds%modulus_gpa*(1.0_wp + noise*z(6, :))
+         end associate
       end associate
+      call append_velocities(used%measurements, used%velocities, waves%is_detected())
+      used%are_detected = .true.
    end subroutine make_up
 end module plan_stage

@@ -24,8 +24,8 @@ module problem_posterior
    use velocity_tables, only: append_velocities
    implicit none
    private
-   public :: check_step_2, check_target, new_problem_posterior, omit_weak_waves, sample_aside, draw_aside, sample_posterior, &
-      & choose_field_degree, find_field_error, allowed_error, stiffnesses
+   public :: are_detected, check_step_2, check_target, new_problem_posterior, omit_weak_waves, sample_aside, draw_aside, &
+      & sample_posterior, choose_field_degree, find_field_error, allowed_error, stiffnesses
 
    !> Burn-in, samples, chains, and the first of their random streams, of which a posterior's own are the first; whether the last digits of
    !> the theory do not matter.
@@ -151,10 +151,8 @@ contains
          measured%tilt_sd = merge(table%orientation_sd_deg, problem%settings%measurements%orientation_sd_deg, &
             & table%orientation_sd_deg >= 0.0_wp)*degree
          measured%group = table%group
-         if (allocated(table%wave_names)) then
-            measured%propagation = table%propagation_deg*degree
-            measured%density = problem%settings%problem%density_kg_m3
-         end if
+         if (allocated(table%wave_names)) measured%propagation = table%propagation_deg*degree
+         if (allocated(problem%settings%problem%density_kg_m3)) measured%density = problem%settings%problem%density_kg_m3
          measured%shared = shared_errors(problem)
       end associate
       call read_knowledge(problem, knowledge, error)
@@ -196,43 +194,55 @@ contains
       type(problem_type), intent(inout) :: problem
       type(surrogate_type), intent(in) :: surrogate
       type(error_type), allocatable, intent(out) :: error
-      !> Of the draws, what is no chance.
-      real(wp), parameter :: some = 0.05_wp
       integer, parameter :: most_rounds = 4
       type(problem_type) :: pilot
       type(posterior_type) :: posterior
       type(chains_type) :: chains
-      type(surface_type) :: surface
-      type(wave_type), allocatable :: waves(:)
-      real(wp), allocatable :: weak(:)
-      integer :: i, round
+      logical, allocatable :: kept(:)
+      integer :: round
 
       if (problem%are_detected .or. .not. allocated(problem%velocities)) return
-      allocate (waves(problem%velocities%n), weak(problem%velocities%n))
-      weak = 0.0_wp
-      call new_surface(problem%velocities%euler_deg*degree, problem%velocities%propagation_deg*degree, surface)
+      kept = spread(.true., 1, problem%velocities%n)
       pilot = problem
       if (allocated(pilot%kept_in)) deallocate (pilot%kept_in)
       pilot%settings%measurements%likelihood = 'student'
       pilot%settings%measurements%student_dof = 2.0_wp
       do round = 1, most_rounds
-         call append_velocities(pilot%measurements, problem%velocities, weak <= some)
+         call append_velocities(pilot%measurements, problem%velocities, kept)
          if (pilot%measurements%n == 0) exit
          call new_problem_posterior(pilot, surrogate, .false., posterior, error)
          if (.not. allocated(error)) call sample_aside(pilot, posterior, pilot_run, chains, error)
          if (allocated(error)) return
          ! What was left out once stays out.
-         weak = merge(0.0_wp, 1.0_wp, weak <= some)
-         do i = 1, size(chains%draws, 2)
-            call surface_waves(surface, reshape(posterior%stiffness(chains%draws(:, i, 1)), [6, 6, 1]), waves)
-            weak = weak + merge(0.0_wp, 1.0_wp, waves%is_detected())/size(chains%draws, 2)
-         end do
-         if (round > 1 .and. count(weak <= some) == posterior%n_grains - posterior%n_moduli) exit
+         kept = kept .and. are_detected(posterior, chains%draws(:, :, 1), problem%velocities%euler_deg, &
+            & problem%velocities%propagation_deg)
+         if (round > 1 .and. count(kept) == posterior%n_grains - posterior%n_moduli) exit
          pilot%settings%measurements = problem%settings%measurements
       end do
-      call append_velocities(problem%measurements, problem%velocities, weak <= some)
+      call append_velocities(problem%measurements, problem%velocities, kept)
       problem%are_detected = .true.
    end subroutine omit_weak_waves
+
+   !> Whether waves are those that a measurement shows, at all but a few of some crystals.
+   function are_detected(posterior, draws, euler_deg, propagation_deg) result(detected)
+      type(posterior_type), intent(in) :: posterior
+      !> (parameter, draw); Bunge-Euler angles (3, n) and directions of propagation (n), degrees.
+      real(wp), intent(in) :: draws(:, :), euler_deg(:, :), propagation_deg(:)
+      logical :: detected(size(propagation_deg))
+      !> Of the draws, what is no chance.
+      real(wp), parameter :: some = 0.05_wp
+      type(surface_type) :: surface
+      type(wave_type) :: waves(size(detected))
+      integer :: weak(size(detected)), i
+
+      call new_surface(euler_deg*degree, propagation_deg*degree, surface)
+      weak = 0
+      do i = 1, size(draws, 2)
+         call surface_waves(surface, reshape(posterior%stiffness(draws(:, i)), [6, 6, 1]), waves)
+         weak = weak + merge(0, 1, waves%is_detected())
+      end do
+      detected = weak <= some*size(draws, 2)
+   end function are_detected
 
    !> The chains that &sampler asks for.
    subroutine sample_posterior(problem, posterior, chains, error)

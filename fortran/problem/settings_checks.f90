@@ -21,6 +21,10 @@ contains
       type(crystal_class_type), intent(in) :: class
       type(error_type), allocatable, intent(out) :: error
       type(settings_list_type) :: list
+      !> Variables that ask for speeds, and their groups.
+      character(len=*), parameter :: names(3) = [character(len=14) :: 'velocities', 'velocity_cost', 'velocity_noise'], &
+         & groups(3) = [character(len=12) :: 'measurements', 'next', 'plan']
+      integer :: k
       logical :: needed
 
       call check_bounds(path, 'domain', class, settings%domain%c_min, settings%domain%c_max, error)
@@ -49,6 +53,8 @@ contains
       if (.not. allocated(error)) call check_lists(path, list, 'references', [character(len=12) :: 'name', 'young_gpa', &
          & 'young_sd_gpa', 'nu'], error)
       if (allocated(error)) return
+      k = findloc([allocated(settings%measurements%velocities), allocated(settings%next%velocity_cost), &
+         & allocated(settings%plan%velocity_noise)], .true., dim=1)
       associate (design => settings%design, geometry => settings%specimen%geometry, measured => settings%measurements, &
          & is_bulk => all(['film ', 'grain'] /= settings%specimen%geometry))
          if (settings%curves%given .and. (allocated(settings%curves%file) .eqv. allocated(settings%curves%files))) then
@@ -56,12 +62,13 @@ contains
                & //'instrument, is needed')
          else if (allocated(measured%ebsd_points) .and. .not. allocated(measured%ebsd)) then
             call refuse(error, place(path, 'measurements', 'ebsd')//'the variable is missing; ebsd_points needs it')
-         else if (allocated(measured%velocities) .and. .not. is_bulk) then
-            call refuse(error, place(path, 'measurements', 'velocities')//'speeds are computed for a bulk sample, but geometry ' &
-               & //'is '''//geometry//'''; remove velocities, or infer the constants from speeds and moduli of a bulk sample')
-         else if (allocated(measured%velocities) .and. .not. allocated(settings%problem%density_kg_m3)) then
-            call refuse(error, place(path, 'problem', 'density_kg_m3')//'the variable is missing; &measurements velocities needs ' &
-               & //'it (allowed 10 to 1e5 kg/m3)')
+         else if (k > 0 .and. .not. is_bulk) then
+            call refuse(error, place(path, trim(groups(k)), trim(names(k)))//'speeds are computed for a bulk sample, but ' &
+               & //'geometry is '''//geometry//'''; remove '//trim(names(k))//', or infer the constants from speeds and moduli ' &
+               & //'of a bulk sample')
+         else if (k > 0 .and. .not. allocated(settings%problem%density_kg_m3)) then
+            call refuse(error, place(path, 'problem', 'density_kg_m3')//'the variable is missing; &'//trim(groups(k))//' ' &
+               & //trim(names(k))//' needs it (allowed 10 to 1e5 kg/m3)')
          else if (allocated(settings%indenter%depth_um) .and. allocated(settings%indenter%contact_radius_um)) then
             call refuse(error, place(path, 'indenter', 'depth_um')//'the last point is stated twice, by depth_um and by ' &
                & //'contact_radius_um; one of them is allowed')

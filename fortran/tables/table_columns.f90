@@ -52,8 +52,8 @@ module table_columns
       & column_type('zero_sd_nm', '', ' nm ', [0.0_wp, 1000.0_wp], ' nm'), &
       & column_type('grain_radius_um', '', um, lengths, ' um'), &
       & column_type('propagation_deg', 'propagation', degrees, turns, ' degrees'), &
-      & column_type('rayleigh_velocity_m_s', 'rayleigh_velocity, rayleigh_speed, saw_velocity', speed, speeds, ' m/s', &
-      & ' is no speed of a surface wave'), &
+      & column_type('rayleigh_velocity_m_s', 'rayleigh_velocity, rayleigh_speed, saw_velocity, velocity, velocity_m_s', speed, &
+      & speeds, ' m/s', ' is no speed of a wave'), &
       & column_type('sd_m_s', 'sd, std, stdev, error, uncertainty, standard_deviation', speed, [no_less, speeds(2)], ' m/s', &
       & '; a standard deviation is above 0, up to 30000.0 m/s'), &
       & column_type('x_um', 'x', um), &

@@ -5,13 +5,25 @@ module velocity_tables
    use point_tables, only: points_type, read_angles, read_column, read_groups
    use table_columns, only: find_column
    use tables, only: table_type
+   use text, only: join, lower
    implicit none
    private
-   public :: read_velocities, append_velocities
+   public :: read_velocities, append_velocities, wave_kind, wave_names
+
+   !> Kinds of waves, from 0 on; those after the third are bulk waves along the normal in place of the direction of propagation, which has
+   !> two whole turns more for each kind.
+   character(len=*), parameter :: wave_names(0:3) = [character(len=12) :: 'rayleigh', 'longitudinal', 'shear_slow', 'shear_fast']
 
 contains
 
-   !> Orientations, directions of propagation, and speeds with their sds, m/s.
+   !> The kind of wave that a direction of propagation, in turns, means.
+   elemental integer function wave_kind(turns)
+      real(wp), intent(in) :: turns
+
+      wave_kind = int(0.5_wp*turns + 0.25_wp)
+   end function wave_kind
+
+   !> Orientations, directions of propagation, which waves, and speeds with their sds, m/s.
    subroutine read_velocities(table, radians, points, error)
       type(table_type), intent(in) :: table
       !> The unit of the Euler angles in the table.
@@ -19,15 +31,32 @@ contains
       !> The speeds stand in place of the moduli.
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
+      integer :: column, kind, i
 
+      column = table%find('wave')
       points%table = table
       call read_angles(points, radians, error)
-      call read_column(table, 'propagation_deg', .false., points%propagation_deg, error)
+      call read_column(table, 'propagation_deg', column > 0, points%propagation_deg, error)
       call read_column(table, 'rayleigh_velocity_m_s', .false., points%modulus_gpa, error)
       call read_column(table, 'sd_m_s', .false., points%sd_gpa, error)
       call read_column(table, 'orientation_sd_deg', .true., points%orientation_sd_deg, error)
       if (.not. allocated(error)) call find_column(table, 'grain', points%named_by, error)
-      if (.not. allocated(error)) call read_groups(points)
+      if (allocated(error)) return
+      call read_groups(points)
+      do i = 1, merge(points%n, 0, column > 0)
+         kind = findloc(wave_names, lower(table%cell(column, i)), dim=1) - 1
+         associate (along => points%propagation_deg(i))
+            if (kind < 0) then
+               call table%refuse(column, i, ' is no wave; allowed '//join(wave_names, ', '), error)
+            else if (kind == 0 .and. .not. abs(along) <= huge(along)) then
+               call table%refuse(column, i, ': propagation_deg is missing, the direction of the wave in the surface', error)
+            else if (kind > 0) then
+               if (.not. abs(along) <= huge(along)) kind = kind + 3
+               along = 720.0_wp*kind + merge(modulo(along, 360.0_wp), 0.0_wp, kind <= 3)
+            end if
+         end associate
+         if (allocated(error)) return
+      end do
    end subroutine read_velocities
 
    !> Let rows of speeds follow the moduli, with groups of their own, in place of those that are there; without moduli they are all.

@@ -10,7 +10,7 @@
 !> normal: then it is neither excited nor detected, and what a measurement shows is the pseudo-surface wave, which is faster.
 !> (Nearness to the limiting speed is no such sign: most waves of copper are within 3 % of it, and well excited.)
 !>
-!> "Modulus" of a wave is rho v^2.
+!> "Modulus" of a wave is rho v^2. Of bulk waves it is an eigenvalue of the acoustic (Christoffel) tensor of the direction.
 module rayleigh_wave
    use crystal_elasticity, only: check_stiffness, rotation_matrix
    use errors, only: error_type
@@ -18,6 +18,7 @@ module rayleigh_wave
       & transposed
    use kinds, only: degree, pi, wp
    use text, only: to_text
+   use velocity_tables, only: wave_kind
    implicit none
    private
    public :: wave_type, surface_type, new_surface, surface_waves, rayleigh_waves, wave_speed
@@ -35,6 +36,7 @@ module rayleigh_wave
    !> `halfspace_theory`, and the normals; crystal axes. The last block is filled up with the last direction.
    type :: surface_type
       integer :: n = 0
+      integer, allocatable, private :: kind(:)
       real(wp), allocatable, private :: mn(:, :, :), mm(:, :, :), nn(:, :, :), normal(:, :, :)
    end type surface_type
 
@@ -69,6 +71,7 @@ contains
       integer :: blocks, block, lane, i
 
       surface%n = size(propagation)
+      surface%kind = wave_kind(propagation/(2.0_wp*pi))
       blocks = (surface%n + lanes - 1)/lanes
       allocate (surface%mn(lanes, 9, blocks), surface%mm(lanes, 6, blocks), surface%nn(lanes, 6, blocks), &
          & surface%normal(lanes, 3, blocks))
@@ -92,7 +95,7 @@ contains
       type(wave_type), intent(out) :: waves(:)
       type(wave_type) :: found(lanes)
       real(wp) :: one(9, 9), both(6, 6), mm(lanes, 6), mn(lanes, 9), nn(lanes, 6)
-      integer :: block, first, lane
+      integer :: block, first, lane, kind
 
       call contraction_maps(c(:, :, 1), one, both)
       do block = 1, size(surface%mn, 3)
@@ -107,6 +110,11 @@ contains
             nn(lane, :) = matmul(surface%nn(lane, :, block), both)
          end do
          call find_waves(mm, mn, nn, surface%normal(:, :, block), found)
+         do lane = 1, min(lanes, surface%n - first)
+            kind = surface%kind(first + lane)
+            if (kind > 0) found(lane) = wave_type(eigenvalue(merge(mm(lane, :), nn(lane, :), kind <= 3), modulo(kind - 1, 3)), &
+               & huge(1.0_wp), 1.0_wp)
+         end do
          waves(first + 1:min(first + lanes, surface%n)) = found(:min(lanes, surface%n - first))
       end do
    end subroutine surface_waves
@@ -128,7 +136,7 @@ contains
             return
          end if
       end do
-      call new_surface(degree*euler_deg, degree*propagation_deg, surface)
+      call new_surface(degree*euler_deg, degree*modulo(propagation_deg, 360.0_wp), surface)
       call surface_waves(surface, stiffness, waves)
    end subroutine rayleigh_waves
 
@@ -256,18 +264,29 @@ contains
 
    contains
 
-      !> Of (mm) + p ((mn) + (nm)) + p^2 (nn): twice the deviator's length over sqrt 6 times a cosine, below the mean.
+      !> Of (mm) + p ((mn) + (nm)) + p^2 (nn).
       pure real(wp) function least_eigenvalue(p)
          real(wp), intent(in) :: p
-         real(wp) :: x(6), mean, length, third
 
-         x = mm + p*([mn(1), mn(5), mn(9), mn(6), mn(3), mn(2)] + [mn(1), mn(5), mn(9), mn(8), mn(7), mn(4)]) + p**2*nn
-         mean = sum(x(:3))/3.0_wp
-         x(:3) = x(:3) - mean
-         length = sqrt((sum(x(:3)**2) + 2.0_wp*sum(x(4:)**2))/6.0_wp)
-         third = x(1)*(x(2)*x(3) - x(4)**2) - x(6)*(x(6)*x(3) - x(4)*x(5)) + x(5)*(x(6)*x(4) - x(2)*x(5))
-         third = max(-1.0_wp, min(1.0_wp, 0.5_wp*third/max(length, tiny(1.0_wp)**0.25_wp)**3))
-         least_eigenvalue = mean + 2.0_wp*length*cos((acos(third) + 2.0_wp*pi)/3.0_wp)
+         least_eigenvalue = eigenvalue(mm + p*([mn(1), mn(5), mn(9), mn(6), mn(3), mn(2)] &
+            & + [mn(1), mn(5), mn(9), mn(8), mn(7), mn(4)]) + p**2*nn, 1)
       end function least_eigenvalue
    end subroutine bulk_moduli
+
+   !> The greatest (0), the least (1) or the other (2) eigenvalue of a symmetric matrix: twice the deviator's length over sqrt 6 times a
+   !> cosine, from the mean.
+   pure real(wp) function eigenvalue(matrix, which)
+      !> 11, 22, 33, 23, 13, 12.
+      real(wp), intent(in) :: matrix(6)
+      integer, intent(in) :: which
+      real(wp) :: x(6), mean, length, third
+
+      mean = sum(matrix(:3))/3.0_wp
+      x = matrix
+      x(:3) = x(:3) - mean
+      length = sqrt((sum(x(:3)**2) + 2.0_wp*sum(x(4:)**2))/6.0_wp)
+      third = x(1)*(x(2)*x(3) - x(4)**2) - x(6)*(x(6)*x(3) - x(4)*x(5)) + x(5)*(x(6)*x(4) - x(2)*x(5))
+      third = max(-1.0_wp, min(1.0_wp, 0.5_wp*third/max(length, tiny(1.0_wp)**0.25_wp)**3))
+      eigenvalue = mean + 2.0_wp*length*cos((acos(third) + 2.0_wp*pi*which)/3.0_wp)
+   end function eigenvalue
 end module rayleigh_wave

@@ -132,6 +132,7 @@ contains
       candidates%near = .true.
       candidates%shared_variance = 0.0_wp
       candidates%sd = [sd]
+      candidates%cost = [1.0_wp]
       stream = new_random_stream(9, 1)
       do i = 1, draws
          call stream%normal(z)

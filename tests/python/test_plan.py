@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from densities import Posterior
 from step_2_cases import KIND
+from stroh import rayleigh, slowest_bulk
 
 import bayesindent as bi
 from conftest import SOURCE
@@ -37,6 +38,54 @@ def test_an_isotropic_solid_has_a_closed_form(n, noise, calibration_sd):
     crystal, known = [bulk + 4 / 3 * shear, bulk - 2 / 3 * shear], {"bulk_modulus": (bulk, bulk_sd)}
     found = sds("isotropic", crystal, n, noise, calibration_sd=calibration_sd, knowledge=known)[0]
     assert found == pytest.approx(np.hypot(of_bulk * bulk_sd, of_measured * measured), rel=0.06)
+
+
+def rayleigh_speed(bulk, shear, density):
+    """Of an isotropic solid, m/s: Rayleigh's cubic in (v / v_shear)^2."""
+    ratio = shear / (bulk + 4 / 3 * shear)
+    roots = np.roots([1, -8, 24 - 16 * ratio, -16 * (1 - ratio)])
+    root = min(root.real for root in roots if abs(root.imag) < 1e-9 and 0 < root.real < 1)
+    return np.sqrt(1e9 * shear * root / density)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("calibration", [0.0, 0.01])
+def test_moduli_and_speeds_of_an_isotropic_solid(calibration):
+    """Both are linear in the constants, and known to their noise over the root of n, and the calibration of the speeds with the density."""
+    bulk, shear, n = 150.0, 80.0, 25
+    functions = (modulus, lambda k, g: rayleigh_speed(k, g, 7800.0))
+    slopes = [
+        [(f(bulk + a, shear + b) - f(bulk - a, shear - b)) / (0.02 * f(bulk, shear)) for a, b in ((0.01, 0), (0, 0.01))] for f in functions
+    ]
+    errors = np.diag([0.02**2 / n, 0.005**2 / n + calibration**2 + (0.5 * 78.0 / 7800) ** 2 * (calibration > 0)])
+    inverse = np.linalg.inv(slopes)
+    of_constants = np.array([[1, 4 / 3], [1, -2 / 3]]) @ inverse
+    expected = np.sqrt(np.diag(of_constants @ errors @ of_constants.T))
+    crystal = [bulk + 4 / 3 * shear, bulk - 2 / 3 * shear]
+    more = {"velocity_calibration_sd": calibration, "density_kg_m3": 7800.0, "density_sd_kg_m3": 78.0 * (calibration > 0)}
+    assert sds("isotropic", crystal, n, 0.02, velocity_noise=0.005, **more)[0] == pytest.approx(expected, rel=0.1)
+
+
+@pytest.mark.long
+def test_full_posteriors_of_titanium_with_speeds():
+    """Of data sets with speeds by Stroh's eigenvalues in random directions, but those of waves that are not detected."""
+    crystal, n, density, full = bi.stiffness("hcp", *CRYSTALS["hexagonal"]), 20, 4506.0, []
+    for number in range(5):
+        rng = np.random.default_rng(70 + number)
+        angles = np.column_stack([rng.uniform(0, 360, n), np.degrees(np.arccos(rng.uniform(-1, 1, n))), rng.uniform(0, 360, n)])
+        along, moduli = rng.uniform(0, 180, n), bi.halfspace_modulus(crystal, angles)
+        modes = np.array([[*rayleigh(crystal, *row), slowest_bulk(crystal, *row)] for row in zip(angles, along, strict=True)])
+        kept = (modes[:, 0] < 0.97**2 * modes[:, 2]) & (modes[:, 1] > 0.2)
+        speed = np.sqrt(1e9 * modes[:, 0] / density)
+        table = np.column_stack([angles, moduli * (1 + 0.02 * rng.normal(size=n)), 0.02 * moduli])
+        measured = {"rayleigh_velocity_m_s": speed * (1 + 0.005 * rng.normal(size=n)), "sd_m_s": 0.005 * speed}
+        waves = {name: values[kept] for name, values in ({"euler_deg": angles, "propagation_deg": along} | measured).items()}
+        asked = {"symmetry": "hexagonal", "velocities": waves, "density_kg_m3": density, **KIND}
+        posterior = Posterior.of(table, surrogate=bi.Surrogate.load("halfspace"), **asked)
+        draws = posterior.sample(method="ensemble", samples=4000, burn_in=3000, chains=2, threads=2, seed=number + 17)[0]
+        full.append(draws.reshape(-1, draws.shape[-1]).std(axis=0))
+    planned = sds("hcp", list(CRYSTALS["hexagonal"]), n, 0.02, velocity_noise=0.005, density_kg_m3=density)[0]
+    assert planned == pytest.approx(np.mean(full, axis=0), rel=0.2)
 
 
 CRYSTALS = {"cubic": COPPER.values(), "hexagonal": [162.4, 92.0, 46.7, 180.7, 69.0], "trigonal": [86.6, 6.7, 12.6, -17.8, 106.1, 57.8]}
@@ -86,6 +135,8 @@ def test_grains_of_one_direction_say_nothing_of_anisotropy(tmp_path):
         ({"constants": [168, 121]}, "bi.plan: constants: 2 values; 3 are needed: C11, C12, C44"),
         ({"constants": [121, 168, 75]}, "bi.plan: constants: the crystal is not elastically stable; the stiffness"),
         ({"bounds": {"C11": (200, 300)}}, "bi.plan: constants: the crystal is outside the limits of bounds"),
+        ({"velocity_noise": 0.01}, "bi.plan: density_kg_m3: the variable is missing; "),
+        ({"velocity_noise": 0.6, "density_kg_m3": 8960.0}, "bi.plan: velocity_noise: 0.6 is out of range; allowed above 0 to 0.5"),
     ],
 )
 def test_what_cannot_be_planned_is_refused(keywords, words):

@@ -243,6 +243,7 @@ BOUNDED = {"domain": {"c_min": [100, 60, 40], "c_max": [250, 150, 120]}}
 PAPER = BOUNDED | {"surrogate": {"model": "paper", "degree": 1, "bandlimit": 4}}
 FACTORIAL = BOUNDED | {"design": {"candidates": "factorial", "n_candidates": 40, "n_directions": 3}}
 CUBIC_PLAN = {"problem": {"symmetry": "cubic"}, "plan": {"constants": [168.4, 121.4, 75.4]}}
+WAVES = {"problem": {"density_kg_m3": 8960.0}, "next": {"velocity_sd_m_s": 10.0}}
 REDUCED = {"measurements": {"modulus_kind": "effective_modulus"}}
 
 #: What is looked at, in which problem, and the value that is another than the default.
@@ -404,11 +405,14 @@ EFFECTS = {
         "target": (suggested, {}, "C44"),
         "candidates": (suggested, {}, "mine.csv"),
         "count": (suggested, {}, 3),
+        "velocity_cost": (suggested, WAVES, 0.01),
+        "velocity_sd_m_s": (suggested, WAVES | {"next": {"velocity_cost": 0.01, "velocity_sd_m_s": 10.0}}, 50.0),
     },
     "plan": {
         "constants": (planned, {}, [250.0, 100.0]),
         "grains": (planned, {}, [6]),
         "noise": (planned, {}, [0.03]),
+        "velocity_noise": (planned, {"problem": {"density_kg_m3": 8960.0}}, 0.005),
         "orientations": (planned, CUBIC_PLAN, "alike.csv"),
     },
     "execution": {
@@ -436,6 +440,7 @@ def test_every_variable_is_here():
     "plan-constants",
     "plan-grains",
     "plan-noise",
+    "plan-velocity_noise",
     "plan-orientations",
     "next-sd_gpa",
     "specimen-width_um",

@@ -6,6 +6,8 @@ import dynesty
 import numpy as np
 import pytest
 from densities import Posterior
+from reference_theory import FieldTheory
+from reference_theory import stiffness as stiffness_of
 from scipy import stats
 from step_2_cases import crystal
 from stroh import Waves, rayleigh, slowest_bulk
@@ -15,6 +17,9 @@ from bayesindent.crystal.elasticity import rayleigh_modes, stiffness_rows
 
 #: Speeds are then roots of rho v^2 in GPa.
 UNIT = 1e9
+
+#: kg/m3.
+DENSITY = 4000.0
 
 
 def directions(n, seed):
@@ -163,6 +168,44 @@ def test_waves_that_are_not_detected_are_left_out():
     assert not any(item.get("propagation_deg") in (35.0, 40.0) for item in document["predicted"])
     for item, truth in zip(document["parameters"].values(), constants, strict=True):
         assert abs(item["mean"] - truth) < 3 * item["sd"]
+
+
+def theories(symmetry, waves, angles):
+    """Moduli and speeds of crystals (n, k) by NumPy alone."""
+    along = Waves(waves["euler_deg"], waves["propagation_deg"])
+    moduli = FieldTheory(symmetry, angles, 14, 120, points=32, angles=32, newton=6, precision=float)
+    return lambda x: (moduli.moduli(x), np.array([np.sqrt(1e9 * along(c) / DENSITY) for c in stiffness_of(symmetry, x)]))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "n"), [("Ti", 12)])
+def test_posteriors_by_importance_sampling(name, n):
+    """Moduli and speeds of titanium between bounds, with an error of the density: by theories in NumPy, which share nothing with the
+    package, at points of a wide Student's t, weighted."""
+    symmetry, constants, table, waves = measured(name, n, DENSITY, 11)
+    width = np.array([40.0, 40, 15, 40, 40])
+    bounds = {key: (x - w, x + w) for key, x, w in zip(bi.constants(symmetry), constants, width, strict=True)}
+    asked = {"symmetry": symmetry, "bounds": bounds, "velocities": waves, "density_kg_m3": DENSITY, "density_sd_kg_m3": 20.0}
+    posterior = Posterior.of(table, surrogate=bi.Surrogate.load("halfspace"), **asked)
+    draws = posterior.sample(method="ensemble", samples=4000, burn_in=4000, chains=2, threads=2, seed=5)[0].reshape(-1, len(constants))
+    proposal = stats.multivariate_t(draws.mean(axis=0), 1.3 * np.cov(draws.T), df=6, seed=3)
+    x = proposal.rvs(6000)
+    x = x[(np.abs(x - constants) < width).all(axis=1)]
+    x = x[np.linalg.eigvalsh(stiffness_of(symmetry, x))[:, 0] > 0]
+    moduli, speeds = theories(symmetry, waves, table["euler_deg"])(x)
+    logs = -proposal.logpdf(x) - 0.5 * (((moduli - table["indentation_modulus_gpa"]) / table["sd_gpa"]) ** 2).sum(axis=1)
+    for k, speed in enumerate(speeds):
+        shared = 0.5 * 20.0 / DENSITY * speed
+        logs[k] += stats.multivariate_normal(speed, np.diag(waves["sd_m_s"] ** 2) + np.outer(shared, shared)).logpdf(
+            waves["rayleigh_velocity_m_s"]
+        )
+    weights = np.exp(logs - logs.max())
+    weights /= weights.sum()
+    assert 1 / (weights**2).sum() > 1000
+    mean = weights @ x
+    sd = np.sqrt(weights @ (x - mean) ** 2)
+    assert np.abs((draws.mean(axis=0) - mean) / sd).max() < 0.15
+    assert draws.std(axis=0) == pytest.approx(sd, rel=0.1)
 
 
 @pytest.mark.long

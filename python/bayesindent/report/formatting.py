@@ -8,7 +8,7 @@ from markupsafe import Markup, escape
 
 __all__ = [
     "SHARES", "SHARE_HEADER", "enumeration", "latex", "limit_name", "number", "numbers", "orientation", "percent", "product_html",
-    "product_label", "products_as_html", "quantity_format", "quantity_label", "quantity_name", "share_cells", "subscript",
+    "product_label", "products_as_html", "quantity_format", "quantity_label", "quantity_name", "share_cells", "subscript", "suggested_grains",
 ]  # fmt: skip
 
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
@@ -38,6 +38,16 @@ def percent(value: float | None, digits: int = 0) -> str:
 def numbers(item: Mapping, **digits: int) -> list[str]:
     """The numbers of these names as texts, each with its digits."""
     return [number(item.get(name), count) for name, count in digits.items()]
+
+
+def suggested_grains(items: Sequence[Mapping]) -> list[str]:
+    """The grain of each suggestion, with the direction of a speed; 'new' where any grain will do, or all ranks."""
+    named = any("grain" in item for item in items)
+    names = [item.get("grain", "new" if named else rank) for rank, item in enumerate(items, 1)]
+    return [
+        f"{name}, speed at {item['propagation_deg']:g}°" if "propagation_deg" in item else str(name)
+        for name, item in zip(names, items, strict=True)
+    ]
 
 
 def share_cells(item: Mapping) -> list[str]:

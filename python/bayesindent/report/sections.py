@@ -7,7 +7,18 @@ from importlib import metadata
 from markupsafe import Markup
 
 from ..version import __version__
-from .formatting import limit_name, number, numbers, orientation, percent, product_html, quantity_format, quantity_label, share_cells
+from .formatting import (
+    limit_name,
+    number,
+    numbers,
+    orientation,
+    percent,
+    product_html,
+    quantity_format,
+    quantity_label,
+    share_cells,
+    suggested_grains,
+)
 from .results import Results
 
 __all__ = ["LEAST_SHIFT", "MOST_ROWS", "identifiability_cells", "report_rows"]
@@ -23,6 +34,7 @@ def report_rows(results: Results) -> dict[str, list[list]]:
     document = results.documents["extract"]
     parameters = document.get("parameters", {}).items()
     theory_alone = document.get("theory_alone", {})
+    suggestions = results.documents["next"].get("suggestions", [])
     return {
         "constants": [
             [name, *numbers(item, mean=1, sd=1), unbroken(" to ".join(map(number, item["hdi_95"]))), *share_cells(item)]
@@ -57,8 +69,8 @@ def report_rows(results: Results) -> dict[str, list[list]]:
             for row in results.documents["size"].get("results", [])
         ],
         "suggestions": [
-            [item.get("grain", rank), *map(number, item["euler_deg"]), item.get("uvw", ""), number(item["gain"], 3)]
-            for rank, item in enumerate(results.documents["next"].get("suggestions", []), 1)
+            [name, *map(number, item["euler_deg"]), item.get("uvw", ""), number(item["gain"], 3)]
+            for name, item in zip(suggested_grains(suggestions), suggestions, strict=True)
         ],
         "provenance": provenance_rows(results),
     }

@@ -56,7 +56,7 @@ def orientations(results: Results) -> Picture:
 def next_grains(results: Results) -> Picture:
     """Gain expected of one more grain over all directions, and those that are suggested, by rank."""
     document = present(results.documents["next"])
-    suggestions, candidates = document["suggestions"], document["candidates"]
+    suggestions, candidates = document["suggestions"], [item for item in document["candidates"] if "propagation_deg" not in item]
     suggested, everywhere = directions_of(results, suggestions), directions_of(results, candidates)
     measured = directions_of(results, [item for item in results.predicted if "euler_deg" in item])
     gain, gain_suggested = (np.array([item["gain"] for item in items]) for items in (candidates, suggestions))
