@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -71,13 +73,16 @@ class Surrogate(NativeObject):
         ----------
         """
         basis = Basis.from_keywords(symmetry, domain, **settings)
-        learner = basis._call("learner")["handle"]
-        try:
-            call("learner.add", learner, modulus_gpa=modulus_gpa, chosen=True, **basis.rows(constants, euler_deg))
-            call("learner.fit", learner)
+        with _fitted(basis, constants, euler_deg, modulus_gpa) as learner:
             return cls(call("learner.surrogate", learner, provenance="{}")["handle"])
-        finally:
-            native.core_release(learner)
+
+    def leave_out(self, groups: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Of each simulation of `data` its modulus (n,) in GPa as the others predict it, without those of its group (n,), any numbers, and the
+        error in units of its sd."""
+        data = self.data
+        with _fitted(self.basis, data["constants"], data["euler_deg"], data["modulus_gpa"]) as learner:
+            modulus, z = call("learner.leave_out", learner, numbers=np.asarray(groups, dtype=float).ravel())["values"]
+        return modulus, -z
 
     @classmethod
     def load(cls, name: str | PathLike, *, symmetry: str = "", output: str | PathLike = "", folder: str | PathLike = "") -> Surrogate:
@@ -155,6 +160,18 @@ class Surrogate(NativeObject):
             if beyond:
                 words += f"; {beyond} by the scale (geometric mean of the stiffness' eigenvalues), for which it is valid from {low:.3g} to {high:.3g} GPa"
         return words
+
+
+@contextmanager
+def _fitted(basis: Basis, constants: ArrayLike, euler_deg: ArrayLike, modulus_gpa: ArrayLike) -> Iterator[int]:
+    """The handle of a learner with alpha and beta of largest evidence."""
+    learner = basis._call("learner")["handle"]
+    try:
+        call("learner.add", learner, modulus_gpa=modulus_gpa, chosen=True, **basis.rows(constants, euler_deg))
+        call("learner.fit", learner)
+        yield learner
+    finally:
+        native.core_release(learner)
 
 
 def _from_text(text: str) -> Surrogate:
