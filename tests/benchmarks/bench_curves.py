@@ -139,6 +139,7 @@ def main(argv=None) -> None:
     parser = argparse.ArgumentParser(prog="bayesindent bench curves", description=__doc__.splitlines()[0])
     parser.add_argument("--sets", type=int, default=40, help="data sets of each case")
     parser.add_argument("--constants", type=int, default=0, help="data sets of the first case that go on to constants")
+    parser.add_argument("--case", action="append", choices=CASES, help="this case alone; may be repeated (all)")
     parser.add_argument("--speed", action="store_true", help="the time of many curves, and nothing else")
     arguments = parser.parse_args(argv)
     if arguments.speed:
@@ -149,7 +150,8 @@ def main(argv=None) -> None:
 
     warnings.simplefilter("ignore", bi.BayesindentWarning)
     started = time.process_time()
-    for case, changes in CASES.items():
+    for case in arguments.case or CASES:
+        changes = CASES[case]
         all_found: dict[str, list[float]] = {}
         with tempfile.TemporaryDirectory() as folder:
             refused = 0

@@ -26,7 +26,7 @@ def stage_of(places):
 def points_file(path, places=CORNERS, errors=0.0):
     stage = stage_of(places)
     rows = np.column_stack([stage, np.asarray(places) + errors])
-    np.savetxt(path, rows, delimiter=",", header="x_um,y_um,map_x_um,map_y_um", comments="")
+    np.savetxt(path, rows, delimiter=",", header="# marks of the sample\nx_um,y_um,map_x_um,map_y_um", comments="")
     return path
 
 

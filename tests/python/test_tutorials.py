@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import json
 import re
 import subprocess
 import sys
@@ -9,11 +10,19 @@ import sys
 import pytest
 
 from conftest import SOURCE
+from notebooks import cells
 
 pytestmark = pytest.mark.long
 
 PAGES = sorted((SOURCE / "docs" / "tutorials").glob("*.md"))
 NUMBER = r"-?\d+(?:\.\d+)?"
+
+
+def agree(printed, shown):
+    """The same words, and numbers within Monte Carlo errors and those of other processors: a fifth, or two units of the last digit."""
+    assert re.sub(NUMBER, "#", printed) == re.sub(NUMBER, "#", shown)
+    for one, other in zip(re.findall(NUMBER, printed), re.findall(NUMBER, shown), strict=True):
+        assert float(one) == pytest.approx(float(other), rel=0.2, abs=2 * 10.0 ** -len(other.partition(".")[2])), printed
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
@@ -35,7 +44,19 @@ def test_prints_what_it_says(page, tmp_path, monkeypatch):
                 exec(block, names)
             printed = output.getvalue()
         else:
-            assert re.sub(NUMBER, "#", printed) == re.sub(NUMBER, "#", block)
-            for value, shown in zip(re.findall(NUMBER, printed), re.findall(NUMBER, block), strict=True):
-                # Monte Carlo errors and other processors: a fifth, or two units of the last digit.
-                assert float(value) == pytest.approx(float(shown), rel=0.2, abs=2 * 10.0 ** -len(shown.partition(".")[2])), printed
+            agree(printed, block)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_notebook_is_its_page(page):
+    if not page.with_suffix(".ipynb").exists():
+        assert page.stem not in ("own_table", "curves")
+        return
+    parts = cells(page.read_text(encoding="utf-8"))
+    notebook = json.loads(page.with_suffix(".ipynb").read_text(encoding="utf-8"))["cells"]
+    assert ["".join(cell["source"]) for cell in notebook] == [text for kind, text in parts if kind != "text"]
+    outputs = [output for cell in notebook for output in cell.get("outputs", [])]
+    printed = ["".join(output["text"]) for output in outputs if output["output_type"] == "stream"]
+    for one, other in zip(printed, [text + "\n" for kind, text in parts if kind == "text"], strict=True):
+        agree(one, other)
+    assert any("image/png" in output.get("data", {}) for output in outputs)

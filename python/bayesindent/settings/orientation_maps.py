@@ -94,7 +94,8 @@ def registered(place: str, path: Path, stage: np.ndarray) -> tuple[np.ndarray, n
     """Positions of the map (n, 2) of those of the stage by the affine map that homologous points determine, by least squares; their sd per
     coordinate, um, (n,); and the warning where it is unknown. `place` begins the message of a refusal."""
     try:
-        rows = list(csv.DictReader(path.read_text(encoding="utf-8-sig").splitlines(), skipinitialspace=True))
+        lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if not line.startswith("#")]
+        rows = list(csv.DictReader(lines, skipinitialspace=True))
         known = np.array([[float(row[name]) for name in POINT_COLUMNS] for row in rows]).reshape(-1, 4)
     except OSError as error:
         raise InputError(f"{place}{error.strerror}") from None
