@@ -193,7 +193,7 @@ def test_what_was_asked_stands_first_and_all_is_numbered(tmp_path, capsys):
         "Pairs of constants",
         "Error budget",
         "<h2>Grains and quantities",
-        "Zener ratio",
+        "and Zener ratio",
         "<h2>Diagnostics",
         "<h2>Provenance",
         "6 grains, ",

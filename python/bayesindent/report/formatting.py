@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from markupsafe import Markup, escape
 
+from ..crystal.elasticity import constant_names
+
 __all__ = [
     "SHARES", "SHARE_HEADER", "cells", "direction_name", "enumeration", "has_four_indices", "latex", "limit_name", "named", "number", "numbers", "orientation", "percent", "plus_minus", "product_html",
     "product_label", "products_as_html", "quantity_format", "quantity_label", "quantity_name", "share_cells", "subscript",
@@ -77,8 +79,9 @@ def plus_minus(item: Mapping) -> str:
 
 
 def has_four_indices(symmetry: str) -> bool:
-    """Whether directions of the crystal class are written with four indices."""
-    return symmetry in ("hexagonal", "trigonal")
+    """Whether directions of the crystal class are written with four indices: its basal plane has C66 = (C11 - C12)/2, and an axis of its own."""
+    constants = constant_names(symmetry) if symmetry else ()
+    return "C33" in constants and "C66" not in constants
 
 
 def direction_name(direction: Sequence[float], four: bool) -> str:

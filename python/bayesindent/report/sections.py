@@ -8,20 +8,10 @@ import numpy as np
 from markupsafe import Markup
 
 from ..version import __version__
-from .formatting import (
-    direction_name,
-    has_four_indices,
-    limit_name,
-    number,
-    numbers,
-    orientation,
-    percent,
-    plus_minus,
-    product_html,
-    quantity_format,
-    quantity_label,
-    share_cells,
-    subscript,
+
+from .formatting import (  # isort: skip
+    direction_name, has_four_indices, limit_name, number, numbers, orientation, percent, plus_minus, product_html, quantity_format,
+    quantity_label, share_cells, subscript,
 )  # fmt: skip
 from .results import Results
 
@@ -39,16 +29,8 @@ def report_rows(results: Results) -> dict[str, list[list]]:
     """The rows of each table; none where the results have nothing of it."""
     document = results.documents["extract"]
     parameters = document.get("parameters", {}).items()
-    reference = results.reference[1]
-
-    def compared(name: str) -> list[str]:
-        return [number(reference.get(name))] if reference else []
-
     return {
-        "constants": [
-            [name, *numbers(item, mean=1, sd=1), relative_sd(item), interval(item), *compared(name), *share_cells(item)]
-            for name, item in parameters
-        ],
+        "constants": [constant_row(name, item, results.reference[1]) for name, item in parameters],
         "predicted": [
             [
                 str(item.get("grain", row)),
@@ -93,9 +75,11 @@ def off(item: dict) -> float | None:
     return round((item["measured"] - item["mean"]) / item["measured_sd"], 1) + 0.0 if item.get("measured_sd") else None
 
 
-def interval(item: dict) -> Markup:
-    """The 95 % interval, in one line."""
-    return unbroken(" to ".join(map(number, item["hdi_95"])))
+def constant_row(name: str, item: dict, reference: dict[str, float]) -> list:
+    """Mean, sds, 95 % interval, what it is compared with, if anything, and shares of a constant."""
+    compared = [number(reference.get(name))] if reference else []
+    interval = unbroken(" to ".join(map(number, item["hdi_95"])))
+    return [name, *numbers(item, mean=1, sd=1), relative_sd(item), interval, *compared, *share_cells(item)]
 
 
 def relative_sd(item: dict) -> str:
@@ -116,7 +100,7 @@ def compliance_rows(results: Results) -> list[list[str]]:
     compliance = 1000 * np.linalg.inv(stiffness)
     places = {name: (int(name[1]) - 1, int(name[2]) - 1) for name in results.constants}
     found = {f"{subscript('C' + name[1:]).replace('C', 'S')} (1/TPa)": compliance[:, i, j] for name, (i, j) in places.items()}
-    if results.symmetry == "cubic":
+    if "C44" in places and "C33" not in places:
         found["Zener ratio"] = 2 * stiffness[:, 3, 3] / (stiffness[:, 0, 0] - stiffness[:, 0, 1])
     items = {name: {"mean": values.mean(), "sd": values.std()} for name, values in found.items()}
     return [[name, *plus_minus(item).split(" ± "), relative_sd(item)] for name, item in items.items()]

@@ -7,21 +7,10 @@ import numpy as np
 
 from ..formatting import number, plus_minus, product_label, quantity_label, quantity_name, subscript
 from ..results import NothingToShow, Results, present
-from .style import (
-    BLACK,
-    BLUE,
-    CYCLE,
-    MARKERS,
-    RED,
-    SKY,
-    Picture,
-    density_axes,
-    grid_of_constants,
-    is_column,
-    legend_above,
-    panels,
-    parity_panels,
-    sd_axes,
+
+from .style import (  # isort: skip
+    BLACK, BLUE, CYCLE, MARKERS, RED, SKY, Picture, density_axes, grid_of_constants, is_column, legend_above, panels,
+    parity_panels, sd_axes,
 )  # fmt: skip
 
 __all__ = [
