@@ -15,7 +15,7 @@ module surrogate_operations
    use plan_stage, only: plan_stage_type
    use problem_posterior, only: new_problem_posterior
    use stage_documents, only: end_document
-   use surrogate_learner, only: add_simulations, fit_learner, learner_type, new_learner, surrogate_of
+   use surrogate_learner, only: add_simulations, fit_learner, learner_type, left_out, new_learner, surrogate_of
    use surrogate_model, only: exchange_surrogate, predict_crystals, save_surrogate, surrogate_type
    implicit none
    private
@@ -39,7 +39,8 @@ contains
       type(learner_type) :: learner
       type(surrogate_type), pointer :: surrogate
       real(wp), pointer :: c(:, :, :)
-      real(wp) :: poisson, anisotropy
+      integer, allocatable :: groups(:)
+      real(wp) :: poisson, anisotropy, error_gpa
       integer :: i
 
       select case (verb)
@@ -57,15 +58,22 @@ contains
             x%values(i, 2) = merge(1.0_wp, 0.0_wp, basis%domain%admits(c(:, :, i)))
          end do
          !$omp end parallel do
-      case ('fit')
-         ! To the moduli (GPa) of crystals.
-         allocate (surrogate)
-         call x%give(surrogate, 'surrogate')
+      case ('fit', 'leave_out')
+         ! To the moduli (GPa) of crystals; or of each of these the modulus by those of other groups, and the error over its sd.
          call new_learner(basis, learner, x%error)
          if (.not. allocated(x%error)) call add_simulations(learner, x%in%columns('constants', basis%domain%class%n_constants), &
             & x%in%columns('euler_deg', 3), x%in%reals('modulus_gpa'), .true., x%error)
          if (.not. allocated(x%error)) call fit_learner(learner, x%error)
-         if (.not. allocated(x%error)) call surrogate_of(learner, '{}', surrogate, x%error)
+         if (allocated(x%error)) return
+         if (verb == 'fit') then
+            allocate (surrogate)
+            call x%give(surrogate, 'surrogate')
+            call surrogate_of(learner, '{}', surrogate, x%error)
+         else
+            groups = nint(x%in%reals('groups'))
+            allocate (x%values(size(groups), 2))
+            call left_out(learner, groups, error_gpa, x%error, x%values(:, 1), x%values(:, 2))
+         end if
       case default
          call x%refuse(verb)
       end select

@@ -29,6 +29,8 @@ contains
 
       call check_bounds(path, 'domain', class, settings%domain%c_min, settings%domain%c_max, error)
       if (.not. allocated(error)) call check_bounds(path, 'prior', class, settings%prior%c_min, settings%prior%c_max, error)
+      if (.not. allocated(error)) call check_count(place(path, 'problem', 'reference_gpa'), class, &
+         & settings%problem%reference_gpa, error)
       if (allocated(error)) return
       ! Only what is learnt for all classes needs no symmetry.
       needed = settings%measurements%given .or. settings%prior%given .or. settings%plan%given .or. &

@@ -318,14 +318,16 @@ contains
    end subroutine change_basis
 
    !> Mean absolute error of each simulation predicted with its whole group left out, GPa.
-   subroutine left_out(learner, groups, error_gpa, error)
+   subroutine left_out(learner, groups, error_gpa, error, modulus, z)
       type(learner_type), intent(in) :: learner
       !> Of each simulation, any numbers.
       integer, intent(in) :: groups(:)
       !> GPa.
       real(wp), intent(out) :: error_gpa
       type(error_type), allocatable, intent(out) :: error
-      real(wp), dimension(size(groups)) :: residual, sd, spread, modulus
+      !> Modulus (GPa) of each simulation as the others predict it, and the error of this in units of its sd.
+      real(wp), dimension(:), intent(out), optional :: modulus, z
+      real(wp), dimension(size(groups)) :: residual, sd, spread, predicted
       integer :: i
 
       error_gpa = 0.0_wp
@@ -333,9 +335,11 @@ contains
       if (allocated(error)) return
       associate (basis => learner%basis, known => learner%simulations, y => learner%design%regression%targets(:size(groups)))
          spread = [(spread_of(basis%noise_growth, basis%domain%class%stiffness(known%constants(:, i))), i=1, size(groups))]
-         modulus = known%modulus*(basis%to_modulus(y - residual, 1.0_wp, spread)/basis%to_modulus(y, 1.0_wp, spread))
-         error_gpa = sum(abs(modulus - known%modulus))/size(groups)
+         predicted = known%modulus*(basis%to_modulus(y - residual, 1.0_wp, spread)/basis%to_modulus(y, 1.0_wp, spread))
+         error_gpa = sum(abs(predicted - known%modulus))/size(groups)
       end associate
+      if (present(modulus)) modulus = predicted
+      if (present(z)) z = -residual/sd
    end subroutine left_out
 
    !> Why to stop before the budget, or ''.

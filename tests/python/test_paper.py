@@ -77,7 +77,7 @@ def test_calculix_reads_its_card(tmp_path):
 
 
 def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
-    kept = [item for item in drawing.FIGURES if item[1].__name__ in ("residuals", "validation")]
+    kept = [item for item in drawing.FIGURES if item[1].__name__ in ("grain_comparison", "validation")]
     monkeypatch.setattr(drawing, "FIGURES", kept)
     file = tmp_path / "case.nml"
     file.write_text(
@@ -93,7 +93,7 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
     bars = []
     monkeypatch.setattr("bayesindent.report.drawing.progress_bar", lambda *bar: bars.append(bar) or progress_bar(*bar))
     assert main(["report", str(output), "--paper", "--json"]) == 0
-    assert bars == [("figures", 1)]
+    assert bars == [("figures", 2)]
     found = json.loads((output / "summary.json").read_text())["parameters"]
     paper = output / "paper"
     text = (paper / "methods.tex").read_text()
@@ -115,15 +115,15 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
     expected = bi.stiffness("cubic", **{name: found[name]["mean"] for name in ("C11", "C12", "C44")})
     assert f"{1000 * expected[0, 0]:.10g}, {1000 * expected[0, 1]:.10g}," in (paper / "stiffness_calculix.inp").read_text()
     # No figure of what the run has not got; of the others all four files.
-    assert {path.stem for path in (paper / "figures").iterdir()} == {"residuals"}
-    for stem in ("residuals",):
+    assert {path.stem for path in (paper / "figures").iterdir()} == {"grain_comparison"}
+    for stem in ("grain_comparison",):
         assert "<text" in (paper / "figures" / f"{stem}.svg").read_text()
         assert b"/CIDFontType2" in (paper / "figures" / f"{stem}.pdf").read_bytes()
         png = (paper / "figures" / f"{stem}.png").read_bytes()
-        assert int.from_bytes(png[16:20], "big") == 4200
+        assert int.from_bytes(png[16:20], "big") == 2010
         assert len((paper / "figures" / f"{stem}.csv").read_text().splitlines()) > 8
     # The points of the residuals, by hand.
-    rows = list(csv.DictReader((paper / "figures" / "residuals.csv").read_text().splitlines()[1:]))
-    drawn = sorted(float(row["y"]) for row in rows if row["panel"] == "1" and row["kind"] == "line")
+    rows = list(csv.DictReader((paper / "figures" / "grain_comparison.csv").read_text().splitlines()[1:]))
+    drawn = sorted(float(row["y"]) for row in rows if row["panel"] == "2" and row["kind"] == "line")
     predicted = json.loads((output / "summary.json").read_text())["predicted"]
     assert drawn == pytest.approx(sorted((item["measured"] - item["mean"]) / item["measured_sd"] for item in predicted))

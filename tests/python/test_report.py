@@ -3,6 +3,7 @@
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,8 +13,9 @@ import bayesindent as bi
 from bayesindent.crystal.elasticity import quantity_names
 from bayesindent.program.cli import main
 from bayesindent.report.figures import FIGURES
-from bayesindent.report.formatting import limit_name, products_as_html, quantity_name, share_cells
-from bayesindent.report.sections import sensitivity_row
+from bayesindent.report.formatting import direction_name, limit_name, plus_minus, products_as_html, quantity_name, share_cells
+from bayesindent.report.sections import compliance_rows, sensitivity_row
+from bayesindent.report.summary import advice
 from bayesindent.report.templates import read_data
 
 COPPER, TUNGSTEN = {"C11": 168.4, "C12": 121.4, "C44": 75.4}, {"C11": 198.0, "C12": 140.0, "C44": 110.0}
@@ -35,15 +37,16 @@ def write_case(folder: Path, constants: dict, kind: str = "indentation_modulus",
 
 
 def headings(folder: Path) -> list[str]:
+    """Of sections, and that of the table of suggestions."""
     text = (folder / "report.html").read_text()
-    return [part.split("</h2>")[0] for part in text.split("<h2>")[1:]]
+    return re.findall("<h2>(.*?)</h2>", text) + re.findall("Which grain to measure next", text)
 
 
 @pytest.mark.long
 def test_results_of_other_inputs_are_not_shown(tmp_path, capsys):
     """Copper is measured, then tungsten: nothing of copper's may stand beside it."""
     output = tmp_path / "out"
-    step_two, following = "Step 2: the elastic constants", "Which grain to measure next"
+    step_two, following = "The result in figures", "Which grain to measure next"
     assert main(["run", str(write_case(tmp_path, COPPER)), "--output", str(output)]) == 0
     assert {step_two, following} <= set(headings(output))
     file = str(write_case(tmp_path, TUNGSTEN))
@@ -179,15 +182,22 @@ def test_what_was_asked_stands_first_and_all_is_numbered(tmp_path, capsys):
     assert main(["report", str(output), "--figures", "svg"]) == 0
     page = (output / "report.html").read_text()
     order = [
-        "<h2>Result",
+        'class="answer"',
+        'aria-label="contents"',
         "Elastic constants in GPa",
         "combinations of the constants are determined",
+        "<h2>What to do next",
         'class="warnings"',
-        "What was asked",
+        "Which grain to measure next",
+        "<h2>The result in figures",
+        "Pairs of constants",
+        "Error budget",
+        "<h2>Grains and quantities",
+        "and Zener ratio",
+        "<h2>Diagnostics",
+        "<h2>Provenance",
         "6 grains, ",
         "effective modulus, with E = 1140 GPa",
-        "Prior in effect",
-        "Step 2: the elastic constants",
     ]
     places = [page.index(words) for words in order]
     assert places == sorted(places)
@@ -196,7 +206,7 @@ def test_what_was_asked_stands_first_and_all_is_numbered(tmp_path, capsys):
         assert numbers == list(range(1, len(numbers) + 1))
         assert len(numbers) > 5
     drawn = {path.stem for path in (output / "figures").iterdir()}
-    assert drawn >= {"prior_posterior", "residuals", "young_surface", "orientations", "shares", "error_budget", "knowledge", "next_grains"}
+    assert drawn >= {"marginals", "residuals", "young_surface", "orientations", "shares", "error_budget", "knowledge", "next_grains"}
     # What other inputs cannot make any more goes.
     for stage in ("next.json", "summary.json"):
         (output / stage).unlink()
@@ -221,6 +231,45 @@ def test_what_the_prior_moves_is_told_where_it_matters():
 def test_an_empty_folder_has_a_report(tmp_path, capsys):
     assert main(["report", str(tmp_path)]) == 0
     assert headings(tmp_path) == ["Provenance"]
+
+
+def test_directions_in_four_indices():
+    """x along [2-1-10], y along [01-10]: Cartesian components (u - (v + t)/2, (v - t) sqrt(3)/2, w) of [uvtw]."""
+    four = {(0, 0, 1): "[0001]", (1, 0, 0): "[21\u03051\u03050]", (0, 1, 0): "[011\u03050]"}
+    assert {direction: direction_name(direction, True) for direction in four} == four
+    assert direction_name((1, 0, 1), True) == "45° from [0001]"
+    assert direction_name((1, -1, 0), False) == "[11\u03050]"
+    assert quantity_name("young[101]", "hexagonal") == "Young's modulus at 45° from [0001]"
+    assert quantity_name("young[100]", "trigonal") == "Young's modulus along [21\u03051\u03050]"
+    assert quantity_name("young[100]", "cubic") == "Young's modulus along [100]"
+
+
+@pytest.mark.parametrize(("sd", "words"), [(14.6, "153 ± 15"), (4.33, "153.0 ± 4.3"), (0.0272, "153.000 ± 0.027"), (0.0, "153.0 ± 0.0")])
+def test_an_sd_has_two_digits(sd, words):
+    assert plus_minus({"mean": 153.0, "sd": sd}) == words
+
+
+def test_each_warning_stands_once_under_its_consequence():
+    limits = [
+        f"the posterior is truncated by the {side} limit of C12, {value}. Widen it" for side, value in (("lower", 40), ("upper", 120))
+    ]
+    lines = [*limits, "C11: only 80 effective samples (400 are needed). Increase samples", "row 3 has no angle"]
+    results = SimpleNamespace(warnings=[*lines, "R-hat is 1.2. Why"], documents={"extract": {"reasons": ["R-hat is 1.2, and more"]}})
+    assert advice(results) == {
+        "Some constants are not determined by the measurements": [
+            "The posterior is truncated by the lower limit of C12, 40; upper limit of C12, 120. Widen it."
+        ],
+        "There are too few draws": ["C11: only 80 effective samples (400 are needed). Increase samples."],
+        "Check the inputs": ["Row 3 has no angle."],
+    }
+
+
+def test_zener_ratio_and_compliances_of_copper():
+    """Of a cubic crystal S11 = (C11 + C12)/((C11 - C12)(C11 + 2 C12)), S44 = 1/C44."""
+    stiffness = bi.stiffness("cubic", **COPPER)[None]
+    rows = compliance_rows(SimpleNamespace(symmetry="cubic", constants=tuple(COPPER), draws=lambda _: stiffness))
+    s11, zener = 1000 * (168.4 + 121.4) / ((168.4 - 121.4) * (168.4 + 2 * 121.4)), 2 * 75.4 / (168.4 - 121.4)
+    assert [row[1] for row in rows] == [f"{s11:.1f}", f"{-s11 * 121.4 / (168.4 + 121.4):.1f}", f"{1000 / 75.4:.1f}", f"{zener:.1f}"]
 
 
 def test_powers_in_a_text():

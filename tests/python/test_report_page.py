@@ -30,6 +30,7 @@ SMALLEST_PX, LEAST_INK = 9.0, 0.005
 MEASURE = """
 function measure(frame) {
   const page = frame.contentDocument, view = frame.contentWindow, root = page.documentElement, found = [];
+  for (const part of page.querySelectorAll("details")) part.open = true;
   if (root.scrollWidth > root.clientWidth) found.push(`the page is ${root.scrollWidth} px wide`);
   for (const element of page.body.querySelectorAll("*")) {
     const text = [...element.childNodes].some(node => node.nodeType === 3 && node.data.trim());

@@ -206,11 +206,11 @@ def engine(folder, groups):
 
 
 def reported(folder, groups):
-    """The title of the report, and whether its figures say that the data are made up."""
+    """The title of the report, whether its figures say that the data are made up, and what the constants are compared with."""
     problem = written(folder, merged({"problem": {"symmetry": "cubic"}, "measurements": {"file": "grains.csv"} | KIND}, groups))
     (folder / "resolved.nml").write_text(problem.resolved)
     results = Results(folder)
-    return results.title, results.synthetic
+    return results.title, results.synthetic, results.reference
 
 
 @cache
@@ -256,6 +256,7 @@ EFFECTS = {
             [4.6, 2.96],
         ),
         "title": (reported, {}, "mine"),
+        "reference_gpa": (reported, {}, [168.4, 121.4, 75.4]),
         "synthetic": (reported, {}, True),
         "seed": (sampled, {}, 2),
         "density_kg_m3": (files_of_theory, {"problem": {"symmetry": "cubic"}}, 8960.0),

@@ -17,7 +17,7 @@ from matplotlib.patches import Rectangle, StepPatch
 from ..common.progress import progress_bar
 from ..common.result_files import whole_file, write_csv
 from .figures import FIGURES
-from .figures.style import Picture, house_style, stamp_synthetic, text_size
+from .figures.style import COLUMN, WIDTH, Picture, house_style, letter_panels, stamp_synthetic, text_size
 from .results import NothingToShow, Results
 
 __all__ = ["draw_figures", "figure_table"]
@@ -61,8 +61,14 @@ def series_of(axes: Any) -> Iterator[tuple[str, str, list[list[float]]]]:
 #: Kinds of files of figures that papers take, and dots per inch of what is no line.
 FOR_PAPERS = {"svg": 300, "pdf": 300, "png": 600}
 
+#: Sections whose figures rest on the measurements, where the others show simulations; and those whose figures no paper takes.
+MEASURED, NO_PAPER = ("next", "result", "curves", "diagnostics"), ("next", "diagnostics")
+
 #: Dots per inch of other files.
 SCREEN = 160
+
+#: Less compression, which takes time.
+FAST: dict = {"png": {"pil_kwargs": {"compress_level": 3}}}
 
 #: The same results make the same files.
 UNDATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
@@ -71,50 +77,60 @@ UNDATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
 def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str, list[dict]]:
     """Of each section the figures that the results can make: PNG in base 64 and their texts.
 
-    As files too, of one kind in the folder `figures`, and for a paper in `paper/figures` with the numbers behind each as CSV.
+    As files too, of one kind in the folder `figures`, and for a paper, as wide as a column, in `paper/figures` with the numbers behind each as CSV.
     """
     paper_folder = results.folder / "paper" / "figures"
-    files = [(results.folder / "figures", kind_of_files, SCREEN)] if kind_of_files else []
-    files += [(paper_folder, kind, dots) for kind, dots in FOR_PAPERS.items() if paper]
-    pictures: dict[str, Picture] = {}
-    with house_style():
-        for _, function in FIGURES:
-            with suppress(NothingToShow):
-                pictures[function.__name__] = function(results)
+    files = {WIDTH: [(results.folder / "figures", kind_of_files, SCREEN)] if kind_of_files else []}
+    if paper:
+        files[COLUMN] = [(paper_folder, kind, dots) for kind, dots in FOR_PAPERS.items()]
+    pictures: dict[tuple[float, str], Picture] = {}
+    for width in files:
+        with house_style(width):
+            for section, function in FIGURES if width == WIDTH else [item for item in FIGURES if item[0] not in NO_PAPER]:
+                with suppress(NothingToShow):
+                    picture = pictures[width, function.__name__] = function(results)
+                    if results.synthetic and section in MEASURED:
+                        stamp_synthetic(picture.figure)
 
-        ours, left = os.getpid(), list(pictures)
+    ours, left = os.getpid(), list(pictures)
 
-        def draw(name: str) -> dict:
-            picture = pictures[name]
-            if os.getpid() == ours:
-                # Another process draws those between.
-                counted(left.index(name) + 1)
-                del left[: left.index(name) + 1]
-            if results.synthetic:
-                stamp_synthetic(picture.figure)
-            for folder, kind, dots in files:
-                with whole_file(folder / f"{name}.{kind}") as file:
-                    picture.figure.savefig(file, dpi=dots, metadata=UNDATED.get(kind))
-            if paper:
+    def draw(key: tuple[float, str]) -> dict:
+        (width, name), picture = key, pictures[key]
+        figure = picture.figure
+        if os.getpid() == ours:
+            # Another process draws those between.
+            counted(left.index(key) + 1)
+            del left[: left.index(key) + 1]
+        with house_style(width):
+            if width == COLUMN:
+                letter_panels(figure)
                 write_csv(paper_folder / f"{name}.csv", *figure_table(picture), picture.caption)
+            for folder, kind, dots in files[width]:
+                with whole_file(folder / f"{name}.{kind}") as file:
+                    figure.savefig(file, dpi=dots, metadata=UNDATED.get(kind), **FAST.get(kind, {}))
+                # Laid out once.
+                figure.set_layout_engine("none")
+            if width == COLUMN:
+                return {}
             buffer = io.BytesIO()
-            picture.figure.savefig(buffer, format="png", pil_kwargs={"compress_level": 3})
-            width, height = (72 * inches for inches in picture.figure.get_size_inches())
-            return {
-                "data": base64.b64encode(buffer.getvalue()).decode(), "alt": picture.alt, "caption": picture.caption,
-                "width": width, "height": height, "text": text_size(picture.figure),
-            }  # fmt: skip
+            figure.savefig(buffer, format="png", **FAST["png"])
+        width, height = (72 * inches for inches in figure.get_size_inches())
+        return {
+            "data": base64.b64encode(buffer.getvalue()).decode(), "alt": picture.alt, "caption": picture.caption,
+            "width": width, "height": height, "text": text_size(figure),
+        }  # fmt: skip
 
-        with progress_bar("figures", len(pictures)) as counted:
-            drawn = dict(zip(pictures, halved(draw, list(pictures))))
+    with progress_bar("figures", len(pictures)) as counted:
+        drawn = dict(zip(pictures, halved(draw, list(pictures))))
     sections: dict[str, list[dict]] = {}
     for section, function in FIGURES:
-        if function.__name__ in drawn:
-            sections.setdefault(section, []).append(drawn[function.__name__])
+        name = function.__name__
+        if (WIDTH, name) in drawn:
+            sections.setdefault(section, []).append(drawn[WIDTH, name])
             continue
         # Files of other inputs.
-        for folder, kind in [(folder, kind) for folder, kind, _ in files] + [(paper_folder, "csv")] * paper:
-            (folder / f"{function.__name__}.{kind}").unlink(missing_ok=True)
+        for folder, kind in [(folder, kind) for own in files.values() for folder, kind, _ in own] + [(paper_folder, "csv")] * paper:
+            (folder / f"{name}.{kind}").unlink(missing_ok=True)
     return sections
 
 

@@ -6,8 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from markupsafe import Markup, escape
 
+from ..crystal.elasticity import constant_names
+
 __all__ = [
-    "SHARES", "SHARE_HEADER", "enumeration", "latex", "limit_name", "number", "numbers", "orientation", "percent", "product_html",
+    "SHARES", "SHARE_HEADER", "cells", "direction_name", "enumeration", "has_four_indices", "latex", "limit_name", "named", "number", "numbers", "orientation", "percent", "plus_minus", "product_html",
     "product_label", "products_as_html", "quantity_format", "quantity_label", "quantity_name", "share_cells", "subscript", "suggested_grains",
 ]  # fmt: skip
 
@@ -15,7 +17,7 @@ SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
 LATEX = str.maketrans({
     "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "$": r"\$", "%": r"\%", "_": r"\_", "&": r"\&", "#": r"\#", "±": r"$\pm$", "–": "--", "°": r"$^\circ$", "²": "$^2$",
-    "ν": r"$\nu$", "χ": r"$\chi$", "µ": r"\textmu{}", "−": "$-$", "^": r"\^{}", "~": r"\~{}", "<": "$<$", ">": "$>$", "→": r"$\to$",
+    "φ": r"$\varphi$", "Φ": r"$\Phi$", "₁": "$_1$", "₂": "$_2$", "ν": r"$\nu$", "χ": r"$\chi$", "µ": r"\textmu{}", "−": "$-$", "^": r"\^{}", "~": r"\~{}", "<": "$<$", ">": "$>$", "→": r"$\to$",
 })  # fmt: skip
 
 #: Whose shares of a variance are reported, with their headers; and the headers of `share_cells`.
@@ -33,6 +35,16 @@ def number(value: float | None, digits: int = 1) -> str:
 def percent(value: float | None, digits: int = 0) -> str:
     """A share in per cent as text; a dash where there is none."""
     return number(value and 100 * value, digits)
+
+
+def cells(items: Iterable[Mapping], *texts: str, **digits: int) -> list[list]:
+    """Rows of a table: of each item the values of `texts`, then the numbers."""
+    return [[*(item[name] for name in texts), *numbers(item, **digits)] for item in items]
+
+
+def named(items: Mapping[str, Mapping], **digits: int) -> list[list]:
+    """The same of items by their names."""
+    return [[name, *numbers(item, **digits)] for name, item in items.items()]
 
 
 def numbers(item: Mapping, **digits: int) -> list[str]:
@@ -70,11 +82,34 @@ def orientation(euler_deg: Iterable[float]) -> str:
     return "(" + ", ".join(f"{round(angle, 1):g}" for angle in euler_deg) + ")°"
 
 
-def quantity_name(name: str) -> str:
-    """A quantity of the crystal as people write it."""
+def plus_minus(item: Mapping) -> str:
+    """Mean and sd with two digits of the sd, at least to units."""
+    digits = 1 if not item["sd"] else min(4, max(0, 1 - math.floor(math.log10(item["sd"]))))
+    return " ± ".join(numbers(item, mean=digits, sd=digits))
+
+
+def has_four_indices(symmetry: str) -> bool:
+    """Whether directions of the crystal class are written with four indices: its basal plane has C66 = (C11 - C12)/2, and an axis of its own."""
+    constants = constant_names(symmetry) if symmetry else ()
+    return "C33" in constants and "C66" not in constants
+
+
+def direction_name(direction: Sequence[float], four: bool) -> str:
+    """[uvw] of components along the Cartesian crystal axes; with four indices x is [2-1-10], y [01-10], and others are angles to an axis."""
+    x, y, z = direction
+    if not four:
+        return "[" + "".join(f"{abs(round(index))}" + "\u0305" * (index < 0) for index in direction) + "]"
+    axis, angle = ("[0001]", math.atan2(math.hypot(x, y), z)) if z or not (x or y) else ("[21\u03051\u03050]", math.atan2(y, x))
+    return axis if not angle else "[011\u03050]" if not (x or z) else f"{math.degrees(angle):.0f}° from {axis}"
+
+
+def quantity_name(name: str, symmetry: str = "") -> str:
+    """A quantity of the crystal as people write it; with four indices where its class has them."""
     word, _, direction = name.partition("[")
     if direction:
-        return f"{MODULI.get(word, word)} along [{direction}"
+        short = re.fullmatch(r"((?:-?\d){3})\]", direction) if has_four_indices(symmetry) else None
+        named = direction_name([int(index) for index in re.findall(r"-?\d", short[1])], True) if short else f"[{direction}"
+        return f"{MODULI.get(word, word)} {'at' if '°' in named else 'along'} {named}"
     if word.startswith("polycrystal_"):
         return f"{MODULI[word.removeprefix('polycrystal_')]} of the polycrystal"
     return word.replace("_", " ")
@@ -85,21 +120,21 @@ def quantity_format(row: Mapping) -> tuple[str, int]:
     return ("", 3) if row["unit"] == "1" else (row["unit"], 1)
 
 
-def quantity_label(row: Mapping) -> str:
+def quantity_label(row: Mapping, symmetry: str = "") -> str:
     """The name of a quantity, or of those that are known together, with the unit that is stated."""
-    names = " and ".join(map(quantity_name, row["name"].split(", ")))
+    names = " and ".join(quantity_name(name, symmetry) for name in row["name"].split(", "))
     unit = quantity_format(row)[0] if "unit" in row else ""
     return names + (f" ({unit})" if unit else "")
 
 
 def latex(text: str) -> str:
-    """A text as LaTeX has it."""
-    return text.translate(LATEX)
+    """A text as LaTeX has it, with indices of constants."""
+    return re.sub(r"\b([CS])([1-6][1-6])\b", r"$\1_{\2}$", text.translate(LATEX))
 
 
 def enumeration(parts: Sequence[str]) -> str:
     """Such as 'a, b and c'."""
-    return " and ".join(filter(None, [", ".join(parts[:-1]), parts[-1]]))
+    return " and ".join(filter(None, [", ".join(parts[:-1]), *parts[-1:]]))
 
 
 def subscript(name: str) -> str:

@@ -12,10 +12,10 @@ from ..crystal.elasticity import stiffness_rows
 from ..fe.deck import elastic_constants
 from ..version import __version__
 from .figures.posterior import chi_square
-from .formatting import SHARE_HEADER, enumeration, latex, number, numbers, orientation, quantity_format, quantity_name, share_cells
+from .formatting import SHARE_HEADER, enumeration, latex, number, numbers, share_cells
 from .results import Results
-from .sections import identifiability_cells
-from .summary import measured_ranges, specimen, with_count, with_verdict
+from .sections import angles_of, identifiability_cells, report_rows
+from .summary import indenter, measured_ranges, specimen, with_count, with_verdict
 from .templates import read_data, render
 
 __all__ = ["methods", "write_paper"]
@@ -34,10 +34,11 @@ def methods(results: Results) -> tuple[str, str]:
         for name, item in parameters.items()
     ]
     prior, surrogate = results.prior_and_surrogate
+    prior = [line for line in prior if not line.startswith(("measured: ", "known: "))]
     text = render(
         "methods.tex.j2", results=results, document=document, build=results.documents["build"], measurements=results.group("measurements"),
         version=__version__, grains=with_count(len(results.predicted), "grain"), moduli=moduli, sds=sds, specimen=specimen(results),
-        prior=prior, surrogate=surrogate, chains=with_count(document["chains"], "chain"), r_hat=[item["r_hat"] for item in chains],
+        prior=prior, surrogate=surrogate, indenter=indenter(results), chains=with_count(document["chains"], "chain"), r_hat=[item["r_hat"] for item in chains],
         effective=[min(item["ess_bulk"], item["ess_tail"]) for item in chains], constants=Markup(enumeration(constants)), combinations=len(combinations),
         determined=len(with_verdict(combinations, "determined")),
         chi_square=all(item.get("measured_sd") for item in results.predicted) and chi_square(results.predicted),
@@ -46,6 +47,9 @@ def methods(results: Results) -> tuple[str, str]:
     cited = [work for work in works if work.partition("{")[2].partition(",")[0] in text]
     return text, "\n\n".join(cited) + "\n"
 
+
+#: Headers of Bunge's angles.
+ANGLES = ("φ₁ (°)", "Φ (°)", "φ₂ (°)")
 
 #: GPa in MPa.
 MPA = 1000.0
@@ -82,7 +86,7 @@ def mark(results: Results) -> str:
 def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]]:
     """Caption, header and rows of the tables that have rows, by the name of their files."""
     document = results.documents["extract"]
-    quantities = [row for row in results.identifiability("quantity") if row["name"] not in document["parameters"]]
+    rows = report_rows(results)
     digits = dict.fromkeys(("measured", "measured_sd", "mean", "sd"), 1)
     found = {
         "constants": (
@@ -96,8 +100,8 @@ def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]
         ),
         "quantities": (
             "Quantities of the crystal that follow from its constants: mean and sd of the posterior, sd of the prior, shares.",
-            ["quantity", "unit", "mean", "sd", "sd of the prior", *SHARE_HEADER],
-            [[quantity_name(row["name"]), quantity_format(row)[0], *identifiability_cells(row)] for row in quantities],
+            ["quantity", "mean", "sd", "sd of the prior", *SHARE_HEADER],
+            rows["quantities"],
         ),
         "combinations": (
             "Products of powers of the constants, from the best to the worst identified: exponents, sds in per cent, shares.",
@@ -110,22 +114,19 @@ def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]
         "correlation": (
             "Correlation of the constants in the posterior.",
             ["", *document["parameters"]],
-            [[name, *(number(value, 2) for value in row)] for name, row in zip(document["parameters"], document["correlation"])],
+            rows["correlation"],
         ),
         "grains": (
             f"The {results.kind} of each grain in GPa: Bunge's angles, as measured, and as the posterior predicts it without the noise.",
-            ["grain", "orientation", "measured", "sd measured", "predicted", "sd predicted"],
-            [
-                [str(row), orientation(item.get("euler_deg", ())), *numbers(item, **digits)]
-                for row, item in enumerate(results.predicted, start=1)
-            ],
+            ["grain", *ANGLES, "measured", "sd measured", "predicted", "sd predicted", "residual (sd)"],
+            rows["predicted"],
         ),
         "velocities": (
             "The Rayleigh velocity in m/s: Bunge's angles of the grain and the direction of propagation from x, as measured, and as the "
             "posterior predicts it without the noise.",
-            ["grain", "orientation", "direction", "measured", "sd measured", "predicted", "sd predicted"],
+            ["grain", *ANGLES, "direction", "measured", "sd measured", "predicted", "sd predicted"],
             [
-                [str(item.get("grain", row)), orientation(item["euler_deg"]), *numbers(item, propagation_deg=1, **digits)]
+                [str(item.get("grain", row)), *angles_of(item), *numbers(item, propagation_deg=1, **digits)]
                 for row, item in enumerate(results.velocities, start=1)
             ],
         ),

@@ -8,7 +8,7 @@ from ..core import InputError
 from .results import NothingToShow, Results
 
 __all__ = [
-    "plot_chains", "plot_constants", "plot_error_budget", "plot_grains", "plot_knowledge", "plot_orientations", "plot_pairs", "plot_prior", "plot_residuals", "plot_shares", "plot_young",
+    "plot_chains", "plot_constants", "plot_error_budget", "plot_grains", "plot_knowledge", "plot_orientations", "plot_pairs", "plot_residuals", "plot_shares", "plot_young",
 ]  # fmt: skip
 
 
@@ -51,11 +51,10 @@ matplotlib Figure, or SubFigure in the place of `ax`
     return plot
 
 
-plot_constants = plotter("plot_constants", "posterior", "marginals", "The distribution of each constant, with its mean.")
-plot_prior = plotter("plot_prior", "posterior", "prior_posterior", "Each constant before and after the measurements.")
+plot_constants = plotter("plot_constants", "posterior", "marginals", "Each constant before and after the measurements.")
 plot_pairs = plotter("plot_pairs", "posterior", "pairs", "The constants in pairs.")
 plot_grains = plotter("plot_grains", "posterior", "grain_comparison", "The modulus of each grain, measured and predicted.")
-plot_residuals = plotter("plot_residuals", "posterior", "residuals", "Residuals of the grains in units of their sd, and their quantiles.")
+plot_residuals = plotter("plot_residuals", "posterior", "residuals", "Residuals of the grains in order beside normal quantiles.")
 plot_orientations = plotter("plot_orientations", "orientations", "orientations", "The modulus over the directions of the crystal.")
 plot_young = plotter("plot_young", "young", "young_surface", "Young's modulus over the directions of the crystal.")
 plot_chains = plotter("plot_chains", "posterior", "traces", "The chains.")

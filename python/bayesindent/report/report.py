@@ -8,7 +8,7 @@ from .drawing import draw_figures
 from .paper import write_paper
 from .results import Results
 from .sections import LEAST_SHIFT, MOST_ROWS, report_rows
-from .summary import findings, inputs_summary
+from .summary import advice, answer, findings, inputs_summary
 from .templates import render
 
 __all__ = ["write_report"]
@@ -22,7 +22,13 @@ def write_report(folder: Any, output: Path | None = None, kind_of_files: str = "
     if paper:
         write_paper(results)
     figures = draw_figures(results, kind_of_files, paper)
-    texts = {"inputs": inputs_summary(results), "findings": findings(results), "rows": report_rows(results)}
+    texts: dict = {
+        "inputs": inputs_summary(results),
+        "findings": findings(results),
+        "rows": report_rows(results),
+        "advice": advice(results),
+    }
+    texts |= dict(zip(("answer", "usability"), answer(results)))
     file = (output or results.folder) / "report.html"
     write_text(file, render("report.html.j2", results=results, figures=figures, least_shift=LEAST_SHIFT, most_rows=MOST_ROWS, **texts))
     return results, file

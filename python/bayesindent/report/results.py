@@ -1,6 +1,7 @@
 """What the stages left in a folder, as far as it belongs to the present inputs."""
 
 import json
+import re
 from collections.abc import Sized
 from functools import cached_property
 from pathlib import Path
@@ -11,8 +12,9 @@ from numpy.typing import ArrayLike
 
 from ..common.result_files import read_json
 from ..core import InputError, call
-from ..crystal.elasticity import constant_names, stiffness_rows
+from ..crystal.elasticity import class_name, constant_names, stiffness_rows
 from ..pipeline.results_folder import DOCUMENTS, MANIFEST, belongs, changed_inputs, read_posterior, read_resolved, surrogate_digest
+from ..pipeline.template import Metal, metals
 from ..settings.problem import typed
 from ..surrogate.surrogate import Surrogate
 
@@ -59,7 +61,7 @@ class Results:
         #: What was edited after the results, in words.
         self.edited = [] if facts else changed_inputs(folder)
         problem = self.group("problem")
-        self.symmetry = problem.get("symmetry", "")
+        self.symmetry = class_name(problem["symmetry"]) if problem.get("symmetry") else ""
         self.constants = constant_names(self.symmetry) if self.symmetry else ()
         self.synthetic = bool(problem.get("synthetic", False))
         self.title = problem.get("title") or f"Indentation of {self.symmetry or 'single'} crystals"
@@ -71,6 +73,20 @@ class Results:
             return {}
         start = f"{name}."
         return {key[len(start) :]: value for key, value in self._settings.items() if key.startswith(start) and key != f"{start}given"}
+
+    @cached_property
+    def reference(self) -> tuple[str, dict[str, float]]:
+        """What the constants are compared with, and its values in GPa: those that the problem states, or those of a pure metal that its title
+        names; '' and none where there are none."""
+        if (stated := self.group("problem").get("reference_gpa")) is not None and len(stated):
+            return "truth" if self.synthetic else "reference", dict(zip(self.constants, map(float, stated)))
+        return (f"literature, pure {self.metal.name}", self.metal.constants) if self.metal else ("", {})
+
+    @cached_property
+    def metal(self) -> Metal | None:
+        """The pure metal that the title names, if its crystal class is that of the problem."""
+        named = (metal for metal in metals().values() if re.search(rf"\b{metal.name}\b", self.title, re.IGNORECASE))
+        return next((metal for metal in named if metal.symmetry == self.symmetry), None)
 
     @property
     def warnings(self) -> list[str]:

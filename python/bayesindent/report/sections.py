@@ -4,21 +4,15 @@ import hashlib
 import platform
 from importlib import metadata
 
+import numpy as np
 from markupsafe import Markup
 
 from ..version import __version__
-from .formatting import (
-    limit_name,
-    number,
-    numbers,
-    orientation,
-    percent,
-    product_html,
-    quantity_format,
-    quantity_label,
-    share_cells,
-    suggested_grains,
-)
+
+from .formatting import (  # isort: skip
+    direction_name, has_four_indices, limit_name, number, numbers, orientation, percent, plus_minus, product_html, quantity_format,
+    quantity_label, share_cells, subscript, suggested_grains,
+)  # fmt: skip
 from .results import Results
 
 __all__ = ["LEAST_SHIFT", "MOST_ROWS", "identifiability_cells", "report_rows"]
@@ -27,53 +21,90 @@ __all__ = ["LEAST_SHIFT", "MOST_ROWS", "identifiability_cells", "report_rows"]
 LEAST_SHIFT = 0.1
 #: Rows of a table of simulations that are shown at most.
 MOST_ROWS = 40
+#: Draws behind mean and sd of a compliance.
+DRAWS = 4000
 
 
 def report_rows(results: Results) -> dict[str, list[list]]:
     """The rows of each table; none where the results have nothing of it."""
     document = results.documents["extract"]
     parameters = document.get("parameters", {}).items()
-    theory_alone = document.get("theory_alone", {})
     suggestions = results.documents["next"].get("suggestions", [])
     return {
-        "constants": [
-            [name, *numbers(item, mean=1, sd=1), unbroken(" to ".join(map(number, item["hdi_95"]))), *share_cells(item)]
-            for name, item in parameters
+        "constants": [constant_row(name, item, results.reference[1]) for name, item in parameters],
+        "predicted": [
+            [
+                str(item.get("grain", row)),
+                *angles_of(item),
+                *numbers(item | {"off": off(item)}, measured=1, measured_sd=1, mean=1, sd=1, off=1),
+            ]
+            for row, item in enumerate(results.predicted, start=1)
+        ],
+        "compliances": compliance_rows(results) if results.samples else [],
+        "correlation": [
+            [name, *(number(value, 2) for value in row)] for (name, _), row in zip(parameters, document.get("correlation", []))
         ],
         "limits": [
             [limit_name(row["name"], row["side"]), f"{row['value']:.4g}", percent(row["share"]), "yes" if row["stated"] else "no"]
             for row in document.get("limits", [])
         ],
-        "convergence": [[name, *numbers(item, r_hat=3, ess_bulk=0, ess_tail=0)] for name, item in parameters],
-        "theory_alone": [
-            [name, *numbers(document["parameters"][name], mean=1, sd=1), *numbers(item, mean=1, sd=1)]
-            for name, item in theory_alone.items()
-        ],
         "combinations": [[product_html(row["exponents"]), *identifiability_cells(row)] for row in results.identifiability("combination")],
-        "quantities": [[quantity_label(row), *identifiability_cells(row)] for row in results.identifiability("quantity")],
-        "knowledge": [knowledge_row(row, document["parameters"]) for row in results.identifiability("knowledge")],
+        "quantities": [
+            [quantity_label(row, results.symmetry), *identifiability_cells(row)]
+            for row in results.identifiability("quantity")
+            if row["name"] not in document["parameters"]
+        ],
         "prior": prior_rows(results) if document.get("prior") else [],
         "checks": check_rows(results) if document.get("checks") else [],
         "sensitivity": [row for row in map(sensitivity_row, document.get("sensitivity", [])) if row],
-        "grains": [
-            [row["grain"], row["tests"], *numbers(row, effective_modulus_gpa=1, sd_gpa=1, own_sd_gpa=1)]
-            for row in results.documents["curves"].get("grains", [])
-        ],
-        "tests": [
-            [row["test"], *numbers(row, effective_modulus_gpa=1, elastic_from_mn=1, elastic_to_mn=1, drift_nm_s=3), row["reason"]]
-            for row in results.documents["curves"].get("tests", [])
-        ],
         "simulations": simulation_rows(results),
-        "size": [
-            [orientation(row["euler_deg"]), row["surroundings"], *numbers(row, young_gpa=0, smallest_um=3)]
-            for row in results.documents["size"].get("results", [])
-        ],
         "suggestions": [
-            [name, *map(number, item["euler_deg"]), item.get("uvw", ""), number(item["gain"], 3)]
+            [name, *angles_of(item), item.get("uvw") or direction(item, results.symmetry), number(item["gain"], 3)]
             for name, item in zip(suggested_grains(suggestions), suggestions, strict=True)
         ],
         "provenance": provenance_rows(results),
     }
+
+
+def angles_of(item: dict) -> list[str]:
+    """Bunge's angles as cells."""
+    return [number(angle) for angle in item.get("euler_deg", [None] * 3)]
+
+
+def off(item: dict) -> float | None:
+    """Measured minus predicted in units of the stated sd."""
+    return round((item["measured"] - item["mean"]) / item["measured_sd"], 1) + 0.0 if item.get("measured_sd") else None
+
+
+def constant_row(name: str, item: dict, reference: dict[str, float]) -> list:
+    """Mean, sds, 95 % interval, what it is compared with, if anything, and shares of a constant."""
+    compared = [number(reference.get(name))] if reference else []
+    interval = unbroken(" to ".join(map(number, item["hdi_95"])))
+    return [name, *numbers(item, mean=1, sd=1), relative_sd(item), interval, *compared, *share_cells(item)]
+
+
+def relative_sd(item: dict) -> str:
+    """Sd of the mean in per cent."""
+    return number(100 * item["sd"] / abs(item["mean"]) if item["mean"] else None)
+
+
+def direction(item: dict, symmetry: str) -> str:
+    """The direction along the indenter, where its indices are not known."""
+    if has_four_indices(symmetry):
+        return direction_name([round(value, 9) for value in item["direction"]], True)
+    return "[" + " ".join(f"{value:.2f}" for value in item["direction"]) + "]"
+
+
+def compliance_rows(results: Results) -> list[list[str]]:
+    """Of cubic crystals the Zener ratio; compliances by the names of the constants."""
+    stiffness = results.draws(DRAWS)
+    compliance = 1000 * np.linalg.inv(stiffness)
+    places = {name: (int(name[1]) - 1, int(name[2]) - 1) for name in results.constants}
+    found = {f"{subscript('C' + name[1:]).replace('C', 'S')} (1/TPa)": compliance[:, i, j] for name, (i, j) in places.items()}
+    if "C44" in places and "C33" not in places:
+        found["Zener ratio"] = 2 * stiffness[:, 3, 3] / (stiffness[:, 0, 0] - stiffness[:, 0, 1])
+    items = {name: {"mean": values.mean(), "sd": values.std()} for name, values in found.items()}
+    return [[name, *plus_minus(item).split(" ± "), relative_sd(item)] for name, item in items.items()]
 
 
 def simulation_rows(results: Results) -> list[list]:
@@ -100,18 +131,13 @@ def identifiability_cells(row: dict) -> list[str]:
     return [*values, *share_cells(row)]
 
 
-def knowledge_row(row: dict, parameters: dict) -> list[str]:
-    sds = [f"{name} {number(parameters[name]['sd'])} → {number(sd)}" for name, sd in row["sd_then"].items()]
-    return [f"{quantity_label(row)} to {100 * row['relative_sd']:.0f} %", ", ".join(sds)]
-
-
 def prior_rows(results: Results) -> list[list[str]]:
     prior, (words, surrogate) = results.documents["extract"]["prior"], results.prior_and_surrogate
     rows = [["density", words[0]]]
     rows += [[f"{name} (GPa)", " .. ".join(map(number, bounds))] for name, bounds in prior["bounds"].items()]
     for item in prior["knowledge"]:
         value = f"{item['mean']:.4g} ± {item['sd']:.2g}, {item['conflict_sd']:.1f} sd from all else"
-        rows.append([f"known: {quantity_label(item)}", value])
+        rows.append([f"known: {quantity_label(item, results.symmetry)}", value])
     return [*rows, ["surrogate", surrogate]]
 
 

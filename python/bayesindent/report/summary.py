@@ -1,14 +1,64 @@
-"""What stands first in the report: what is determined, and the inputs."""
+"""What the report says first: the constants and whether they can be used, what to do next, what is determined; and the inputs."""
+
+from itertools import takewhile
 
 from markupsafe import Markup
 
-from .formatting import enumeration, number, numbers, percent, product_html, quantity_format, quantity_name
+from .formatting import enumeration, number, percent, plus_minus, product_html, quantity_format, quantity_name, subscript
 from .results import Results
 
-__all__ = ["findings", "inputs_summary", "measured_ranges", "specimen", "with_count", "with_verdict"]
+__all__ = ["advice", "answer", "findings", "indenter", "inputs_summary", "measured_ranges", "specimen", "with_count", "with_verdict"]
 
 #: How many quantities are named at most.
 MOST = 6
+
+#: Consequences of warnings, with words of the warnings; the last has all others.
+CONSEQUENCES = {
+    "Some constants are not determined by the measurements": ("not determined", "depends on the prior", "is truncated"),
+    "The constants may be biased": (
+        "do not explain", "disagrees with", "the residuals are", "contradict", "the stated", "pressure", "contact radii", "are so small",
+    ),
+    "There are too few draws": ("effective samples", "have not mixed"),
+    "The surrogate is uncertain": ("surrogate", "simulated", "log-anisotropy", "sd of a modulus"),
+    "Check the inputs": ("",),
+}  # fmt: skip
+
+
+def answer(results: Results) -> list[str]:
+    """The constants with their sds in one line, and whether they can be used; nothing without them."""
+    document = results.documents["extract"]
+    if not document:
+        return []
+    parameters = {name: document["parameters"][name] for name in results.constants}
+    # Blanks that break no line.
+    constants = (
+        ", ".join(f"{subscript(name)} = {plus_minus(item)}".replace(" ", "\u00a0") for name, item in parameters.items()) + "\u00a0GPa."
+    )
+    vague = enumeration([subscript(name) for name, item in parameters.items() if item["verdict"] == "not_determined"])
+    usable = "Usable" + (f", but the measurements do not determine {vague}." if vague else ".")
+    return [constants, usable if document["usable"] else "Not usable."]
+
+
+def advice(results: Results) -> dict[str, list[str]]:
+    """The warnings by their consequences, each once; those with one remedy, which follows the first full stop, together."""
+    remedies: dict[str, list[str]] = {}
+    for line in results.warnings:
+        what, _, remedy = line.partition(". ")
+        if not any(reason.startswith(what) for reason in results.documents["extract"].get("reasons", [])):
+            remedies.setdefault(remedy or line, []).append(what)
+    found: dict[str, list[str]] = {consequence: [] for consequence in CONSEQUENCES}
+    for remedy, parts in remedies.items():
+        start = common(parts)
+        line = start + "; ".join(part.removeprefix(start) for part in parts) + (f". {remedy}" if remedy not in parts else "")
+        consequence = next(name for name, words in CONSEQUENCES.items() if any(word in line for word in words))
+        found[consequence].append(line[:1].upper() + line[1:].rstrip(".") + ".")
+    return {consequence: lines for consequence, lines in found.items() if lines}
+
+
+def common(parts: list[str]) -> str:
+    """The words with which all parts begin, if there are several."""
+    words = takewhile(lambda column: len(set(column)) == 1, zip(*(part.split(" ") for part in parts)))
+    return "".join(f"{column[0]} " for column in words) if len(parts) > 1 else ""
 
 
 def inputs_summary(results: Results) -> list[tuple[str, str]]:
@@ -30,12 +80,7 @@ def inputs_summary(results: Results) -> list[tuple[str, str]]:
     if simulated:
         rows.append(("Simulations", f"indentation moduli of {with_count(simulated, 'crystal')} by finite elements"))
     rows += [("Specimen", specimen(results)), ("Indenter", indenter(results))]
-    if document:
-        lines, surrogate = results.prior_and_surrogate
-        for item in document["prior"]["knowledge"]:
-            lines = [line.replace(f"{item['name']} =", f"{quantity_name(item['name'])} =") for line in lines]
-        rows += [("Surrogate", surrogate), ("Prior in effect", "; ".join(lines))]
-    elif build := results.documents["build"]:
+    if not document and (build := results.documents["build"]):
         rows.append(("Surrogate", f"from {build['simulations']} simulations; {build['domain']['words']}"))
     return [row for row in rows if row[1]]
 
@@ -85,7 +130,7 @@ def specimen(results: Results) -> str:
 
 
 def findings(results: Results) -> list[str | Markup]:
-    """Sentences: combinations that are determined, and by the verdict on them quantities, the constants apart where they are determined."""
+    """Sentences: combinations that are determined, and by the verdict on them quantities but the constants."""
     combinations, constants = results.identifiability("combination"), results.documents["extract"].get("parameters", {})
     if not combinations:
         return []
@@ -93,14 +138,14 @@ def findings(results: Results) -> list[str | Markup]:
     products = [Markup("{} (to {} %)").format(product_html(row["exponents"]), percent(row["sd"], 1)) for row in found]
     start = Markup("{} of {} combinations of the constants are determined{}{}.")
     sentences: list[str | Markup] = [start.format(len(found), len(combinations), ": " * bool(found), Markup(", ").join(products))]
-    quantities = [row for row in results.identifiability("quantity") if row["mean"]]
-    derived = sorted((row for row in quantities if row["name"] not in constants), key=lambda row: row["sd"] / abs(row["mean"]))
+    quantities = [row for row in results.identifiability("quantity") if row["mean"] and row["name"] not in constants]
+    derived = sorted(quantities, key=lambda row: row["sd"] / abs(row["mean"]))
     for words, rows in {
         "Determined, too": with_verdict(derived, "determined")[:MOST],
-        "Not determined": with_verdict(quantities, "not_determined"),
+        "Not determined": with_verdict(derived, "not_determined"),
     }.items():
         if rows:
-            sentences.append(f"{words}: {enumeration([with_sd(row) for row in rows])}.")
+            sentences.append(f"{words}: {enumeration([with_sd(row, results.symmetry) for row in rows])}.")
     return sentences
 
 
@@ -109,6 +154,5 @@ def with_verdict(rows: list[dict], verdict: str) -> list[dict]:
     return [row for row in rows if row["verdict"] == verdict]
 
 
-def with_sd(row: dict) -> str:
-    unit, digits = quantity_format(row)
-    return f"{quantity_name(row['name'])} {' ± '.join(numbers(row, mean=digits, sd=digits))} {unit}".rstrip()
+def with_sd(row: dict, symmetry: str) -> str:
+    return f"{quantity_name(row['name'], symmetry)} {plus_minus(row)} {quantity_format(row)[0]}".rstrip()

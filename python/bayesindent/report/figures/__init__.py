@@ -4,34 +4,19 @@ from . import curves, learning, maps, mesh, orientations, posterior, simulations
 
 __all__ = ["FIGURES"]
 
-#: Section of the report, and figure, in the order in which they are shown. A figure's file bears the name of its function.
-FIGURES = (
-    ("simulation", mesh.mesh),
-    ("simulation", simulations.load_depth),
-    ("simulation", simulations.theory),
-    ("size", simulations.specimen_size),
-    ("plan", posterior.expected_sds),
-    ("curves", curves.curve_fits),
-    ("curves", curves.tip_radius),
-    ("curves", curves.curve_moduli),
-    ("curves", curves.moduli_errors),
-    ("surrogate", learning.learning_curve),
-    ("surrogate", learning.coefficients),
-    ("surrogate", learning.parity),
-    ("surrogate", learning.validation),
-    ("surrogate", learning.truncations),
-    ("posterior", posterior.marginals),
-    ("posterior", posterior.prior_posterior),
-    ("posterior", posterior.pairs),
-    ("posterior", posterior.grain_comparison),
-    ("posterior", posterior.residuals),
-    ("posterior", posterior.velocities),
-    ("posterior", orientations.orientations),
-    ("posterior", maps.orientation_map),
-    ("posterior", young.young_surface),
-    ("posterior", posterior.traces),
-    ("identifiability", posterior.shares),
-    ("identifiability", posterior.error_budget),
-    ("identifiability", posterior.knowledge),
-    ("next", orientations.next_grains),
-)
+#: Figures by section of the report, in the order in which they are shown. A figure's file bears the name of its function.
+SECTIONS = {
+    "next": (posterior.knowledge, orientations.next_grains),
+    "result": (
+        posterior.pairs, posterior.shares, posterior.error_budget, posterior.grain_comparison, posterior.velocities, young.young_surface,
+        orientations.orientations, maps.orientation_map,
+    ),
+    "curves": (curves.curve_fits, curves.curve_moduli, curves.moduli_errors, curves.tip_radius),
+    "parity": (learning.parity,),
+    "simulation": (mesh.mesh, simulations.load_depth, simulations.theory),
+    "size": (simulations.specimen_size,),
+    "plan": (posterior.expected_sds,),
+    "diagnostics": (posterior.marginals, posterior.residuals, posterior.traces),
+    "surrogate": (learning.learning_curve, learning.validation, learning.truncations),
+}  # fmt: skip
+FIGURES = tuple((section, figure) for section, figures in SECTIONS.items() for figure in figures)

@@ -34,9 +34,9 @@ def forest(runs: Sequence[Run], names: Sequence[str]) -> Picture:
     text = "; ".join(f"{run.label}: {', '.join(constants)}" for run, constants in zip(runs, values))
     return Picture(
         figure,
-        f"Means and intervals of the constants in GPa. {text}.",
         "Each constant in every run: mean (circle), ± sd (thick) and the interval that holds 95 % of the posterior (thin). Much "
         "wider posteriors than the narrowest are cut off; a triangle points to a mean outside.",
+        values=f"In GPa: {text}.",
     )
 
 
@@ -51,8 +51,7 @@ def overlay(runs: Sequence[Run], names: Sequence[str]) -> Picture:
     density_axes(figure, grid)
     return Picture(
         figure,
-        f"Histograms of the posterior of each constant, in GPa, of {len(runs)} runs: {', '.join(run.label for run in runs)}.",
-        "The posterior of each constant by itself in every run. Much wider posteriors than the narrowest are cut off.",
+        f"Histograms of the posterior of each constant in {len(runs)} runs. Much wider posteriors than the narrowest are cut off.",
     )
 
 

@@ -35,7 +35,7 @@ def curve_fits(results: Results) -> Picture:
     axes[-1, 0].set(xlabel="depth from the zero (nm)", ylabel="load (mN)")
     axes[-1, 1].set(xlabel="load (mN)", ylabel="residual (nm)")
     text = f"Loading curves of {len(chosen)} of {len(tests)} tests with their elastic fits, and the residuals of depth."
-    return Picture(figure, text, f"{text} Green: the mean elastic window. Beyond it a jump is a pop-in.")
+    return Picture(figure, f"{text} Green: the mean elastic window.")
 
 
 def tip_radius(results: Results) -> Picture:
@@ -55,7 +55,7 @@ def tip_radius(results: Results) -> Picture:
     axes.plot(depth, np.median(local, axis=0), color=BLUE)
     axes.set(xlabel="depth (nm)", ylabel="local radius (µm)")
     text = f"Local radius of curvature of the tip at the edge of the contact by depth; at the apex {radius['mean']:.2f} ± {radius['sd']:.2f} µm."
-    return Picture(figure, text, f"{text} Bands: one and two sds.")
+    return Picture(figure, f"{text} Bands: 1 and 2 sd.")
 
 
 def curve_moduli(results: Results) -> Picture:
@@ -79,7 +79,7 @@ def curve_moduli(results: Results) -> Picture:
     axes.set(xlabel="grain", ylabel="effective modulus (GPa)", ylim=(low, high + 0.3 * (high - low)))
     axes.legend(loc="upper center", ncols=2)
     text = f"Effective moduli of {len(grains)} grains and of their tests."
-    return Picture(figure, text, f"{text} Wide bars: all errors; narrow ones: those that grains do not share.")
+    return Picture(figure, f"{text} Wide bars: sd of all errors; narrow bars: sd of those that grains do not share.")
 
 
 def moduli_errors(results: Results) -> Picture:
@@ -92,4 +92,4 @@ def moduli_errors(results: Results) -> Picture:
     axes.invert_yaxis()
     axes.set_xlabel("relative sd of a grain's modulus, median (%)")
     text = "Sources of error of a grain's modulus."
-    return Picture(figure, text, f"{text} Red: shared by grains, so that more grains do not reduce it; orange: the grain's own.")
+    return Picture(figure, f"{text} Red: shared by all grains, so more grains do not reduce them. Orange: of each grain by itself.")

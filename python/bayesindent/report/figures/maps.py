@@ -47,7 +47,7 @@ def draw_map(found: IndentedMap, names: list[str] | None, residuals: list[float]
     values = np.zeros(len(found.positions)) if residuals is None else np.array(residuals)
     marks = axes.scatter(*found.positions.T, c=values, cmap="coolwarm", vmin=-3, vmax=3, edgecolors=BLACK, s=42, linewidths=1)
     if residuals is not None:
-        figure.colorbar(marks, ax=axes, label="residual (sd)", shrink=0.8)
+        figure.colorbar(marks, ax=axes, label="residual / sd (1)", shrink=0.8)
     if not names or len(names) != len(values):  # several indents in one grain are one measurement
         names = [str(row) for row in range(1, len(values) + 1)]
     for name, place in zip(names, found.positions):
@@ -57,5 +57,5 @@ def draw_map(found: IndentedMap, names: list[str] | None, residuals: list[float]
     axes.grid(False)
     text = f"Orientation map with {len(values)} indents: the crystal direction along the indenter in the colours of the inverse pole figure"
     rows = [[*place, number] for place, number in zip(found.positions.tolist(), found.grains)]
-    further = "; discs have the colour of the residual." if residuals is not None else "."
-    return Picture(figure, f"{text}.", text + further, (["x_um", "y_um", "grain_of_map"], rows))
+    further = ". Discs have the colour of the residual, (measured - predicted) / sd." if residuals is not None else "."
+    return Picture(figure, text + further, (["x_um", "y_um", "grain_of_map"], rows))

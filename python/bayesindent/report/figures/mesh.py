@@ -8,7 +8,7 @@ from mpl_toolkits import mplot3d
 
 from ...fe.indentation import GROUPS, NOT_OURS, Indentation
 from ..results import Results, present
-from .style import BLUE, ORANGE, Picture, new_figure
+from .style import BLUE, ORANGE, Picture, legend_above, panels
 
 __all__ = ["mesh"]
 
@@ -26,10 +26,10 @@ def mesh(results: Results) -> Picture:
     text = f"The mesh of {indentation.bricks} bricks ({indentation.settings.specimen.geometry})"
     text += f"; {outside} infinite elements outside stand for the rest of the half-space" if outside else ""
     nodes, contact_radius_um = arrays.x, indentation.contact_radius_max_um
-    figure = new_figure(3.5)
-    left = figure.add_subplot(1, 2, 1, projection="3d", computed_zorder=False)
+    figure, (place, right) = panels(3.5, 1, 2)
+    left = figure.add_subplot(place.get_subplotspec(), projection="3d", computed_zorder=False)
+    place.remove()
     solid(left, nodes, arrays.brick)
-    right = figure.add_subplot(1, 2, 2)
     faces = outer_faces(arrays.brick)
     surface = nodes[faces[np.all(np.abs(nodes[faces][:, :, 2]) < 1e-9, axis=1)]][:, :, :2]
     right.add_collection(mpl.collections.PolyCollection(surface, facecolors="none", edgecolors="#777777", linewidths=0.4))
@@ -40,11 +40,10 @@ def mesh(results: Results) -> Picture:
     limits = {"xlim": (-extent, extent), "ylim": (-extent, extent), "aspect": "equal"}
     right.set(**limits, xlabel="x (µm)", ylabel="y (µm)", title="the surface under the indenter")
     right.grid(False)
-    figure.legend(loc="outside lower right", ncols=2)
+    legend_above(figure, columns=2, corner="lower right")
     return Picture(
         figure,
-        f"{text}, with a quarter cut away, and its surface under the indenter.",
-        f"{text}. On the right its surface under the indenter, with the circle of contact on an isotropic half-space at the last depth.",
+        f"{text}. A quarter is cut away. On the right its surface under the indenter, with the circle of contact on an isotropic half-space at the last depth.",
         (["node", "x_um", "y_um", "z_um"], [[number, *place] for number, place in enumerate(nodes.tolist(), start=1)]),
     )
 

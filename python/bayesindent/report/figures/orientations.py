@@ -7,8 +7,9 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from ...crystal.directions import euler_of, indentation_direction, representative, spread_of_directions
+from ..formatting import direction_name, has_four_indices
 from ..results import NothingToShow, Results, present
-from .style import BLACK, BLUE, SKY, Picture, panels
+from .style import BLACK, BLUE, SKY, Picture, legend_above, panels
 
 __all__ = ["next_grains", "orientations"]
 
@@ -39,24 +40,25 @@ def orientations(results: Results) -> Picture:
         axes.set(xlabel="declination of the c axis (degrees)", ylabel=f"{results.kind} (GPa)", xlim=(-2, 92))
         axes.legend()
         text = "Posterior of the modulus over the declination of the c axis, with the measured grains."
-        return Picture(figure, text, text)
+        return Picture(figure, text)
     figure, (left, right) = panels(3.2, 1, 2)
-    low, high = min(mean.min(), *measured), max(mean.max(), *measured)
-    draw_map(left, lattice, mean, f"mean of {results.kind} (GPa)", low, high)
-    draw_map(right, lattice, sd, f"sd of {results.kind} (GPa)")
+    low, high, four = min(mean.min(), *measured), max(mean.max(), *measured), has_four_indices(results.symmetry)
+    draw_map(left, lattice, mean, f"mean of {results.kind} (GPa)", four, low, high)
+    draw_map(right, lattice, sd, f"sd of {results.kind} (GPa)", four)
     x, y = stereographic(directions)
     left.scatter(x, y, c=measured, vmin=low, vmax=high, edgecolors="white", s=38, linewidths=1.2, zorder=3)
     right.plot(x, y, "o", color="white", mec=BLACK, ms=4, mew=0.8)
     text = "Posterior mean and sd of the modulus over the crystal directions that differ; discs are the measured grains"
     rows = labelled("predicted", lattice, mean, sd) + labelled("measured", directions, measured, error)
     table = (["kind", "crystal_x", "crystal_y", "crystal_z", "mean_gpa", "sd_gpa"], rows)
-    return Picture(figure, f"{text}.", f"{text}, on the left in the colour of what was measured.", table)
+    return Picture(figure, f"{text}, on the left in the colour of the measured value.", table)
 
 
 def next_grains(results: Results) -> Picture:
     """Gain expected of one more grain over all directions, and those that are suggested, by rank."""
     document = present(results.documents["next"])
-    suggestions, candidates = document["suggestions"], [item for item in document["candidates"] if "propagation_deg" not in item]
+    suggestions, unit = document["suggestions"], document.get("unit", "1")
+    candidates = [item for item in document["candidates"] if "propagation_deg" not in item]
     suggested, everywhere = directions_of(results, suggestions), directions_of(results, candidates)
     measured = directions_of(results, [item for item in results.predicted if "euler_deg" in item])
     gain, gain_suggested = (np.array([item["gain"] for item in items]) for items in (candidates, suggestions))
@@ -66,23 +68,21 @@ def next_grains(results: Results) -> Picture:
         axes.plot(declination(everywhere), gain, ".", color=SKY, ms=4, label="gain expected of the next grain")
         axes.plot(declination(measured), np.zeros(len(measured)), "x", color=BLACK, ms=5, label="measured", clip_on=False)
         places = np.column_stack([declination(suggested), gain_suggested])
-        axes.set(xlabel="declination of the c axis (degrees)", ylabel="expected gain", xlim=(-3, 93), ylim=(0, None))
+        axes.set(xlabel="declination of the c axis (degrees)", ylabel=f"expected gain ({unit})", xlim=(-3, 93), ylim=(0, None))
     else:
-        draw_map(axes, everywhere, gain, "gain expected of the next grain")
+        draw_map(axes, everywhere, gain, f"expected gain ({unit})", has_four_indices(results.symmetry))
         axes.plot(*stereographic(measured), "x", color="white", ms=5, mew=1.6)
         axes.plot(*stereographic(measured), "x", color=BLACK, ms=5, mew=0.9, label="measured")
         places = np.column_stack(stereographic(suggested))
     axes.plot(*places.T, "o", color="white", mec=BLACK, ms=12, clip_on=False, label="suggested, by rank")
     for rank, place in enumerate(places, start=1):
         axes.annotate(str(rank), place, ha="center", va="center_baseline", size=8.5)
-    figure.legend(loc="outside upper left", ncols=3)
+    legend_above(figure, columns=3)
     over = "over the declination of the c axis" if arc else "among the crystal directions that differ"
     rows = labelled("candidate", everywhere, gain) + labelled("suggested", suggested, gain_suggested)
     return Picture(
         figure,
-        f"The {len(suggested)} orientations where one more measurement would bring most information.",
-        f"Orientations that are expected to bring most information, ranked, {over}; "
-        "from the second on each is given those before it, and gains less than it would as the next.",
+        f"The {len(suggested)} orientations that are expected to bring most information, ranked, {over}. Each is chosen given those before it.",
         (["kind", "crystal_x", "crystal_y", "crystal_z", "gain"], rows),
     )
 
@@ -114,9 +114,9 @@ def stereographic(directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def draw_map(
-    axes: Any, directions: np.ndarray, values: np.ndarray, label: str, low: float | None = None, high: float | None = None
+    axes: Any, directions: np.ndarray, values: np.ndarray, label: str, four: bool, low: float | None = None, high: float | None = None
 ) -> None:
-    """Values over directions that fill a region, with its outline and the names of its corners."""
+    """Values over directions that fill a region, with its outline and the names of its corners, of `four` indices if need be."""
     x, y = stereographic(directions)
     image = axes.tripcolor(x, y, values, shading="gouraud", vmin=low, vmax=high, rasterized=True)
     axes.figure.colorbar(image, ax=axes, label=label, shrink=0.85)
@@ -128,8 +128,9 @@ def draw_map(
         if len(near) and near[0] in outline:
             place = places[near[0]]
             offset = 13 * (place - centre) / np.linalg.norm(place - centre)
-            name = "".join(f"{abs(index)}" + ("\u0305" if index < 0 else "") for index in corner)
-            axes.annotate(name, place, offset, textcoords="offset points", ha="center", va="center", annotation_clip=False)
+            axes.annotate(
+                direction_name(corner, four), place, offset, textcoords="offset points", ha="center", va="center", annotation_clip=False
+            )
     axes.set(aspect="equal")
     axes.margins(0.08)
     axes.axis("off")

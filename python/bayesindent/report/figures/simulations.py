@@ -18,7 +18,6 @@ def specimen_size(results: Results) -> Picture:
     text = f"Bias of the indentation modulus against the half-space, by {document['variable'].removesuffix('_um').replace('_', ' ')}."
     return Picture(
         draw_bias(document),
-        text,
         f"{text} Each colour is a crystal; full lines: the surroundings as stated; dashed: half as stiff, dotted: twice. "
         f"Grey: within {100 * document['limit']:g} %.",
     )
@@ -68,12 +67,10 @@ def load_depth(results: Results) -> Picture:
     shape = results.group("indenter").get("shape", "paraboloid")
     return Picture(
         figure,
-        f"Force of {len(rows)} simulated indentations against that of an isotropic half-space of unit modulus at the same depths, and "
-        "the modulus of each depth.",
-        f"Left: force under a rigid {shape} against the force over modulus, P/M, that an isotropic half-space has at the same depths by "
+        f"Simulated indentations. Left: force under a rigid {shape} against the force over modulus, P/M, of an isotropic half-space at the same depths by "
         f"Sneddon's closed form{' (4/3 √R h^1.5)' if shape == 'paraboloid' else ''}. The slope of the fit through the origin is the "
-        "indentation modulus. Right: the modulus of each depth alone, with the fit as a line, which leaves out the first depths: the mesh "
-        "resolves contact that spans five elements.",
+        "indentation modulus. Right: the modulus of each depth alone, with the fit as a line. The fit leaves out the first depths, where the contact spans less "
+        "than five elements.",
     )
 
 
@@ -91,4 +88,4 @@ def theory(results: Results) -> Picture:
     limit = 1.25 * max(np.max(np.abs(values)), 0.1)
     ends = min(-0.25 * limit, 1.25 * np.min(values)), max(0.25 * limit, 1.25 * np.max(values))
     right.set(ylim=ends)
-    return Picture(figure, text, text + " The simulations use nothing of the theory.")
+    return Picture(figure, text)

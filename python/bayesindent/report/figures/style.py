@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from string import ascii_lowercase
 from typing import Any
 
 import matplotlib as mpl
@@ -14,7 +15,7 @@ from matplotlib.text import Text
 from ..formatting import subscript
 
 __all__ = [
-    "Picture", "density_axes", "grid_of_constants", "house_style", "logarithmic", "new_figure", "panels", "parity_panels",
+    "COLUMN", "WIDTH", "Picture", "density_axes", "grid_of_constants", "house_style", "is_column", "legend_above", "letter_panels", "logarithmic", "new_figure", "panels", "parity_panels",
     "sd_axes", "stamp_synthetic", "text_size",
 ]  # fmt: skip
 
@@ -46,19 +47,27 @@ STYLE = {
     "svg.hashsalt": "bayesindent",
 }
 
-#: Width of a figure in inches.
-WIDTH = 7.0
+#: Panels of a matrix, which have no letters.
+MATRIX = 9
+
+#: Width in inches of a figure of the report, and of a column of a journal, whose figures have small text.
+WIDTH, COLUMN, SMALL = 7.0, 3.35, 7.0
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure, its text for those who cannot see it, its caption, and header and rows of the numbers behind it where it has more than
-    lines, bars and areas."""
+    """A figure, its caption, header and rows of the numbers behind it where it has more than lines, bars and areas, and what else those who
+    cannot see it are to know beside the first sentence of the caption."""
 
     figure: Figure
-    alt: str
     caption: str
     table: tuple[list[str], list[list]] | None = None
+    values: str = ""
+
+    @property
+    def alt(self) -> str:
+        """The text for those who cannot see it."""
+        return f"{self.caption.partition('. ')[0].rstrip('.')}. {self.values}".strip()
 
 
 #: Where figures are drawn, if not on their own.
@@ -67,18 +76,38 @@ PLACE: ContextVar[Any] = ContextVar("PLACE", default=None)
 
 def new_figure(height: float) -> Figure:
     """An empty figure of this height in inches, or the `PLACE` that is set."""
-    return PLACE.get() or Figure(figsize=(WIDTH, height))
+    return PLACE.get() or Figure(figsize=(mpl.rcParams["figure.figsize"][0], height))
+
+
+def is_column() -> bool:
+    """Whether figures are as wide as a column of a journal."""
+    return bool(mpl.rcParams["figure.figsize"][0] < WIDTH)
 
 
 def panels(height: float, rows: int = 1, columns: int = 1, **settings: Any) -> tuple[Figure, Any]:
-    """A figure of this height in inches and its axes, one or an array of them; `settings` are those of matplotlib's `subplots`."""
+    """A figure of this height in inches and its axes, one or an array of them; `settings` are those of matplotlib's `subplots`. In a column
+    of a journal two panels are one above the other."""
+    if is_column():
+        rows, columns, height = (2, 1, 1.45 * height) if (rows, columns) == (1, 2) else (rows, columns, 0.75 * height)
     figure = new_figure(height)
     return figure, figure.subplots(rows, columns, **settings)
 
 
+def letter_panels(figure: Figure) -> None:
+    """(a), (b), .. at panels of a figure, where there are several but no matrix of them."""
+    shown = [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
+    for letter, axes in zip(ascii_lowercase, shown if 1 < len(shown) < MATRIX else []):
+        axes.set_title(f"({letter}) {axes.get_title(loc='left')}", loc="left")
+
+
+def legend_above(figure: Figure, *entries: Any, columns: int = 4, corner: str = "upper left") -> None:
+    """A legend outside the axes; `entries` are those of matplotlib's `legend`."""
+    figure.legend(*entries, loc=f"outside {corner}", ncols=min(columns, 2 if is_column() else columns))
+
+
 def grid_of_constants(names: Collection[str], height: float, further: float = 0.0) -> tuple[Figure, dict[str, Any]]:
     """A figure with axes for each constant, three in a row: of a `height` a row, and `further` in all, in inches."""
-    columns = min(3, len(names))
+    columns = min(2 if is_column() else 3, len(names))
     rows = -(-len(names) // columns)
     figure, grid = panels(height * rows + further, rows, columns, squeeze=False)
     for spare in grid.ravel()[len(names) :]:
@@ -95,13 +124,14 @@ def density_axes(figure: Figure, grid: dict[str, Any]) -> None:
         axes.spines["left"].set_visible(False)
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
-    figure.legend(entries.values(), entries.keys(), loc="outside upper left", ncols=len(entries))
+    legend_above(figure, entries.values(), entries.keys())
 
 
 @contextmanager
-def house_style() -> Iterator[None]:
-    """Draw in one style, whatever the user's configuration is."""
-    with mpl.rc_context({**mpl.rcParamsDefault, "backend": "agg", **STYLE}):
+def house_style(width: float = WIDTH) -> Iterator[None]:
+    """Draw in one style, whatever the user's configuration is, figures of this width in inches."""
+    small = {"font.size": SMALL, "axes.titlesize": SMALL, "lines.linewidth": 1.0} if width < WIDTH else {}
+    with mpl.rc_context({**mpl.rcParamsDefault, "backend": "agg", **STYLE, **small, "figure.figsize": (width, width)}):
         yield
 
 
@@ -114,8 +144,9 @@ def text_size(figure: Figure) -> float:
 
 def stamp_synthetic(figure: Figure) -> None:
     """Mark a figure that rests on made-up data."""
-    figure.get_layout_engine().set(rect=(0, 0, 1, 0.94))
-    figure.text(0.995, 0.985, "SYNTHETIC DATA", ha="right", va="top", color=RED, weight="bold", size=9)
+    height = 0.2 / figure.get_figheight()
+    figure.get_layout_engine().set(rect=(0, height, 1, 1 - height))
+    figure.text(0.995, 0.1 * height, "SYNTHETIC DATA", ha="right", va="bottom", color=RED)
 
 
 def parity_panels(x: np.ndarray, y: np.ndarray, difference: np.ndarray, labels: Sequence[str], **style: Any) -> tuple[Figure, Any]:
@@ -132,9 +163,9 @@ def parity_panels(x: np.ndarray, y: np.ndarray, difference: np.ndarray, labels: 
     return figure, right
 
 
-def sd_axes(axes: Any) -> None:
+def sd_axes(axes: Any, bands: bool = True) -> None:
     """Bands of one and two sds about zero."""
-    for multiple, alpha in ((2, 0.2), (1, 0.3)):
+    for multiple, alpha in ((2, 0.2), (1, 0.3)) if bands else ():
         axes.axhspan(-multiple, multiple, color=SKY, alpha=alpha, lw=0)
     axes.axhline(0, color=BLACK, lw=0.8)
 

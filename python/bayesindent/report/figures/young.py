@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from mpl_toolkits import mplot3d  # noqa: F401  (makes 3d axes known)
 
 from ..results import Results, present
-from .style import Picture, new_figure
+from .style import Picture, panels
 
 __all__ = ["young_surface", "youngs_modulus"]
 
@@ -30,16 +30,15 @@ def young_surface(results: Results) -> Picture:
     directions = np.stack([np.sin(declination) * np.cos(azimuth), np.sin(declination) * np.sin(azimuth), np.cos(declination)], axis=-1)
     young = youngs_modulus(results.draws(DRAWS), directions.reshape(-1, 3))
     mean, share = (values.reshape(declination.shape) for values in (young.mean(axis=0), 100 * young.std(axis=0) / young.mean(axis=0)))
-    figure = new_figure(3.5)
-    for place, values, label in ((1, mean, "Young's modulus (GPa)"), (2, share, "its sd (%)")):
-        draw(figure, figure.add_subplot(1, 2, place, projection="3d"), directions * mean[..., None], values, label)
+    figure, places = panels(3.5, 1, 2, subplot_kw={"projection": "3d"})
+    for axes, values, label in zip(places, (mean, share), ("Young's modulus (GPa)", "sd of Young's modulus (%)")):
+        draw(figure, axes, directions * mean[..., None], values, label)
     low, high = mean.min(), mean.max()
     text = f"Young's modulus over the directions of the crystal, from {low:.0f} to {high:.0f} GPa in the mean of the posterior"
     return Picture(
         figure,
-        f"{text}, as a surface; and its sd, at most {share.max():.1f} %.",
-        f"{text}: the distance of the surface from the centre in each direction. Colour: on the left the same, on the right its sd in per "
-        f"cent. The axes are those of the crystal.",
+        f"{text}: the distance of the surface from the centre. Colour: on the left the same, on the right its sd, at most {share.max():.1f} %. "
+        "The axes are those of the crystal.",
         (
             ["crystal_x", "crystal_y", "crystal_z", "young_gpa", "sd_percent"],
             np.column_stack([directions.reshape(-1, 3), mean.ravel(), share.ravel()]).tolist(),
