@@ -151,6 +151,7 @@ contains
          ! No result follows from the machine.
          if (group == 'execution') cycle
          if (.not. problem%settings%curves%given .and. (group == 'curves' .or. group == 'references')) cycle
+         if (.not. problem%settings%plan%given .and. group == 'plan') cycle
          if (group == 'problem') content = content(:index(content, '  title = '))//content(index(content, '  synthetic'):)
          if (group == 'crystals') call add_table(problem%crystals)
          if (group == 'curves' .and. allocated(problem%curves)) content = content//problem%curves%digest &

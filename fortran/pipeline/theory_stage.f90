@@ -7,6 +7,7 @@ module theory_stage
    use json, only: json_type
    use kinds, only: wp
    use machine, only: thread_count
+   use namelist_file, only: place
    use rayleigh_wave, only: rayleigh_waves, wave_speed, wave_type
    use text, only: to_text
    implicit none
@@ -33,6 +34,7 @@ contains
          allocate (modulus(points%n), circular(points%n))
          call halfspace_moduli(points%stiffness, points%euler_deg, thread_count(self%problem%settings%execution%workers), modulus, &
             & circular, error)
+         if (allocated(error)) error%message = place(self%problem%path, 'crystals', 'points')//error%message
          if (.not. allocated(error) .and. allocated(points%propagation_deg) &
             & .and. allocated(self%problem%settings%problem%density_kg_m3)) then
             allocate (waves(points%n))

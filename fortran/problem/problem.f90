@@ -239,9 +239,10 @@ contains
       if (allocated(self%shared_file)) call read_table(self%shared_file, source, error)
       if (.not. allocated(error) .and. source%rows /= table%rows) call refuse(error, to_text(source%rows)//' rows for ' &
          & //to_text(table%rows)//' of the measurements; each row has the errors of one of them')
+      if (allocated(error)) source%columns = 0
       chosen = [(index(source%name(j), 'shared_') == 1 .or. (allocated(self%shared_file) .and. source%name(j) /= 'grain'), j=1, &
          & source%columns)]
-      if (.not. allocated(error) .and. any(chosen)) then
+      if (any(chosen)) then
          if (allocated(self%shared_errors)) deallocate (self%shared_errors)
          allocate (self%shared_errors(source%rows, count(chosen)))
          associate (columns => pack([(j, j=1, source%columns)], chosen))

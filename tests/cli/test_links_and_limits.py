@@ -9,6 +9,7 @@ import subprocess
 import sys
 
 import pytest
+from bench_mutations import MAPS, prepare, write
 from programs import BATCH
 
 from bayesindent.report.templates import render
@@ -65,6 +66,18 @@ def test_a_file_is_begun_anew_where_a_link_has_its_first_name(folder, program):
     assert done.returncode == 0
     assert (folder / "other").read_text() == "of somebody else"
     assert not [path for path in (folder / "out").iterdir() if path.is_symlink()]
+
+
+def test_a_picture_is_not_written_through_a_link(tmp_path, bayesindent):
+    prepare(tmp_path)
+    namelist = write("map", MAPS[".ctf"], tmp_path).with_suffix(".nml")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "other").write_text("of somebody else")
+    (tmp_path / "out" / "map.png").symlink_to("../other")
+    done = bayesindent("map", namelist, "--output", "out")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "other").read_text() == "of somebody else"
+    assert (tmp_path / "out" / "map.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_a_pipe_as_the_log_does_not_hang(folder):

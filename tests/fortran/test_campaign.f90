@@ -96,7 +96,8 @@ contains
       integer :: n
 
       points%n = 2
-      points%classes = [class_of('cubic')]
+      allocate (points%classes(1))
+      points%classes(1) = class_of('cubic')
       points%class = [1, 1]
       points%constants = reshape([copper, 2.0_wp*copper], [3, 2])
       points%euler_deg = reshape([angles, angles], [3, 2])

@@ -141,14 +141,14 @@ class Results:
         own, before = (np.stack([item.values for item in group.data_vars.values()], axis=-1) for group in (result.posterior, result.prior))
 
         def both(group: Any, *names: str) -> np.ndarray:
-            return np.concatenate([group[name].values for name in names if name in group], axis=-1)
+            return np.concatenate([group[name].transpose("angle", ..., missing_dims="ignore").values for name in names if name in group], axis=-1)
 
         data = result.constant_data
         return {
             "draws": own, "prior_draws": before, "lower": bounds[:, 0], "upper": bounds[:, 1],
             "stride": own.shape[1] // result.log_likelihood.sizes["draw"],
             "log_likelihood": both(result.log_likelihood, "modulus", "velocity"), "modulus_gpa": both(result.observed_data, "modulus", "velocity"),
-            "sd_gpa": both(data, "sd", "velocity_sd"), "euler_deg": both(data.transpose("angle", ...), "euler_deg", "velocity_euler_deg").T,
+            "sd_gpa": both(data, "sd", "velocity_sd"), "euler_deg": both(data, "euler_deg", "velocity_euler_deg").T,
         }  # fmt: skip
 
     @cached_property

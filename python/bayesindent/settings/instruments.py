@@ -3,12 +3,13 @@
 import os
 import re
 from collections.abc import Iterable
+from glob import glob
 from pathlib import Path
 
 import numpy as np
 
 from ..core import InputError
-from .laboratory_tables import reader_of
+from .laboratory_tables import reader_of, reading
 
 __all__ = ["curves_of_files", "tdm_settings"]
 
@@ -23,13 +24,15 @@ def curves_of_files(place: str, folder: Path, names: Iterable[str], drift_remove
     """The columns of the neutral CSV of files of a folder, of which names such as 'raw/*.txt' are several; `place` begins messages."""
     found = []
     for name in names:
-        paths = sorted(folder.glob(name)) if set(name) & set("*?[") and not Path(name).is_absolute() else [folder / name]
+        several = set(name) & set("*?[")
+        paths = [folder / path for path in sorted(glob(name, root_dir=folder, recursive=True))] if several else [folder / name]
         if not paths:
             raise InputError(f"{place}{name}: there is no such file")
         for file in paths:
             of_file = f"{place}{file.relative_to(folder) if file.is_relative_to(folder) else file}"
-            found += [(test, np.asarray(curve, dtype=float)) for test, curve in read_file(file, f"{of_file}: ")]
-            settings = tdm_settings(beside) if (beside := file.with_suffix(".tdm")).is_file() else {}
+            with reading(f"{of_file}: ", "file of curves"):
+                found += [(test, np.asarray(curve, dtype=float)) for test, curve in read_file(file, f"{of_file}: ")]
+                settings = tdm_settings(beside) if (beside := file.with_suffix(".tdm")).is_file() else {}
             if drift_removed and not settings.get("drift_removed", True):
                 raise InputError(
                     f"{of_file} ({beside.name}): the drift of {settings.get('drift_nm_s')} nm/s is still in the depths; state "
@@ -84,7 +87,7 @@ def read_hysitron(text: str, place: str) -> tuple:
             rows.append([float(cells[j]) * scale for j, scale in order])
         except (ValueError, IndexError):
             raise InputError(f"{place}line {number}: {line[:40]!r} is no row of numbers") from None
-    stated = next((int(line.split("=")[1]) for line in lines[:start] if line.startswith("Number of Points =")), len(rows))
+    stated = next(map(int, re.findall(r"Number of Points = *(\d{1,9})\b", text)), len(rows))
     if stated != len(rows):
         raise InputError(f"{place}{len(rows)} points, where the file states {stated}; it is truncated")
     return tuple(np.transpose(rows))

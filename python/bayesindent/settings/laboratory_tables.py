@@ -8,9 +8,10 @@ said in a note. Lines keep their numbers, so that messages of the core name thos
 import csv
 import re
 import sys
+import warnings
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from contextlib import closing
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
 from io import StringIO
@@ -21,7 +22,7 @@ import numpy as np
 
 from ..core import InputError, call
 
-__all__ = ["LaboratoryTable", "laboratory_table", "meanings_of", "reader_of"]
+__all__ = ["LaboratoryTable", "laboratory_table", "meanings_of", "reader_of", "reading"]
 
 #: Moduli, most specific first; an sd; what says which test of which grain a row is.
 MODULI = ("indentation_modulus_gpa", "effective_modulus_gpa", "sample_modulus_gpa", "modulus_gpa")
@@ -64,6 +65,19 @@ def reader_of(place: str, path: Path, kind: str, module: str, otherwise: str = "
     if not path.is_file():
         raise InputError(f"{place}the file does not exist")
     return found
+
+
+@contextmanager
+def reading(place: str, kind: str) -> Iterator[None]:
+    """Whatever a damaged file of this `kind` makes its reader raise is a refusal, whose message begins with `place`; the reader's warnings are left out."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"{place}is no {kind} that can be read ({' '.join(f'{type(error).__name__}: {error}'.split())})") from None
 
 
 @dataclass
@@ -148,7 +162,8 @@ def laboratory_table(place: str, path: Path, sheet: str = "", stated: Iterable[s
     text, encoding = decoded(content) if content.count(b"\n") <= MOST_LINES else ("", "")
     if not text:
         return None
-    rows = rows_of(text)
+    with reading(place, "table"):
+        rows = rows_of(text)
     if header_of(rows, stated)[1] < 2:
         return None
     table = understood(place, rows, "", stated)
@@ -193,7 +208,7 @@ def tidy(value, decimal_commas: bool = True) -> str:
 def sheet_of(place: str, path: Path, sheet: str, stated: Iterable[str]) -> tuple[list, str]:
     """The rows of a sheet of a spreadsheet with their numbers, and its name: the one that is asked for, or the first that has a table of moduli."""
     openpyxl = reader_of(place, path, "a spreadsheet", "openpyxl", ", or save the sheet as CSV")
-    try:
+    with reading(place, "spreadsheet"):
         with closing(openpyxl.load_workbook(path, read_only=True, data_only=True)) as book:
             if sheet and sheet not in book.sheetnames:
                 raise InputError(f"{place}there is no sheet {sheet!r}; the sheets are {', '.join(book.sheetnames)}")
@@ -207,10 +222,6 @@ def sheet_of(place: str, path: Path, sheet: str, stated: Iterable[str]) -> tuple
             raise InputError(f"{place}the sheets {', '.join(fit)} have moduli; state sheet = '{fit[0]}' or another")
         name = next(iter(rows)) if next(iter(rows)) in fit or not fit else fit[0]
         refuse_formulas(place, openpyxl, path, name, pages[name])
-    except InputError:
-        raise
-    except Exception as error:  # whatever a damaged file makes its reader raise
-        raise InputError(f"{place}is no spreadsheet that can be read ({' '.join(f'{type(error).__name__}: {error}'.split())})") from None
     return rows[name], name
 
 
@@ -233,6 +244,11 @@ def refuse_formulas(place: str, openpyxl: ModuleType, path: Path, sheet: str, va
 def is_number(cell: str) -> bool:
     """Whether a cell is a number, perhaps with a unit or an sd."""
     return bool(is_plain_number(cell) or WITH_UNIT.match(cell) or PLUS_MINUS.match(cell))
+
+
+def value_of(number: str) -> float:
+    """The value of a number as tables have it: 3,5 or 1d5 too."""
+    return float(number.lower().replace(",", ".").replace("d", "e"))
 
 
 def meanings_of(names: Sequence[str], stated: Iterable[str] = ()) -> list[str]:
@@ -351,14 +367,14 @@ def split_sds(table: LaboratoryTable) -> None:
                 row[j], sds[i] = found[1], found[2]
             if (found := WITH_UNIT.match(row[j])) and (found[2] != "%" or (j == sd and modulus >= 0)):
                 is_share = found[2] == "%"
-                row[j] = repr(float(found[1]) / 100 * float(row[modulus])) if is_share and is_plain_number(row[modulus]) else found[1]
+                row[j] = repr(value_of(found[1]) / 100 * value_of(row[modulus])) if is_share and is_plain_number(row[modulus]) else found[1]
                 table.is_plain = False
     if sds:
         table.add_column("sd_gpa", "sd_gpa", [sds.get(i, "") for i in range(len(table.rows))])
         table.note(f"column {table.names[modulus]}: what follows ± is its sd")
     if sd >= 0 and "%" in table.names[sd] and modulus >= 0 and all(is_plain_number(row[sd]) for row in table.rows):
         for row in table.rows:
-            row[sd] = repr(float(row[sd]) / 100 * float(row[modulus]))
+            row[sd] = repr(value_of(row[sd]) / 100 * value_of(row[modulus]))
         table.note(f"column {table.names[sd]}: per cent of the modulus")
         table.names[sd] = "sd_gpa"
 
@@ -420,14 +436,16 @@ def one_spelling(table: LaboratoryTable, grain: int) -> None:
         )
 
 
+@np.errstate(all="ignore")
 def standard_errors(table: LaboratoryTable, grain: int) -> None:
     """Sds of means: of a standard deviation of N tests, or of repeated tests that have none, a pooled one where they are few."""
     modulus, sd = table.column(*MODULI), table.column("sd_gpa")
     number = next((j for j, name in enumerate(table.names) if COUNT.fullmatch(name)), -1)
     counts = [row[number] for row in table.rows] if number >= 0 else [""]
-    if sd >= 0 and DEVIATION.search(table.names[sd]) and all(re.fullmatch(r"0*[1-9]\d*", count) for count in counts):
+    numbers = sd >= 0 and all(is_plain_number(row[sd]) for row in table.rows)
+    if numbers and DEVIATION.search(table.names[sd]) and all(re.fullmatch(r"0*[1-9]\d{0,8}", count) for count in counts):
         for row, count in zip(table.rows, counts, strict=True):
-            row[sd] = repr(float(row[sd]) / float(np.sqrt(int(count))))
+            row[sd] = repr(value_of(row[sd]) / float(np.sqrt(int(count))))
         table.note(
             f"column {table.names[sd]}: a standard deviation of {table.names[number]} tests, divided by its root: the standard error of the mean"
         )
@@ -435,7 +453,7 @@ def standard_errors(table: LaboratoryTable, grain: int) -> None:
         return
     tests: dict[str, list[float]] = {}
     for row in table.rows:
-        tests.setdefault(row[grain], []).append(float(row[modulus]))
+        tests.setdefault(row[grain], []).append(value_of(row[modulus]))
     freedom = len(table.rows) - len(tests)
     pooled = float(np.sqrt(sum(len(values) * np.var(values) for values in tests.values()) / max(1, freedom)))
     if not pooled > 0:

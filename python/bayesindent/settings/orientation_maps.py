@@ -20,7 +20,7 @@ from ..common.result_files import as_csv
 from ..core import InputError
 from ..crystal.directions import representative
 from ..crystal.elasticity import class_name
-from .laboratory_tables import reader_of
+from .laboratory_tables import reader_of, reading
 
 __all__ = ["IndentedMap", "indented_map"]
 
@@ -32,6 +32,8 @@ LEAST_PIXELS = 4
 POINT_COLUMNS = ("x_um", "y_um", "map_x_um", "map_y_um")
 #: Errors of registration that are drawn, and the probability of its grain below which an indent is uncertain.
 SAMPLE, LEAST_SHARE = 400, 0.95
+#: No sample is larger.
+FARTHEST_UM = 1e9
 #: The sample's axis that the indenter moves along.
 NORMAL = (0.0, 0.0, 1.0)
 
@@ -99,10 +101,10 @@ def registered(place: str, path: Path, stage: np.ndarray) -> tuple[np.ndarray, n
         known = np.array([[float(row[name]) for name in POINT_COLUMNS] for row in rows]).reshape(-1, 4)
     except OSError as error:
         raise InputError(f"{place}{error.strerror}") from None
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, csv.Error):
         known = np.full((1, 4), np.nan)
-    if not np.isfinite(known).all():
-        raise InputError(f"{place}is no CSV of numbers in the columns {', '.join(POINT_COLUMNS)}, a row for each point")
+    if not (np.abs(known) < FARTHEST_UM).all():
+        raise InputError(f"{place}is no CSV of numbers up to {FARTHEST_UM:g} in the columns {', '.join(POINT_COLUMNS)}, a row for each point")
     n, centre = len(known), known[:, :2].sum(axis=0) / max(1, len(known))
     spread = known[:, :2] - centre
     design = np.column_stack([np.ones(n), spread])
@@ -121,7 +123,7 @@ class Grid:
 
     def __init__(self, place: str, path: Path):
         io = reader_of(place, path, "an orientation map", "orix.io")
-        try:
+        with reading(place, "map"):
             with redirect_stdout(StringIO()):  # where orix names the phases
                 loaded = io.load(str(path))
             found = loaded[loaded.phase_id >= 0]
@@ -129,10 +131,10 @@ class Grid:
             self.positions = np.column_stack([found.x, found.y]).astype(float)
             #: From sample to crystal axes.
             self.rotations = rotations_of(found.rotations[:, 0] if found.rotations.ndim > 1 else found.rotations)
-        except Exception as error:  # whatever a damaged file makes its reader raise
-            raise InputError(f"{place}is no map that orix reads ({' '.join(f'{type(error).__name__}: {error}'.split())})") from None
-        if found.size < 2 or loaded.scan_unit != "um":
-            raise InputError(f"{place}has {found.size} indexed points in the unit {loaded.scan_unit!r}; a map in um is needed")
+        if found.size < 2 or loaded.scan_unit != "um" or not (np.abs(self.positions) < FARTHEST_UM).all():
+            raise InputError(
+                f"{place}has {found.size} indexed points in the unit {loaded.scan_unit!r}; a map in um, within {FARTHEST_UM:g}, is needed"
+            )
         self.phase = found.phase_id
         self.place = place
         #: Of each phase the name, its Laue class, which is all that diffraction sees, and the proper rotations of this.
@@ -145,6 +147,8 @@ class Grid:
         tree = cKDTree(self.positions)
         #: Distance of neighbours, um.
         self.step = float(np.median(tree.query(self.positions, k=2)[0][:, 1]))
+        if not self.step > 0:
+            raise InputError(f"{place}has most of its points twice at the same place; a map has each once")
         self.grain = self._grains(tree.query_pairs(1.2 * self.step, output_type="ndarray"))
         #: Whether a point is of a grain that is more than noise.
         self.counts = np.bincount(self.grain)[self.grain] >= LEAST_PIXELS

@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from ...common.result_files import whole_file
 from ...core import InputError
 from ...settings.problem import Problem
 from ..command import Command, output_folder
@@ -26,7 +27,8 @@ def draw(arguments: argparse.Namespace) -> dict:
         figure = draw_map(problem.map, problem.measurements.names).figure
         if problem.settings.problem.synthetic:
             stamp_synthetic(figure)
-        figure.savefig(output / "map.png")
+        with whole_file(output / "map.png") as file:
+            figure.savefig(file, format="png")
     euler = problem.measurements.euler_deg.tolist()
     rows = [{"map_x_um": x, "map_y_um": y, "grain": grain} for (x, y), grain in zip(problem.map.positions.tolist(), problem.map.grains)]
     if len(euler) == len(rows):
