@@ -108,7 +108,13 @@ SEEDS = {
     "points": (".csv", [text("x_um,y_um,map_x_um,map_y_um", "0,0,0,0", "0,3,0,3", "11,0,11,0", "11,3.1,11,3")], 3),
     "velocities": (
         ".csv",
-        [text("grain,phi1_deg,Phi_deg,phi2_deg,propagation_deg,rayleigh_velocity_m_s,sd_m_s,group", "a,1,2,3,4,2000,9,s", "b,5,40,7,8,2100,9,t")],
+        [
+            text(
+                "grain,phi1_deg,Phi_deg,phi2_deg,propagation_deg,rayleigh_velocity_m_s,sd_m_s,group",
+                "a,1,2,3,4,2000,9,s",
+                "b,5,40,7,8,2100,9,t",
+            )
+        ],
         3,
     ),
     "shared errors": (".csv", [text("grain,shared_1,shared_2", "a,0.02,0.01", "b,0.02,-0.01", "c,0.02,0.0")], 2),
@@ -139,7 +145,10 @@ NAMELISTS = {
     "points": ("extract", f"{ON_MAP}ebsd = 'map.ctf', ebsd_points = '{{file}}' /"),
     "velocities": ("extract", "&problem symmetry = 'cubic', density_kg_m3 = 8960 / &measurements velocities = '{file}' /"),
     "shared errors": ("extract", f"{CUBIC} &measurements file = 'grains.csv', shared_errors = '{{file}}' /"),
-    "stiffness": ("extract", "&problem symmetry = 'hexagonal' / &measurements file = 'grains.csv' / &knowledge stiffness_file = '{file}' /"),
+    "stiffness": (
+        "extract",
+        "&problem symmetry = 'hexagonal' / &measurements file = 'grains.csv' / &knowledge stiffness_file = '{file}' /",
+    ),
     "orientations": ("plan", f"{CUBIC} &plan constants = 168, 121, 75, grains = 2, noise = 0.02, orientations = '{{file}}' /"),
     "surrogate": ("extract", f"{CUBIC} &measurements file = 'grains.csv' / &surrogate file = '{{file}}' /"),
 }

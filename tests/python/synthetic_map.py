@@ -1,6 +1,6 @@
 """A synthetic orientation map of copper with indents, for the tutorial: grains of a Voronoi diagram, exact half-space theory and noise.
 
-    PYTHONPATH=tests/benchmarks python tests/python/synthetic_map.py inputs/data    writes copper_map.ctf, copper_map_indents.csv and copper_map_points.csv
+PYTHONPATH=tests/benchmarks python tests/python/synthetic_map.py inputs/data    writes copper_map.ctf, copper_map_indents.csv and copper_map_points.csv
 """
 
 import sys

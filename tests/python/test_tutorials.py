@@ -8,9 +8,9 @@ import subprocess
 import sys
 
 import pytest
+from notebooks import cells
 
 from conftest import SOURCE
-from notebooks import cells
 
 pytestmark = pytest.mark.long
 

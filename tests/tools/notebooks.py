@@ -1,6 +1,6 @@
 """Tutorials as executed notebooks: the cells of a page, what they print, and the pictures that they draw.
 
-    python tests/tools/notebooks.py own_table curves        writes docs/tutorials/own_table.ipynb and curves.ipynb
+python tests/tools/notebooks.py own_table curves        writes docs/tutorials/own_table.ipynb and curves.ipynb
 """
 
 import base64
@@ -36,7 +36,7 @@ def executed(page: Path) -> dict:
     for number, (kind, text) in enumerate(cells(page.read_text(encoding="utf-8"))):
         if kind == "text":
             continue
-        cell = {"cell_type": "markdown", "id": f"cell-{number}", "metadata": {}, "source": text.splitlines(keepends=True)}
+        cell: dict = {"cell_type": "markdown", "id": f"cell-{number}", "metadata": {}, "source": text.splitlines(keepends=True)}
         if kind == "python":
             before = {path.name for path in Path().glob("*.png")}
             with contextlib.redirect_stdout(io.StringIO()) as printed:

@@ -25,7 +25,8 @@ def curves_of_files(place: str, folder: Path, names: Iterable[str], drift_remove
     found = []
     for name in names:
         several = set(name) & set("*?[")
-        paths = [folder / path for path in sorted(glob(name, root_dir=folder, recursive=True))] if several else [folder / name]
+        # Path.glob refuses patterns that are absolute, or odd.
+        paths = [folder / path for path in sorted(glob(name, root_dir=folder, recursive=True))] if several else [folder / name]  # noqa: PTH207
         if not paths:
             raise InputError(f"{place}{name}: there is no such file")
         for file in paths:

@@ -104,7 +104,9 @@ def registered(place: str, path: Path, stage: np.ndarray) -> tuple[np.ndarray, n
     except (ValueError, KeyError, TypeError, csv.Error):
         known = np.full((1, 4), np.nan)
     if not (np.abs(known) < FARTHEST_UM).all():
-        raise InputError(f"{place}is no CSV of numbers up to {FARTHEST_UM:g} in the columns {', '.join(POINT_COLUMNS)}, a row for each point")
+        raise InputError(
+            f"{place}is no CSV of numbers up to {FARTHEST_UM:g} in the columns {', '.join(POINT_COLUMNS)}, a row for each point"
+        )
     n, centre = len(known), known[:, :2].sum(axis=0) / max(1, len(known))
     spread = known[:, :2] - centre
     design = np.column_stack([np.ones(n), spread])
