@@ -9,11 +9,11 @@ module next_stage
    use extract_stage, only: extract_stage_type
    use extraction, only: extract, extraction_type
    use json, only: json_type
-   use kinds, only: degree, wp
+   use kinds, only: degree, nan, wp
    use linear_algebra, only: orthonormalize
    use namelist_file, only: place
    use next_measurement, only: candidates_type, choose_measurements, suggestions_type
-   use point_tables, only: nan, points_type
+   use point_tables, only: points_type
    use rayleigh_wave, only: new_surface, surface_type, surface_waves, wave_speed, wave_type
    use table_columns, only: angles_of_direction
    use machine, only: thread_count
