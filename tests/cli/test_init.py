@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
-from bayesindent.program.commands.init import SPREAD, known_of, metals, template
+from bayesindent.crystal.metals import SPREAD, known_of, metals
+from bayesindent.program.commands.init import template
 from conftest import SOURCE
 
 #: Bulk moduli in GPa as another table of Kittel's Introduction to Solid State Physics lists them.

@@ -5,6 +5,8 @@ import random
 import pytest
 from bench_mutations import MAPS, SEEDS, exported, mutated, prepare, read, text, try_in_process, write
 
+import bayesindent as bi
+
 WHOLE = '"' + 200_000 * "a"
 
 
@@ -30,14 +32,21 @@ def test_changes_change():
         ("laboratory table", text("phi1,Phi,phi2,Er,grain", "1,2,3,180 GPa,a", '4,5,6,"181,5",a', "7,8,9,1d999,b")),
         ("laboratory table", text("phi1,Phi,phi2,Er,sd", WHOLE)),
         ("points", text("x_um,y_um,map_x_um,map_y_um", WHOLE)),
-        ("points", text("x_um,y_um,map_x_um,map_y_um", "0,0,1e308,0", "0,3,0,3", "-1e308,0,11,0", "1e308,3,11,3")),
         ("map", MAPS[".ctf"].replace(b"1\t5\t1\t", b"1\t1e308\t1\t")),
-        ("instrument", exported(100).replace(b"60", b"59", 1)),
     ],
 )
 def test_what_cannot_be_is_one_line_that_names_the_file(tmp_path, kind, content):
     prepare(tmp_path)
     assert read(write(kind, content, tmp_path), kind, "run") == "refused"
+
+
+def test_a_pattern_that_is_none_is_one_line(tmp_path):
+    prepare(tmp_path)
+    path = write("instrument", exported(100), tmp_path)
+    namelist = path.with_suffix(".nml")
+    namelist.write_text(namelist.read_text().replace(path.name, "c**d"))
+    with pytest.raises(bi.InputError, match=r"&curves files: c\*\*d: (is no pattern of file names|there is no such file)"):
+        bi.Problem(namelist, "curves")
 
 
 def test_a_number_of_points_that_is_none_is_not_compared(tmp_path):

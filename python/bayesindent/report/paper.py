@@ -9,6 +9,7 @@ from markupsafe import Markup
 from ..common.result_files import write_csv, write_text
 from ..core import InputError
 from ..crystal.elasticity import stiffness_rows
+from ..crystal.metals import known_of
 from ..fe.deck import elastic_constants
 from ..version import __version__
 from .figures.posterior import chi_square
@@ -41,6 +42,7 @@ def methods(results: Results) -> tuple[str, str]:
         prior=prior, surrogate=surrogate, indenter=indenter(results), chains=with_count(document["chains"], "chain"), r_hat=[item["r_hat"] for item in chains],
         effective=[min(item["ess_bulk"], item["ess_tail"]) for item in chains], constants=Markup(enumeration(constants)), combinations=len(combinations),
         determined=len(with_verdict(combinations, "determined")),
+        known=known_of(results.metal) if results.metal else {},
         chi_square=all(item.get("measured_sd") for item in results.predicted) and chi_square(results.predicted),
     )  # fmt: skip
     works = read_data("references.bib").replace("@VERSION@", __version__).rstrip().split("\n\n")

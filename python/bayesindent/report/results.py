@@ -5,6 +5,7 @@ import re
 from collections.abc import Sized
 from functools import cached_property
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,8 +14,8 @@ from numpy.typing import ArrayLike
 from ..common.result_files import read_json
 from ..core import InputError, call
 from ..crystal.elasticity import class_name, constant_names, stiffness_rows
+from ..crystal.metals import metals
 from ..pipeline.results_folder import DOCUMENTS, MANIFEST, belongs, changed_inputs, read_posterior, read_resolved, surrogate_digest
-from ..pipeline.template import Metal, metals
 from ..settings.problem import typed
 from ..surrogate.surrogate import Surrogate
 
@@ -83,7 +84,7 @@ class Results:
         return (f"literature, pure {self.metal.name}", self.metal.constants) if self.metal else ("", {})
 
     @cached_property
-    def metal(self) -> Metal | None:
+    def metal(self) -> SimpleNamespace | None:
         """The pure metal that the title names, if its crystal class is that of the problem."""
         named = (metal for metal in metals().values() if re.search(rf"\b{metal.name}\b", self.title, re.IGNORECASE))
         return next((metal for metal in named if metal.symmetry == self.symmetry), None)

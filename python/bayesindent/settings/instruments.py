@@ -3,7 +3,6 @@
 import os
 import re
 from collections.abc import Iterable
-from glob import glob
 from pathlib import Path
 
 import numpy as np
@@ -24,14 +23,13 @@ def curves_of_files(place: str, folder: Path, names: Iterable[str], drift_remove
     """The columns of the neutral CSV of files of a folder, of which names such as 'raw/*.txt' are several; `place` begins messages."""
     found = []
     for name in names:
-        several = set(name) & set("*?[")
-        # Path.glob refuses patterns that are absolute, or odd.
-        paths = [folder / path for path in sorted(glob(name, root_dir=folder, recursive=True))] if several else [folder / name]  # noqa: PTH207
+        with reading(f"{place}{name}: ", "is no pattern of file names"):
+            paths = sorted(folder.glob(name)) if set(name) & set("*?[") and not Path(name).is_absolute() else [folder / name]
         if not paths:
             raise InputError(f"{place}{name}: there is no such file")
         for file in paths:
             of_file = f"{place}{file.relative_to(folder) if file.is_relative_to(folder) else file}"
-            with reading(f"{of_file}: ", "file of curves"):
+            with reading(f"{of_file}: ", "is no file of curves that can be read"):
                 found += [(test, np.asarray(curve, dtype=float)) for test, curve in read_file(file, f"{of_file}: ")]
                 settings = tdm_settings(beside) if (beside := file.with_suffix(".tdm")).is_file() else {}
             if drift_removed and not settings.get("drift_removed", True):

@@ -68,8 +68,8 @@ def reader_of(place: str, path: Path, kind: str, module: str, otherwise: str = "
 
 
 @contextmanager
-def reading(place: str, kind: str) -> Iterator[None]:
-    """Whatever a damaged file of this `kind` makes its reader raise is a refusal, whose message begins with `place`; the reader's warnings are left out."""
+def reading(place: str, words: str) -> Iterator[None]:
+    """Whatever a damaged file makes its reader raise is a refusal, with a message of `place` and `words`; the reader's warnings are left out."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -77,7 +77,7 @@ def reading(place: str, kind: str) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
-        raise InputError(f"{place}is no {kind} that can be read ({' '.join(f'{type(error).__name__}: {error}'.split())})") from None
+        raise InputError(f"{place}{words} ({' '.join(f'{type(error).__name__}: {error}'.split())})") from None
 
 
 @dataclass
@@ -162,7 +162,7 @@ def laboratory_table(place: str, path: Path, sheet: str = "", stated: Iterable[s
     text, encoding = decoded(content) if content.count(b"\n") <= MOST_LINES else ("", "")
     if not text:
         return None
-    with reading(place, "table"):
+    with reading(place, "is no table that can be read"):
         rows = rows_of(text)
     if header_of(rows, stated)[1] < 2:
         return None
@@ -208,7 +208,7 @@ def tidy(value, decimal_commas: bool = True) -> str:
 def sheet_of(place: str, path: Path, sheet: str, stated: Iterable[str]) -> tuple[list, str]:
     """The rows of a sheet of a spreadsheet with their numbers, and its name: the one that is asked for, or the first that has a table of moduli."""
     openpyxl = reader_of(place, path, "a spreadsheet", "openpyxl", ", or save the sheet as CSV")
-    with reading(place, "spreadsheet"):
+    with reading(place, "is no spreadsheet that can be read"):
         with closing(openpyxl.load_workbook(path, read_only=True, data_only=True)) as book:
             if sheet and sheet not in book.sheetnames:
                 raise InputError(f"{place}there is no sheet {sheet!r}; the sheets are {', '.join(book.sheetnames)}")

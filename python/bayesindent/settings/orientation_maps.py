@@ -105,7 +105,7 @@ def registered(place: str, path: Path, stage: np.ndarray) -> tuple[np.ndarray, n
         known = np.full((1, 4), np.nan)
     if not (np.abs(known) < FARTHEST_UM).all():
         raise InputError(
-            f"{place}is no CSV of numbers up to {FARTHEST_UM:g} in the columns {', '.join(POINT_COLUMNS)}, a row for each point"
+            f"{place}is no CSV of numbers in the columns {', '.join(POINT_COLUMNS)}, a row for each point, up to {FARTHEST_UM:g}"
         )
     n, centre = len(known), known[:, :2].sum(axis=0) / max(1, len(known))
     spread = known[:, :2] - centre
@@ -125,7 +125,7 @@ class Grid:
 
     def __init__(self, place: str, path: Path):
         io = reader_of(place, path, "an orientation map", "orix.io")
-        with reading(place, "map"):
+        with reading(place, "is no map that orix reads"):
             with redirect_stdout(StringIO()):  # where orix names the phases
                 loaded = io.load(str(path))
             found = loaded[loaded.phase_id >= 0]
@@ -135,7 +135,7 @@ class Grid:
             self.rotations = rotations_of(found.rotations[:, 0] if found.rotations.ndim > 1 else found.rotations)
         if found.size < 2 or loaded.scan_unit != "um" or not (np.abs(self.positions) < FARTHEST_UM).all():
             raise InputError(
-                f"{place}has {found.size} indexed points in the unit {loaded.scan_unit!r}; a map in um, within {FARTHEST_UM:g}, is needed"
+                f"{place}has {found.size} indexed points in the unit {loaded.scan_unit!r}; a map in um is needed, within {FARTHEST_UM:g}"
             )
         self.phase = found.phase_id
         self.place = place

@@ -1,31 +1,21 @@
 """`init`: a namelist and a table of measurements to begin with: every variable of Step 2 explained, and what handbooks know of a metal."""
 
 import argparse
-import csv
 import textwrap
-from functools import cache
-from math import isclose
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
-
 from ...common.result_files import write_text
 from ...core import InputError
-from ...crystal.elasticity import class_name, constant_names, quantities
+from ...crystal.elasticity import class_name, constant_names
+from ...crystal.metals import known_of, metals
 from ...settings.problem import Variable, schema, spelled
 from ..command import Command
 
-__all__ = ["COMMAND", "known_of", "metals", "template"]
+__all__ = ["COMMAND", "template"]
 
 #: Names of the two files.
 NAMELIST, TABLE = "grains.nml", "grains.csv"
-
-#: What pressure tells of a crystal: the bulk modulus, and by it alone where these are equal.
-COMPRESSIBILITIES = ("compressibility[100]", "compressibility[001]")
-
-#: Relative sd of these quantities: what handbooks differ by, of the largest of them.
-SPREAD = 0.03
 
 #: Variables of &surrogate that only `build` reads.
 FOR_BUILDING = ("model", "degree", "bandlimit", "truncation", "scan")
@@ -43,25 +33,6 @@ EMPTY_TABLE = """\
 phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa
 # 46.3,88.7,199.3,151.0,2.0
 """
-
-
-@cache
-def metals() -> dict[str, SimpleNamespace]:
-    """The pure metals that come with the package by their symbols: the `name`, the word for its `structure`, the crystal class (`symmetry`), the
-    `constants` in GPa at room temperature, and their `source`."""
-    text = (Path(__file__).parents[2] / "data" / "metals.csv").read_text(encoding="utf-8")
-    rows = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
-    constants = ((row, {name: float(value) for name, value in row.items() if name[1:].isdigit() and value}) for row in rows)
-    return {row["symbol"]: SimpleNamespace(**row, constants=own) for row, own in constants}
-
-
-def known_of(metal: SimpleNamespace) -> dict[str, tuple[float, float]]:
-    """Mean and sd of what high pressure tells: bulk modulus in GPa, or compressibilities in 1/TPa."""
-    values = np.array([metal.constants[name] for name in constant_names(metal.symmetry)])
-    means = {name: float(value) for name, value in quantities(metal.symmetry, values, ("bulk_modulus", *COMPRESSIBILITIES)).items()}
-    isotropic = isclose(*(means[name] for name in COMPRESSIBILITIES), rel_tol=1e-9)
-    known = ("bulk_modulus",) if isotropic else COMPRESSIBILITIES
-    return {name: (means[name], SPREAD * max(means[other] for other in known)) for name in known}
 
 
 def template(symmetry: str | None, metal: str | None) -> dict[str, str]:
