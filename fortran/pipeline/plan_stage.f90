@@ -34,25 +34,17 @@ module plan_stage
 
 contains
 
-   !> Refuse what the first data set would be refused for.
+   !> The surrogate, and what the plan is refused for.
    subroutine begin(self, error)
       class(plan_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      type(problem_type) :: used
 
       self%done = self%output//'/plan.json'
       associate (problem => self%problem)
          call load_named_surrogate(problem%settings%surrogate%file, problem%class%name, self%places, self%surrogate, error)
          if (allocated(error)) error%message = place(problem%path, 'surrogate', 'file')//error%message
-         if (.not. allocated(error)) call make_up(self, [1, 1, 1], used, error)
-         if (.not. allocated(error)) call new_problem_posterior(used, self%surrogate, .false., self%posterior, error)
-         if (allocated(error)) return
-         associate (crystal => problem%settings%plan%constants)
-            if (.not. self%posterior%prior%admits(crystal, problem%class%stiffness(crystal))) call refuse(error, &
-               & place(problem%path, 'plan', 'constants')//'the crystal is outside the limits of &prior, or the domain of the ' &
-               & //'surrogate')
-         end associate
       end associate
+      if (.not. allocated(error)) call check_plan(self, error)
    end subroutine begin
 
    !> The expected sds for every number of grains and noise. Of the stage it needs the problem and the surrogate alone.
@@ -66,6 +58,8 @@ contains
       character(len=:), allocatable :: names
       integer :: i, j, k
 
+      call check_plan(self, error)
+      if (allocated(error)) return
       names = join(self%problem%class%constants, ', ')
       associate (plan => self%problem%settings%plan)
          call page%put_numbers(names, plan%constants, 'constants')
@@ -90,6 +84,22 @@ contains
       end associate
       call page%end_array()
    end subroutine finish
+
+   !> Refuse what the first data set would be refused for, and a crystal that the prior excludes.
+   subroutine check_plan(self, error)
+      class(plan_stage_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+      type(problem_type) :: used
+
+      call make_up(self, [1, 1, 1], used, error)
+      if (.not. allocated(error)) call new_problem_posterior(used, self%surrogate, .false., self%posterior, error)
+      if (allocated(error)) return
+      associate (crystal => self%problem%settings%plan%constants)
+         if (.not. self%posterior%prior%admits(crystal, self%problem%class%stiffness(crystal))) call refuse(error, &
+            & place(self%problem%path, 'plan', 'constants')//'the crystal is outside the limits of &prior, or the domain of the ' &
+            & //'surrogate')
+      end associate
+   end subroutine check_plan
 
    !> The problem with made-up measurements. Those of fewer grains, and of less noise, are the same but for that.
    subroutine make_up(self, number, used, error)

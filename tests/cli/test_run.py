@@ -134,17 +134,16 @@ def check_page(text):
     page = Page()
     page.feed(text)
     assert page.open == []
-    # Every section of results, but that of the checks, which is a table.
-    assert page.illustrated == {*page.headings[3:-1]} - {"Does the model fit, and how much is the prior's"}
+    # Every section has a picture but tables of grains and where the results come from.
+    assert page.illustrated == {*page.headings[1:]} - {"Grains and quantities", "Provenance"}
     assert all(len(words) > 20 for words in page.pictures)
     assert page.headings[1:] == [
-        "Result",
-        "What was asked",
-        "Step 1: the surrogate",
-        "Step 2: the elastic constants",
-        "Measurements, knowledge and prior",
-        "Does the model fit, and how much is the prior's",
-        "Which grain to measure next",
+        "What to do next",
+        "The result in figures",
+        "How well the surrogate predicts",
+        "Grains and quantities",
+        "Diagnostics",
+        "Surrogate",
         "Provenance",
     ]
     assert "Synthetic data." in text

@@ -262,4 +262,4 @@ def test_every_writer_goes_through_one_helper():
             if path.name != helper:
                 found += [f"{path.name}: {line.strip()}" for line in path.read_text().splitlines() if pattern.search(line)]
     # Tables of Python on their way to the core, and a surrogate, in temporary folders.
-    assert sorted(line.partition(":")[0] for line in found) == ["instruments.py", "surrogate.py"]
+    assert sorted(line.partition(":")[0] for line in found) == ["curves.py", "surrogate.py"]
