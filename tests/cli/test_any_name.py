@@ -4,6 +4,8 @@ import csv
 import json
 import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -127,3 +129,11 @@ def test_what_is_told_is_utf8(tmp_path):
     with pytest.raises(bi.InputError) as told:
         bi.stiffness("würfel", **COPPER)
     assert "würfel" in str(told.value)
+
+
+def test_a_terminal_without_the_signs(tmp_path):
+    """What it cannot show is written as an escape; nothing fails."""
+    (tmp_path / "a.csv").write_text("phi1,Phi,phi2,Er (GPa)\n4,5,6,130 ± 2\n7,80,9,131 ± 2\n", encoding="utf-8")
+    command = [sys.executable, "-m", "bayesindent", "table", str(tmp_path / "a.csv")]
+    done = subprocess.run(command, capture_output=True, env=os.environ | {"PYTHONIOENCODING": "ascii"}, check=False)
+    assert done.returncode == 0 and b"\\xb1" in done.stdout + done.stderr, done.stderr

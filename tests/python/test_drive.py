@@ -40,7 +40,7 @@ def test_the_driver_gives_the_numbers_of_the_namelist(driver, tmp_path, capsys):
     assert suggestions == json.loads((tmp_path / "run" / "next.json").read_text())["suggestions"]
     built, kept = (json.loads((tmp_path / folder / "build.json").read_text()) for folder in ("run", "drive"))
     assert kept["history"] == built["history"]
-    assert 'alt="Predicted against simulated moduli' in (tmp_path / "drive" / "report.html").read_text()
+    assert 'alt="Leave-one-out: the 8 simulations' in (tmp_path / "drive" / "report.html").read_text()
     assert "of crystals of every class: 8 simulations" in repr(surrogate)
     # Again: nothing is simulated.
     again = bi.build(tmp_path / "quick.nml", tmp_path / "run")

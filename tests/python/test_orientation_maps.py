@@ -206,3 +206,10 @@ def test_what_is_no_map(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "orix", None)
     with pytest.raises(bi.InputError, match=r"needs orix, which is not installed: \S+ -m pip install orix$"):
         measured(path, [(1.0, 1.0)])
+
+
+def test_a_message_quotes_no_line_of_a_file_that_is_no_map(tmp_path):
+    (tmp_path / "map.ang").write_text("# a header\nroot:x:0:0:root:/root:/bin/bash\n" * 3)
+    with pytest.raises(bi.InputError, match="map.ang: is no map that orix reads") as error:
+        measured(tmp_path / "map.ang", [(1.0, 1.0), (2.0, 2.0)])
+    assert "root" not in str(error.value).partition("map.ang")[2]

@@ -12,6 +12,7 @@ import textwrap
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
+from io import TextIOWrapper
 from pathlib import Path
 from typing import NoReturn
 
@@ -70,6 +71,9 @@ signal N, such as 130 by Ctrl-C (run it again to go on).
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command of these arguments (default: the process's own); return its exit status."""
     argv = list(sys.argv[1:] if argv is None else argv)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # a terminal of another encoding than UTF-8 has no sign for plus-minus
+            stream.reconfigure(errors="backslashreplace")
     if argv[:1] == ["version"]:
         argv = ["--version"]
     elif argv[:1] == ["help"]:

@@ -69,7 +69,8 @@ def reader_of(place: str, path: Path, kind: str, module: str, otherwise: str = "
 
 @contextmanager
 def reading(place: str, words: str) -> Iterator[None]:
-    """Whatever a damaged file makes its reader raise is a refusal, with a message of `place` and `words`; the reader's warnings are left out."""
+    """Whatever a damaged file makes its reader raise is a refusal, with a message of `place` and `words`; the reader's warnings and
+    words, which may quote the file, are left out."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -77,7 +78,7 @@ def reading(place: str, words: str) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
-        raise InputError(f"{place}{words} ({' '.join(f'{type(error).__name__}: {error}'.split())})") from None
+        raise InputError(f"{place}{words} ({type(error).__name__})") from None
 
 
 @dataclass
