@@ -102,7 +102,7 @@ CASES = {
 @pytest.mark.long
 @pytest.mark.parametrize("case", CASES)
 def test_full_posteriors_have_these_sds(case):
-    """Each constant within 20 % of the mean sd over ten data sets, whose own error is 2 to 14 %: sds vary with the luck of the data."""
+    """Each constant within 20 % of the median sd over ten data sets. Of titanium rare draws at ten times the constant double the sd of a chain."""
     symmetry, n, noise, settings = CASES[case]
     crystal = bi.stiffness(symmetry, *CRYSTALS[symmetry])
     full = []
@@ -114,7 +114,7 @@ def test_full_posteriors_have_these_sds(case):
         posterior = Posterior.of(table, surrogate=bi.Surrogate.load("halfspace"), symmetry=symmetry, **KIND | settings)
         draws = posterior.sample(method="ensemble", samples=10000, burn_in=6000, chains=2, threads=2, seed=number + 17)[0]
         full.append(draws.reshape(-1, draws.shape[-1]).std(axis=0))
-    assert sds(symmetry, list(CRYSTALS[symmetry]), n, noise, **settings)[0] == pytest.approx(np.mean(full, axis=0), rel=0.2)
+    assert sds(symmetry, list(CRYSTALS[symmetry]), n, noise, **settings)[0] == pytest.approx(np.median(full, axis=0), rel=0.2)
 
 
 @pytest.mark.long

@@ -208,17 +208,21 @@ def value_of(variable, symmetry, draw):
 def namelists(draw):
     """A valid file in one of its many spellings, and what it says."""
     symmetry = draw(st.sampled_from(["cubic", "hexagonal"]))
-    content = {"problem": {"symmetry": symmetry}, "design": {"n_candidates": 100, "budget": 50}}
     k = len(constant_names(symmetry))
+    content = {
+        "problem": {"symmetry": symmetry, "reference_gpa": k * [100.0], "density_kg_m3": 5e3},
+        "design": {"n_candidates": 100, "budget": 50},
+    }
     content["domain"] = {"c_min": k * [10.0], "c_max": k * [300.0], "anisotropy_cap": 7.5}
     free = [
         v
         for v in schema()
         if v.default != "*" and v.kind not in ("file", "choice or file")
-        and v.group not in ("crystals", "curves", "references", "measurements", "prior", "knowledge")
+        and v.group not in ("crystals", "curves", "references", "measurements", "prior", "knowledge", "plan")
         and v.name not in ("symmetry", "c_min", "c_max", "anisotropy_cap", "classes", "poisson_min", "poisson_max", "stiffness_min_gpa",
                            "stiffness_max_gpa", "n_candidates", "budget", "initial", "file", "scan", "target", "model", "degree", "bandlimit",
-                           "geometry", "shape", "contact_radius_um", "lattice")
+                           "geometry", "shape", "contact_radius_um", "lattice", "reference_gpa",
+                           "density_kg_m3")
     ]  # fmt: skip
     for variable in draw(st.lists(st.sampled_from(free), unique_by=lambda v: (v.group, v.name))):
         content.setdefault(variable.group, {})[variable.name] = value_of(variable, symmetry, draw)
