@@ -219,7 +219,7 @@ def mutated(content: bytes, rng: random.Random) -> bytes:
 
 
 def read(path: Path, kind: str, command: str) -> str:
-    """'read' or 'refused'; what else happens is raised or told."""
+    """'read' or 'refused'; what else happens is raised or reported."""
     start = time.perf_counter()
     try:
         if kind == "namelist":
