@@ -215,7 +215,7 @@ def test_a_common_column_of_errors_is_a_calibration():
 
 def test_from_curves_to_constants(bayesindent, batch, tmp_path):
     source = (SOURCE / "inputs" / "copper_curves.nml").read_text().replace("'data/", f"'{SOURCE / 'inputs' / 'data'}/")
-    (tmp_path / "a.nml").write_text(source + "&sampler\n samples = 1000\n burn_in = 2000\n/\n")
+    (tmp_path / "a.nml").write_text(source + "&sampler\n samples = 400\n burn_in = 500\n/\n")
     done = bayesindent("run", "a.nml", "--output", "python", "--json")
     assert done.returncode == 0, done.stderr
     document = json.loads(done.stdout)
@@ -234,6 +234,6 @@ def test_from_curves_to_constants(bayesindent, batch, tmp_path):
         source[: source.index("! Step 0")]
         + "&measurements\n file = 'python/measurements.csv'\n shared_errors = 'python/shared_errors.csv'\n/\n"
     )
-    (tmp_path / "b.nml").write_text(text + source[source.index("&knowledge") :] + "&sampler\n samples = 1000\n burn_in = 2000\n/\n")
+    (tmp_path / "b.nml").write_text(text + source[source.index("&knowledge") :] + "&sampler\n samples = 400\n burn_in = 500\n/\n")
     assert batch("b.nml", "--output", "files").returncode == 0
     assert (tmp_path / "files" / "posterior.csv").read_bytes() == (tmp_path / "batch" / "posterior.csv").read_bytes()
