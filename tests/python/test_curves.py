@@ -229,6 +229,10 @@ def test_from_curves_to_constants(bayesindent, batch, tmp_path):
     report = (tmp_path / "python" / "report.html").read_text()
     assert report.index("Moduli from curves") > 0
     assert "Error" not in done.stderr
+    # What cannot be written leaves no part of itself or of the others.
+    (tmp_path / "full" / "measurements.csv").mkdir(parents=True)
+    assert "measurements.csv: cannot be written" in batch("a.nml", "--output", "full").stderr
+    assert not list((tmp_path / "full").glob(".part-*"))
     # The two tables by themselves, as a file of measurements.
     text = (
         source[: source.index("! Step 0")]

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from io import TextIOWrapper
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from ..common.progress import show_progress
 from ..common.result_files import plain
@@ -78,18 +78,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv = ["--version"]
     elif argv[:1] == ["help"]:
         argv = [*argv[1:], "--help"]
-    arguments, unknown = parser(argv).parse_known_args(argv)
-    if unknown:
-        arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     # ArviZ announces its next version at every import.
     warnings.filterwarnings("ignore", category=FutureWarning, module="arviz")
     # A log that cannot be written is no reason for a traceback.
     logging.raiseExceptions = False
-    # The tools of a source tree have processes of their own, which end as they see fit.
-    if arguments.command.show is not None:
-        call("file.watch_signals")
-        show_progress(not arguments.quiet)
     try:
+        arguments, unknown = parser(argv).parse_known_args(argv)
+        if unknown:
+            arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+        # The tools of a source tree have processes of their own, which end as they see fit.
+        if arguments.command.show is not None:
+            call("file.watch_signals")
+            show_progress(not arguments.quiet)
         return finish(arguments, arguments.command.run(arguments))
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -127,12 +127,17 @@ class Parser(argparse.ArgumentParser):
     groups: tuple[str, ...] = ()
     full = False
 
-    def __init__(self, *args, **kwargs):
+    def __init__(self, *args: Any, **kwargs: Any):
         super().__init__(*args, **(kwargs | {"formatter_class": argparse.RawDescriptionHelpFormatter}))
 
     def format_help(self) -> str:
         short = f"\ngroups of the namelist ('{self.prog} --all' explains every variable):\n" if self.groups and not self.full else ""
         return super().format_help() + short + "".join(describe_group(name, self.full) for name in self.groups)
+
+    def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
+        # A full standard output is an error, of which argparse says nothing.
+        print(end="", flush=status == 0)
+        super().exit(status, message)
 
     def error(self, message: str) -> NoReturn:
         choices = [option for action in self._actions for option in action.option_strings]

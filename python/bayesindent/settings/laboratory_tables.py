@@ -17,6 +17,7 @@ from importlib import import_module
 from io import StringIO
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -200,7 +201,7 @@ def rows_of(text: str) -> list[tuple[int, list[str]]]:
     return rows
 
 
-def tidy(value, decimal_commas: bool = True) -> str:
+def tidy(value: Any, decimal_commas: bool = True) -> str:
     """A cell in one line, a number with a decimal point."""
     cell = "" if value is None else " ".join(str(value).split())
     return re.sub(r"(?<=\d),(?=\d)", ".", cell) if decimal_commas and is_number(cell) else cell
