@@ -16,12 +16,8 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import NoReturn
 
-from ..common.progress import show_progress
-from ..common.result_files import plain
-from ..core import BayesindentError, InputError, call
-from ..settings.problem import schema
 from ..version import __version__
-from .commands import COMMANDS
+from .commands import SUMMARIES, command_of
 
 __all__ = ["main"]
 
@@ -81,6 +77,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments, unknown = parser(argv).parse_known_args(argv)
     if unknown:
         arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+    # Not above: they need numpy and the core, and the help does not.
+    from ..common.progress import show_progress
+    from ..core import BayesindentError, InputError, call
+
     # ArviZ announces its next version at every import.
     warnings.filterwarnings("ignore", category=FutureWarning, module="arviz")
     # A log that cannot be written is no reason for a traceback.
@@ -138,7 +138,7 @@ class Parser(argparse.ArgumentParser):
         choices = [option for action in self._actions for option in action.option_strings]
         wrong = re.match(r"unrecognized arguments: (-\S+)", message)
         if found := re.match(r"argument COMMAND: invalid choice: '(.*?)'", message):
-            wrong, choices = found, [command.name for command in COMMANDS]
+            wrong, choices = found, list(SUMMARIES)
             message = f"'{found[1]}' is no command; allowed: {', '.join(choices)}"
         near = difflib.get_close_matches(wrong[1], choices, 1) if wrong else []
         if wrong and wrong[1].endswith(".nml"):
@@ -152,11 +152,12 @@ def parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
     root = Parser(prog="bayesindent", description=DESCRIPTION, epilog=EXAMPLES)
     root.add_argument("--version", action="version", version=f"bayesindent {__version__}")
     subparsers = root.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in COMMANDS:
-        sub = subparsers.add_parser(command.name, help=command.summary)
-        if words is not None and command.name not in words:
+    for name, (_, summary) in SUMMARIES.items():
+        sub = subparsers.add_parser(name, help=summary)
+        if words is not None and name not in words:
             continue
-        sub.description = textwrap.fill(" ".join(f"{command.summary[0].upper()}{command.summary[1:]}. {command.description}".split()), 100)
+        command = command_of(name)
+        sub.description = textwrap.fill(" ".join(f"{summary[0].upper()}{summary[1:]}. {command.description}".split()), 100)
         sub.set_defaults(command=command, json=False, results=None, quiet=False, parser=sub)
         sub.groups, sub.full = command.groups, "--all" in (words or ())
         if command.groups:
@@ -176,6 +177,8 @@ def parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
 
 def describe_group(name: str, full: bool) -> str:
     """The variables of one namelist group, as the core's reader knows them: their names, or all of each."""
+    from ..settings.problem import schema
+
     variables = [variable for variable in schema() if variable.group == name]
     if not full:
         words = f"{variables[0].group_meaning} Variables: {', '.join(variable.name for variable in variables)}."
@@ -194,6 +197,8 @@ def finish(arguments: argparse.Namespace, document: dict | int) -> int:
     exit status stays one."""
     if isinstance(document, int):
         return document
+    from ..common.result_files import plain
+
     document["warnings"] = list(dict.fromkeys(document["warnings"]))
     reasons = document.get("extract", document).get("reasons", [])
     for reason in reasons:
