@@ -106,10 +106,10 @@ contains
       if (x%in%has('path')) path = x%in%text('path')
       select case (operation)
       case ('settings.list')
-         ! The page of all variables; of each stage name, groups, file of its document, summary, description.
+         ! The page of all variables; of each stage name, groups, file of its document.
          call x%out%put('page', schema_page())
-         call x%out%put('stages', [character(len=len(rows%description)) :: (rows(i)%name, rows(i)%groups, rows(i)%document, &
-            & rows(i)%summary, rows(i)%description, i=1, size(rows))])
+         call x%out%put('stages', [character(len=len(rows%groups)) :: (rows(i)%name, rows(i)%groups, rows(i)%document, &
+            & i=1, size(rows))])
       case ('settings.values')
          ! Of a namelist's text, without the tables that it names.
          call parse_namelist(path, x%in%text('content'), namelist, x%error)

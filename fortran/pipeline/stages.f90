@@ -34,54 +34,23 @@ module stages
       character(len=80) :: groups
       !> The file of its document in the output folder.
       character(len=16) :: document
-      !> For help: one line, then more.
-      character(len=80) :: summary
-      character(len=320) :: description
    end type stage_row_type
 
    type(stage_row_type), parameter :: all_stages(8) = [ &
-      & stage_row_type('simulate', 'crystals', 'problem crystals specimen indenter simulation execution', 'simulate.json', &
-      & 'finite element indentation of the crystals in a namelist', &
-      & 'Writes moduli.csv (the three kinds of modulus), curves.csv (force and modulus by depth), and with vtu or inp the fields ' &
-      & //'for ParaView or the same problem as a deck for Abaqus or CalculiX. Crystals that are done already are not simulated ' &
-      & //'again.'), &
-      & stage_row_type('theory', 'crystals', 'problem crystals specimen execution', 'theory.json', &
-      & 'exact half-space theory of the same crystals', &
-      & 'Willis'' elliptical contact on the anisotropic half-space. Writes theory.csv.'), &
-      & stage_row_type('size', '', 'problem crystals specimen indenter simulation execution', 'size.json', &
-      & 'how thick a film, or how large a grain, must be', &
-      & 'Simulates the crystals in films or grains of growing size, in the surroundings of &specimen and in softer and stiffer ' &
-      & //'ones, and says from which size on their modulus is that of a half-space within 1 %. Writes size.png.'), &
-      & stage_row_type('build', 'design', 'problem specimen indenter simulation domain surrogate design execution', 'build.json', &
-      & 'step 1: a surrogate, trained on simulations that are chosen one by one', &
-      & 'Writes the surrogate. Every simulation is kept in campaign.sqlite as soon as it is done, so that the command may be ' &
-      & //'interrupted and run again, with a larger budget too. With --ask it only prints the next crystals; --tell takes ' &
-      & //'their moduli.'), &
-      & stage_row_type('plan', 'plan', 'problem surrogate plan measurements prior knowledge sampler execution', 'plan.json', &
-      & 'the sd that each constant is expected to have, before anything is measured', &
-      & 'By posteriors of made-up measurements of a stated crystal, with the errors and the knowledge of the file.'), &
-      & stage_row_type('curves', 'curves', 'problem curves references execution', 'curves.json', &
-      & 'step 0: moduli of grains from measured curves', &
-      & 'Writes measurements.csv (a grain a row), shared_errors.csv (the relative errors that grains share) and fits.csv ' &
-      & //'(each curve ' &
-      & //'with its elastic fit). extract reads the first two.'), &
+      & stage_row_type('simulate', 'crystals', 'problem crystals specimen indenter simulation execution', 'simulate.json'), &
+      & stage_row_type('theory', 'crystals', 'problem crystals specimen execution', 'theory.json'), &
+      & stage_row_type('size', '', 'problem crystals specimen indenter simulation execution', 'size.json'), &
+      & stage_row_type('build', 'design', 'problem specimen indenter simulation domain surrogate design execution', &
+      & 'build.json'), &
+      & stage_row_type('plan', 'plan', 'problem surrogate plan measurements prior knowledge sampler execution', 'plan.json'), &
+      & stage_row_type('curves', 'curves', 'problem curves references execution', 'curves.json'), &
       & stage_row_type('extract', 'measurements', 'problem surrogate indenter measurements prior knowledge sampler execution', &
-      & 'summary.json', &
-      & 'step 2: the constants behind measured moduli', &
-      & 'Writes posterior.nc and summary.json, and shows what each constant depends on. Needs no simulation: it uses ' &
-      & //'the exact theory, the correction that comes with the package (''block''), or a surrogate that build made.'), &
+      & 'summary.json'), &
       & stage_row_type('next', 'next', 'problem surrogate indenter measurements prior knowledge sampler next execution', &
-      & 'next.json', &
-      & 'the grain orientations worth measuring next', &
-      & 'Ranks orientations by the information that one more measurement there is expected to bring, given the ' &
-      & //'posterior of extract.')]
+      & 'next.json')]
 
    !> All stages that a file asks for.
-   type(stage_row_type), parameter :: run_command = stage_row_type('run', '', 'problem execution', '', &
-      & 'all that the groups of a namelist ask for, in order, resuming what is done', &
-      & '&crystals asks for simulate and theory, &design for build, &plan for plan, &curves for curves, &measurements for ' &
-      & //'extract, &next for next; a report ends ' &
-      & //'it. Nothing that is already in the output folder is simulated again.')
+   type(stage_row_type), parameter :: run_command = stage_row_type('run', '', 'problem execution', '')
 
 contains
 

@@ -4,31 +4,22 @@
 gives. help(bi.extract) lists every keyword.
 """
 
-from . import report
-from .core import BayesindentError, BayesindentWarning, InputError, MachineError
-from .crystal.elasticity import (
-    anisotropy_index,
-    halfspace_modulus,
-    log_anisotropy,
-    polycrystal_averages,
-    quantities,
-    rayleigh_velocity,
-    stiffness,
-)
-from .crystal.elasticity import constant_names as constants
-from .fe.indentation import Indentation, IndentationResult
-from .inference.extract import extract, next_grain, plan, summary
-from .pipeline.build import build_surrogate as build
-from .pipeline.curves import curves
-from .report import plots
-from .report.comparison import compare
-from .report.plots import *  # noqa: F403
-from .settings.problem import Problem
-from .surrogate.surrogate import Surrogate
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-__all__ = [
-    "BayesindentError", "BayesindentWarning", "Indentation", "IndentationResult", "InputError", "MachineError", "Problem",
-    "Surrogate", "anisotropy_index", "build", "compare", "constants", "curves", "extract", "halfspace_modulus", "log_anisotropy",
-    "next_grain", "plan", "polycrystal_averages", "quantities", "rayleigh_velocity", "report", "stiffness", "summary",
-]  # fmt: skip
-__all__ += plots.__all__
+if TYPE_CHECKING:
+    from .interface import *  # noqa: F403
+
+
+def __getattr__(name: str) -> Any:
+    """Import all that the package offers when some of it is first used: numpy and the core take a tenth of a second."""
+    if name == "__all__" or not name.startswith("_"):
+        interface = import_module(".interface", __name__)
+        globals().update({offered: getattr(interface, offered) for offered in interface.__all__}, __all__=interface.__all__)
+        if name in globals():
+            return globals()[name]
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__getattr__("__all__")})

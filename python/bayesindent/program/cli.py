@@ -16,12 +16,8 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import Any, NoReturn
 
-from ..common.progress import show_progress
-from ..common.result_files import plain
-from ..core import BayesindentError, InputError, call
-from ..settings.problem import schema
 from ..version import __version__
-from .commands import COMMANDS
+from .commands import SUMMARIES, command_of
 
 __all__ = ["main"]
 
@@ -78,14 +74,21 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv = ["--version"]
     elif argv[:1] == ["help"]:
         argv = [*argv[1:], "--help"]
+    try:
+        arguments, unknown = parser(argv).parse_known_args(argv)
+        if unknown:
+            arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+    except OSError as error:
+        return fail_by_file(error)
+    # Not above: they need numpy and the core, and the help does not.
+    from ..common.progress import show_progress
+    from ..core import BayesindentError, InputError, call
+
     # ArviZ announces its next version at every import.
     warnings.filterwarnings("ignore", category=FutureWarning, module="arviz")
     # A log that cannot be written is no reason for a traceback.
     logging.raiseExceptions = False
     try:
-        arguments, unknown = parser(argv).parse_known_args(argv)
-        if unknown:
-            arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         # The tools of a source tree have processes of their own, which end as they see fit.
         if arguments.command.show is not None:
             call("file.watch_signals")
@@ -98,13 +101,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         tell(str(error))
         return BAD_INPUT if isinstance(error, InputError) else FAILED
     except OSError as error:
-        if not isinstance(error, BrokenPipeError):
-            log.error("%s", error)
-            tell(f"{error.filename or 'standard output'}: {REASONS.get(error.errno or 0) or error.strerror}")
-        if error.filename is None:
-            with suppress(OSError):
-                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return FAILED
+        return fail_by_file(error)
     except Exception as error:
         log.exception("unexpected")
         tell(f"{type(error).__name__}: {error}" + ("" if open_logs() else "; BAYESINDENT_TRACE=1 shows where"))
@@ -119,6 +116,17 @@ def main(argv: Sequence[str] | None = None) -> int:
                 handler.close()
         show_progress(False)
         call("file.end_command")
+
+
+def fail_by_file(error: OSError) -> int:
+    """Say which file could not be read or written, and why; the exit status."""
+    if not isinstance(error, BrokenPipeError):
+        log.error("%s", error)
+        tell(f"{error.filename or 'standard output'}: {REASONS.get(error.errno or 0) or error.strerror}")
+    if error.filename is None:
+        with suppress(OSError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return FAILED
 
 
 class Parser(argparse.ArgumentParser):
@@ -143,7 +151,7 @@ class Parser(argparse.ArgumentParser):
         choices = [option for action in self._actions for option in action.option_strings]
         wrong = re.match(r"unrecognized arguments: (-\S+)", message)
         if found := re.match(r"argument COMMAND: invalid choice: '(.*?)'", message):
-            wrong, choices = found, [command.name for command in COMMANDS]
+            wrong, choices = found, list(SUMMARIES)
             message = f"'{found[1]}' is no command; allowed: {', '.join(choices)}"
         near = difflib.get_close_matches(wrong[1], choices, 1) if wrong else []
         if wrong and wrong[1].endswith(".nml"):
@@ -157,11 +165,12 @@ def parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
     root = Parser(prog="bayesindent", description=DESCRIPTION, epilog=EXAMPLES)
     root.add_argument("--version", action="version", version=f"bayesindent {__version__}")
     subparsers = root.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in COMMANDS:
-        sub = subparsers.add_parser(command.name, help=command.summary)
-        if words is not None and command.name not in words:
+    for name, (_, summary) in SUMMARIES.items():
+        sub = subparsers.add_parser(name, help=summary)
+        if words is not None and name not in words:
             continue
-        sub.description = textwrap.fill(" ".join(f"{command.summary[0].upper()}{command.summary[1:]}. {command.description}".split()), 100)
+        command = command_of(name)
+        sub.description = textwrap.fill(" ".join(f"{summary[0].upper()}{summary[1:]}. {command.description}".split()), 100)
         sub.set_defaults(command=command, json=False, results=None, quiet=False, parser=sub)
         sub.groups, sub.full = command.groups, "--all" in (words or ())
         if command.groups:
@@ -181,6 +190,8 @@ def parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
 
 def describe_group(name: str, full: bool) -> str:
     """The variables of one namelist group, as the core's reader knows them: their names, or all of each."""
+    from ..settings.problem import schema
+
     variables = [variable for variable in schema() if variable.group == name]
     if not full:
         words = f"{variables[0].group_meaning} Variables: {', '.join(variable.name for variable in variables)}."
@@ -199,6 +210,8 @@ def finish(arguments: argparse.Namespace, document: dict | int) -> int:
     exit status stays one."""
     if isinstance(document, int):
         return document
+    from ..common.result_files import plain
+
     document["warnings"] = list(dict.fromkeys(document["warnings"]))
     reasons = document.get("extract", document).get("reasons", [])
     for reason in reasons:

@@ -46,13 +46,11 @@ class Variable:
 
 @dataclass(frozen=True)
 class Stage:
-    """A command that reads a namelist: the groups that it needs, the file of its document, one line on it, and more."""
+    """A command that reads a namelist: the groups that it needs, the file of its document."""
 
     name: str
     groups: tuple[str, ...]
     document: str
-    summary: str
-    description: str
 
 
 class Points:

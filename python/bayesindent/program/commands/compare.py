@@ -7,7 +7,7 @@ from ...report.comparison import compare_runs, read_runs
 from ...report.formatting import number
 from ..command import Command, output_folder, show_table
 
-__all__ = ["COMMAND"]
+__all__ = ["COMMANDS"]
 
 
 def compare(arguments: argparse.Namespace) -> dict:
@@ -55,13 +55,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--figures", choices=("png", "pdf", "svg"), default="png", help="kind of the figures (default: png)")
 
 
-COMMAND = Command(
-    "compare",
-    "posteriors of several runs side by side",
-    "It writes comparison.csv, comparison.json and the figures forest and overlay (default folder: runs/compare). Of runs of the same "
-    "measurements it compares the models, too: by leave-one-out, and by the evidence where &sampler evidence = .true. estimated it.",
-    action=compare,
-    arguments=add_arguments,
-    show=show,
-    then=lambda arguments, document: f"look at {' and '.join(document['figures'])}; bayesindent report RUN has every figure of one run",
+COMMANDS = (
+    Command(
+        "compare",
+        "It writes comparison.csv, comparison.json and the figures forest and overlay (default folder: runs/compare). Of runs of the same "
+        "measurements it compares the models, too: by leave-one-out, and by the evidence where &sampler evidence = .true. estimated it.",
+        action=compare,
+        arguments=add_arguments,
+        show=show,
+        then=lambda arguments, document: f"look at {' and '.join(document['figures'])}; bayesindent report RUN has every figure of one run",
+    ),
 )

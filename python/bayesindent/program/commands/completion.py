@@ -4,7 +4,7 @@ import argparse
 
 from ..command import Command
 
-__all__ = ["COMMAND"]
+__all__ = ["COMMANDS"]
 
 #: For zsh, too, which has this builtin of bash.
 SCRIPT = """\
@@ -31,10 +31,11 @@ def print_script(arguments: argparse.Namespace) -> int:
     return 0
 
 
-COMMAND = Command(
-    "completion",
-    "a script that completes commands and options in bash or zsh",
-    "Put source <(bayesindent completion bash) into ~/.bashrc, or the same with zsh into ~/.zshrc.",
-    action=print_script,
-    arguments=lambda parser: parser.add_argument("shell", choices=("bash", "zsh"), help="of the script"),
+COMMANDS = (
+    Command(
+        "completion",
+        "Put source <(bayesindent completion bash) into ~/.bashrc, or the same with zsh into ~/.zshrc.",
+        action=print_script,
+        arguments=lambda parser: parser.add_argument("shell", choices=("bash", "zsh"), help="of the script"),
+    ),
 )

@@ -12,7 +12,7 @@ from ...crystal.metals import known_of, metals
 from ...settings.problem import Variable, schema, spelled
 from ..command import Command
 
-__all__ = ["COMMAND", "template"]
+__all__ = ["COMMANDS", "template"]
 
 #: Names of the two files.
 NAMELIST, TABLE = "grains.nml", "grains.csv"
@@ -127,12 +127,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--metal", metavar="SYMBOL", help=f"state what is known of a pure metal: {', '.join(metals())}")
 
 
-COMMAND = Command(
-    "init",
-    "a namelist to begin with, every variable explained, and a table to fill in",
-    f"It writes {NAMELIST} and {TABLE} into the current folder, or that of --output.",
-    action=init,
-    arguments=add_arguments,
-    show=lambda document: print("Written:", *document["files"]),
-    then=lambda arguments, document: f"fill in {document['files'][1]}, then bayesindent run {document['files'][0]}",
+COMMANDS = (
+    Command(
+        "init",
+        f"It writes {NAMELIST} and {TABLE} into the current folder, or that of --output.",
+        action=init,
+        arguments=add_arguments,
+        show=lambda document: print("Written:", *document["files"]),
+        then=lambda arguments, document: f"fill in {document['files'][1]}, then bayesindent run {document['files'][0]}",
+    ),
 )

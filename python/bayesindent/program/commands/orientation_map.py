@@ -8,7 +8,7 @@ from ...core import InputError
 from ...settings.problem import Problem
 from ..command import Command, output_folder
 
-__all__ = ["COMMAND"]
+__all__ = ["COMMANDS"]
 
 
 def draw(arguments: argparse.Namespace) -> dict:
@@ -40,12 +40,13 @@ def show(document: dict) -> None:
     print(f"Map: {document['file']}, {len(document['results'])} indents in {len({row['grain'] for row in document['results']})} grains")
 
 
-COMMAND = Command(
-    "map",
-    "a picture of the orientation map with its indents",
-    "It draws the map in the colours of the inverse pole figure along the indenter, the boundaries of its grains, and the indents by name.",
-    action=draw,
-    arguments=lambda parser: parser.add_argument("file", metavar="FILE.nml", type=Path, help="with &measurements file and ebsd"),
-    show=show,
-    then=lambda arguments, document: f"open {document['file']}",
+COMMANDS = (
+    Command(
+        "map",
+        "It draws the map in the colours of the inverse pole figure along the indenter, the boundaries of its grains, and the indents by name.",
+        action=draw,
+        arguments=lambda parser: parser.add_argument("file", metavar="FILE.nml", type=Path, help="with &measurements file and ebsd"),
+        show=show,
+        then=lambda arguments, document: f"open {document['file']}",
+    ),
 )

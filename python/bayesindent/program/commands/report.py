@@ -6,7 +6,7 @@ from pathlib import Path
 from ...core import call
 from ..command import PATIENCE_S, Command, output_folder
 
-__all__ = ["COMMAND", "make"]
+__all__ = ["COMMANDS", "make"]
 
 
 def make(folder: Path, output: Path, kind_of_files: str = "", paper: bool = False) -> dict:
@@ -38,13 +38,14 @@ def show(document: dict) -> None:
         print(f"For a paper: {document['paper']}, methods.tex first")
 
 
-COMMAND = Command(
-    "report",
-    "report.html from what a folder holds",
-    action=report,
-    arguments=add_arguments,
-    show=show,
-    then=lambda arguments, document: (
-        f"open {document['file']} in a browser" + ("" if arguments.paper else "; --paper writes what a paper takes")
+COMMANDS = (
+    Command(
+        "report",
+        action=report,
+        arguments=add_arguments,
+        show=show,
+        then=lambda arguments, document: (
+            f"open {document['file']} in a browser" + ("" if arguments.paper else "; --paper writes what a paper takes")
+        ),
     ),
 )

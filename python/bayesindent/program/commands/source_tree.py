@@ -11,15 +11,6 @@ from ..command import Command
 
 __all__ = ["COMMANDS"]
 
-SUMMARIES = {
-    "bench": "benchmarks against peers, and studies of accuracy, from a source tree",
-    "test": "build and run the tests of a source tree",
-    "lint": "formatters, linters and type checker of a source tree",
-    "wheel": "portable wheels of a source tree, and a trial on a bare system",
-    "docs": "the documentation of a source tree as a site",
-    "lines": "code lines of a source tree by folder, and its largest parts",
-}
-
 
 def take_all(parser: argparse.ArgumentParser) -> None:
     """Whatever follows, options too, is the tool's."""
@@ -37,4 +28,4 @@ def run(arguments: argparse.Namespace) -> int:
     return import_module(arguments.command.name).main(arguments.arguments)
 
 
-COMMANDS = tuple(Command(name, summary, action=run, arguments=take_all) for name, summary in SUMMARIES.items())
+COMMANDS = tuple(Command(name, action=run, arguments=take_all) for name in ("bench", "test", "lint", "wheel", "docs", "lines"))

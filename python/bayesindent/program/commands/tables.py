@@ -10,7 +10,7 @@ from ...settings.problem import Problem, read_crystals, schema
 from ...surrogate.surrogate import Surrogate
 from ..command import Command, output_folder, show_table
 
-__all__ = ["PREDICT", "TABLE"]
+__all__ = ["COMMANDS"]
 
 
 def table(arguments: argparse.Namespace) -> dict:
@@ -60,17 +60,6 @@ def add_table_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--column", action="append", metavar="'NAME = HEADER'", help="as &measurements columns; may be repeated")
 
 
-TABLE = Command(
-    "table",
-    "what is read of a table of measurements",
-    "It shows the columns and what each is taken for, the rows that are left out, and the grains. Nothing is computed.",
-    action=table,
-    arguments=add_table_arguments,
-    show=show_understood,
-    then=lambda arguments, document: f"&measurements file = '{arguments.table}' in a namelist (bayesindent init writes one)",
-)
-
-
 def predict(arguments: argparse.Namespace) -> dict:
     """Mean and sd of the modulus for each row: predictions.csv and its rows."""
     model, table = Surrogate.load(arguments.surrogate), arguments.points
@@ -99,12 +88,21 @@ def add_predict_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--points", required=True, type=Path, metavar="points.csv", help=columns)
 
 
-PREDICT = Command(
-    "predict",
-    "mean and sd of the modulus for each row of a table",
-    "It prints them with modulus_gpa and sd_gpa.",
-    action=predict,
-    arguments=add_predict_arguments,
-    show=show_predictions,
-    then=lambda arguments, document: f"the same rows are in {document['file']}",
+COMMANDS = (
+    Command(
+        "table",
+        "It shows the columns and what each is taken for, the rows that are left out, and the grains. Nothing is computed.",
+        action=table,
+        arguments=add_table_arguments,
+        show=show_understood,
+        then=lambda arguments, document: f"&measurements file = '{arguments.table}' in a namelist (bayesindent init writes one)",
+    ),
+    Command(
+        "predict",
+        "It prints them with modulus_gpa and sd_gpa.",
+        action=predict,
+        arguments=add_predict_arguments,
+        show=show_predictions,
+        then=lambda arguments, document: f"the same rows are in {document['file']}",
+    ),
 )

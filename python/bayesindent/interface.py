@@ -1,0 +1,30 @@
+"""What the package offers; see the package."""
+
+from . import report
+from .core import BayesindentError, BayesindentWarning, InputError, MachineError
+from .crystal.elasticity import (
+    anisotropy_index,
+    halfspace_modulus,
+    log_anisotropy,
+    polycrystal_averages,
+    quantities,
+    rayleigh_velocity,
+    stiffness,
+)
+from .crystal.elasticity import constant_names as constants
+from .fe.indentation import Indentation, IndentationResult
+from .inference.extract import extract, next_grain, plan, summary
+from .pipeline.build import build_surrogate as build
+from .pipeline.curves import curves
+from .report import plots
+from .report.comparison import compare
+from .report.plots import *  # noqa: F403
+from .settings.problem import Problem
+from .surrogate.surrogate import Surrogate
+
+__all__ = [
+    "BayesindentError", "BayesindentWarning", "Indentation", "IndentationResult", "InputError", "MachineError", "Problem",
+    "Surrogate", "anisotropy_index", "build", "compare", "constants", "curves", "extract", "halfspace_modulus", "log_anisotropy",
+    "next_grain", "plan", "polycrystal_averages", "quantities", "rayleigh_velocity", "report", "stiffness", "summary",
+]  # fmt: skip
+__all__ += plots.__all__
