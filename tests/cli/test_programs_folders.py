@@ -9,11 +9,11 @@ import sys
 
 import numpy as np
 import pytest
+from programs import BATCH
 
 from bayesindent.pipeline.results_folder import read_posterior
 from bayesindent.program.cli import EXAMPLES, parser
 from conftest import DOMAIN, REFERENCE, SOURCE, runner
-from programs import BATCH
 
 NAMELIST = f"""
 &problem symmetry = 'cubic', seed = 3, title = 'Both' /

@@ -126,7 +126,9 @@ class LaboratoryTable:
 
     def words(self, grains: int) -> list[str]:
         """What was understood, in three lines."""
-        read = [name if name == meaning else f"{name} as {meaning}" for name, meaning in zip(self.names, self.meanings, strict=True) if meaning]
+        read = [
+            name if name == meaning else f"{name} as {meaning}" for name, meaning in zip(self.names, self.meanings, strict=True) if meaning
+        ]
         unread = [name for name, meaning in zip(self.names, self.meanings, strict=True) if name and not meaning]
         left = "; ".join(f"line {line} ({reason})" for line, reason in list(self.left_out.items())[:6]) or "no row"
         where = f"sheet {self.sheet}, " if self.sheet else ""
