@@ -1,8 +1,9 @@
 !> One test given the shared unknowns: the logarithm of its modulus, summed over where the contact is elastic.
 !>
-!> Recorded is depth = h0 + d t + C P + h(P) + load zero dh/dP + noise, h(P) of `sphere_contact`. The noise is autoregressive of first
-!> order; its correlation from point to point is chosen by the evidence. All but the modulus and the shared unknowns is linear with normal
-!> priors, and integrated out by recursive least squares, one pass for each first point of the window, which gives all last points.
+!> Recorded is depth = h0 + d t + C P + h(P) + load zero dh/dP + transient exp(-t/tau) + noise, h(P) of `sphere_contact`.
+!> The noise is autoregressive of first order; its correlation from point to point is chosen by the evidence.
+!> All but the modulus and the shared unknowns is linear with normal priors, and integrated out by recursive least squares,
+!> one pass for each first point of the window, which gives all last points.
 !> What is outside of the window has an excess over the elastic curve whose increments have a broad density: a trend that follows them, and
 !> jumps, after the window to greater depth alone. Every step from point to point is scored once, by the window or by that density.
 module elastic_window
@@ -16,14 +17,14 @@ module elastic_window
    private
    public :: test_type, begin_test, score_test, leave_out, n_shared
 
-   !> Of a test: ln modulus; then the shared ln R, beta and compliance; then h0, drift and load zero.
-   integer, parameter :: n_columns = 7, n_shared = 3, i_radius = 1, i_beta = 2, i_compliance = 3, own = 1 + n_shared
+   !> Of a test: ln modulus; then the shared ln R, beta and compliance; then h0, drift, load zero and transient.
+   integer, parameter :: n_columns = 8, n_shared = 3, i_radius = 1, i_beta = 2, i_compliance = 3, own = 1 + n_shared
    !> Correlations of the noise from point to point; 1: a random walk.
    real(wp), parameter :: correlations(7) = [0.0_wp, 0.5_wp, 0.8_wp, 0.9_wp, 0.95_wp, 0.98_wp, 1.0_wp]
    !> Shares of the last load where a window may begin.
    real(wp), parameter :: beginnings(8) = [0.0_wp, 0.01_wp, 0.02_wp, 0.03_wp, 0.045_wp, 0.07_wp, 0.1_wp, 0.15_wp]
-   !> A window has so many steps, and spans loads of this ratio.
-   integer, parameter :: fewest_steps = 7
+   !> A window has so many steps, or a third of those of a curve of few points, but no less than the first; it spans loads of this ratio.
+   integer, parameter :: fewest_steps(2) = [5, 7]
    real(wp), parameter :: least_span = 4.0_wp
    !> Windows of a smaller share of the probability do not count.
    real(wp), parameter :: negligible = 1.0e-3_wp
@@ -94,38 +95,44 @@ contains
    end subroutine begin_test
 
    !> The test about shared unknowns `s` with prior sds `sds`.
-   subroutine score_test(test, s, sds)
+   subroutine score_test(test, s, sds, transient)
       type(test_type), intent(inout) :: test
       !> ln R (um), beta, compliance (nm/mN).
       real(wp), intent(in) :: s(n_shared)
-      !> Of these, then of what each test has of its own: h0, nm, drift, nm/s, load zero, mN.
+      !> Of these, then of what each test has of its own: h0, nm, drift, nm/s, load zero, mN, transient, nm.
       real(wp), intent(in) :: sds(n_columns - 1)
+      !> Time in which the transient decays, s.
+      real(wp), intent(in) :: transient
       !> The elastic curve misses the first contact by so much of the depth.
       real(wp), parameter :: farthest = 0.15_wp
       real(wp) :: evidence, best, off
       real(wp), allocatable :: before(:), after(:), score(:, :), weight(:, :)
       type(linear_type) :: l
       type(window_type) :: window
-      integer :: first(size(beginnings)), n, i, k, chosen
+      real(wp) :: variances(n_columns, 2*size(beginnings))
+      integer :: first(2*size(beginnings)), n, i, k, chosen
 
       n = size(test%curve%load)
-      call linearise(test, s, l)
-      l%variances = [1.0_wp, sds**2]
-      first = [(findloc(test%curve%load >= beginnings(k)*test%curve%load(n), .true., 1), k=1, size(beginnings))]
+      call linearise(test, s, transient, l)
+      first = [((findloc(test%curve%load >= beginnings(k)*test%curve%load(n), .true., 1), k=1, size(beginnings)), i=1, 2)]
+      ! The second half of the windows has no transient.
+      variances = spread([1.0_wp, sds**2], 2, size(first))
+      variances(n_columns, size(beginnings) + 1:) = 0.0_wp
       associate (steps => l%residual(2:) - l%residual(:n - 1), rise => l%depth(2:) - l%depth(:n - 1), &
          & sigma => test%sigma(size(correlations)))
          before = excess_scores(steps, rise, sigma, .false.)
          after = excess_scores(steps(n - 1:1:-1), rise(n - 1:1:-1), sigma, .true.)
       end associate
       after = after(n:1:-1)
-      allocate (score(n, size(beginnings)), weight(n, size(beginnings)))
+      allocate (score(n, size(first)), weight(n, size(first)))
       best = -huge(1.0_wp)
       chosen = 0
       do i = 1, size(correlations)
          score = -huge(1.0_wp)
          window = window_type()
-         do k = 1, size(beginnings)
-            if (any(first(:k - 1) == first(k))) cycle
+         do k = 1, size(first)
+            if (any(first(:k - 1) == first(k) .and. variances(n_columns, :k - 1) == variances(n_columns, k))) cycle
+            l%variances = variances(:, k)
             call score_windows(l, correlations(i), test%sigma(i), first(k), before(first(k)) + after, score(:, k), window)
          end do
          if (window%last == 0) cycle
@@ -140,7 +147,7 @@ contains
       if (chosen == 0) return
       test%correlation = correlations(chosen)
       test%noise = test%sigma(chosen)
-      call sum_windows(test, s, l, first, weight)
+      call sum_windows(test, s, l, first, variances, weight)
       off = abs(test%curve%depth(1) - test%fit(1))
       if (off > farthest*maxval(l%depth, test%elastic >= 0.5_wp*maxval(test%elastic))) call leave_out(test, 'no elastic part: ' &
          & //'the contact begins '//fixed(off, 1)//' nm away from the elastic curve through loads of '//fixed(test%from_load, 1) &
@@ -157,10 +164,10 @@ contains
    end subroutine leave_out
 
    !> The test about its modulus and the shared unknowns `s`.
-   subroutine linearise(test, s, l)
+   subroutine linearise(test, s, transient, l)
       !> Its `zero` is taken from the residuals.
       type(test_type), intent(inout) :: test
-      real(wp), intent(in) :: s(n_shared)
+      real(wp), intent(in) :: s(n_shared), transient
       type(linear_type), intent(out) :: l
       type(contact_type), allocatable :: contact(:)
       real(wp) :: modulus
@@ -171,7 +178,8 @@ contains
          l%load = c%load
          l%depth = 1.0e3_wp*contact%depth
          l%columns = transpose(reshape([1.0e3_wp*contact%by_modulus, 1.0e3_wp*contact%by_radius, 1.0e3_wp*contact%by_beta, c%load, &
-            & spread(1.0_wp, 1, n), c%time - sum(c%time)/n, 1.0e3_wp/(2.0_wp*modulus*contact%radius)], [n, n_columns]))
+            & spread(1.0_wp, 1, n), c%time - sum(c%time)/n, 1.0e3_wp/(2.0_wp*modulus*contact%radius), &
+            & exp(-c%time/transient)], [n, n_columns]))
          l%residual = c%depth - l%depth - s(i_compliance)*c%load
          test%zero = l%residual(1)
          l%residual = l%residual - test%zero
@@ -218,8 +226,9 @@ contains
       type(window_type), intent(out), optional :: windows(:)
       type(window_type) :: now
       real(wp) :: density
-      integer :: i
+      integer :: i, fewest
 
+      fewest = max(fewest_steps(1), min(fewest_steps(2), size(l%load)/3))
       now%first = first
       do i = 1, n_columns
          now%covariance(i, i) = l%variances(i)
@@ -229,7 +238,7 @@ contains
       density = 0.0_wp
       do i = first + 1, size(l%load)
          call learn(l%residual(i) - correlation*l%residual(i - 1), l%columns(:, i) - correlation*l%columns(:, i - 1), sigma**2)
-         if (i - first < fewest_steps .or. l%load(i) <= least_span*l%load(first)) cycle
+         if (i - first < fewest .or. l%load(i) <= least_span*l%load(first)) cycle
          score(i) = density + outside(i)
          now%last = i
          now%score = score(i)
@@ -269,19 +278,19 @@ contains
    end subroutine renew_noise
 
    !> Means over the windows, and the modulus given the shared unknowns.
-   subroutine sum_windows(test, s, l, first, weight)
+   subroutine sum_windows(test, s, l, first, variances, weight)
       type(test_type), intent(inout) :: test
       real(wp), intent(in) :: s(n_shared)
-      type(linear_type), intent(in) :: l
+      type(linear_type), intent(inout) :: l
       integer, intent(in) :: first(:)
-      !> (last point, beginning).
-      real(wp), intent(in) :: weight(:, :)
+      !> Of the unknowns, (unknown, beginning), and (last point, beginning).
+      real(wp), intent(in) :: variances(:, :), weight(:, :)
       !> Of a test its modulus and its drift.
       integer, parameter :: told(2) = [1, own + 2]
       type(window_type) :: windows(size(l%load)), best
-      real(wp) :: slope(n_shared), unknowns(n_columns), squares(2), ends(2), share
+      real(wp) :: slope(n_shared), unknowns(n_columns), squares(2), ends(2), share, free
       real(wp), dimension(size(l%load)) :: score, r
-      integer :: i, j, k
+      integer :: i, k
 
       unknowns = 0.0_wp
       squares = 0.0_wp
@@ -291,16 +300,19 @@ contains
       test%elastic = 0.0_wp*l%load
       do k = 1, size(first)
          if (all(weight(:, k) <= negligible)) cycle
+         l%variances = variances(:, k)
          call score_windows(l, test%correlation, test%noise, first(k), 0.0_wp*l%load, score, best, windows)
          do i = 1, size(l%load)
             if (weight(i, k) <= negligible) cycle
             share = weight(i, k)/sum(weight, weight > negligible)
             associate (mean => windows(i)%mean, c => windows(i)%covariance)
+               ! The drift trades with what is shared, above all the compliance.
+               free = c(told(2), told(2))
                call give_shared(mean, c, slope)
                if (size(test%curve%stiffness) > 0) call add_stiffness(test, s, windows(i), slope)
                test%slope = test%slope + share*slope
                unknowns = unknowns + share*mean
-               squares = squares + share*[(c(told(j), told(j)) + mean(told(j))**2, j=1, 2)]
+               squares = squares + share*([c(1, 1), free] + mean(told)**2)
                ends = ends + share*l%load([first(k), i])
                test%drift_share = test%drift_share + share*c(1, told(2))**2/(c(1, 1)*c(told(2), told(2)))
             end associate

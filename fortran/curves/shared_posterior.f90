@@ -34,6 +34,8 @@ module shared_posterior
       real(wp), allocatable :: prior_mean(:), prior_sd(:), mean(:), covariance(:, :)
       !> Relative sds from test to test, of references and of grains.
       real(wp) :: repeat_sd(2) = 0.0_wp
+      !> Of the drift of each test, nm/s.
+      real(wp) :: drift_prior_sd = 0.0_wp
    contains
       procedure :: infer_shared, grains
    end type curves_posterior_type

@@ -118,17 +118,20 @@ contains
       integer :: i
 
       call page%begin_object('tip')
-      call put_unknown('radius_um', 1, exp(found%mean(1)), exp(found%mean(1)))
-      call put_unknown('beta', 2, found%mean(2), 1.0_wp)
+      call put_shared('radius_um', 1, exp(found%mean(1)), exp(found%mean(1)))
+      call put_shared('beta', 2, found%mean(2), 1.0_wp)
       call page%end_object()
       call page%begin_object('frame')
-      call put_unknown('compliance_nm_mn', 3, found%mean(3), 1.0_wp)
+      call put_shared('compliance_nm_mn', 3, found%mean(3), 1.0_wp)
+      associate (drift => pack(found%tests%drift, found%tests%used), sds => pack(found%tests%drift_sd, found%tests%used))
+         call put_unknown('drift_nm_s', median(size(drift), drift), median(size(sds), sds), found%drift_prior_sd)
+      end associate
       call page%end_object()
       call page%begin_array('sessions')
       do i = 1, size(found%sessions)
          call page%begin_object()
          call page%put('session', found%sessions(i)%text)
-         call put_unknown('factor', n_shared + i, 1.0_wp + found%mean(n_shared + i), 1.0_wp)
+         call put_shared('factor', n_shared + i, 1.0_wp + found%mean(n_shared + i), 1.0_wp)
          call page%end_object()
       end do
       call page%end_array()
@@ -138,19 +141,25 @@ contains
 
    contains
 
-      !> A shared unknown: its posterior, and what decided it. `unit`: of a change by one.
-      subroutine put_unknown(name, i, mean, unit)
+      !> A shared unknown. `unit`: of a change by one.
+      subroutine put_shared(name, i, mean, unit)
          character(len=*), intent(in) :: name
          integer, intent(in) :: i
          real(wp), intent(in) :: mean, unit
+
+         call put_unknown(name, mean, sqrt(found%covariance(i, i))*unit, found%prior_sd(i)*unit)
+      end subroutine put_shared
+
+      !> An unknown: its posterior, and what decided it.
+      subroutine put_unknown(name, mean, sd, prior_sd)
+         character(len=*), intent(in) :: name
+         real(wp), intent(in) :: mean, sd, prior_sd
          !> A posterior sd that is a larger share of the prior's is the prior's.
          real(wp), parameter :: unmoved = 0.9_wp
-         real(wp) :: sd
 
-         sd = sqrt(found%covariance(i, i))
          call page%begin_object(name)
-         call page%put_numbers('mean, sd, prior_sd', [mean, sd*unit, found%prior_sd(i)*unit])
-         call page%put('decided_by', trim(merge('prior', 'tests', sd > unmoved*found%prior_sd(i))))
+         call page%put_numbers('mean, sd, prior_sd', [mean, sd, prior_sd])
+         call page%put('decided_by', trim(merge('prior', 'tests', sd > unmoved*prior_sd)))
          call page%end_object()
       end subroutine put_unknown
    end subroutine write_document

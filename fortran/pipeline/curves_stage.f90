@@ -62,6 +62,7 @@ contains
          self%found%prior_mean = [log(asked%radius_um), asked%tip_beta, 0.0_wp, spread(0.0_wp, 1, size(self%found%sessions))]
          self%found%prior_sd = [sd, asked%tip_beta_sd, asked%compliance_sd_nm_mn, spread(asked%session_sd, 1, &
             & size(self%found%sessions))]
+         self%found%drift_prior_sd = asked%drift_sd_nm_s
       end associate
    end subroutine begin
 
@@ -102,11 +103,11 @@ contains
             !$omp parallel do schedule(dynamic)
             do i = 1, size(tests)
                if (tests(i)%used) call score_test(tests(i), s%mean(:n_shared), [s%prior_sd(:n_shared), zero_sd, &
-                  & asked%drift_sd_nm_s, asked%load_sd_mn])
+                  & asked%drift_sd_nm_s, asked%load_sd_mn, asked%transient_sd_nm], asked%transient_s)
             end do
             call compare_tests(tests, self%found%materials, step > 1)
             if (.not. any(tests%used)) call refuse(error, self%problem%curves_place()//'no test has an elastic part; test ' &
-               & //self%problem%curves%curves(1)%name//': '//tests(1)%reason)
+               & //self%problem%curves%curves(1)%name//': '//tests(1)%reason//'. Loads in mN and depths in nm are needed')
             if (allocated(error)) return
             before = s%mean(:n_shared)
             call s%infer_shared(error)

@@ -86,6 +86,23 @@ def thinned(curves: Curves, step: int) -> dict[str, np.ndarray]:
     return {name: rows[::step] for name, rows in curves.items()}
 
 
+def hysteresis(curves: Curves) -> None:
+    """How much deeper the unloading is than the loading, at a fifth and at half of the peak load, and after which time."""
+    print("\n| quartz, peak load | at a fifth of it | at half of it |\n|---|---|---|")
+    for rows in curves.values():
+        peak = int(np.argmax(rows[:, 2]))
+        load = rows[peak, 2]
+        parts = (
+            rows[peak - np.argmax(rows[peak::-1, 2] < 0.1 * load) : peak],
+            rows[peak : peak + np.argmax(rows[peak:, 2] < 0.1 * load)][::-1],
+        )
+        cells = []
+        for share in (0.2, 0.5):
+            (start, up), (end, down) = ([np.interp(share * load, part[:, 2], part[:, k]) for k in (0, 1)] for part in parts)
+            cells.append(f"{down - up:.1f} nm in {end - start:.1f} s")
+        print(f"| {load:.0f} mN | {' | '.join(cells)} |")
+
+
 def folds(names: list[str], n: int) -> list[set[str]]:
     """Parts of the tests, one in n."""
     return [set(names[k::n]) for k in range(n)]
@@ -121,8 +138,12 @@ def main(argv=None) -> None:
         left_out(below(quartz, load), folds(names, 5), f"curves that end at {load} mN")
     for load in (100, 60, 40, 30, 20):
         left_out(quartz, folds(names, 2), f"curves that end at {load} mN, references whole", end=load)
+    # The time of the transient was chosen on the tests of even number.
+    for load in (60, 40, 30, 20):
+        left_out(quartz, [set(names[1::2])], f"the same at {load} mN, tests of odd number alone", end=load)
     for step in (2, 3):
         left_out(thinned(quartz, step), folds(names, 5), f"every {'second' if step == 2 else 'third'} point")
+    hysteresis({name: quartz[name] for name in by_load[:17:4]})
     print("\n| glaucophane | moduli | sd, median: own, in all | chi-square | p |\n|---|---|---|---|---|")
     grains(quartz, section, "all tests")
     grains(quartz, section, "one session for quartz and section", section="quartz")

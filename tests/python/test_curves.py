@@ -52,15 +52,26 @@ def test_a_test_is_generalised_least_squares():
     def misfit(x):
         model = 1e3 * sneddon(load, np.exp(x[0]), 5.0, 1.0)
         slope = np.gradient(model, load)
-        # Priors: drift 0.1 nm/s, load zero 0.02 mN.
-        return np.append(
-            ((model + x[1] + x[2] * (time - time[inside].mean()) + x[3] * slope - depth) / 0.5)[inside], [x[2] / 0.1, x[3] / 0.02]
-        )
+        model += x[1] + x[2] * (time - time[inside].mean()) + x[3] * slope + x[4] * np.exp(-(time - time[0]) / 0.4)
+        # Priors: drift 0.1 nm/s, load zero 0.02 mN, transient 10 nm.
+        return np.append(((model - depth) / 0.5)[inside], [x[2] / 0.1, x[3] / 0.02, x[4] / 10.0])
 
-    fit = least_squares(misfit, [np.log(110.0), 0.0, 0.0, 0.0], x_scale=[0.01, 1.0, 0.1, 0.02])
+    fit = least_squares(misfit, [np.log(110.0), 0.0, 0.0, 0.0, 0.0], x_scale=[0.01, 1.0, 0.1, 0.02, 10.0])
     sd = np.sqrt(np.linalg.inv(fit.jac.T @ fit.jac)[0, 0])
     assert np.log(test["effective_modulus_gpa"]) == pytest.approx(fit.x[0], abs=0.5 * sd)
     assert test["sd_gpa"] / test["effective_modulus_gpa"] == pytest.approx(sd, rel=0.4)
+
+
+def test_a_transient_at_first_contact_is_integrated_out():
+    """A lag of 15 nm that decays in the first of 20 seconds: without it in the model the modulus is wrong by more than three sds."""
+    rows = [(name, time, depth - 15.0 * np.exp(-time / 0.4), load) for name, time, depth, load in one_curve("a", 100.0, peak=20.0)]
+    found = {}
+    for sd in (10.0, 1e-3):
+        with pytest.warns(bi.BayesindentWarning, match="only ratios"):
+            found[sd] = bi.curves(table(rows[:60]), {"test": ["a"], "grain": ["g"]}, radius_um=5.0, transient_sd_nm=sd, **KNOWN).document
+    modulus, sd = ({key: document["tests"][0][name] for key, document in found.items()} for name in ("effective_modulus_gpa", "sd_gpa"))
+    assert modulus[10.0] == pytest.approx(100.0, rel=5e-3)
+    assert abs(modulus[1e-3] - 100.0) > 3 * max(sd[1e-3], abs(modulus[10.0] - 100.0))
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +93,9 @@ def test_measured_grains_agree_within_their_sds(glaucophane):
     assert moduli.max() < 171 * 1.05
     assert document["frame"]["compliance_nm_mn"]["decided_by"] == "prior"
     assert document["tip"]["radius_um"]["decided_by"] == "tests"
+    drift, sds = document["frame"]["drift_nm_s"], [row["drift_sd_nm_s"] for row in document["tests"] if row["used"]]
+    assert drift["sd"] == pytest.approx(np.median(sds), rel=0.05)
+    assert drift["decided_by"] == ("prior" if drift["sd"] > 0.09 else "tests")
 
 
 def test_pop_ins_and_densification_end_the_window(glaucophane):

@@ -3,6 +3,7 @@
 import json
 import re
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -36,7 +37,7 @@ GOOD = "test,grain,reference\na,g,\nq,,quartz\n"
         (("tests", "a,g,", "a,g,quartz"), "line 2: test a has both of grain and reference"),
         (("namelist", "nu = 0.17", ""), "&references nu: the variable is missing; name needs it"),
         (("namelist", "nu = 0.17", "nu = 0.17, 0.2"), "the number of values is 1, that of nu is 2"),
-        (("load", 1e-3, 0), "the curves of the reference quartz are those of another tip or material"),
+        (("load", 1e-3, 0), "no test has an elastic part; test a: .*Loads in mN and depths in nm are needed"),
         (("curves", None, "test,time_s,depth_nm,load_mn\na,1,2\n"), "line 2: 3 cells where the header has 4"),
         (("radius", 0.01, 0), "the curves of the reference quartz are those of another tip"),
     ],
@@ -138,7 +139,7 @@ def test_files_that_other_packages_read(monkeypatch, tmp_path):
         def __init__(self, _, **settings):
             self.testList, self.testName = ["Test 2"], "Test 1"
             self.method = SimpleNamespace(name="CSM")
-            self.raw = SimpleNamespace(t=time, h=depth / 1e3, p=load, slope=0.5 + 0 * load)
+            self.raw = SimpleNamespace(t=time, h=depth / 1e3, p=load, slope=0.5 + 0 * load, valid=load > -1)
 
         def nextTest(self):
             self.testName = self.testList.pop()
@@ -168,5 +169,24 @@ def test_a_file_of_micro_materials(tmp_path):
     np.savetxt(tmp_path / "a.txt", np.transpose([time, depth, load]))
     [(name, curve)] = read_file(tmp_path / "a.txt", "")
     assert name == "a"
-    np.testing.assert_allclose(curve[2], load, rtol=1e-9)
-    np.testing.assert_allclose(curve[1], depth, rtol=1e-9)
+    # The package leaves out the first point of such files, or none.
+    n = len(curve[0])
+    assert n >= len(time) - 1
+    np.testing.assert_allclose(curve, [time[-n:], depth[-n:], load[-n:]], rtol=1e-9)
+
+
+def test_a_spreadsheet_of_continuous_stiffness():
+    """The two tests of the example that micromechanics ships: their points with a stiffness, as the columns of the sheets have them."""
+    indentation = pytest.importorskip("micromechanics.indentation")
+    pandas = pytest.importorskip("pandas")
+    file = Path(indentation.__file__).parent / "data" / "Example.xls"
+    tests = dict(read_file(file, ""))
+    assert sorted(tests) == ["Test 001", "Test 002"]
+    words = ("Time On", "Displacement Into", "Load On", "Harmonic Contact Stiffness")
+    for name, curve in tests.items():
+        sheet = pandas.read_excel(file, sheet_name=name)
+        columns = [pandas.to_numeric(sheet[next(c for c in sheet if c.startswith(word))], errors="coerce").to_numpy() for word in words]
+        rows = np.column_stack(columns)[np.isfinite(columns).all(axis=0)]
+        at = np.searchsorted(rows[:, 0], curve[0])
+        assert len(at) > 1000 and np.all(np.diff(curve[0]) > 0)
+        np.testing.assert_allclose(rows[at], np.transpose(curve), rtol=1e-6)

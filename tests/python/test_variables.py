@@ -275,6 +275,8 @@ EFFECTS = {
         "drift_removed": (moduli, {}, False),
         "drift_sd_nm_s": (moduli, {}, 1.0),
         "load_sd_mn": (moduli, {}, 0.2),
+        "transient_sd_nm": (moduli, {}, 0.1),
+        "transient_s": (moduli, {}, 4.0),
         "session_sd": (moduli, {}, 0.05),
         "indenter_modulus_gpa": (moduli, {}, 800.0),
         "indenter_nu": (moduli, {}, 0.3),

@@ -59,9 +59,11 @@ def read_file(file: Path, place: str) -> list[tuple[str, tuple]]:
     reader = reader_of(place, file, f"this {file.suffix} file", "micromechanics.indentation", ", or write its columns to a CSV")
     data, tests = reader.Indentation(str(file), output={"verbose": 0}), []
     while len(data.raw.h):
-        # The package has um, mN and, of continuous stiffness, mN/um.
-        stiffness = (1e3 * data.raw.slope,) if data.method.name == "CSM" and len(data.raw.slope) == len(data.raw.h) else ()
-        tests.append((str(data.testName or file.stem), (data.raw.t, 1e3 * data.raw.h, data.raw.p, *stiffness)))
+        # The package has um, mN and, of continuous stiffness, mN/um at the points that are valid.
+        curve, valid = np.array([data.raw.t, 1e3 * data.raw.h, data.raw.p], dtype=float), np.asarray(data.raw.valid, dtype=bool)
+        if data.method.name == "CSM" and len(data.raw.slope) == np.count_nonzero(valid):
+            curve = np.vstack([curve[:, valid], 1e3 * data.raw.slope])
+        tests.append((str(data.testName or file.stem), tuple(curve)))
         if not data.testList or not data.nextTest():
             break
     if not tests:
