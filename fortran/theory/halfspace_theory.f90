@@ -36,13 +36,18 @@ module halfspace_theory
    real(wp), parameter :: allowed_tail = 3.0e-4_wp
 
    integer :: k
-   !> Directions theta in half a turn, radians, such that the first n = 8, 16, 32, .. are equally spaced: after the first eight those that
-   !> double a grid are half way between its own.
-   real(wp), parameter :: directions(finest) = pi*[[(k/real(lanes, wp), k=0, lanes - 1)], &
-      & [((k + 0.5_wp)/2**int(log(k + 0.5_wp)/log(2.0_wp)) - 1.0_wp, k=lanes, finest - 1)]]
-   real(wp), parameter :: cosines(finest) = cos(directions), sines(finest) = sin(directions)
+   !> Of directions theta in half a turn, such that the first n = 8, 16, 32, .. are equally spaced: after the first eight those that
+   !> double a grid are half way between its own. Each element is an expression of its number: gfortran needs half a minute for
+   !> cos(array).
+   real(wp), parameter :: cosines(finest) = [(cos(pi*(k/real(lanes, wp))), k=0, lanes - 1), &
+      & (cos(pi*((k + 0.5_wp)/2**int(log(k + 0.5_wp)/log(2.0_wp)) - 1.0_wp)), k=lanes, finest - 1)]
+   real(wp), parameter :: sines(finest) = [(sin(pi*(k/real(lanes, wp))), k=0, lanes - 1), &
+      & (sin(pi*((k + 0.5_wp)/2**int(log(k + 0.5_wp)/log(2.0_wp)) - 1.0_wp)), k=lanes, finest - 1)]
    !> Of 2 theta.
-   real(wp), parameter :: cosine(finest) = cos(2.0_wp*directions), sine(finest) = sin(2.0_wp*directions)
+   real(wp), parameter :: cosine(finest) = [(cos(2.0_wp*(pi*(k/real(lanes, wp)))), k=0, lanes - 1), &
+      & (cos(2.0_wp*(pi*((k + 0.5_wp)/2**int(log(k + 0.5_wp)/log(2.0_wp)) - 1.0_wp))), k=lanes, finest - 1)]
+   real(wp), parameter :: sine(finest) = [(sin(2.0_wp*(pi*(k/real(lanes, wp)))), k=0, lanes - 1), &
+      & (sin(2.0_wp*(pi*((k + 0.5_wp)/2**int(log(k + 0.5_wp)/log(2.0_wp)) - 1.0_wp))), k=lanes, finest - 1)]
 
    !> Relative change on doubling the angles below which the finer grid is accepted. The rule converges exponentially on these
    !> periodic integrands, so that the error left is about the square of the change.

@@ -45,7 +45,7 @@ def main(argv=None) -> int:
     build = ROOT / ("build-sanitize" if arguments.sanitize else "build")
     if arguments.sanitize and not (build / "build.ninja").exists():
         meson("setup", "--reconfigure", ROOT, build, *SANITIZERS)
-    if meson("compile", "-C", build, stdout=sys.stderr).returncode:
+    if meson("compile", "-C", build, "--ninja-args=all,meson-test-prereq", stdout=sys.stderr).returncode:
         return 1
     return run_tests(build, names)
 

@@ -1,15 +1,19 @@
 """The orientation map with its indents."""
 
+from __future__ import annotations
+
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ...core import InputError
-from ...settings.orientation_maps import IndentedMap
 from ...settings.problem import Problem
 from ..results import NothingToShow, Results
 from .style import BLACK, Picture, panels
+
+if TYPE_CHECKING:
+    from ...settings.orientation_maps import IndentedMap
 
 __all__ = ["draw_map", "orientation_map"]
 
@@ -33,6 +37,9 @@ def orientation_map(results: Results) -> Picture:
 def draw_map(found: IndentedMap, names: list[str] | None, residuals: list[float] | None = None) -> Picture:
     """The map in the colours of the inverse pole figure along the indenter, with boundaries, and the indents by their names, or by their
     rows where several are in one grain, with residuals."""
+    # Not above: it takes half a second, and most reports have no map.
+    from scipy.spatial import cKDTree
+
     grid = found.grid
     low, high = grid.positions.min(axis=0), grid.positions.max(axis=0)
     spacing = max(grid.step, (high - low).max() / PIXELS)

@@ -4,7 +4,7 @@ import os
 from typing import Any
 
 import numpy as np
-from scipy.spatial import ConvexHull
+from matplotlib.tri import Triangulation
 
 from ...crystal.directions import euler_of, indentation_direction, representative, spread_of_directions
 from ..formatting import direction_name, has_four_indices
@@ -118,18 +118,24 @@ def draw_map(
 ) -> None:
     """Values over directions that fill a region, with its outline and the names of its corners, of `four` indices if need be."""
     x, y = stereographic(directions)
-    image = axes.tripcolor(x, y, values, shading="gouraud", vmin=low, vmax=high, rasterized=True)
+    triangles = Triangulation(x, y)
+    image = axes.tripcolor(triangles, values, shading="gouraud", vmin=low, vmax=high, rasterized=True)
     axes.figure.colorbar(image, ax=axes, label=label, shrink=0.85)
     places, centre = np.column_stack([x, y]), np.array([x.mean(), y.mean()])
-    outline = ConvexHull(places).vertices
+    # Sides without a neighbour, each from a corner to the next one. (scipy's hull takes half a second to import.)
+    row, side = np.nonzero(triangles.neighbors < 0)
+    following = dict(zip(triangles.triangles[row, side], triangles.triangles[row, (side + 1) % 3]))
+    outline = [next(iter(following))]
+    while (corner := following[outline[-1]]) != outline[0]:
+        outline.append(corner)
     axes.plot(*places[[*outline, outline[0]]].T, color=BLACK, lw=1)
-    for corner in CORNERS:
-        near = np.flatnonzero(directions @ np.array(corner) / np.linalg.norm(corner) > 1 - 1e-9)
+    for indices in CORNERS:
+        near = np.flatnonzero(directions @ np.array(indices) / np.linalg.norm(indices) > 1 - 1e-9)
         if len(near) and near[0] in outline:
             place = places[near[0]]
             offset = 13 * (place - centre) / np.linalg.norm(place - centre)
             axes.annotate(
-                direction_name(corner, four), place, offset, textcoords="offset points", ha="center", va="center", annotation_clip=False
+                direction_name(indices, four), place, offset, textcoords="offset points", ha="center", va="center", annotation_clip=False
             )
     axes.set(aspect="equal")
     axes.margins(0.08)
