@@ -3,10 +3,8 @@
 import csv
 import re
 from collections.abc import Sequence
-from contextlib import redirect_stdout
 from dataclasses import dataclass
 from functools import reduce
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +18,8 @@ from ..common.result_files import as_csv
 from ..core import InputError
 from ..crystal.directions import representative
 from ..crystal.elasticity import class_name
-from .laboratory_tables import reader_of, reading
+from .laboratory_tables import reading
+from .map_files import axes_of_file, from_standard, load_map, turn_of_axes
 
 __all__ = ["IndentedMap", "indented_map"]
 
@@ -29,8 +28,8 @@ BOUNDARY_DEG = 5.0
 #: Grains of fewer pixels are noise, and no neighbours.
 LEAST_PIXELS = 4
 #: Columns of homologous points: positions of the stage, and of the map.
-ANGLE_COLUMNS = ("phi1_deg", "Phi_deg", "phi2_deg")
 POINT_COLUMNS = ("x_um", "y_um", "map_x_um", "map_y_um")
+ANGLE_COLUMNS = ("phi1_deg", "Phi_deg", "phi2_deg")
 #: Errors of registration that are drawn, and the probability of its grain below which an indent is uncertain.
 SAMPLE, LEAST_SHARE = 2000, 0.95
 #: Grains that an uncertain indent may lie in, at most, and the least probability of one that counts.
@@ -57,14 +56,20 @@ class IndentedMap:
 
 
 def indented_map(
-    place: str, path: Path, points: tuple[str, Path] | None, stage: np.ndarray, columns: Sequence[str], symmetry: str | None
+    place: str,
+    path: Path,
+    points: tuple[str, Path] | None,
+    stage: np.ndarray,
+    columns: Sequence[str],
+    symmetry: str | None,
+    axes: str | None = None,
 ) -> IndentedMap:
     """The map of a file, and what it says of indents at positions (n, 2) of the stage, which the file of `points`, with what messages on it begin
     with, leads to those of the map; without it the two are the same. `columns`: of the measurements. The phase is compared with the stated `symmetry`. `place` begins the message of a refusal."""
     for name in columns:
         if name.lower().startswith(("phi", "φ", "euler")):
             raise InputError(f"{place}the column {name} states the orientation too; one of them is allowed")
-    grid = Grid(place, path)
+    grid = Grid(place, path, axes)
     indents, sd, warnings = registered(*points, stage) if points else (stage, np.zeros(len(stage)), [])
     tree = cKDTree(grid.positions)
     away, pixel = tree.query(indents)
@@ -97,11 +102,6 @@ def indented_map(
     return IndentedMap(grid, indents, grains, as_csv(list(rows[0]), [list(row.values()) for row in rows]), warnings)
 
 
-def registered(place: str, path: Path, stage: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Positions of the map (n, 2) of those of the stage by the affine map that homologous points determine, by least squares; their sd per
-    coordinate, um, (n,); and the warning where it is unknown. `place` begins the message of a refusal."""
-    try:
-        lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if not line.startswith("#")]
 def doubts(place: str, shares: list[float], known: list[float], sd: float) -> list[str]:
     """The warnings on indents: of each the probability of its grain, and that of all grains that are counted; the sd of registration, um."""
     found = []
@@ -117,6 +117,11 @@ def doubts(place: str, shares: list[float], known: list[float], sd: float) -> li
     return found
 
 
+def registered(place: str, path: Path, stage: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Positions of the map (n, 2) of those of the stage by the affine map that homologous points determine, by least squares; their sd per
+    coordinate, um, (n,); and the warning where it is unknown. `place` begins the message of a refusal."""
+    try:
+        lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if not line.startswith("#")]
         rows = list(csv.DictReader(lines, skipinitialspace=True))
         known = np.array([[float(row[name]) for name in POINT_COLUMNS] for row in rows]).reshape(-1, 4)
     except OSError as error:
@@ -143,11 +148,9 @@ def doubts(place: str, shares: list[float], known: list[float], sd: float) -> li
 class Grid:
     """The indexed points of a map and the grains that they form."""
 
-    def __init__(self, place: str, path: Path):
-        io = reader_of(place, path, "an orientation map", "orix.io")
+    def __init__(self, place: str, path: Path, axes: str | None):
+        loaded = load_map(place, path)
         with reading(place, "is no map that orix reads"):
-            with redirect_stdout(StringIO()):  # where orix names the phases
-                loaded = io.load(str(path))
             found = loaded[loaded.phase_id >= 0]
             #: (n, 2), um.
             self.positions = np.column_stack([found.x, found.y]).astype(float)
@@ -165,7 +168,11 @@ class Grid:
             self.names[number], group = loaded.phases[number].name, loaded.phases[number].point_group
             if group is None:
                 raise InputError(f"{place}does not say the point group of phase {number} ({self.names[number]})")
-            self.groups[number], self.symmetry[number] = group.laue, rotations_of(group.laue.proper_subgroup)
+            self.groups[number], turn = group.laue, from_standard(group.laue)
+            self.symmetry[number] = turn.inv() * rotations_of(group.laue.proper_subgroup) * turn
+            to_standard = turn_of_axes(place, group.laue, loaded.phases[number].structure.lattice, axes, axes_of_file(path))
+            own = np.flatnonzero(self.phase == number)
+            self.rotations[own] = to_standard * self.rotations[own]
         tree = cKDTree(self.positions)
         #: Distance of neighbours, um.
         self.step = float(np.median(tree.query(self.positions, k=2)[0][:, 1]))
@@ -222,17 +229,10 @@ class Grid:
         for number, group in self.groups.items():
             own = self.phase == number
             found[own] = IPFColorKeyTSL(group).orientation2color(
-                Orientation(self.rotations[own].as_quat(scalar_first=True), symmetry=group)
+                Orientation((from_standard(group) * self.rotations[own]).as_quat(scalar_first=True), symmetry=group)
             )
         return found
 
-    def mean_orientation(self, grain: int) -> tuple[list[float], float]:
-        """Bunge's angles of the mean orientation, degrees, and the sd of the tilt of the indented direction per component, degrees."""
-        inside = np.flatnonzero(self.grain == grain)
-        group, rotations = self.symmetry[int(self.phase[inside[0]])], self.rotations[inside]
-        # Of the equivalents of each the one that is nearest to the first.
-        cosine = np.abs((rotations[0] * rotations.inv()).as_quat() @ group.as_quat().T)
-        aligned = group[cosine.argmax(axis=1)] * rotations
     def likely_grains(self, tree: cKDTree, position: np.ndarray, sd: float, pixel: int) -> dict[int, float]:
         """The grain of the pixel at a position, then those of its phase that hold it by errors of registration, by their probabilities."""
         grain = int(self.grain[pixel])
@@ -247,6 +247,13 @@ class Grid:
         others = sorted((number for number in shares if number != grain and shares[number] > LEAST_PROBABILITY), key=lambda n: -shares[n])
         return {number: shares.get(number, 0.0) for number in [grain, *others][:MOST_GRAINS]}
 
+    def mean_orientation(self, grain: int) -> tuple[list[float], float]:
+        """Bunge's angles of the mean orientation, degrees, and the sd of the tilt of the indented direction per component, degrees."""
+        inside = np.flatnonzero(self.grain == grain)
+        group, rotations = self.symmetry[int(self.phase[inside[0]])], self.rotations[inside]
+        # Of the equivalents of each the one that is nearest to the first.
+        cosine = np.abs((rotations[0] * rotations.inv()).as_quat() @ group.as_quat().T)
+        aligned = group[cosine.argmax(axis=1)] * rotations
         mean = aligned.mean()
         tilt = np.arccos(np.clip(aligned.apply(NORMAL) @ mean.apply(NORMAL), -1, 1))
         # Of an optional package, like the reader of the map.
