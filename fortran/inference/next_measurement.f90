@@ -24,6 +24,8 @@ module next_measurement
    !> Bins of the draws and points of the integral per sd of the kernel, and half the width of the kernel in sds.
    integer, parameter :: bins_per_sd = 10, points_per_sd = 2, half_width = 6
    integer, parameter :: step = bins_per_sd/points_per_sd, half_bins = half_width*bins_per_sd
+   !> Gains are alike that are at least this share of the largest.
+   real(wp), parameter :: alike = 0.9_wp
    !> Least sd of the kernel, as a share of the sd of the predictions.
    real(wp), parameter :: least_kernel = 0.02_wp
 
@@ -38,14 +40,17 @@ module next_measurement
       real(wp), allocatable :: sd(:)
       !> What is to be known, (draw); empty: all about the constants.
       real(wp), allocatable :: target(:)
-      !> Whether two of the first candidates are too near each other for both to be measured.
-      logical, allocatable :: near(:, :)
+      !> Between two of the first candidates, and below which two are too near each other for both to be measured; radians.
+      real(wp), allocatable :: angle(:, :)
+      real(wp) :: least_angle = 0.0_wp
    end type candidates_type
 
    type :: suggestions_type
       !> Numbers of candidates, the best first, and their gains given those before them.
       integer, allocatable :: chosen(:)
       real(wp), allocatable :: gains(:)
+      !> Radius of the region about each in which all candidates have gains alike, radians, 0 where there are none.
+      real(wp), allocatable :: within(:)
       !> Gain of every candidate as the first.
       real(wp), allocatable :: first_gains(:)
    end type suggestions_type
@@ -147,10 +152,11 @@ contains
       real(wp), allocatable :: weights(:, :), values(:)
       real(wp) :: z, measured, sd
       logical, allocatable :: free(:)
-      integer :: i, r, c, draws
+      integer :: i, r, c, n, draws
 
       draws = size(candidates%predicted, 1)
-      allocate (values(size(candidates%predicted, 2)), weights(draws, 1), suggestions%chosen(0), suggestions%gains(0))
+      allocate (values(size(candidates%predicted, 2)), weights(draws, 1), suggestions%chosen(0), suggestions%gains(0), &
+         & suggestions%within(0))
       weights = 1.0_wp/draws
       free = spread(.true., 1, size(values))
       stream = new_random_stream(seed, stream_number)
@@ -161,8 +167,15 @@ contains
          c = maxloc(values/candidates%cost, dim=1, mask=free)
          suggestions%chosen = [suggestions%chosen, c]
          suggestions%gains = [suggestions%gains, values(c)]
+         suggestions%within = [suggestions%within, 0.0_wp]
          free(c) = .false.
-         if (c <= size(candidates%near, 2)) where (candidates%near(:, c)) free(:size(candidates%near, 1)) = .false.
+         n = size(candidates%angle, 1)
+         if (c <= n) then
+            associate (angle => candidates%angle(:, c))
+               suggestions%within(i) = maxval(angle, mask=angle < minval(angle, mask=values(:n) < alike*values(c)))
+               where (angle < candidates%least_angle) free(:n) = .false.
+            end associate
+         end if
          if (i == 1 .and. count > 1) weights = spread(weights(:, 1), 2, max(1, scenarios))
          sd = kernel_sd(candidates, c)
          do r = 1, size(weights, 2)

@@ -151,17 +151,18 @@ contains
          candidates%euler_deg = problem%grains%euler_deg
          n = size(candidates%euler_deg, 2)
          candidates%grain = [(i, i=1, n)]
-         allocate (candidates%near(0, 0))
+         allocate (candidates%angle(0, 0))
       else
          call new_region(class, region)
          call lattice_of_directions(region, directions)
          n = size(directions, 2)
          candidates%grain = spread(0, 1, n)
-         allocate (candidates%euler_deg(3, n), candidates%near(n, n))
+         allocate (candidates%euler_deg(3, n), candidates%angle(n, n))
+         candidates%least_angle = separation_deg*degree
          do j = 1, n
             candidates%euler_deg(:, j) = angles_of_direction(directions(:, j))
             do i = 1, n
-               candidates%near(i, j) = angle_between(region, directions(:, i), directions(:, j)) < separation_deg*degree
+               candidates%angle(i, j) = angle_between(region, directions(:, i), directions(:, j))
             end do
          end do
       end if
@@ -265,6 +266,7 @@ contains
             call begin_candidate(c)
             g = rotation_matrix(candidates%euler_deg(:, c)*degree)
             call page%put('direction', g(:, 3))
+            if (suggestions%within(i) > 0.0_wp) call page%put('within_deg', suggestions%within(i)/degree)
             if (.not. allocated(unknown)) call page%put('uvw', lattice%nearest(g(:, 3)))
             associate (angle => candidates%propagation_deg(c)*degree)
                along = cos(angle)*g(:, 1) + sin(angle)*g(:, 2)

@@ -128,8 +128,8 @@ contains
       integer :: i
 
       allocate (candidates%predicted(draws, 1), candidates%shared_variance(draws, 1), candidates%target(draws), &
-         & candidates%near(1, 1))
-      candidates%near = .true.
+         & candidates%angle(1, 1), source=0.0_wp)
+      candidates%least_angle = 0.1_wp
       candidates%shared_variance = 0.0_wp
       candidates%sd = [sd]
       candidates%cost = [1.0_wp]

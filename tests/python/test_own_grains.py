@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from step_2_cases import KIND
 
 import bayesindent as bi
@@ -79,3 +80,14 @@ def test_indices_need_a_cell(tmp_path):
 def test_refusals(tmp_path, text, words):
     with pytest.raises(bi.InputError, match=words):
         suggest(None, tmp_path, text)
+
+
+def test_the_region_of_like_gains(result):
+    """Of the first suggestion: the farthest direction that is nearer than any that gains less than 90 % of it, in a cubic crystal."""
+    found = bi.next_grain(DATA, result=result, **SETTINGS)
+    best, gains = found["suggestions"][0], np.array([item["gain"] for item in found["candidates"]])
+    rotations = Rotation.from_euler("ZXZ", [item["euler_deg"] for item in found["candidates"]], degrees=True).inv()
+    cosines = np.abs(Rotation.create_group("O").apply(best["direction"]) @ rotations.apply([0, 0, 1]).T).max(axis=0)
+    angles = np.degrees(np.arccos(np.minimum(cosines, 1)))
+    less = gains < 0.9 * best["gain"]
+    assert less.any() and best["within_deg"] == pytest.approx(angles[angles < angles[less].min()].max(), abs=1e-4)

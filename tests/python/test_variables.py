@@ -366,6 +366,7 @@ EFFECTS = {
         "columns": (read, {"measurements": {"file": "named.csv", "columns": ["modulus_gpa = first"]}}, ["modulus_gpa = second"]),
         "sheet": None,  # test_spreadsheets: the second sheet of a workbook
         "ebsd": None,  # test_orientation_maps: orientations of a map
+        "crystal_axes": None,  # test_map_axes: two makers' files of one crystal
         "ebsd_points": None,  # test_map_registration: the indents of a turned stage
         "modulus_kind": (density, {}, "effective_modulus"),
         "angles": (read, {"measurements": {"file": "radians.csv", "angles": "degrees"}}, "radians"),

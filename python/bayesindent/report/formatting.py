@@ -10,7 +10,7 @@ from ..crystal.elasticity import constant_names
 
 __all__ = [
     "SHARES", "SHARE_HEADER", "cells", "direction_name", "enumeration", "has_four_indices", "latex", "limit_name", "named", "number", "numbers", "orientation", "percent", "plus_minus", "product_html",
-    "product_label", "products_as_html", "quantity_format", "quantity_label", "quantity_name", "share_cells", "subscript", "suggested_grains",
+    "product_label", "products_as_html", "quantity_format", "quantity_label", "quantity_name", "region", "share_cells", "subscript", "suggested_grains",
 ]  # fmt: skip
 
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
@@ -60,6 +60,11 @@ def suggested_grains(items: Sequence[Mapping]) -> list[str]:
         f"{name}, speed at {item['propagation_deg']:g}°" if "propagation_deg" in item else str(name)
         for name, item in zip(names, items, strict=True)
     ]
+
+
+def region(item: Mapping, direction: str) -> str:
+    """The direction of a suggestion, and within which angle of it gains are alike."""
+    return f"within {item['within_deg']:.0f}° of {direction}" if "within_deg" in item else direction
 
 
 def share_cells(item: Mapping) -> list[str]:

@@ -11,7 +11,7 @@ from ..version import __version__
 
 from .formatting import (  # isort: skip
     direction_name, has_four_indices, limit_name, number, numbers, orientation, percent, plus_minus, product_html, quantity_format,
-    quantity_label, share_cells, subscript, suggested_grains,
+    quantity_label, region, share_cells, subscript, suggested_grains,
 )  # fmt: skip
 from .results import Results
 
@@ -59,7 +59,7 @@ def report_rows(results: Results) -> dict[str, list[list]]:
         "sensitivity": [row for row in map(sensitivity_row, document.get("sensitivity", [])) if row],
         "simulations": simulation_rows(results),
         "suggestions": [
-            [name, *angles_of(item), item.get("uvw") or direction(item, results.symmetry), number(item["gain"], 3)]
+            [name, *angles_of(item), region(item, item.get("uvw") or direction(item, results.symmetry)), number(item["gain"], 3)]
             for name, item in zip(suggested_grains(suggestions), suggestions, strict=True)
         ],
         "provenance": provenance_rows(results),

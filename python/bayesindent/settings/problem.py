@@ -170,7 +170,8 @@ class Problem(NativeObject):
             of_points = f"{path}: &measurements ebsd_points: {facts.get('measurements.ebsd_points')}: "
             points = (of_points, Path(facts["map_points"])) if "map_points" in facts else None
             stage = np.transpose(facts["indents_um"])
-            self.map = indented_map(place, Path(facts["map"]), points, stage, facts["indents_columns"], facts.get("problem.symmetry"))
+            given = (facts.get(name) for name in ("problem.symmetry", "measurements.crystal_axes"))
+            self.map = indented_map(place, Path(facts["map"]), points, stage, facts["indents_columns"], *given)
             self._set_table("ebsd", self.map.page)
             for line in self.map.warnings:
                 self._set_table("warning", line)

@@ -11,7 +11,7 @@ from ...inference.extract import groups_of
 from ...pipeline.build import ask, tell
 from ...pipeline.results_folder import read_posterior
 from ...pipeline.stage import run_stage
-from ...report.formatting import SHARES, number, numbers, share_cells, suggested_grains
+from ...report.formatting import SHARES, number, numbers, region, share_cells, suggested_grains
 from ...settings.problem import Problem, read_crystals
 from ...surrogate.basis import Basis
 from ...surrogate.surrogate import places
@@ -184,7 +184,7 @@ def show_next(document: dict) -> None:
     rows, header = [], ["phi1", "Phi", "phi2", "along z", f"expected gain ({document['unit']})"]
     for name, item in zip(suggested_grains(suggestions), suggestions, strict=True):
         along = item.get("uvw") or " ".join(f"{component:.2f}" for component in item["direction"])
-        rows.append([*[name] * grains, *(f"{angle:.1f}" for angle in item["euler_deg"]), along, f"{item['gain']:.3g}"])
+        rows.append([*[name] * grains, *(f"{angle:.1f}" for angle in item["euler_deg"]), region(item, along), f"{item['gain']:.3g}"])
     show_table(f"{'Grains' if grains else 'Orientations'} worth measuring next (degrees)", ["grain", *header] if grains else header, rows)
 
 
