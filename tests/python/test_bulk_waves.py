@@ -10,6 +10,7 @@ from stroh import acoustic, bunge, tensor
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
+from bayesindent.report.results import Results
 
 DENSITY = 5000.0
 #: Of a speed, m/s: the log-likelihood then shows differences of 1e-5 m/s.
@@ -104,3 +105,12 @@ def test_waves_that_are_none(tmp_path, row, words):
     (tmp_path / "bulk.csv").write_text(f"phi1,Phi,phi2,propagation_deg,wave,velocity_m_s,sd_m_s\n{row}\n")
     with pytest.raises(bi.InputError, match=words):
         bi.extract(None, "cubic", velocities=tmp_path / "bulk.csv", density_kg_m3=DENSITY)
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"), [([{}], "Rayleigh velocity"), ([{}, {"wave": "longitudinal", "inclination_deg": 90}], "wave velocity")]
+)
+def test_the_report_calls_only_surface_waves_rayleigh(rows, expected):
+    results = Results.__new__(Results)
+    results.documents = {"extract": {"predicted": [{"mean": 130.0}, *({"propagation_deg": 0.0, **row} for row in rows)]}}
+    assert results.speed == expected
