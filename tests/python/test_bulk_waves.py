@@ -78,9 +78,10 @@ def test_bulk_waves_alone_give_a_cubic_crystal(tmp_path):
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", bi.BayesindentWarning)
-        document = bi.summary(
-            bi.extract(None, "cubic", velocities=tmp_path / "bulk.csv", density_kg_m3=DENSITY, samples=1500, burn_in=2000, chains=2)
-        )
+        result = bi.extract(None, "cubic", velocities=tmp_path / "bulk.csv", density_kg_m3=DENSITY, samples=1500, burn_in=2000, chains=2)
+        page = bi.report(result, tmp_path / "report.html").read_text(encoding="utf-8")
+    document = bi.summary(result)
+    assert "wave velocity in 5 directions" in page
     assert document["velocities_left_out"] == 0
     assert [(item["wave"], item["propagation_deg"]) for item in document["predicted"]] == [
         ("longitudinal", 0.0), ("shear_fast", 90.0), ("longitudinal", 45.0), ("shear_slow", 315.0), ("longitudinal", 0.0)
