@@ -305,7 +305,7 @@ contains
       allocate (lines(0))
       if (found%posterior%n_moduli > 0) call warn(lines, 'measured: '//found%posterior%observable%name//' of ' &
          & //to_text(found%posterior%n_moduli)//' grains')
-      if (found%posterior%n_moduli < found%posterior%n_grains) call warn(lines, 'measured: Rayleigh velocity in ' &
+      if (found%posterior%n_moduli < found%posterior%n_grains) call warn(lines, 'measured: speeds of waves in ' &
          & //to_text(found%posterior%n_grains - found%posterior%n_moduli)//' directions')
       associate (prior => found%posterior%prior)
          if (prior%has_default) then

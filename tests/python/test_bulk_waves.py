@@ -10,6 +10,7 @@ from stroh import acoustic, bunge, tensor
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
+from bayesindent.report.results import Results
 
 DENSITY = 5000.0
 #: Of a speed, m/s: the log-likelihood then shows differences of 1e-5 m/s.
@@ -77,9 +78,10 @@ def test_bulk_waves_alone_give_a_cubic_crystal(tmp_path):
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", bi.BayesindentWarning)
-        document = bi.summary(
-            bi.extract(None, "cubic", velocities=tmp_path / "bulk.csv", density_kg_m3=DENSITY, samples=1500, burn_in=2000, chains=2)
-        )
+        result = bi.extract(None, "cubic", velocities=tmp_path / "bulk.csv", density_kg_m3=DENSITY, samples=1500, burn_in=2000, chains=2)
+        page = bi.report(result, tmp_path / "report.html").read_text(encoding="utf-8")
+    document = bi.summary(result)
+    assert "wave velocity in 5 directions" in page
     assert document["velocities_left_out"] == 0
     assert [(item["wave"], item["propagation_deg"]) for item in document["predicted"]] == [
         ("longitudinal", 0.0), ("shear_fast", 90.0), ("longitudinal", 45.0), ("shear_slow", 315.0), ("longitudinal", 0.0)
@@ -104,3 +106,12 @@ def test_waves_that_are_none(tmp_path, row, words):
     (tmp_path / "bulk.csv").write_text(f"phi1,Phi,phi2,propagation_deg,wave,velocity_m_s,sd_m_s\n{row}\n")
     with pytest.raises(bi.InputError, match=words):
         bi.extract(None, "cubic", velocities=tmp_path / "bulk.csv", density_kg_m3=DENSITY)
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"), [([{}], "Rayleigh velocity"), ([{}, {"wave": "longitudinal", "inclination_deg": 90}], "wave velocity")]
+)
+def test_the_report_calls_only_surface_waves_rayleigh(rows, expected):
+    results = Results.__new__(Results)
+    results.documents = {"extract": {"predicted": [{"mean": 130.0}, *({"propagation_deg": 0.0, **row} for row in rows)]}}
+    assert results.speed == expected

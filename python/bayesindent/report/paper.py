@@ -124,11 +124,17 @@ def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]
             rows["predicted"],
         ),
         "velocities": (
-            "The Rayleigh velocity in m/s: Bunge's angles of the grain and the direction of propagation from x, as measured, and as the "
+            f"The {results.speed} in m/s: Bunge's angles of the grain and the direction of propagation from x, as measured, and as the "
             "posterior predicts it without the noise.",
-            ["grain", *ANGLES, "direction", "measured", "sd measured", "predicted", "sd predicted"],
+            ["grain", *ANGLES, "direction", "wave", "measured", "sd measured", "predicted", "sd predicted"],
             [
-                [str(item.get("grain", row)), *angles_of(item), *numbers(item, propagation_deg=1, **digits)]
+                [
+                    str(item.get("grain", row)),
+                    *angles_of(item),
+                    *("normal" if "inclination_deg" in item else cell for cell in numbers(item, propagation_deg=1)),
+                    item.get("wave", "rayleigh").replace("_", " "),
+                    *numbers(item, **digits),
+                ]
                 for row, item in enumerate(results.velocities, start=1)
             ],
         ),

@@ -106,6 +106,11 @@ class Results:
         """The speeds likewise."""
         return [item for item in self.documents["extract"].get("predicted", []) if "propagation_deg" in item]
 
+    @property
+    def speed(self) -> str:
+        """What the velocities are."""
+        return "wave velocity" if any("wave" in item for item in self.velocities) else "Rayleigh velocity"
+
     def identifiability(self, kind: str) -> list[dict]:
         """What the document of `extract` says of each 'combination' of the constants, 'quantity', or piece of 'knowledge'."""
         return [row for row in self.documents["extract"].get("identifiability", []) if row["kind"] == kind]

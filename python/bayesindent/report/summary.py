@@ -76,7 +76,7 @@ def inputs_summary(results: Results) -> list[tuple[str, str]]:
                 ("Modulus", modulus_kind(results)),
             ]
         if results.velocities:
-            rows.append(("Velocities", f"Rayleigh waves in {with_count(len(results.velocities), 'direction')}"))
+            rows.append(("Velocities", f"{results.speed} in {with_count(len(results.velocities), 'direction')}"))
     if simulated:
         rows.append(("Simulations", f"indentation moduli of {with_count(simulated, 'crystal')} by finite elements"))
     rows += [("Specimen", specimen(results)), ("Indenter", indenter(results))]

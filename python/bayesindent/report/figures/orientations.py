@@ -42,7 +42,7 @@ def orientations(results: Results) -> Picture:
         text = "Posterior of the modulus over the declination of the c axis, with the measured grains."
         return Picture(figure, text)
     figure, (left, right) = panels(3.2, 1, 2)
-    low, high, four = min(mean.min(), *measured), max(mean.max(), *measured), has_four_indices(results.symmetry)
+    low, high, four = min([mean.min(), *measured]), max([mean.max(), *measured]), has_four_indices(results.symmetry)
     draw_map(left, lattice, mean, f"mean of {results.kind} (GPa)", four, low, high)
     draw_map(right, lattice, sd, f"sd of {results.kind} (GPa)", four)
     x, y = stereographic(directions)

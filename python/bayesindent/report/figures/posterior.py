@@ -161,9 +161,9 @@ def grain_comparison(results: Results) -> Picture:
 
 
 def velocities(results: Results) -> Picture:
-    """Measured speeds of surface waves against what the posterior predicts."""
+    """Measured speeds of waves against what the posterior predicts."""
     left_out = results.documents["extract"].get("velocities_left_out", 0)
-    return compared(results.velocities, "Rayleigh velocity", "m/s", "directions", f" Left out: {left_out}." * bool(left_out))
+    return compared(results.velocities, results.speed, "m/s", "directions", f" Left out: {left_out}." * bool(left_out))
 
 
 def compared(items: list[dict], quantity: str, unit: str, of: str, more: str = "") -> Picture:
