@@ -6,6 +6,7 @@
 #include "multifrontal.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstdlib>
 #include <new>
@@ -25,11 +26,15 @@ void ssyrk_(const char *, const char *, const int *, const int *, const float *,
 void sgemm_(const char *, const char *, const int *, const int *, const int *, const float *, const float *, const int *,
             const float *, const int *, const float *, float *, const int *);
 void openblas_set_num_threads(int) __attribute__((weak));
+std::int32_t bayesindent_reserve_blas(std::int32_t callers);
 }
 
 using namespace bayesindent;
 
 namespace {
+
+// Workspaces that are in use: each calls BLAS.
+std::atomic<integer> in_use{0};
 
 // Factor the `own` columns of a front of `height` rows, in place, block column by block column, so that nearly all the work
 // is matrix products: also the triangular solves, by the inverse of the small diagonal block. Returns the 1-based column whose
@@ -131,6 +136,8 @@ void bayesindent_cholesky_delete(analysis *self) { delete self; }
 // is written as it is allocated: what is free then counts all that other threads were given.
 workspace *bayesindent_cholesky_acquire(analysis *self, double free_bytes) {
   const std::lock_guard<std::mutex> guard(self->pool_lock);
+  if (const integer users = in_use + 1; bayesindent_reserve_blas(users) < users)
+    return nullptr;
   if (self->pool.empty()) {
     if (self->sizes[2] > free_bytes)
       return nullptr;
@@ -140,6 +147,7 @@ workspace *bayesindent_cholesky_acquire(analysis *self, double free_bytes) {
       work->stack = std::make_unique<real[]>(self->stack_size);
       work->panel = std::make_unique<real[]>(self->panel_size);
       work->column = std::make_unique<real[]>(self->column_size);
+      ++in_use;
       return work.release();
     } catch (const std::bad_alloc &) {
       return nullptr;
@@ -147,12 +155,14 @@ workspace *bayesindent_cholesky_acquire(analysis *self, double free_bytes) {
   }
   workspace *const work = self->pool.back().release();
   self->pool.pop_back();
+  ++in_use;
   return work;
 }
 
 void bayesindent_cholesky_release(analysis *self, workspace *work) {
   const std::lock_guard<std::mutex> guard(self->pool_lock);
   self->pool.emplace_back(work);
+  --in_use;
 }
 
 // Factor the matrix with these values (order of `row`). If it is indefinite, `unknown` is the 0-based unknown whose pivot failed.

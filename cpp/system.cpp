@@ -11,13 +11,19 @@
 #include <fstream>
 #include <limits>
 #include <memory>
+#include <mutex>
 #include <sstream>
 #include <string>
 #include <unistd.h>
 #include <vector>
 
-extern "C" const char *bayesindent_blas_kernels();
-extern "C" std::int32_t bayesindent_is_wide(const char *kernels);
+extern "C" {
+const char *bayesindent_blas_kernels();
+std::int32_t bayesindent_is_wide(const char *kernels);
+// Of OpenBLAS: a buffer for one caller, who gives it back for the next.
+void *blas_memory_alloc(int) __attribute__((weak));
+void blas_memory_free(void *) __attribute__((weak));
+}
 
 namespace {
 
@@ -147,6 +153,23 @@ double bayesindent_free_memory() {
   if (std::isfinite(space))
     bytes = std::min(bytes, space - kilobyte * entry("/proc/self/status", "VmSize:"));
   return std::max(bytes, 0.0);
+}
+
+// Have OpenBLAS take its buffers for so many callers at a time, before there are any; for how many of them it has. Where it cannot
+// take one it tries for ever. A thread needs as much again for its own memory.
+std::int32_t bayesindent_reserve_blas(std::int32_t callers) {
+  constexpr double bytes = 1.5e8;
+  static std::mutex reserving;
+  static std::int32_t reserved = 0;
+  const std::lock_guard<std::mutex> guard(reserving);
+  if (callers <= reserved || blas_memory_alloc == nullptr)
+    return callers;
+  std::vector<void *> buffers;
+  for (std::int32_t i = 0; i < callers && (i < reserved || bayesindent_free_memory() > (i == 0 ? bytes : 2 * bytes)); ++i)
+    buffers.push_back(blas_memory_alloc(0));
+  for (void *const buffer : buffers)
+    blas_memory_free(buffer);
+  return reserved = static_cast<std::int32_t>(buffers.size());
 }
 
 // The folder of the package's data, with a slash at its end: as the environment says, or where it is from this program, installed,

@@ -1,7 +1,7 @@
 !> What the machine has: memory, and processors for threads. Sizes come from users: what cannot be had is refused in words before it is
 !> asked for, since the system would end the process when it is used, not when it is allocated.
 module machine
-   use, intrinsic :: iso_c_binding, only: c_double
+   use, intrinsic :: iso_c_binding, only: c_double, c_int32_t
    use errors, only: error_type, machine_failure, raise
    use files, only: process_number
    use kinds, only: wp
@@ -9,16 +9,18 @@ module machine
    use text, only: to_text
    implicit none
    private
-   public :: check_memory, free_memory, memory_text, raise_no_memory, thread_count
-
-   !> Bytes that OpenBLAS takes for each thread; where it cannot, it waits for ever.
-   real(wp), parameter, public :: blas_bytes = 1.5e8_wp
+   public :: check_memory, free_memory, memory_text, raise_no_memory, reserve_blas, thread_count
 
    interface
       !> Bytes that this process may still use: of the machine, of its group of processes, and of its address space.
       real(c_double) function free_memory() bind(c, name='bayesindent_free_memory')
          import :: c_double
       end function free_memory
+      !> Have BLAS take its buffers for this number of `callers` at a time; for how many of them it has. Without one it waits for ever.
+      integer(c_int32_t) function reserve_blas(callers) bind(c, name='bayesindent_reserve_blas')
+         import :: c_int32_t
+         integer(c_int32_t), value :: callers
+      end function reserve_blas
    end interface
 
    !> The process in which threads were first asked for.
@@ -64,13 +66,15 @@ contains
       end if
    end function memory_text
 
-   !> As many as are wanted, 0: one for each processor that this process may use; at most four for each, since more gain nothing. One in a
-   !> process that was forked from one with threads, which it has not inherited though OpenMP waits for them.
+   !> As many as are wanted, 0: one for each processor that this process may use; at most four for each, since more gain nothing, and as
+   !> many as BLAS has buffers for. One in a process that was forked from one with threads, which it has not inherited though OpenMP waits
+   !> for them.
    integer function thread_count(wanted)
       integer, intent(in) :: wanted
 
       thread_count = min(wanted, 4*omp_get_num_procs())
       if (wanted <= 0) thread_count = omp_get_num_procs()
+      thread_count = max(1, min(thread_count, reserve_blas(thread_count)))
       !$omp critical (machine)
       if (first_process == 0) first_process = process_number()
       if (first_process /= process_number()) thread_count = 1

@@ -9,6 +9,7 @@ module operations
    use exchange, only: exchange_type, find_object, register_object
    use fe_indentation, only: indentation_model_type
    use namelist_file, only: entry_type, parse_namelist
+   use machine, only: check_memory
    use point_tables, only: read_crystals
    use extraction_document, only: read_posterior
    use problem, only: problem_type
@@ -135,6 +136,8 @@ contains
          call load_named_surrogate(x%in%text('name'), x%in%text('symmetry'), x%places(), surrogate, x%error)
       case ('file.column_name')
          x%text = trim(standard_name(x%in%text('header')))
+      case ('file.check_memory')
+         call check_memory(x%in%real('bytes'), x%in%text('what'), x%error)
       case ('file.watch_signals')
          call watch_signals()
       case ('file.take_folder')

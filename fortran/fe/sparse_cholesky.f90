@@ -3,7 +3,7 @@ module sparse_cholesky
    use, intrinsic :: iso_c_binding, only: c_associated, c_double, c_int32_t, c_null_ptr, c_ptr
    use errors, only: error_type, raise
    use kinds, only: wp
-   use machine, only: blas_bytes, check_memory, free_memory, memory_text, raise_no_memory
+   use machine, only: check_memory, free_memory, memory_text, raise_no_memory
    use text, only: to_text
    implicit none
    private
@@ -89,7 +89,7 @@ contains
       cholesky%entries = sizes(1)
       cholesky%operations = sizes(2)
       cholesky%bytes = sizes(3)
-      call check_memory(cholesky%bytes + blas_bytes, 'the factor of a system of '//to_text(cholesky%n)//' unknowns', error)
+      call check_memory(cholesky%bytes, 'the factor of a system of '//to_text(cholesky%n)//' unknowns', error)
       if (allocated(error)) call free_analysis(cholesky)
    end subroutine analyse_pattern
 
@@ -108,7 +108,7 @@ contains
 
       ! What is free now is so only until the next thread has taken its share.
       !$omp critical (sparse_cholesky)
-      factor = c_acquire(cholesky%handle, free_memory() - blas_bytes)
+      factor = c_acquire(cholesky%handle, free_memory())
       !$omp end critical (sparse_cholesky)
       if (.not. c_associated(factor)) call raise_no_memory('a factor of '//memory_text(cholesky%bytes) &
          & //'; fewer workers or a lower refine need less', error)

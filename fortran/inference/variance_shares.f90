@@ -31,8 +31,8 @@ module variance_shares
       real(wp), allocatable :: by_source(:), by_quantity(:)
    end type shares_type
 
-   !> The greatest sum of shares: above it covariances do not describe the draws.
-   real(wp), parameter :: greatest_sum = 1.05_wp
+   !> The greatest sum of shares, and how many of its Monte Carlo errors it may be above: else covariances do not describe the draws.
+   real(wp), parameter :: greatest_sum = 1.05_wp, errors_above = 2.0_wp
    !> A quantity is determined if its sd is below the first part of its value and the prior's share below the second; it is not determined
    !> if either is above those of the other pair.
    real(wp), parameter :: determined(2) = [0.10_wp, 0.20_wp], not_determined(2) = [0.30_wp, 0.80_wp]
@@ -40,12 +40,12 @@ module variance_shares
 contains
 
    !> The shares of quantities over draws.
-   subroutine find_shares(posterior, draws, values, mixed, threads, shares, error)
+   subroutine find_shares(posterior, draws, values, effective, threads, shares, error)
       type(posterior_type), intent(in) :: posterior
       !> (parameter, draw); (quantity, draw).
       real(wp), intent(in) :: draws(:, :), values(:, :)
-      !> Whether the chains have mixed.
-      logical, intent(in) :: mixed
+      !> Number of independent draws that these are worth, 0 if the chains have not mixed.
+      real(wp), intent(in) :: effective
       !> OpenMP threads at most.
       integer, intent(in) :: threads
       type(shares_type), allocatable, intent(out) :: shares(:)
@@ -56,6 +56,7 @@ contains
       real(wp), dimension(size(values, 1)) :: variance, total
       real(wp), dimension(posterior%n_grains) :: scales, residual, weight
       real(wp) :: shared(posterior%n_grains, posterior%n_shared)
+      real(wp) :: greatest
       integer :: i, n, q
 
       n = size(draws, 2)
@@ -80,12 +81,14 @@ contains
       call cholesky_solve(factor, known)
       allocate (shares(size(values, 1)))
       total = (sum(parts, 1) + sum(pulls*known, 1))/variance
+      ! A sum is the square of a covariance over a variance: of normal draws its relative error is that of a variance.
+      greatest = greatest_sum + errors_above*sqrt(2.0_wp/max(1.0_wp, effective))
       do q = 1, size(shares)
          ! A little above one is the noise of the draws.
          associate (one => shares(q), unit => variance(q)*max(1.0_wp, total(q)))
             one%by_source = parts(:, q)/unit
             one%by_quantity = pulls(:, q)*known(:, q)/unit
-            if (.not. (mixed .and. total(q) <= greatest_sum)) then
+            if (.not. (effective > 0.0_wp .and. total(q) <= greatest)) then
                one%by_source = nan
                one%by_quantity = one%by_source(1)
             end if

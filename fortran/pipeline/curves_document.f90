@@ -31,7 +31,7 @@ contains
       !> Folder.
       character(len=*), intent(in) :: output
       type(error_type), allocatable, intent(out) :: error
-      type(new_file_type) :: measurements, errors, fits
+      type(new_file_type) :: file
       real(wp), allocatable :: loadings(:, :)
       integer, allocatable :: grains(:), columns(:)
       character(len=:), allocatable :: names(:)
@@ -42,35 +42,39 @@ contains
       allocate (names, source=split_list(carried))
       columns = [(set%tests%find(trim(names(j))), j=1, size(names))]
       columns = pack(columns, columns > 0)
-      call measurements%begin(output//'/measurements.csv')
-      call errors%begin(output//'/shared_errors.csv')
-      call fits%begin(output//'/fits.csv')
-      call measurements%add('grain'//cells_of(0)//',effective_modulus_gpa,sd_gpa'//newline)
-      call errors%add('grain')
-      do j = 1, size(loadings, 2)
-         call errors%add(',shared_'//to_text(j))
-      end do
-      call errors%add(newline)
+      call file%begin(output//'/measurements.csv')
+      call file%add('grain'//cells_of(0)//',effective_modulus_gpa,sd_gpa'//newline)
       do i = 1, size(grains)
          associate (m => found%materials(grains(i)))
-            call measurements%add(csv_cell(m%name)//cells_of(findloc(found%tests%material, grains(i), 1)) &
+            call file%add(csv_cell(m%name)//cells_of(findloc(found%tests%material, grains(i), 1)) &
                & //cells_of_numbers(exp(m%ln_modulus)*[1.0_wp, m%own_sd]))
-            call errors%add(csv_cell(m%name)//cells_of_numbers(loadings(i, :)))
          end associate
       end do
-      call fits%add('test,time_s,depth_nm,load_mn,fit_nm,elastic'//newline)
+      call file%finish(error)
+      if (allocated(error)) return
+      call file%begin(output//'/shared_errors.csv')
+      call file%add('grain')
+      do j = 1, size(loadings, 2)
+         call file%add(',shared_'//to_text(j))
+      end do
+      call file%add(newline)
+      do i = 1, size(grains)
+         call file%add(csv_cell(found%materials(grains(i))%name)//cells_of_numbers(loadings(i, :)))
+      end do
+      call file%finish(error)
+      if (allocated(error)) return
+      call file%begin(output//'/fits.csv')
+      call file%add('test,time_s,depth_nm,load_mn,fit_nm,elastic'//newline)
       do i = 1, size(found%tests)
          if (.not. allocated(found%tests(i)%fit)) cycle
          associate (t => found%tests(i), c => found%tests(i)%curve)
             do j = 1, size(t%fit)
-               call fits%add(csv_cell(set%curves(i)%name)//cells_of_numbers([c%time(j), c%depth(j), c%load(j), t%fit(j), &
+               call file%add(csv_cell(set%curves(i)%name)//cells_of_numbers([c%time(j), c%depth(j), c%load(j), t%fit(j), &
                   & t%elastic(j)]))
             end do
          end associate
       end do
-      call measurements%finish(error)
-      if (.not. allocated(error)) call errors%finish(error)
-      if (.not. allocated(error)) call fits%finish(error)
+      call file%finish(error)
 
    contains
 

@@ -250,22 +250,24 @@ contains
       integer, parameter :: most = 300000
       real(wp), allocatable :: many(:, :), all(:, :)
       type(shares_type), allocatable :: shares(:)
-      logical :: mixed
+      real(wp) :: effective
       integer :: k, n
 
       k = size(draws, 1)
       n = size(logarithms, 1)
-      mixed = .not. any(self%parameters%diagnostics%r_hat > unmixed)
+      effective = minval(self%parameters%diagnostics%ess_bulk)
+      if (any(self%parameters%diagnostics%r_hat > unmixed)) effective = 0.0_wp
       many = flattened(thinned(self%chains%draws, max(size(draws, 2), most/self%posterior%n_grains)))
       all = many
       if (k > self%posterior%n_constants) many(k, :) = log(many(k, :))
-      call find_shares(self%posterior, many, all, mixed, threads, self%parameter_shares, error)
+      call find_shares(self%posterior, many, all, min(effective, real(size(many, 2), wp)), threads, &
+         & self%parameter_shares, error)
       if (allocated(error)) return
       deallocate (all)
       allocate (all(n + size(values, 1), size(draws, 2)))
       all(:n, :) = logarithms
       all(n + 1:, :) = values
-      call find_shares(self%posterior, draws, all, mixed, threads, shares, error)
+      call find_shares(self%posterior, draws, all, min(effective, real(size(draws, 2), wp)), threads, shares, error)
       if (allocated(error)) return
       self%combination_shares = shares(:n)
       self%quantity_shares = shares(n + 1:)

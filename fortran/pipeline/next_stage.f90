@@ -6,6 +6,7 @@ module next_stage
    use crystal_elasticity, only: rotation_matrix
    use distinct_directions, only: angle_between, lattice_of_directions, new_region, region_type
    use errors, only: error_type, refuse, warn, warning_type
+   use files, only: file_exists
    use extract_stage, only: extract_stage_type
    use extraction, only: extract, extraction_type
    use json, only: json_type
@@ -55,7 +56,9 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(extraction_type) :: found
       real(wp), allocatable :: draws(:, :)
+      logical :: lost
 
+      lost = file_exists(self%output//'/summary.json') .and. .not. file_exists(self%output//'/posterior.bin')
       call stored_draws(self%output, inputs_of(self%problem, self%groups_of_posterior, self%places), self%posterior%dimension, &
          & draws, error)
       if (allocated(error)) return
@@ -67,6 +70,7 @@ contains
          call remove_files(self%output, chain_prefix)
       end if
       call next_document(self%problem, self%posterior, draws, page, self%warnings, error)
+      if (lost) call warn(self%warnings, self%output//'/posterior.bin is missing: the constants were sampled anew')
       self%done = self%output//'/next.json'
    end subroutine finish
 

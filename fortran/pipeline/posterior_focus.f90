@@ -110,8 +110,8 @@ contains
       focus%domain = wide%basis%domain
       call widen(wide%basis%domain)
       call draw_aside(problem, wide, focus_run, posterior, draws, error)
-      if (.not. allocated(error)) call find_shares(posterior, draws, draws(:posterior%n_constants, :), .true., &
-         & thread_count(problem%settings%execution%workers), shares, error)
+      if (.not. allocated(error)) call find_shares(posterior, draws, draws(:posterior%n_constants, :), &
+         & real(size(draws, 2), wp), thread_count(problem%settings%execution%workers), shares, error)
       if (allocated(error)) return
       round%share = [(shares(i)%by_source(from_surrogate), i=1, size(shares))]
       round%truncated = is_truncated(list_limits(posterior%prior, draws))

@@ -10,7 +10,7 @@ module stages
    use errors, only: error_type, refuse
    use extract_stage, only: extract_stage_type
    use files, only: printable
-   use machine, only: blas_bytes, check_memory
+   use machine, only: raise_no_memory, reserve_blas
    use namelist_file, only: entry_type, parse_namelist, place, read_namelist_file, replace_entries
    use next_stage, only: next_stage_type
    use plan_stage, only: plan_stage_type
@@ -137,7 +137,7 @@ contains
       logical :: asked(size(all_stages))
       integer :: i
 
-      call check_memory(blas_bytes, 'linear algebra', error)
+      if (reserve_blas(1) < 1) call raise_no_memory('linear algebra', error)
       if (.not. allocated(error)) call read_namelist_file(path, namelist, error)
       if (len(changes) > 0 .and. .not. allocated(error)) then
          call parse_namelist(path, changes, stated, error)

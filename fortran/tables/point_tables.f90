@@ -120,10 +120,16 @@ contains
       real(wp), allocatable, intent(in) :: parameters(:)
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
+      !> Ten for each of the grains that Step 2 takes.
+      integer, parameter :: most_rows = 200000
       real(wp), allocatable :: depth_nm(:)
       character(len=:), allocatable :: name
       integer :: column
 
+      if (table%rows > most_rows) then
+         call refuse(error, to_text(table%rows)//' rows; allowed up to '//to_text(most_rows))
+         return
+      end if
       points%table = table
       call name_columns(points%table, asked%columns, error)
       if (.not. allocated(error)) call read_orientations(points, asked%angles == 'radians', crystal, parameters, error)

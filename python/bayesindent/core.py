@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 # One thread in each call of BLAS: more would change the last bits of results with the number of cores. Threads are the core's own.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -102,7 +103,7 @@ def decode(content: np.ndarray) -> dict:
 LONG = {"crystal.theory", "crystal.waves", "indentation.run", "indentation.fields", "simulator.run", "surrogate.predict", "basis.fit"}
 
 
-def call(operation: str, handle: int = 0, /, **values) -> dict:
+def call(operation: str, handle: int = 0, /, **values: Any) -> dict:
     """What an operation of the core gives for named values: 'KIND.VERB', of an object by its handle. Its errors become exceptions."""
     do = native.core_do_long if operation in LONG else native.core_do
     reply, address, words, status = do(operation.encode(), handle, np.frombuffer(encode(values) or bytes(8), dtype=np.int64))
@@ -133,22 +134,22 @@ class NativeObject:
         """The number that the core knows the object by."""
         return self.__dict__.get("_handle", 0)
 
-    def _call(self, verb: str, /, **values) -> dict:
+    def _call(self, verb: str, /, **values: Any) -> dict:
         """What an operation on the object gives."""
         return call(f"{self.kind}.{verb}", self._handle, **values)
 
-    def __setattr__(self, name: str, value) -> None:
+    def __setattr__(self, name: str, value: Any) -> None:
         if self._frozen:
             raise AttributeError(f"{type(self).__name__} is frozen: make a new one with another '{name}'")
         object.__setattr__(self, name, value)
 
-    def __delattr__(self, name: str):
+    def __delattr__(self, name: str) -> None:
         raise AttributeError(f"{type(self).__name__} is frozen: '{name}' stays")
 
-    def __del__(self):
+    def __del__(self) -> None:
         handle = self.__dict__.pop("_handle", 0)
         if handle:
             native.core_release(handle)
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple:
         raise TypeError(f"a {type(self).__name__} lives in this process alone: it cannot be copied or pickled; make a new one")

@@ -270,7 +270,7 @@ HEXAGONAL_PRIORS = """
     ids=["scmh", "student", "hexagonal"],
 )
 def test_samples_as_python_does(batch, bayesindent, tmp_path, symmetry, method, measurements, prior):
-    small(tmp_path, symmetry=symmetry, domain=DOMAIN[symmetry] if symmetry == "cubic" else "&domain log_anisotropy_max = 3 /\n", budget=30)
+    small(tmp_path, symmetry=symmetry, domain=DOMAIN[symmetry] if symmetry == "cubic" else "&domain log_anisotropy_max = 3 /\n", budget=16)
     assert batch("small.nml", "--output", "out").returncode == 0
     data = SOURCE / "tests" / "reference" / {"cubic": "cubic_fe3si.csv", "hexagonal": "hex_titanium.csv"}[symmetry]
     path = tmp_path / "sample.nml"

@@ -4,13 +4,16 @@ import csv
 import json
 import re
 import shlex
+import shutil
+import sys
 
 import numpy as np
 import pytest
+from programs import BATCH
 
 from bayesindent.pipeline.results_folder import read_posterior
 from bayesindent.program.cli import EXAMPLES, parser
-from conftest import DOMAIN, REFERENCE, SOURCE
+from conftest import DOMAIN, REFERENCE, SOURCE, runner
 
 NAMELIST = f"""
 &problem symmetry = 'cubic', seed = 3, title = 'Both' /
@@ -42,15 +45,22 @@ def plain(document, folder: str):
     return document.replace(folder, "FOLDER") if isinstance(document, str) else document
 
 
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A place where both programs have made their folders."""
+    place = tmp_path_factory.mktemp("both")
+    (place / "points.csv").write_text(POINTS)
+    (place / "a.nml").write_text(NAMELIST)
+    for program, output in ((runner([sys.executable, "-m", "bayesindent"], place), "python"), (runner([BATCH], place), "batch")):
+        done = program(*(["run"] if output == "python" else []), "a.nml", "--output", output)
+        assert done.returncode == 0, done.stderr
+    return place
+
+
 @pytest.fixture
-def folders(bayesindent, batch, tmp_path):
-    """The folders of both programs."""
-    (tmp_path / "points.csv").write_text(POINTS)
-    (tmp_path / "a.nml").write_text(NAMELIST)
-    done = bayesindent("run", "a.nml", "--output", "python")
-    assert done.returncode == 0, done.stderr
-    done = batch("a.nml", "--output", "batch")
-    assert done.returncode == 0, done.stderr
+def folders(made, tmp_path):
+    """A copy of these folders, which a case may change."""
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
     return tmp_path / "python", tmp_path / "batch"
 
 

@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pytest
 
 #: A glass: a modulus of 74.4 GPa, and a speed of 3418 m/s.
 NAMELIST = """
@@ -10,7 +11,7 @@ NAMELIST = """
 &crystals points = 'points.csv' /
 &simulation simulator = 'theory' /
 &measurements file = 'moduli.csv', velocities = 'speeds.csv', velocity_calibration_sd = 0.002 /
-&sampler samples = 500, burn_in = 1000, chains = 2 /
+&sampler samples = 400, burn_in = 300, chains = 2 /
 """
 ANGLES = "phi1_deg,Phi_deg,phi2_deg"
 TABLES = {
@@ -20,9 +21,13 @@ TABLES = {
 }
 
 
-def test_both_programs_have_the_same_answer(bayesindent, batch, tmp_path):
+@pytest.fixture(autouse=True)
+def case(tmp_path):
     for name, text in {**TABLES, "a.nml": NAMELIST}.items():
         (tmp_path / name).write_text(text)
+
+
+def test_both_programs_have_the_same_answer(bayesindent, batch, tmp_path):
     done = bayesindent("run", "a.nml", "--output", "python")
     assert done.returncode == 0, done.stderr
     assert "measured: Rayleigh velocity in 2 directions" in done.stdout
@@ -46,6 +51,11 @@ def test_both_programs_have_the_same_answer(bayesindent, batch, tmp_path):
     squares = np.roots([1, -8, 24 - 16 * k, -16 * (1 - k)])
     expected = np.sqrt(1e9 * 31 / 2200 * min(x.real for x in squares if abs(x.imag) < 1e-9 and 0 < x.real < 1))
     assert np.isclose(float(theory[1].split(",")[-1]), expected, rtol=1e-6)
+
+
+@pytest.mark.long
+def test_they_are_in_the_report_and_the_paper(bayesindent, tmp_path):
+    assert bayesindent("extract", "a.nml", "--output", "python").returncode == 0
     done = bayesindent("report", "python", "--figures", "png", "--paper")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "python" / "figures" / "velocities.png").stat().st_size > 10000

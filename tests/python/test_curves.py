@@ -215,7 +215,7 @@ def test_a_common_column_of_errors_is_a_calibration():
 
 def test_from_curves_to_constants(bayesindent, batch, tmp_path):
     source = (SOURCE / "inputs" / "copper_curves.nml").read_text().replace("'data/", f"'{SOURCE / 'inputs' / 'data'}/")
-    (tmp_path / "a.nml").write_text(source + "&sampler\n samples = 1000\n burn_in = 2000\n/\n")
+    (tmp_path / "a.nml").write_text(source + "&sampler\n samples = 400\n burn_in = 500\n/\n")
     done = bayesindent("run", "a.nml", "--output", "python", "--json")
     assert done.returncode == 0, done.stderr
     document = json.loads(done.stdout)
@@ -229,11 +229,15 @@ def test_from_curves_to_constants(bayesindent, batch, tmp_path):
     report = (tmp_path / "python" / "report.html").read_text()
     assert report.index("Moduli from curves") > 0
     assert "Error" not in done.stderr
+    # What cannot be written leaves no part of itself or of the others.
+    (tmp_path / "full" / "measurements.csv").mkdir(parents=True)
+    assert "measurements.csv: cannot be written" in batch("a.nml", "--output", "full").stderr
+    assert not list((tmp_path / "full").glob(".part-*"))
     # The two tables by themselves, as a file of measurements.
     text = (
         source[: source.index("! Step 0")]
         + "&measurements\n file = 'python/measurements.csv'\n shared_errors = 'python/shared_errors.csv'\n/\n"
     )
-    (tmp_path / "b.nml").write_text(text + source[source.index("&knowledge") :] + "&sampler\n samples = 1000\n burn_in = 2000\n/\n")
+    (tmp_path / "b.nml").write_text(text + source[source.index("&knowledge") :] + "&sampler\n samples = 400\n burn_in = 500\n/\n")
     assert batch("b.nml", "--output", "files").returncode == 0
     assert (tmp_path / "files" / "posterior.csv").read_bytes() == (tmp_path / "batch" / "posterior.csv").read_bytes()

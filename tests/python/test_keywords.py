@@ -93,10 +93,10 @@ def test_errors_are_in_pythons_words(keywords, words):
 def test_a_result_keeps_its_surrogate_in_memory(tmp_path):
     """An object of the user's own, which has no name to find it by; a file of the result does not have it."""
     own = bi.Surrogate.load("block")
-    result = quietly(bi.extract, IRON, "cubic", surrogate=own, knowledge=KNOWN, **FEW)
+    result = quietly(bi.extract, IRON, "cubic", surrogate=own, knowledge=KNOWN, **FEW | {"draws": 50})
     best = quietly(bi.next_grain, result, count=1)["suggestions"]
-    for again in (result.copy(), pickle.loads(pickle.dumps(result))):
-        assert quietly(bi.next_grain, again, count=1)["suggestions"] == best
+    again = pickle.loads(pickle.dumps(result.copy()))
+    assert quietly(bi.next_grain, again, count=1)["suggestions"] == best
     assert best != quietly(bi.next_grain, result, surrogate="halfspace", count=1)["suggestions"]
     assert bi.plot_orientations(result).axes
     with pytest.raises(bi.InputError, match="^bi.next_grain: target: 'C99' is unknown"):

@@ -85,6 +85,10 @@ def test_many_grains_that_disagree_are_named_if_chance_does_not_explain_them():
     assert np.sqrt((errors**2).sum(axis=1)).max() < 0.2
 
 
-def test_more_grains_than_are_allowed_are_refused():
+def test_more_grains_than_are_allowed_are_refused(tmp_path):
     with pytest.raises(bi.InputError, match="20001 grains are more than the 20000 that are allowed"):
         bi.extract(table_of(np.zeros((20001, 3)), np.full(20001, 100.0), 1.0), symmetry="cubic", **KIND)
+    # Of more tests none is read: what is no number is not seen.
+    (tmp_path / "a.csv").write_text("phi1,Phi,phi2,modulus_gpa,sd_gpa\n" + "0,0,0,a,1\n" * 200001)
+    with pytest.raises(bi.InputError, match="200001 rows; allowed up to 200000"):
+        bi.extract(tmp_path / "a.csv", symmetry="cubic", **KIND)

@@ -93,6 +93,7 @@ def test_prior_falls_with_the_degree(name):
         assert case.width == pytest.approx(free_width(DEGREES[name], fall), rel=1e-12)
 
 
+@pytest.mark.long_where("small")
 @pytest.mark.parametrize("name, n_data", [("paper", 60), ("small", 60), ("large", 40)])
 def test_evidence_is_maximised(name, n_data):
     """Over alpha and beta at the fall that was found, and over the falls that are tried, each with a normal prior of its logarithm."""

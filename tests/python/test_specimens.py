@@ -73,7 +73,7 @@ def test_every_estimator_gives_the_theory_of_the_half_space(estimator, options):
     assert len(result.depth_um) == len(result.force_mn) == len(result.contact_radius_um) == 6
 
 
-@pytest.mark.long_where("soft on stiff", "thin", "alike")
+@pytest.mark.long_where("soft on stiff", "thin", "stiff on soft")
 @pytest.mark.parametrize(
     ("layer", "substrate", "thickness"),
     [((128, 0.34), (163, 0.22), 1.0), ((300, 0.3), (70, 0.3), 1.0), ((70, 0.3), (200, 0.3), 1.0), ((70, 0.3), (200, 0.3), 0.5)],

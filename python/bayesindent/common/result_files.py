@@ -11,6 +11,7 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -65,6 +66,7 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence], comme
 
 def write_groups(path: Path, groups: dict[str, tuple[dict, dict]]) -> None:
     """Write groups of variables (axes, values, perhaps attributes) and facts as netCDF, without xarray: importing that takes half a second."""
+    call("file.check_memory", bytes=1e8, what=path.name)
     import h5netcdf
 
     # In memory: HDF5 does not recover from a disk that is full.
@@ -87,7 +89,7 @@ def as_csv(header: Sequence[str], rows: Iterable[Sequence]) -> str:
     return text.getvalue()
 
 
-def plain(value):
+def plain(value: Any) -> Any:
     """What JSON can hold: numbers of numpy become Python's, what is not finite becomes null."""
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -126,7 +127,7 @@ def oriented_crystals(stiffness: ArrayLike, euler_deg: ArrayLike) -> tuple[np.nd
     return matrices, angles
 
 
-def angles_of(orientations) -> np.ndarray:
+def angles_of(orientations: Any) -> np.ndarray:
     """Bunge-Euler angles in degrees, as an array or as orix' Orientation, which rotates from sample to crystal too."""
     if hasattr(orientations, "to_euler"):
         return np.asarray(orientations.to_euler(degrees=True), dtype=float)

@@ -31,7 +31,7 @@ class DaskEngine(AbstractContextManager):
         except (OSError, TimeoutError) as error:
             raise MachineError(f"&execution scheduler: no scheduler answers at {scheduler}: {error}") from None
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self._client.close()
         if self._cluster is not None:
             self._cluster.close()
@@ -57,11 +57,11 @@ class DaskEngine(AbstractContextManager):
 _job = lru_cache(maxsize=1)(pickle.loads)
 
 
-def _run(pickled: bytes, item):
+def _run(pickled: bytes, item: object) -> object:
     return _job(pickled)(item)
 
 
-def _connect(workers: int, scheduler: str):
+def _connect(workers: int, scheduler: str) -> tuple:
     """A client, and the cluster that is its own, if it has one."""
     from distributed import Client, LocalCluster
 

@@ -85,7 +85,7 @@ class Indentation(NativeObject):
     contact_radius_max_um: float
 
     @takes(*GROUPS, without=NOT_OURS)
-    def __init__(self, **settings):
+    def __init__(self, **settings: Any):
         """Mesh and solver of a specimen under an indenter.
 
         Parameters
@@ -114,7 +114,7 @@ class Indentation(NativeObject):
         last = f"depth {self.depth_max_um:.3g} um, contact radius {self.contact_radius_max_um:.3g} um"
         return f"<Indentation of a {specimen} by a {indenter} to {last}: {self.bricks} bricks, {self.unknowns} unknowns>"
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple:
         return self._made_of
 
     def run(self, stiffness: ArrayLike, euler_deg: ArrayLike) -> IndentationResult:
@@ -152,7 +152,7 @@ class Indentation(NativeObject):
         crystals, _ = crystal_rows(stiffness, euler_deg)
         results: dict[int, Any] = {}
 
-        def attempt(item):
+        def attempt(item: tuple) -> Any:
             try:
                 return self.run(*item)
             except BayesindentError as error:

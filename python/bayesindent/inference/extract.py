@@ -3,8 +3,10 @@
 import json
 from collections.abc import Mapping
 from os import PathLike
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..common.progress import show_progress
 from ..common.result_files import plain
@@ -23,8 +25,8 @@ LEFT_OUT = ("symmetry", "title", "synthetic", "file", "c_min", "c_max", "engine"
 
 @takes(*GROUPS, "next", without=LEFT_OUT)
 def next_grain(
-    measurements, symmetry: str | None = None, *, surrogate: Surrogate | str | PathLike | None = None, result=None,
-    bounds: Mapping | None = None, knowledge: Mapping | None = None, **settings,
+    measurements: Any, symmetry: str | None = None, *, surrogate: Surrogate | str | PathLike | None = None, result: Any = None,
+    bounds: Mapping | None = None, knowledge: Mapping | None = None, **settings: Any,
 ) -> dict:  # fmt: skip
     """Orientations worth measuring next, ranked, each given those above it.
 
@@ -66,9 +68,9 @@ def next_grain(
 
 @takes(*GROUPS, without=LEFT_OUT)
 def extract(
-    measurements, symmetry: str | None = None, *, surrogate: Surrogate | str | PathLike = "halfspace", bounds: Mapping | None = None,
-    knowledge: Mapping | None = None, progressbar: bool = False, **settings,
-):  # fmt: skip
+    measurements: Any, symmetry: str | None = None, *, surrogate: Surrogate | str | PathLike = "halfspace", bounds: Mapping | None = None,
+    knowledge: Mapping | None = None, progressbar: bool = False, **settings: Any,
+) -> Any:  # fmt: skip
     """Infer the elastic constants of a crystal from measured moduli of its grains.
 
     Which modulus was measured must be stated: by `modulus_kind`, or by the name of its column (effective_modulus_gpa, Er, ..).
@@ -117,8 +119,8 @@ def extract(
 
 @takes(*GROUPS, "plan", without=(*LEFT_OUT, "lattice"))
 def plan(
-    symmetry: str, constants, grains, noise, *, surrogate: Surrogate | str | PathLike = "halfspace", bounds: Mapping | None = None,
-    knowledge: Mapping | None = None, **settings,
+    symmetry: str, constants: ArrayLike, grains: ArrayLike, noise: ArrayLike, *, surrogate: Surrogate | str | PathLike = "halfspace", bounds: Mapping | None = None,
+    knowledge: Mapping | None = None, **settings: Any,
 ) -> dict:  # fmt: skip
     """The `sd` that each constant is expected to have, GPa, for each number of grains and noise (`results`), before anything is measured.
 
@@ -142,7 +144,7 @@ def loaded(surrogate: Surrogate | str | PathLike) -> Surrogate:
     return surrogate if isinstance(surrogate, Surrogate) else Surrogate.load(surrogate)
 
 
-def inference_data(groups: dict[str, tuple[dict, dict]]):
+def inference_data(groups: dict[str, tuple[dict, dict]]) -> Any:
     """Groups of variables and facts as the object that ArviZ takes: an InferenceData; from its version 1 on a DataTree."""
     # Not above: importing them takes seconds.
     import arviz as az
@@ -199,7 +201,7 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
     }
 
 
-def summary(result) -> dict:
+def summary(result: Any) -> dict:
     """What `bi.extract` found, its `result`, as the document that the command `extract` writes.
 
     `parameters`: of each constant `mean`, `sd`, `hdi_95`, `share` (of its variance: measurements, knowledge, prior), `verdict`, `ess_bulk`, `r_hat`;

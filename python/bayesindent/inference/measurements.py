@@ -2,12 +2,15 @@
 
 import os
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..core import InputError
 from ..crystal.elasticity import angles_of, constant_names
 from ..settings.problem import Problem, grouped
+from ..surrogate.surrogate import Surrogate
 
 __all__ = ["GROUPS", "measurements_of", "problem_of"]
 
@@ -16,8 +19,8 @@ GROUPS = ("problem", "indenter", "measurements", "prior", "sampler", "execution"
 
 
 def problem_of(
-    origin: str, surrogate, measurements, *, symmetry: str | None = None, bounds: Mapping | None = None, knowledge: Mapping | None = None,
-    velocities=None, **variables,
+    origin: str, surrogate: Surrogate, measurements: Any, *, symmetry: str | None = None, bounds: Mapping | None = None,
+    knowledge: Mapping | None = None, velocities: Any = None, **variables: Any,
 ) -> Problem:  # fmt: skip
     """The problem that keywords of the function `origin` ask for, checked as a namelist file is.
 
@@ -52,14 +55,14 @@ def problem_of(
     return Problem.from_keywords(origin, tables, **asked)
 
 
-def pair_of(place: str, value, allowed: str) -> tuple:
+def pair_of(place: str, value: Any, allowed: str) -> tuple:
     """A value that must be two."""
     if isinstance(value, str) or np.shape(value) != (2,):
         raise InputError(f"{place}: {value!r}; allowed {allowed}")
     return tuple(value)
 
 
-def stiffness_table(origin: str, symmetry: str, mean, covariance) -> dict[str, list]:
+def stiffness_table(origin: str, symmetry: str, mean: ArrayLike, covariance: ArrayLike) -> dict[str, list]:
     """The columns of a file of `&knowledge stiffness_file`: means (k,) in GPa and covariance (k, k) in GPa² of the constants."""
     names = constant_names(symmetry)
     mean, covariance = np.asarray(mean, dtype=float), np.asarray(covariance, dtype=float)
@@ -88,7 +91,7 @@ def bounds_of(origin: str, symmetry: str, bounds: Mapping) -> dict:
     return {side: list(values) for side, values, widest in sides if set(values) != {widest}}
 
 
-def measurements_of(table) -> dict[str, list]:
+def measurements_of(table: Any) -> dict[str, list]:
     """The columns of a mapping, data frame or structured array of the columns of a measurements' file (or with euler_deg or orientation, (n, 3) or orix'
     Orientation, for the three angles), a list of such rows, an object with euler_deg, modulus_gpa and sd_gpa, or an array (n, 5) or (n, 4) of phi1, Phi, phi2,
     modulus and sd; or what `bi.curves` gave. What the columns mean is the core's to say."""
@@ -126,7 +129,7 @@ def measurements_of(table) -> dict[str, list]:
 ANGLES = ("phi1_deg", "Phi_deg", "phi2_deg")
 
 
-def _array(values) -> np.ndarray:
+def _array(values: Any) -> np.ndarray:
     try:
         return angles_of(values)
     except (TypeError, ValueError):

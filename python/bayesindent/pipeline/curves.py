@@ -5,6 +5,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +40,9 @@ class Curves:
 
 
 @takes("curves", without=("file", "files", "tests"))
-def curves(curves, tests, references: Mapping | str | os.PathLike | None = None, *, crystal_sd: float | None = None, **settings) -> Curves:
+def curves(
+    curves: Any, tests: Any, references: Mapping | str | os.PathLike | None = None, *, crystal_sd: float | None = None, **settings: Any,
+) -> Curves:  # fmt: skip
     """Infer the moduli of grains from curves of load and depth, with all errors that they share.
 
     Parameters
@@ -82,7 +85,7 @@ def curves(curves, tests, references: Mapping | str | os.PathLike | None = None,
     )
 
 
-def references_of(references, crystal_sd: float | None) -> dict | None:
+def references_of(references: Any, crystal_sd: float | None) -> dict | None:
     """The variables of &references; None if there are none."""
     if not isinstance(references, Mapping):
         return None if references is crystal_sd is None else {"crystals": references, "crystal_sd": crystal_sd}
@@ -95,7 +98,7 @@ def references_of(references, crystal_sd: float | None) -> dict | None:
     return {"name": list(references), "young_gpa": list(moduli), "young_sd_gpa": list(sds), "nu": list(ratios)}
 
 
-def file_of(table, path: Path) -> Path:
+def file_of(table: Any, path: Path) -> Path:
     """The file of a table, written to `path` where it is none."""
     if isinstance(table, str | os.PathLike):
         return Path(table).absolute()

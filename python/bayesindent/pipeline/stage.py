@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import lru_cache, partial
+from os import PathLike
 from pathlib import Path
 from threading import Lock
 from typing import NamedTuple
@@ -49,7 +50,7 @@ class Simulations:
         # Of many specimens each is simulated a few times.
         self._simulator = lru_cache(8)(partial(Simulator, origin))
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple:
         return Simulations, (self.origin,)
 
     def __call__(self, job: Job) -> dict:
@@ -72,7 +73,7 @@ class Stage(NativeObject):
 
     kind = "stage"
 
-    def __init__(self, problem: Problem, name: str, output: Path | str):
+    def __init__(self, problem: Problem, name: str, output: str | PathLike):
         Path(output).mkdir(parents=True, exist_ok=True)
         self.problem = problem
         opened = problem._call("stage", name=name, **places(output, problem.folder))
@@ -91,7 +92,7 @@ class Stage(NativeObject):
         return json.loads(self._call("close")["text"])
 
 
-def run_stage(problem: Problem, name: str, output: Path | str, simulate: Callable[[Job], dict] | None = None) -> dict:
+def run_stage(problem: Problem, name: str, output: str | PathLike, simulate: Callable[[Job], dict] | None = None) -> dict:
     """A stage from its beginning to its document. Simulations are made by `simulate`, or as the problem asks, on the engine of &execution."""
     # Not above: it takes time to import.
     from ..engines import ENGINES
@@ -104,7 +105,7 @@ def run_stage(problem: Problem, name: str, output: Path | str, simulate: Callabl
             engine = engine or opened.enter_context(ENGINES[execution.engine](execution.workers, execution.scheduler))
             simulate = simulate or Simulations(str(problem.path))
 
-            def take(k: int, made: dict, numbers=numbers) -> None:
+            def take(k: int, made: dict, numbers: list[int] = numbers) -> None:
                 made = {"status": DONE if "modulus_gpa" in made else FAILED} | LEFT_OUT | made
                 stage._call("take", number=numbers[k], **made)
                 advance(int(made["status"] == DONE))

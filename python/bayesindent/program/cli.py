@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from io import TextIOWrapper
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from ..version import __version__
 from .commands import SUMMARIES, command_of
@@ -74,9 +74,28 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv = ["--version"]
     elif argv[:1] == ["help"]:
         argv = [*argv[1:], "--help"]
-    arguments, unknown = parser(argv).parse_known_args(argv)
-    if unknown:
-        arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+    try:
+        arguments, unknown = parser(argv).parse_known_args(argv)
+        if unknown:
+            arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+    except OSError as error:
+        return failed(error)
+    return perform_command(arguments)
+
+
+def failed(error: OSError) -> int:
+    """Say which file the machine could not read or write; return the exit status."""
+    if not isinstance(error, BrokenPipeError):
+        log.error("%s", error)
+        tell(f"{error.filename or 'standard output'}: {REASONS.get(error.errno or 0) or error.strerror}")
+    if error.filename is None:
+        with suppress(OSError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return FAILED
+
+
+def perform_command(arguments: argparse.Namespace) -> int:
+    """Run a command, show what it gave, and return its exit status."""
     # Not above: they need numpy and the core, and the help does not.
     from ..common.progress import show_progress
     from ..core import BayesindentError, InputError, call
@@ -85,11 +104,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     warnings.filterwarnings("ignore", category=FutureWarning, module="arviz")
     # A log that cannot be written is no reason for a traceback.
     logging.raiseExceptions = False
-    # The tools of a source tree have processes of their own, which end as they see fit.
-    if arguments.command.show is not None:
-        call("file.watch_signals")
-        show_progress(not arguments.quiet)
     try:
+        # The tools of a source tree have processes of their own, which end as they see fit.
+        if arguments.command.show is not None:
+            call("file.watch_signals")
+            show_progress(not arguments.quiet)
         return finish(arguments, arguments.command.run(arguments))
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -98,13 +117,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         tell(str(error))
         return BAD_INPUT if isinstance(error, InputError) else FAILED
     except OSError as error:
-        if not isinstance(error, BrokenPipeError):
-            log.error("%s", error)
-            tell(f"{error.filename or 'standard output'}: {REASONS.get(error.errno or 0) or error.strerror}")
-        if error.filename is None:
-            with suppress(OSError):
-                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return FAILED
+        return failed(error)
     except Exception as error:
         log.exception("unexpected")
         tell(f"{type(error).__name__}: {error}" + ("" if open_logs() else "; BAYESINDENT_TRACE=1 shows where"))
@@ -127,12 +140,17 @@ class Parser(argparse.ArgumentParser):
     groups: tuple[str, ...] = ()
     full = False
 
-    def __init__(self, *args, **kwargs):
+    def __init__(self, *args: Any, **kwargs: Any):
         super().__init__(*args, **(kwargs | {"formatter_class": argparse.RawDescriptionHelpFormatter}))
 
     def format_help(self) -> str:
         short = f"\ngroups of the namelist ('{self.prog} --all' explains every variable):\n" if self.groups and not self.full else ""
         return super().format_help() + short + "".join(describe_group(name, self.full) for name in self.groups)
+
+    def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
+        # A full standard output is an error, of which argparse says nothing.
+        print(end="", flush=status == 0)
+        super().exit(status, message)
 
     def error(self, message: str) -> NoReturn:
         choices = [option for action in self._actions for option in action.option_strings]

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from ..core import call
 from ..pipeline.stage import run_stage
@@ -46,7 +47,7 @@ class Command:
         return self.action(arguments) if self.action is not None else perform(self, *prepare(arguments))
 
 
-def namelist_command(name: str, description: str, **more) -> Command:
+def namelist_command(name: str, description: str, **more: Any) -> Command:
     """The command of a stage, or `run`: the groups that its help explains are the core's."""
     row = next(row for row in stages() if row.name == name)
     groups = row.groups if name != "run" else tuple(dict.fromkeys(variable.group for variable in schema()))

@@ -59,8 +59,10 @@ class Results:
         self.documents = {stage: {} if stage in self.outdated else document for stage, document in found.items()}
         if facts:
             self.documents["extract"] = json.loads(facts["summary"])
-        #: What was edited after the results, in words.
+        #: What was edited or removed after the results, in words.
         self.edited = [] if facts else changed_inputs(folder)
+        if self.documents["extract"] and not (facts or (folder / "posterior.bin").exists()):
+            self.edited += [f"{folder / 'posterior.bin'}: is missing, and so are its figures; bayesindent extract makes it anew"]
         problem = self.group("problem")
         self.symmetry = class_name(problem["symmetry"]) if problem.get("symmetry") else ""
         self.constants = constant_names(self.symmetry) if self.symmetry else ()

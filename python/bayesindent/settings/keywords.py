@@ -39,7 +39,7 @@ def takes(*groups: str, without: Collection[str] = ()) -> Callable[[Any], Any]:
         known = {*names, *variables}
 
         @wraps(function)
-        def checked(*arguments, **keywords):
+        def checked(*arguments: Any, **keywords: Any) -> Any:
             given = {ALIASES.get(name, name) if ALIASES.get(name) in known else name: value for name, value in keywords.items()}
             if len(given) < len(keywords):
                 raise InputError(f"{origin}: a keyword is stated twice: {', '.join(' is '.join(pair) for pair in ALIASES.items())}")
@@ -62,14 +62,14 @@ def takes(*groups: str, without: Collection[str] = ()) -> Callable[[Any], Any]:
     return decorate
 
 
-def type_of(variable: Variable):
+def type_of(variable: Variable) -> Any:
     """The type of a keyword."""
     plain = TYPES.get(variable.kind, str)
     kind = plain if variable.shape == "one" else list[plain]  # type: ignore[valid-type]
     return kind if default_of(variable) is not None else kind | None
 
 
-def default_of(variable: Variable):
+def default_of(variable: Variable) -> Any:
     """The default of a keyword; None where there is none."""
     return None if variable.default in ("*", "unset") else variable.value_of([variable.default])
 

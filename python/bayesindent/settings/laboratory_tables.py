@@ -17,6 +17,7 @@ from importlib import import_module
 from io import StringIO
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -125,7 +126,9 @@ class LaboratoryTable:
 
     def words(self, grains: int) -> list[str]:
         """What was understood, in three lines."""
-        read = [f"{name} as {meaning}" for name, meaning in zip(self.names, self.meanings, strict=True) if meaning]
+        read = [
+            name if name == meaning else f"{name} as {meaning}" for name, meaning in zip(self.names, self.meanings, strict=True) if meaning
+        ]
         unread = [name for name, meaning in zip(self.names, self.meanings, strict=True) if name and not meaning]
         left = "; ".join(f"line {line} ({reason})" for line, reason in list(self.left_out.items())[:6]) or "no row"
         where = f"sheet {self.sheet}, " if self.sheet else ""
@@ -200,7 +203,7 @@ def rows_of(text: str) -> list[tuple[int, list[str]]]:
     return rows
 
 
-def tidy(value, decimal_commas: bool = True) -> str:
+def tidy(value: Any, decimal_commas: bool = True) -> str:
     """A cell in one line, a number with a decimal point."""
     cell = "" if value is None else " ".join(str(value).split())
     return re.sub(r"(?<=\d),(?=\d)", ".", cell) if decimal_commas and is_number(cell) else cell

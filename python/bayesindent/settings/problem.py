@@ -38,7 +38,7 @@ class Variable:
     allowed: str
     meaning: str
 
-    def value_of(self, texts: list[str]):
+    def value_of(self, texts: list[str]) -> Any:
         """The value that these texts of a namelist stand for."""
         values = [CONVERSIONS.get(self.kind, str)(text) for text in texts]
         return values[0] if self.shape == "one" else np.array(values) if self.kind == "real" else values
@@ -188,7 +188,7 @@ class Problem(NativeObject):
         page = table if isinstance(table, str) else as_csv(list(table), zip(*table.values(), strict=True))
         self._call("set_table", table=name, page=page)
 
-    def _points(self, table: str):
+    def _points(self, table: str) -> Any:
         return Points(self, table, self._tables[table]) if table in self._tables else None
 
     crystals = property(partial(_points, table="crystals"), doc="The crystals of `&crystals`, or None.")
@@ -203,7 +203,7 @@ class Problem(NativeObject):
     def _repr_html_(self) -> str:
         return html_details(self, self.resolved)
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple:
         return self._made_of or super().__reduce__()
 
 
@@ -214,7 +214,7 @@ def html_details(thing: object, text: str) -> str:
     return f"<details><summary>{escape(repr(thing)[1:-1])}</summary><pre>{escape(text)}</pre></details>"
 
 
-def spelled(value, place: str = "") -> str:
+def spelled(value: Any, place: str = "") -> str:
     """A value as a namelist has it; `place` begins the message of a refusal."""
     if isinstance(value, bool | np.bool_):
         return ".true." if value else ".false."
@@ -277,7 +277,7 @@ def batched(values: list, n: int) -> Iterator[list]:
 _frozen_type = cache(partial(make_dataclass, frozen=True, eq=False))
 
 
-def _settings(values: dict):
+def _settings(values: dict) -> Any:
     """The values of all groups, as frozen objects in a frozen object; lists become tuples, and arrays cannot be written to."""
     groups: dict[str, dict] = {}
     for variable in schema():

@@ -1,5 +1,7 @@
 """What a surrogate is linear in; the core's basis under a handle."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -22,6 +24,11 @@ class Basis(NativeObject):
     model: str
     n_terms: int
     logarithmic: bool
+    c_min: np.ndarray
+    c_max: np.ndarray
+    poisson: np.ndarray
+    stiffness: np.ndarray
+    polynomial_degrees: np.ndarray
 
     def __init__(self, source: Problem | NativeObject):
         self._hold(source._call("basis")["handle"])
@@ -29,7 +36,7 @@ class Basis(NativeObject):
         self.__dict__.update(arrays | self._call("describe"))
 
     @classmethod
-    def from_keywords(cls, symmetry: str | None = None, domain: dict | None = None, **surrogate) -> "Basis":
+    def from_keywords(cls, symmetry: str | None = None, domain: dict | None = None, **surrogate: Any) -> "Basis":
         """The basis of a symmetry with variables of &domain and &surrogate: `model`, `degree`, `bandlimit`, `truncation`."""
         return cls(Problem.from_keywords("Basis", problem={"symmetry": symmetry}, domain=domain or {}, surrogate=surrogate))
 

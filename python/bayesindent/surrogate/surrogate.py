@@ -9,6 +9,7 @@ import json
 import os
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -43,6 +44,12 @@ class Surrogate(NativeObject):
     kind = "surrogate"
     basis: Basis
     symmetry: str
+    provenance: dict
+    alpha: float
+    beta: float
+    fall: float
+    coefficients: np.ndarray
+    _facts: dict
 
     def __init__(self, handle: int):
         self._hold(handle)
@@ -59,7 +66,7 @@ class Surrogate(NativeObject):
     @takes("surrogate", without=("file", "scan"))
     def fit(
         cls, constants: ArrayLike, euler_deg: ArrayLike, modulus_gpa: ArrayLike, *, symmetry: str | None = None,
-        domain: dict | None = None, **settings,
+        domain: dict | None = None, **settings: Any,
     ) -> Surrogate:  # fmt: skip
         """A surrogate from simulated moduli (n,) of crystals (n, k) in GPa at angles (n, 3) in degrees, by evidence maximisation.
 
@@ -92,7 +99,7 @@ class Surrogate(NativeObject):
         """Write the surrogate, its provenance and its simulations as text; what is there and is no surrogate is not replaced."""
         self._call("save", path=path)
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple:
         # Not above: it takes time to import.
         from tempfile import TemporaryDirectory
 

@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from ...core import call
 from ..command import PATIENCE_S, Command, output_folder
 
 __all__ = ["COMMANDS", "make"]
@@ -10,6 +11,7 @@ __all__ = ["COMMANDS", "make"]
 
 def make(folder: Path, output: Path, kind_of_files: str = "", paper: bool = False) -> dict:
     """The report of what a folder holds."""
+    call("file.check_memory", bytes=2.5e8, what="the report")
     # Not above: importing matplotlib is slow, and every command would.
     from ...report.report import write_report
 

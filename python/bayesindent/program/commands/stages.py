@@ -196,7 +196,9 @@ def run(arguments: argparse.Namespace) -> dict:
     if arguments.check:
         return {"file": str(arguments.file), "stages": problem.stages, "warnings": problem.warnings}
     if problem.table and not arguments.quiet:
-        print(*problem.table.words(len(problem.measurements)), sep="\n", file=sys.stderr)
+        # Speeds of waves follow the moduli of the table.
+        grains = min(len(problem.measurements), len(problem.table.rows))
+        print(*problem.table.words(grains), sep="\n", file=sys.stderr)
     known = {command.name: command for command in COMMANDS}
     documents: dict[str, dict] = {}
     for name in problem.stages:
