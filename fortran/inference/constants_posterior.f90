@@ -35,8 +35,6 @@ module constants_posterior
       type(measurements_settings_type) :: settings
       logical :: infers_scale = .false., prior_only = .false.
       integer :: n_grains = 0, n_constants = 0, n_groups = 1
-      !> Grains that are evaluated: the measured ones, then others that a modulus may be of (`measured_type`).
-      integer, private :: n_rows = 0
       !> Of the measurements, `n_grains`, so many are moduli, the first ones; the others are speeds.
       integer :: n_moduli = 0
       !> Directions of each grain that are evaluated: 1, or `n_tilts`.
@@ -91,7 +89,6 @@ contains
       posterior%infers_scale = settings%scale == 'inferred'
       posterior%prior_only = prior_only
       posterior%n_grains = size(measured%modulus)
-      posterior%n_rows = size(measured%of)
       posterior%n_constants = prior%n_constants
       posterior%data = measured
       posterior%n_groups = max(1, maxval(measured%group))
@@ -265,35 +262,29 @@ contains
       real(wp), intent(in) :: x(:), c(6, 6)
       !> See `predict_measurements`.
       real(wp), intent(in), optional :: independent(:)
-      real(wp) :: model(self%n_rows), scales(self%n_rows), slopes(self%n_rows), tilt_slopes(self%n_rows, 2)
+      real(wp) :: model(self%n_grains), scales(self%n_grains), slopes(self%n_grains), tilt_slopes(self%n_grains, 2)
       real(wp), allocatable :: u(:, :)
-      real(wp) :: b(min(self%n_rows, self%n_shared)), precision(size(b), size(b)), fewer(self%n_rows, size(b))
+      real(wp) :: b(min(self%n_grains, self%n_shared)), precision(size(b), size(b)), fewer(self%n_grains, size(b))
 
       log_likelihood = 0.0_wp
       if (self%prior_only) return
-      if (self%n_shared == 0 .and. self%n_rows == self%n_grains .and. .not. has_own_variance(self)) then
-         call evaluate_rows(self, c, model, slopes, scales, tilt_slopes, independent)
+      if (self%n_shared == 0 .and. .not. has_own_variance(self)) then
+         call evaluate_grains(self, c, model, slopes, scales, tilt_slopes, independent)
          call self%observable%from_simulation(model(:self%n_moduli), slopes(:self%n_moduli))
          log_likelihood = self%errors%log_density((model - self%data%modulus)/self%scale, scale_factor(self, x)) - self%log_scales
          return
       end if
-      allocate (u(self%n_rows, self%n_shared))
+      allocate (u(self%n_grains, self%n_shared))
       call self%predict_measurements(x, c, model, scales, u, independent)
       call factor_columns(u, fewer)
-      if (self%n_rows > self%n_grains) then
-         call self%errors%integrate((self%data%modulus(self%data%of) - model)/scales, fewer, b, precision, log_likelihood, &
-            & self%data%of, log(self%data%probability/scales))
-      else
-         call self%errors%integrate((self%data%modulus - model)/scales, fewer, b, precision, log_likelihood)
-         log_likelihood = log_likelihood - sum_of_logs(scales)
-      end if
+      call self%errors%integrate((self%data%modulus - model)/scales, fewer, b, precision, log_likelihood)
+      log_likelihood = log_likelihood - sum_of_logs(scales)
    end function likelihood_of_crystal
 
    pure logical function has_own_variance(self)
       class(posterior_type), intent(in) :: self
 
-      has_own_variance = self%scatter > 0.0_wp .or. self%n_directions > 1 .or. self%settings%scatter_sd > 0.0_wp &
-         & .or. self%n_rows > self%n_grains
+      has_own_variance = self%scatter > 0.0_wp .or. self%n_directions > 1 .or. self%settings%scatter_sd > 0.0_wp
    end function has_own_variance
 
    !> The factor on the sds at a point.
@@ -305,33 +296,14 @@ contains
       if (self%infers_scale) scale_factor = exp(x(self%dimension))
    end function scale_factor
 
-   !> Of each measurement the mean of what the grain model gives, its derivative with respect to y, and the variance that it does not
-   !> share with others: the surrogate's, that of its orientation, that of grains as such, and that of the grains that it may be of.
-   pure subroutine evaluate_grains(self, c, modulus, slope, own_variance, tilt_slopes)
+   !> Of each measured grain the mean of what the grain model gives, its derivative with respect to y, and the variance that it does not
+   !> share with others: the surrogate's, that of its orientation, and that of grains as such.
+   pure subroutine evaluate_grains(self, c, modulus, slope, own_variance, tilt_slopes, independent)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
-      !> GPa, (measurement); GPa².
+      !> GPa, (grain); GPa².
       real(wp), intent(out), contiguous :: modulus(:), slope(:), own_variance(:)
-      !> Derivatives with respect to the tilts of the sample, GPa/rad, (measurement, 2), where these are asked for.
-      real(wp), intent(out) :: tilt_slopes(:, :)
-      real(wp), dimension(self%n_rows) :: moduli, slopes, variances
-      real(wp) :: tilts(self%n_rows, 2)
-
-      call evaluate_rows(self, c, moduli, slopes, variances, tilts)
-      modulus = self%data%mixed(moduli)
-      slope = self%data%mixed(slopes)
-      tilt_slopes(:, 1) = self%data%mixed(tilts(:, 1))
-      tilt_slopes(:, 2) = self%data%mixed(tilts(:, 2))
-      own_variance = self%data%mixed(variances + (moduli - modulus(self%data%of))**2)
-   end subroutine evaluate_grains
-
-   !> The same of each grain that is evaluated.
-   pure subroutine evaluate_rows(self, c, modulus, slope, own_variance, tilt_slopes, independent)
-      class(posterior_type), intent(in) :: self
-      real(wp), intent(in) :: c(6, 6)
-      !> GPa, (row); GPa².
-      real(wp), intent(out), contiguous :: modulus(:), slope(:), own_variance(:)
-      !> (row, 2).
+      !> Derivatives with respect to the tilts of the sample, GPa/rad, (grain, 2), where these are asked for.
       real(wp), intent(out) :: tilt_slopes(:, :)
       real(wp), intent(in), optional :: independent(:)
       real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), variance
@@ -343,18 +315,18 @@ contains
       else
          call self%grains%evaluate_moduli(c, rows, slopes)
       end if
-      modulus = rows(:self%n_rows)
-      slope = slopes(:self%n_rows)
+      modulus = rows(:self%n_grains)
+      slope = slopes(:self%n_grains)
       own_variance = self%scatter*slope**2 + (self%settings%scatter_sd*modulus)**2
       ! Speeds are those of the theory.
-      slope(self%n_moduli + 1:self%n_grains) = 0.0_wp
-      own_variance(self%n_moduli + 1:self%n_grains) = 0.0_wp
+      slope(self%n_moduli + 1:) = 0.0_wp
+      own_variance(self%n_moduli + 1:) = 0.0_wp
       if (self%n_directions == 1) return
-      do g = 1, self%n_rows
-         call tilt_moments(rows(g::self%n_rows), self%data%tilt_sd(g), modulus(g), variance, tilt_slopes(g, :))
+      do g = 1, self%n_grains
+         call tilt_moments(rows(g::self%n_grains), self%data%tilt_sd(g), modulus(g), variance, tilt_slopes(g, :))
          own_variance(g) = own_variance(g) + variance
       end do
-   end subroutine evaluate_rows
+   end subroutine evaluate_grains
 
    !> At a point the mean of what is measured, `model`, scales of the errors that grains do not share, and over them the columns of U: the
    !> surrogate's shared errors, the calibration's of each group, the tilts of the sample.
@@ -362,45 +334,37 @@ contains
       class(posterior_type), intent(in) :: self
       !> (dimension), and the stiffness there, GPa.
       real(wp), intent(in) :: x(:), c(6, 6)
-      !> In the unit of the observable, (measurement), or, as many as those, (row); (measurement or row, shared error).
+      !> In the unit of the observable, (grain); (grain, shared error).
       real(wp), intent(out), contiguous :: model(:), scales(:), u(:, :)
       !> The independent moduli of the grain model, if they are known.
       real(wp), intent(in), optional :: independent(:)
-      real(wp), dimension(size(model)) :: slope, own_variance, map_slope
-      real(wp) :: tilt_slopes(size(model), 2)
+      real(wp), dimension(self%n_grains) :: slope, own_variance, map_slope
+      real(wp) :: tilt_slopes(self%n_grains, 2)
       real(wp), allocatable :: columns(:, :)
-      integer :: of(size(model)), g, n
+      integer :: g, n
 
-      of = self%data%of(:size(of))
-      if (size(of) == self%n_rows) then
-         call evaluate_rows(self, c, model, slope, own_variance, tilt_slopes, independent)
-      else
-         call evaluate_grains(self, c, model, slope, own_variance, tilt_slopes)
-      end if
+      call evaluate_grains(self, c, model, slope, own_variance, tilt_slopes, independent)
       map_slope = 1.0_wp
       call self%observable%from_simulation(model(:self%n_moduli), map_slope(:self%n_moduli))
-      call self%observable%from_simulation(model(self%n_grains + 1:), map_slope(self%n_grains + 1:))
-      scales = scale_factor(self, x)*self%scale(of)
+      scales = scale_factor(self, x)*self%scale
       if (has_own_variance(self)) scales = sqrt(scales**2 + own_variance*(self%errors%scale*map_slope)**2)
       if (self%grains%n_columns > 0) then
          allocate (columns(size(self%euler, 2), self%grains%n_columns))
          call self%grains%evaluate_columns(c, columns)
          slope = slope*map_slope/scales
          do g = 1, self%grains%n_columns
-            u(:, g) = columns(:size(of), g)*slope
+            u(:, g) = columns(:self%n_grains, g)*slope
          end do
       end if
       if (any(self%calibration > 0.0_wp)) then
          u(:, self%grains%n_columns + 1:self%n_calibrated) = 0.0_wp
-         do g = 1, size(of)
-            associate (group => self%data%group(of(g)))
-               u(g, self%grains%n_columns + group) = self%calibration(group)*model(g)/scales(g)
-            end associate
+         do g = 1, self%n_grains
+            u(g, self%grains%n_columns + self%data%group(g)) = self%calibration(self%data%group(g))*model(g)/scales(g)
          end do
       end if
       n = self%n_calibrated + size(self%data%shared, 2)
       do g = self%n_calibrated + 1, n
-         u(:, g) = self%data%shared(of, g - self%n_calibrated)*model/scales
+         u(:, g) = self%data%shared(:, g - self%n_calibrated)*model/scales
       end do
       do g = n + 1, self%n_shared
          u(:, g) = self%settings%misalignment_sd_deg*degree*tilt_slopes(:, g - n)*map_slope/scales

@@ -101,86 +101,39 @@ contains
 
    !> Logarithm of the integral over b of the density of r - U b, of scale one, times N(b; 0, 1): by Laplace's approximation about the mode,
    !> which is exact for normal errors.
-   !>
-   !> Where a measurement has several rows, its density is the sum of theirs, each times its weight. The mode is then found by expectation
-   !> and maximisation, and the curvature has the covariance of the rows' slopes in it.
-   pure subroutine integrate(self, r, u, b, l, value, of, log_weight)
+   pure subroutine integrate(self, r, u, b, l, value)
       class(error_model_type), intent(in) :: self
-      !> (row), (row, shared error).
+      !> (measurement), (measurement, shared error).
       real(wp), intent(in) :: r(:), u(:, :)
       !> Mode of b given r, and the lower factor of its precision.
       real(wp), intent(out) :: b(:), l(:, :), value
-      !> The measurement of each row, (row); without it each row is a measurement.
-      integer, intent(in), optional :: of(:)
-      !> The logarithm of the weight of each row, (row).
-      real(wp), intent(in), optional :: log_weight(:)
-      real(wp), dimension(size(r)) :: e, weight, used, curvature, expected, share
+      real(wp), dimension(size(r)) :: e, weight, used, curvature, expected
       real(wp) :: before(size(b))
-      real(wp), allocatable :: slopes(:, :)
       integer :: j, step
       logical :: definite
 
       b = 0.0_wp
-      share = 1.0_wp
       call self%weigh(r, weight)
-      if (present(of)) call divide_density(self, r, of, log_weight, share, value)
-      weight = share*weight
       do step = 1, 40
          before = b
          used = weight
          call fit_columns(r, u, used, b, l)
          e = r - matmul(u, b)
          call self%weigh(e, weight)
-         if (present(of)) call divide_density(self, e, of, log_weight, share, value)
-         weight = share*weight
          if (maxval(abs(b - before)) < 1.0e-9_wp .or. maxval(abs(weight - used)) <= 0.0_wp) exit
       end do
       call self%weigh(e, weight, curvature, expected)
-      if (.not. present(of)) value = self%log_density(e, 1.0_wp)
-      value = value - 0.5_wp*sum(b**2)
-      if (maxval(abs(share*curvature - used)) > 0.0_wp .or. present(of)) then
-         if (present(of)) then
-            allocate (slopes(size(b), maxval(of)), source=0.0_wp)
-            do j = 1, size(of)
-               slopes(:, of(j)) = slopes(:, of(j)) + share(j)*weight(j)*e(j)*u(j, :)
-            end do
-            call weighted_gram(u, share*(curvature - (weight*e)**2), l)
-            l = l + matmul(slopes, transpose(slopes))
-         else
-            call weighted_gram(u, curvature, l)
-         end if
+      value = self%log_density(e, 1.0_wp) - 0.5_wp*sum(b**2)
+      if (maxval(abs(curvature - used)) > 0.0_wp) then
+         call weighted_gram(u, curvature, l)
          call factor_definite(l, resolution, definite)
          ! Outliers outweigh the rest: the expected curvature stands in for the observed one.
-         if (.not. definite) call fit_columns(e, u, share*expected, before, l)
+         if (.not. definite) call fit_columns(e, u, expected, before, l)
       end if
       do j = 1, size(b)
          value = value - log(l(j, j))
       end do
    end subroutine integrate
-
-   !> The share of each row in the density of its measurement, and the sum of the logarithms of these densities.
-   pure subroutine divide_density(model, e, of, log_weight, share, value)
-      class(error_model_type), intent(in) :: model
-      !> See `integrate`; residuals in units of the scales, (row).
-      real(wp), intent(in) :: e(:), log_weight(:)
-      integer, intent(in) :: of(:)
-      real(wp), intent(out) :: share(:), value
-      real(wp) :: terms(size(e)), top(maxval(of)), total(size(top))
-      integer :: i
-
-      terms = log_weight + [(model%log_density(e(i:i), 1.0_wp), i=1, size(e))]
-      top = -huge(1.0_wp)
-      total = 0.0_wp
-      do i = 1, size(e)
-         top(of(i)) = max(top(of(i)), terms(i))
-      end do
-      share = exp(terms - top(of))
-      do i = 1, size(e)
-         total(of(i)) = total(of(i)) + share(i)
-      end do
-      share = share/total(of)
-      value = sum(top + log(total))
-   end subroutine divide_density
 
    !> Logarithm of the density of each residual given all others, of scale one: without shared errors the density itself. Else b given the
    !> others is taken as normal: curvature of the log density at the mode less that of residual i, where convex, and one step of Newton's

@@ -10,16 +10,13 @@ module measured_grains
    private
    public :: measured_type, mean_modulus, all_tilts, tilt_moments, n_tilts
 
-   !> What was measured in n grains: moduli, then speeds of waves. More rows than n are other grains that a modulus may be of.
+   !> What was measured in n grains: moduli, then speeds of waves.
    type :: measured_type
-      !> Bunge-Euler angles (3, row) and sds of the tilt of the indented direction, per component, (row); radians.
+      !> Bunge-Euler angles (3, n) and sds of the tilt of the indented direction, per component, (n); radians.
       real(wp), allocatable :: euler(:, :), tilt_sd(:)
-      !> The measurement of each row, 1 to n first, and the probability of that grain, (row).
-      integer, allocatable :: of(:)
-      real(wp), allocatable :: probability(:)
       !> GPa, or m/s, (n).
       real(wp), allocatable :: modulus(:), sd(:)
-      !> Of waves, radians, (row), NaN of moduli; unallocated: there are no waves. And the density, kg/m3.
+      !> Of waves, radians, (n), NaN of moduli; unallocated: there are no waves. And the density, kg/m3.
       real(wp), allocatable :: propagation(:)
       real(wp) :: density = 1.0_wp
       !> Which calibration error a measurement has, 1, 2, .., (n).
@@ -27,7 +24,7 @@ module measured_grains
       !> Relative errors of sd 1 times these, (n, error).
       real(wp), allocatable :: shared(:, :)
    contains
-      procedure :: n_moduli, mixed
+      procedure :: n_moduli
    end type measured_type
 
    !> Directions in which a grain is evaluated: the cells of a grid of tilts, itself in the middle, in their order.
@@ -39,22 +36,8 @@ contains
       class(measured_type), intent(in) :: self
 
       n_moduli = size(self%modulus)
-      if (allocated(self%propagation)) n_moduli = count(.not. abs(self%propagation(:n_moduli)) <= huge(1.0_wp))
+      if (allocated(self%propagation)) n_moduli = count(.not. abs(self%propagation) <= huge(1.0_wp))
    end function n_moduli
-
-   !> Of each measurement the mean over the grains that it may be of, (n).
-   pure function mixed(self, values) result(means)
-      class(measured_type), intent(in) :: self
-      !> (row).
-      real(wp), intent(in) :: values(:)
-      real(wp) :: means(size(self%modulus))
-      integer :: i
-
-      means = 0.0_wp
-      do i = 1, size(values)
-         means(self%of(i)) = means(self%of(i)) + self%probability(i)*values(i)
-      end do
-   end function mixed
 
    !> Indentation modulus of the isotropic solid with the mean of what was measured times a factor, GPa: of the moduli, or of speeds alone.
    pure real(wp) function mean_modulus(observable, measured, factor)

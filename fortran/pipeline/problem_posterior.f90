@@ -13,7 +13,6 @@ module problem_posterior
    use machine, only: check_memory, thread_count
    use namelist_file, only: place
    use observables, only: new_observable, observable_type
-   use point_tables, only: points_type
    use problem, only: problem_type
    use rayleigh_wave, only: new_surface, surface_type, surface_waves, wave_type
    use quantities, only: check_distinct, check_quantity, check_value, new_quantity, quantity_type
@@ -144,6 +143,7 @@ contains
          return
       end if
       associate (table => problem%measurements)
+         measured%euler = table%euler_deg*degree
          measured%modulus = table%modulus_gpa
          measured%sd = table%sd_gpa
          ! Only where the sds are one unknown common value may they be absent.
@@ -152,7 +152,6 @@ contains
             & table%orientation_sd_deg >= 0.0_wp)*degree
          measured%group = table%group
          if (allocated(table%wave_names)) measured%propagation = table%propagation_deg*degree
-         call place_grains(table, measured)
          if (allocated(problem%settings%problem%density_kg_m3)) measured%density = problem%settings%problem%density_kg_m3
          measured%shared = shared_errors(problem)
       end associate
@@ -170,34 +169,6 @@ contains
          if (allocated(error)) error%message = place(problem%path, 'measurements', '')//error%message
       end associate
    end subroutine new_problem_posterior
-
-   !> The rows of the measured grains, then those of other grains that moduli may be of.
-   subroutine place_grains(table, measured)
-      type(points_type), intent(in) :: table
-      type(measured_type), intent(inout) :: measured
-      real(wp), allocatable :: euler_deg(:, :)
-      integer :: g, k
-
-      euler_deg = table%euler_deg
-      measured%of = [(g, g=1, table%n)]
-      measured%probability = spread(1.0_wp, 1, table%n)
-      if (allocated(table%other_probability)) then
-         do g = 1, size(table%other_probability, 1)
-            do k = 1, size(table%other_probability, 2)
-               associate (p => table%other_probability(g, k))
-                  if (.not. p > 0.0_wp) cycle
-                  measured%probability = [measured%probability, p]
-                  measured%probability(g) = measured%probability(g) - p
-               end associate
-               measured%of = [measured%of, g]
-               euler_deg = reshape([euler_deg, table%other_euler_deg(:, g, k)], [3, size(measured%of)])
-            end do
-         end do
-      end if
-      measured%euler = euler_deg*degree
-      measured%tilt_sd = measured%tilt_sd(measured%of)
-      if (allocated(measured%propagation)) measured%propagation = measured%propagation(measured%of)
-   end subroutine place_grains
 
    !> Relative errors that measurements share, (measurement, error): those that are stated of the moduli; of the speeds that of the
    !> density, of which they are the power -1/2.

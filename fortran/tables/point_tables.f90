@@ -45,9 +45,6 @@ module point_tables
       !> indentation and radius of the grain, um; and its group, 1, 2, .., (n).
       real(wp), allocatable :: orientation_sd_deg(:), depth_um(:), contact_radius_um(:), grain_radius_um(:)
       integer, allocatable :: group(:)
-      !> Other grains that a measured modulus may be of: Bunge-Euler angles, degrees, (3, n, other), and probabilities, 0 where there is no
-      !> other grain, (n, other).
-      real(wp), allocatable :: other_euler_deg(:, :, :), other_probability(:, :)
       !> The column of the points' names, 0 if there is none, and the row of the table that a point stands for, (n).
       integer :: named_by = 0
       integer, allocatable :: row(:)
@@ -58,8 +55,6 @@ module point_tables
       procedure :: name, directions
    end type points_type
 
-   !> Grains that a modulus may be of beside the first.
-   integer, parameter :: most_others = 2
    character(len=*), parameter :: angle_names(3) = [character(len=8) :: 'phi1_deg', 'Phi_deg', 'phi2_deg']
    !> What a stiffness can be, GPa.
    real(wp), parameter, public :: stiffness_most = 5000.0_wp
@@ -154,38 +149,8 @@ contains
       call add_zero_error()
       call read_column(points%table, 'grain_radius_um', .true., points%grain_radius_um, error)
       if (.not. allocated(error)) call read_groups(points)
-      if (.not. allocated(error)) call read_others()
 
    contains
-
-      !> The columns phi1_deg_2, Phi_deg_2, phi2_deg_2 and probability_2, and likewise _3.
-      subroutine read_others()
-         real(wp), allocatable :: values(:)
-         character(len=2) :: suffix
-         integer :: j, k, bad
-
-         allocate (points%other_euler_deg(3, points%n, most_others), points%other_probability(points%n, most_others))
-         do k = 1, most_others
-            suffix = '_'//to_text(k + 1)
-            call read_column(points%table, 'probability'//suffix, .true., values, error)
-            if (allocated(error)) return
-            points%other_probability(:, k) = merge(values, 0.0_wp, values > 0.0_wp)
-            do j = 1, 3
-               call read_column(points%table, trim(angle_names(j))//suffix, .true., values, error)
-               if (allocated(error)) return
-               bad = findloc((abs(values) <= huge(1.0_wp)) .neqv. points%other_probability(:, k) > 0.0_wp, .true., dim=1)
-               if (bad > 0) call refuse(error, 'line '//to_text(points%table%line(bad))//': a second or third grain has all of ' &
-                  & //'phi1_deg'//suffix//', Phi_deg'//suffix//', phi2_deg'//suffix//' and a probability'//suffix &
-                  & //' above 0, or none of them')
-               if (allocated(error)) return
-               points%other_euler_deg(j, :, k) = merge(values, 0.0_wp, abs(values) <= huge(1.0_wp))
-            end do
-         end do
-         bad = findloc(sum(points%other_probability, 2) > 0.99_wp, .true., dim=1)
-         if (bad > 0) call refuse(error, 'line '//to_text(points%table%line(bad))//': the probabilities of the second and third ' &
-            & //'grain are '//to_text(sum(points%other_probability(bad, :)))//' in all; allowed up to 0.99, the rest is that of ' &
-            & //'the first grain')
-      end subroutine read_others
 
       !> Add to the sds what an uncertain zero of the depth does to the modulus of each test, E ~ P/(sqrt(R) h^1.5).
       subroutine add_zero_error()

@@ -70,9 +70,6 @@ contains
       points%named_by = column
       key(1, :) = points%group
       key(2, :) = first_rows(points%table, column)
-      ! What may be of other grains is combined with none.
-      if (allocated(points%other_probability)) key(2, :) = merge(-real(points%row, wp), key(2, :), &
-         & any(points%other_probability > 0.0_wp, dim=2))
       first = number_equal(key)
       if (all(first == points%row)) return
       call check_tests()
@@ -120,8 +117,6 @@ contains
          points%n = size(kept)
          points%euler_deg = points%euler_deg(:, kept)
          points%group = points%group(kept)
-         points%other_euler_deg = points%other_euler_deg(:, kept, :)
-         points%other_probability = points%other_probability(kept, :)
          points%row = kept
          points%modulus_gpa = modulus(kept)
          points%sd_gpa = 1.0_wp/sqrt(precision(kept))

@@ -38,14 +38,6 @@ module table_columns
       & column_type('phi1_deg', 'phi1, phi_1, φ1, euler1, euler_1', angle_units), &
       & column_type('Phi_deg', 'phi, φ, Φ, euler2, euler_2', angle_units), &
       & column_type('phi2_deg', 'phi2, phi_2, φ2, euler3, euler_3', angle_units), &
-      & column_type('phi1_deg_2', '', degrees, turns, ' degrees'), &
-      & column_type('Phi_deg_2', '', degrees, [0.0_wp, 180.0_wp], ' degrees'), &
-      & column_type('phi2_deg_2', '', degrees, turns, ' degrees'), &
-      & column_type('probability_2', '', '', [0.0_wp, 1.0_wp], ''), &
-      & column_type('phi1_deg_3', '', degrees, turns, ' degrees'), &
-      & column_type('Phi_deg_3', '', degrees, [0.0_wp, 180.0_wp], ' degrees'), &
-      & column_type('phi2_deg_3', '', degrees, turns, ' degrees'), &
-      & column_type('probability_3', '', '', [0.0_wp, 1.0_wp], ''), &
       & column_type('modulus_gpa', 'modulus, e, youngs_modulus, young_modulus, elastic_modulus', gpa, moduli, ' GPa', no_modulus), &
       & column_type('indentation_modulus_gpa', 'indentation_modulus, plane_strain_modulus, m', gpa, moduli, ' GPa', no_modulus), &
       & column_type('effective_modulus_gpa', 'effective_modulus, reduced_modulus, er, e_r, eeff, e_eff, e*, ereduced, ' &
@@ -76,7 +68,7 @@ module table_columns
       & column_type('stiffness_n_m', 'stiffness', ' n/m n_m '), &
       & column_type('drift_nm_s', 'drift', ' nm/s nm_s ', [-5.0_wp, 5.0_wp], ' nm/s', ' is no drift of an instrument')]
    !> The rows of the moduli; all but the first name their kind, and then the unit.
-   integer, parameter :: plain = 12, last_modulus = 15
+   integer, parameter :: plain = 4, last_modulus = 7
    character(len=*), parameter :: modulus_unit = '_gpa'
    !> What may be a unit in a name.
    character(len=*), parameter :: unit_words = ' deg degrees degree rad radians gpa mpa kpa pa um nm mm % mn un '

@@ -31,9 +31,7 @@ LEAST_PIXELS = 4
 POINT_COLUMNS = ("x_um", "y_um", "map_x_um", "map_y_um")
 ANGLE_COLUMNS = ("phi1_deg", "Phi_deg", "phi2_deg")
 #: Errors of registration that are drawn, and the probability of its grain below which an indent is uncertain.
-SAMPLE, LEAST_SHARE = 2000, 0.95
-#: Grains that an uncertain indent may lie in, at most, and the least probability of one that counts.
-MOST_GRAINS, LEAST_PROBABILITY = 3, 0.005
+SAMPLE, LEAST_SHARE = 400, 0.95
 #: No sample is larger.
 FARTHEST_UM = 1e9
 #: The sample's axis that the indenter moves along.
@@ -46,7 +44,7 @@ class IndentedMap:
 
     `page`: a line for each indent: Bunge's angles of the mean orientation of its grain, and, where the measurements have no such column,
     `grain`, its number in the map, `orientation_sd_deg`, the spread of the indented direction over it, and `grain_radius_um`, the distance
-    to the nearest other grain; of an uncertain one the angles and probabilities of other grains, `phi1_deg_2`, `probability_2`, .."""
+    to the nearest other grain."""
 
     grid: "Grid"
     positions: np.ndarray
@@ -81,40 +79,23 @@ def indented_map(
         )
     grains = grid.grain[pixel].tolist()
     warnings += grid.compare_phase(grid.phase[pixel], symmetry)
-    likely = [grid.likely_grains(tree, *of_one) for of_one in zip(indents, sd, pixel)]
-    warnings += doubts(place, [found[grain] for found, grain in zip(likely, grains)], [sum(found.values()) for found in likely], sd.max())
+    # Of a sample of the errors of registration the share that leads to the same grain.
+    errors = np.random.default_rng(0).normal(size=(SAMPLE, 1, 2)) * sd[:, None]
+    share = np.mean(grid.grain[tree.query(indents + errors)[1]] == grains, axis=0)
+    if doubtful := [f"{row + 1} ({share[row]:.0%})" for row in np.flatnonzero(share < LEAST_SHARE)]:
+        warnings.append(
+            f"{place}the grain of the indents of rows {', '.join(doubtful[:10])}{', ..' if len(doubtful) > 10 else ''} is uncertain: in brackets "
+            f"the probability that the registration, ± {sd.max():.2g} um, leads to it; leave these rows out, or state more ebsd_points"
+        )
     stated = {re.sub("[ -]", "_", name.lower()).removesuffix("_id").removesuffix("_number") for name in columns}
-    orientations = {grain: grid.mean_orientation(grain) for found in likely for grain in found}
-    others = max(map(len, likely))
+    orientations = {grain: grid.mean_orientation(grain) for grain in set(grains)}
     rows = []
-    for position, grain, found in zip(indents, grains, likely):
+    for position, grain in zip(indents, grains):
         euler, spread = orientations[grain]
-        values = {
-            "grain": " or ".join(f"EBSD {one}" for one in found),
-            "orientation_sd_deg": spread,
-            "grain_radius_um": grid.distance_to_boundary(position, grain),
-        }
-        angles: dict[str, float | str] = dict(zip(ANGLE_COLUMNS, euler))
-        for number, other in enumerate([*list(found)[1:], *[None] * (others - len(found))], start=2):
-            cells: list[float | str] = ["", "", "", ""] if other is None else [*orientations[other][0], found[other] / sum(found.values())]
-            angles |= {f"{name}_{number}": cell for name, cell in zip((*ANGLE_COLUMNS, "probability"), cells)}
+        values = {"grain": f"EBSD {grain}", "orientation_sd_deg": spread, "grain_radius_um": grid.distance_to_boundary(position, grain)}
+        angles = dict(zip(("phi1_deg", "Phi_deg", "phi2_deg"), euler))
         rows.append(angles | {name: value for name, value in values.items() if name not in stated})
     return IndentedMap(grid, indents, grains, as_csv(list(rows[0]), [list(row.values()) for row in rows]), warnings)
-
-
-def doubts(place: str, shares: list[float], known: list[float], sd: float) -> list[str]:
-    """The warnings on indents: of each the probability of its grain, and that of all grains that are counted; the sd of registration, um."""
-    found = []
-    for values, words in (
-        (shares, "each such modulus counts for all grains that it may be of, by their probabilities. More ebsd_points decide"),
-        (known, "that of the grains of its phase which are counted, three at most: leave these rows out"),
-    ):
-        if rows := [f"{row + 1} ({value:.0%})" for row, value in enumerate(values) if value < LEAST_SHARE]:
-            found.append(
-                f"{place}the grain of the indents of rows {', '.join(rows[:10])}{', ..' if len(rows) > 10 else ''} is uncertain: in brackets "
-                f"the probability that the registration, ± {sd:.2g} um, leads to it; {words}"
-            )
-    return found
 
 
 def registered(place: str, path: Path, stage: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[str]]:
@@ -232,20 +213,6 @@ class Grid:
                 Orientation((from_standard(group) * self.rotations[own]).as_quat(scalar_first=True), symmetry=group)
             )
         return found
-
-    def likely_grains(self, tree: cKDTree, position: np.ndarray, sd: float, pixel: int) -> dict[int, float]:
-        """The grain of the pixel at a position, then those of its phase that hold it by errors of registration, by their probabilities."""
-        grain = int(self.grain[pixel])
-        if not sd > 0:
-            return {grain: 1.0}
-        near = tree.query(position + np.random.default_rng(0).normal(size=(SAMPLE, 2)) * sd)[1]
-        counted = near[(self.counts[near] & (self.phase[near] == self.phase[pixel])) | (self.grain[near] == grain)]
-        numbers, counts = np.unique(self.grain[counted], return_counts=True)
-        shares = dict(zip(numbers.tolist(), (counts / SAMPLE).tolist()))
-        if shares.get(grain, 0.0) >= LEAST_SHARE:
-            return {grain: 1.0}
-        others = sorted((number for number in shares if number != grain and shares[number] > LEAST_PROBABILITY), key=lambda n: -shares[n])
-        return {number: shares.get(number, 0.0) for number in [grain, *others][:MOST_GRAINS]}
 
     def mean_orientation(self, grain: int) -> tuple[list[float], float]:
         """Bunge's angles of the mean orientation, degrees, and the sd of the tilt of the indented direction per component, degrees."""
