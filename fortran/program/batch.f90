@@ -213,12 +213,13 @@ contains
    end subroutine refuse_usage
 
    subroutine print_help()
-      character(len=*), parameter :: lines(18) = [character(len=120) :: usage, &
+      character(len=*), parameter :: lines(19) = [character(len=120) :: usage, &
          & '', &
          & 'The computing stages of a namelist file, without Python:', &
          & '  &crystals      indents the crystals: campaign.sqlite, moduli.csv, curves.csv; and theory.csv', &
          & '  &design        chooses simulations, performs and learns them: campaign.sqlite, surrogate.txt, build.json', &
          & '  &plan          says how well the constants would be known before anything is measured: plan.json', &
+         & '  &curves        infers moduli from measured curves: measurements.csv, shared_errors.csv, fits.csv, curves.json', &
          & '  &measurements  samples the constants: posterior.csv, posterior.bin, summary.json', &
          & '  &next          ranks the grains to measure next: next.json', &
          & 'bayesindent report DIR makes the page of results.', &

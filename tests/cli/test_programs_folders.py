@@ -12,7 +12,8 @@ import pytest
 from programs import BATCH
 
 from bayesindent.pipeline.results_folder import read_posterior
-from bayesindent.program.cli import EXAMPLES, parser
+from bayesindent.program.cli import parser
+from bayesindent.program.commands import HELP
 from conftest import DOMAIN, REFERENCE, SOURCE, runner
 
 NAMELIST = f"""
@@ -138,7 +139,7 @@ def test_the_stage_size(batch, bayesindent, tmp_path):
 
 def examples():
     """The commands of the help."""
-    return [re.split(r" {2,}", line.strip())[0] for line in EXAMPLES.splitlines() if line.startswith("  bayesindent ")]
+    return [re.split(r" {2,}", line.strip())[0] for line in HELP["examples"].splitlines() if line.startswith("  bayesindent ")]
 
 
 @pytest.mark.parametrize("example", examples())

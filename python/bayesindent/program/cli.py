@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from ..version import __version__
-from .commands import SUMMARIES, command_of
+from .commands import HELP, SUMMARIES, command_of
 
 __all__ = ["main"]
 
@@ -41,27 +41,6 @@ REASONS = {
     errno.ELOOP: "is a link; remove it, or choose another folder",
     errno.ENXIO: "is a pipe; remove it, or choose another folder",
 }
-
-DESCRIPTION = """\
-Single-crystal elastic constants, with honest uncertainty, from spherical indentation of grains of known orientation.
-
-A namelist FILE.nml says what is wanted. Of a bulk sample no simulations are needed. Of a film or a grain, build trains a surrogate on finite
-element simulations. extract then infers the constants from the measured moduli."""
-
-EXAMPLES = """\
-examples:
-  bayesindent init --metal Cu                      a namelist and a table to begin with
-  bayesindent run inputs/quickstart.nml            everything the file asks for, with a report; the same command resumes it
-  bayesindent run inputs/quickstart.nml --check    only say whether the file is right
-  bayesindent theory inputs/zinc.nml --json        exact half-space moduli of the crystals in a file
-  bayesindent predict --surrogate block --points points.csv --symmetry cubic
-  bayesindent build FILE.nml --ask 20 > points.csv    the next 20 crystals, to be simulated elsewhere
-  bayesindent build FILE.nml --tell results.csv       and their moduli back
-
-units: GPa, um, mN, degrees (Bunge-Euler angles phi1, Phi, phi2). An uncertainty is a standard deviation, sd.
-exit status: 0 done, perhaps with warnings; 2 bad input; 3 done, but the result cannot be used; 1 anything else; 128 + N stopped by
-signal N, such as 130 by Ctrl-C (run it again to go on).
-'bayesindent help COMMAND' explains a command; 'bayesindent version' prints the version."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -162,7 +141,7 @@ class Parser(argparse.ArgumentParser):
 def parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
     """The parser of all commands, with the arguments of those that are among the words (default: of all); with '--all' their help has every
     variable."""
-    root = Parser(prog="bayesindent", description=DESCRIPTION, epilog=EXAMPLES)
+    root = Parser(prog="bayesindent", description=HELP["bayesindent"], epilog=HELP["examples"])
     root.add_argument("--version", action="version", version=f"bayesindent {__version__}")
     subparsers = root.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for name, (_, summary) in SUMMARIES.items():
@@ -170,7 +149,7 @@ def parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
         if words is not None and name not in words:
             continue
         command = command_of(name)
-        sub.description = textwrap.fill(" ".join(f"{summary[0].upper()}{summary[1:]}. {command.description}".split()), 100)
+        sub.description = textwrap.fill(" ".join(f"{summary[0].upper()}{summary[1:]}. {HELP[name]}".split()), 100)
         sub.set_defaults(command=command, json=False, results=None, quiet=False, parser=sub)
         sub.groups, sub.full = command.groups, "--all" in (words or ())
         if command.groups:

@@ -33,7 +33,6 @@ class Command:
     """
 
     name: str
-    description: str = ""
     groups: tuple[str, ...] = ()
     stage: Callable[..., dict] | None = None
     action: Callable[[argparse.Namespace], dict | int] | None = None
@@ -47,11 +46,11 @@ class Command:
         return self.action(arguments) if self.action is not None else perform(self, *prepare(arguments))
 
 
-def namelist_command(name: str, description: str, **more: Any) -> Command:
+def namelist_command(name: str, **more: Any) -> Command:
     """The command of a stage, or `run`: the groups that its help explains are the core's."""
     row = next(row for row in stages() if row.name == name)
     groups = row.groups if name != "run" else tuple(dict.fromkeys(variable.group for variable in schema()))
-    return Command(name, description, groups=groups, **more)
+    return Command(name, groups=groups, **more)
 
 
 def prepare(arguments: argparse.Namespace, patience_s: int | None = 0) -> tuple[Problem, Path]:

@@ -29,7 +29,6 @@ BOUNDARY_DEG = 5.0
 LEAST_PIXELS = 4
 #: Columns of homologous points: positions of the stage, and of the map.
 POINT_COLUMNS = ("x_um", "y_um", "map_x_um", "map_y_um")
-ANGLE_COLUMNS = ("phi1_deg", "Phi_deg", "phi2_deg")
 #: Errors of registration that are drawn, and the probability of its grain below which an indent is uncertain.
 SAMPLE, LEAST_SHARE = 400, 0.95
 #: No sample is larger.

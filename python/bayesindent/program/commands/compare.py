@@ -58,8 +58,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 COMMANDS = (
     Command(
         "compare",
-        "It writes comparison.csv, comparison.json and the figures forest and overlay (default folder: runs/compare). Of runs of the same "
-        "measurements it compares the models, too: by leave-one-out, and by the evidence where &sampler evidence = .true. estimated it.",
         action=compare,
         arguments=add_arguments,
         show=show,

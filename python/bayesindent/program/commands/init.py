@@ -20,19 +20,13 @@ NAMELIST, TABLE = "grains.nml", "grains.csv"
 #: Variables of &surrogate that only `build` reads.
 FOR_BUILDING = ("model", "degree", "bandlimit", "truncation", "scan")
 
+
 #: The variable that has no default.
 KINDS = """\
   ! Which modulus the instrument reported. Remove the ! of one line:
   ! modulus_kind = 'effective_modulus'     ! Er, the reduced modulus of specimen and tip: 1/Er = 1/M + (1 - nu_i^2)/E_i
   ! modulus_kind = 'indentation_modulus'   ! M = E/(1 - nu^2) of the specimen alone; the deformation of the tip is removed
   ! modulus_kind = 'sample_modulus'        ! Es = (1 - nu_s^2) M, often called E, EIT or Young's modulus, for an assumed sample_nu""".splitlines()
-
-EMPTY_TABLE = """\
-# One grain a row: Bunge-Euler angles (v_crystal = g v_sample; the indenter moves along -z of the sample), modulus, and its standard deviation
-# (the standard error of the value given). Lines that start with # are not read: put your grains below the header.
-phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa
-# 46.3,88.7,199.3,151.0,2.0
-"""
 
 
 def template(symmetry: str | None, metal: str | None) -> dict[str, str]:
@@ -80,7 +74,7 @@ def template(symmetry: str | None, metal: str | None) -> dict[str, str]:
         for variable in variables:
             lines += KINDS if variable.name == "modulus_kind" else explained(variable, values.get(variable.name))
         lines += ["/"]
-    return {NAMELIST: "\n".join(lines) + "\n", TABLE: EMPTY_TABLE}
+    return {NAMELIST: "\n".join(lines) + "\n", TABLE: Path(__file__).with_name(TABLE).read_text(encoding="utf-8")}
 
 
 def knowledge(metal: SimpleNamespace) -> list[str]:
@@ -130,7 +124,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 COMMANDS = (
     Command(
         "init",
-        f"It writes {NAMELIST} and {TABLE} into the current folder, or that of --output.",
         action=init,
         arguments=add_arguments,
         show=lambda document: print("Written:", *document["files"]),

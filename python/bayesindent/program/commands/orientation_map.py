@@ -43,7 +43,6 @@ def show(document: dict) -> None:
 COMMANDS = (
     Command(
         "map",
-        "It draws the map in the colours of the inverse pole figure along the indenter, the boundaries of its grains, and the indents by name.",
         action=draw,
         arguments=lambda parser: parser.add_argument("file", metavar="FILE.nml", type=Path, help="with &measurements file and ebsd"),
         show=show,

@@ -233,75 +233,13 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 COMMANDS = (
-    namelist_command(
-        "simulate",
-        "Writes moduli.csv (the three kinds of modulus), curves.csv (force and modulus by depth), and with vtu or inp the "
-        "fields for ParaView or the same problem as a deck for Abaqus or CalculiX. Crystals that are done already are not "
-        "simulated again.",
-        stage=simulate,
-        show=show_moduli,
-        resumes=True,
-        then=report_of,
-    ),
-    namelist_command(
-        "theory", "Willis' elliptical contact on the anisotropic half-space. Writes theory.csv.", show=show_moduli, then=report_of
-    ),
-    namelist_command(
-        "size",
-        "Simulates the crystals in films or grains of growing size, in the surroundings of &specimen and in softer and stiffer "
-        "ones, and says from which size on their modulus is that of a half-space within 1 %. Writes size.png.",
-        stage=size,
-        show=show_size,
-        then=report_of,
-    ),
-    namelist_command(
-        "build",
-        "Writes the surrogate. Every simulation is kept in campaign.sqlite as soon as it is done, so that the command may be "
-        "interrupted and run again, with a larger budget too. With --ask it only prints the next crystals; --tell takes their "
-        "moduli.",
-        action=build,
-        arguments=add_build_arguments,
-        show=show_build,
-        resumes=True,
-        then=after_build,
-    ),
-    namelist_command(
-        "plan",
-        "By posteriors of made-up measurements of a stated crystal, with the errors and the knowledge of the file.",
-        show=show_plan,
-        then=report_of,
-    ),
-    namelist_command(
-        "curves",
-        "Writes measurements.csv (a grain a row), shared_errors.csv (the relative errors that grains share) and fits.csv (each "
-        "curve with its elastic fit). extract reads the first two.",
-        show=show_curves,
-        then=report_of,
-    ),
-    namelist_command(
-        "extract",
-        "Writes posterior.nc and summary.json, and shows what each constant depends on. Needs no simulation: it uses the exact "
-        "theory, the correction that comes with the package ('block'), or a surrogate that build made.",
-        stage=extract,
-        show=show_extract,
-        resumes=True,
-        then=after_extract,
-    ),
-    namelist_command(
-        "next",
-        "Ranks orientations by the information that one more measurement there is expected to bring, given the posterior of extract.",
-        show=show_next,
-        resumes=True,
-        then=after_next,
-    ),
-    namelist_command(
-        "run",
-        "&crystals asks for simulate and theory, &design for build, &plan for plan, &curves for curves, &measurements for "
-        "extract, &next for next; a report ends it. Nothing that is already in the output folder is simulated again.",
-        action=run,
-        arguments=add_run_arguments,
-        show=show_run,
-        resumes=True,
-        then=after_run,
-    ),
+    namelist_command("simulate", stage=simulate, show=show_moduli, resumes=True, then=report_of),
+    namelist_command("theory", show=show_moduli, then=report_of),
+    namelist_command("size", stage=size, show=show_size, then=report_of),
+    namelist_command("build", action=build, arguments=add_build_arguments, show=show_build, resumes=True, then=after_build),
+    namelist_command("plan", show=show_plan, then=report_of),
+    namelist_command("curves", show=show_curves, then=report_of),
+    namelist_command("extract", stage=extract, show=show_extract, resumes=True, then=after_extract),
+    namelist_command("next", show=show_next, resumes=True, then=after_next),
+    namelist_command("run", action=run, arguments=add_run_arguments, show=show_run, resumes=True, then=after_run),
 )

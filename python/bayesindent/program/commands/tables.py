@@ -91,7 +91,6 @@ def add_predict_arguments(parser: argparse.ArgumentParser) -> None:
 COMMANDS = (
     Command(
         "table",
-        "It shows the columns and what each is taken for, the rows that are left out, and the grains. Nothing is computed.",
         action=table,
         arguments=add_table_arguments,
         show=show_understood,
@@ -99,7 +98,6 @@ COMMANDS = (
     ),
     Command(
         "predict",
-        "It prints them with modulus_gpa and sd_gpa.",
         action=predict,
         arguments=add_predict_arguments,
         show=show_predictions,
