@@ -39,10 +39,11 @@ def check_constant(value, wanted):
 
 
 def off_deg(row):
-    """Between the direction of the angles of a row of `next` and that of its indices, degrees."""
+    """Between the direction of the angles of a row of `next` and that of its indices, which follow the angle of its region, degrees."""
     phi, phi2 = np.radians(row[1:3])
     along = np.array([np.sin(phi) * np.sin(phi2), np.sin(phi) * np.cos(phi2), np.cos(phi)])
-    return np.degrees(np.arccos(along @ row[3:6] / np.linalg.norm(row[3:6])))
+    indices = row[4:7]
+    return np.degrees(np.arccos(along @ indices / np.linalg.norm(indices)))
 
 
 def check_suggestions(values, wanted):

@@ -113,11 +113,7 @@ def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]
                 for row in results.identifiability("combination")
             ],
         ),
-        "correlation": (
-            "Correlation of the constants in the posterior.",
-            ["", *document["parameters"]],
-            rows["correlation"],
-        ),
+        "correlation": ("Correlation of the constants in the posterior.", ["", *document["parameters"]], rows["correlation"]),
         "grains": (
             f"The {results.kind} of each grain in GPa: Bunge's angles, as measured, and as the posterior predicts it without the noise.",
             ["grain", *ANGLES, "measured", "sd measured", "predicted", "sd predicted", "residual (sd)"],

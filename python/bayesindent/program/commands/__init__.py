@@ -1,6 +1,6 @@
-"""The commands, in the order of the help, whose page is help.txt. The module of a command is imported when it is asked for: numpy and the core
-take a tenth of a second."""
+"""The commands, in the order of help.txt. The module of a command is imported when it is asked for: numpy and the core take time."""
 
+import re
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,21 +10,11 @@ if TYPE_CHECKING:
 
 __all__ = ["HELP", "SUMMARIES", "command_of"]
 
-
-def read_help() -> tuple[dict[str, str], dict[str, tuple[str, str]]]:
-    """The text of each part of the page by its name, and of each command its module and one line on it."""
-    texts, commands = {}, {}
-    for part in (Path(__file__).parents[1] / "help.txt").read_text(encoding="utf-8").split("\n== ")[1:]:
-        head, _, text = part.partition("\n")
-        name, _, words = head.partition(" ")
-        texts[name] = text.strip("\n")
-        if words:
-            module, _, summary = words.partition(": ")
-            commands[name] = (module, summary)
-    return texts, commands
-
-
-HELP, SUMMARIES = read_help()
+#: Of each part of the page of help: its name, of a command the module and one line on it, and its text.
+PAGE = (Path(__file__).parents[1] / "help.txt").read_text(encoding="utf-8")
+PARTS = re.findall(r"^== (\w+)(?: (\w+): (.*))?\n((?:(?!== ).*\n?)*)", PAGE, re.MULTILINE)
+HELP = {name: text.strip("\n") for name, _, _, text in PARTS}
+SUMMARIES = {name: (module, summary) for name, module, summary, _ in PARTS if module}
 
 
 def command_of(name: str) -> "Command":

@@ -50,9 +50,8 @@ def show_curves(document: dict) -> None:
     """The tip, and the moduli of the grains."""
     radius, compliance = document["tip"]["radius_um"], document["frame"]["compliance_nm_mn"]
     print(f"Tip: radius {' ± '.join(numbers(radius, mean=3, sd=3))} um; frame: {' ± '.join(numbers(compliance, mean=4, sd=4))} nm/mN")
-    unknowns = {**document["tip"], **document["frame"]} | {
-        f"session {row['session']}".strip(): row["factor"] for row in document["sessions"]
-    }
+    sessions = {f"session {row['session']}".strip(): row["factor"] for row in document["sessions"]}
+    unknowns = {**document["tip"], **document["frame"], **sessions}
     print("Decided by the prior alone:", ", ".join(name for name, item in unknowns.items() if item["decided_by"] == "prior") or "none")
     rows = [[row["grain"], str(row["tests"]), *numbers(row, effective_modulus_gpa=1, sd_gpa=1, own_sd_gpa=1)] for row in document["grains"]]
     show_table("Effective moduli (GPa)", ["grain", "tests", "modulus", "sd", "of it its own"], rows)
@@ -201,8 +200,7 @@ def run(arguments: argparse.Namespace) -> dict:
         return {"file": str(arguments.file), "stages": problem.stages, "warnings": problem.warnings}
     if problem.table and not arguments.quiet:
         # Speeds of waves follow the moduli of the table.
-        grains = min(len(problem.measurements), len(problem.table.rows))
-        print(*problem.table.words(grains), sep="\n", file=sys.stderr)
+        print(*problem.table.words(min(len(problem.measurements), len(problem.table.rows))), sep="\n", file=sys.stderr)
     known = {command.name: command for command in COMMANDS}
     documents: dict[str, dict] = {}
     for name in problem.stages:
