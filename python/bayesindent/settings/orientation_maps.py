@@ -2,7 +2,6 @@
 
 import csv
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
@@ -53,16 +52,10 @@ class IndentedMap:
 
 
 def indented_map(
-    place: str,
-    path: Path,
-    points: tuple[str, Path] | None,
-    stage: np.ndarray,
-    columns: Sequence[str],
-    symmetry: str | None,
-    axes: str | None = None,
+    place: str, path: Path, points: tuple[str, Path] | None, stage: np.ndarray, columns: list[str], symmetry: str | None, axes: str | None
 ) -> IndentedMap:
     """The map of a file, and what it says of indents at positions (n, 2) of the stage, which the file of `points`, with what messages on it begin
-    with, leads to those of the map; without it the two are the same. `columns`: of the measurements. The phase is compared with the stated `symmetry`. `place` begins the message of a refusal."""
+    with, leads to those of the map; without it the two are the same. `columns`: of the measurements. The phase is compared with the stated `symmetry`; `axes`: see `AXES` of map_files. `place` begins the message of a refusal."""
     for name in columns:
         if name.lower().startswith(("phi", "φ", "euler")):
             raise InputError(f"{place}the column {name} states the orientation too; one of them is allowed")
