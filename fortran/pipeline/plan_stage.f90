@@ -1,7 +1,7 @@
 !> `plan`: the sd that each constant is expected to have, before anything is measured.
 !>
 !> Grains get the moduli, and the speeds, of the stated crystal with normal noise, several times. Each of these data sets has the
-!> posterior that `extract` would sample, with its prior, knowledge and errors, and short chains; the mean of the sds over the data sets
+!> posterior that `extract` would sample, with its prior, knowledge and errors, and short chains; the median of the sds over the data sets
 !> is what is to be expected. An expansion about the crystal would not do: where the long tails of the prior decide, it gives a fifth of
 !> the sd.
 module plan_stage
@@ -16,7 +16,7 @@ module plan_stage
    use problem_posterior, only: draw_aside, new_problem_posterior, run_type
    use random, only: new_random_stream, random_stream_type
    use rayleigh_wave, only: rayleigh_waves, wave_speed, wave_type
-   use statistics, only: moments
+   use statistics, only: median, moments
    use surrogate_model, only: load_named_surrogate, predict_crystals
    use text, only: join
    use velocity_tables, only: append_velocities
@@ -54,7 +54,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(problem_type) :: used
       real(wp), allocatable :: draws(:, :)
-      real(wp), dimension(self%problem%class%n_constants + 1) :: mean, sd, expected
+      real(wp), dimension(self%problem%class%n_constants + 1) :: mean
+      real(wp) :: sd(size(mean), n_sets)
       character(len=:), allocatable :: names
       integer :: i, j, k
 
@@ -66,18 +67,16 @@ contains
          call page%begin_array('results')
          do i = 1, size(plan%grains)
             do j = 1, size(plan%noise)
-               expected = 0.0_wp
                do k = 1, n_sets
                   call make_up(self, [i, j, k], used, error)
                   if (.not. allocated(error)) call draw_aside(used, self%surrogate, run_type(burn_in, samples, n_chains, &
                      & first_stream + n_chains*k), self%posterior, draws, error)
                   if (allocated(error)) return
-                  call moments(draws, mean(:size(draws, 1)), sd(:size(draws, 1)))
-                  expected = expected + sd/n_sets
+                  call moments(draws, mean(:size(draws, 1)), sd(:size(draws, 1), k))
                end do
                call page%begin_object()
                call page%put_numbers('grains, noise', [plan%grains(i), plan%noise(j)])
-               call page%put_numbers(names, expected(:size(plan%constants)), 'sd')
+               call page%put_numbers(names, [(median(n_sets, sd(k, :)), k=1, size(plan%constants))], 'sd')
                call page%end_object()
             end do
          end do
