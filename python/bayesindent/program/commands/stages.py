@@ -52,7 +52,7 @@ def show_curves(document: dict) -> None:
     print(f"Tip: radius {' ± '.join(numbers(radius, mean=3, sd=3))} um; frame: {' ± '.join(numbers(compliance, mean=4, sd=4))} nm/mN")
     sessions = {f"session {row['session']}".strip(): row["factor"] for row in document["sessions"]}
     unknowns = {**document["tip"], **document["frame"], **sessions}
-    print("Decided by the prior alone:", ", ".join(name for name, item in unknowns.items() if item["decided_by"] == "prior") or "none")
+    print("Not determined by the curves:", ", ".join(name for name, item in unknowns.items() if item["decided_by"] == "prior") or "none")
     rows = [[row["grain"], str(row["tests"]), *numbers(row, effective_modulus_gpa=1, sd_gpa=1, own_sd_gpa=1)] for row in document["grains"]]
     show_table("Effective moduli (GPa)", ["grain", "tests", "modulus", "sd", "of it its own"], rows)
 
