@@ -206,7 +206,8 @@ def shares(results: Results) -> Picture:
 def error_budget(results: Results) -> Picture:
     """The parts of the variance of each constant by source."""
     budget = present(results.documents["extract"].get("error_budget"))
-    return stacked(budget, list(map(subscript, budget)), len(budget), "Error budget: the sources of the variance of each constant.")
+    caption = "Error budget: the sources of the variance of each constant. Calibration: what moduli share."
+    return stacked(budget, list(map(subscript, budget)), len(budget), caption)
 
 
 def stacked(parts: dict[str, dict], labels: list[str], above: int, caption: str) -> Picture:
