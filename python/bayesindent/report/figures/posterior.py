@@ -252,4 +252,4 @@ def expected_sds(results: Results) -> Picture:
         axes.set(xlabel="grains", ylabel=f"sd of {subscript(name)} (GPa)", ylim=(0, None))
     legend_above(figure, *axes.get_legend_handles_labels())
     text = "Expected sd of each constant against the number of grains, for each noise of the moduli."
-    return Picture(figure, f"{text} Means over posteriors of simulated data sets of the stated crystal.")
+    return Picture(figure, f"{text} Medians over posteriors of simulated data sets of the stated crystal.")
