@@ -1,4 +1,4 @@
-!> Elasticity of one crystal of any class: rotation, stability, polycrystal averages, anisotropy of a general stiffness.
+!> Elasticity of one crystal of any class: rotation, stability, polycrystal averages, anisotropy of a general stiffness; paths of waves.
 !>
 !> Stiffness in GPa, Voigt order 11,22,33,23,13,12 without factors of two. Bunge-Euler angles (phi1, Phi, phi2) in
 !> radians; g maps sample to crystal axes, v_crystal = g v_sample.
@@ -14,11 +14,23 @@ module crystal_elasticity
       & logarithmic_mean
    public :: kelvin_form, stiffness_of_kelvin, diagonalise, hill_young_poisson
    public :: isotropic_stiffness
+   public :: path_type, wave_names, no_wave, rayleigh, longitudinal
 
    !> Of a stable crystal a pivot of the stiffness is a larger share of its entry.
    real(wp), parameter :: resolution = 1.0e-12_wp
    !> Voigt index of a pair of Cartesian indices.
    integer, parameter :: voigt_index(3, 3) = reshape([1, 6, 5, 6, 2, 4, 5, 4, 3], [3, 3])
+
+   !> Kinds of waves by number: the surface wave, then bulk waves.
+   character(len=*), parameter :: wave_names(4) = [character(len=12) :: 'rayleigh', 'longitudinal', 'shear_slow', 'shear_fast']
+   integer, parameter :: no_wave = 0, rayleigh = 1, longitudinal = 2
+
+   !> Which wave travels in which direction of the sample: what tells one measured speed from another; by itself an indentation.
+   type :: path_type
+      integer :: wave = no_wave
+      !> In the surface from x towards y, then towards the normal; degrees.
+      real(wp) :: propagation_deg = 0.0_wp, inclination_deg = 0.0_wp
+   end type path_type
 
    !> Polycrystal bounds for a uniform texture, GPa (Hill, Proc. Phys. Soc. A 65, 349, 1952).
    type :: averages_type
