@@ -2,7 +2,8 @@
 !>
 !> From the draws at hand: each of some of them in turn is taken for the truth, all are weighted by the normal factors that this
 !> knowledge would be, and the sds that are left are averaged. Where too few draws have weight, the covariance is used (linear update). What
-!> follows from &knowledge or from a quantity before it in every crystal of the class is left out.
+!> follows from &knowledge or from a quantity before it in every crystal of the class is left out. How well a modulus would be known is
+!> an sd in GPa, since its true value may be far from its mean here, and the sds that are left follow what is stated.
 !>
 !> And how far what &knowledge says is from what all else says, in sds.
 !>
@@ -27,9 +28,9 @@ module further_knowledge
    public :: gain_type, expect_gains, conflict_type, find_conflict, without_knowledge
 
    type :: gain_type
-      !> What would be known, and how well: relative sd.
+      !> What would be known, and how well: relative sd, and of a modulus (else 0) the same of its mean here, GPa.
       character(len=80) :: name = ''
-      real(wp) :: relative_sd = 0.02_wp
+      real(wp) :: relative_sd = 0.02_wp, known_sd = 0.0_wp
       !> sds of the constants now and then, GPa, (n_constants).
       real(wp), allocatable :: sd_now(:), sd_then(:)
    end type gain_type
@@ -80,6 +81,7 @@ contains
             gain%name = trim(gain%name)//', '//list(i)%name
          end do
          call evaluate_draws(list, prior%class, constants, values)
+         if (list(1)%unit == 'GPa') gain%known_sd = gain%relative_sd*sum(values)/size(values)
          call expect_sds(constants, values, gain)
          gains = [gains, gain]
       end do
@@ -90,7 +92,7 @@ contains
       real(wp), intent(in) :: constants(:, :), values(:, :)
       type(gain_type), intent(inout) :: gain
       real(wp), dimension(size(constants, 1)) :: variance, mean, sd
-      real(wp) :: weights(size(values, 2))
+      real(wp) :: weights(size(values, 2)), known_sd
       integer :: a, i, n, used, anchor
 
       n = size(values, 2)
@@ -102,7 +104,8 @@ contains
          anchor = 1 + ((a - 1)*n)/anchors
          weights = 1.0_wp
          do i = 1, size(values, 1)
-            weights = weights*exp(-0.5_wp*((values(i, :) - values(i, anchor))/(gain%relative_sd*values(i, anchor)))**2)
+            known_sd = merge(gain%known_sd, gain%relative_sd*values(i, anchor), gain%known_sd > 0.0_wp)
+            weights = weights*exp(-0.5_wp*((values(i, :) - values(i, anchor))/known_sd)**2)
          end do
          weights = weights/sum(weights)
          if (1.0_wp/sum(weights**2) < least_size) cycle
@@ -110,11 +113,8 @@ contains
          call moments(constants, mean, sd, weights)
          variance = variance + sd**2
       end do
-      if (2*used >= anchors) then
-         gain%sd_then = sqrt(variance/used)
-      else
-         gain%sd_then = linear_update(constants, values, gain%relative_sd)
-      end if
+      gain%sd_then = linear_update(constants, values, gain%relative_sd)
+      if (2*used >= anchors) gain%sd_then = sqrt(variance/used)
    end subroutine expect_sds
 
    !> sds of normal variables with the covariance of the draws after measurements of the quantities.
@@ -123,15 +123,11 @@ contains
       real(wp) :: sd(size(constants, 1))
       real(wp) :: joint(size(values, 1) + size(sd), size(values, 1) + size(sd)), own(size(values, 1), size(values, 1))
       real(wp) :: cross(size(values, 1))
-      real(wp), allocatable :: both(:, :)
       type(error_type), allocatable :: error
       integer :: i, q
 
       q = size(values, 1)
-      allocate (both(size(joint, 1), size(values, 2)))
-      both(:q, :) = values
-      both(q + 1:, :) = constants
-      joint = covariance_of(both)
+      joint = covariance_of(transpose(reshape([transpose(values), transpose(constants)], [size(values, 2), size(joint, 1)])))
       sd = [(sqrt(joint(q + i, q + i)), i=1, size(sd))]
       own = joint(:q, :q)
       do i = 1, q

@@ -81,18 +81,19 @@ contains
       type(orientation_check_type), intent(out) :: check
       type(error_type), allocatable, intent(out) :: error
       type(harmonics_type) :: harmonics
-      type(fit_type) :: fit
+      type(fit_type) :: fit, straight
       real(wp), dimension(posterior%n_grains) :: model, scales
       real(wp) :: g(3, 3), directions(3, n_directions)
       real(wp), parameter :: seen = 10.0_wp
       real(wp), allocatable :: u(:, :), rows(:, :, :)
-      real(wp) :: far
+      real(wp) :: far, measured(posterior%n_moduli)
       integer :: i, k, n
 
       n = posterior%n_moduli
       allocate (check%outliers(0), check%distances(0))
       call new_harmonics(posterior%prior%class%generators, 4, harmonics, error)
       if (allocated(error) .or. n <= harmonics%n) return
+      measured = posterior%data%modulus(:n) - sum(posterior%data%modulus(:n))/n
       allocate (u(posterior%n_grains, posterior%n_shared))
       call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, u)
       fit%scales = scales(:n)/posterior%errors%scale
@@ -117,7 +118,15 @@ contains
       if (posterior%infers_scale) check%p = nan
       far = 5.0_wp
       if (check%p < rare) call find_outliers(fit, rows(:, :, 1), far, check)
-      if (harmonics%n > 1) call try_shuffles(fit, posterior%data%modulus(:n) - sum(posterior%data%modulus(:n))/n, rows, check)
+      if (check%p < rare .and. size(check%outliers) == 0) then
+         ! A bad value may have bent the crystal so far that no grains agree about it: once more about one modulus.
+         straight = fit
+         straight%values = measured/fit%scales
+         call straight%to_rows(rows(:, :, 1))
+         call find_outliers(straight, rows(:, :, 1), far, check)
+         fit%weights = straight%weights
+      end if
+      if (harmonics%n > 1) call try_shuffles(fit, measured, rows, check)
       if (check%is_noticed() .or. size(check%outliers) > 0) return
       ! Now the orientations are above suspicion: as far as one grain of so many is by chance.
       do while (n*erfc((far - 0.1_wp)/sqrt(2.0_wp)) < rare)
@@ -206,11 +215,10 @@ contains
       check%p_shuffled = real(as_well, wp)/(shuffles + 1)
       check%power = real(noticed, wp)/shuffles + 0.0_wp*check%p
       if (.not. check%p < rare) return
-      order = [(i, i=1, n)]
       do k = 1, ubound(readings, 1)
          if (k < 4) call other%to_rows(rows(:, :, k + 1))
          if (k == 4) call other%to_rows(rows(n:1:-1, :, 1))
-         if (k > 4) call other%to_rows(rows(cshift(order, 2*k - 11), :, 1))
+         if (k > 4) call other%to_rows(cshift(rows(:, :, 1), 2*k - 11))
          if (other%chi_square >= best .or. chi_square_above(other%chi_square, check%freedom) < rare) cycle
          best = other%chi_square
          check%better = k

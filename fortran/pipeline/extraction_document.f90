@@ -215,6 +215,7 @@ contains
       do i = 1, size(found%gains)
          call begin('knowledge', trim(found%gains(i)%name))
          call page%put('relative_sd', found%gains(i)%relative_sd)
+         if (found%gains(i)%known_sd > 0.0_wp) call page%put('known_sd', found%gains(i)%known_sd)
          call page%put_numbers(names, found%gains(i)%sd_then, 'sd_then')
          call page%end_object()
       end do

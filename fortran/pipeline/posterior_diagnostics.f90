@@ -49,13 +49,13 @@ contains
          & //'the slowest bulk wave, or hardly moves along the normal. What is measured there is the pseudo-surface wave. ' &
          & //'Choose other directions')
       call check_sizes(problem, found, warnings)
-      if (.not. is_truncated(found%limits)) call check_knowledge(found, warnings)
+      blamed = blamed .or. is_truncated(found%limits)
+      if (.not. blamed) call check_knowledge(found, warnings)
       call check_mixing(found, greatest_r_hat, size(found%chains%draws, 3), warnings)
       call check_determined(found, warnings)
       call check_sensitivity(found, warnings)
       call check_scale(found, warnings)
-      if (blamed .or. is_truncated(found%limits)) return
-      call check_residuals(found, warnings)
+      if (.not. blamed) call check_residuals(found, warnings)
    end subroutine check_extraction
 
    !> Why the result cannot be used, each with what to do: none, it can be used.
@@ -150,7 +150,7 @@ contains
       type(warning_type), allocatable, intent(inout) :: warnings(:)
       !> Share of the sd that knowledge leaves, to be named.
       real(wp), parameter :: worth_it = 0.7_wp
-      character(len=:), allocatable :: names, advice
+      character(len=:), allocatable :: names, advice, precision
       integer :: i, j
 
       names = ''
@@ -166,7 +166,9 @@ contains
          associate (gain => found%gains(i))
             j = minloc(gain%sd_then/gain%sd_now, dim=1)
             if (gain%sd_then(j)/gain%sd_now(j) > worth_it) cycle
-            advice = advice//'; '//trim(gain%name)//' to '//fixed(100.0_wp*gain%relative_sd, 0)//' % would reduce the sd of ' &
+            precision = fixed(100.0_wp*gain%relative_sd, 0)//' %'
+            if (gain%known_sd > 0.0_wp) precision = '± '//short(gain%known_sd)//' GPa'
+            advice = advice//'; '//trim(gain%name)//' to '//precision//' would reduce the sd of ' &
                & //trim(found%names(j))//' from '//short(gain%sd_now(j))//' to '//short(gain%sd_then(j))//' GPa'
          end associate
       end do
