@@ -275,10 +275,9 @@ contains
       type(error_type), allocatable, intent(out) :: error
       character(len=*), parameter :: directions = 'young[001], young[100], young[010], young[110], young[101], young[011], ' &
          & //'young[111]'
-      character(len=:), allocatable :: plain
 
-      plain = join(class%constants, ', ')//', '//plain_names
-      call new_quantities(split_list(plain//', '//directions), class, size(split_list(plain)), list, error)
+      call new_quantities(split_list(join(class%constants, ', ')//', '//plain_names//', '//directions), class, &
+         & size(class%constants), list, error)
    end subroutine reported_quantities
 
    !> The quantities of some names, but those after the first `known` whose value is that of an earlier one of them for every crystal of
