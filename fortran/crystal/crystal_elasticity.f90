@@ -74,11 +74,24 @@ contains
    !> Stiffness in the sample frame of a crystal whose orientation is `g`: C' = M C Mᵀ with Bond's matrix of gᵀ.
    pure function rotate_stiffness(c, g) result(rotated)
       real(wp), intent(in) :: c(6, 6), g(3, 3)
-      real(wp) :: rotated(6, 6), bond(6, 6)
+      real(wp) :: rotated(6, 6)
+      !> With two rows more, which fill the vector units.
+      real(wp), dimension(8, 6) :: whole, bond, half, turned
+      integer :: j
 
-      bond = bond_matrix(transpose(g))
-      rotated = matmul(bond, matmul(c, transpose(bond)))
-      rotated = 0.5_wp*(rotated + transpose(rotated))
+      bond(:6, :) = bond_matrix(transpose(g))
+      whole(:6, :) = c
+      bond(7:, :) = 0.0_wp
+      whole(7:, :) = 0.0_wp
+      do j = 1, 6
+         half(:, j) = whole(:, 1)*bond(j, 1) + whole(:, 2)*bond(j, 2) + whole(:, 3)*bond(j, 3) + whole(:, 4)*bond(j, 4) &
+            & + whole(:, 5)*bond(j, 5) + whole(:, 6)*bond(j, 6)
+      end do
+      do j = 1, 6
+         turned(:, j) = bond(:, 1)*half(1, j) + bond(:, 2)*half(2, j) + bond(:, 3)*half(3, j) + bond(:, 4)*half(4, j) &
+            & + bond(:, 5)*half(5, j) + bond(:, 6)*half(6, j)
+      end do
+      rotated = 0.5_wp*(turned(:6, :) + transpose(turned(:6, :)))
    end function rotate_stiffness
 
    !> Bond's matrix, which turns stresses in Voigt's order.

@@ -58,7 +58,7 @@ module constants_posterior
       !> Sum of the logarithms of the scales; and GPa, where the coordinates of polynomials for the moduli saturate.
       real(wp), private :: log_scales = 0.0_wp, typical_modulus = 100.0_wp
    contains
-      procedure :: evaluate, evaluate_working, evaluate_outputs, to_working, draw_start, set_field_degree, &
+      procedure :: evaluate, evaluate_working, evaluate_outputs, to_working, coarsen, draw_start, set_field_degree, &
          & draw_moduli, predict_measurements, infer_shared, evaluate_grains, scale_factor, place_shared, log_prior, stiffness, &
          & new_grains
    end type posterior_type
@@ -125,6 +125,13 @@ contains
       call self%grains%set_grains(self%euler, error)
       if (self%n_outputs > 0) self%n_outputs = self%grains%n_independent
    end subroutine set_field_degree
+
+   !> Read the theory of every crystal from the field.
+   subroutine coarsen(self)
+      class(posterior_type), intent(inout) :: self
+
+      call self%grains%read_up_to(huge(1.0_wp))
+   end subroutine coarsen
 
    pure subroutine evaluate(self, points, log_density)
       class(posterior_type), intent(in) :: self
