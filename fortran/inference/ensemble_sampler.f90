@@ -65,9 +65,9 @@ contains
       if (stop_requested()) return
       exact%whitening = kernel%view%whitening
       ! Differences lead along tails that the mixture leaves out; where it fits badly, more of the steps are such.
-      if (quality > 0.0_wp) kernel%share = min(0.85_wp, max(0.2_wp, quality + 0.25_wp))
-      kernel%steps = 2 + nint(target%dimension*max(0.0_wp, merge(5.0_wp*(0.8_wp - quality), 2.0_wp*(0.6_wp - quality), &
-         & is_fitted(kernel%view%polynomial))))
+      if (quality > 0.0_wp) kernel%share = min(0.6_wp, max(0.2_wp, quality))
+      kernel%steps = 2 + nint(merge(5.0_wp, 2.0_wp, is_fitted(kernel%view%polynomial))*target%dimension &
+                             & *max(0.0_wp, 0.8_wp - quality))
       call stream%pick(size(kernel%archive, 2), i)
       u = kernel%archive(:, i)
       call kernel%view%whitening%from_white(u, tried)
