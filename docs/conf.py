@@ -27,3 +27,4 @@ autodoc_typehints = "none"
 html_theme = "furo"
 html_title = f"bayesindent {__version__}"
 html_show_sourcelink = False
+html_search_scorer = str(ROOT / "docs" / "scorer.js")

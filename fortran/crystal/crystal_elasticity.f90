@@ -3,7 +3,7 @@
 !> Stiffness in GPa, Voigt order 11,22,33,23,13,12 without factors of two. Bunge-Euler angles (phi1, Phi, phi2) in
 !> radians; g maps sample to crystal axes, v_crystal = g v_sample.
 module crystal_elasticity
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use kinds, only: nan, wp
    use small_matrices, only: factor_definite, solve_lower, solve_upper
    use text, only: to_text
@@ -135,11 +135,11 @@ contains
       real(wp) :: values(6), vectors(6, 6)
 
       if (.not. all(abs(c) <= huge(1.0_wp))) then
-         call raise(error, 'the stiffness holds a value that is not finite', exit_bad_input)
+         call refuse(error, 'the stiffness holds a value that is not finite')
       else if (.not. is_stable(c)) then
          call diagonalise(kelvin_form(c), values, vectors)
-         call raise(error, 'the crystal is elastically unstable: the smallest eigenvalue of its stiffness is ' &
-            & //to_text(minval(values), 3)//' GPa; the stiffness must be positive definite', exit_bad_input)
+         call refuse(error, 'the crystal is elastically unstable: the smallest eigenvalue of its stiffness is ' &
+            & //to_text(minval(values), 3)//' GPa; the stiffness must be positive definite')
       end if
    end subroutine check_stiffness
 

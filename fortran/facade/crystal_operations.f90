@@ -33,7 +33,7 @@ contains
       type(observable_type) :: observable
       real(wp), allocatable :: stiffness(:, :, :), slope(:)
       type(wave_type), allocatable :: waves(:)
-      character(len=:), allocatable :: symmetry
+      character(len=:), allocatable :: symmetry, wanted(:)
       integer :: i
 
       symmetry = ''
@@ -101,7 +101,14 @@ contains
          call x%out%put('names', names)
          call x%out%put('units', units)
       case ('quantities')
-         call evaluate(split_list(x%in%text('names')))
+         wanted = split_list(x%in%text('names'))
+         allocate (quantities(size(wanted)), x%values(size(wanted), size(c, 3)))
+         do i = 1, size(wanted)
+            if (.not. allocated(x%error)) call new_quantity(trim(wanted(i)), quantities(i), x%error)
+         end do
+         do i = 1, merge(0, size(c, 3), allocated(x%error))
+            call evaluate_quantities(quantities, c(:, :, i), x%values(:, i))
+         end do
       case ('moduli_of_kind')
          ! Indentation moduli (GPa) as another kind.
          settings%indenter_modulus_gpa = x%in%real('indenter_modulus_gpa')
@@ -115,20 +122,5 @@ contains
       case default
          call x%refuse(verb)
       end select
-
-   contains
-
-      subroutine evaluate(wanted)
-         character(len=*), intent(in) :: wanted(:)
-
-         allocate (quantities(size(wanted)), x%values(size(wanted), size(c, 3)))
-         do i = 1, size(wanted)
-            call new_quantity(trim(wanted(i)), quantities(i), x%error)
-            if (allocated(x%error)) return
-         end do
-         do i = 1, size(c, 3)
-            call evaluate_quantities(quantities, c(:, :, i), x%values(:, i))
-         end do
-      end subroutine evaluate
    end subroutine perform_crystal
 end module crystal_operations

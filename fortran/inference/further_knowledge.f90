@@ -1,8 +1,8 @@
 !> What knowing more would bring: the sds of the constants if some quantities, which indentation does not see, were known as well.
 !>
 !> From the draws at hand: each of some of them in turn is taken for the truth, all are weighted by the normal factors that this
-!> knowledge would be, and the sds that are left are averaged. Where too few draws have weight, the covariance tells (linear update). What
-!> &knowledge states already is left out.
+!> knowledge would be, and the sds that are left are averaged. Where too few draws have weight, the covariance is used (linear update). What
+!> follows from &knowledge or from a quantity before it in every crystal of the class is left out.
 !>
 !> And how far what &knowledge says is from what all else says, in sds.
 !>
@@ -16,7 +16,7 @@ module further_knowledge
    use errors, only: error_type
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor
-   use quantities, only: evaluate_draws, new_quantities, quantity_type
+   use quantities, only: check_distinct, evaluate_draws, new_quantities, quantity_type
    use samplers, only: chains_type
    use posterior_summary, only: climb
    use small_matrices, only: solve_lower
@@ -59,17 +59,22 @@ contains
       type(gain_type), allocatable, intent(out) :: gains(:)
       type(error_type), allocatable :: error
       type(gain_type) :: gain
-      character(len=:), allocatable :: names(:)
-      type(quantity_type), allocatable :: list(:)
+      type(quantity_type), allocatable :: named(:), known(:), list(:)
       real(wp), allocatable :: values(:, :), constants(:, :)
       integer :: i, k
 
       constants = flattened(thinned(draws(:prior%n_constants, :, :), most_draws))
       allocate (gains(0))
+      known = prior%knowledge%quantities
       do k = 1, size(kinds)
-         names = split_list(trim(kinds(k)))
-         if (all([(is_stated(prior, trim(names(i))), i=1, size(names))])) cycle
-         call new_quantities(names, prior%class, 0, list, error)
+         call new_quantities(split_list(trim(kinds(k))), prior%class, 0, named, error)
+         list = named(:0)
+         do i = 1, size(named)
+            call check_distinct([known, named(i)], prior%class, error)
+            if (.not. allocated(error)) list = [list, named(i)]
+         end do
+         if (size(list) == 0) cycle
+         known = [known, list]
          gain = gain_type(name=list(1)%name)
          do i = 2, size(list)
             gain%name = trim(gain%name)//', '//list(i)%name
@@ -79,15 +84,6 @@ contains
          gains = [gains, gain]
       end do
    end subroutine expect_gains
-
-   !> Whether &knowledge has a quantity of this name.
-   pure logical function is_stated(prior, name)
-      type(prior_type), intent(in) :: prior
-      character(len=*), intent(in) :: name
-      integer :: i
-
-      is_stated = any([(prior%knowledge%quantities(i)%name == name, i=1, size(prior%knowledge%mean))])
-   end function is_stated
 
    subroutine expect_sds(constants, values, gain)
       !> (constant, draw), GPa; (quantity, draw).

@@ -313,8 +313,7 @@ contains
       real(wp), intent(in) :: draws(:, :)
       integer, intent(in) :: n, seed
       !> (n, draw).
-      real(wp), allocatable :: normals(:, :)
-      real(wp), allocatable :: columns(:, :)
+      real(wp), allocatable :: normals(:, :), columns(:, :)
       real(wp) :: mean
       type(random_stream_type) :: stream
       integer :: i, j, known

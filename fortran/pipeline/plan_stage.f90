@@ -41,10 +41,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       self%done = self%output//'/plan.json'
-      associate (problem => self%problem)
-         call load_named_surrogate(problem%settings%surrogate%file, problem%class%name, self%places, self%surrogate, error)
-         if (allocated(error)) error%message = place(problem%path, 'surrogate', 'file')//error%message
-      end associate
+      call load_named_surrogate(self%problem%settings%surrogate%file, self%problem%class%name, self%places, self%surrogate, error)
+      if (allocated(error)) error%message = place(self%problem%path, 'surrogate', 'file')//error%message
       if (.not. allocated(error)) call check_plan(self, error)
    end subroutine begin
 

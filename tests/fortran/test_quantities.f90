@@ -120,12 +120,16 @@ contains
    end subroutine test_names
 
    subroutine test_reported()
-      call compare('isotropic', 'C11 C12', 'young[001]')
-      call compare('cubic', 'C11 C12 C44', 'young[001] young[110] young[111]')
-      call compare('hexagonal', 'C11 C12 C44 C33 C13', 'young[001] young[100] young[101] young[111]')
-      call compare('tetragonal', 'C11 C12 C13 C33 C44 C66', 'young[001] young[100] young[110] young[101] young[111]')
+      character(len=*), parameter :: averages = 'polycrystal_shear polycrystal_young polycrystal_poisson anisotropy_index '
+
+      ! Where a crystal is compressed alike in all directions, and where it is stretched alike, the polycrystal has no modulus of its own.
+      call compare('isotropic', 'C11 C12', averages)
+      call compare('cubic', 'C11 C12 C44', averages//'young[001] young[110] young[111]')
+      call compare('hexagonal', 'C11 C12 C44 C33 C13', 'polycrystal_bulk '//averages//'young[001] young[100] young[101] young[111]')
+      call compare('tetragonal', 'C11 C12 C13 C33 C44 C66', 'polycrystal_bulk '//averages//'young[001] young[100] young[110] ' &
+         & //'young[101] young[111]')
       call compare('orthorhombic', 'C11 C12 C13 C22 C23 C33 C44 C55 C66', &
-         & 'young[001] young[100] young[010] young[110] young[101] young[011] young[111]')
+         & 'polycrystal_bulk '//averages//'young[001] young[100] young[010] young[110] young[101] young[011] young[111]')
    end subroutine test_reported
 
    subroutine compare(name, first, last)
@@ -141,7 +145,6 @@ contains
       do i = 1, size(list)
          found = found//list(i)%name//' '
       end do
-      call check(name//': constants, averages, directions', found == first//' bulk_modulus polycrystal_bulk ' &
-         & //'polycrystal_shear polycrystal_young polycrystal_poisson anisotropy_index '//last//' ', found)
+      call check(name//': constants, averages, directions', found == first//' bulk_modulus '//last//' ', found)
    end subroutine compare
 end program test_quantities

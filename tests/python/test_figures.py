@@ -9,7 +9,7 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.report.figures.comparison import limits
-from bayesindent.report.figures.posterior import chi_square, stacked
+from bayesindent.report.figures.posterior import stacked
 from bayesindent.report.figures.young import youngs_modulus
 from bayesindent.report.results import NothingToShow
 from conftest import HANGS_S
@@ -27,23 +27,6 @@ def test_youngs_modulus_of_a_cubic_crystal():
     copper, steel = youngs_modulus(crystals, directions)
     assert copper == pytest.approx(expected, rel=1e-12)
     assert steel == pytest.approx(200.0, rel=1e-7)
-
-
-def test_the_expected_chi_square_is_its_mean_over_data():
-    """Of a linear model y = X b + e with b, e normal: by many draws of both."""
-    rng = np.random.default_rng(5)
-    design, prior_sd, sd, draws = rng.standard_normal((12, 3)), 4.0, np.linspace(0.5, 2.0, 12), 4000
-    covariance = np.linalg.inv(design.T @ (design / sd[:, None] ** 2) + np.eye(3) / prior_sd**2)
-    prediction_sd = np.sqrt(np.einsum("ij,jk,ik->i", design, covariance, design))
-    found = []
-    for _ in range(draws):
-        measured = design @ (prior_sd * rng.standard_normal(3)) + sd * rng.standard_normal(12)
-        mean = design @ covariance @ design.T @ (measured / sd**2)
-        rows = [{"measured": m, "mean": p, "measured_sd": s, "sd": q} for m, p, s, q in zip(measured, mean, sd, prediction_sd)]
-        total, expected = chi_square(rows)
-        found.append(total)
-    assert 8.5 < expected < 10
-    assert np.mean(found) == pytest.approx(expected, abs=5 * np.std(found) / np.sqrt(draws))
 
 
 def test_a_narrow_posterior_fills_a_tenth_of_its_axis():

@@ -101,6 +101,11 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
         assert rf"${name[0]}_{{{name[1:]}}} = {item['mean']:.1f} \pm {item['sd']:.1f}$" in text
     assert text.startswith("% The data are synthetic")
     assert "11 grains" in text
+    check = json.loads((output / "summary.json").read_text())["checks"]["chi_square"]
+    assert rf"is {check['mean']:.1f} on average; it is larger in {100 * check['p']:.0f}\,\% of the data sets" in text
+    # The file says nothing of the tip.
+    assert "[State the shape and the radius of the tip" in text
+    assert "paraboloid" not in text
     cited = {key for group in re.findall(r"\\cite\{(.*?)\}", text) for key in group.split(",")}
     assert cited == set(re.findall(r"@\w+\{(\w+),", (paper / "references.bib").read_text()))
     comment, header, *rows = (paper / "constants.csv").read_text().splitlines()

@@ -13,7 +13,16 @@ import bayesindent as bi
 from bayesindent.crystal.elasticity import quantity_names
 from bayesindent.program.cli import main
 from bayesindent.report.figures import FIGURES
-from bayesindent.report.formatting import direction_name, limit_name, plus_minus, products_as_html, quantity_name, share_cells
+from bayesindent.report.formatting import (
+    direction_name,
+    latex,
+    limit_name,
+    plus_minus,
+    products_as_html,
+    quantity_name,
+    region,
+    share_cells,
+)
 from bayesindent.report.sections import compliance_rows, sensitivity_row
 from bayesindent.report.summary import advice
 from bayesindent.report.templates import read_data
@@ -239,6 +248,9 @@ def test_directions_in_four_indices():
     assert {direction: direction_name(direction, True) for direction in four} == four
     assert direction_name((1, 0, 1), True) == "45° from [0001]"
     assert direction_name((1, -1, 0), False) == "[11\u03050]"
+    assert region({"within_deg": 2.0}, "6° from [0001]") == "6° from [0001], within 2°"
+    assert region({"within_deg": 8.0}, "[001]") == "within 8° of [001]"
+    assert latex("φ₁ of C11") == r"$\varphi_1$ of $C_{11}$"
     assert quantity_name("young[101]", "hexagonal") == "Young's modulus at 45° from [0001]"
     assert quantity_name("young[100]", "trigonal") == "Young's modulus along [21\u03051\u03050]"
     assert quantity_name("young[100]", "cubic") == "Young's modulus along [100]"

@@ -34,6 +34,9 @@ def test_identifiability(results, documents, symmetry):
     rows = documents[symmetry]["identifiability"]
     combinations = [row for row in rows if row["kind"] == "combination"]
     assert [row["name"] for row in rows if row["kind"] == "quantity"] == list(quantity_names(symmetry))
+    # A compressibility of a cubic crystal is that of its bulk modulus.
+    offered = ["bulk_modulus", "polycrystal_young", *["compressibility[100], compressibility[001]"] * (symmetry == "hexagonal")]
+    assert [row["name"] for row in rows if row["kind"] == "knowledge"] == offered
     # Two combinations of three, three of five: the data have not halved the prior's sd of the others.
     identified = {"cubic": 2, "hexagonal": 3}[symmetry]
     ratio = [(row["sd"] / row["prior_sd"]) ** 2 for row in combinations]

@@ -34,6 +34,8 @@ def test_shares_of_iron(knowledge, measurements, known):
     assert [share["knowledge"] for share in shares] == pytest.approx(known, abs=0.02)
     for share in shares:
         assert sum(share.values()) == pytest.approx(1, abs=1e-9)
+    offered = [row["name"] for row in bi.summary(result)["identifiability"] if row["kind"] == "knowledge"]
+    assert offered == ["bulk_modulus"] * (not knowledge) + ["polycrystal_young"]
 
 
 def test_shares_are_those_of_the_normal_model():

@@ -64,7 +64,8 @@ def suggested_grains(items: Sequence[Mapping]) -> list[str]:
 
 def region(item: Mapping, direction: str) -> str:
     """The direction of a suggestion, and within which angle of it gains are alike."""
-    return f"within {item['within_deg']:.0f}° of {direction}" if "within_deg" in item else direction
+    words = "{1}, within {0:.0f}°" if "° from" in direction else "within {0:.0f}° of {1}"
+    return words.format(item["within_deg"], direction) if "within_deg" in item else direction
 
 
 def share_cells(item: Mapping) -> list[str]:
@@ -134,7 +135,7 @@ def quantity_label(row: Mapping, symmetry: str = "") -> str:
 
 def latex(text: str) -> str:
     """A text as LaTeX has it, with indices of constants."""
-    return re.sub(r"\b([CS])([1-6][1-6])\b", r"$\1_{\2}$", text.translate(LATEX))
+    return re.sub(r"\b([CS])([1-6][1-6])\b", r"$\1_{\2}$", text.translate(LATEX)).replace("$$", "")
 
 
 def enumeration(parts: Sequence[str]) -> str:

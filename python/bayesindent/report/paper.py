@@ -12,7 +12,6 @@ from ..crystal.elasticity import stiffness_rows
 from ..crystal.metals import known_of
 from ..fe.deck import elastic_constants
 from ..version import __version__
-from .figures.posterior import chi_square
 from .formatting import SHARE_HEADER, enumeration, latex, number, numbers, share_cells
 from .results import Results
 from .sections import angles_of, identifiability_cells, report_rows
@@ -35,7 +34,6 @@ def methods(results: Results) -> tuple[str, str]:
         for name, item in parameters.items()
     ]
     prior, surrogate = results.prior_and_surrogate
-    prior = [line for line in prior if not line.startswith(("measured: ", "known: "))]
     text = render(
         "methods.tex.j2", results=results, document=document, build=results.documents["build"], measurements=results.group("measurements"),
         version=__version__, grains=with_count(len(results.predicted), "grain"), moduli=moduli, sds=sds, specimen=specimen(results),
@@ -43,7 +41,6 @@ def methods(results: Results) -> tuple[str, str]:
         effective=[min(item["ess_bulk"], item["ess_tail"]) for item in chains], constants=Markup(enumeration(constants)), combinations=len(combinations),
         determined=len(with_verdict(combinations, "determined")),
         known=known_of(results.metal) if results.metal else {},
-        chi_square=all(item.get("measured_sd") for item in results.predicted) and chi_square(results.predicted),
     )  # fmt: skip
     works = read_data("references.bib").replace("@VERSION@", __version__).rstrip().split("\n\n")
     cited = [work for work in works if work.partition("{")[2].partition(",")[0] in text]

@@ -117,10 +117,10 @@ class Results:
 
     @property
     def prior_and_surrogate(self) -> tuple[list[str], str]:
-        """The lines of the document of `extract` on its prior, and that on its surrogate."""
+        """The lines of the document of `extract` on the density of its prior, and that on its surrogate."""
         words = self.documents["extract"]["prior"]["words"]
-        place = next(i for i, line in enumerate(words) if line.startswith("surrogate: "))
-        return words[:place], words[place].removeprefix("surrogate: ")
+        surrogate = next(line.removeprefix("surrogate: ") for line in words if line.startswith("surrogate: "))
+        return [line for line in words if not line.startswith(("measured: ", "known: ", "surrogate: "))], surrogate
 
     @property
     def simulations(self) -> list[dict]:

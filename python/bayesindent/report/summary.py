@@ -107,11 +107,13 @@ def modulus_kind(results: Results) -> str:
 
 
 def indenter(results: Results) -> str:
-    """The shape of the indenter and its last point."""
+    """The shape of the indenter and its last point, where simulations depend on it or it is stated."""
     group = results.group("indenter")
+    if not (group or results.documents["build"] or results.simulations):
+        return ""
     shape = group.get("shape", "paraboloid")
     size = f"half angle {group['half_angle_deg']:g}°" if shape == "cone" else f"radius {group.get('radius_um', 16.0):g} µm"
-    last = f"depth {group['depth_um']:g} µm" if group.get("depth_um") else f"contact radius {group.get('contact_radius_um', 0.5):g} µm"
+    last = f"depth of {depth:g} µm" if (depth := group.get("depth_um")) else f"contact radius of {group.get('contact_radius_um', 0.5):g} µm"
     return f"rigid {shape}, {size}, up to a {last}"
 
 

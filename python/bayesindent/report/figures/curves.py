@@ -4,12 +4,12 @@ import numpy as np
 
 from ...pipeline.curves import read_columns
 from ..results import NothingToShow, Results, present
-from .style import BLACK, BLUE, CYCLE, GREEN, ORANGE, RED, SKY, Picture, panels
+from .style import BLACK, BLUE, CYCLE, GREEN, ORANGE, RED, SKY, Picture, is_column, panels
 
 __all__ = ["curve_fits", "curve_moduli", "moduli_errors", "tip_radius"]
 
 #: Tests that are shown at most, evenly over all that were used.
-SHOWN = 6
+SHOWN = 4
 
 
 def curve_fits(results: Results) -> Picture:
@@ -74,7 +74,7 @@ def curve_moduli(results: Results) -> Picture:
     moduli, sds, own = (np.array([row[name] for row in document["grains"]]) for name in ("effective_modulus_gpa", "sd_gpa", "own_sd_gpa"))
     axes.errorbar(range(len(grains)), moduli, sds, fmt="none", color=SKY, lw=4, label="sd")
     axes.errorbar(range(len(grains)), moduli, own, fmt="o", color=BLUE, ms=4, label="sd of the grain's own")
-    axes.set_xticks(range(len(grains)), grains, rotation=90 if len(grains) > 15 else 0)
+    axes.set_xticks(range(len(grains)), grains, rotation=90 if len(grains) > (7 if is_column() else 15) else 0)
     low, high = axes.get_ylim()
     axes.set(xlabel="grain", ylabel="effective modulus (GPa)", ylim=(low, high + 0.3 * (high - low)))
     axes.legend(loc="upper center", ncols=2)
@@ -88,7 +88,8 @@ def moduli_errors(results: Results) -> Picture:
     figure, axes = panels(2.4)
     names = list(budget)
     colours = [ORANGE if name in ("drift", "repeat_and_window") else RED for name in names]
-    axes.barh([name.replace("_", " ") for name in names], [100 * budget[name] for name in names], color=colours)
+    labels = [{"beta": "shape of the tip"}.get(name, name.replace("_", " ")) for name in names]
+    axes.barh(labels, [100 * budget[name] for name in names], color=colours)
     axes.invert_yaxis()
     axes.set_xlabel("relative sd of a grain's modulus, median (%)")
     text = "Sources of error of a grain's modulus."

@@ -25,7 +25,7 @@ def learning_curve(results: Results) -> Picture:
     """Error against the number of simulations."""
     history, baselines = history_of(results), results.documents["build"].get("baselines", {})
     figure, axes = panels(3.4)
-    curves = {"leave_crystal_out_gpa": "a crystal left out", "next_gpa": "the next points, before they are added"}
+    curves = {"leave_crystal_out_gpa": "a crystal left out", "next_gpa": "next simulations"}
     for (name, label), colour, marker in zip(curves.items(), CYCLE, MARKERS):
         axes.plot(history["simulations"], np.array(history[name], dtype=float), marker=marker, ms=3.5, lw=1, color=colour, label=label)
     lines = {"theory_gpa": "theory alone", "theory_times_ratio_gpa": "theory times one ratio"}
@@ -41,8 +41,8 @@ def learning_curve(results: Results) -> Picture:
     beside = " Lines: the half-space theory without a surrogate." if any(map(baselines.get, lines)) else ""
     return Picture(
         figure,
-        "Mean absolute error of the surrogate against the number of simulations. Of crystals left out of the fit, and of the next simulations, which are "
-        f"those of largest variance.{beside}",
+        "Mean absolute error of the surrogate against the number of simulations. Of crystals left out of the fit, and of the next simulations before "
+        f"the surrogate is trained on them.{beside}",
         values=f"The error of a crystal left out ends at {last} GPa.",
     )
 

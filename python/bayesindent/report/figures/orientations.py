@@ -134,7 +134,7 @@ def draw_map(
         near = np.flatnonzero(directions @ np.array(indices) / np.linalg.norm(indices) > 1 - 1e-9)
         if len(near) and near[0] in outline:
             place = places[near[0]]
-            offset = 13 * (place - centre) / np.linalg.norm(place - centre)
+            offset = 18 * (place - centre) / np.linalg.norm(place - centre)
             axes.annotate(
                 direction_name(indices, four), place, offset, textcoords="offset points", ha="center", va="center", annotation_clip=False
             )

@@ -14,7 +14,7 @@ from .style import (  # isort: skip
 )  # fmt: skip
 
 __all__ = [
-    "chi_square", "error_budget", "expected_sds", "grain_comparison", "knowledge", "marginals", "pairs", "residuals", "shares", "traces",
+    "error_budget", "expected_sds", "grain_comparison", "knowledge", "marginals", "pairs", "residuals", "shares", "traces",
     "velocities",
 ]  # fmt: skip
 
@@ -22,15 +22,6 @@ __all__ = [
 SAMPLES = 2000
 #: More grains than that are drawn small.
 MANY = 60
-
-
-def chi_square(predicted: list[dict]) -> tuple[float, float]:
-    """The sum of squares of the residuals in units of the measurements' sds, and what is expected of it.
-
-    Of a linear model with normal errors s a prediction of sd p leaves a residual of variance s² - p².
-    """
-    measured, mean, error, sd = (np.array([item[name] for item in predicted]) for name in ("measured", "mean", "measured_sd", "sd"))
-    return float(np.sum(((measured - mean) / error) ** 2)), float(np.sum(np.maximum(0.0, 1 - (sd / error) ** 2)))
 
 
 def residuals(results: Results) -> Picture:
@@ -47,11 +38,10 @@ def residuals(results: Results) -> Picture:
     axes.plot(quantiles, values, "o", color=BLUE, ms=3 if count > MANY else 4)
     axes.set(xlabel="quantile of a normal distribution", ylabel="residual / sd, in order")
     axes.legend(loc="upper left")
-    total, expected = map(number, chi_square(predicted))
     return Picture(
         figure,
-        f"Residuals of the grains in order of size, in units of the stated sd, beside the quantiles of a normal distribution. Their sum of squares is {total}; "
-        f"some {expected} are expected of {count} grains if the stated sds are right, since the fit takes up a part.",
+        "Residuals of the grains in order of size, in units of the stated sd, beside the quantiles of a normal distribution. "
+        f"Their sum of squares is {number(np.sum(values**2))}.",
     )
 
 
@@ -216,7 +206,8 @@ def shares(results: Results) -> Picture:
 def error_budget(results: Results) -> Picture:
     """The parts of the variance of each constant by source."""
     budget = present(results.documents["extract"].get("error_budget"))
-    return stacked(budget, list(map(subscript, budget)), len(budget), "Error budget: the sources of the variance of each constant.")
+    caption = "Error budget: the sources of the variance of each constant. Calibration: what moduli share."
+    return stacked(budget, list(map(subscript, budget)), len(budget), caption)
 
 
 def stacked(parts: dict[str, dict], labels: list[str], above: int, caption: str) -> Picture:
