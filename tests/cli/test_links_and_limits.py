@@ -166,8 +166,8 @@ def test_a_constant_that_its_bounds_fix_is_not_truncated_by_them(folder, bayesin
 
 def test_texts_are_escaped_wherever_they_enter_latex():
     text = render("methods.tex.j2", document={"reasons": [r"\input{x} 5 % of $a_1$"], "samples": 1, "prior": {"knowledge": []}}, results=Nothing(), **dict.fromkeys(
-        ("grains", "moduli", "sds", "version", "build", "measurements", "surrogate", "specimen", "constants", "chains", "indenter"), "&"),
-        prior=["#"], r_hat=[], effective=[], combinations=0, determined=0, chi_square=False)  # fmt: skip
+        ("grains", "moduli", "sds", "version", "build", "surrogate", "specimen", "constants", "chains", "indenter"), "&"),
+        prior=["#"], measurements={}, r_hat=[], effective=[], combinations=0, determined=0, chi_square=False)  # fmt: skip
     assert r"\textbackslash{}input\{x\} 5 \% of \$a\_1\$." in text
     assert not re.search(r"(?<!\\)[&#]", text) and r"\cite{bayesindent}" in text
 
