@@ -87,7 +87,7 @@ def test_batch_program_without_memory_stores_nothing_and_goes_on_later(tmp_path)
             "OPENBLAS_NUM_THREADS": "1"}, timeout=HANGS_S, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
         )  # fmt: skip
 
-    done = next(done for done in map(run, range(100, 400, 3)) if "too little memory for the factor" in done.stderr)
+    done = next(done for done in map(run, range(160, 400, 3)) if "too little memory for the factor" in done.stderr)
     assert done.returncode == 1
     assert done.stderr.startswith("a.nml: &simulation: too little memory")
     done = run(None)
