@@ -11,7 +11,7 @@ NAMELIST = """
 &crystals points = 'points.csv' /
 &simulation simulator = 'theory' /
 &measurements file = 'moduli.csv', velocities = 'speeds.csv', velocity_calibration_sd = 0.002 /
-&sampler samples = 400, burn_in = 300, chains = 2 /
+&sampler samples = 200, burn_in = 100, chains = 2 /
 """
 ANGLES = "phi1_deg,Phi_deg,phi2_deg"
 TABLES = {
