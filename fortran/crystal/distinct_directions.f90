@@ -8,7 +8,7 @@ module distinct_directions
    implicit none
    private
    public :: region_type, new_region, representative, angle_between, all_alike, lattice_of_directions, spread_of_directions, &
-      & group_rotations
+      & even_directions, group_rotations
 
    !> What differs by less is the same.
    real(wp), parameter :: same = 1.0e-9_wp
@@ -271,6 +271,46 @@ contains
          end do
       end do
    end subroutine spread_of_directions
+
+   !> Directions evenly over the area of the region, at `least` so many, each for an equal part of it; or so many at equal angles `on_arc`,
+   !> none at an end.
+   pure subroutine even_directions(region, least, on_arc, directions)
+      type(region_type), intent(in) :: region
+      !> Of an area; of an arc.
+      real(wp), intent(in) :: least
+      integer, intent(in) :: on_arc
+      !> Unit vectors (3, n).
+      real(wp), allocatable, intent(out) :: directions(:, :)
+      !> Successive points of the spiral turn by the golden angle.
+      real(wp), parameter :: turn = pi*(3.0_wp - sqrt(5.0_wp))
+      real(wp) :: x(3), z
+      integer :: total, i, n
+
+      if (region%dimension < 2) then
+         allocate (directions(3, on_arc))
+         do i = 1, on_arc
+            z = 0.5_wp*pi*(i - 0.5_wp)/on_arc
+            directions(:, i) = cos(z)*region%axis + sin(z)*region%equator
+         end do
+         return
+      end if
+      total = 16
+      do
+         total = total + total/8
+         n = 0
+         if (allocated(directions)) deallocate (directions)
+         allocate (directions(3, total))
+         do i = 1, total
+            z = 1.0_wp - (2.0_wp*i - 1.0_wp)/total
+            x = [sqrt(1.0_wp - z**2)*cos(turn*i), sqrt(1.0_wp - z**2)*sin(turn*i), z]
+            if (maxval(abs(representative(region, x) - x)) > 1.0e-6_wp) cycle
+            n = n + 1
+            directions(:, n) = x
+         end do
+         if (n >= least) exit
+      end do
+      directions = directions(:, :n)
+   end subroutine even_directions
 
    !> n directions at equal angles over the arc; the axis n times for a point.
    pure function arc(region, n) result(directions)

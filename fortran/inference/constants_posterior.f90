@@ -8,7 +8,7 @@ module constants_posterior
    use abstract_basis, only: grain_model_type
    use constants_prior, only: prior_type
    use error_models, only: error_model_type, new_error_model
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, exit_bad_input, raise, refuse
    use kinds, only: degree, nan, wp
    use logarithmic_coordinates, only: log_frame_type
    use measured_grains, only: all_tilts, mean_modulus, measured_type, n_tilts, tilt_moments
@@ -17,9 +17,10 @@ module constants_posterior
    use random, only: random_stream_type
    use abstract_sampler, only: outside, point_type, target_type
    use settings_schema, only: measurements_settings_type
-   use small_matrices, only: factor_columns, solve_upper, sum_of_logs
+   use small_matrices, only: factor_columns, sum_of_logs
    use surrogate_model, only: new_grain_model, surrogate_type
    use text, only: to_text
+   use uncertain_grains, only: new_uncertain_grains, uncertain_grains_type
    use wave_grains, only: add_waves, wave_grains_type
    implicit none
    private
@@ -47,19 +48,20 @@ module constants_posterior
       !> ones that were stated, then the two tilts of the sample.
       integer :: n_shared = 0, n_calibrated = 0
       type(measured_type) :: data
+      !> Allocated if the grains of measurements are uncertain: then `grains` has a row for each orientation that is possible.
+      type(uncertain_grains_type), allocatable :: uncertain
       !> Relative sds of the calibration errors, (group).
       real(wp), allocatable :: calibration(:)
       !> Bunge-Euler angles of the rows of `grains`, radians.
       real(wp), allocatable :: euler(:, :)
       !> Scales of their errors, GPa; and the variance of y that grains do not share.
-      real(wp), allocatable, private :: scale(:)
+      real(wp), allocatable :: scale(:)
       real(wp) :: scatter = 0.0_wp
       !> Sum of the logarithms of the scales; and GPa, where the coordinates of polynomials for the moduli saturate.
       real(wp), private :: log_scales = 0.0_wp, typical_modulus = 100.0_wp
    contains
       procedure :: evaluate, evaluate_working, evaluate_outputs, to_working, draw_start, set_field_degree, &
-         & draw_moduli, predict_measurements, infer_shared, evaluate_grains, scale_factor, place_shared, log_prior, stiffness, &
-         & new_grains
+         & predict_measurements, infer_shared, evaluate_grains, evaluate_uncertain, scale_factor, log_prior, stiffness, new_grains
    end type posterior_type
 
 contains
@@ -111,7 +113,37 @@ contains
       posterior%n_calibrated = posterior%grains%n_columns + merge(posterior%n_groups, 0, any(posterior%calibration > 0.0_wp))
       posterior%n_shared = posterior%n_calibrated + size(measured%shared, 2) + merge(2, 0, settings%misalignment_sd_deg > 0.0_wp)
       posterior%dimension = prior%n_constants + merge(1, 0, posterior%infers_scale)
+      if (allocated(measured%of)) then
+         if (posterior%grains%n_columns > 0) then
+            call refuse(error, 'grains of uncertain orientation need surrogate_variance = ''none'': the error of the surrogate, ' &
+               & //'which they share, cannot be integrated')
+         else if (posterior%infers_scale .and. posterior%n_shared > 0) then
+            call refuse(error, 'grains of uncertain orientation cannot have scale = ''inferred'' and errors that they share ' &
+               & //'(calibration_sd, shared_errors); remove one of them')
+         end if
+         if (allocated(error)) return
+         allocate (posterior%uncertain)
+         call new_uncertain_grains(measured%of, measured%probability, relative_errors(posterior), measured%sd/measured%modulus, &
+            & posterior%uncertain, error)
+      end if
    end subroutine new_posterior
+
+   !> Relative errors of sd 1 that measurements share: of the calibration of each group, if any, then the stated ones, (measurement, error).
+   pure function relative_errors(self) result(relative)
+      class(posterior_type), intent(in) :: self
+      real(wp) :: relative(self%n_grains, self%n_shared - self%grains%n_columns)
+      integer :: g
+
+      relative = 0.0_wp
+      associate (n => self%n_calibrated - self%grains%n_columns)
+         if (n > 0) then
+            do g = 1, self%n_grains
+               relative(g, self%data%group(g)) = self%calibration(self%data%group(g))
+            end do
+         end if
+         relative(:, n + 1:n + size(self%data%shared, 2)) = self%data%shared
+      end associate
+   end function relative_errors
 
    !> Read the theory, where the surrogate has it, with surface harmonics up to another degree.
    subroutine set_field_degree(self, degree, error)
@@ -268,6 +300,10 @@ contains
 
       log_likelihood = 0.0_wp
       if (self%prior_only) return
+      if (allocated(self%uncertain)) then
+         log_likelihood = mixed_likelihood(self, x, c, independent)
+         return
+      end if
       if (self%n_shared == 0 .and. .not. has_own_variance(self)) then
          call evaluate_grains(self, c, model, slopes, scales, tilt_slopes, independent)
          call self%observable%from_simulation(model(:self%n_moduli), slopes(:self%n_moduli))
@@ -281,10 +317,37 @@ contains
       log_likelihood = log_likelihood - sum_of_logs(scales)
    end function likelihood_of_crystal
 
+   !> The same where the grains are uncertain.
+   pure real(wp) function mixed_likelihood(self, x, c, independent) result(log_likelihood)
+      class(posterior_type), intent(in) :: self
+      real(wp), intent(in) :: x(:), c(6, 6)
+      real(wp), intent(in), optional :: independent(:)
+      real(wp), dimension(size(self%data%of)) :: model, variance
+
+      call evaluate_uncertain(self, c, model, variance, independent)
+      log_likelihood = self%uncertain%log_likelihood(self%data%modulus, scale_factor(self, x)*self%scale, model, variance)
+   end function mixed_likelihood
+
+   !> What would be measured in each orientation that is possible, and its variance.
+   pure subroutine evaluate_uncertain(self, c, model, variance, independent)
+      class(posterior_type), intent(in) :: self
+      real(wp), intent(in) :: c(6, 6)
+      !> In the unit of the observable, and its square, (row).
+      real(wp), intent(out), contiguous :: model(:), variance(:)
+      real(wp), intent(in), optional :: independent(:)
+      real(wp) :: slope(size(model)), tilt_slopes(size(model), 2)
+
+      call evaluate_rows(self, c, model, slope, variance, tilt_slopes, independent)
+      slope = 1.0_wp
+      call self%observable%from_simulation(model, slope)
+      variance = variance*slope**2
+   end subroutine evaluate_uncertain
+
    pure logical function has_own_variance(self)
       class(posterior_type), intent(in) :: self
 
-      has_own_variance = self%scatter > 0.0_wp .or. self%n_directions > 1 .or. self%settings%scatter_sd > 0.0_wp
+      has_own_variance = self%scatter > 0.0_wp .or. self%n_directions > 1 .or. self%settings%scatter_sd > 0.0_wp &
+         & .or. allocated(self%uncertain)
    end function has_own_variance
 
    !> The factor on the sds at a point.
@@ -297,7 +360,7 @@ contains
    end function scale_factor
 
    !> Of each measured grain the mean of what the grain model gives, its derivative with respect to y, and the variance that it does not
-   !> share with others: the surrogate's, that of its orientation, and that of grains as such.
+   !> share with others: the surrogate's, that of its orientation, that of grains as such, and that of the orientations that it may have.
    pure subroutine evaluate_grains(self, c, modulus, slope, own_variance, tilt_slopes, independent)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
@@ -306,27 +369,55 @@ contains
       !> Derivatives with respect to the tilts of the sample, GPa/rad, (grain, 2), where these are asked for.
       real(wp), intent(out) :: tilt_slopes(:, :)
       real(wp), intent(in), optional :: independent(:)
-      real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), variance
-      integer :: g
+      real(wp), allocatable :: moduli(:), slopes(:), variances(:), tilts(:, :)
 
+      if (.not. allocated(self%uncertain)) then
+         call evaluate_rows(self, c, modulus, slope, own_variance, tilt_slopes, independent)
+         return
+      end if
+      associate (n => size(self%data%of))
+         allocate (moduli(n), slopes(n), variances(n), tilts(n, 2))
+      end associate
+      call evaluate_rows(self, c, moduli, slopes, variances, tilts, independent)
+      modulus = self%uncertain%mixed(moduli)
+      slope = self%uncertain%mixed(slopes)
+      own_variance = self%uncertain%mixed(variances + moduli**2) - modulus**2
+      tilt_slopes = 0.0_wp
+   end subroutine evaluate_grains
+
+   !> The same of each orientation.
+   pure subroutine evaluate_rows(self, c, modulus, slope, own_variance, tilt_slopes, independent)
+      class(posterior_type), intent(in) :: self
+      real(wp), intent(in) :: c(6, 6)
+      !> GPa, (row); GPa².
+      real(wp), intent(out), contiguous :: modulus(:), slope(:), own_variance(:)
+      !> GPa/rad, (row, 2).
+      real(wp), intent(out) :: tilt_slopes(:, :)
+      real(wp), intent(in), optional :: independent(:)
+      real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), variance
+      integer :: g, n
+
+      n = size(modulus)
       if (present(independent)) then
          call self%grains%expand(independent, rows)
          slopes = rows
       else
          call self%grains%evaluate_moduli(c, rows, slopes)
       end if
-      modulus = rows(:self%n_grains)
-      slope = slopes(:self%n_grains)
+      modulus = rows(:n)
+      slope = slopes(:n)
       own_variance = self%scatter*slope**2 + (self%settings%scatter_sd*modulus)**2
       ! Speeds are those of the theory.
-      slope(self%n_moduli + 1:) = 0.0_wp
-      own_variance(self%n_moduli + 1:) = 0.0_wp
+      if (self%n_moduli < self%n_grains) then
+         slope(self%n_moduli + 1:) = 0.0_wp
+         own_variance(self%n_moduli + 1:) = 0.0_wp
+      end if
       if (self%n_directions == 1) return
-      do g = 1, self%n_grains
-         call tilt_moments(rows(g::self%n_grains), self%data%tilt_sd(g), modulus(g), variance, tilt_slopes(g, :))
+      do g = 1, n
+         call tilt_moments(rows(g::n), self%data%tilt_sd(g), modulus(g), variance, tilt_slopes(g, :))
          own_variance(g) = own_variance(g) + variance
       end do
-   end subroutine evaluate_grains
+   end subroutine evaluate_rows
 
    !> At a point the mean of what is measured, `model`, scales of the errors that grains do not share, and over them the columns of U: the
    !> surrogate's shared errors, the calibration's of each group, the tilts of the sample.
@@ -406,53 +497,4 @@ contains
       end select
       call grains%set_grains(euler, error)
    end subroutine new_grains
-
-   !> Indentation moduli (GPa) of any grains at a point, with the surrogate's error drawn given the data; `factor` is one plus the
-   !> calibration error of each group drawn likewise. Without these uncertainties the moduli are the mean surrogate's and the factors 1.
-   subroutine draw_moduli(self, x, grains, stream, values, factor)
-      class(posterior_type), intent(in) :: self
-      !> (dimension).
-      real(wp), intent(in) :: x(:)
-      class(grain_model_type), intent(in) :: grains
-      type(random_stream_type), intent(inout) :: stream
-      !> (grain).
-      real(wp), intent(out), contiguous :: values(:)
-      !> (group).
-      real(wp), intent(out) :: factor(:)
-      real(wp) :: c(6, 6), slope(size(values)), b(self%n_shared), precision(self%n_shared, self%n_shared), z(self%n_shared)
-      real(wp), allocatable :: columns(:, :)
-      integer :: i
-
-      c = self%stiffness(x)
-      call self%infer_shared(x, b, precision)
-      call grains%evaluate_moduli(c, values, slope)
-      do i = 1, self%n_shared
-         call stream%normal(z(i))
-      end do
-      call self%place_shared(z, b, precision, factor)
-      allocate (columns(size(values), grains%n_columns))
-      if (size(columns) > 0) call grains%evaluate_columns(c, columns)
-      values = values + slope*matmul(columns, b(:grains%n_columns))
-   end subroutine draw_moduli
-
-   !> Shared errors from their mean and precision and standard normal numbers, in place, and one plus the calibration error of each
-   !> group.
-   pure subroutine place_shared(self, z, b, precision, factor)
-      class(posterior_type), intent(in) :: self
-      !> (shared error).
-      real(wp), intent(in) :: z(:)
-      !> (shared error); the lower factor of the precision.
-      real(wp), intent(inout) :: b(:)
-      real(wp), intent(in) :: precision(:, :)
-      !> (group).
-      real(wp), intent(out) :: factor(:)
-      real(wp) :: error(size(z))
-
-      ! L^-ᵀ z has the covariance (L Lᵀ)^-1.
-      error = z
-      call solve_upper(precision, error)
-      b = b + error
-      factor = 1.0_wp
-      if (any(self%calibration > 0.0_wp)) factor = factor + self%calibration*b(self%grains%n_columns + 1:self%n_calibrated)
-   end subroutine place_shared
 end module constants_posterior

@@ -14,6 +14,9 @@ module measured_grains
    type :: measured_type
       !> Bunge-Euler angles (3, n) and sds of the tilt of the indented direction, per component, (n); radians.
       real(wp), allocatable :: euler(:, :), tilt_sd(:)
+      !> Allocated, these are orientations that measurements may be of: which one, 0 if every one may, and the probability, (orientation).
+      integer, allocatable :: of(:)
+      real(wp), allocatable :: probability(:)
       !> GPa, or m/s, (n).
       real(wp), allocatable :: modulus(:), sd(:)
       !> Of waves, radians, (n), NaN of moduli; unallocated: there are no waves. And the density, kg/m3.

@@ -19,11 +19,12 @@ module model_checks
    use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture, widen_mixture
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor
-   use posterior_summary, only: thinning
+   use posterior_summary, only: draw_uncertain, thinning
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type
    use small_matrices, only: factor_columns, solve_lower, solve_upper
    use statistics, only: covariance_of, flattened
+   use uncertain_grains, only: uncertain_draw_type
    implicit none
    private
    public :: checks_type, check_model, evidence_type, estimate_evidence
@@ -102,7 +103,8 @@ contains
       type(random_stream_type) :: stream
       real(wp), allocatable :: u(:, :), fewer(:, :), b(:), z(:), precision(:, :)
       real(wp), dimension(posterior%n_grains) :: model, scales, residuals, shared, noise
-      real(wp) :: c(6, 6), value
+      real(wp) :: c(6, 6), value, factor(posterior%n_groups)
+      type(uncertain_draw_type) :: found
       integer :: i, g, columns
 
       columns = min(posterior%n_grains, posterior%n_shared)
@@ -113,6 +115,16 @@ contains
       do i = 1, size(draws, 2)
          c = posterior%stiffness(draws(:, i))
          log_prior(i) = posterior%log_prior(c)
+         if (allocated(posterior%uncertain)) then
+            call draw_uncertain(posterior, draws(:, i), stream, found, factor)
+            log_likelihood(:, i) = found%log_density
+            replicated(:, i) = found%replicated
+            do g = 1, posterior%n_grains
+               call stream%normal(noise(g))
+            end do
+            call add(sums, found%score, noise)
+            cycle
+         end if
          call posterior%predict_measurements(draws(:, i), c, model, scales, u)
          residuals = (posterior%data%modulus - model)/scales
          call factor_columns(u, fewer)
@@ -129,9 +141,18 @@ contains
          end do
          residuals = residuals - shared
          replicated(:, i) = model + scales*(shared + noise)
+         call add(sums, residuals, noise)
+      end do
+
+   contains
+
+      subroutine add(sums, residuals, noise)
+         real(wp), intent(inout) :: sums(:)
+         real(wp), intent(in) :: residuals(:), noise(:)
+
          sums = sums + [residuals, sum(residuals**2), merge(1.0_wp, 0.0_wp, sum(noise**2) > sum(residuals**2)), &
             & merge(1.0_wp, 0.0_wp, maxval(abs(noise)) > maxval(abs(residuals)))]
-      end do
+      end subroutine add
    end subroutine check_chain
 
    !> From chains of the posterior and of the same without its data; the last parameter may be the logarithm of the factor on the sds.

@@ -91,6 +91,16 @@ contains
 
       n = posterior%n_moduli
       allocate (check%outliers(0), check%distances(0))
+      if (allocated(posterior%uncertain)) then
+         if (posterior%uncertain%all_alike) then
+            check%constant = nan
+            check%chi_square = nan
+            check%p = nan
+            check%p_shuffled = nan
+            check%power = nan
+            return
+         end if
+      end if
       call new_harmonics(posterior%prior%class%generators, 4, harmonics, error)
       if (allocated(error) .or. n <= harmonics%n) return
       allocate (u(posterior%n_grains, posterior%n_shared))

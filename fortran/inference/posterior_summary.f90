@@ -16,10 +16,11 @@ module posterior_summary
    use samplers, only: chains_type
    use small_matrices, only: solve_lower, solve_upper
    use statistics, only: covariance_of, flattened, moments, sort_order, sorted_values
+   use uncertain_grains, only: uncertain_draw_type
    implicit none
    private
    public :: parameter_type, combination_type, predictions_type, summarise_parameters, correlate, find_combinations, &
-      & predict_grains, thinning, climb
+      & predict_grains, draw_moduli, draw_uncertain, place_shared, thinning, climb
 
    !> Draws for derived quantities and predictions; more say nothing new. Of many grains fewer, so that there are about so many
    !> predictions in all.
@@ -219,6 +220,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(random_stream_type) :: stream
       class(grain_model_type), allocatable :: grains
+      type(uncertain_draw_type) :: found
       real(wp) :: slope(posterior%n_grains)
       integer :: samples, n, i, c, s
 
@@ -228,20 +230,92 @@ contains
       allocate (predictions%moduli(posterior%n_grains, n, size(chains%draws, 3)), &
          & predictions%factor(posterior%n_groups, n, size(chains%draws, 3)))
       allocate (predictions%quantities(size(quantities), n, size(chains%draws, 3)))
-      call posterior%new_grains(posterior%euler(:, :posterior%n_grains), grains, error, posterior%data%propagation)
+      if (.not. allocated(posterior%uncertain)) call posterior%new_grains(posterior%euler(:, :posterior%n_grains), grains, error, &
+         & posterior%data%propagation)
       if (allocated(error)) return
       stream = new_random_stream(0, 0)
       do c = 1, size(chains%draws, 3)
          do i = 1, n
             s = 1 + (i - 1)*predictions%stride
-            call posterior%draw_moduli(chains%draws(:, s, c), grains, stream, predictions%moduli(:, i, c), &
-               & predictions%factor(:, i, c))
-            slope = 1.0_wp
-            call posterior%observable%from_simulation(predictions%moduli(:posterior%n_moduli, i, c), slope(:posterior%n_moduli))
+            if (allocated(posterior%uncertain)) then
+               call draw_uncertain(posterior, chains%draws(:, s, c), stream, found, predictions%factor(:, i, c))
+               predictions%moduli(:, i, c) = found%modulus
+            else
+               call draw_moduli(posterior, chains%draws(:, s, c), grains, stream, predictions%moduli(:, i, c), &
+                  & predictions%factor(:, i, c))
+               slope = 1.0_wp
+               call posterior%observable%from_simulation(predictions%moduli(:posterior%n_moduli, i, c), slope(:posterior%n_moduli))
+            end if
             call evaluate_quantities(quantities, posterior%stiffness(chains%draws(:, s, c)), predictions%quantities(:, i, c))
          end do
       end do
    end subroutine predict_grains
+
+   !> Indentation moduli (GPa) of any grains at a point, with the surrogate's error drawn given the data; `factor` is one plus the
+   !> calibration error of each group drawn likewise. Without these uncertainties the moduli are the mean surrogate's and the factors 1.
+   subroutine draw_moduli(self, x, grains, stream, values, factor)
+      class(posterior_type), intent(in) :: self
+      !> (dimension).
+      real(wp), intent(in) :: x(:)
+      class(grain_model_type), intent(in) :: grains
+      type(random_stream_type), intent(inout) :: stream
+      !> (grain).
+      real(wp), intent(out), contiguous :: values(:)
+      !> (group).
+      real(wp), intent(out) :: factor(:)
+      real(wp) :: c(6, 6), slope(size(values)), b(self%n_shared), precision(self%n_shared, self%n_shared), z(self%n_shared)
+      real(wp), allocatable :: columns(:, :)
+      integer :: i
+
+      c = self%stiffness(x)
+      call self%infer_shared(x, b, precision)
+      call grains%evaluate_moduli(c, values, slope)
+      do i = 1, self%n_shared
+         call stream%normal(z(i))
+      end do
+      call place_shared(self, z, b, precision, factor)
+      allocate (columns(size(values), grains%n_columns))
+      if (size(columns) > 0) call grains%evaluate_columns(c, columns)
+      values = values + slope*matmul(columns, b(:grains%n_columns))
+   end subroutine draw_moduli
+
+   !> Shared errors from their mean and precision and standard normal numbers, in place, and one plus the calibration error of each
+   !> group.
+   pure subroutine place_shared(self, z, b, precision, factor)
+      class(posterior_type), intent(in) :: self
+      !> (shared error).
+      real(wp), intent(in) :: z(:)
+      !> (shared error); the lower factor of the precision.
+      real(wp), intent(inout) :: b(:)
+      real(wp), intent(in) :: precision(:, :)
+      !> (group).
+      real(wp), intent(out) :: factor(:)
+      real(wp) :: error(size(z))
+
+      ! L^-ᵀ z has the covariance (L Lᵀ)^-1.
+      error = z
+      call solve_upper(precision, error)
+      b = b + error
+      factor = 1.0_wp
+      if (any(self%calibration > 0.0_wp)) factor = factor + self%calibration*b(self%grains%n_columns + 1:self%n_calibrated)
+   end subroutine place_shared
+
+   !> Where grains are uncertain, of a point what `uncertain_grains_type` draws; and one plus the calibration error of each group.
+   subroutine draw_uncertain(self, x, stream, found, factor)
+      class(posterior_type), intent(in) :: self
+      !> (dimension).
+      real(wp), intent(in) :: x(:)
+      type(random_stream_type), intent(inout) :: stream
+      type(uncertain_draw_type), intent(out) :: found
+      !> (group).
+      real(wp), intent(out) :: factor(:)
+      real(wp), dimension(size(self%data%of)) :: model, variance
+
+      call self%evaluate_uncertain(self%stiffness(x), model, variance)
+      call self%uncertain%draw(stream, self%data%modulus, self%scale_factor(x)*self%scale, model, variance, found)
+      factor = 1.0_wp
+      if (any(self%calibration > 0.0_wp)) factor = factor + self%calibration*found%shared(:self%n_calibrated)
+   end subroutine draw_uncertain
 
    !> From a point `x` of the support to a maximum of the density nearby. The corners of the first simplex are a tenth of the sds of the
    !> parameters in `chains` apart.

@@ -70,7 +70,7 @@ module extraction
       !> Of the posterior's chains, wall clock.
       real(wp) :: seconds = 0.0_wp
    contains
-      procedure :: verdict, least_value
+      procedure :: verdict, least_value, without_orientations
    end type extraction_type
 
 contains
@@ -256,7 +256,7 @@ contains
       k = size(draws, 1)
       n = size(logarithms, 1)
       effective = minval(self%parameters%diagnostics%ess_bulk)
-      if (any(self%parameters%diagnostics%r_hat > unmixed)) effective = 0.0_wp
+      if (any(self%parameters%diagnostics%r_hat > unmixed) .or. self%without_orientations()) effective = 0.0_wp
       many = flattened(thinned(self%chains%draws, max(size(draws, 2), most/self%posterior%n_grains)))
       all = many
       if (k > self%posterior%n_constants) many(k, :) = log(many(k, :))
@@ -284,6 +284,15 @@ contains
       verdict = verdict_of(self%parameters(i)%mean, self%parameters(i)%sd, merge(self%least_value(), 0.0_wp, &
          & i <= self%posterior%n_constants), self%parameter_shares(i))
    end function verdict
+
+   !> Whether the moduli alone were measured, in grains of any orientation. There are no shares then: a modulus far from a crystal's mean
+   !> may be of a grain of another direction, so that the posterior mean does not follow the measurements linearly.
+   pure logical function without_orientations(self)
+      class(extraction_type), intent(in) :: self
+
+      without_orientations = allocated(self%posterior%uncertain)
+      if (without_orientations) without_orientations = self%posterior%uncertain%all_alike
+   end function without_orientations
 
    !> A tenth of Hill's Young's modulus of the mean crystal, GPa, with which the sd of a constant near zero is compared.
    pure real(wp) function least_value(self)

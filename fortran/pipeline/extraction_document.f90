@@ -165,7 +165,7 @@ contains
             call page%begin_object()
             call page%put_numbers('mean, sd, measured, measured_sd', [mean(i), sd(i), found%posterior%data%modulus(i), &
                & found%posterior%data%sd(i)])
-            call page%put('euler_deg', table%euler_deg(:, i))
+            if (.not. found%without_orientations()) call page%put('euler_deg', table%euler_deg(:, i))
             if (i > found%posterior%n_moduli) then
                associate (along => table%propagation_deg(i), kind => wave_kind(table%propagation_deg(i)/360.0_wp))
                   call page%put('propagation_deg', along - 720.0_wp*kind)
@@ -303,8 +303,10 @@ contains
       integer :: j
 
       allocate (lines(0))
+      line = ''
+      if (found%without_orientations()) line = ' of unknown orientation: the distribution of the moduli determines the constants'
       if (found%posterior%n_moduli > 0) call warn(lines, 'measured: '//found%posterior%observable%name//' of ' &
-         & //to_text(found%posterior%n_moduli)//' grains')
+         & //to_text(found%posterior%n_moduli)//' grains'//line)
       if (found%posterior%n_moduli < found%posterior%n_grains) call warn(lines, 'measured: speeds of waves in ' &
          & //to_text(found%posterior%n_grains - found%posterior%n_moduli)//' directions')
       associate (prior => found%posterior%prior)
@@ -362,7 +364,8 @@ contains
       call out%put('title', problem%settings%problem%title)
       call out%put('modulus_kind', problem%settings%measurements%modulus_kind)
       associate (measured => problem%measurements)
-         call out%put_array('euler_deg', measured%euler_deg, shape(measured%euler_deg))
+         call out%put_array('euler_deg', merge(measured%euler_deg, nan, .not. found%without_orientations()), &
+            & shape(measured%euler_deg))
          call out%put_array('modulus_gpa', measured%modulus_gpa, [measured%n])
          call out%put_array('sd_gpa', measured%sd_gpa, [measured%n])
          call out%put('n_moduli', found%posterior%n_moduli)

@@ -15,6 +15,7 @@ module next_stage
    use namelist_file, only: place
    use next_measurement, only: candidates_type, choose_measurements, suggestions_type
    use point_tables, only: points_type
+   use posterior_summary, only: place_shared
    use rayleigh_wave, only: new_surface, surface_type, surface_waves, wave_speed, wave_type
    use table_columns, only: angles_of_direction
    use machine, only: thread_count
@@ -403,7 +404,7 @@ contains
       call posterior%observable%from_simulation(mean, mean_slope)
       call surface_waves(surface, reshape(c, [6, 6, 1]), waves)
       values(n + 1:) = wave_speed(waves%modulus, posterior%data%density)
-      call posterior%place_shared(z(:m), b(:m), precision, factor)
+      call place_shared(posterior, z(:m), b(:m), precision, factor)
       b(m + 1:) = z(m + 1:)
       do i = 1, size(z)
          columns(:n, i) = relative(i, 1)*mean

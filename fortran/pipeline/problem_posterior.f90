@@ -7,6 +7,7 @@ module problem_posterior
    use constants_prior, only: knowledge_type, new_prior, prior_type
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: log_anisotropy
+   use distinct_directions, only: even_directions, new_region, region_type
    use errors, only: error_type, exit_bad_input, refuse
    use kinds, only: degree, wp
    use measured_grains, only: mean_modulus, measured_type
@@ -20,6 +21,7 @@ module problem_posterior
    use settings_reader, only: settings_namelist
    use statistics, only: flattened
    use surrogate_model, only: surrogate_type
+   use table_columns, only: angles_of_direction
    use text, only: to_text
    use velocity_tables, only: append_velocities
    implicit none
@@ -80,7 +82,10 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(quantity_type) :: quantity
 
-      if (problem%settings%next%target == 'all') return
+      if (problem%settings%measurements%orientations == 'unknown') call refuse(error, place(problem%path, 'measurements', &
+         & 'orientations')//'''unknown'': next compares the gains of orientations, and those of the measurements are unknown; ' &
+         & //'remove &next')
+      if (allocated(error) .or. problem%settings%next%target == 'all') return
       call new_quantity(problem%settings%next%target, quantity, error)
       if (.not. allocated(error)) call check_quantity(quantity, problem%class, error)
       if (allocated(error)) error%message = place(problem%path, 'next', 'target')//error%message//'; or ''all'''
@@ -155,6 +160,9 @@ contains
          if (allocated(problem%settings%problem%density_kg_m3)) measured%density = problem%settings%problem%density_kg_m3
          measured%shared = shared_errors(problem)
       end associate
+      if (problem%settings%measurements%orientations == 'unknown') then
+         call spread_orientations(problem%class, measured)
+      end if
       call read_knowledge(problem, knowledge, error)
       associate (settings => problem%settings)
          if (.not. allocated(error)) call new_observable(settings%measurements%modulus_kind, settings%measurements, observable, &
@@ -169,6 +177,32 @@ contains
          if (allocated(error)) error%message = place(problem%path, 'measurements', '')//error%message
       end associate
    end subroutine new_problem_posterior
+
+   !> Let each measurement be of any direction of the crystal, evenly over the sphere: so many that neighbours differ by less than an sd.
+   subroutine spread_orientations(class, measured)
+      type(crystal_class_type), intent(in) :: class
+      type(measured_type), intent(inout) :: measured
+      !> Directions over an arc; over an area for sds of this part of the modulus, at most; and then.
+      integer, parameter :: on_arc = 240
+      real(wp), parameter :: usual = 0.02_wp, enough = 1200.0_wp, most = 6000.0_wp
+      type(region_type) :: region
+      real(wp), allocatable :: directions(:, :)
+      real(wp) :: share
+      integer :: i
+
+      call new_region(class, region)
+      share = minval(measured%sd/measured%modulus)
+      call even_directions(region, min(most, enough*max(1.0_wp, (usual/share)**2)), on_arc, directions)
+      associate (n => size(directions, 2))
+         measured%of = spread(0, 1, n)
+         measured%probability = spread(1.0_wp, 1, n)
+         ! Angles from the axis are even, areas are not.
+         if (region%dimension == 1) measured%probability = sqrt(1.0_wp - matmul(region%axis, directions)**2)
+         measured%probability = measured%probability/sum(measured%probability)
+         measured%euler = reshape([(angles_of_direction(directions(:, i))*degree, i=1, n)], [3, n])
+         measured%tilt_sd = spread(0.0_wp, 1, n)
+      end associate
+   end subroutine spread_orientations
 
    !> Relative errors that measurements share, (measurement, error): those that are stated of the moduli; of the speeds that of the
    !> density, of which they are the power -1/2.
@@ -388,15 +422,23 @@ contains
       type(posterior_type), intent(in) :: posterior
       real(wp), intent(in) :: draws(:, :), exact(:, :)
       real(wp) :: errors(size(draws, 2))
-      real(wp), allocatable :: moduli(:), e(:)
+      real(wp), allocatable :: moduli(:), e(:), sd(:)
+      real(wp) :: worst
       integer :: checked(size(exact, 1)), i
 
-      checked = checked_grains(posterior%n_grains)
+      checked = checked_grains(size(posterior%data%euler, 2))
+      sd = posterior%data%sd
+      if (allocated(posterior%data%of)) sd = merge(minval(sd), sd(max(1, posterior%data%of)), posterior%data%of == 0)
       allocate (moduli(size(posterior%euler, 2)))
       do i = 1, size(draws, 2)
          call observe(posterior, posterior%grains, draws(:, i), moduli)
-         e = (moduli(checked) - exact(:, i))/posterior%data%sd(checked)
-         errors(i) = max(maxval(abs(e)), allowed_error/allowed_together*sqrt(sum(e**2)/size(e)*posterior%n_grains))
+         e = (moduli(checked) - exact(:, i))/sd(checked)
+         worst = maxval(abs(e))
+         if (allocated(posterior%uncertain)) then
+            ! One direction of all hardly matters.
+            if (posterior%uncertain%all_alike) worst = sqrt(sum(e**2)/size(e))
+         end if
+         errors(i) = max(worst, allowed_error/allowed_together*sqrt(sum(e**2)/size(e)*posterior%n_grains))
       end do
    end function field_errors
 
@@ -432,7 +474,7 @@ contains
       real(wp), allocatable :: propagation(:)
       integer :: i
 
-      associate (checked => checked_grains(posterior%n_grains))
+      associate (checked => checked_grains(size(posterior%data%euler, 2)))
          allocate (exact(size(checked), size(draws, 2)))
          if (allocated(posterior%data%propagation)) propagation = posterior%data%propagation(checked)
          ! What is not allocated is not present.

@@ -197,6 +197,9 @@ contains
       else if (self%settings%simulation%simulator == 'import' .and. any(self%stages == 'simulate')) then
          call refuse(error, place(self%path, 'simulation', 'simulator')//'''import'' cannot indent the &crystals; allowed ' &
             & //'''fe'', ''theory''')
+      else if (any(self%stages == 'plan') .and. self%settings%measurements%orientations == 'unknown') then
+         call refuse(error, place(self%path, 'measurements', 'orientations')//'''unknown'': plan expects grains of known ' &
+            & //'orientation; remove &plan')
       else if (any(self%stages == 'build')) then
          call check_build(self, error)
       end if

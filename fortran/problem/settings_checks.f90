@@ -64,6 +64,9 @@ contains
                & //'instrument, is needed')
          else if (allocated(measured%ebsd_points) .and. .not. allocated(measured%ebsd)) then
             call refuse(error, place(path, 'measurements', 'ebsd')//'the variable is missing; ebsd_points needs it')
+         else if (measured%orientations == 'unknown' .and. len(unknown_with(settings)) > 0) then
+            call refuse(error, place(path, 'measurements', 'orientations')//'''unknown'' cannot be combined with ' &
+               & //unknown_with(settings))
          else if (k > 0 .and. .not. is_bulk) then
             call refuse(error, place(path, trim(groups(k)), trim(names(k)))//'speeds are computed for a bulk sample, but ' &
                & //'geometry is '''//geometry//'''; remove '//trim(names(k))//', or infer the constants from speeds and moduli ' &
@@ -91,6 +94,23 @@ contains
          end if
       end associate
    end subroutine check_settings
+
+   !> What is stated that needs orientations, or errors for which the integral over them is not there; '' if nothing is.
+   pure function unknown_with(settings) result(words)
+      type(settings_type), intent(in) :: settings
+      character(len=:), allocatable :: words
+      character(len=*), parameter :: variables(4) = [character(len=64) :: 'ebsd, which gives orientations; remove one of them', &
+         & 'misalignment_sd_deg, an error of orientations; remove it', 'velocities, which need orientations; remove them', &
+         & 'likelihood = ''student''; allowed ''normal''']
+      integer :: i
+
+      associate (measured => settings%measurements)
+         i = findloc([allocated(measured%ebsd), measured%misalignment_sd_deg > 0.0_wp, allocated(measured%velocities), &
+            & measured%likelihood /= 'normal'], .true., dim=1)
+      end associate
+      words = ''
+      if (i > 0) words = trim(variables(i))
+   end function unknown_with
 
    !> c_min below c_max, or in &prior the same, and a stable crystal between them; each may be unset.
    subroutine check_bounds(path, group, class, low, high, error)

@@ -19,7 +19,7 @@ module compliance_field
    use halfspace_theory, only: contraction_maps, inverse_barnett, lanes, plane_products
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: rotation_matrix
-   use distinct_directions, only: group_rotations, new_region, region_type, representative, spread_of_directions
+   use distinct_directions, only: even_directions, group_rotations, new_region, region_type, spread_of_directions
    use errors, only: error_type
    use kinds, only: pi, wp
    use linear_algebra, only: add_gram, cholesky_factor, cholesky_solve, symmetric_eigen
@@ -79,15 +79,17 @@ contains
       type(field_type), intent(out) :: field
       type(error_type), allocatable, intent(out) :: error
       type(harmonics_type) :: harmonics
+      type(region_type) :: region
       real(wp), allocatable :: rotations(:, :, :), fit(:, :)
       real(wp) :: nodes_least, least_weight
 
       rotations = group_rotations(class, 2*degree + 2)
+      call new_region(class, region)
       call new_harmonics(rotations(:, :, :0), degree, harmonics, error)
       if (allocated(error)) return
       nodes_least = oversampling*harmonics%n/size(rotations, 3)
       do
-         call choose_nodes(class, degree, nodes_least, field%nodes)
+         call even_directions(region, nodes_least, degree/2 + 3, field%nodes)
          call fit_images(harmonics, rotations, field%nodes, fit, least_weight, error)
          if (allocated(error)) return
          if (least_weight > well_determined) exit
@@ -97,48 +99,6 @@ contains
       call set_planes(field)
       call read_circles(harmonics, rotations, fit, euler, field)
    end subroutine new_field
-
-   !> Directions of the class's region: evenly over its area, or over its arc.
-   subroutine choose_nodes(class, degree, least, nodes)
-      type(crystal_class_type), intent(in) :: class
-      integer, intent(in) :: degree
-      !> How many there must be at least, of an area.
-      real(wp), intent(in) :: least
-      !> Unit vectors in crystal axes, (3, n).
-      real(wp), allocatable, intent(out) :: nodes(:, :)
-      !> Successive points of the spiral turn by the golden angle.
-      real(wp), parameter :: turn = pi*(3.0_wp - sqrt(5.0_wp))
-      type(region_type) :: region
-      real(wp) :: x(3), z
-      integer :: total, i, n
-
-      call new_region(class, region)
-      if (region%dimension < 2) then
-         n = degree/2 + 3
-         allocate (nodes(3, n))
-         do i = 1, n
-            z = 0.5_wp*pi*(i - 0.5_wp)/n
-            nodes(:, i) = cos(z)*region%axis + sin(z)*region%equator
-         end do
-         return
-      end if
-      total = 16
-      do
-         total = total + total/8
-         n = 0
-         if (allocated(nodes)) deallocate (nodes)
-         allocate (nodes(3, total))
-         do i = 1, total
-            z = 1.0_wp - (2.0_wp*i - 1.0_wp)/total
-            x = [sqrt(1.0_wp - z**2)*cos(turn*i), sqrt(1.0_wp - z**2)*sin(turn*i), z]
-            if (maxval(abs(representative(region, x) - x)) > 1.0e-6_wp) cycle
-            n = n + 1
-            nodes(:, n) = x
-         end do
-         if (n >= least) exit
-      end do
-      nodes = nodes(:, :n)
-   end subroutine choose_nodes
 
    !> Two directions perpendicular to each node, and their products; the last block is filled up with its last node.
    pure subroutine set_planes(field)

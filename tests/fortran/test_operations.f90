@@ -11,6 +11,7 @@ module test_operations
    use exchange, only: exchange_type, find_object, register_object, release_object
    use kinds, only: degree, wp
    use operations, only: perform
+   use posterior_summary, only: draw_moduli
    use problem_posterior, only: new_problem_posterior
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, checkpoint_type, new_sampler, run_settings_type, sample_chains
@@ -170,7 +171,7 @@ contains
          allocate (x%values(size(x%in%columns('euler_deg', 3), 2), size(points, 2)), factor(density%n_groups, size(points, 2)))
          stream = new_random_stream(x%in%integer('seed'), 0)
          do i = 1, size(points, 2)
-            call density%draw_moduli(points(:, i), grains, stream, x%values(:, i), factor(:, i))
+            call draw_moduli(density, points(:, i), grains, stream, x%values(:, i), factor(:, i))
          end do
          call x%out%put_array('factor', factor, shape(factor))
       case default

@@ -43,7 +43,7 @@ def methods(results: Results) -> tuple[str, str]:
         effective=[min(item["ess_bulk"], item["ess_tail"]) for item in chains], constants=Markup(enumeration(constants)), combinations=len(combinations),
         determined=len(with_verdict(combinations, "determined")),
         known=known_of(results.metal) if results.metal else {},
-        chi_square=all(item.get("measured_sd") for item in results.predicted) and chi_square(results.predicted),
+        chi_square=not results.without_orientations and all(item.get("measured_sd") for item in results.predicted) and chi_square(results.predicted),
     )  # fmt: skip
     works = read_data("references.bib").replace("@VERSION@", __version__).rstrip().split("\n\n")
     cited = [work for work in works if work.partition("{")[2].partition(",")[0] in text]

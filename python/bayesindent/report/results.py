@@ -97,6 +97,11 @@ class Results:
         return list(dict.fromkeys([*self.edited, *(line for document in self.documents.values() for line in document.get("warnings", []))]))
 
     @property
+    def without_orientations(self) -> bool:
+        """Whether the measured grains have unknown orientations."""
+        return self.group("measurements").get("orientations") == "unknown"
+
+    @property
     def predicted(self) -> list[dict]:
         """The moduli of the grains, as measured and as the posterior predicts them."""
         return [item for item in self.documents["extract"].get("predicted", []) if "propagation_deg" not in item]
@@ -158,7 +163,8 @@ class Results:
             "draws": own, "prior_draws": before, "lower": bounds[:, 0], "upper": bounds[:, 1],
             "stride": own.shape[1] // result.log_likelihood.sizes["draw"],
             "log_likelihood": both(result.log_likelihood, "modulus", "velocity"), "modulus_gpa": both(result.observed_data, "modulus", "velocity"),
-            "sd_gpa": both(data, "sd", "velocity_sd"), "euler_deg": both(data, "euler_deg", "velocity_euler_deg").T,
+            "replicated": both(result.posterior_predictive, "modulus", "velocity"), "sd_gpa": both(data, "sd", "velocity_sd"),
+            "euler_deg": both(data, "euler_deg", "velocity_euler_deg").T,
         }  # fmt: skip
 
     @cached_property

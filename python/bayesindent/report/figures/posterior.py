@@ -36,7 +36,7 @@ def chi_square(predicted: list[dict]) -> tuple[float, float]:
 def residuals(results: Results) -> Picture:
     """Residuals of the grains in order beside the quantiles of a normal distribution."""
     predicted, count = results.predicted, len(results.predicted)
-    if count < 2 or not all(item.get("measured_sd") for item in predicted):
+    if count < 2 or results.without_orientations or not all(item.get("measured_sd") for item in predicted):
         raise NothingToShow
     values = np.sort([(item["measured"] - item["mean"]) / item["measured_sd"] for item in predicted])
     figure, axes = panels(3.3)
@@ -156,8 +156,21 @@ def pairs(results: Results) -> Picture:
 
 
 def grain_comparison(results: Results) -> Picture:
-    """Measured moduli against what the posterior predicts."""
-    return compared(results.predicted, results.kind, "GPa", "grains")
+    """Measured moduli against what the posterior predicts; of grains of unknown orientation their distribution."""
+    if not results.without_orientations:
+        return compared(results.predicted, results.kind, "GPa", "grains")
+    measured = np.sort([item["measured"] for item in results.predicted])
+    sets = np.sort(present(results.posterior)["replicated"].reshape(-1, len(measured)), axis=1)
+    low, middle, high = np.percentile(sets, [2.5, 50, 97.5], axis=0)
+    figure, axes = panels(3.3)
+    share = (np.arange(len(measured)) + 0.5) / len(measured)
+    axes.fill_betweenx(share, low, high, color=SKY, alpha=0.4, lw=0, label="predicted, 95 %")
+    axes.plot(middle, share, color=BLUE, label="predicted, median")
+    axes.plot(measured, share, "o", ms=4, color=BLACK, label="measured")
+    axes.set(xlabel=f"{results.kind} (GPa)", ylabel="share of the grains below", ylim=(0, 1))
+    axes.legend()
+    text = f"Distribution of the {results.kind} of {len(measured)} grains of unknown orientation: measured, and predicted by the posterior for as many grains."
+    return Picture(figure, text)
 
 
 def velocities(results: Results) -> Picture:
