@@ -288,7 +288,7 @@ contains
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(inout) :: warnings(:)
       real(wp), parameter :: matters = 0.1_wp
-      !> More are not read.
+      !> More are not read; there may be none at all.
       integer, parameter :: most = 3
       real(wp) :: largest(size(found%changes))
       character(len=:), allocatable :: line
@@ -298,7 +298,7 @@ contains
          ! What is not a number is not larger.
          largest = [(maxval(abs(changes(i)%shift), mask=abs(changes(i)%shift) > 0.0_wp), i=1, size(changes))]
          line = ''
-         do round = 1, most
+         do round = 1, min(most, size(largest))
             i = maxloc(largest, dim=1)
             if (.not. largest(i) > matters) exit
             line = line//'; '//change_text(changes(i))
