@@ -288,14 +288,14 @@ contains
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(inout) :: warnings(:)
       real(wp), parameter :: matters = 0.1_wp
-      !> More are not read; there may be none at all.
+      !> More are not read.
       integer, parameter :: most = 3
       real(wp) :: largest(size(found%changes))
       character(len=:), allocatable :: line
       integer :: i, round
 
       associate (changes => found%changes)
-         ! What is not a number is not larger.
+         ! What is not a number is not larger. There may be none at all.
          largest = [(maxval(abs(changes(i)%shift), mask=abs(changes(i)%shift) > 0.0_wp), i=1, size(changes))]
          line = ''
          do round = 1, min(most, size(largest))

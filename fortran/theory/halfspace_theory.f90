@@ -309,7 +309,7 @@ contains
    pure subroutine double_angles(a, d, e, change)
       !> The blocks of F: A by columns, D and E by components.
       real(wp), intent(inout) :: a(lanes, 9), d(lanes, 6), e(lanes, 6)
-      !> The largest of the elements of A, which have no unit.
+      !> That of A, the largest of its elements, which have no unit.
       real(wp), intent(out) :: change
       real(wp) :: p1, p2, p3, p4, p5, p6, k11, k21, k31, k12, k22, k32, k13, k23, k33, s1, s2, s3, s4, s5, s6, t1, t2, t3, t4, t5, &
          & t6, w11, w21, w31, w12, w22, w32, w13, w23, w33, scale
