@@ -61,13 +61,13 @@ contains
       acceptance = 0.0_wp
       call evolve_population(target, int(self%burn_in, i8)*target%dimension, stream, kernel%view, kernel%archive, started)
       if (.not. started .or. stop_requested()) return
-      call fit_proposal(target, kernel%view, kernel%archive, stream, kernel%mixture, quality)
+      call fit_proposal(target, kernel%view, kernel%archive, size(log_density), stream, kernel%mixture, quality)
       if (stop_requested()) return
       exact%whitening = kernel%view%whitening
       ! Differences lead along tails that the mixture leaves out; where it fits badly, more of the steps are such.
       if (quality > 0.0_wp) kernel%share = min(0.6_wp, max(0.2_wp, quality))
       kernel%steps = 2 + nint(merge(5.0_wp, 2.0_wp, is_fitted(kernel%view%polynomial))*target%dimension &
-                             & *max(0.0_wp, 0.8_wp - quality))
+                             & *max(0.0_wp, 0.7_wp - quality))
       call stream%pick(size(kernel%archive, 2), i)
       u = kernel%archive(:, i)
       call kernel%view%whitening%from_white(u, tried)
@@ -191,23 +191,26 @@ contains
    !> Fit the mixture to the archive, then improve it by importance sampling. Points that the mixture puts outside the support
    !> count as data of their own, so that it does not shy away from the bounds; the archive stays among the data, so that a tail
    !> that the mixture has lost comes back. `quality` estimates the effective share of its draws; 0 if they are of no use.
-   subroutine fit_proposal(target, view, archive, stream, mixture, quality)
+   subroutine fit_proposal(target, view, archive, samples, stream, mixture, quality)
       class(target_type), intent(in) :: target
       type(view_type), intent(in) :: view
       real(wp), intent(in), contiguous :: archive(:, :)
+      !> That are wanted of the chain: for few a search as long as for many does not pay.
+      integer, intent(in) :: samples
       type(random_stream_type), intent(inout) :: stream
       type(mixture_type), intent(out) :: mixture
       real(wp), intent(out) :: quality
-      integer, parameter :: components = 16, draws = 3000, most_outside = 3000, least_rounds = 4, most_rounds = 12
-      integer, parameter :: most_tries = 10*draws
+      integer, parameter :: components = 16, least_draws = 600, most_draws = 3000, most_outside = 3000
+      integer, parameter :: least_rounds = 4, most_rounds = 12
       !> A smaller share of good draws is not worth the search: differences alone do better.
       real(wp), parameter :: archive_share = 0.3_wp, hopeless = 0.01_wp
       type(mixture_type) :: fitted
       real(wp), allocatable :: points(:, :), weights(:), log_weights(:), beyond(:, :), u(:, :), w(:, :)
       type(point_type), allocatable :: batch(:)
-      integer :: i, round, archived, inside, out, few
+      integer :: i, round, archived, inside, out, few, draws
       logical :: last
 
+      draws = min(most_draws, max(least_draws, samples/3))
       archived = size(archive, 2)
       allocate (points(target%dimension, archived + draws + most_outside), weights(archived + draws + most_outside))
       allocate (log_weights(draws), beyond(target%dimension, most_outside))
@@ -222,8 +225,8 @@ contains
          call widen_mixture(fitted, mixture)
          inside = 0
          out = 0
-         do while (inside < draws .and. out < most_tries)
-            allocate (u(target%dimension, min(draws - inside, most_tries - out)))
+         do while (inside < draws .and. out < 10*draws)
+            allocate (u(target%dimension, min(draws - inside, 10*draws - out)))
             w = u
             do i = 1, size(u, 2)
                call draw_mixture(mixture, stream, u(:, i))
@@ -247,7 +250,7 @@ contains
          log_weights(:inside) = exp(log_weights(:inside) - maxval(log_weights(:inside)))
          quality = sum(log_weights(:inside))**2/sum(log_weights(:inside)**2)/inside
          if (last) exit
-         if (round > 1 .and. quality*inside/(inside + out) < hopeless) then
+         if (round >= least_rounds .and. quality*inside/(inside + out) < hopeless) then
             quality = 0.0_wp
             return
          end if
