@@ -199,11 +199,9 @@ contains
          if (found == '0' .and. .not. allocated(error)) call raise_damaged(path, 'it is empty', error)
          if (.not. allocated(error)) call file%value('PRAGMA application_id', found, error)
          if (allocated(error)) return
-         if (found /= application_id) then
-            call refuse(error, path//': is a database, but not a campaign of bayesindent; choose another output folder')
-            return
-         end if
-         call file%value('PRAGMA user_version', found, error)
+         if (found /= application_id) call refuse(error, path//': is a database, but not a campaign of ' &
+            & //'bayesindent; choose another output folder')
+         if (.not. allocated(error)) call file%value('PRAGMA user_version', found, error)
          if (found /= layout_version .and. .not. allocated(error)) call refuse(error, path//': is a campaign of format '//found &
             & //', not '//layout_version//'; move it away to start a new one')
          if (.not. allocated(error)) call file%value('PRAGMA integrity_check(1)', found, error)

@@ -37,16 +37,11 @@ contains
 
       if (.not. all(abs(points%modulus_gpa) <= huge(1.0_wp))) then
          call refuse(error, name//': there must be a column modulus_gpa (GPa) with a value in every row')
-         return
+      else if (allocated(problem%class%name) .and. allocated(problem%settings%domain%c_min)) then
+         if (any([(points%classes(k)%name /= problem%class%name, k=1, size(points%classes))])) call refuse(error, name &
+            & //': there are crystals that are not '//problem%class%name//', which is the symmetry of '//problem%path)
       end if
-      if (allocated(problem%class%name) .and. allocated(problem%settings%domain%c_min)) then
-         if (any([(points%classes(k)%name /= problem%class%name, k=1, size(points%classes))])) then
-            call refuse(error, name//': there are crystals that are not '//problem%class%name//', which is the symmetry of ' &
-               & //problem%path)
-            return
-         end if
-      end if
-      call campaign%open(places%output//campaign_name, identity_text(problem%settings), error)
+      if (.not. allocated(error)) call campaign%open(places%output//campaign_name, identity_text(problem%settings), error)
       if (allocated(error)) return
       call import_points(campaign, points, new, error)
       if (allocated(error)) error%message = name//': '//error%message
@@ -74,8 +69,7 @@ contains
       integer, intent(out) :: n_new
       type(error_type), allocatable, intent(out) :: error
       !> The position of the first that is new.
-      integer :: first
-      integer :: i
+      integer :: first, i
 
       n_new = 0
       call self%file%run(begin_transaction, error)

@@ -58,10 +58,8 @@ contains
       end if
       shape = 0
       shape(:size(axes)) = axes
-      associate (header => self%bytes(self%filled + 1:self%filled + header_bytes))
-         header = kind//achar(size(axes))//repeat(achar(0), 2)//transfer(len(name), repeat(' ', 4)) &
-            & //transfer([n_bytes, shape], repeat(' ', header_bytes - 8))
-      end associate
+      self%bytes(self%filled + 1:self%filled + header_bytes) = kind//achar(size(axes))//repeat(achar(0), 2) &
+         & //transfer(len(name), repeat(' ', 4))//transfer([n_bytes, shape], repeat(' ', header_bytes - 8))
       self%bytes(self%filled + header_bytes + 1:start) = name//repeat(achar(0), int(padded(len(name, i8)) - len(name)))
       self%bytes(start + 1:start + padded(n_bytes)) = ''
       call c_f_pointer(address, content, [n_bytes])

@@ -9,7 +9,7 @@
 !> results are not used. Where SIGINT has no handler, or is that of a running command, nothing is changed.
 module running_command
    use, intrinsic :: iso_c_binding, only: c_bool, c_char, c_int, c_int64_t, c_null_char
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, raise, refuse
    use files, only: make_folder, unfinished
    use text, only: to_text
    implicit none
@@ -85,8 +85,8 @@ contains
       if (status == held) then
          words = 'another process'
          if (holder > 0) words = 'process '//to_text(holder)
-         call raise(error, path//': '//words//' is at work in this folder; wait until it has ended, or choose another with ' &
-            & //'--output', exit_bad_input)
+         call refuse(error, path//': '//words//' is at work in this folder; wait until it has ended, or choose another with ' &
+            & //'--output')
       else if (status /= locked) then
          call raise(error, path//'/.lock: is a link, or cannot be written; choose a folder of your own with --output')
       end if

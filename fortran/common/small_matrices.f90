@@ -100,18 +100,17 @@ contains
       real(wp), intent(in) :: resolution
       !> Whether no pivot has; the column of one that has is zero.
       logical, intent(out) :: definite
-      real(wp) :: whole, pivot
-      integer :: j, i
+      real(wp) :: whole
+      integer :: j, k
 
       definite = .true.
       do j = 1, size(a, 1)
          whole = a(j, j)
-         pivot = whole - sum(a(j, :j - 1)**2)
-         if (pivot > resolution*abs(whole)) then
-            a(j, j) = sqrt(pivot)
-            do i = j + 1, size(a, 1)
-               a(i, j) = (a(i, j) - sum(a(i, :j - 1)*a(j, :j - 1)))/a(j, j)
-            end do
+         do k = 1, j - 1
+            a(j:, j) = a(j:, j) - a(j, k)*a(j:, k)
+         end do
+         if (a(j, j) > resolution*abs(whole)) then
+            a(j:, j) = a(j:, j)/sqrt(a(j, j))
          else
             a(j:, j) = 0.0_wp
             definite = .false.

@@ -107,44 +107,19 @@ contains
       few = draws(:, ::max(1, int(size(draws, 2)*real(size(draws, 3), wp)/most)), :)
    end function thinned
 
-   !> The probability that chi-square with `freedom` degrees of freedom is above `value`: the incomplete gamma function Q(k/2, x/2), by its
-   !> series below the mean and by its continued fraction above (Abramowitz and Stegun 6.5.29, 6.5.31).
+   !> The probability that chi-square with `freedom` degrees of freedom is above `value`: of a whole number the incomplete gamma function is
+   !> a finite sum (Abramowitz and Stegun 26.4.4, 26.4.5).
    pure real(wp) function chi_square_above(value, freedom) result(share)
       real(wp), intent(in) :: value
       !> At least 1.
       integer, intent(in) :: freedom
-      integer, parameter :: most_terms = 100000
-      real(wp) :: a, x, term, total, b, c, d
+      real(wp) :: x, odd
       integer :: i
 
-      a = 0.5_wp*freedom
-      x = 0.5_wp*value
-      if (x <= 0.0_wp) then
-         share = 1.0_wp
-      else if (x < a + 1.0_wp) then
-         term = 1.0_wp/a
-         total = term
-         do i = 1, most_terms
-            term = term*x/(a + i)
-            total = total + term
-            if (term < epsilon(total)*total) exit
-         end do
-         share = 1.0_wp - total*exp(a*log(x) - x - log_gamma(a))
-      else
-         b = x + 1.0_wp - a
-         c = 1.0_wp/tiny(c)
-         d = 1.0_wp/b
-         total = d
-         do i = 1, most_terms
-            b = b + 2.0_wp
-            term = -i*(i - a)
-            d = 1.0_wp/(term*d + b)
-            c = b + term/c
-            total = total*d*c
-            if (abs(d*c - 1.0_wp) < epsilon(total)) exit
-         end do
-         share = total*exp(a*log(x) - x - log_gamma(a))
-      end if
+      x = max(0.5_wp*value, tiny(1.0_wp))
+      odd = 0.5_wp*mod(freedom, 2)
+      share = sum([(exp((i + odd)*log(x) - x - log_gamma(i + odd + 1.0_wp)), i=0, freedom/2 - 1)])
+      if (odd > 0.0_wp) share = share + erfc(sqrt(x))
    end function chi_square_above
 
    !> The same number for equal `points`: that of the first. Both zeros are the same, and NaN.

@@ -122,8 +122,7 @@ contains
 
    !> The trimmed items with `separator` between them.
    pure function join(items, separator) result(string)
-      character(len=*), intent(in) :: items(:)
-      character(len=*), intent(in) :: separator
+      character(len=*), intent(in) :: items(:), separator
       character(len=:), allocatable :: string
       integer :: i
 
@@ -189,8 +188,7 @@ contains
    !> `value` of `string`, if `outcome` is number_ok; else 0.
    pure subroutine read_integer(string, value, outcome)
       character(len=*), intent(in) :: string
-      integer, intent(out) :: value
-      integer, intent(out) :: outcome
+      integer, intent(out) :: value, outcome
       integer :: first, status
 
       value = 0

@@ -7,7 +7,7 @@
 !> c. So a of hexagonal, trigonal and tetragonal crystals is along x. Trigonal crystals have hexagonal cells.
 module crystal_class
    use crystal_elasticity, only: rotate_stiffness
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, raise, refuse
    use kinds, only: degree, pi, wp
    use small_matrices, only: factor_definite, solve_lower, solve_upper
    use text, only: join, lower, read_real, split_list, to_text
@@ -85,8 +85,8 @@ contains
       do i = 1, size(table)
          if (any(split_list(table(i)%names) == lower(adjustl(name)))) exit
       end do
-      if (i > size(table) .or. len_trim(name) == 0) call raise(error, ''''//trim(name)//''' is no crystal class; ' &
-         & //'allowed '//crystal_class_names(), exit_bad_input)
+      if (i > size(table) .or. len_trim(name) == 0) call refuse(error, ''''//trim(name)//''' is no crystal class; ' &
+         & //'allowed '//crystal_class_names())
       if (allocated(error)) return
       class%name = table(i)%names(:scan(table(i)%names, ', ') - 1)
       class%cell = trim(table(i)%cell)
@@ -250,12 +250,7 @@ contains
       integer :: i
 
       fields = split_list(class%cell)
-      list = ''
-      do i = 1, 6
-         if (scan(fields(i)(1:1), '0123456789') > 0 .or. any(fields(:i - 1) == fields(i))) cycle
-         list = list//', '//trim(fields(i))
-      end do
-      list = list(3:)
+      list = join(pack(fields, [(scan(fields(i)(1:1), '0123456789') == 0 .and. all(fields(:i - 1) /= fields(i)), i=1, 6)]), ', ')
       if (list == 'a') list = ''
    end function lattice_parameters
 
@@ -267,19 +262,17 @@ contains
       type(lattice_type), intent(out) :: lattice
       type(error_type), allocatable, intent(out) :: error
       character(len=len(class%cell)), allocatable :: fields(:), names(:)
+      character(len=:), allocatable :: needed
       character(len=24) :: stated(6)
       real(wp) :: cell(6), cosine(3), height
       integer :: i, k, outcome
 
       fields = split_list(class%cell)
       names = split_list(lattice_parameters(class))
-      if (size(values) > 0 .and. size(names) == 0) then
-         call raise(error, 'the number of values is '//to_text(size(values))//'; a '//class%name//' crystal needs none: its ' &
-            & //'directions do not depend on the cell', exit_bad_input)
-      else if (size(values) /= size(names)) then
-         call raise(error, 'the number of values is '//to_text(size(values))//'; a '//class%name//' crystal needs ' &
-            & //to_text(size(names))//': '//lattice_parameters(class)//' (lengths in any unit, angles in degrees)', exit_bad_input)
-      end if
+      needed = to_text(size(names))//': '//lattice_parameters(class)//' (lengths in any unit, angles in degrees)'
+      if (size(names) == 0) needed = 'none: its directions do not depend on the cell'
+      if (size(values) /= size(names)) call refuse(error, 'the number of values is '//to_text(size(values))//'; a '//class%name &
+         & //' crystal needs '//needed)
       if (allocated(error)) return
       cell = 1.0_wp
       do i = 1, 6
@@ -298,8 +291,8 @@ contains
             do i = 1, size(values)
                stated(i) = to_text(values(i))
             end do
-            call raise(error, 'lattice parameters '//join(stated(:size(values)), ', ')//' are no cell; ' &
-               & //lattice_parameters(class)//': lengths are positive, angles those of a solid', exit_bad_input)
+            call refuse(error, 'lattice parameters '//join(stated(:size(values)), ', ')//' are no cell; ' &
+               & //lattice_parameters(class)//': lengths are positive, angles those of a solid')
             return
          end if
          lattice%edges(:, 1) = cell(1)*[sine, 0.0_wp, cosine(2)]

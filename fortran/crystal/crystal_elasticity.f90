@@ -1,9 +1,9 @@
-!> Elasticity of one crystal of any class: rotation, stability, polycrystal averages, anisotropy of a general stiffness.
+!> Elasticity of one crystal of any class: rotation, stability, polycrystal averages, anisotropy of a general stiffness; paths of waves.
 !>
 !> Stiffness in GPa, Voigt order 11,22,33,23,13,12 without factors of two. Bunge-Euler angles (phi1, Phi, phi2) in
 !> radians; g maps sample to crystal axes, v_crystal = g v_sample.
 module crystal_elasticity
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use kinds, only: nan, wp
    use small_matrices, only: factor_definite, solve_lower, solve_upper
    use text, only: to_text
@@ -14,11 +14,23 @@ module crystal_elasticity
       & logarithmic_mean
    public :: kelvin_form, stiffness_of_kelvin, diagonalise, hill_young_poisson
    public :: isotropic_stiffness
+   public :: path_type, wave_names, no_wave, rayleigh, longitudinal
 
    !> Of a stable crystal a pivot of the stiffness is a larger share of its entry.
    real(wp), parameter :: resolution = 1.0e-12_wp
    !> Voigt index of a pair of Cartesian indices.
    integer, parameter :: voigt_index(3, 3) = reshape([1, 6, 5, 6, 2, 4, 5, 4, 3], [3, 3])
+
+   !> Kinds of waves by number: the surface wave, then bulk waves.
+   character(len=*), parameter :: wave_names(4) = [character(len=12) :: 'rayleigh', 'longitudinal', 'shear_slow', 'shear_fast']
+   integer, parameter :: no_wave = 0, rayleigh = 1, longitudinal = 2
+
+   !> Which wave travels in which direction of the sample: what tells one measured speed from another; by itself an indentation.
+   type :: path_type
+      integer :: wave = no_wave
+      !> In the surface from x towards y, then towards the normal; degrees.
+      real(wp) :: propagation_deg = 0.0_wp, inclination_deg = 0.0_wp
+   end type path_type
 
    !> Polycrystal bounds for a uniform texture, GPa (Hill, Proc. Phys. Soc. A 65, 349, 1952).
    type :: averages_type
@@ -62,11 +74,24 @@ contains
    !> Stiffness in the sample frame of a crystal whose orientation is `g`: C' = M C Mᵀ with Bond's matrix of gᵀ.
    pure function rotate_stiffness(c, g) result(rotated)
       real(wp), intent(in) :: c(6, 6), g(3, 3)
-      real(wp) :: rotated(6, 6), bond(6, 6)
+      real(wp) :: rotated(6, 6)
+      !> With two rows more, which fill the vector units.
+      real(wp), dimension(8, 6) :: whole, bond, half, turned
+      integer :: j
 
-      bond = bond_matrix(transpose(g))
-      rotated = matmul(bond, matmul(c, transpose(bond)))
-      rotated = 0.5_wp*(rotated + transpose(rotated))
+      bond(:6, :) = bond_matrix(transpose(g))
+      whole(:6, :) = c
+      bond(7:, :) = 0.0_wp
+      whole(7:, :) = 0.0_wp
+      do j = 1, 6
+         half(:, j) = whole(:, 1)*bond(j, 1) + whole(:, 2)*bond(j, 2) + whole(:, 3)*bond(j, 3) + whole(:, 4)*bond(j, 4) &
+            & + whole(:, 5)*bond(j, 5) + whole(:, 6)*bond(j, 6)
+      end do
+      do j = 1, 6
+         turned(:, j) = bond(:, 1)*half(1, j) + bond(:, 2)*half(2, j) + bond(:, 3)*half(3, j) + bond(:, 4)*half(4, j) &
+            & + bond(:, 5)*half(5, j) + bond(:, 6)*half(6, j)
+      end do
+      rotated = 0.5_wp*(turned(:6, :) + transpose(turned(:6, :)))
    end function rotate_stiffness
 
    !> Bond's matrix, which turns stresses in Voigt's order.
@@ -123,11 +148,11 @@ contains
       real(wp) :: values(6), vectors(6, 6)
 
       if (.not. all(abs(c) <= huge(1.0_wp))) then
-         call raise(error, 'the stiffness holds a value that is not finite', exit_bad_input)
+         call refuse(error, 'the stiffness holds a value that is not finite')
       else if (.not. is_stable(c)) then
          call diagonalise(kelvin_form(c), values, vectors)
-         call raise(error, 'the crystal is elastically unstable: the smallest eigenvalue of its stiffness is ' &
-            & //to_text(minval(values), 3)//' GPa; the stiffness must be positive definite', exit_bad_input)
+         call refuse(error, 'the crystal is elastically unstable: the smallest eigenvalue of its stiffness is ' &
+            & //to_text(minval(values), 3)//' GPa; the stiffness must be positive definite')
       end if
    end subroutine check_stiffness
 

@@ -186,7 +186,6 @@ contains
       type(region_type), intent(in) :: region
       !> Unit vectors in crystal axes.
       real(wp), intent(in) :: first(3), second(3)
-      real(wp) :: largest
       integer :: g
 
       select case (region%dimension)
@@ -196,11 +195,8 @@ contains
          angle = abs(acos(min(1.0_wp, abs(dot_product(region%axis, first)))) &
             & - acos(min(1.0_wp, abs(dot_product(region%axis, second)))))
       case default
-         largest = -1.0_wp
-         do g = 1, size(region%group, 3)
-            largest = max(largest, dot_product(first, matmul(region%group(:, :, g), second)))
-         end do
-         angle = acos(min(1.0_wp, largest))
+         angle = acos(min(1.0_wp, maxval([(dot_product(first, matmul(region%group(:, :, g), second)), &
+            & g=1, size(region%group, 3))])))
       end select
    end function angle_between
 
@@ -229,13 +225,14 @@ contains
       type(region_type), intent(in) :: region
       !> Unit vectors (3, n).
       real(wp), allocatable, intent(out) :: directions(:, :)
+      real(wp) :: angle
 
       if (region%dimension < 2) then
          directions = arc(region, merge(nint(90.0_wp/arc_step) + 1, 1, region%dimension == 1))
       else
-         associate (longest => acos(minval(sum(region%triangles*cshift(region%triangles, 1, 2), 1))))
-            call divide(region, ceiling(longest/(triangle_step*degree)), directions)
-         end associate
+         ! The longest side of a triangle.
+         angle = acos(minval(sum(region%triangles*cshift(region%triangles, 1, 2), 1)))
+         call divide(region, ceiling(angle/(triangle_step*degree)), directions)
       end if
    end subroutine lattice_of_directions
 
@@ -266,9 +263,7 @@ contains
          else
             directions(:, k) = grid(:, maxloc(anint(nearest*digits), dim=1))
          end if
-         do i = 1, size(grid, 2)
-            nearest(i) = min(nearest(i), angle_between(region, directions(:, k), grid(:, i)))
-         end do
+         nearest = min(nearest, [(angle_between(region, directions(:, k), grid(:, i)), i=1, size(grid, 2))])
       end do
    end subroutine spread_of_directions
 

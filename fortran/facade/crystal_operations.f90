@@ -1,7 +1,7 @@
 !> Crystal classes, stiffnesses (GPa), directions, the theory of the half-space, quantities, and kinds of modulus.
 module crystal_operations
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
-   use crystal_elasticity, only: anisotropy_index, averages_type, log_anisotropy, polycrystal_averages
+   use crystal_elasticity, only: anisotropy_index, averages_type, log_anisotropy, path_type, polycrystal_averages, rayleigh
    use distinct_directions, only: lattice_of_directions, new_region, region_type, representative, spread_of_directions
    use exchange, only: exchange_type
    use halfspace_theory, only: halfspace_moduli
@@ -33,7 +33,7 @@ contains
       type(observable_type) :: observable
       real(wp), allocatable :: stiffness(:, :, :), slope(:)
       type(wave_type), allocatable :: waves(:)
-      character(len=:), allocatable :: symmetry
+      character(len=:), allocatable :: symmetry, wanted(:)
       integer :: i
 
       symmetry = ''
@@ -85,7 +85,7 @@ contains
          ! density (kg/m3) at angles and in directions (degrees).
          given => x%in%columns('propagation_deg', 1)
          allocate (waves(size(c, 3)))
-         call rayleigh_waves(c, x%in%columns('euler_deg', 3), given(1, :), waves, x%error)
+         call rayleigh_waves(c, x%in%columns('euler_deg', 3), [(path_type(rayleigh, given(1, i)), i=1, size(c, 3))], waves, x%error)
          if (allocated(x%error)) return
          given => x%in%columns('density_kg_m3', 1)
          x%values = reshape([wave_speed(waves%modulus, given(1, :)), wave_speed(waves%bulk, given(1, :)), waves%normal_share], &
@@ -101,7 +101,14 @@ contains
          call x%out%put('names', names)
          call x%out%put('units', units)
       case ('quantities')
-         call evaluate(split_list(x%in%text('names')))
+         wanted = split_list(x%in%text('names'))
+         allocate (quantities(size(wanted)), x%values(size(wanted), size(c, 3)))
+         do i = 1, size(wanted)
+            if (.not. allocated(x%error)) call new_quantity(trim(wanted(i)), quantities(i), x%error)
+         end do
+         do i = 1, merge(0, size(c, 3), allocated(x%error))
+            call evaluate_quantities(quantities, c(:, :, i), x%values(:, i))
+         end do
       case ('moduli_of_kind')
          ! Indentation moduli (GPa) as another kind.
          settings%indenter_modulus_gpa = x%in%real('indenter_modulus_gpa')
@@ -115,20 +122,5 @@ contains
       case default
          call x%refuse(verb)
       end select
-
-   contains
-
-      subroutine evaluate(wanted)
-         character(len=*), intent(in) :: wanted(:)
-
-         allocate (quantities(size(wanted)), x%values(size(wanted), size(c, 3)))
-         do i = 1, size(wanted)
-            call new_quantity(trim(wanted(i)), quantities(i), x%error)
-            if (allocated(x%error)) return
-         end do
-         do i = 1, size(c, 3)
-            call evaluate_quantities(quantities, c(:, :, i), x%values(:, i))
-         end do
-      end subroutine evaluate
    end subroutine perform_crystal
 end module crystal_operations

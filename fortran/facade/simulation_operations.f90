@@ -24,7 +24,7 @@ module simulation_operations
    use stage_documents, only: begin_results, inputs_of
    use stages, only: check_stages, new_stage
    use surrogate_operations, only: give_basis
-   use tables, only: table_type, write_table
+   use tables, only: write_table
    use text, only: join
    implicit none
    private
@@ -357,10 +357,20 @@ contains
       type(points_type), intent(in) :: points
       character(len=*), intent(in) :: name
       type(named_values_type), intent(inout) :: out
+      type(warning_type), allocatable :: cells(:)
+      integer :: i, j
 
       select case (name)
       case ('cells')
-         call put_cells('cells', points%table, out)
+         ! Row by row, the header first.
+         allocate (cells(points%table%columns*(points%table%rows + 1)))
+         do i = 0, points%table%rows
+            do j = 1, points%table%columns
+               cells(i*points%table%columns + j)%text = points%table%cell(j, i)
+            end do
+         end do
+         call out%put('cells', cells)
+         call out%put('cells.columns', points%table%columns)
       case ('stiffness')
          call out%put_array('stiffness', points%stiffness, shape(points%stiffness))
       case default
@@ -372,23 +382,5 @@ contains
          call out%put_integers('class', points%class, [points%n])
       end select
    end subroutine give_column
-
-   !> The cells of a table row by row, the header first.
-   subroutine put_cells(name, table, out)
-      character(len=*), intent(in) :: name
-      type(table_type), intent(in) :: table
-      type(named_values_type), intent(inout) :: out
-      type(warning_type), allocatable :: cells(:)
-      integer :: i, j
-
-      allocate (cells(table%columns*(table%rows + 1)))
-      do i = 0, table%rows
-         do j = 1, table%columns
-            cells(i*table%columns + j)%text = table%cell(j, i)
-         end do
-      end do
-      call out%put(name, cells)
-      call out%put(name//'.columns', table%columns)
-   end subroutine put_cells
 
 end module simulation_operations

@@ -11,7 +11,8 @@ module fe_grid
    use errors, only: error_type, raise
    use fe_assembly, only: assemble, assembly_type, expand_displacement, new_assembly, product_with, reaction
    use fe_mesh, only: mesh_type, new_mesh
-   use kinds, only: i8, pi, wp
+   use kinds, only: pi, wp
+   use omp_lib, only: omp_get_wtime
    use linear_algebra, only: cholesky_factor, cholesky_inverse, cholesky_solve
    use machine, only: check_memory
    use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factorise, release_factor, retained_factor, &
@@ -138,8 +139,7 @@ contains
       !> Normal displacement of the contact nodes by their normal forces, um/mN; nodal forces into the material, mN (contact nodes, depths).
       real(wp), allocatable :: compliance(:, :), forces(:, :)
       real(wp), allocatable :: values(:), u(:, :)
-      real(wp) :: held(3), total
-      integer(i8) :: start, finish, rate
+      real(wp) :: held(3), total, start
       integer :: n, depths
 
       call acquire_factor(grid%cholesky, factor, error)
@@ -153,11 +153,10 @@ contains
          allocate (values(size(grid%assembly%row)), compliance(n, n), forces(n, depths), u(3, size(grid%mesh%x, 2)))
          call assemble(grid%mesh, grid%assembly, formulation, c, values, error)
          if (allocated(error)) exit solve
-         call system_clock(start, rate)
+         start = omp_get_wtime()
          call factorise(grid%cholesky, factor, values, error)
-         call system_clock(finish)
          if (allocated(error)) exit solve
-         curve%seconds_factor = real(finish - start, wp)/real(rate, wp)
+         curve%seconds_factor = omp_get_wtime() - start
          call retained_factor(grid%cholesky%handle, factor, compliance)
          call cholesky_inverse(compliance)
          call solve_depths()

@@ -8,7 +8,8 @@ module fe_indentation
    use errors, only: error_type, machine_failure, refuse
    use fe_element, only: brick_full, brick_incompatible, brick_selective
    use fe_grid, only: curve_type, grid_type, indent_grid, new_grid
-   use kinds, only: i8, pi, wp
+   use kinds, only: pi, wp
+   use omp_lib, only: omp_get_wtime
    use settings_schema, only: settings_type
    use sparse_cholesky, only: free_analysis
    use specimens, only: new_indentation
@@ -180,12 +181,11 @@ contains
       integer, intent(in), optional :: field_step
       type(indentation_model_type) :: wider
       type(error_type), allocatable :: obstacle
-      real(wp) :: c(6, 6), zone, moduli(3)
-      integer(i8) :: start, finish, rate
+      real(wp) :: c(6, 6), zone, moduli(3), start
       integer :: elements, step
       logical :: two_meshes
 
-      call system_clock(start, rate)
+      start = omp_get_wtime()
       step = 0
       if (present(field_step)) step = field_step
       call check_stiffness(stiffness, error)
@@ -231,8 +231,7 @@ contains
       result%modulus_by_depth = result%force/model%indenter%unit_force(model%depth)
       result%elements = elements
       result%zone = zone
-      call system_clock(finish)
-      result%seconds = real(finish - start, wp)/real(rate, wp)
+      result%seconds = omp_get_wtime() - start
    end subroutine simulate_indentation
 
    !> The curve, extrapolated where two meshes are wanted.

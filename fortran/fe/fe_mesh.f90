@@ -275,12 +275,9 @@ contains
    !> Nodes of lattice points (3, points).
    pure function nodes_of(at, lattice) result(node)
       integer, intent(in) :: at(0:, 0:, 0:), lattice(:, :)
-      integer :: node(size(lattice, 2))
-      integer :: a
+      integer :: node(size(lattice, 2)), a
 
-      do a = 1, size(lattice, 2)
-         node(a) = at(lattice(1, a), lattice(2, a), lattice(3, a))
-      end do
+      node = [(at(lattice(1, a), lattice(2, a), lattice(3, a)), a=1, size(lattice, 2))]
    end function nodes_of
 
    !> Keep every other lattice point of the surface; the others hang on their neighbours.

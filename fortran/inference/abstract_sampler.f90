@@ -35,7 +35,7 @@ module abstract_sampler
       !> All of points from their coordinates in which the density is smoother.
       procedure(evaluate_working_interface), deferred :: evaluate_working
       !> These coordinates: by default the parameters themselves.
-      procedure :: to_working, evaluate_outputs
+      procedure :: to_working, evaluate_outputs, coarsen
    end type target_type
 
    abstract interface
@@ -99,6 +99,14 @@ contains
 
       w = x(:self%dimension, :)
    end subroutine to_working
+
+   !> Be cheaper, if that can be at all, where that costs accuracy in tails: to find proposals there is good enough.
+   subroutine coarsen(self)
+      class(target_type), intent(inout) :: self
+
+      associate (unused => self)
+      end associate
+   end subroutine coarsen
 
    !> The costly results at points and coordinates in which they are smooth; there are none by default.
    pure subroutine evaluate_outputs(self, w, arguments, outputs, inside)

@@ -7,9 +7,10 @@
 module constants_posterior
    use abstract_basis, only: grain_model_type
    use constants_prior, only: prior_type
+   use crystal_elasticity, only: no_wave, path_type
    use error_models, only: error_model_type, new_error_model
    use errors, only: error_type, exit_bad_input, raise
-   use kinds, only: degree, nan, wp
+   use kinds, only: degree, wp
    use logarithmic_coordinates, only: log_frame_type
    use measured_grains, only: all_tilts, mean_modulus, measured_type, n_tilts, tilt_moments
    use observables, only: new_observable, observable_type
@@ -57,7 +58,7 @@ module constants_posterior
       !> Sum of the logarithms of the scales; and GPa, where the coordinates of polynomials for the moduli saturate.
       real(wp), private :: log_scales = 0.0_wp, typical_modulus = 100.0_wp
    contains
-      procedure :: evaluate, evaluate_working, evaluate_outputs, to_working, draw_start, set_field_degree, &
+      procedure :: evaluate, evaluate_working, evaluate_outputs, to_working, coarsen, draw_start, set_field_degree, &
          & draw_moduli, predict_measurements, infer_shared, evaluate_grains, scale_factor, place_shared, log_prior, stiffness, &
          & new_grains
    end type posterior_type
@@ -92,7 +93,7 @@ contains
       posterior%n_constants = prior%n_constants
       posterior%data = measured
       posterior%n_groups = max(1, maxval(measured%group))
-      posterior%n_moduli = measured%n_moduli()
+      posterior%n_moduli = count(measured%paths%wave == no_wave)
       allocate (posterior%calibration(posterior%n_groups), source=settings%calibration_sd)
       posterior%calibration(maxval([0, measured%group(:posterior%n_moduli)]) + 1:) = settings%velocity_calibration_sd
       posterior%scale = posterior%errors%scale*measured%sd
@@ -103,7 +104,7 @@ contains
       posterior%euler = measured%euler
       if (posterior%n_directions > 1) posterior%euler = all_tilts(measured%euler, measured%tilt_sd)
       call new_grain_model(surrogate, prior%class, posterior%euler, with_covariance, posterior%grains, error)
-      if (.not. allocated(error) .and. posterior%n_moduli < posterior%n_grains) call add_waves(measured%propagation, &
+      if (.not. allocated(error) .and. posterior%n_moduli < posterior%n_grains) call add_waves(measured%paths, &
          & measured%density, posterior%euler, posterior%grains, error)
       if (allocated(error)) return
       if (posterior%grains%has_theory .and. .not. prior_only) posterior%n_outputs = posterior%grains%n_independent
@@ -124,6 +125,13 @@ contains
       call self%grains%set_grains(self%euler, error)
       if (self%n_outputs > 0) self%n_outputs = self%grains%n_independent
    end subroutine set_field_degree
+
+   !> Read the theory of every crystal from the field.
+   subroutine coarsen(self)
+      class(posterior_type), intent(inout) :: self
+
+      call self%grains%read_up_to(huge(1.0_wp))
+   end subroutine coarsen
 
    pure subroutine evaluate(self, points, log_density)
       class(posterior_type), intent(in) :: self
@@ -389,22 +397,23 @@ contains
    end subroutine infer_shared
 
    !> What the surrogate gives other grains, for `draw_moduli` and predictions of measurements.
-   subroutine new_grains(self, euler, grains, error, propagation)
+   subroutine new_grains(self, euler, paths, grains, error)
       class(posterior_type), intent(in) :: self
       !> Bunge-Euler angles (radians), (3, n).
       real(wp), intent(in) :: euler(:, :)
+      !> Of the waves among them, (n).
+      type(path_type), intent(in) :: paths(:)
       class(grain_model_type), allocatable, intent(out) :: grains
       type(error_type), allocatable, intent(out) :: error
-      !> Of waves, radians, (n), NaN of moduli; without it all are moduli.
-      real(wp), intent(in), optional :: propagation(:)
 
       allocate (grains, source=self%grains)
       select type (grains)
       type is (wave_grains_type)
-         grains%propagation = spread(nan, 1, size(euler, 2))
-         if (present(propagation)) grains%propagation = propagation
+         grains%paths = paths
+         call grains%set_grains(euler, error)
+      class default
+         call add_waves(paths, self%data%density, euler, grains, error)
       end select
-      call grains%set_grains(euler, error)
    end subroutine new_grains
 
    !> Indentation moduli (GPa) of any grains at a point, with the surrogate's error drawn given the data; `factor` is one plus the

@@ -33,7 +33,7 @@ contains
    !> A population from the target's starts, in rounds that cool, then some at the density itself, and warmer ones for the tails.
    !> The archive is what the last one visited, thinned, in whitened coordinates.
    subroutine evolve_population(target, evaluations, stream, view, archive, started)
-      class(target_type), intent(in) :: target
+      class(target_type), intent(in), target :: target
       !> Of the density, about.
       integer(i8), intent(in) :: evaluations
       type(random_stream_type), intent(inout) :: stream
@@ -44,6 +44,8 @@ contains
       logical, intent(out) :: started
       !> Rounds among which the evaluations are divided, those that cool, which are shorter, counting as five; and most that cool.
       integer, parameter :: rounds = 10, shorter = 4, most_cooling = 40, tail_effort = 20
+      class(target_type), allocatable, target :: coarse
+      class(target_type), pointer :: other, used
       real(wp), allocatable :: points(:, :), density(:)
       real(wp) :: last_temperatures(5), warm, inverse, next
       integer :: m, distinct, round, i
@@ -60,26 +62,32 @@ contains
       started = size(density) > 0
       if (.not. started) return
       m = min(m, size(density))
+      allocate (coarse, source=target)
+      call coarse%coarsen()
+      used => target
+      other => coarse
       inverse = 0.0_wp
       do round = 1, most_cooling
          next = 1.0_wp/last_temperatures(1)
          if (round < most_cooling) next = min(next, next_inverse(density, inverse))
          call resample(stream, (next - inverse)*density, points, density, distinct)
          inverse = next
-         call look_again(target, 1.0_wp/inverse, min(distinct, 4*m), stream, points, density, view)
+         call look_again(target, other, 1.0_wp/inverse, min(distinct, 4*m), stream, points, density, view, used)
          generations = evaluations*effort(target, view)/(m*rounds)
-         call step_population(target, 1.0_wp/inverse, m, generations/shorter, stream, view, points, density, distinct)
+         call step_population(used, 1.0_wp/inverse, m, generations/shorter, stream, view, points, density, distinct)
          if (inverse >= 1.0_wp/last_temperatures(1) .or. stop_requested()) exit
       end do
       do round = 1, size(last_temperatures)
          if (stop_requested()) return
          ! Those that cool were half of the evaluations.
          call advance_progress(evaluations/(target%dimension*merge(2, rounds, round == 1)))
-         call look_again(target, last_temperatures(round), min(distinct, 4*m), stream, points, density, view)
+         ! Its polynomial is that of the chain.
+         if (round == size(last_temperatures) .and. target%dimension >= polynomial_dimensions) other => target
+         call look_again(target, other, last_temperatures(round), min(distinct, 4*m), stream, points, density, view, used)
          ! The way into a long tail is long.
          generations = evaluations*effort(target, view)/(m*rounds)*merge(tail_effort/count(last_temperatures > 1.0_wp), 1, &
             & last_temperatures(round) > 1.0_wp .and. target%dimension < polynomial_dimensions)
-         call step_population(target, last_temperatures(round), m, generations, stream, view, points, density, distinct)
+         call step_population(used, last_temperatures(round), m, generations, stream, view, points, density, distinct)
       end do
       archive = points
       do i = 1, size(points, 2)
@@ -128,10 +136,11 @@ contains
       effort = merge(10, 2, is_fitted(view%polynomial))
    end function effort
 
-   !> The whitened coordinates and the polynomial from points, and these drawn anew where that changes their density: where an earlier
-   !> polynomial was wrong, some have gone astray.
-   subroutine look_again(target, temperature, distinct, stream, points, density, view)
-      class(target_type), intent(in) :: target
+   !> The density that is used, the whitened coordinates and the polynomial from points, and these drawn anew where that changes their
+   !> density: where an earlier polynomial was wrong, some have gone astray.
+   subroutine look_again(target, coarse, temperature, distinct, stream, points, density, view, used)
+      !> The density; and one that costs less, for where it is about the same.
+      class(target_type), intent(in), target :: target, coarse
       !> Divides the logarithm of the density.
       real(wp), intent(in) :: temperature
       !> How many of the points are not copies.
@@ -140,18 +149,44 @@ contains
       !> Working coordinates (dimension, point), and the logarithms of the density as it was viewed, now as it is.
       real(wp), intent(inout) :: points(:, :), density(:)
       type(view_type), intent(inout) :: view
+      !> One of the two.
+      class(target_type), pointer, intent(inout) :: used
       real(wp) :: before(size(density))
       integer :: left
-      logical :: changed
+      logical :: changed, was_exact
 
       changed = is_fitted(view%polynomial)
+      was_exact = associated(used, target)
+      used => target
+      if (agree(target, coarse, points, temperature)) used => coarse
       call fit_whitening(points, min(distinct, size(density)), view%whitening)
-      call fit_outputs(target, points, temperature, stream, view)
+      call fit_outputs(used, points, temperature, stream, view)
+      if (associated(used, target) .and. .not. was_exact) changed = .true.
       if (.not. (changed .or. is_fitted(view%polynomial))) return
       before = density
-      density = viewed_density(target, view, points)
+      density = viewed_density(used, view, points)
       call resample(stream, (density - before)/temperature, points, density, left)
    end subroutine look_again
+
+   !> Whether the logarithm of another density, or of one by a polynomial, hardly errs by two temperatures at some of the points.
+   logical function agree(target, other, points, temperature, polynomial)
+      class(target_type), intent(in) :: target, other
+      !> (dimension, point).
+      real(wp), intent(in) :: points(:, :)
+      real(wp), intent(in) :: temperature
+      type(output_polynomial_type), intent(in), optional :: polynomial
+      !> Points of the test, and the share of them that agrees.
+      integer, parameter :: tests = 50
+      real(wp), parameter :: least_good = 0.7_wp
+      type(point_type), allocatable :: exact(:), near(:)
+      real(wp), allocatable :: w(:, :)
+      integer :: k
+
+      w = points(:, [(1 + (k - 1)*(size(points, 2) - 1)/tests, k=1, tests)])
+      call place_points(target, w, exact)
+      call place_points(other, w, near, polynomial)
+      agree = count(abs(exact%log_working - near%log_working) < 2.0_wp*temperature) >= least_good*tests
+   end function agree
 
    !> Differential evolution of walkers that begin at some of the points; in the end these are what was visited in the second half.
    subroutine step_population(target, temperature, m, wanted, stream, view, points, density, distinct)
@@ -287,12 +322,9 @@ contains
       real(wp), intent(in) :: temperature
       type(random_stream_type), intent(inout) :: stream
       type(view_type), intent(inout) :: view
-      !> Points for each term, points of the test, and terms where it is still hot and then.
-      !> Share of the points of the test at which it must not err by more than two temperatures.
-      real(wp), parameter :: least_good = 0.7_wp
-      integer, parameter :: surplus = 4, tests = 50, few_terms = 300, many_terms = 800
+      !> Points for each term, and terms where it is still hot and then.
+      integer, parameter :: surplus = 4, few_terms = 300, many_terms = 800
       real(wp), allocatable :: outputs(:, :), arguments(:, :), w(:, :)
-      type(point_type), allocatable :: exact(:), near(:)
       real(wp), dimension(target%dimension) :: u, from, to, tried
       integer :: degree, many, a, i, k, found, attempts
       logical, allocatable :: inside(:)
@@ -328,11 +360,7 @@ contains
       if (found < many) return
       call fit_output_polynomial(arguments, outputs, degree, view%polynomial)
       if (.not. is_fitted(view%polynomial)) return
-      w = points(:, [(1 + (k - 1)*(size(points, 2) - 1)/tests, k=1, tests)])
-      call place_points(target, w, exact)
-      call place_points(target, w, near, view%polynomial)
-      if (count(abs(exact%log_working - near%log_working) < 2.0_wp*temperature) >= least_good*tests) return
-      view%polynomial = output_polynomial_type()
+      if (.not. agree(target, target, points, temperature, view%polynomial)) view%polynomial = output_polynomial_type()
    end subroutine fit_outputs
 
    !> Points at working coordinates, evaluated.

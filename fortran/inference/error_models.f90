@@ -1,6 +1,6 @@
 !> What a likelihood is: the distribution of the errors of independent measurements, with or without errors that they share.
 module error_models
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use kinds, only: pi, wp
    use random, only: random_stream_type
    use settings_schema, only: measurements_settings_type
@@ -52,7 +52,7 @@ contains
             allocate (model, source=student_errors_type(scale=merge(sqrt(abs(dof - 2.0_wp)/dof), 1.0_wp, dof > 2.0_wp), dof=dof))
          end associate
       case default
-         call raise(error, 'likelihood: '''//settings%likelihood//''' is unknown; allowed: '//likelihood_names, exit_bad_input)
+         call refuse(error, 'likelihood: '''//settings%likelihood//''' is unknown; allowed: '//likelihood_names)
       end select
    end subroutine new_error_model
 

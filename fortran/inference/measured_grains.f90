@@ -3,7 +3,7 @@
 !> The tilt of the indented direction is normal in each of two components. Mean and variance of the modulus are those of the product of two
 !> three-point rules with steps of sqrt 3 sds (Gauss-Hermite), exact for moments up to degree 5 in each component.
 module measured_grains
-   use crystal_elasticity, only: euler_angles, rotation_matrix
+   use crystal_elasticity, only: euler_angles, no_wave, path_type, rotation_matrix
    use kinds, only: degree, wp
    use observables, only: observable_type
    implicit none
@@ -16,28 +16,19 @@ module measured_grains
       real(wp), allocatable :: euler(:, :), tilt_sd(:)
       !> GPa, or m/s, (n).
       real(wp), allocatable :: modulus(:), sd(:)
-      !> Of waves, radians, (n), NaN of moduli; unallocated: there are no waves. And the density, kg/m3.
-      real(wp), allocatable :: propagation(:)
+      !> Of the waves, (n); and the density, kg/m3.
+      type(path_type), allocatable :: paths(:)
       real(wp) :: density = 1.0_wp
       !> Which calibration error a measurement has, 1, 2, .., (n).
       integer, allocatable :: group(:)
       !> Relative errors of sd 1 times these, (n, error).
       real(wp), allocatable :: shared(:, :)
-   contains
-      procedure :: n_moduli
    end type measured_type
 
    !> Directions in which a grain is evaluated: the cells of a grid of tilts, itself in the middle, in their order.
    integer, parameter :: n_tilts = 9, cells(n_tilts) = [5, 1, 2, 3, 4, 6, 7, 8, 9]
 
 contains
-
-   pure integer function n_moduli(self)
-      class(measured_type), intent(in) :: self
-
-      n_moduli = size(self%modulus)
-      if (allocated(self%propagation)) n_moduli = count(.not. abs(self%propagation) <= huge(1.0_wp))
-   end function n_moduli
 
    !> Indentation modulus of the isotropic solid with the mean of what was measured times a factor, GPa: of the moduli, or of speeds alone.
    pure real(wp) function mean_modulus(observable, measured, factor)
@@ -48,7 +39,7 @@ contains
       real(wp), parameter :: of_wave = 3.32_wp
       integer :: n
 
-      n = measured%n_moduli()
+      n = count(measured%paths%wave == no_wave)
       if (n > 0 .or. size(measured%modulus) == 0) then
          mean_modulus = factor*sum(measured%modulus(:n))/max(1, n)
          ! Very large where no solid has it.

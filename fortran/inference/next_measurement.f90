@@ -15,6 +15,7 @@
 !> Several measurements are chosen one after another. What the earlier ones will say is not known, so it is averaged over scenarios:
 !> a draw taken as the truth, noise added, and the draws weighted by what was measured in that scenario.
 module next_measurement
+   use crystal_elasticity, only: path_type
    use kinds, only: pi, wp
    use random, only: new_random_stream, random_stream_type
    implicit none
@@ -30,9 +31,10 @@ module next_measurement
    real(wp), parameter :: least_kernel = 0.02_wp
 
    type :: candidates_type
-      !> Of moduli, then of speeds: Bunge-Euler angles, degrees, (3, candidate), the direction of propagation, degrees, NaN of moduli, the
-      !> number of the grain, or 0, and what it costs, (candidate).
-      real(wp), allocatable :: euler_deg(:, :), propagation_deg(:), cost(:)
+      !> Of moduli, then of speeds: Bunge-Euler angles, degrees, (3, candidate), the paths of the waves, the number of the grain, or 0, and
+      !> what it costs, (candidate).
+      real(wp), allocatable :: euler_deg(:, :), cost(:)
+      type(path_type), allocatable :: paths(:)
       integer, allocatable :: grain(:)
       !> What each draw predicts, GPa or m/s, and the variance of that where the constants are known; (draw, candidate).
       real(wp), allocatable :: predicted(:, :), shared_variance(:, :)

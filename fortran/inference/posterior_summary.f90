@@ -228,7 +228,7 @@ contains
       allocate (predictions%moduli(posterior%n_grains, n, size(chains%draws, 3)), &
          & predictions%factor(posterior%n_groups, n, size(chains%draws, 3)))
       allocate (predictions%quantities(size(quantities), n, size(chains%draws, 3)))
-      call posterior%new_grains(posterior%euler(:, :posterior%n_grains), grains, error, posterior%data%propagation)
+      call posterior%new_grains(posterior%euler(:, :posterior%n_grains), posterior%data%paths, grains, error)
       if (allocated(error)) return
       stream = new_random_stream(0, 0)
       do c = 1, size(chains%draws, 3)

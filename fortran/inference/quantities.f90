@@ -8,7 +8,7 @@
 module quantities
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: averages_type, anisotropy_index, compliance, hill_young_poisson, polycrystal_averages
-   use errors, only: error_type, exit_bad_input, raise, suggestion
+   use errors, only: error_type, refuse, suggestion
    use kinds, only: wp
    use text, only: join, lower, number_ok, read_real, split_list, to_text
    implicit none
@@ -83,20 +83,17 @@ contains
             piece = piece(:caret - 1)
          end if
          call read_real(power, factor%power, outcome)
-         if (outcome /= number_ok) then
-            call raise(error, ''''//trim(name)//''': the power '''//power//''' is not a number', exit_bad_input)
-            return
-         end if
          factor%power = sign*factor%power
          sign = 1.0_wp
-         call read_word(piece, factor, error)
+         if (outcome == number_ok) then
+            call read_word(piece, factor, error)
+         else
+            call refuse(error, ''''//trim(name)//''': the power '''//power//''' is not a number')
+         end if
          if (allocated(error)) return
          quantity%factors = [quantity%factors, factor]
       end do
-      if (size(quantity%factors) == 0) then
-         call raise(error, 'the name of the quantity is empty; allowed: '//quantity_choices, exit_bad_input)
-         return
-      end if
+      if (size(quantity%factors) == 0) call refuse(error, 'the name of the quantity is empty; allowed: '//quantity_choices)
       quantity%unit = unit_of(quantity%factors)
    end subroutine new_quantity
 
@@ -128,8 +125,8 @@ contains
       else
          known = any(split_list(plain_names) == word)
       end if
-      if (.not. known) call raise(error, ''''//piece//''' is unknown'//suggestion(word, plain_names//', ' &
-         & //'young[100], shear[100], compressibility[100]')//'; allowed: '//quantity_choices, exit_bad_input)
+      if (.not. known) call refuse(error, ''''//piece//''' is unknown'//suggestion(word, plain_names//', ' &
+         & //'young[100], shear[100], compressibility[100]')//'; allowed: '//quantity_choices)
    end subroutine read_word
 
    !> '[110]', '[1-10]', or numbers apart, '[1 0.5 0]'; of a hexagonal crystal [0001], or four indices of a direction in the basal plane.
@@ -206,8 +203,8 @@ contains
       real(wp) :: values(1)
 
       call evaluate_quantities([quantity], typical_crystal(class, 0), values)
-      if (.not. (abs(values(1)) > 1.0e-9_wp .and. abs(values(1)) < huge(1.0_wp))) call raise(error, ''''//quantity%name &
-         & //''' is zero, or not finite, for every '//class%name//' crystal', exit_bad_input)
+      if (.not. (abs(values(1)) > 1.0e-9_wp .and. abs(values(1)) < huge(1.0_wp))) call refuse(error, ''''//quantity%name &
+         & //''' is zero, or not finite, for every '//class%name//' crystal')
    end subroutine check_quantity
 
    !> Refuse a value that no solid has.
@@ -221,8 +218,8 @@ contains
 
       range = merge([-200.0_wp, 1000.0_wp], [-500.0_wp, 2000.0_wp], quantity%unit == '1/TPa')
       if (.not. any(quantity%unit == ['GPa  ', '1/TPa']) .or. (value >= range(1) .and. value <= range(2))) return
-      call raise(error, quantity%name//' = '//to_text(value)//' '//quantity%unit//' is not that of a solid; allowed: ' &
-         & //to_text(range(1))//' .. '//to_text(range(2))//' '//quantity%unit//'. Check the unit', exit_bad_input)
+      call refuse(error, quantity%name//' = '//to_text(value)//' '//quantity%unit//' is not that of a solid; allowed: ' &
+         & //to_text(range(1))//' .. '//to_text(range(2))//' '//quantity%unit//'. Check the unit')
    end subroutine check_value
 
    !> Refuse two quantities of which one follows from the other in every crystal of the class: the same, or a power of it times a number.
@@ -244,8 +241,8 @@ contains
          logarithms(j, :) = logarithms(j, :)/norm2(logarithms(j, :))
          do i = 1, j - 1
             if (abs(dot_product(logarithms(i, :), logarithms(j, :))) < 1.0_wp - rounding) cycle
-            call raise(error, ''''//quantities(j)%name//''' of a '//class%name//' crystal is the same as '''//quantities(i)%name &
-               & //'''; a quantity may be given once', exit_bad_input)
+            call refuse(error, ''''//quantities(j)%name//''' of a '//class%name//' crystal is the same as '''//quantities(i)%name &
+               & //'''; a quantity may be given once')
             return
          end do
       end do

@@ -11,7 +11,7 @@
 module samplers
    use abstract_sampler, only: draw_starts, sampler_type, target_type
    use ensemble_sampler, only: ensemble_sampler_type
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, raise, refuse
    use files, only: checksum, read_bytes, replace_file
    use kinds, only: i8, wp
    use machine, only: raise_no_memory
@@ -143,7 +143,7 @@ contains
       case ('scmh')
          allocate (scmh_sampler_type :: sampler)
       case default
-         call raise(error, 'method: '''//name//''' is unknown; allowed: '//sampler_names, exit_bad_input)
+         call refuse(error, 'method: '''//name//''' is unknown; allowed: '//sampler_names)
          return
       end select
       sampler%burn_in = burn_in
@@ -175,10 +175,8 @@ contains
 
       allocate (chains%draws(target%dimension, settings%samples, settings%chains), &
          & chains%log_density(settings%samples, settings%chains), chains%acceptance(settings%chains), source=0.0_wp, stat=stat)
-      if (stat /= 0) then
-         call raise_no_memory(to_text(settings%chains)//' chains of '//to_text(settings%samples)//' samples', error)
-         return
-      end if
+      if (stat /= 0) call raise_no_memory(to_text(settings%chains)//' chains of '//to_text(settings%samples)//' samples', error)
+      if (allocated(error)) return
       allocate (started(settings%chains))
       call listen()
       call begin_progress('sampling', int(settings%chains, i8)*(sampler%burn_in + settings%samples))
@@ -201,13 +199,13 @@ contains
       interrupted = stop_requested()
       call stop_listening()
       call end_progress()
+      k = findloc(started, .false., dim=1)
       if (interrupted) then
          call raise(error, 'interrupted')
-         return
+      else if (k > 0) then
+         call raise(error, 'chain '//to_text(k)//': no admissible point with a finite density was found within the ' &
+            & //'bounds')
       end if
-      k = findloc(started, .false., dim=1)
-      if (k > 0) call raise(error, 'chain '//to_text(k)//': no admissible point with a finite density was found within the ' &
-         & //'bounds')
    end subroutine sample_chains
 
 end module samplers

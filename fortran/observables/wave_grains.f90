@@ -1,6 +1,7 @@
 !> Moduli of some grains and speeds of surface waves on others, as one grain model.
 module wave_grains
    use abstract_basis, only: grain_model_type
+   use crystal_elasticity, only: no_wave, path_type
    use errors, only: error_type
    use kinds, only: wp
    use rayleigh_wave, only: new_surface, surface_type, surface_waves, wave_speed, wave_type
@@ -13,8 +14,8 @@ module wave_grains
       class(grain_model_type), allocatable :: moduli
       !> kg/m3.
       real(wp) :: density = 1.0_wp
-      !> Of each measurement, radians; NaN: a modulus. Of more grains they take turns. Set it before the grains.
-      real(wp), allocatable :: propagation(:)
+      !> Of each measurement; of more grains they take turns. Set it before the grains.
+      type(path_type), allocatable :: paths(:)
       integer, allocatable, private :: of_moduli(:), of_waves(:)
       type(surface_type), private :: surface
    contains
@@ -24,9 +25,11 @@ module wave_grains
 contains
 
    !> Let a grain model have waves too.
-   subroutine add_waves(propagation, density, euler, grains, error)
-      !> See `wave_grains_type`; Bunge-Euler angles (3, n), radians.
-      real(wp), intent(in) :: propagation(:), density, euler(:, :)
+   subroutine add_waves(paths, density, euler, grains, error)
+      !> (n).
+      type(path_type), intent(in) :: paths(:)
+      !> kg/m3; Bunge-Euler angles, radians, (3, n), and of tilted ones in turn.
+      real(wp), intent(in) :: density, euler(:, :)
       !> Of moduli on entry.
       class(grain_model_type), allocatable, intent(inout) :: grains
       type(error_type), allocatable, intent(out) :: error
@@ -35,7 +38,7 @@ contains
       call move_alloc(grains, waves%moduli)
       waves%field_degree = waves%moduli%field_degree
       waves%density = density
-      waves%propagation = propagation
+      waves%paths = paths
       call waves%set_grains(euler, error)
       allocate (grains, source=waves)
    end subroutine add_waves
@@ -44,15 +47,15 @@ contains
       class(wave_grains_type), intent(inout) :: self
       real(wp), intent(in) :: euler(:, :)
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: along(size(euler, 2))
+      type(path_type) :: paths(size(euler, 2))
       integer :: i
 
-      along = [(self%propagation(modulo(i - 1, size(self%propagation)) + 1), i=1, size(along))]
-      self%of_waves = pack([(i, i=1, size(along))], abs(along) <= huge(1.0_wp))
-      self%of_moduli = pack([(i, i=1, size(along))], .not. abs(along) <= huge(1.0_wp))
+      paths = [(self%paths(modulo(i - 1, size(self%paths)) + 1), i=1, size(paths))]
+      self%of_waves = pack([(i, i=1, size(paths))], paths%wave /= no_wave)
+      self%of_moduli = pack([(i, i=1, size(paths))], paths%wave == no_wave)
       self%moduli%field_degree = self%field_degree
       call self%moduli%set_grains(euler(:, self%of_moduli), error)
-      call new_surface(euler(:, self%of_waves), along(self%of_waves), self%surface)
+      call new_surface(euler(:, self%of_waves), paths(self%of_waves), self%surface)
       self%n_columns = self%moduli%n_columns
       self%n_independent = self%moduli%n_independent + size(self%of_waves)
       self%has_theory = self%moduli%has_theory

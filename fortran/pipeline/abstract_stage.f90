@@ -195,8 +195,6 @@ contains
       class(stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
 
-      associate (unused => error)
-      end associate
       self%batch = [job_type ::]
    end subroutine choose
 

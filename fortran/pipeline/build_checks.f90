@@ -4,7 +4,7 @@ module build_checks
    use abstract_basis, only: basis_type
    use bases, only: new_basis
    use crystal_class, only: general_class
-   use errors, only: error_type, exit_bad_input, raise, refuse, warn
+   use errors, only: error_type, exit_bad_input, refuse, warn
    use files, only: printable
    use kinds, only: wp
    use machine, only: check_memory
@@ -188,8 +188,8 @@ contains
          pairs = reshape([((degrees(i), bandlimits(j), j=1, size(bandlimits)), i=1, size(degrees))], &
             & [2, size(degrees)*size(bandlimits)])
       end if
-      if (size(pairs) == 0) call raise(error, ''''//printable(text)//''' is not of the form ''1, 2, 3 x 8, 10, 12'' ' &
-         & //'(degrees x bandlimits)', exit_bad_input)
+      if (size(pairs) == 0) call refuse(error, ''''//printable(text)//''' is not of the form ''1, 2, 3 x 8, 10, 12'' ' &
+         & //'(degrees x bandlimits)')
    end subroutine read_scan
 
    !> The integers of a list; none if one of its items is no integer.

@@ -5,7 +5,8 @@ module extraction
    use errors, only: error_type
    use further_knowledge, only: conflict_type, expect_gains, find_conflict, gain_type, without_knowledge
    use halfspace_theory, only: halfspace_moduli
-   use kinds, only: i8, nan, wp
+   use kinds, only: nan, wp
+   use omp_lib, only: omp_get_wtime
    use model_checks, only: check_model, checks_type, estimate_evidence, evidence_type
    use orientation_check, only: check_orientations, orientation_check_type
    use posterior_summary, only: climb, combination_type, find_combinations, parameter_type, predict_grains, predictions_type, &
@@ -84,16 +85,15 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(posterior_type) :: prior, free
       type(chains_type) :: free_chains
-      integer(i8) :: start, end, rate
+      real(wp) :: start
 
       call omit_weak_waves(problem, surrogate, error)
       if (.not. allocated(error)) call new_problem_posterior(problem, surrogate, .false., self%posterior, error)
       if (.not. allocated(error)) call new_problem_posterior(problem, surrogate, .true., prior, error)
       if (allocated(error)) return
-      call system_clock(start, rate)
+      start = omp_get_wtime()
       call sample_exactly(problem, self, error)
-      call system_clock(end)
-      self%seconds = real(end - start, wp)/rate
+      self%seconds = omp_get_wtime() - start
       if (.not. allocated(error)) call sample_aside(problem, prior, prior_run, self%prior_chains, error)
       ! What is known, compared with what the measurements say without it.
       if (size(self%posterior%prior%knowledge%mean) > 0) then

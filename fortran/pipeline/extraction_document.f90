@@ -3,6 +3,7 @@
 !> And posterior.bin: all numbers of Step 2 by their names, see `put_extraction`, with a checksum of all before it at the end.
 module extraction_document
    use, intrinsic :: iso_c_binding, only: c_char
+   use crystal_elasticity, only: no_wave, rayleigh, wave_names
    use errors, only: error_type, refuse, warn, warning_type
    use extraction, only: extraction_type
    use files, only: checksum, file_exists, read_bytes, replace_file
@@ -16,7 +17,6 @@ module extraction_document
    use statistics, only: flattened, moments
    use text, only: fixed, join, to_text
    use variance_shares, only: error_sources, shares_type, verdict_of
-   use velocity_tables, only: wave_kind, wave_names
    implicit none
    private
    public :: write_extraction, describe_prior, put_extraction, save_posterior, read_posterior, stored_draws
@@ -166,13 +166,11 @@ contains
             call page%put_numbers('mean, sd, measured, measured_sd', [mean(i), sd(i), found%posterior%data%modulus(i), &
                & found%posterior%data%sd(i)])
             call page%put('euler_deg', table%euler_deg(:, i))
-            if (i > found%posterior%n_moduli) then
-               associate (along => table%propagation_deg(i), kind => wave_kind(table%propagation_deg(i)/360.0_wp))
-                  call page%put('propagation_deg', along - 720.0_wp*kind)
-                  if (kind > 0) call page%put('wave', trim(wave_names(modulo(kind - 1, 3) + 1)))
-                  if (kind > 3) call page%put('inclination_deg', 90)
-               end associate
-            end if
+            associate (path => table%paths(i))
+               if (path%wave /= no_wave) call page%put('propagation_deg', path%propagation_deg)
+               if (path%wave > rayleigh) call page%put('wave', trim(wave_names(path%wave)))
+               if (path%inclination_deg > 0.0_wp) call page%put('inclination_deg', path%inclination_deg)
+            end associate
             if (table%named_by > 0) call page%put('grain', table%name(i))
             if (allocated(table%tests) .and. i <= found%posterior%n_moduli) then
                call page%put('tests', table%tests(i))

@@ -3,19 +3,18 @@ module next_stage
    use abstract_basis, only: grain_model_type
    use constants_posterior, only: posterior_type
    use crystal_class, only: crystal_class_type, lattice_type, new_lattice
-   use crystal_elasticity, only: rotation_matrix
+   use crystal_elasticity, only: no_wave, path_type, rayleigh, rotation_matrix
    use distinct_directions, only: angle_between, lattice_of_directions, new_region, region_type
    use errors, only: error_type, refuse, warn, warning_type
    use files, only: file_exists
    use extract_stage, only: extract_stage_type
    use extraction, only: extract, extraction_type
    use json, only: json_type
-   use kinds, only: degree, nan, wp
+   use kinds, only: degree, wp
    use linear_algebra, only: orthonormalize
    use namelist_file, only: place
    use next_measurement, only: candidates_type, choose_measurements, suggestions_type
    use point_tables, only: points_type
-   use rayleigh_wave, only: new_surface, surface_type, surface_waves, wave_speed, wave_type
    use table_columns, only: angles_of_direction
    use machine, only: thread_count
    use extraction_document, only: stored_draws
@@ -27,7 +26,7 @@ module next_stage
    use samplers, only: chain_prefix
    use small_matrices, only: solve_lower
    use stage_documents, only: inputs_of
-   use statistics, only: flattened, median
+   use statistics, only: flattened, median, number_equal
    use text, only: fixed, to_text
    implicit none
    private
@@ -166,7 +165,7 @@ contains
             end do
          end do
       end if
-      candidates%propagation_deg = spread(nan, 1, n)
+      allocate (candidates%paths(n))
       candidates%cost = spread(1.0_wp, 1, n)
    end subroutine place_moduli
 
@@ -180,14 +179,14 @@ contains
       type(candidates_type), intent(inout) :: candidates
       type(error_type), allocatable, intent(out) :: error
       type(points_type) :: grains
-      real(wp), allocatable :: euler_deg(:, :), along(:)
+      real(wp), allocatable :: euler_deg(:, :)
+      type(path_type), allocatable :: paths(:)
       integer, allocatable :: rows(:)
       integer :: i, j
 
       grains = problem%measurements
       if (allocated(problem%grains)) grains = problem%grains
-      rows = pack([(i, i=1, grains%n)], [(all([(maxval(abs(grains%euler_deg(:, i) - grains%euler_deg(:, j))) > 0.0_wp, j=1, &
-         & i - 1)]), i=1, grains%n)])
+      rows = pack([(i, i=1, grains%n)], number_equal(grains%euler_deg) == [(i, i=1, grains%n)])
       if (.not. grains%has_angles) then
          call refuse(error, 'velocity_cost: the grains have directions alone, and a wave needs Euler angles')
       else if (size(rows) > most_grains) then
@@ -195,12 +194,12 @@ contains
       end if
       if (allocated(error)) return
       rows = [((rows(i), j=1, n_along), i=1, size(rows))]
-      along = [(180.0_wp*modulo(i - 1, n_along)/n_along, i=1, size(rows))]
+      paths = [(path_type(rayleigh, 180.0_wp*modulo(i - 1, n_along)/n_along), i=1, size(rows))]
       euler_deg = grains%euler_deg(:, rows)
-      associate (kept => pack([(i, i=1, size(rows))], are_detected(posterior, draws, euler_deg, along)), &
+      associate (kept => pack([(i, i=1, size(rows))], are_detected(posterior, draws, euler_deg, paths)), &
          & n => size(candidates%cost))
          candidates%euler_deg = reshape([candidates%euler_deg, euler_deg(:, kept)], [3, n + size(kept)])
-         candidates%propagation_deg = [candidates%propagation_deg, along(kept)]
+         candidates%paths = [candidates%paths, paths(kept)]
          candidates%grain = [candidates%grain, rows(kept)]
          candidates%cost = [candidates%cost, spread(problem%settings%next%velocity_cost, 1, size(kept))]
       end associate
@@ -218,23 +217,22 @@ contains
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: own_variance(:, :), normals(:, :), relative(:, :)
       class(grain_model_type), allocatable :: grains
-      type(surface_type) :: surface
-      integer :: i, n
+      integer, allocatable :: kind(:)
+      integer :: i
 
-      n = count(.not. abs(candidates%propagation_deg) <= huge(1.0_wp))
-      call posterior%new_grains(candidates%euler_deg(:, :n)*degree, grains, error)
+      call posterior%new_grains(candidates%euler_deg*degree, candidates%paths, grains, error)
       if (allocated(error)) return
-      call new_surface(candidates%euler_deg(:, n + 1:)*degree, candidates%propagation_deg(n + 1:)*degree, surface)
-      relative = relative_errors(problem, posterior, surface%n > 0)
-      associate (all => size(candidates%cost))
-         allocate (own_variance(all, size(draws, 2)), candidates%predicted(all, size(draws, 2)), &
-            & candidates%shared_variance(all, size(draws, 2)), candidates%target(0))
-         candidates%sd = [spread(sd(1), 1, n), spread(sd(2), 1, all - n)]
+      kind = merge(2, 1, candidates%paths%wave /= no_wave)
+      candidates%sd = sd(kind)
+      relative = relative_errors(problem, posterior, any(kind == 2))
+      associate (n => size(kind), n_draws => size(draws, 2))
+         allocate (own_variance(n, n_draws), candidates%predicted(n, n_draws), candidates%shared_variance(n, n_draws), &
+            & candidates%target(0))
       end associate
       normals = even_normals(draws, size(relative, 1), problem%settings%problem%seed)
       do i = 1, size(draws, 2)
-         call draw_measurements(posterior, draws(:, i), grains, surface, relative, normals(:, i), candidates%predicted(:, i), &
-            & candidates%shared_variance(:, i), own_variance(:, i))
+         call draw_measurements(posterior, draws(:, i), grains, relative(:, kind), count(kind == 1), normals(:, i), &
+            & candidates%predicted(:, i), candidates%shared_variance(:, i), own_variance(:, i))
       end do
       candidates%predicted = transpose(candidates%predicted)
       candidates%shared_variance = transpose(candidates%shared_variance)
@@ -268,10 +266,10 @@ contains
             call page%put('direction', g(:, 3))
             if (suggestions%within(i) > 0.0_wp) call page%put('within_deg', suggestions%within(i)/degree)
             if (.not. allocated(unknown)) call page%put('uvw', lattice%nearest(g(:, 3)))
-            associate (angle => candidates%propagation_deg(c)*degree)
-               along = cos(angle)*g(:, 1) + sin(angle)*g(:, 2)
-               if (abs(angle) <= huge(angle)) call page%put('along', along)
-               if (abs(angle) <= huge(angle) .and. .not. allocated(unknown)) call page%put('along_uvw', lattice%nearest(along))
+            associate (path => candidates%paths(c))
+               along = cos(path%propagation_deg*degree)*g(:, 1) + sin(path%propagation_deg*degree)*g(:, 2)
+               if (path%wave /= no_wave) call page%put('along', along)
+               if (path%wave /= no_wave .and. .not. allocated(unknown)) call page%put('along_uvw', lattice%nearest(along))
             end associate
             call page%put_numbers('gain, predicted, sd', [suggestions%gains(i), mean, &
                & sqrt(sum((candidates%predicted(:, c) - mean)**2)/draws)])
@@ -304,7 +302,7 @@ contains
             call page%put('grain', problem%measurements%name(candidates%grain(c)))
          end if
          call page%put('euler_deg', candidates%euler_deg(:, c))
-         if (abs(candidates%propagation_deg(c)) <= huge(1.0_wp)) call page%put('propagation_deg', candidates%propagation_deg(c))
+         if (candidates%paths(c)%wave /= no_wave) call page%put('propagation_deg', candidates%paths(c)%propagation_deg)
       end subroutine begin_candidate
    end subroutine write_suggestions
 
@@ -315,8 +313,7 @@ contains
       real(wp), intent(in) :: draws(:, :)
       integer, intent(in) :: n, seed
       !> (n, draw).
-      real(wp), allocatable :: normals(:, :)
-      real(wp), allocatable :: columns(:, :)
+      real(wp), allocatable :: normals(:, :), columns(:, :)
       real(wp) :: mean
       type(random_stream_type) :: stream
       integer :: i, j, known
@@ -372,59 +369,48 @@ contains
    end function relative_errors
 
    !> What further moduli, then speeds, of any grains would be at a point, of the kind that was measured, without their own error.
-   subroutine draw_measurements(posterior, x, grains, surface, relative, z, values, shared_variance, own_variance)
+   subroutine draw_measurements(posterior, x, grains, relative, n, z, values, shared_variance, own_variance)
       type(posterior_type), intent(in) :: posterior
       !> (dimension).
       real(wp), intent(in) :: x(:)
-      !> Of moduli.
       class(grain_model_type), intent(in) :: grains
-      !> Of speeds.
-      type(surface_type), intent(in) :: surface
-      !> See `relative_errors`; standard normal numbers, (error).
+      !> See `relative_errors`, (error, measurement); standard normal numbers, (error).
       real(wp), intent(in) :: relative(:, :), z(:)
+      !> Of the moduli.
+      integer, intent(in) :: n
       !> GPa or m/s, (measurement), the shared errors of these numbers, given the data.
       real(wp), intent(out), contiguous :: values(:)
       !> Their squares, (measurement): of the shared errors given the data and the constants, and of the surrogate's that grains do not
       !> share.
       real(wp), intent(out), contiguous :: shared_variance(:), own_variance(:)
-      real(wp), dimension(size(values) - surface%n) :: slope, mean, mean_slope
-      real(wp) :: c(6, 6), influence(size(mean), grains%n_columns), columns(size(values), size(z)), b(size(z))
+      real(wp), dimension(size(values)) :: slope, mean, mean_slope
+      real(wp) :: c(6, 6), influence(size(values), grains%n_columns), columns(size(values), size(z)), b(size(z))
       real(wp) :: precision(posterior%n_shared, posterior%n_shared), factor(posterior%n_groups)
-      type(wave_type) :: waves(surface%n)
-      integer :: i, n, m
+      integer :: i, m
 
-      n = size(mean)
       m = posterior%n_shared
       c = posterior%stiffness(x)
       call posterior%infer_shared(x, b(:m), precision)
-      call grains%evaluate_moduli(c, values(:n), slope)
-      mean = values(:n)
+      call grains%evaluate_moduli(c, values, slope)
+      mean = values
       mean_slope = slope
-      call posterior%observable%from_simulation(mean, mean_slope)
-      call surface_waves(surface, reshape(c, [6, 6, 1]), waves)
-      values(n + 1:) = wave_speed(waves%modulus, posterior%data%density)
+      call posterior%observable%from_simulation(mean(:n), mean_slope(:n))
       call posterior%place_shared(z(:m), b(:m), precision, factor)
       b(m + 1:) = z(m + 1:)
-      do i = 1, size(z)
-         columns(:n, i) = relative(i, 1)*mean
-         columns(n + 1:, i) = relative(i, 2)*values(n + 1:)
-      end do
+      columns = transpose(relative)*spread(mean, 2, size(z))
       if (grains%n_columns > 0) then
          call grains%evaluate_columns(c, influence)
-         values(:n) = values(:n) + slope*matmul(influence, b(:grains%n_columns))
-         do i = 1, grains%n_columns
-            columns(:n, i) = mean_slope*influence(:, i)
-         end do
+         values = values + slope*matmul(influence, b(:grains%n_columns))
+         columns(:, :grains%n_columns) = spread(mean_slope, 2, grains%n_columns)*influence
       end if
-      call posterior%observable%from_simulation(values(:n), slope)
-      values(:n) = (1.0_wp + dot_product(relative(:, 1), b))*values(:n)
-      values(n + 1:) = (1.0_wp + dot_product(relative(:, 2), b))*values(n + 1:)
+      call posterior%observable%from_simulation(values(:n), slope(:n))
+      values = (1.0_wp + matmul(b, relative))*values
       do i = 1, size(values)
          call solve_lower(precision, columns(i, :m))
       end do
       shared_variance = sum(columns**2, 2)
       own_variance = 0.0_wp
-      own_variance(:n) = posterior%scatter*mean_slope**2 + (posterior%settings%scatter_sd*mean)**2
+      own_variance(:n) = posterior%scatter*mean_slope(:n)**2 + (posterior%settings%scatter_sd*mean(:n))**2
    end subroutine draw_measurements
 
 end module next_stage

@@ -5,6 +5,7 @@
 !> is what is to be expected. An expansion about the crystal would not do: where the long tails of the prior decide, it gives a fifth of
 !> the sd.
 module plan_stage
+   use crystal_elasticity, only: path_type, rayleigh
    use errors, only: error_type, refuse
    use extract_stage, only: extract_stage_type
    use json, only: json_type
@@ -40,10 +41,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       self%done = self%output//'/plan.json'
-      associate (problem => self%problem)
-         call load_named_surrogate(problem%settings%surrogate%file, problem%class%name, self%places, self%surrogate, error)
-         if (allocated(error)) error%message = place(problem%path, 'surrogate', 'file')//error%message
-      end associate
+      call load_named_surrogate(self%problem%settings%surrogate%file, self%problem%class%name, self%places, self%surrogate, error)
+      if (allocated(error)) error%message = place(self%problem%path, 'surrogate', 'file')//error%message
       if (.not. allocated(error)) call check_plan(self, error)
    end subroutine begin
 
@@ -120,7 +119,7 @@ contains
       allocate (z(6, n), unused(n), source=0.0_wp)
       allocate (waves(n))
       used%measurements = points_type(n=n, row=[(i, i=1, n)], group=spread(1, 1, n), orientation_sd_deg=spread(-1.0_wp, 1, n), &
-         & modulus_gpa=unused, sd_gpa=unused)
+         & modulus_gpa=unused, sd_gpa=unused, paths=[(path_type(), i=1, n)])
       ! Of the errors that were stated they have those of the mean grain.
       if (allocated(used%shared_errors)) used%shared_errors = spread(sum(self%problem%shared_errors, 1)/ &
          & size(self%problem%shared_errors, 1), 1, n)
@@ -149,8 +148,8 @@ contains
          noise = used%settings%plan%velocity_noise
          used%velocities = grains
          associate (speeds => used%velocities)
-            speeds%propagation_deg = 180.0_wp*z(5, :)
-            call rayleigh_waves(spread(c, 3, n), speeds%euler_deg, speeds%propagation_deg, waves, error)
+            speeds%paths = [(path_type(rayleigh, 180.0_wp*z(5, i)), i=1, n)]
+            call rayleigh_waves(spread(c, 3, n), speeds%euler_deg, speeds%paths, waves, error)
             speeds%modulus_gpa = wave_speed(waves%modulus, used%settings%problem%density_kg_m3)
             speeds%sd_gpa = noise*speeds%modulus_gpa
             speeds%modulus_gpa = speeds%modulus_gpa*(1.0_wp + noise*z(6, :))

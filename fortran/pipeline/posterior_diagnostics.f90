@@ -295,10 +295,8 @@ contains
       integer :: i, round
 
       associate (changes => found%changes)
-         do i = 1, size(changes)
-            ! What is not a number is not larger.
-            largest(i) = maxval(abs(changes(i)%shift), mask=abs(changes(i)%shift) > 0.0_wp)
-         end do
+         ! What is not a number is not larger.
+         largest = [(maxval(abs(changes(i)%shift), mask=abs(changes(i)%shift) > 0.0_wp), i=1, size(changes))]
          line = ''
          do round = 1, most
             i = maxloc(largest, dim=1)

@@ -141,10 +141,8 @@ contains
       real(wp), allocatable :: draws(:, :)
 
       loose = problem
-      associate (measurements => loose%settings%measurements)
-         measurements%calibration_sd = max(loose_common, measurements%calibration_sd)
-         measurements%scatter_sd = max(loose_grain, measurements%scatter_sd)
-      end associate
+      loose%settings%measurements%calibration_sd = max(loose_common, problem%settings%measurements%calibration_sd)
+      loose%settings%measurements%scatter_sd = max(loose_grain, problem%settings%measurements%scatter_sd)
       call new_theory_surrogate(theory, error)
       if (.not. allocated(error)) call draw_aside(loose, theory, focus_run, posterior, draws, error)
       if (.not. allocated(error)) crystals = stiffnesses(problem%class, draws)

@@ -6,7 +6,7 @@ module problem_posterior
    use constants_posterior, only: new_posterior, posterior_type
    use constants_prior, only: knowledge_type, new_prior, prior_type
    use crystal_class, only: crystal_class_type
-   use crystal_elasticity, only: log_anisotropy
+   use crystal_elasticity, only: log_anisotropy, no_wave, path_type
    use errors, only: error_type, exit_bad_input, refuse
    use kinds, only: degree, wp
    use measured_grains, only: mean_modulus, measured_type
@@ -151,7 +151,7 @@ contains
          measured%tilt_sd = merge(table%orientation_sd_deg, problem%settings%measurements%orientation_sd_deg, &
             & table%orientation_sd_deg >= 0.0_wp)*degree
          measured%group = table%group
-         if (allocated(table%wave_names)) measured%propagation = table%propagation_deg*degree
+         measured%paths = table%paths
          if (allocated(problem%settings%problem%density_kg_m3)) measured%density = problem%settings%problem%density_kg_m3
          measured%shared = shared_errors(problem)
       end associate
@@ -178,8 +178,7 @@ contains
       integer :: n, k
 
       associate (table => problem%measurements, of_problem => problem%settings%problem)
-         n = table%n
-         if (allocated(table%wave_names)) n = table%n_moduli
+         n = count(table%paths%wave == no_wave)
          k = 0
          if (allocated(problem%shared_errors)) k = size(problem%shared_errors, 2)
          allocate (shared(table%n, k + merge(1, 0, table%n > n .and. of_problem%density_sd_kg_m3 > 0.0_wp)), source=0.0_wp)
@@ -215,7 +214,7 @@ contains
          if (allocated(error)) return
          ! What was left out once stays out.
          kept = kept .and. are_detected(posterior, chains%draws(:, :, 1), problem%velocities%euler_deg, &
-            & problem%velocities%propagation_deg)
+            & problem%velocities%paths)
          if (round > 1 .and. count(kept) == posterior%n_grains - posterior%n_moduli) exit
          pilot%settings%measurements = problem%settings%measurements
       end do
@@ -224,18 +223,20 @@ contains
    end subroutine omit_weak_waves
 
    !> Whether waves are those that a measurement shows, at all but a few of some crystals.
-   function are_detected(posterior, draws, euler_deg, propagation_deg) result(detected)
+   function are_detected(posterior, draws, euler_deg, paths) result(detected)
       type(posterior_type), intent(in) :: posterior
-      !> (parameter, draw); Bunge-Euler angles (3, n) and directions of propagation (n), degrees.
-      real(wp), intent(in) :: draws(:, :), euler_deg(:, :), propagation_deg(:)
-      logical :: detected(size(propagation_deg))
+      !> (parameter, draw); Bunge-Euler angles, degrees, (3, n).
+      real(wp), intent(in) :: draws(:, :), euler_deg(:, :)
+      !> (n).
+      type(path_type), intent(in) :: paths(:)
+      logical :: detected(size(paths))
       !> Of the draws, what is no chance.
       real(wp), parameter :: some = 0.05_wp
       type(surface_type) :: surface
       type(wave_type) :: waves(size(detected))
       integer :: weak(size(detected)), i
 
-      call new_surface(euler_deg*degree, propagation_deg*degree, surface)
+      call new_surface(euler_deg*degree, paths, surface)
       weak = 0
       do i = 1, size(draws, 2)
          call surface_waves(surface, reshape(posterior%stiffness(draws(:, i)), [6, 6, 1]), waves)
@@ -429,14 +430,11 @@ contains
       real(wp), allocatable, intent(out) :: exact(:, :)
       type(error_type), allocatable, intent(out) :: error
       class(grain_model_type), allocatable :: in_full
-      real(wp), allocatable :: propagation(:)
       integer :: i
 
       associate (checked => checked_grains(posterior%n_grains))
          allocate (exact(size(checked), size(draws, 2)))
-         if (allocated(posterior%data%propagation)) propagation = posterior%data%propagation(checked)
-         ! What is not allocated is not present.
-         call posterior%new_grains(posterior%euler(:, checked), in_full, error, propagation)
+         call posterior%new_grains(posterior%euler(:, checked), posterior%data%paths(checked), in_full, error)
       end associate
       if (allocated(error)) return
       ! No anisotropy is below.

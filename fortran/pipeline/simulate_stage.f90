@@ -74,12 +74,10 @@ contains
       call write_moduli(self%problem, self%output//'/moduli.csv', modulus, error)
       if (.not. allocated(error)) call new_indenter(self%problem%settings%indenter, indenter, error)
       if (.not. allocated(error)) call write_curves(rows, indenter, self%output//'/curves.csv', error)
-      if (allocated(error)) return
       failed = count(rows%outcome%status == outcome_failed)
-      if (failed == size(rows)) then
-         call raise(error, 'every simulation failed: crystal 1 could not be simulated: '//rows(1)%outcome%message)
-         return
-      end if
+      if (failed == size(rows) .and. .not. allocated(error)) call raise(error, 'every simulation failed: crystal 1 could not be ' &
+         & //'simulated: '//rows(1)%outcome%message)
+      if (allocated(error)) return
       call page%begin_array('results')
       do i = 1, size(rows)
          call begin_crystal(page, self%problem%crystals, i)

@@ -54,12 +54,9 @@ contains
       logical :: rigid
 
       associate (stated => self%problem%settings%specimen, points => self%problem%crystals)
-         if (stated%geometry /= 'film' .and. stated%geometry /= 'grain') then
-            call refuse(error, place(self%problem%path, 'specimen', 'geometry')//'a '''//stated%geometry//''' has no neighbours; ' &
-               & //'allowed: film, grain')
-            return
-         end if
-         call new_indenter(self%problem%settings%indenter, indenter, error)
+         if (stated%geometry /= 'film' .and. stated%geometry /= 'grain') call refuse(error, place(self%problem%path, 'specimen', &
+            & 'geometry')//'a '''//stated%geometry//''' has no neighbours; allowed: film, grain')
+         if (.not. allocated(error)) call new_indenter(self%problem%settings%indenter, indenter, error)
          if (allocated(error)) return
          self%contact_radius = indenter%contact_radius
          self%sizes = self%contact_radius*merge(film_sizes, grain_sizes, stated%geometry == 'film')
@@ -128,8 +125,6 @@ contains
       logical :: known(n_sizes)
       integer :: i, lacking
 
-      associate (unused => error)
-      end associate
       all_moduli = merge(self%rows%outcome%modulus, 0.0_wp, self%rows%outcome%status == outcome_done)
       lacking = 0
       call page%put('variable', trim(merge('thickness_um   ', 'grain_radius_um', &

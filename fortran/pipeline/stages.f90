@@ -154,12 +154,10 @@ contains
       else
          call new_problem(path, namelist, command, trim(run_command%groups)//' '//groups_of(names), from_python, self, error)
       end if
+      if (size(names) == 0 .and. .not. allocated(error)) call refuse(error, place(path, 'problem', '') &
+         & //'nothing to do; &crystals asks for simulations, &design for a surrogate, &plan for expected sds, ' &
+         & //'&curves for moduli, &measurements for the constants')
       if (allocated(error)) return
-      if (size(names) == 0) then
-         call refuse(error, place(path, 'problem', '')//'nothing to do; &crystals asks for simulations, &design for a surrogate, ' &
-            & //'&plan for expected sds, &curves for moduli, &measurements for the constants')
-         return
-      end if
       self%stages = names
       call check_problem(self, error)
    end subroutine read_problem

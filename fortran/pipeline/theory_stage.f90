@@ -1,6 +1,7 @@
 !> `theory`: the exact half-space theory of the crystals of &crystals.
 module theory_stage
    use abstract_stage, only: stage_type
+   use crystal_elasticity, only: no_wave
    use stage_documents, only: begin_crystal, write_moduli
    use errors, only: error_type
    use halfspace_theory, only: halfspace_moduli
@@ -35,10 +36,10 @@ contains
          call halfspace_moduli(points%stiffness, points%euler_deg, thread_count(self%problem%settings%execution%workers), modulus, &
             & circular, error)
          if (allocated(error)) error%message = place(self%problem%path, 'crystals', 'points')//error%message
-         if (.not. allocated(error) .and. allocated(points%propagation_deg) &
+         if (.not. allocated(error) .and. all(points%paths%wave /= no_wave) &
             & .and. allocated(self%problem%settings%problem%density_kg_m3)) then
             allocate (waves(points%n))
-            call rayleigh_waves(points%stiffness, points%euler_deg, points%propagation_deg, waves, error)
+            call rayleigh_waves(points%stiffness, points%euler_deg, points%paths, waves, error)
             velocity = wave_speed(waves%modulus, self%problem%settings%problem%density_kg_m3)
          end if
          ! What is not allocated is not present.
@@ -49,7 +50,7 @@ contains
             call begin_crystal(page, points, i)
             call page%put('indentation_modulus_gpa', modulus(i))
             if (allocated(waves)) then
-               call page%put('propagation_deg', points%propagation_deg(i))
+               call page%put('propagation_deg', points%paths(i)%propagation_deg)
                call page%put('rayleigh_velocity_m_s', velocity(i))
                call page%put('rayleigh_detected', waves(i)%is_detected())
             end if

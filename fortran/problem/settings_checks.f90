@@ -35,11 +35,9 @@ contains
       ! Only what is learnt for all classes needs no symmetry.
       needed = settings%measurements%given .or. settings%prior%given .or. settings%plan%given .or. &
          & (settings%surrogate%model == 'paper' .and. (settings%design%given .or. settings%domain%given))
-      if (needed .and. .not. allocated(settings%problem%symmetry)) then
-         call refuse(error, place(path, 'problem', 'symmetry')//'the variable is missing; allowed '//crystal_class_names())
-         return
-      end if
-      if (settings%plan%given) then
+      if (needed .and. .not. allocated(settings%problem%symmetry)) call refuse(error, place(path, 'problem', 'symmetry') &
+         & //'the variable is missing; allowed '//crystal_class_names())
+      if (settings%plan%given .and. .not. allocated(error)) then
          call check_count(place(path, 'plan', 'constants'), class, settings%plan%constants, error)
          if (allocated(error)) return
          if (any(abs(settings%plan%grains - anint(settings%plan%grains)) > 0.0_wp)) then
@@ -48,8 +46,8 @@ contains
             call refuse(error, place(path, 'plan', 'constants')//'the crystal is not elastically stable; the stiffness must be ' &
                & //'positive definite')
          end if
-         if (allocated(error)) return
       end if
+      if (allocated(error)) return
       list = list_settings(settings)
       call check_lists(path, list, 'knowledge', [character(len=8) :: 'quantity', 'mean', 'sd'], error)
       if (.not. allocated(error)) call check_lists(path, list, 'references', [character(len=12) :: 'name', 'young_gpa', &

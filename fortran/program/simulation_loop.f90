@@ -34,9 +34,7 @@ contains
          call stage%want(error)
          if (allocated(error) .or. size(stage%jobs) == 0) exit
          stopped = .false.
-         do i = 1, size(held)
-            held(i)%left = count(stage%jobs%physics == i)
-         end do
+         held%left = [(count(stage%jobs%physics == i), i=1, size(held))]
          !$omp parallel do num_threads(thread_count(stage%problem%settings%execution%workers)) schedule(dynamic, 1)
          do i = 1, size(stage%jobs)
             call simulate_one(i)

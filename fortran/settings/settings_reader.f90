@@ -37,9 +37,7 @@ contains
       list = list_settings(settings)
       call check_names(path, file, list, error)
       if (allocated(error)) return
-      do i = 1, size(list%groups)
-         list%groups(i)%given = find_entry(file, list%groups(i)%name, '') > 0
-      end do
+      list%groups%given = [(find_entry(file, list%groups(i)%name, '') > 0, i=1, size(list%groups))]
       do i = 1, size(list%variables)
          associate (v => list%variables(i))
             call read_variable(path, file, v, error)

@@ -15,7 +15,8 @@ module simulate
    use fe_indentation, only: indentation_model_type, indentation_result_type, new_indentation_model, numerics_revision, &
       & simulate_indentation
    use halfspace_theory, only: halfspace_modulus, halfspace_type
-   use kinds, only: i8, wp
+   use kinds, only: wp
+   use omp_lib, only: omp_get_wtime
    use namelist_file, only: place, value_type
    use settings_list, only: is_text, settings_list_type
    use settings_schema, only: list_settings, settings_type
@@ -138,9 +139,9 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(indentation_result_type) :: result
       type(halfspace_type) :: theory
-      integer(i8) :: start, finish, rate
+      real(wp) :: start
 
-      call system_clock(start, rate)
+      start = omp_get_wtime()
       outcome%depth = [real(wp) ::]
       outcome%force = [real(wp) ::]
       outcome%message = ''
@@ -156,8 +157,7 @@ contains
             outcome%force = result%force
          end if
       end if
-      call system_clock(finish)
-      outcome%seconds = real(finish - start, wp)/real(rate, wp)
+      outcome%seconds = omp_get_wtime() - start
       outcome%status = outcome_done
       if (.not. allocated(error)) return
       outcome%status = outcome_waiting

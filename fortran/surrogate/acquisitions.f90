@@ -1,7 +1,7 @@
 !> The rules by which the next simulation may be chosen, by the variance of M or of log M that the posterior leaves.
 module acquisitions
    use abstract_basis, only: basis_type
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use kinds, only: wp
    use linear_algebra, only: add_gram, dot, multiply
    use sequential_design, only: condition_on, design_type, quadratic_forms, tie
@@ -44,7 +44,7 @@ contains
       case ('relative_variance', 'log_modulus')
          allocate (rule, source=acquisition_type(relative=.true.))
       case default
-         call raise(error, 'variance_of: '''//name//''' is unknown; allowed: '//acquisition_names, exit_bad_input)
+         call refuse(error, 'variance_of: '''//name//''' is unknown; allowed: '//acquisition_names)
       end select
    end subroutine new_acquisition
 

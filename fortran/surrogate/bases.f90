@@ -2,7 +2,7 @@
 module bases
    use abstract_basis, only: basis_type
    use correction_basis, only: correction_basis_type
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use labelled_values, only: labelled_values_type
    use named_values, only: named_values_type
    use paper_basis, only: paper_basis_type
@@ -43,7 +43,7 @@ contains
       case ('paper')
          allocate (paper_basis_type :: basis)
       case default
-         call raise(error, 'the model '''//model//''' is unknown; allowed: '//basis_names//', halfspace', exit_bad_input)
+         call refuse(error, 'the model '''//model//''' is unknown; allowed: '//basis_names//', halfspace')
          return
       end select
       basis%settings%model = model

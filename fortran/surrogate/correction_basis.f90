@@ -20,7 +20,7 @@ module correction_basis
    use compliance_field, only: field_moduli, field_type, modulus_expansion_type, new_field, new_modulus_expansion
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: log_anisotropy, rotation_matrix
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: wp
    use labelled_values, only: labelled_values_type
@@ -195,10 +195,9 @@ contains
       self%logarithmic = .true.
       if (self%settings%model == 'halfspace') return
       associate (domain => self%domain, degree => self%settings%degree)
-         if (degree < 1 .or. degree > greatest_degree) then
-            call raise(error, 'degree = '//to_text(degree)//' is outside 1 .. '//to_text(greatest_degree), exit_bad_input)
-            return
-         end if
+         if (degree < 1 .or. degree > greatest_degree) call refuse(error, 'degree = '//to_text(degree)//' is outside 1 .. ' &
+            & //to_text(greatest_degree))
+         if (allocated(error)) return
          if (domain%has_scale()) then
             ! The trace of log K over sqrt 6 is sqrt 6 times the logarithm of the geometric mean of the eigenvalues.
             self%polynomials = new_axial_polynomials(degree, sqrt(6.0_wp)*0.5_wp*sum(log(domain%stiffness)))

@@ -6,7 +6,7 @@
 module paper_basis
    use abstract_basis, only: basis_type, grain_model_type
    use crystal_class, only: crystal_class_type
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, raise, refuse
    use kinds, only: wp
    use labelled_values, only: labelled_values_type
    use legendre_products, only: count_products, covariance_polynomial, evaluate_products, legendre_products_type, &
@@ -65,24 +65,22 @@ contains
       n = self%domain%class%n_constants
       associate (truncation => self%settings%truncation, degree => self%settings%degree, bandlimit => self%settings%bandlimit)
          if (size(self%domain%lower) /= n) then
-            call raise(error, 'the paper''s model needs bounds of all constants', exit_bad_input)
+            call refuse(error, 'the paper''s model needs bounds of all constants')
          else if (truncation /= 'tensor' .and. truncation /= 'total') then
-            call raise(error, 'truncation: '''//truncation//''' is unknown; allowed: '//truncation_names, exit_bad_input)
+            call refuse(error, 'truncation: '''//truncation//''' is unknown; allowed: '//truncation_names)
          else if (degree < 0 .or. degree > largest_degree) then
-            call raise(error, 'degree = '//to_text(degree)//' is outside 0 .. '//to_text(largest_degree), exit_bad_input)
+            call refuse(error, 'degree = '//to_text(degree)//' is outside 0 .. '//to_text(largest_degree))
          else if (bandlimit < 0 .or. bandlimit > largest_bandlimit .or. mod(bandlimit, 2) /= 0) then
-            call raise(error, 'bandlimit = '//to_text(bandlimit)//' is not an even number in 0 .. ' &
-               & //to_text(largest_bandlimit), exit_bad_input)
+            call refuse(error, 'bandlimit = '//to_text(bandlimit)//' is not an even number in 0 .. ' &
+               & //to_text(largest_bandlimit))
          else
             call new_harmonics(self%domain%class%generators, bandlimit, self%harmonics, error)
          end if
          if (allocated(error)) return
          terms = self%harmonics%n*count_products(n, degree, truncation == 'total')
-         if (terms > most_terms) then
-            call raise(error, 'degree = '//to_text(degree)//' and bandlimit = '//to_text(bandlimit)//' make '//to_text(terms, 4) &
-               & //' terms; at most '//to_text(nint(most_terms))//' are possible', exit_bad_input)
-            return
-         end if
+         if (terms > most_terms) call refuse(error, 'degree = '//to_text(degree)//' and bandlimit = ' &
+            & //to_text(bandlimit)//' make '//to_text(terms, 4)//' terms; at most '//to_text(nint(most_terms))//' are possible')
+         if (allocated(error)) return
          self%polynomials = new_legendre_products(n, degree, truncation == 'total')
       end associate
       self%n_terms = nint(terms)
@@ -136,11 +134,9 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(paper_grain_model_type), allocatable :: new
 
+      if (class%name /= self%domain%class%name) call raise(error, 'this basis has no model of '//class%name//' grains')
+      if (allocated(error)) return
       allocate (new)
-      if (class%name /= self%domain%class%name) then
-         call raise(error, 'this basis has no model of '//class%name//' grains')
-         return
-      end if
       new%domain = self%domain
       new%harmonics = self%harmonics
       new%polynomials = self%polynomials

@@ -2,7 +2,7 @@
 module surrogate_domain
    use crystal_class, only: crystal_class_type, new_crystal_class
    use crystal_elasticity, only: anisotropy_index, is_stable, logarithmic_mean
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use kinds, only: pi, wp
    use labelled_values, only: labelled_values_type
    use logarithmic_coordinates, only: log_coordinates_type, log_frame_type, new_log_coordinates
@@ -51,31 +51,30 @@ contains
          call new_crystal_class(trim(names(i)), member, error)
          if (allocated(error)) return
          if (domain%class%includes(member)) cycle
-         call raise(error, trim(names(i))//' crystals are no '//domain%class%name//' ones', exit_bad_input)
+         call refuse(error, trim(names(i))//' crystals are no '//domain%class%name//' ones')
          return
       end do
       associate (n => domain%class%n_constants, lower => domain%lower, upper => domain%upper, poisson => domain%poisson, &
          & stiffness => domain%stiffness)
-         if (.not. any(size(lower) == [0, n]) .or. size(upper) /= size(lower)) then
-            call raise(error, 'the domain of '//domain%class%name//' crystals has bounds for each of '//to_text(n) &
-               & //' constants, not '//to_text(size(lower))//' and '//to_text(size(upper)), exit_bad_input)
-            return
-         end if
+         if (.not. any(size(lower) == [0, n]) .or. size(upper) /= size(lower)) call refuse(error, 'the domain of ' &
+            & //domain%class%name//' crystals has bounds for each of '//to_text(n)//' constants, not '//to_text(size(lower)) &
+            & //' and '//to_text(size(upper)))
+         if (allocated(error)) return
          i = findloc(upper - lower > 0.0_wp .and. upper - lower < huge(1.0_wp), .false., 1)
          if (i > 0) then
-            call raise(error, 'the bounds of '//domain%class%constants(i)//' are '//to_text(lower(i))//' and ' &
-               & //to_text(upper(i))//' GPa; the lower must be below the upper', exit_bad_input)
+            call refuse(error, 'the bounds of '//domain%class%constants(i)//' are '//to_text(lower(i))//' and ' &
+               & //to_text(upper(i))//' GPa; the lower must be below the upper')
          else if (.not. (domain%anisotropy_cap > 0.0_wp .and. domain%anisotropy_cap <= huge(1.0_wp))) then
-            call raise(error, 'anisotropy_cap = '//to_text(domain%anisotropy_cap)//' must be positive', exit_bad_input)
+            call refuse(error, 'anisotropy_cap = '//to_text(domain%anisotropy_cap)//' must be positive')
          else if (.not. (domain%log_anisotropy_max > 0.0_wp)) then
-            call raise(error, 'log_anisotropy_max = '//to_text(domain%log_anisotropy_max)//' must be positive', exit_bad_input)
+            call refuse(error, 'log_anisotropy_max = '//to_text(domain%log_anisotropy_max)//' must be positive')
          else if (size(lower) == 0 .and. .not. (poisson(1) > -1.0_wp .and. poisson(1) < poisson(2) .and. poisson(2) < 0.5_wp)) then
-            call raise(error, 'Poisson''s ratios from '//to_text(poisson(1))//' to '//to_text(poisson(2)) &
-               & //' are no range within -1 .. 0.5', exit_bad_input)
+            call refuse(error, 'Poisson''s ratios from '//to_text(poisson(1))//' to '//to_text(poisson(2)) &
+               & //' are no range within -1 .. 0.5')
          else if (.not. (merge(stiffness(1) > 0.0_wp, stiffness(1) <= 0.0_wp, domain%has_scale()) &
             & .and. stiffness(1) < stiffness(2))) then
-            call raise(error, 'stiffnesses from '//to_text(stiffness(1))//' to '//to_text(stiffness(2))//' GPa are no range; the ' &
-               & //'least must be positive and below the greatest', exit_bad_input)
+            call refuse(error, 'stiffnesses from '//to_text(stiffness(1))//' to '//to_text(stiffness(2)) &
+               & //' GPa are no range; the least must be positive and below the greatest')
          end if
       end associate
    end subroutine complete_domain
@@ -238,8 +237,8 @@ contains
          end do
          points_needed = ceiling(min(4.0_wp*points_needed, 1.02_wp*points_needed*n/max(1, n_kept) + 8.0_wp))
       end do
-      call raise(error, 'the domain holds (almost) no stable crystal below its anisotropy cap of ' &
-         & //to_text(domain%anisotropy_cap), exit_bad_input)
+      call refuse(error, 'the domain holds (almost) no stable crystal below its anisotropy cap of ' &
+         & //to_text(domain%anisotropy_cap))
    end subroutine spread_in_box
 
    !> Crystals whose log(3K/2G) and log-anisotropy are spread as the first two rows of `unit` (5 or 6, n) over the unit square, anisotropic

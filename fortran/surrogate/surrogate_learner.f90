@@ -5,7 +5,7 @@
 module surrogate_learner
    use abstract_basis, only: basis_type, spread_of
    use acquisitions, only: acquisition_type, new_acquisition
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, leave_groups_out, maximise_evidence, &
       & new_regression, scale_columns
    use kinds, only: degree, wp
@@ -94,15 +94,13 @@ contains
       real(wp), allocatable :: terms(:, :), scale(:), spread(:)
       integer :: i
 
-      if (.not. (all(modulus > 0.0_wp) .and. all(modulus < huge(1.0_wp)))) then
-         call raise(error, 'a simulated modulus is not positive and finite', exit_bad_input)
-         return
-      end if
       call learner%basis%evaluate_crystals(constants, euler_deg, terms, scale, spread)
-      if (.not. all(abs(terms) < huge(1.0_wp))) then
-         call raise(error, 'a training crystal is elastically unstable', exit_bad_input)
-         return
+      if (.not. (all(modulus > 0.0_wp) .and. all(modulus < huge(1.0_wp)))) then
+         call refuse(error, 'a simulated modulus is not positive and finite')
+      else if (.not. all(abs(terms) < huge(1.0_wp))) then
+         call refuse(error, 'a training crystal is elastically unstable')
       end if
+      if (allocated(error)) return
       associate (regression => learner%design%regression)
          call add_data(regression, terms, learner%basis%to_y(modulus, scale, spread))
          if (.not. chosen) then
@@ -177,10 +175,8 @@ contains
       integer :: n
 
       n = size(learner%simulations%modulus)
-      if (n < 2) then
-         call raise(error, 'there are '//to_text(n)//' training simulations; at least 2 are needed', exit_bad_input)
-         return
-      end if
+      if (n < 2) call refuse(error, 'there are '//to_text(n)//' training simulations; at least 2 are needed')
+      if (allocated(error)) return
       allocate (surrogate%basis, source=learner%basis)
       associate (regression => learner%design%regression)
          surrogate%alpha = regression%alpha

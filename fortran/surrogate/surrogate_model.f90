@@ -11,7 +11,7 @@ module surrogate_model
    use bases, only: allocate_basis, new_basis
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
    use crystal_elasticity, only: check_stiffness, is_stable
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, raise, refuse
    use evidence_regression, only: factored_forms
    use files, only: file_exists, is_folder, printable, read_text_file, replace_file, resolve_path
    use kinds, only: wp
@@ -109,8 +109,8 @@ contains
       !$omp end parallel do
       if (first < huge(first)) then
          call check_stiffness(stiffness(:, :, first), error)
-         if (.not. allocated(error)) call raise(error, 'the stiffness is not that of a '//surrogate%basis%domain%class%name &
-            & //' crystal in its axes, for which the surrogate is', exit_bad_input)
+         if (.not. allocated(error)) call refuse(error, 'the stiffness is not that of a '//surrogate%basis%domain%class%name &
+            & //' crystal in its axes, for which the surrogate is')
          error%message = 'crystal '//to_text(first)//': '//error%message
          return
       end if
@@ -197,11 +197,11 @@ contains
       if (allocated(error)) then
          error%message = path//': '//error%message
       else if (.not. is_surrogate(path)) then
-         call raise(error, path//': is not a surrogate of bayesindent', exit_bad_input)
+         call refuse(error, path//': is not a surrogate of bayesindent')
       else
          call exchange_surrogate(surrogate, file)
          call file%finish()
-         if (allocated(file%error)) call raise(error, path//': the surrogate is damaged: '//file%error%message, exit_bad_input)
+         if (allocated(file%error)) call refuse(error, path//': the surrogate is damaged: '//file%error%message)
          surrogate%checksum = last_word(file%content)
       end if
    end subroutine load_surrogate
@@ -220,10 +220,10 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       if (is_folder(path)) then
-         call raise(error, path//': is a folder; the surrogate is a file', exit_bad_input)
+         call refuse(error, path//': is a folder; the surrogate is a file')
       else if (file_exists(path)) then
-         if (.not. is_surrogate(path)) call raise(error, path//': is there and is not a surrogate, so it is not replaced; ' &
-            & //'give the surrogate another name', exit_bad_input)
+         if (.not. is_surrogate(path)) call refuse(error, path//': is there and is not a surrogate, so it is not replaced; ' &
+            & //'give the surrogate another name')
       end if
    end subroutine check_replaceable
 
@@ -341,17 +341,14 @@ contains
       integer :: i, j, n
 
       n = surrogate%basis%n_terms
-      if (.not. (surrogate%alpha > 0.0_wp .and. surrogate%beta > 0.0_wp .and. surrogate%decay_rate > 0.0_wp)) then
-         call raise(error, 'alpha = '//to_text(surrogate%alpha)//', beta = '//to_text(surrogate%beta)//' and fall = ' &
-            & //to_text(surrogate%decay_rate)//' must be positive', exit_bad_input)
-         return
-      end if
       sd = [(surrogate%covariance(i, i), i=1, n)]
-      if (.not. all(sd > 0.0_wp)) then
-         call raise(error, 'the variance of coefficient '//to_text(findloc(sd > 0.0_wp, .false., dim=1))//' is not positive', &
-            & exit_bad_input)
-         return
+      if (.not. (surrogate%alpha > 0.0_wp .and. surrogate%beta > 0.0_wp .and. surrogate%decay_rate > 0.0_wp)) then
+         call refuse(error, 'alpha = '//to_text(surrogate%alpha)//', beta = '//to_text(surrogate%beta)//' and fall = ' &
+            & //to_text(surrogate%decay_rate)//' must be positive')
+      else if (.not. all(sd > 0.0_wp)) then
+         call refuse(error, 'the variance of coefficient '//to_text(findloc(sd > 0.0_wp, .false., dim=1))//' is not positive')
       end if
+      if (allocated(error)) return
       sd = sqrt(sd)
       allocate (correlation(n, n))
       do j = 1, n
@@ -378,8 +375,8 @@ contains
       if (file_exists(path)) return
       path = places%data_folder//name//extension
       if (index(', '//places%shipped//',', ', '//name//',') > 0 .and. file_exists(path)) return
-      call raise(error, ''''//printable(name)//''': there is no such surrogate; run build first, or state a file in the ' &
-         & //'output folder or beside the namelist, '//theory_name//', '//places%shipped, exit_bad_input)
+      call refuse(error, ''''//printable(name)//''': there is no such surrogate; run build first, or state a file in the ' &
+         & //'output folder or beside the namelist, '//theory_name//', '//places%shipped)
    end subroutine find_surrogate
 
    !> Load a surrogate of crystals of a class.
@@ -404,8 +401,7 @@ contains
       call new_crystal_class(class, wanted, error)
       if (allocated(error)) return
       associate (own => surrogate%basis%domain%class)
-         if (.not. own%includes(wanted)) call raise(error, path//' is for '//own%name//' crystals, not '//wanted%name//' ones', &
-            & exit_bad_input)
+         if (.not. own%includes(wanted)) call refuse(error, path//' is for '//own%name//' crystals, not '//wanted%name//' ones')
       end associate
    end subroutine load_named_surrogate
 
@@ -419,9 +415,9 @@ contains
 
       stem = len(name) - len(extension)
       if (index(name, '/') > 0) then
-         call raise(error, ''''//printable(name)//''': a new surrogate is kept in the output folder'//allowed, exit_bad_input)
+         call refuse(error, ''''//printable(name)//''': a new surrogate is kept in the output folder'//allowed)
       else if (index(name, extension, back=.true.) /= stem + 1 .or. stem < 1) then
-         call raise(error, ''''//printable(name)//''' is no name of a new surrogate'//allowed, exit_bad_input)
+         call refuse(error, ''''//printable(name)//''' is no name of a new surrogate'//allowed)
       end if
    end subroutine check_new_name
 

@@ -3,7 +3,7 @@
 module point_tables
    use files, only: hash_of
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
-   use crystal_elasticity, only: check_stiffness, rotation_matrix
+   use crystal_elasticity, only: check_stiffness, path_type, rayleigh, rotation_matrix
    use errors, only: error_type, refuse
    use kinds, only: degree, i8, nan, pi, wp
    use statistics, only: number_equal
@@ -32,11 +32,11 @@ module point_tables
       !> Bunge-Euler angles, degrees, (3, n); whether the table has them, or only the indented direction of each.
       real(wp), allocatable :: euler_deg(:, :)
       logical :: has_angles = .true.
-      !> Direction of propagation of surface waves, from sample x, degrees, (n), NaN of moduli; unallocated: there are no waves.
-      real(wp), allocatable :: propagation_deg(:)
-      !> Of measurements with speeds, the last rows: how many are moduli, the names of the others, and how many were left out.
-      integer :: n_moduli = 0, omitted = 0
-      character(len=longest_name), allocatable :: wave_names(:)
+      !> Of the waves, which among measurements are the last rows; and how many of these were left out.
+      type(path_type), allocatable :: paths(:)
+      integer :: omitted = 0
+      !> Of the rows of several tables, (n).
+      character(len=longest_name), allocatable :: names(:)
       !> Moduli, or speeds, and their sds, GPa, or m/s, (n).
       real(wp), allocatable :: modulus_gpa(:), sd_gpa(:)
       !> Of measurements: which modulus was measured.
@@ -68,7 +68,8 @@ contains
       type(crystal_class_type), intent(in) :: default_class
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
-      integer :: column
+      real(wp), allocatable :: along(:)
+      integer :: column, i
 
       call read_table(path, points%table, error)
       if (.not. allocated(error)) call read_angles(points, .false., error)
@@ -77,8 +78,8 @@ contains
       if (.not. allocated(error)) call read_column(points%table, trim(merge('modulus_gpa            ', 'indentation_modulus_gpa', &
          & column > 0)), .true., points%modulus_gpa, error)
       if (.not. allocated(error)) call find_column(points%table, 'propagation_deg', column, error)
-      if (.not. allocated(error) .and. column > 0) call read_column(points%table, 'propagation_deg', .false., &
-         & points%propagation_deg, error)
+      call read_column(points%table, 'propagation_deg', column == 0, along, error)
+      if (.not. allocated(error) .and. column > 0) points%paths = [(path_type(rayleigh, along(i)), i=1, points%n)]
       if (allocated(error)) error%message = prefix//error%message
    end subroutine read_crystals
 
@@ -89,8 +90,8 @@ contains
       integer, intent(in) :: i
       character(len=:), allocatable :: name
 
-      if (allocated(self%wave_names) .and. i > self%n_moduli) then
-         name = trim(self%wave_names(i - self%n_moduli))
+      if (allocated(self%names)) then
+         name = trim(self%names(i))
       else if (self%named_by > 0) then
          name = self%table%cell(self%named_by, self%row(i))
       else
@@ -237,7 +238,7 @@ contains
 
       points%n = points%table%rows
       points%row = [(i, i=1, points%n)]
-      allocate (points%euler_deg(3, points%n))
+      allocate (points%euler_deg(3, points%n), points%paths(points%n))
       allocate (points%modulus_gpa(points%n), points%sd_gpa(points%n), source=nan)
    end subroutine set_size
 

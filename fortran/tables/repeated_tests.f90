@@ -116,6 +116,7 @@ contains
          points%grain_radius_um = means_of(points%grain_radius_um)
          points%n = size(kept)
          points%euler_deg = points%euler_deg(:, kept)
+         points%paths = points%paths(kept)
          points%group = points%group(kept)
          points%row = kept
          points%modulus_gpa = modulus(kept)

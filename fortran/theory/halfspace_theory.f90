@@ -18,7 +18,7 @@ module halfspace_theory
    use text, only: to_text
    implicit none
    private
-   public :: halfspace_type, halfspace_modulus, halfspace_moduli, lanes, tolerance, contraction_maps, inverse_barnett, &
+   public :: halfspace_type, halfspace_modulus, halfspace_moduli, lanes, contraction_maps, inverse_barnett, &
       & plane_products, double_angles, invert, multiply, multiply_transposed, transposed
 
    !> What the theory says of one crystal under the indenter.
@@ -44,16 +44,16 @@ module halfspace_theory
    real(wp), parameter :: sines(finest) = [(sin(pi*(k/real(lanes, wp))), k=0, lanes - 1), &
       & (sin(pi*((k + 0.5_wp)/2**int(log(k + 0.5_wp)/log(2.0_wp)) - 1.0_wp)), k=lanes, finest - 1)]
    !> Of 2 theta.
-   real(wp), parameter :: cosine(finest) = [(cos(2.0_wp*(pi*(k/real(lanes, wp)))), k=0, lanes - 1), &
-      & (cos(2.0_wp*(pi*((k + 0.5_wp)/2**int(log(k + 0.5_wp)/log(2.0_wp)) - 1.0_wp))), k=lanes, finest - 1)]
-   real(wp), parameter :: sine(finest) = [(sin(2.0_wp*(pi*(k/real(lanes, wp)))), k=0, lanes - 1), &
-      & (sin(2.0_wp*(pi*((k + 0.5_wp)/2**int(log(k + 0.5_wp)/log(2.0_wp)) - 1.0_wp))), k=lanes, finest - 1)]
+   real(wp), parameter :: cosine(finest) = 2.0_wp*cosines**2 - 1.0_wp, sine(finest) = 2.0_wp*sines*cosines
 
-   !> Relative change on doubling the angles below which the finer grid is accepted. The rule converges exponentially on these
-   !> periodic integrands, so that the error left is about the square of the change.
+   !> Relative change of the modulus on doubling the directions below which the finer grid is accepted. The rule converges exponentially on
+   !> these periodic integrands, so that the error left is about the square of the change.
    real(wp), parameter :: tolerance = 2.0e-5_wp
-   !> Doublings before the first result, and the most.
-   integer, parameter :: first_doublings = 3, most_doublings = 14
+   !> The same of A on doubling the angles; and doublings at most.
+   real(wp), parameter :: close = 4.0e-5_wp
+   integer, parameter :: most_doublings = 14
+   !> Of the components 11, 22, 33, 23, 13, 12.
+   integer, parameter :: first(6) = [1, 2, 3, 2, 1, 1], second(6) = [1, 2, 3, 3, 3, 2]
    !> Places of the elements of a transposed matrix, by columns.
    integer, parameter :: transposed(9) = [1, 4, 7, 2, 5, 8, 3, 6, 9]
 
@@ -64,17 +64,17 @@ contains
       real(wp), intent(in) :: c(6, 6), euler(3)
       type(halfspace_type), intent(out) :: result
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: one(9, 9), both(6, 6), h(finest), shape(2), change
+      real(wp) :: turned(6, 6), h(finest), shape(2), change
       integer :: done, n
 
       call check_stiffness(c, error)
       if (allocated(error)) return
-      call contraction_maps(rotate_stiffness(c, rotation_matrix(euler)), one, both)
+      turned = rotate_stiffness(c, rotation_matrix(euler))
       done = 0
       shape = 0.0_wp
       n = coarsest
       do while (n <= finest)
-         call extend_grid(one, both, done, h(:n))
+         call extend_grid(turned, done, h(:n))
          done = n
          call fit_contact_ellipse(h(:n), shape, result, change)
          if (change <= tolerance .and. tail(h(:n)) <= allowed_tail) return
@@ -113,26 +113,31 @@ contains
 
    !> h(theta) of u_z = h/r for a unit normal point force, 1/GPa, in the directions after the first `done`; theta is counted from sample x
    !> in the surface.
-   pure subroutine extend_grid(one, both, done, h)
-      real(wp), intent(in) :: one(9, 9), both(6, 6)
+   pure subroutine extend_grid(c, done, h)
+      !> In axes of the sample.
+      real(wp), intent(in) :: c(6, 6)
       integer, intent(in) :: done
       real(wp), intent(inout) :: h(:)
-      real(wp) :: c(lanes), s(lanes), mm(lanes, 6), mn(lanes, 9), nn(lanes, 6), f(lanes, 6)
-      integer :: first, i
+      real(wp) :: x(lanes), y(lanes), mm(lanes, 6), mn(lanes, 9), nn(lanes, 6), f(lanes, 6)
+      integer :: block, i, j
 
-      do first = done, size(h) - lanes, lanes
-         c = cosines(first + 1:first + lanes)
-         s = sines(first + 1:first + lanes)
-         ! m = (sin theta, -cos theta, 0) and n = z are perpendicular to t.
-         do i = 1, 9
-            mn(:, i) = s*one(3, i) - c*one(6, i)
+      do block = done, size(h) - lanes, lanes
+         ! m = (x, y, 0) and n = z are perpendicular to t.
+         x = sines(block + 1:block + lanes)
+         y = -cosines(block + 1:block + lanes)
+         do j = 1, 3
+            do i = 1, 3
+               mn(:, i + 3*(j - 1)) = x*c(voigt_index(1, i), voigt_index(j, 3)) + y*c(voigt_index(2, i), voigt_index(j, 3))
+            end do
          end do
          do i = 1, 6
-            mm(:, i) = s**2*both(1, i) - s*c*both(6, i) + c**2*both(2, i)
-            nn(:, i) = both(3, i)
+            associate (one => voigt_index(:, first(i)), other => voigt_index(:, second(i)))
+               mm(:, i) = x**2*c(one(1), other(1)) + x*y*(c(one(1), other(2)) + c(one(2), other(1))) + y**2*c(one(2), other(2))
+               nn(:, i) = c(one(3), other(3))
+            end associate
          end do
          call inverse_barnett(mm, mn, nn, f)
-         h(first + 1:first + lanes) = f(:, 3)
+         h(block + 1:block + lanes) = f(:, 3)
       end do
    end subroutine extend_grid
 
@@ -140,10 +145,18 @@ contains
    !> with the cube of exp(2 i theta) any symmetry of the surface about its normal has that harmonic.
    pure real(wp) function tail(h)
       real(wp), intent(in), contiguous :: h(:)
+      real(wp) :: c(size(h)), s(size(h))
       integer :: n
 
       n = size(h)
-      tail = 2.0_wp*abs(sum(h*cmplx(cosine(:n), sine(:n), wp)**(3*n/8)))/sum(h)
+      c = cosine(:n)*(4.0_wp*cosine(:n)**2 - 3.0_wp)
+      s = sine(:n)*(3.0_wp - 4.0_wp*sine(:n)**2)
+      do while (n > 8)
+         s = 2.0_wp*s*c
+         c = 2.0_wp*c**2 - 1.0_wp
+         n = n/2
+      end do
+      tail = 2.0_wp*sqrt(sum(h*c)**2 + sum(h*s)**2)/sum(h)
    end function tail
 
    !> Minimise the convex compliance over the shape (a, b) of the contact ellipse by Newton's method.
@@ -156,13 +169,15 @@ contains
       !> Of the modulus on leaving the second half out, relative.
       real(wp), intent(out) :: change
       !> Steps of less leave an error of the order of their square, and of its square in the modulus.
-      real(wp), parameter :: smallest = 1.0e-5_wp
+      real(wp), parameter :: smallest = 1.0e-3_wp
       !> Shapes and steps for which Newton's method needs no watching.
       real(wp), parameter :: safe_shape = 0.7_wp, safe_step = 0.1_wp
       real(wp) :: step(2), gradient(2), hessian(3), value, half, determinant, length
       integer :: n, iteration
 
       n = size(h)
+      ! The quadratic expansion about a circle.
+      if (.not. any(abs(shape) > 0.0_wp)) shape = 4.0_wp/3.0_wp*[sum(h*cosine(:n)), sum(h*sine(:n))]/sum(h)
       do iteration = 1, 50
          call differentiate(h, shape, gradient, hessian)
          determinant = hessian(1)*hessian(3) - hessian(2)**2
@@ -239,7 +254,6 @@ contains
       real(wp), intent(out) :: one(9, 9)
       !> From a_k a_l to (aa), both by the components 11, 22, 33, 23, 13, 12.
       real(wp), intent(out) :: both(6, 6)
-      integer, parameter :: first(6) = [1, 2, 3, 2, 1, 1], second(6) = [1, 2, 3, 3, 3, 2]
       integer :: i, j, k, l
 
       do concurrent(i=1:3, j=1:3, k=1:3, l=1:3)
@@ -269,26 +283,25 @@ contains
       real(wp), intent(in) :: mm(lanes, 6), mn(lanes, 9), nn(lanes, 6)
       !> Those of B^-1/(8 pi^2) in the axes of the contractions.
       real(wp), intent(out) :: f(lanes, 6)
-      real(wp) :: a(lanes, 9), d(lanes, 6), e(lanes, 6), x(lanes, 9), before(lanes, 3), change
+      real(wp) :: a(lanes, 9), d(lanes, 6), e(lanes, 6), t(lanes, 6), x(lanes, 9), change
       integer :: k
 
-      ! A = -(nn)^-1 (nm), D, and E = (mn)(nn)^-1 (nm) - (mm).
+      ! The mean of N over two angles, m, n and n, -m.
       x = mn(:, transposed)
       call invert(nn, d)
       call multiply(d, x, a)
       call multiply_transposed(a, x, e)
-      a = -a
-      e = e - mm
-      do k = 1, first_doublings
+      call invert(mm, t)
+      call multiply(t, mn, x)
+      call multiply_transposed(x, mn, f)
+      a = 0.5_wp*(x - a)
+      d = 0.5_wp*(d + t)
+      e = 0.5_wp*(e + f - mm - nn)
+      do k = 1, most_doublings
          call double_angles(a, d, e, change)
+         if (change <= close) exit
       end do
       call invert(e, f)
-      do k = first_doublings + 1, most_doublings
-         before = f(:, 1:3)
-         call double_angles(a, d, e, change)
-         call invert(e, f)
-         if (change <= tolerance .and. all(abs(f(:, 1:3) - before) <= -tolerance*f(:, 1:3))) exit
-      end do
       f = f*(-0.5_wp/pi)
    end subroutine inverse_barnett
 
@@ -298,28 +311,99 @@ contains
       real(wp), intent(inout) :: a(lanes, 9), d(lanes, 6), e(lanes, 6)
       !> The largest of the elements of A, which have no unit.
       real(wp), intent(out) :: change
-      real(wp) :: inverse(lanes, 6), s(lanes, 6), t(lanes, 6), k(lanes, 9), w(lanes, 9)
-      integer :: i, j
+      real(wp) :: p1, p2, p3, p4, p5, p6, k11, k21, k31, k12, k22, k32, k13, k23, k33, s1, s2, s3, s4, s5, s6, t1, t2, t3, t4, t5, &
+         & t6, w11, w21, w31, w12, w22, w32, w13, w23, w33, scale
+      integer :: i
 
       ! K = D^-1 A, S = E - A^T K, and its inverse T, the upper right block of F^-1; W = T K^T: F^-1 = [-W, T; D^-1 + W^T K^T, -W^T].
-      call invert(d, inverse)
-      call multiply(inverse, a, k)
-      call multiply_transposed(a, k, s)
-      call invert(e - s, t)
-      k = k(:, transposed)
-      call multiply(t, k, w)
-      call multiply_transposed(w, k, s)
+      ! As scalars they are in registers.
       change = 0.0_wp
-      !$omp simd collapse(2) reduction(max: change)
-      do j = 1, 9
-         do i = 1, lanes
-            change = max(change, abs(w(i, j) - a(i, j)))
-         end do
+      !$omp simd simdlen(8) reduction(max: change)
+      do i = 1, lanes
+         p1 = d(i, 2)*d(i, 3) - d(i, 4)*d(i, 4)
+         p2 = d(i, 1)*d(i, 3) - d(i, 5)*d(i, 5)
+         p3 = d(i, 1)*d(i, 2) - d(i, 6)*d(i, 6)
+         p4 = d(i, 6)*d(i, 5) - d(i, 1)*d(i, 4)
+         p5 = d(i, 6)*d(i, 4) - d(i, 2)*d(i, 5)
+         p6 = d(i, 4)*d(i, 5) - d(i, 6)*d(i, 3)
+         scale = 1.0_wp/(d(i, 1)*p1 + d(i, 6)*p6 + d(i, 5)*p5)
+         p1 = p1*scale
+         p2 = p2*scale
+         p3 = p3*scale
+         p4 = p4*scale
+         p5 = p5*scale
+         p6 = p6*scale
+         k11 = p1*a(i, 1) + p6*a(i, 2) + p5*a(i, 3)
+         k21 = p6*a(i, 1) + p2*a(i, 2) + p4*a(i, 3)
+         k31 = p5*a(i, 1) + p4*a(i, 2) + p3*a(i, 3)
+         k12 = p1*a(i, 4) + p6*a(i, 5) + p5*a(i, 6)
+         k22 = p6*a(i, 4) + p2*a(i, 5) + p4*a(i, 6)
+         k32 = p5*a(i, 4) + p4*a(i, 5) + p3*a(i, 6)
+         k13 = p1*a(i, 7) + p6*a(i, 8) + p5*a(i, 9)
+         k23 = p6*a(i, 7) + p2*a(i, 8) + p4*a(i, 9)
+         k33 = p5*a(i, 7) + p4*a(i, 8) + p3*a(i, 9)
+         s1 = e(i, 1) - (a(i, 1)*k11 + a(i, 2)*k21 + a(i, 3)*k31)
+         s2 = e(i, 2) - (a(i, 4)*k12 + a(i, 5)*k22 + a(i, 6)*k32)
+         s3 = e(i, 3) - (a(i, 7)*k13 + a(i, 8)*k23 + a(i, 9)*k33)
+         s4 = e(i, 4) - (a(i, 4)*k13 + a(i, 5)*k23 + a(i, 6)*k33)
+         s5 = e(i, 5) - (a(i, 1)*k13 + a(i, 2)*k23 + a(i, 3)*k33)
+         s6 = e(i, 6) - (a(i, 1)*k12 + a(i, 2)*k22 + a(i, 3)*k32)
+         t1 = s2*s3 - s4*s4
+         t2 = s1*s3 - s5*s5
+         t3 = s1*s2 - s6*s6
+         t4 = s6*s5 - s1*s4
+         t5 = s6*s4 - s2*s5
+         t6 = s4*s5 - s6*s3
+         scale = 0.5_wp/(s1*t1 + s6*t6 + s5*t5)
+         t1 = t1*scale
+         t2 = t2*scale
+         t3 = t3*scale
+         t4 = t4*scale
+         t5 = t5*scale
+         t6 = t6*scale
+         ! Of T and W the halves.
+         w11 = t1*k11 + t6*k12 + t5*k13
+         w21 = t6*k11 + t2*k12 + t4*k13
+         w31 = t5*k11 + t4*k12 + t3*k13
+         w12 = t1*k21 + t6*k22 + t5*k23
+         w22 = t6*k21 + t2*k22 + t4*k23
+         w32 = t5*k21 + t4*k22 + t3*k23
+         w13 = t1*k31 + t6*k32 + t5*k33
+         w23 = t6*k31 + t2*k32 + t4*k33
+         w33 = t5*k31 + t4*k32 + t3*k33
+         d(i, 1) = 0.5_wp*d(i, 1) - t1
+         d(i, 2) = 0.5_wp*d(i, 2) - t2
+         d(i, 3) = 0.5_wp*d(i, 3) - t3
+         d(i, 4) = 0.5_wp*d(i, 4) - t4
+         d(i, 5) = 0.5_wp*d(i, 5) - t5
+         d(i, 6) = 0.5_wp*d(i, 6) - t6
+         e(i, 1) = 0.5_wp*(e(i, 1) - p1) - (w11*k11 + w21*k12 + w31*k13)
+         e(i, 2) = 0.5_wp*(e(i, 2) - p2) - (w12*k21 + w22*k22 + w32*k23)
+         e(i, 3) = 0.5_wp*(e(i, 3) - p3) - (w13*k31 + w23*k32 + w33*k33)
+         e(i, 4) = 0.5_wp*(e(i, 4) - p4) - (w12*k31 + w22*k32 + w32*k33)
+         e(i, 5) = 0.5_wp*(e(i, 5) - p5) - (w11*k31 + w21*k32 + w31*k33)
+         e(i, 6) = 0.5_wp*(e(i, 6) - p6) - (w11*k21 + w21*k22 + w31*k23)
+         w11 = w11 - 0.5_wp*a(i, 1)
+         w21 = w21 - 0.5_wp*a(i, 2)
+         w31 = w31 - 0.5_wp*a(i, 3)
+         w12 = w12 - 0.5_wp*a(i, 4)
+         w22 = w22 - 0.5_wp*a(i, 5)
+         w32 = w32 - 0.5_wp*a(i, 6)
+         w13 = w13 - 0.5_wp*a(i, 7)
+         w23 = w23 - 0.5_wp*a(i, 8)
+         w33 = w33 - 0.5_wp*a(i, 9)
+         change = max(change, abs(w11), abs(w21), abs(w31), abs(w12), abs(w22), abs(w32), &
+            & abs(w13), abs(w23), abs(w33))
+         a(i, 1) = a(i, 1) + w11
+         a(i, 2) = a(i, 2) + w21
+         a(i, 3) = a(i, 3) + w31
+         a(i, 4) = a(i, 4) + w12
+         a(i, 5) = a(i, 5) + w22
+         a(i, 6) = a(i, 6) + w32
+         a(i, 7) = a(i, 7) + w13
+         a(i, 8) = a(i, 8) + w23
+         a(i, 9) = a(i, 9) + w33
       end do
-      change = 0.5_wp*change
-      a = 0.5_wp*(a + w)
-      d = 0.5_wp*(d - t)
-      e = 0.5_wp*(e - inverse - s)
    end subroutine double_angles
 
    !> Each `inverse` of symmetric matrices `a`, by the components 11, 22, 33, 23, 13, 12.
@@ -359,12 +443,12 @@ contains
       real(wp), intent(in) :: a(lanes, 9), b(lanes, 9)
       real(wp), intent(out) :: product(lanes, 6)
       !> Where the two columns of a component begin.
-      integer, parameter :: first(6) = [0, 3, 6, 3, 0, 0], second(6) = [0, 3, 6, 6, 6, 3]
+      integer, parameter :: one(6) = [0, 3, 6, 3, 0, 0], other(6) = [0, 3, 6, 6, 6, 3]
       integer :: k
 
       do k = 1, 6
-         product(:, k) = a(:, first(k) + 1)*b(:, second(k) + 1) + a(:, first(k) + 2)*b(:, second(k) + 2) &
-            & + a(:, first(k) + 3)*b(:, second(k) + 3)
+         product(:, k) = a(:, one(k) + 1)*b(:, other(k) + 1) + a(:, one(k) + 2)*b(:, other(k) + 2) &
+            & + a(:, one(k) + 3)*b(:, other(k) + 3)
       end do
    end subroutine multiply_transposed
 

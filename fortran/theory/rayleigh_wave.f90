@@ -12,13 +12,12 @@
 !>
 !> "Modulus" of a wave is rho v^2. Of bulk waves it is an eigenvalue of the acoustic (Christoffel) tensor of the direction.
 module rayleigh_wave
-   use crystal_elasticity, only: check_stiffness, rotation_matrix
+   use crystal_elasticity, only: check_stiffness, longitudinal, path_type, rayleigh, rotation_matrix
    use errors, only: error_type
    use halfspace_theory, only: contraction_maps, double_angles, invert, lanes, multiply, multiply_transposed, plane_products, &
       & transposed
    use kinds, only: degree, pi, wp
    use text, only: to_text
-   use velocity_tables, only: wave_kind
    implicit none
    private
    public :: wave_type, surface_type, new_surface, surface_waves, rayleigh_waves, wave_speed
@@ -36,7 +35,7 @@ module rayleigh_wave
    !> `halfspace_theory`, and the normals; crystal axes. The last block is filled up with the last direction.
    type :: surface_type
       integer :: n = 0
-      integer, allocatable, private :: kind(:)
+      integer, allocatable, private :: wave(:)
       real(wp), allocatable, private :: mn(:, :, :), mm(:, :, :), nn(:, :, :), normal(:, :, :)
    end type surface_type
 
@@ -63,15 +62,17 @@ contains
    end function wave_speed
 
    !> The directions of propagation of grains.
-   pure subroutine new_surface(euler, propagation, surface)
-      !> Bunge-Euler angles (3, n); from sample x, in the surface, (n); radians.
-      real(wp), intent(in) :: euler(:, :), propagation(:)
+   pure subroutine new_surface(euler, paths, surface)
+      !> Bunge-Euler angles, radians, (3, n).
+      real(wp), intent(in) :: euler(:, :)
+      !> Of waves, (n).
+      type(path_type), intent(in) :: paths(:)
       type(surface_type), intent(out) :: surface
-      real(wp) :: g(3, 3)
+      real(wp) :: g(3, 3), along(3), angle, tilt
       integer :: blocks, block, lane, i
 
-      surface%n = size(propagation)
-      surface%kind = wave_kind(propagation/(2.0_wp*pi))
+      surface%n = size(paths)
+      surface%wave = paths%wave
       blocks = (surface%n + lanes - 1)/lanes
       allocate (surface%mn(lanes, 9, blocks), surface%mm(lanes, 6, blocks), surface%nn(lanes, 6, blocks), &
          & surface%normal(lanes, 3, blocks))
@@ -80,8 +81,11 @@ contains
             i = min(surface%n, lanes*(block - 1) + lane)
             g = rotation_matrix(euler(:, i))
             surface%normal(lane, :, block) = g(:, 3)
-            call plane_products(cos(propagation(i))*g(:, 1) + sin(propagation(i))*g(:, 2), g(:, 3), surface%mn(lane, :, block), &
-               & surface%mm(lane, :, block), surface%nn(lane, :, block))
+            angle = paths(i)%propagation_deg*degree
+            tilt = paths(i)%inclination_deg*degree
+            along = cos(angle)*g(:, 1) + sin(angle)*g(:, 2)
+            call plane_products(cos(tilt)*along + sin(tilt)*g(:, 3), cos(tilt)*g(:, 3) - sin(tilt)*along, &
+               & surface%mn(lane, :, block), surface%mm(lane, :, block), surface%nn(lane, :, block))
          end do
       end do
    end subroutine new_surface
@@ -95,7 +99,7 @@ contains
       type(wave_type), intent(out) :: waves(:)
       type(wave_type) :: found(lanes)
       real(wp) :: one(9, 9), both(6, 6), mm(lanes, 6), mn(lanes, 9), nn(lanes, 6)
-      integer :: block, first, lane, kind
+      integer :: block, first, lane
 
       call contraction_maps(c(:, :, 1), one, both)
       do block = 1, size(surface%mn, 3)
@@ -111,18 +115,20 @@ contains
          end do
          call find_waves(mm, mn, nn, surface%normal(:, :, block), found)
          do lane = 1, min(lanes, surface%n - first)
-            kind = surface%kind(first + lane)
-            if (kind > 0) found(lane) = wave_type(eigenvalue(merge(mm(lane, :), nn(lane, :), kind <= 3), modulo(kind - 1, 3)), &
-               & huge(1.0_wp), 1.0_wp)
+            associate (wave => surface%wave(first + lane))
+               if (wave > rayleigh) found(lane) = wave_type(eigenvalue(mm(lane, :), wave - longitudinal), huge(1.0_wp), 1.0_wp)
+            end associate
          end do
          waves(first + 1:min(first + lanes, surface%n)) = found(:min(lanes, surface%n - first))
       end do
    end subroutine surface_waves
 
    !> The wave of each of many crystals in one direction; the error is that of the first that has one.
-   subroutine rayleigh_waves(stiffness, euler_deg, propagation_deg, waves, error)
-      !> GPa (6, 6, n), Bunge-Euler angles (3, n) and direction of propagation from sample x (n), degrees.
-      real(wp), intent(in) :: stiffness(:, :, :), euler_deg(:, :), propagation_deg(:)
+   subroutine rayleigh_waves(stiffness, euler_deg, paths, waves, error)
+      !> GPa (6, 6, n), Bunge-Euler angles (3, n), degrees.
+      real(wp), intent(in) :: stiffness(:, :, :), euler_deg(:, :)
+      !> (n).
+      type(path_type), intent(in) :: paths(:)
       !> (n).
       type(wave_type), intent(out) :: waves(:)
       type(error_type), allocatable, intent(out) :: error
@@ -131,12 +137,10 @@ contains
 
       do i = 1, size(waves)
          call check_stiffness(stiffness(:, :, i), error)
-         if (allocated(error)) then
-            error%message = 'crystal '//to_text(i)//': '//error%message
-            return
-         end if
+         if (allocated(error)) error%message = 'crystal '//to_text(i)//': '//error%message
+         if (allocated(error)) return
       end do
-      call new_surface(degree*euler_deg, degree*modulo(propagation_deg, 360.0_wp), surface)
+      call new_surface(degree*euler_deg, paths, surface)
       call surface_waves(surface, stiffness, waves)
    end subroutine rayleigh_waves
 
@@ -273,8 +277,8 @@ contains
       end function least_eigenvalue
    end subroutine bulk_moduli
 
-   !> The greatest (0), the least (1) or the other (2) eigenvalue of a symmetric matrix: twice the deviator's length over sqrt 6 times a
-   !> cosine, from the mean.
+   !> The greatest (0), the least (1) or the other (2) eigenvalue of a symmetric matrix, in the order of `wave_names`: twice the deviator's
+   !> length over sqrt 6 times a cosine, from the mean.
    pure real(wp) function eigenvalue(matrix, which)
       !> 11, 22, 33, 23, 13, 12.
       real(wp), intent(in) :: matrix(6)

@@ -7,6 +7,7 @@ module test_operations
    use abstract_sampler, only: sampler_type
    use acquisitions, only: new_acquisition
    use constants_posterior, only: posterior_type
+   use crystal_elasticity, only: path_type
    use evidence_regression, only: coefficient_covariance, coefficient_mean, compute_posterior, leave_groups_out
    use exchange, only: exchange_type, find_object, register_object, release_object
    use kinds, only: degree, wp
@@ -140,6 +141,7 @@ contains
       type(chains_type) :: chains
       type(random_stream_type) :: stream
       class(grain_model_type), allocatable :: grains
+      type(path_type), allocatable :: paths(:)
       real(wp), pointer :: points(:, :)
       real(wp), allocatable :: factor(:, :)
       integer :: i
@@ -165,9 +167,10 @@ contains
       case ('posterior.moduli')
          ! Indentation moduli (GPa) of any grains, with the surrogate's error drawn given the data, and one plus the calibration error of
          ! each group, drawn likewise.
-         call density%new_grains(degree*x%in%columns('euler_deg', 3), grains, x%error)
+         allocate (paths(size(x%in%columns('euler_deg', 3), 2)))
+         call density%new_grains(degree*x%in%columns('euler_deg', 3), paths, grains, x%error)
          if (allocated(x%error)) return
-         allocate (x%values(size(x%in%columns('euler_deg', 3), 2), size(points, 2)), factor(density%n_groups, size(points, 2)))
+         allocate (x%values(size(paths), size(points, 2)), factor(density%n_groups, size(points, 2)))
          stream = new_random_stream(x%in%integer('seed'), 0)
          do i = 1, size(points, 2)
             call density%draw_moduli(points(:, i), grains, stream, x%values(:, i), factor(:, i))

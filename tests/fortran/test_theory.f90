@@ -2,7 +2,7 @@
 program test_theory
    use compliance_field, only: field_moduli, field_type, new_field
    use crystal_class, only: crystal_class_type, new_crystal_class
-   use crystal_elasticity, only: anisotropy_index, is_stable, log_anisotropy, voigt_index
+   use crystal_elasticity, only: anisotropy_index, is_stable, log_anisotropy, path_type, rayleigh, voigt_index
    use errors, only: error_type
    use halfspace_theory, only: halfspace_modulus, halfspace_type, inverse_barnett, lanes
    use kinds, only: pi, wp
@@ -43,7 +43,7 @@ contains
          c(:, :, i) = class%stiffness([longitudinal(i), longitudinal(i) - 2.0_wp*shear])
       end do
       call rayleigh_waves(c, reshape([0.0_wp, 0.0_wp, 0.0_wp, 10.0_wp, 50.0_wp, 70.0_wp, 200.0_wp, 90.0_wp, 5.0_wp], [3, 3]), &
-         & [0.0_wp, 33.0_wp, 90.0_wp], waves, error)
+         & [path_type(rayleigh), path_type(rayleigh, 33.0_wp), path_type(rayleigh, 90.0_wp)], waves, error)
       call check_success('waves of isotropic solids', error)
       do i = 1, 3
          low = 0.0_wp
@@ -77,12 +77,13 @@ contains
       type(error_type), allocatable :: error
       type(surface_type) :: surface
       type(wave_type) :: wave(1), waves(11), one(1)
-      real(wp) :: euler(3, 11), propagation(11), low, high, x
+      type(path_type) :: paths(11)
+      real(wp) :: euler(3, 11), low, high, x
       integer :: i
 
       call new_crystal_class('cubic', class, error)
       associate (c => class%stiffness([c11, c12, c44]))
-         call rayleigh_waves(reshape(c, [6, 6, 1]), reshape([0.0_wp, 0.0_wp, 0.0_wp], [3, 1]), [0.0_wp], wave, error)
+         call rayleigh_waves(reshape(c, [6, 6, 1]), reshape([0.0_wp, 0.0_wp, 0.0_wp], [3, 1]), [path_type(rayleigh)], wave, error)
          low = 0.0_wp
          high = c44
          do i = 1, 60
@@ -96,11 +97,11 @@ contains
          call check_close('Stoneley''s secular equation', wave(1)%modulus, x, 1.0e-9_wp)
          call check_close('silicon (001)[100], literature 4921 m/s', wave_speed(wave(1)%modulus, 2330.0_wp), 4919.0_wp, 3.0_wp)
          euler = reshape([(0.7_wp*i, i=1, 33)], [3, 11])
-         propagation = [(0.3_wp*i, i=1, 11)]
-         call new_surface(euler, propagation, surface)
+         paths = [(path_type(rayleigh, 20.0_wp*i), i=1, 11)]
+         call new_surface(euler, paths, surface)
          call surface_waves(surface, reshape(c, [6, 6, 1]), waves)
          do i = 1, 11
-            call new_surface(euler(:, i:i), propagation(i:i), surface)
+            call new_surface(euler(:, i:i), paths(i:i), surface)
             call surface_waves(surface, reshape(c, [6, 6, 1]), one)
             call check_close('a direction alone', waves(i)%modulus, one(1)%modulus, 1.0e-12_wp)
          end do

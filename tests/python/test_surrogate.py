@@ -217,7 +217,7 @@ def test_a_handle_that_was_freed_is_an_error_in_words(surrogate):
     handle = learner.handle
     del learner
     for wrong in (handle, surrogate.handle, 0, 10**12):
-        with pytest.raises(bi.InputError, match="does not exist any more|stands for a surrogate, not a learner"):
+        with pytest.raises(bi.InputError, match="does not exist any more|stands for a (surrogate|basis), not a learner"):
             call("learner.update", wrong, exactly=False)
 
 

@@ -68,6 +68,8 @@ def test_a_density_that_is_none_is_refused(density):
 def test_shapes_that_do_not_fit_are_refused():
     with pytest.raises(bi.InputError, match="do not broadcast"):
         bi.rayleigh_velocity(np.eye(6), np.zeros((2, 3)), np.zeros(3), 1.0)
+    with pytest.raises(bi.InputError, match=r"angles \(\) and propagation_deg \(2,\) and density_kg_m3 \(3,\) do not broadcast"):
+        bi.rayleigh_velocity(np.eye(6), np.zeros(3), np.zeros(2), np.ones(3))
     with pytest.raises(bi.InputError, match="positive definite|stable"):
         bi.rayleigh_velocity(-np.eye(6), [0, 0, 0], 0.0, 1.0)
 

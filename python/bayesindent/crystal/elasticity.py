@@ -134,17 +134,19 @@ def angles_of(orientations: Any) -> np.ndarray:
     return np.asarray(orientations, dtype=float)
 
 
-def crystal_rows(stiffness: ArrayLike, euler_deg: ArrayLike) -> tuple[dict[str, np.ndarray], tuple[int, ...]]:
-    """Stiffness (n, 6, 6) in GPa and angles (n, 3) in degrees as the core takes them, and the shape to which the two broadcast."""
+def crystal_rows(stiffness: ArrayLike, euler_deg: ArrayLike, **numbers: ArrayLike) -> tuple[dict[str, np.ndarray], tuple[int, ...]]:
+    """Stiffness (n, 6, 6) in GPa, angles (n, 3) in degrees and other numbers (n, 1) for the core, and the shape to which they broadcast."""
     matrices, angles = oriented_crystals(stiffness, euler_deg)
+    shapes = {"crystals": matrices.shape[:-2], "angles": angles.shape[:-1], **{name: np.shape(values) for name, values in numbers.items()}}
     try:
-        shape = np.broadcast_shapes(matrices.shape[:-2], angles.shape[:-1])
+        shape = np.broadcast_shapes(*shapes.values())
     except ValueError:
-        raise InputError(f"crystals {matrices.shape[:-2]} and angles {angles.shape[:-1]} do not broadcast") from None
+        raise InputError(" and ".join(f"{name} {found}" for name, found in shapes.items()) + " do not broadcast") from None
     if 0 in shape:
         raise InputError("there are no crystals")
+    rows = {name: np.broadcast_to(np.asarray(values, dtype=float), shape).reshape(-1, 1) for name, values in numbers.items()}
     stiffness = np.broadcast_to(matrices, (*shape, 6, 6)).reshape(-1, 6, 6)
-    return {"stiffness": stiffness, "euler_deg": np.broadcast_to(angles, (*shape, 3)).reshape(-1, 3)}, shape
+    return {"stiffness": stiffness, "euler_deg": np.broadcast_to(angles, (*shape, 3)).reshape(-1, 3), **rows}, shape
 
 
 def halfspace_modulus(stiffness: ArrayLike, euler_deg: ArrayLike, *, circular: bool = False, threads: int = 1) -> np.ndarray:
@@ -159,12 +161,8 @@ def halfspace_modulus(stiffness: ArrayLike, euler_deg: ArrayLike, *, circular: b
 
 
 def rayleigh_velocity(stiffness: ArrayLike, euler_deg: ArrayLike, propagation_deg: ArrayLike, density_kg_m3: ArrayLike) -> np.ndarray:
-    """Speed in m/s of the surface (Rayleigh) wave of an anisotropic half-space.
-
-    `stiffness` (..., 6, 6) in GPa, crystal frame; `euler_deg` (..., 3), Bunge-Euler angles in degrees; `propagation_deg` (...), the direction
-    of propagation in the surface, from the sample's x; `density_kg_m3` (...); all broadcast. Raises `InputError` as `halfspace_modulus` does, and for a
-    density that is not positive. Whether the wave is the one that is detected: `rayleigh_modes`.
-    """
+    """Speed in m/s of the surface (Rayleigh) wave of an anisotropic half-space; `rayleigh_modes` says whether the wave is detected. `stiffness` and
+    `euler_deg` as in `halfspace_modulus`; `propagation_deg` (...), the direction in the surface, from the sample's x; `density_kg_m3` (...)."""
     return rayleigh_modes(stiffness, euler_deg, propagation_deg, density_kg_m3)[0]
 
 
@@ -172,13 +170,7 @@ def rayleigh_modes(stiffness: ArrayLike, euler_deg: ArrayLike, propagation_deg: 
     """Speed in m/s of the waves of `rayleigh_velocity`, that of the slowest bulk wave in the same direction, and the share of the normal
     component in the square of the displacement at the surface, (3, ...). A wave within 3 % of the bulk wave, or with a share below 0.2, is hardly excited: what
     is detected then is the pseudo-surface wave."""
-    along, density = np.asarray(propagation_deg, dtype=float), np.asarray(density_kg_m3, dtype=float)
-    if not (np.isfinite(along).all() and np.isfinite(density).all() and (density > 0).all()):
+    rows, shape = crystal_rows(stiffness, euler_deg, propagation_deg=propagation_deg, density_kg_m3=density_kg_m3)
+    if not (np.isfinite(rows["propagation_deg"] + rows["density_kg_m3"]).all() and (rows["density_kg_m3"] > 0).all()):
         raise InputError("a direction of propagation or a density is not finite, or a density is not positive (kg/m3)")
-    # With the shapes of both as one more crystal's.
-    matrices = np.asarray(stiffness, dtype=float)
-    rows, shape = crystal_rows(matrices + np.zeros_like(along + density)[..., None, None], euler_deg)
-    columns = {
-        name: np.broadcast_to(values, shape).reshape(-1, 1) for name, values in (("propagation_deg", along), ("density_kg_m3", density))
-    }
-    return call("crystal.waves", **rows, **columns)["values"].reshape(3, *shape)
+    return call("crystal.waves", **rows)["values"].reshape(3, *shape)

@@ -32,14 +32,12 @@ def problem_of(
         raise InputError(f"{origin}: symmetry is missing: this surrogate serves crystals of every class; state one, such as 'cubic'")
     asked = grouped(variables | {"symmetry": symmetry}, (*GROUPS, "plan" if "constants" in variables else "next"))
     tables: dict[str, Mapping] = {}
-    if isinstance(velocities, str | os.PathLike):
-        asked["measurements"]["velocities"] = velocities
-    elif velocities is not None:
-        tables["velocities"] = measurements_of(velocities)
-    if isinstance(measurements, str | os.PathLike):
-        asked["measurements"]["file"] = measurements
-    elif measurements is not None or (velocities is None and "constants" not in variables):
-        tables["measurements"] = measurements_of(measurements)
+    needed = velocities is None and "constants" not in variables
+    for name, variable, given in (("velocities", "velocities", velocities), ("measurements", "file", measurements)):
+        if isinstance(given, str | os.PathLike):
+            asked["measurements"][variable] = given
+        elif given is not None or (needed and variable == "file"):
+            tables[name] = measurements_of(given)
     if bounds:
         asked["prior"] |= bounds_of(origin, symmetry, bounds)
     if knowledge:

@@ -31,27 +31,27 @@ def orientations(results: Results) -> Picture:
     modulus = results.as_measured(surrogate.predict(crystals[:, None], euler_of(lattice), threads=len(os.sched_getaffinity(0)))[0])
     mean, sd = modulus.mean(axis=0), modulus.std(axis=0)
     measured, error = ([item.get(name) or 0.0 for item in grains] for name in ("measured", "measured_sd"))
+    discs = "discs are the measured grains, on the left in the colour of the measured value"
+    marked = f"; {'points are the measured grains' if is_arc(lattice) else discs}" if grains else "; no modulus was measured"
     if is_arc(lattice):
         figure, axes = panels(3.4)
         angle = declination(lattice)
         axes.fill_between(angle, mean - 2 * sd, mean + 2 * sd, color=SKY, alpha=0.4, lw=0, label="predicted, ± 2 sd")
         axes.plot(angle, mean, color=BLUE, label="predicted, mean")
-        axes.errorbar(declination(directions), measured, error, fmt="o", ms=3.5, lw=0.8, color=BLACK, label="measured, ± sd")
+        if grains:
+            axes.errorbar(declination(directions), measured, error, fmt="o", ms=3.5, lw=0.8, color=BLACK, label="measured, ± sd")
         axes.set(xlabel="declination of the c axis (degrees)", ylabel=f"{results.kind} (GPa)", xlim=(-2, 92))
         axes.legend()
-        text = "Posterior of the modulus over the declination of the c axis, with the measured grains."
-        return Picture(figure, text)
+        return Picture(figure, f"Posterior of the modulus over the declination of the c axis{marked}.")
     figure, (left, right) = panels(3.2, 1, 2)
     low, high, four = min([mean.min(), *measured]), max([mean.max(), *measured]), has_four_indices(results.symmetry)
     draw_map(left, lattice, mean, f"mean of {results.kind} (GPa)", four, low, high)
     draw_map(right, lattice, sd, f"sd of {results.kind} (GPa)", four)
-    x, y = stereographic(directions)
-    left.scatter(x, y, c=measured, vmin=low, vmax=high, edgecolors="white", s=38, linewidths=1.2, zorder=3)
-    right.plot(x, y, "o", color="white", mec=BLACK, ms=4, mew=0.8)
-    text = "Posterior mean and sd of the modulus over the crystal directions that differ; discs are the measured grains"
+    left.scatter(*stereographic(directions), c=measured, vmin=low, vmax=high, edgecolors="white", s=38, linewidths=1.2, zorder=3)
+    right.plot(*stereographic(directions), "o", color="white", mec=BLACK, ms=4, mew=0.8)
+    text = f"Posterior mean and sd of the modulus over the crystal directions that differ{marked}."
     rows = labelled("predicted", lattice, mean, sd) + labelled("measured", directions, measured, error)
-    table = (["kind", "crystal_x", "crystal_y", "crystal_z", "mean_gpa", "sd_gpa"], rows)
-    return Picture(figure, f"{text}, on the left in the colour of the measured value.", table)
+    return Picture(figure, text, (["kind", "crystal_x", "crystal_y", "crystal_z", "mean_gpa", "sd_gpa"], rows))
 
 
 def next_grains(results: Results) -> Picture:
@@ -60,29 +60,30 @@ def next_grains(results: Results) -> Picture:
     suggestions, unit = document["suggestions"], document.get("unit", "1")
     candidates = [item for item in document["candidates"] if "propagation_deg" not in item]
     suggested, everywhere = directions_of(results, suggestions), directions_of(results, candidates)
-    measured = directions_of(results, [item for item in results.predicted if "euler_deg" in item])
+    measured = directions_of(results, [item for item in results.predicted + results.velocities if "euler_deg" in item])
     gain, gain_suggested = (np.array([item["gain"] for item in items]) for items in (candidates, suggestions))
     arc = is_arc(everywhere)
     figure, axes = panels(3.0 if arc else 3.6)
+    # Above all else, and within the axes: a speed may bring more than any modulus.
+    places = np.column_stack([declination(suggested), gain_suggested] if arc else stereographic(suggested))
+    axes.plot(*places.T, "o", color="white", mec=BLACK, ms=12, clip_on=False, label="suggested, by rank", zorder=3)
     if arc:
         axes.plot(declination(everywhere), gain, ".", color=SKY, ms=4, label="gain expected of the next grain")
         axes.plot(declination(measured), np.zeros(len(measured)), "x", color=BLACK, ms=5, label="measured", clip_on=False)
-        places = np.column_stack([declination(suggested), gain_suggested])
         axes.set(xlabel="declination of the c axis (degrees)", ylabel=f"expected gain ({unit})", xlim=(-3, 93), ylim=(0, None))
     else:
         draw_map(axes, everywhere, gain, f"expected gain ({unit})", has_four_indices(results.symmetry))
         axes.plot(*stereographic(measured), "x", color="white", ms=5, mew=1.6)
         axes.plot(*stereographic(measured), "x", color=BLACK, ms=5, mew=0.9, label="measured")
-        places = np.column_stack(stereographic(suggested))
-    axes.plot(*places.T, "o", color="white", mec=BLACK, ms=12, clip_on=False, label="suggested, by rank")
     for rank, place in enumerate(places, start=1):
-        axes.annotate(str(rank), place, ha="center", va="center_baseline", size=8.5)
+        axes.annotate(str(rank), place, ha="center", va="center_baseline", size=8.5, zorder=4)
     legend_above(figure, columns=3)
     over = "over the declination of the c axis" if arc else "among the crystal directions that differ"
+    speeds = " A speed is drawn at the normal of its grain." * any("propagation_deg" in item for item in suggestions)
     rows = labelled("candidate", everywhere, gain) + labelled("suggested", suggested, gain_suggested)
     return Picture(
         figure,
-        f"The {len(suggested)} orientations that are expected to bring most information, ranked, {over}. Each is chosen given those before it.",
+        f"The {len(suggested)} orientations that are expected to bring most information, ranked, {over}. Each is chosen given those before it.{speeds}",
         (["kind", "crystal_x", "crystal_y", "crystal_z", "gain"], rows),
     )
 
