@@ -25,7 +25,7 @@ module constants_prior
    !> Where not all bounds are stated: mean and sd of the contrast; degrees of freedom of the k anisotropic coordinates, and their scale
    !> times the root of k; sd of the scale. Metals and minerals from beryllium (contrast 0.14) to indium (2.6) and graphite
    !> (log-anisotropy 5.1) lie within.
-   real(wp), parameter :: contrast_mean = 1.07_wp, contrast_sd = 0.6_wp, freedom = 3.0_wp, anisotropy_scale = 0.7_wp, &
+   real(wp), parameter :: contrast_mean = 1.07_wp, contrast_sd = 0.6_wp, freedom = 3.0_wp, anisotropy_scale = 0.6_wp, &
       & scale_sd = log(5.0_wp)
    !> Beyond, stiffness matrices lose their digits.
    real(wp), parameter :: most_anisotropic = 10.0_wp

@@ -9,7 +9,7 @@ from scipy.linalg import logm
 
 #: The default prior as documented: contrast log(3K/2G), anisotropic coordinates, scale tr log K/6.
 PRIOR = {
-    "contrast_mean": 1.07, "contrast_sd": 0.6, "anisotropy_dof": 3, "anisotropy_scale": 0.7, "scale_factor_of_one_sd": 5.0, "assumed_nu": 0.3,
+    "contrast_mean": 1.07, "contrast_sd": 0.6, "anisotropy_dof": 3, "anisotropy_scale": 0.6, "scale_factor_of_one_sd": 5.0, "assumed_nu": 0.3,
 }  # fmt: skip
 
 
@@ -82,5 +82,5 @@ def plain_log_prior(k: np.ndarray, constants: int, mean_modulus: float) -> float
     solid = (math.log(young / 0.4) + 5 * math.log(young / 1.3)) / 6
     normal = -0.5 * (((log_3k - log_2g - 1.07) / 0.6) ** 2 + ((np.trace(log_k) / 6 - solid) / math.log(5)) ** 2)
     normal -= math.log(2 * math.pi * 0.6 * math.log(5))
-    student = math.lgamma((3 + free) / 2) - math.lgamma(1.5) - free / 2 * math.log(3 * math.pi * 0.49 / free)
-    return normal + student - (3 + free) / 2 * math.log1p(distance**2 * free / (3 * 0.49))
+    student = math.lgamma((3 + free) / 2) - math.lgamma(1.5) - free / 2 * math.log(3 * math.pi * 0.36 / free)
+    return normal + student - (3 + free) / 2 * math.log1p(distance**2 * free / (3 * 0.36))

@@ -150,5 +150,5 @@ def default_prior(symmetry, constants, mean_modulus):
     k = len(constant_names(symmetry)) - 2
     if k > 0:
         along = np.outer(anisotropy, np.eye(k)[0])
-        density = density + stats.multivariate_t(shape=0.7**2 / k * np.eye(k), df=3).logpdf(along)
+        density = density + stats.multivariate_t(shape=0.6**2 / k * np.eye(k), df=3).logpdf(along)
     return density

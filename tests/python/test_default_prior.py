@@ -36,7 +36,7 @@ def test_draws_of_the_prior(symmetry):
     thin = slice(None, None, 5)
     assert stats.kstest(contrast[thin], stats.norm(1.07, 0.6).cdf).pvalue > 1e-3
     assert stats.kstest(scale[thin], stats.norm(middle, np.log(5)).cdf).pvalue > 1e-3
-    assert stats.kstest(anisotropy[thin] ** 2 / 0.7**2, stats.f(k, 3).cdf).pvalue > 1e-3
+    assert stats.kstest(anisotropy[thin] ** 2 / 0.6**2, stats.f(k, 3).cdf).pvalue > 1e-3
 
 
 def real_crystals():
@@ -54,7 +54,7 @@ def test_real_crystals_are_within(name, symmetry, constants):
     low, high = stats.norm(1.07, 0.6).interval(share)
     assert low < contrast < high
     if len(constants) > 2:
-        assert stats.f(len(constants) - 2, 3).cdf(anisotropy**2 / 0.7**2) < share
+        assert stats.f(len(constants) - 2, 3).cdf(anisotropy**2 / 0.6**2) < share
 
 
 @pytest.mark.long
