@@ -164,31 +164,52 @@ contains
       class(posterior_type), intent(in) :: self
       type(point_type), intent(inout) :: points(:)
       type(output_polynomial_type), intent(in), optional :: polynomial
-      type(log_frame_type) :: frame
-      real(wp) :: c(6, 6), log_volume
-      !> Not allocated, these moduli are computed.
-      real(wp), allocatable :: moduli(:)
+      !> Points whose moduli are computed together.
+      integer, parameter :: at_once = 64
+      integer :: first
+
+      do first = 1, size(points), at_once
+         call evaluate_some(self, points(first:min(first + at_once - 1, size(points))), polynomial)
+      end do
+   end subroutine evaluate_working
+
+   pure subroutine evaluate_some(self, points, polynomial)
+      class(posterior_type), intent(in) :: self
+      type(point_type), intent(inout) :: points(:)
+      type(output_polynomial_type), intent(in), optional :: polynomial
+      type(log_frame_type) :: frames(size(points))
+      real(wp) :: c(6, 6, size(points)), moduli(self%grains%n_independent, size(points)), log_volume
       logical :: inside
-      integer :: i, k
+      integer :: in_support(size(points)), n, i, k
 
       k = self%n_constants
-      if (is_fitted(polynomial)) allocate (moduli(self%n_outputs))
+      n = 1
       do i = 1, size(points)
          associate (point => points(i))
             point%log_density = outside
             point%log_working = outside
-            call self%prior%logarithms%from_logarithms(point%w(:k), c, frame)
+            call self%prior%logarithms%from_logarithms(point%w(:k), c(:, :, n), frames(n))
             point%x = point%w
-            point%x(:k) = self%prior%class%constants_of(c)
-            if (.not. (self%prior%admits(point%x(:k), c, norm2(point%w(3:k))) .and. scale_is_admitted(self, point%x))) cycle
-            if (allocated(moduli)) then
-               call polynomial%evaluate([self%prior%logarithms%saturating(frame, self%typical_modulus), point%w(k + 1:)], moduli, &
-                  & inside)
+            point%x(:k) = self%prior%class%constants_of(c(:, :, n))
+            if (.not. (self%prior%admits(point%x(:k), c(:, :, n), norm2(point%w(3:k))) &
+               & .and. scale_is_admitted(self, point%x))) cycle
+            if (is_fitted(polynomial)) then
+               call polynomial%evaluate([self%prior%logarithms%saturating(frames(n), self%typical_modulus), point%w(k + 1:)], &
+                  & moduli(:, n), inside)
                if (.not. inside) cycle
-               moduli = exp(moduli)
+               moduli(:, n) = exp(moduli(:, n))
             end if
-            point%log_working = self%prior%log_density(c, point%w(:k)) + likelihood_of_crystal(self, point%x, c, moduli)
-            log_volume = self%prior%logarithms%log_volume(frame)
+         end associate
+         in_support(n) = i
+         n = n + 1
+      end do
+      n = n - 1
+      if (.not. (is_fitted(polynomial) .or. self%prior_only)) call self%grains%evaluate_independent(c(:, :, :n), moduli(:, :n))
+      do i = 1, n
+         associate (point => points(in_support(i)))
+            point%log_working = self%prior%log_density(c(:, :, i), point%w(:k)) &
+               & + likelihood_of_crystal(self, point%x, c(:, :, i), moduli(:, i))
+            log_volume = self%prior%logarithms%log_volume(frames(i))
             point%log_density = point%log_working
             if (self%prior%in_logarithms) then
                point%log_density = point%log_density - log_volume
@@ -197,7 +218,7 @@ contains
             end if
          end associate
       end do
-   end subroutine evaluate_working
+   end subroutine evaluate_some
 
    !> Logarithms of the moduli that are computed for the measured grains and their tilts.
    pure subroutine evaluate_outputs(self, w, arguments, outputs, inside)
@@ -206,7 +227,7 @@ contains
       real(wp), intent(out) :: arguments(:, :), outputs(:, :)
       logical, intent(out) :: inside(:)
       type(log_frame_type) :: frame
-      real(wp) :: c(6, 6), modulus(size(outputs, 1))
+      real(wp) :: c(6, 6), modulus(size(outputs, 1), 1)
       integer :: i, k
 
       k = self%n_constants
@@ -215,8 +236,8 @@ contains
          inside(i) = self%prior%admits(self%prior%class%constants_of(c), c, norm2(w(3:k, i)))
          if (.not. inside(i)) cycle
          arguments(:, i) = [self%prior%logarithms%saturating(frame, self%typical_modulus), w(k + 1:, i)]
-         call self%grains%evaluate_independent(c, modulus)
-         outputs(:, i) = log(modulus)
+         call self%grains%evaluate_independent(reshape(c, [6, 6, 1]), modulus)
+         outputs(:, i) = log(modulus(:, 1))
       end do
    end subroutine evaluate_outputs
 
@@ -269,7 +290,7 @@ contains
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:), c(6, 6)
       !> See `predict_measurements`.
-      real(wp), intent(in), optional :: independent(:)
+      real(wp), intent(in), optional, contiguous :: independent(:)
       real(wp) :: model(self%n_grains), scales(self%n_grains), slopes(self%n_grains), tilt_slopes(self%n_grains, 2)
       real(wp), allocatable :: u(:, :)
       real(wp) :: b(min(self%n_grains, self%n_shared)), precision(size(b), size(b)), fewer(self%n_grains, size(b))
@@ -313,16 +334,11 @@ contains
       real(wp), intent(out), contiguous :: modulus(:), slope(:), own_variance(:)
       !> Derivatives with respect to the tilts of the sample, GPa/rad, (grain, 2), where these are asked for.
       real(wp), intent(out) :: tilt_slopes(:, :)
-      real(wp), intent(in), optional :: independent(:)
+      real(wp), intent(in), optional, contiguous :: independent(:)
       real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), variance
       integer :: g
 
-      if (present(independent)) then
-         call self%grains%expand(independent, rows)
-         slopes = rows
-      else
-         call self%grains%evaluate_moduli(c, rows, slopes)
-      end if
+      call self%grains%evaluate_moduli(c, rows, slopes, independent)
       modulus = rows(:self%n_grains)
       slope = slopes(:self%n_grains)
       own_variance = self%scatter*slope**2 + (self%settings%scatter_sd*modulus)**2
@@ -345,7 +361,7 @@ contains
       !> In the unit of the observable, (grain); (grain, shared error).
       real(wp), intent(out), contiguous :: model(:), scales(:), u(:, :)
       !> The independent moduli of the grain model, if they are known.
-      real(wp), intent(in), optional :: independent(:)
+      real(wp), intent(in), optional, contiguous :: independent(:)
       real(wp), dimension(self%n_grains) :: slope, own_variance, map_slope
       real(wp) :: tilt_slopes(self%n_grains, 2)
       real(wp), allocatable :: columns(:, :)

@@ -205,9 +205,9 @@ contains
       !> Points that are kept, about; share of the steps that is aimed at; and how short they may get.
       integer, parameter :: most = 4000
       real(wp), parameter :: accepted_share = 0.2_wp, least_scale = 0.02_wp
-      type(point_type), allocatable :: walkers(:)
-      real(wp) :: u(target%dimension, m), tried(target%dimension)
-      integer :: k, a, b, kept, moved
+      type(point_type), allocatable :: walkers(:), proposals(:)
+      real(wp) :: u(target%dimension, m), tried(target%dimension, m), w(target%dimension, m)
+      integer :: k, a, b, kept, moved, half, first, last, others
       integer(i8) :: generations, generation, visits, stride, i
       logical :: accepted
 
@@ -230,20 +230,33 @@ contains
       do generation = 1, generations
          if (stop_requested()) return
          moved = 0
-         do k = 1, m
-            ! Others, different from each other, where there are enough.
-            do
-               call stream%pick(m, a)
-               call stream%pick(m, b)
-               if (m < 3 .or. (a /= b .and. a /= k .and. b /= k)) exit
+         ! One half moves along differences of the other: all proposals of a half are known before any is judged.
+         do half = 0, 1
+            first = 1 + half*(m/2)
+            last = merge(m/2, m, half == 0)
+            others = max(1, m - (last - first + 1))
+            do k = first, last
+               do
+                  call stream%pick(others, a)
+                  call stream%pick(others, b)
+                  if (a /= b .or. others == 1) exit
+               end do
+               a = mod(last + a - 1, m) + 1
+               b = mod(last + b - 1, m) + 1
+               call add_difference(stream, u(:, a) - u(:, b), view%step_scale, u(:, k), tried(:, k))
+               call view%whitening%from_white(tried(:, k), w(:, k))
             end do
-            call add_difference(stream, u(:, a) - u(:, b), view%step_scale, u(:, k), tried)
-            call try_step(target, view, stream, tried, temperature, walkers(k), accepted)
-            if (accepted) then
-               u(:, k) = tried
+            call place_points(target, w(:, first:last), proposals, view%polynomial)
+            do k = first, last
+               call judge(stream, proposals(k - first + 1), temperature, walkers(k), accepted)
+               if (.not. accepted) cycle
+               u(:, k) = tried(:, k)
                moved = moved + 1
-            end if
-            if (2*generation <= generations) cycle
+            end do
+         end do
+         if (2*generation > generations) distinct = distinct + moved
+         do k = 1, m
+            if (2*generation <= generations) exit
             if (mod(visits, stride) == 0) then
                kept = kept + 1
                points(:, kept) = walkers(k)%w
@@ -252,7 +265,6 @@ contains
             visits = visits + 1
          end do
          view%step_scale = min(1.0_wp, max(least_scale, view%step_scale*exp(0.5_wp*(real(moved, wp)/m - accepted_share))))
-         if (2*generation > generations) distinct = distinct + moved
       end do
    end subroutine step_population
 
@@ -394,19 +406,32 @@ contains
       !> The change of another log density, by which the proposal was accepted before.
       real(wp), intent(in), optional :: tested
       type(point_type) :: proposal(1)
-      real(wp) :: v, change
 
       allocate (proposal(1)%w(size(u)))
       call view%whitening%from_white(u, proposal(1)%w)
       call target%evaluate_working(proposal, view%polynomial)
-      accepted = proposal(1)%log_working > outside
+      call judge(stream, proposal(1), temperature, current, accepted, tested)
+   end subroutine try_step
+
+   !> Accept a proposal, or not.
+   subroutine judge(stream, proposal, temperature, current, accepted, tested)
+      type(random_stream_type), intent(inout) :: stream
+      type(point_type), intent(in) :: proposal
+      !> See `try_step`.
+      real(wp), intent(in) :: temperature
+      type(point_type), intent(inout) :: current
+      logical, intent(out) :: accepted
+      real(wp), intent(in), optional :: tested
+      real(wp) :: v, change
+
+      accepted = proposal%log_working > outside
       if (.not. accepted) return
       call stream%uniform(v)
-      change = (proposal(1)%log_working - current%log_working)/temperature
+      change = (proposal%log_working - current%log_working)/temperature
       if (present(tested)) change = change - tested
       accepted = log(v) < change
-      if (accepted) current = proposal(1)
-   end subroutine try_step
+      if (accepted) current = proposal
+   end subroutine judge
 
    !> u plus a factor times a difference of two points, of all coordinates or of some, with a little noise.
    subroutine add_difference(stream, difference, scale, u, moved)

@@ -30,6 +30,14 @@ module ensemble_sampler
       integer :: steps = 1
    end type kernel_type
 
+   !> Draws of the mixture in the support that no step has used yet: they do not depend on where the chain is.
+   type :: pool_type
+      type(point_type), allocatable :: points(:)
+      !> Whitened coordinates, (dimension, point).
+      real(wp), allocatable :: u(:, :)
+      integer :: left = 0
+   end type pool_type
+
    type, extends(sampler_type) :: ensemble_sampler_type
    contains
       procedure :: run
@@ -51,6 +59,7 @@ contains
       !> Samples that are one step of the exact density whatever the polynomial says.
       real(wp), parameter :: exact_share = 0.05_wp
       type(kernel_type) :: kernel
+      type(pool_type) :: pool
       type(view_type) :: exact
       type(point_type), allocatable :: start(:)
       type(point_type) :: current, nearly, proposal
@@ -61,13 +70,16 @@ contains
       acceptance = 0.0_wp
       call evolve_population(target, int(self%burn_in, i8)*target%dimension, stream, kernel%view, kernel%archive, started)
       if (.not. started .or. stop_requested()) return
-      call fit_proposal(target, kernel%view, kernel%archive, stream, kernel%mixture, quality)
+      call fit_proposal(target, kernel%view, kernel%archive, size(log_density), stream, kernel%mixture, quality)
       if (stop_requested()) return
       exact%whitening = kernel%view%whitening
       ! Differences lead along tails that the mixture leaves out; where it fits badly, more of the steps are such.
       if (quality > 0.0_wp) kernel%share = min(0.6_wp, max(0.2_wp, quality))
-      kernel%steps = 2 + nint(merge(5.0_wp, 2.0_wp, is_fitted(kernel%view%polynomial))*target%dimension &
-                             & *max(0.0_wp, 0.8_wp - quality))
+      if (is_fitted(kernel%view%polynomial)) then
+         kernel%steps = 2 + nint(5.0_wp*target%dimension*max(0.0_wp, 0.8_wp - quality))
+      else
+         kernel%steps = 2 + nint(2.0_wp*target%dimension*max(0.0_wp, 0.7_wp - quality))
+      end if
       call stream%pick(size(kernel%archive, 2), i)
       u = kernel%archive(:, i)
       call kernel%view%whitening%from_white(u, tried)
@@ -83,7 +95,7 @@ contains
          moved = .false.
          call stream%uniform(v)
          if (.not. is_fitted(kernel%view%polynomial)) then
-            call walk(target, kernel, stream, u, current, drawn, accepted)
+            call walk(target, kernel, pool, stream, u, current, drawn, accepted)
             counted = counted + drawn
             accepted_in_all = accepted_in_all + accepted
          else if (v < exact_share) then
@@ -98,7 +110,7 @@ contains
          else
             tried = u
             proposal = nearly
-            call walk(target, kernel, stream, tried, proposal, drawn, accepted)
+            call walk(target, kernel, pool, stream, tried, proposal, drawn, accepted)
             if (accepted > 0) then
                call try_step(target, exact, stream, tried, 1.0_wp, current, moved, proposal%log_working - nearly%log_working)
                counted = counted + 1
@@ -129,21 +141,20 @@ contains
    end subroutine add_archived
 
    !> Some steps of the chain of the density as it is viewed, from u in place.
-   subroutine walk(target, kernel, stream, u, point, drawn, accepted)
+   subroutine walk(target, kernel, pool, stream, u, point, drawn, accepted)
       class(target_type), intent(in) :: target
       type(kernel_type), intent(in) :: kernel
+      type(pool_type), intent(inout) :: pool
       type(random_stream_type), intent(inout) :: stream
       !> whitened coordinates, (dimension).
       real(wp), intent(inout) :: u(:)
       type(point_type), intent(inout) :: point
       !> Draws of the mixture, and how many were accepted; with a polynomial the accepted steps of any kind.
       integer, intent(out) :: drawn, accepted
-      type(point_type) :: proposal(1)
       real(wp) :: tried(target%dimension), own, other, v
       integer :: step
       logical :: moved
 
-      allocate (proposal(1)%w(target%dimension))
       own = log_mixture(kernel%mixture, u)
       drawn = 0
       accepted = 0
@@ -151,12 +162,16 @@ contains
          call stream%uniform(v)
          if (v < kernel%share) then
             drawn = drawn + 1
-            call draw_inside(target, kernel%view, kernel%mixture, stream, proposal, tried)
-            if (.not. proposal(1)%log_working > outside) cycle
-            other = log_mixture(kernel%mixture, tried)
-            call stream%uniform(v)
-            if (.not. log(v) < proposal(1)%log_working - point%log_working + own - other) cycle
-            point = proposal(1)
+            if (pool%left == 0) call fill(target, kernel%view, kernel%mixture, stream, pool)
+            if (pool%left == 0) cycle
+            tried = pool%u(:, pool%left)
+            pool%left = pool%left - 1
+            associate (proposal => pool%points(pool%left + 1))
+               other = log_mixture(kernel%mixture, tried)
+               call stream%uniform(v)
+               if (.not. log(v) < proposal%log_working - point%log_working + own - other) cycle
+               point = proposal
+            end associate
             accepted = accepted + 1
          else
             call add_archived(kernel, stream, u, tried)
@@ -170,44 +185,71 @@ contains
       end do
    end subroutine walk
 
-   !> A point of the mixture in the support, and u, its whitened coordinates; `outside` if a thousand draws were all there.
-   subroutine draw_inside(target, view, mixture, stream, point, u)
+   !> Draw points of the mixture in the support; none are left if a thousand were all outside.
+   subroutine fill(target, view, mixture, stream, pool)
       class(target_type), intent(in) :: target
       type(view_type), intent(in) :: view
       type(mixture_type), intent(in) :: mixture
       type(random_stream_type), intent(inout) :: stream
-      type(point_type), intent(inout) :: point(1)
-      real(wp), intent(out) :: u(:)
-      integer :: attempt
+      type(pool_type), intent(inout) :: pool
+      integer, parameter :: at_once = 50, most_attempts = 20
+      real(wp) :: u(target%dimension, at_once)
+      integer :: attempt, i
 
-      do attempt = 1, 1000
-         call draw_mixture(mixture, stream, u)
-         call view%whitening%from_white(u, point(1)%w)
-         call target%evaluate_working(point, view%polynomial)
-         if (point(1)%log_working > outside) return
+      do attempt = 1, most_attempts
+         call draw_points(target, view, mixture, stream, u, pool%points)
+         associate (inside => pack([(i, i=1, at_once)], pool%points%log_working > outside))
+            pool%left = size(inside)
+            if (pool%left == 0) cycle
+            pool%points = pool%points(inside)
+            pool%u = u(:, inside)
+         end associate
+         return
       end do
-   end subroutine draw_inside
+   end subroutine fill
+
+   !> Points of the mixture, evaluated.
+   subroutine draw_points(target, view, mixture, stream, u, points)
+      class(target_type), intent(in) :: target
+      type(view_type), intent(in) :: view
+      type(mixture_type), intent(in) :: mixture
+      type(random_stream_type), intent(inout) :: stream
+      !> Whitened coordinates, (dimension, point).
+      real(wp), intent(out) :: u(:, :)
+      type(point_type), allocatable, intent(out) :: points(:)
+      real(wp) :: w(size(u, 1), size(u, 2))
+      integer :: i
+
+      do i = 1, size(u, 2)
+         call draw_mixture(mixture, stream, u(:, i))
+         call view%whitening%from_white(u(:, i), w(:, i))
+      end do
+      call place_points(target, w, points, view%polynomial)
+   end subroutine draw_points
 
    !> Fit the mixture to the archive, then improve it by importance sampling. Points that the mixture puts outside the support
    !> count as data of their own, so that it does not shy away from the bounds; the archive stays among the data, so that a tail
    !> that the mixture has lost comes back. `quality` estimates the effective share of its draws; 0 if they are of no use.
-   subroutine fit_proposal(target, view, archive, stream, mixture, quality)
+   subroutine fit_proposal(target, view, archive, samples, stream, mixture, quality)
       class(target_type), intent(in) :: target
       type(view_type), intent(in) :: view
       real(wp), intent(in), contiguous :: archive(:, :)
+      !> That are wanted of the chain: for few a search as long as for many does not pay.
+      integer, intent(in) :: samples
       type(random_stream_type), intent(inout) :: stream
       type(mixture_type), intent(out) :: mixture
       real(wp), intent(out) :: quality
-      integer, parameter :: components = 16, draws = 3000, most_outside = 3000, least_rounds = 4, most_rounds = 12
-      integer, parameter :: most_tries = 10*draws
+      integer, parameter :: components = 16, least_draws = 600, most_draws = 3000, most_outside = 3000, least_rounds = 4, &
+         & most_rounds = 12
       !> A smaller share of good draws is not worth the search: differences alone do better.
       real(wp), parameter :: archive_share = 0.3_wp, hopeless = 0.01_wp
       type(mixture_type) :: fitted
-      real(wp), allocatable :: points(:, :), weights(:), log_weights(:), beyond(:, :), u(:, :), w(:, :)
+      real(wp), allocatable :: points(:, :), weights(:), log_weights(:), beyond(:, :), u(:, :)
       type(point_type), allocatable :: batch(:)
-      integer :: i, round, archived, inside, out, few
+      integer :: i, round, archived, inside, out, few, draws
       logical :: last
 
+      draws = min(most_draws, max(least_draws, samples/3))
       archived = size(archive, 2)
       allocate (points(target%dimension, archived + draws + most_outside), weights(archived + draws + most_outside))
       allocate (log_weights(draws), beyond(target%dimension, most_outside))
@@ -222,14 +264,9 @@ contains
          call widen_mixture(fitted, mixture)
          inside = 0
          out = 0
-         do while (inside < draws .and. out < most_tries)
-            allocate (u(target%dimension, min(draws - inside, most_tries - out)))
-            w = u
-            do i = 1, size(u, 2)
-               call draw_mixture(mixture, stream, u(:, i))
-               call view%whitening%from_white(u(:, i), w(:, i))
-            end do
-            call place_points(target, w, batch, view%polynomial)
+         do while (inside < draws .and. out < 10*draws)
+            allocate (u(target%dimension, min(draws - inside, 10*draws - out)))
+            call draw_points(target, view, mixture, stream, u, batch)
             do i = 1, size(u, 2)
                if (batch(i)%log_working > outside) then
                   inside = inside + 1
@@ -247,7 +284,7 @@ contains
          log_weights(:inside) = exp(log_weights(:inside) - maxval(log_weights(:inside)))
          quality = sum(log_weights(:inside))**2/sum(log_weights(:inside)**2)/inside
          if (last) exit
-         if (round > 1 .and. quality*inside/(inside + out) < hopeless) then
+         if (round >= least_rounds .and. quality*inside/(inside + out) < hopeless) then
             quality = 0.0_wp
             return
          end if
