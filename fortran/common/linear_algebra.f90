@@ -98,13 +98,17 @@ contains
       end do
    end subroutine add_gram
 
-   !> product = a b.
-   pure subroutine multiply(a, b, product)
-      !> (n, k), (k, m).
+   !> product = a b, or aᵀ b.
+   pure subroutine multiply(a, b, product, transposed)
+      !> (n, k), or (k, n), and (k, m).
       real(wp), intent(in), contiguous :: a(:, :), b(:, :)
       real(wp), intent(out), contiguous :: product(:, :)
+      logical, intent(in), optional :: transposed
+      character :: form
 
-      call dgemm('N', 'N', size(a, 1), size(b, 2), size(a, 2), 1.0_wp, a, max(1, size(a, 1)), b, max(1, size(b, 1)), &
+      form = 'N'
+      if (present(transposed)) form = merge('T', 'N', transposed)
+      call dgemm(form, 'N', size(product, 1), size(b, 2), size(b, 1), 1.0_wp, a, max(1, size(a, 1)), b, max(1, size(b, 1)), &
          & 0.0_wp, product, max(1, size(product, 1)))
    end subroutine multiply
 

@@ -160,28 +160,23 @@ contains
       end associate
    end function log_prior
 
-   pure subroutine evaluate_working(self, points, polynomial)
+   pure recursive subroutine evaluate_working(self, points, polynomial)
       class(posterior_type), intent(in) :: self
       type(point_type), intent(inout) :: points(:)
       type(output_polynomial_type), intent(in), optional :: polynomial
       !> Points whose moduli are computed together.
       integer, parameter :: at_once = 64
-      integer :: first
-
-      do first = 1, size(points), at_once
-         call evaluate_some(self, points(first:min(first + at_once - 1, size(points))), polynomial)
-      end do
-   end subroutine evaluate_working
-
-   pure subroutine evaluate_some(self, points, polynomial)
-      class(posterior_type), intent(in) :: self
-      type(point_type), intent(inout) :: points(:)
-      type(output_polynomial_type), intent(in), optional :: polynomial
-      type(log_frame_type) :: frames(size(points))
-      real(wp) :: c(6, 6, size(points)), moduli(self%grains%n_independent, size(points)), log_volume
+      type(log_frame_type) :: frames(at_once)
+      real(wp) :: c(6, 6, at_once), moduli(self%grains%n_independent, at_once), log_volume
       logical :: inside
-      integer :: in_support(size(points)), n, i, k
+      integer :: in_support(at_once), n, i, k
 
+      if (size(points) > at_once) then
+         do i = 1, size(points), at_once
+            call self%evaluate_working(points(i:min(i + at_once - 1, size(points))), polynomial)
+         end do
+         return
+      end if
       k = self%n_constants
       n = 1
       do i = 1, size(points)
@@ -218,7 +213,7 @@ contains
             end if
          end associate
       end do
-   end subroutine evaluate_some
+   end subroutine evaluate_working
 
    !> Logarithms of the moduli that are computed for the measured grains and their tilts.
    pure subroutine evaluate_outputs(self, w, arguments, outputs, inside)

@@ -75,11 +75,9 @@ contains
       exact%whitening = kernel%view%whitening
       ! Differences lead along tails that the mixture leaves out; where it fits badly, more of the steps are such.
       if (quality > 0.0_wp) kernel%share = min(0.6_wp, max(0.2_wp, quality))
-      if (is_fitted(kernel%view%polynomial)) then
-         kernel%steps = 2 + nint(5.0_wp*target%dimension*max(0.0_wp, 0.8_wp - quality))
-      else
-         kernel%steps = 2 + nint(2.0_wp*target%dimension*max(0.0_wp, 0.7_wp - quality))
-      end if
+      associate (per_dimension => merge(5.0_wp, 2.0_wp, is_fitted(kernel%view%polynomial)))
+         kernel%steps = 2 + nint(per_dimension*target%dimension*max(0.0_wp, 0.7_wp - quality))
+      end associate
       call stream%pick(size(kernel%archive, 2), i)
       u = kernel%archive(:, i)
       call kernel%view%whitening%from_white(u, tried)

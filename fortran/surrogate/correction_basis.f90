@@ -370,28 +370,18 @@ contains
       type(halfspace_type) :: theory
       type(error_type), allocatable :: error
       real(wp) :: w(self%logarithms%n)
-      real(wp), allocatable :: read(:, :)
-      logical :: in_full(size(c, 3))
       integer :: first, last, i
 
-      in_full = .false.
-      if (self%full_above < huge(1.0_wp)) in_full = [(log_anisotropy(c(:, :, i)) > self%full_above, i=1, size(in_full))]
-      if (any(in_full)) then
-         do i = 1, size(in_full)
-            if (.not. in_full(i)) cycle
-            do first = 1, size(modulus, 1)
-               call halfspace_modulus(c(:, :, i), self%euler(:, first), theory, error)
-               modulus(first, i) = theory%modulus
-            end do
+      ! A negative limit: none is read.
+      if (self%full_above >= 0.0_wp) call field_moduli(self%field, c, modulus)
+      do i = 1, size(c, 3)
+         if (self%full_above >= huge(1.0_wp)) exit
+         if (log_anisotropy(c(:, :, i)) <= self%full_above) cycle
+         do first = 1, size(modulus, 1)
+            call halfspace_modulus(c(:, :, i), self%euler(:, first), theory, error)
+            modulus(first, i) = theory%modulus
          end do
-         associate (others => pack([(i, i=1, size(in_full))], .not. in_full))
-            allocate (read(size(modulus, 1), size(others)))
-            call field_moduli(self%field, c(:, :, others), read)
-            modulus(:, others) = read
-         end associate
-      else
-         call field_moduli(self%field, c, modulus)
-      end if
+      end do
       if (self%polynomials%n == 0) return
       do i = 1, size(c, 3)
          w = self%logarithms%to_logarithms(c(:, :, i))

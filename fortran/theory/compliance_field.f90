@@ -22,7 +22,7 @@ module compliance_field
    use distinct_directions, only: group_rotations, new_region, region_type, representative, spread_of_directions
    use errors, only: error_type
    use kinds, only: pi, wp
-   use linear_algebra, only: add_gram, cholesky_factor, cholesky_solve, multiply, symmetric_eigen
+   use linear_algebra, only: add_gram, cholesky_factor, cholesky_solve, multiply, symmetric_eigen, transposed_product
    use symmetric_harmonics, only: evaluate_harmonics, harmonics_type, largest_degree, new_harmonics
    implicit none
    private
@@ -44,7 +44,7 @@ module compliance_field
       !> Of two directions m and n perpendicular to a node and to each other, a block of nodes at a time: m_k n_l, l fastest,
       !> (lanes, 9, blocks), and m_k m_l and n_k n_l for kl = 11, 22, 33, 23, 13, 12, (lanes, 6, blocks).
       real(wp), allocatable, private :: mn(:, :, :), mm(:, :, :), nn(:, :, :)
-      !> From F at the nodes (components 11, 22, 33, 23, 13, 12) to the modes of the grains, (grains x modes, 6 x nodes).
+      !> From F at the nodes (components 11, 22, 33, 23, 13, 12) to the modes of the grains, (6 x nodes, grains x modes).
       real(wp), allocatable, private :: to_modes(:, :)
    end type field_type
 
@@ -209,7 +209,7 @@ contains
       ! A polynomial of degree L on a circle has L/2 harmonics of 2 theta: so many points integrate the modes exactly.
       n_points = size(theta)
       theta = [(pi*(k - 1)/n_points, k=1, n_points)]
-      allocate (field%to_modes(n_grains*n_retained, 6*size(field%nodes, 2)), source=0.0_wp)
+      allocate (field%to_modes(6*size(field%nodes, 2), n_grains*n_retained), source=0.0_wp)
       allocate (circle(harmonics%n, n_points), waves(n_points, n_modes))
       do k = 1, n_points
          waves(k, :) = [0.5_wp, (cos(2.0_wp*m*theta(k)), sin(2.0_wp*m*theta(k)), m=1, highest_mode)]*2.0_wp/n_points
@@ -229,7 +229,7 @@ contains
                square = [turned**2, 2.0_wp*turned(2)*turned(3), 2.0_wp*turned(1)*turned(3), 2.0_wp*turned(1)*turned(2)]
                do m = 1, n_retained
                   row = grain + n_grains*(m - 1)
-                  field%to_modes(row, 6*i - 5:6*i) = field%to_modes(row, 6*i - 5:6*i) + weight(m, image)*square
+                  field%to_modes(6*i - 5:6*i, row) = field%to_modes(6*i - 5:6*i, row) + weight(m, image)*square
                end do
             end do
          end do
@@ -245,23 +245,21 @@ contains
       real(wp), intent(out), contiguous :: moduli(:, :)
       !> Crystals at once, so that what grains read is in the caches.
       integer, parameter :: most = 32
-      !> For fewer the packing of a matrix product takes longer.
-      integer, parameter :: few = 4
-      real(wp) :: f(6*size(field%nodes, 2), min(most, size(c, 3))), read(size(field%to_modes, 1), size(f, 2)), &
+      real(wp) :: f(6*size(field%nodes, 2), min(most, size(c, 3))), read(size(field%to_modes, 2), size(f, 2)), &
          & modes(field%n_grains, n_modes)
       integer :: first, n, n_retained, i
 
-      n_retained = size(field%to_modes, 1)/max(1, field%n_grains)
+      n_retained = size(read, 1)/max(1, field%n_grains)
       modes = 0.0_wp
       do first = 1, size(c, 3), most
          n = min(most, size(c, 3) - first + 1)
          do i = 1, n
             call evaluate_nodes(field, c(:, :, first + i - 1), f(:, i))
          end do
-         if (n < few) then
-            call read_one_by_one(field, f(:, :n), read(:, :n))
+         if (n > 1) then
+            call multiply(field%to_modes, f(:, :n), read(:, :n), transposed=.true.)
          else
-            call multiply(field%to_modes, f(:, :n), read(:, :n))
+            call transposed_product(size(f, 1), size(read, 1), field%to_modes, f(:, 1), read(:, 1))
          end if
          do i = 1, n
             modes(:, :n_retained) = reshape(read(:, i), [field%n_grains, n_retained])
@@ -269,26 +267,6 @@ contains
          end do
       end do
    end subroutine field_moduli
-
-   !> What the grains read, crystal by crystal.
-   pure subroutine read_one_by_one(field, f, read)
-      type(field_type), intent(in) :: field
-      real(wp), intent(in) :: f(:, :)
-      real(wp), intent(out) :: read(:, :)
-      integer :: i, j, k
-
-      read = 0.0_wp
-      do i = 1, size(f, 2)
-         do k = 1, size(f, 1), 6
-            !$omp simd
-            do j = 1, size(read, 1)
-               read(j, i) = read(j, i) + field%to_modes(j, k)*f(k, i) + field%to_modes(j, k + 1)*f(k + 1, i) &
-                  & + field%to_modes(j, k + 2)*f(k + 2, i) + field%to_modes(j, k + 3)*f(k + 3, i) &
-                  & + field%to_modes(j, k + 4)*f(k + 4, i) + field%to_modes(j, k + 5)*f(k + 5, i)
-            end do
-         end do
-      end do
-   end subroutine read_one_by_one
 
    !> F at the nodes.
    pure subroutine evaluate_nodes(field, c, f)
