@@ -11,7 +11,17 @@ module linear_algebra
 
    !> Of LAPACK and BLAS; sizes are checked by their callers here.
    ! allow(C091)
-   external :: dpotrf, dpotrs, dpotri, dsyevd, dsyrk, dgemm, dtrmm, dgeqrf, dorgqr
+   external :: dpotrf, dpotrs, dpotri, dsyevd, dsyrk, dtrmm, dgeqrf, dorgqr
+
+   interface
+      pure subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
+         import :: wp
+         character, intent(in) :: transa, transb
+         integer, intent(in) :: m, n, k, lda, ldb, ldc
+         real(wp), intent(in) :: alpha, beta, a(lda, *), b(ldb, *)
+         real(wp), intent(inout) :: c(ldc, *)
+      end subroutine dgemm
+   end interface
 
    real(wp), parameter :: log2e = 1.44269504088896340735992468100189_wp
    !> log 2 in two pieces, the first with zeros in its last bits, so that k log 2 is exact (Cody & Waite).
@@ -88,13 +98,17 @@ contains
       end do
    end subroutine add_gram
 
-   !> product = a b.
-   subroutine multiply(a, b, product)
-      !> (n, k), (k, m).
+   !> product = a b, or aᵀ b.
+   pure subroutine multiply(a, b, product, transposed)
+      !> (n, k), or (k, n), and (k, m).
       real(wp), intent(in), contiguous :: a(:, :), b(:, :)
       real(wp), intent(out), contiguous :: product(:, :)
+      logical, intent(in), optional :: transposed
+      character :: form
 
-      call dgemm('N', 'N', size(a, 1), size(b, 2), size(a, 2), 1.0_wp, a, max(1, size(a, 1)), b, max(1, size(b, 1)), &
+      form = 'N'
+      if (present(transposed)) form = merge('T', 'N', transposed)
+      call dgemm(form, 'N', size(product, 1), size(b, 2), size(b, 1), 1.0_wp, a, max(1, size(a, 1)), b, max(1, size(b, 1)), &
          & 0.0_wp, product, max(1, size(product, 1)))
    end subroutine multiply
 

@@ -33,7 +33,7 @@ module logarithmic_coordinates
       !> Its constants are coordinates in another, sparse basis of the same space.
       type(crystal_class_type), private :: class
    contains
-      procedure :: to_logarithms, from_logarithms, log_volume, log_volume_at, saturating
+      procedure :: to_logarithms, from_logarithms, log_volume, log_volume_at
    end type log_coordinates_type
 
    integer, parameter :: n_axial = 4, n_waves = 8
@@ -143,21 +143,6 @@ contains
       call diagonalise(logarithm, frame%values, frame%vectors)
       c = stiffness_of_kelvin(composed(exp(frame%values), frame%vectors))
    end subroutine from_logarithms
-
-   !> Coordinates (n) of K (K + K0)^-1 in the same basis, K0 = reference (GPa) times the unit matrix: moduli of indentation hardly change
-   !> where some stiffness is much larger or smaller, and nor do these.
-   pure function saturating(self, frame, reference) result(y)
-      class(log_coordinates_type), intent(in) :: self
-      type(log_frame_type), intent(in) :: frame
-      real(wp), intent(in) :: reference
-      real(wp) :: y(self%n), matrix(6, 6)
-      integer :: j
-
-      matrix = composed(1.0_wp/(1.0_wp + reference*exp(-frame%values)), frame%vectors)
-      do j = 1, self%n
-         y(j) = sum(self%basis(:, :, j)*matrix)
-      end do
-   end function saturating
 
    !> `log_volume` at coordinates w.
    pure real(wp) function log_volume_at(self, w)

@@ -3,7 +3,6 @@
 module abstract_sampler
    use running_command, only: stop_requested
    use kinds, only: wp
-   use output_polynomial, only: output_polynomial_type
    use random, only: random_stream_type
    implicit none
    private
@@ -24,9 +23,6 @@ module abstract_sampler
    type, abstract :: target_type
       !> Number of parameters.
       integer :: dimension = 0
-      !> Number of smooth results of the working coordinates, costly to compute, from which the density follows at little cost; 0 if it
-      !> is not of this kind.
-      integer :: n_outputs = 0
    contains
       !> A point that may be in the support, to begin with: widely spread, and in it often enough.
       procedure(draw_start_interface), deferred :: draw_start
@@ -35,7 +31,7 @@ module abstract_sampler
       !> All of points from their coordinates in which the density is smoother.
       procedure(evaluate_working_interface), deferred :: evaluate_working
       !> These coordinates: by default the parameters themselves.
-      procedure :: to_working, evaluate_outputs, coarsen
+      procedure :: to_working, coarsen
    end type target_type
 
    abstract interface
@@ -56,12 +52,10 @@ module abstract_sampler
          real(wp), intent(out) :: log_density(:)
       end subroutine evaluate_interface
       !> All of points from their working coordinates, which are there; the parameters of those in the support.
-      pure subroutine evaluate_working_interface(self, points, polynomial)
-         import :: output_polynomial_type, point_type, target_type
+      pure subroutine evaluate_working_interface(self, points)
+         import :: point_type, target_type
          class(target_type), intent(in) :: self
          type(point_type), intent(inout) :: points(:)
-         !> What takes the place of the costly results, if it is there and fitted.
-         type(output_polynomial_type), intent(in), optional :: polynomial
       end subroutine evaluate_working_interface
    end interface
 
@@ -107,21 +101,6 @@ contains
       associate (unused => self)
       end associate
    end subroutine coarsen
-
-   !> The costly results at points and coordinates in which they are smooth; there are none by default.
-   pure subroutine evaluate_outputs(self, w, arguments, outputs, inside)
-      class(target_type), intent(in) :: self
-      !> (dimension, point).
-      real(wp), intent(in) :: w(:, :)
-      !> (dimension, point), (n_outputs, point); of the points in the support.
-      real(wp), intent(out) :: arguments(:, :), outputs(:, :)
-      !> Whether each point is in the support.
-      logical, intent(out) :: inside(:)
-
-      arguments = w
-      outputs = 0.0_wp
-      inside = self%n_outputs > 0
-   end subroutine evaluate_outputs
 
    !> Points of the support from the target's starts, with their log densities; `found` may be fewer than asked for.
    subroutine draw_starts(target, stream, points, density, found)

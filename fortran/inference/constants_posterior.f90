@@ -12,9 +12,8 @@ module constants_posterior
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: degree, wp
    use logarithmic_coordinates, only: log_frame_type
-   use measured_grains, only: all_tilts, mean_modulus, measured_type, n_tilts, tilt_moments
+   use measured_grains, only: all_tilts, measured_type, n_tilts, tilt_moments
    use observables, only: new_observable, observable_type
-   use output_polynomial, only: is_fitted, output_polynomial_type
    use random, only: random_stream_type
    use abstract_sampler, only: outside, point_type, target_type
    use settings_schema, only: measurements_settings_type
@@ -56,9 +55,9 @@ module constants_posterior
       real(wp), allocatable, private :: scale(:)
       real(wp) :: scatter = 0.0_wp
       !> Sum of the logarithms of the scales; and GPa, where the coordinates of polynomials for the moduli saturate.
-      real(wp), private :: log_scales = 0.0_wp, typical_modulus = 100.0_wp
+      real(wp), private :: log_scales = 0.0_wp
    contains
-      procedure :: evaluate, evaluate_working, evaluate_outputs, to_working, coarsen, draw_start, set_field_degree, &
+      procedure :: evaluate, evaluate_working, to_working, coarsen, draw_start, set_field_degree, &
          & draw_moduli, predict_measurements, infer_shared, evaluate_grains, scale_factor, place_shared, log_prior, stiffness, &
          & new_grains
    end type posterior_type
@@ -98,8 +97,6 @@ contains
       posterior%calibration(maxval([0, measured%group(:posterior%n_moduli)]) + 1:) = settings%velocity_calibration_sd
       posterior%scale = posterior%errors%scale*measured%sd
       posterior%log_scales = sum(log(posterior%scale))
-      ! Between 0.3 and 1.5 times the modulus the errors of polynomials hardly depend on it.
-      if (posterior%n_grains > 0) posterior%typical_modulus = mean_modulus(posterior%observable, measured, 0.7_wp)
       if (settings%misalignment_sd_deg > 0.0_wp .or. any(measured%tilt_sd > 0.0_wp)) posterior%n_directions = n_tilts
       posterior%euler = measured%euler
       if (posterior%n_directions > 1) posterior%euler = all_tilts(measured%euler, measured%tilt_sd)
@@ -107,7 +104,6 @@ contains
       if (.not. allocated(error) .and. posterior%n_moduli < posterior%n_grains) call add_waves(measured%paths, &
          & measured%density, posterior%euler, posterior%grains, error)
       if (allocated(error)) return
-      if (posterior%grains%has_theory .and. .not. prior_only) posterior%n_outputs = posterior%grains%n_independent
       if (with_covariance .and. none*surrogate%beta <= 1.0_wp) posterior%scatter = 1.0_wp/surrogate%beta
       posterior%n_calibrated = posterior%grains%n_columns + merge(posterior%n_groups, 0, any(posterior%calibration > 0.0_wp))
       posterior%n_shared = posterior%n_calibrated + size(measured%shared, 2) + merge(2, 0, settings%misalignment_sd_deg > 0.0_wp)
@@ -123,7 +119,6 @@ contains
 
       self%grains%field_degree = degree
       call self%grains%set_grains(self%euler, error)
-      if (self%n_outputs > 0) self%n_outputs = self%grains%n_independent
    end subroutine set_field_degree
 
    !> Read the theory of every crystal from the field.
@@ -160,35 +155,43 @@ contains
       end associate
    end function log_prior
 
-   pure subroutine evaluate_working(self, points, polynomial)
+   pure recursive subroutine evaluate_working(self, points)
       class(posterior_type), intent(in) :: self
       type(point_type), intent(inout) :: points(:)
-      type(output_polynomial_type), intent(in), optional :: polynomial
-      type(log_frame_type) :: frame
-      real(wp) :: c(6, 6), log_volume
-      !> Not allocated, these moduli are computed.
-      real(wp), allocatable :: moduli(:)
-      logical :: inside
-      integer :: i, k
+      !> Points whose moduli are computed together.
+      integer, parameter :: at_once = 64
+      type(log_frame_type) :: frames(at_once)
+      real(wp) :: c(6, 6, at_once), moduli(self%grains%n_independent, at_once), log_volume
+      integer :: in_support(at_once), n, i, k
 
+      if (size(points) > at_once) then
+         do i = 1, size(points), at_once
+            call self%evaluate_working(points(i:min(i + at_once - 1, size(points))))
+         end do
+         return
+      end if
       k = self%n_constants
-      if (is_fitted(polynomial)) allocate (moduli(self%n_outputs))
+      n = 1
       do i = 1, size(points)
          associate (point => points(i))
             point%log_density = outside
             point%log_working = outside
-            call self%prior%logarithms%from_logarithms(point%w(:k), c, frame)
+            call self%prior%logarithms%from_logarithms(point%w(:k), c(:, :, n), frames(n))
             point%x = point%w
-            point%x(:k) = self%prior%class%constants_of(c)
-            if (.not. (self%prior%admits(point%x(:k), c, norm2(point%w(3:k))) .and. scale_is_admitted(self, point%x))) cycle
-            if (allocated(moduli)) then
-               call polynomial%evaluate([self%prior%logarithms%saturating(frame, self%typical_modulus), point%w(k + 1:)], moduli, &
-                  & inside)
-               if (.not. inside) cycle
-               moduli = exp(moduli)
-            end if
-            point%log_working = self%prior%log_density(c, point%w(:k)) + likelihood_of_crystal(self, point%x, c, moduli)
-            log_volume = self%prior%logarithms%log_volume(frame)
+            point%x(:k) = self%prior%class%constants_of(c(:, :, n))
+            if (.not. (self%prior%admits(point%x(:k), c(:, :, n), norm2(point%w(3:k))) &
+               & .and. scale_is_admitted(self, point%x))) cycle
+         end associate
+         in_support(n) = i
+         n = n + 1
+      end do
+      n = n - 1
+      if (.not. self%prior_only) call self%grains%evaluate_independent(c(:, :, :n), moduli(:, :n))
+      do i = 1, n
+         associate (point => points(in_support(i)))
+            point%log_working = self%prior%log_density(c(:, :, i), point%w(:k)) &
+               & + likelihood_of_crystal(self, point%x, c(:, :, i), moduli(:, i))
+            log_volume = self%prior%logarithms%log_volume(frames(i))
             point%log_density = point%log_working
             if (self%prior%in_logarithms) then
                point%log_density = point%log_density - log_volume
@@ -198,27 +201,6 @@ contains
          end associate
       end do
    end subroutine evaluate_working
-
-   !> Logarithms of the moduli that are computed for the measured grains and their tilts.
-   pure subroutine evaluate_outputs(self, w, arguments, outputs, inside)
-      class(posterior_type), intent(in) :: self
-      real(wp), intent(in) :: w(:, :)
-      real(wp), intent(out) :: arguments(:, :), outputs(:, :)
-      logical, intent(out) :: inside(:)
-      type(log_frame_type) :: frame
-      real(wp) :: c(6, 6), modulus(size(outputs, 1))
-      integer :: i, k
-
-      k = self%n_constants
-      do i = 1, size(inside)
-         call self%prior%logarithms%from_logarithms(w(:k, i), c, frame)
-         inside(i) = self%prior%admits(self%prior%class%constants_of(c), c, norm2(w(3:k, i)))
-         if (.not. inside(i)) cycle
-         arguments(:, i) = [self%prior%logarithms%saturating(frame, self%typical_modulus), w(k + 1:, i)]
-         call self%grains%evaluate_independent(c, modulus)
-         outputs(:, i) = log(modulus)
-      end do
-   end subroutine evaluate_outputs
 
    !> Whether the factor on the sds is within its bounds, if there is one.
    pure logical function scale_is_admitted(self, x)
@@ -269,7 +251,7 @@ contains
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:), c(6, 6)
       !> See `predict_measurements`.
-      real(wp), intent(in), optional :: independent(:)
+      real(wp), intent(in), optional, contiguous :: independent(:)
       real(wp) :: model(self%n_grains), scales(self%n_grains), slopes(self%n_grains), tilt_slopes(self%n_grains, 2)
       real(wp), allocatable :: u(:, :)
       real(wp) :: b(min(self%n_grains, self%n_shared)), precision(size(b), size(b)), fewer(self%n_grains, size(b))
@@ -313,16 +295,11 @@ contains
       real(wp), intent(out), contiguous :: modulus(:), slope(:), own_variance(:)
       !> Derivatives with respect to the tilts of the sample, GPa/rad, (grain, 2), where these are asked for.
       real(wp), intent(out) :: tilt_slopes(:, :)
-      real(wp), intent(in), optional :: independent(:)
+      real(wp), intent(in), optional, contiguous :: independent(:)
       real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), variance
       integer :: g
 
-      if (present(independent)) then
-         call self%grains%expand(independent, rows)
-         slopes = rows
-      else
-         call self%grains%evaluate_moduli(c, rows, slopes)
-      end if
+      call self%grains%evaluate_moduli(c, rows, slopes, independent)
       modulus = rows(:self%n_grains)
       slope = slopes(:self%n_grains)
       own_variance = self%scatter*slope**2 + (self%settings%scatter_sd*modulus)**2
@@ -345,7 +322,7 @@ contains
       !> In the unit of the observable, (grain); (grain, shared error).
       real(wp), intent(out), contiguous :: model(:), scales(:), u(:, :)
       !> The independent moduli of the grain model, if they are known.
-      real(wp), intent(in), optional :: independent(:)
+      real(wp), intent(in), optional, contiguous :: independent(:)
       real(wp), dimension(self%n_grains) :: slope, own_variance, map_slope
       real(wp) :: tilt_slopes(self%n_grains, 2)
       real(wp), allocatable :: columns(:, :)

@@ -2,42 +2,34 @@
 !>
 !> Rounds that cool, and warm a little for the tails. Between them points are drawn anew by their weights at the next temperature, which
 !> is chosen so that enough of them are left (sequential Monte Carlo, Del Moral et al., J. R. Stat. Soc. B 68, 411, 2006): what lags behind
-!> goes, and a polynomial need not hold for it. Within them there is differential evolution (ter Braak, Stat. Comput. 16, 239, 2006) in the
+!> goes. Within them there is differential evolution (ter Braak, Stat. Comput. 16, 239, 2006) in the
 !> target's working coordinates, whitened round after round: principal axes, and a polynomial of the longer ones taken off the shorter
-!> ones. Where the density follows from costly results of a model, a polynomial fitted to these about the points stands for them, and many
-!> more steps are taken.
+!> ones.
 module ensemble_evolution
    use abstract_sampler, only: draw_starts, outside, point_type, target_type
    use running_command, only: advance_progress, stop_requested
    use kinds, only: i8, wp
-   use output_polynomial, only: fit_output_polynomial, fit_whitening, is_fitted, output_polynomial_type, polynomial_degree, &
-      & polynomial_terms, whitening_type
    use random, only: random_stream_type
+   use ridge_coordinates, only: fit_whitening, whitening_type
    implicit none
    private
-   public :: view_type, evolve_population, place_points, try_step, add_difference
+   public :: evolve_population, place_points, try_step, add_difference
 
-   !> How the target is looked at: whitened coordinates, and what stands for its costly results, if anything.
-   type :: view_type
-      type(whitening_type) :: whitening
-      type(output_polynomial_type) :: polynomial
-      !> Of steps along differences, 1 in coordinates in which the density is normal.
-      real(wp) :: step_scale = 1.0_wp
-   end type view_type
-
-   !> From here on ensembles are larger, and a polynomial pays: with six constants it errs too much in tails, where chains then stay.
-   integer, parameter :: many_dimensions = 6, polynomial_dimensions = 7
+   !> From here on ensembles are larger.
+   integer, parameter :: many_dimensions = 6
 
 contains
 
    !> A population from the target's starts, in rounds that cool, then some at the density itself, and warmer ones for the tails.
    !> The archive is what the last one visited, thinned, in whitened coordinates.
-   subroutine evolve_population(target, evaluations, stream, view, archive, started)
+   subroutine evolve_population(target, evaluations, stream, whitening, step_scale, archive, started)
       class(target_type), intent(in), target :: target
       !> Of the density, about.
       integer(i8), intent(in) :: evaluations
       type(random_stream_type), intent(inout) :: stream
-      type(view_type), intent(out) :: view
+      type(whitening_type), intent(out) :: whitening
+      !> Of steps along differences, 1 in coordinates in which the density is normal.
+      real(wp), intent(out) :: step_scale
       !> (dimension, point).
       real(wp), allocatable, intent(out) :: archive(:, :)
       !> Whether a point of the support was found; if so, and no stop is requested, there is an archive.
@@ -55,8 +47,9 @@ contains
       ! once and then not leave; with many constants less, since ever fewer of its points would be of use.
       warm = min(3.0_wp, max(1.5_wp, 1.0_wp + 10.0_wp/target%dimension))
       last_temperatures = [1.0_wp, 1.0_wp, 1.0_wp, max(1.5_wp, 0.5_wp*(1.0_wp + warm)), warm]
-      ! Large ensembles find the tails on the way down. A polynomial needs points of the density itself.
-      if (target%dimension >= many_dimensions .and. target%dimension < polynomial_dimensions) last_temperatures = warm
+      ! Large ensembles find the tails on the way down.
+      if (target%dimension >= many_dimensions) last_temperatures = warm
+      step_scale = 1.0_wp
       m = max(24, merge(40, 10, target%dimension >= many_dimensions)*target%dimension)
       call draw_population(target, 4*m, stream, points, density)
       started = size(density) > 0
@@ -72,26 +65,26 @@ contains
          if (round < most_cooling) next = min(next, next_inverse(density, inverse))
          call resample(stream, (next - inverse)*density, points, density, distinct)
          inverse = next
-         call look_again(target, other, 1.0_wp/inverse, min(distinct, 4*m), stream, points, density, view, used)
-         generations = evaluations*effort(target, view)/(m*rounds)
-         call step_population(used, 1.0_wp/inverse, m, generations/shorter, stream, view, points, density, distinct)
+         call look_again(target, other, 1.0_wp/inverse, min(distinct, 4*m), stream, points, density, whitening, used)
+         generations = evaluations/(m*rounds)
+         call step_population(used, 1.0_wp/inverse, m, generations/shorter, stream, whitening, step_scale, points, &
+            & density, distinct)
          if (inverse >= 1.0_wp/last_temperatures(1) .or. stop_requested()) exit
       end do
       do round = 1, size(last_temperatures)
          if (stop_requested()) return
          ! Those that cool were half of the evaluations.
          call advance_progress(evaluations/(target%dimension*merge(2, rounds, round == 1)))
-         ! Its polynomial is that of the chain.
-         if (round == size(last_temperatures) .and. target%dimension >= polynomial_dimensions) other => target
-         call look_again(target, other, last_temperatures(round), min(distinct, 4*m), stream, points, density, view, used)
+         call look_again(target, other, last_temperatures(round), min(distinct, 4*m), stream, points, density, whitening, used)
          ! The way into a long tail is long.
-         generations = evaluations*effort(target, view)/(m*rounds)*merge(tail_effort/count(last_temperatures > 1.0_wp), 1, &
-            & last_temperatures(round) > 1.0_wp .and. target%dimension < polynomial_dimensions)
-         call step_population(used, last_temperatures(round), m, generations, stream, view, points, density, distinct)
+         generations = evaluations/(m*rounds)*merge(tail_effort/count(last_temperatures > 1.0_wp), 1, &
+            & last_temperatures(round) > 1.0_wp)
+         call step_population(used, last_temperatures(round), m, generations, stream, whitening, step_scale, points, density, &
+            & distinct)
       end do
       archive = points
       do i = 1, size(points, 2)
-         call view%whitening%to_white(points(:, i), archive(:, i))
+         call whitening%to_white(points(:, i), archive(:, i))
       end do
    end subroutine evolve_population
 
@@ -103,42 +96,30 @@ contains
       !> (dimension, point), and their logarithms of the density; there may be fewer than are `wanted`.
       real(wp), allocatable, intent(out) :: points(:, :), density(:)
       integer :: found
-      type(view_type) :: view
       real(wp), allocatable :: starts(:, :)
 
       allocate (starts(target%dimension, wanted), density(wanted))
       call draw_starts(target, stream, starts, density, found)
       allocate (points(target%dimension, found))
       call target%to_working(starts(:, :found), points)
-      density = viewed_density(target, view, points)
+      density = density_of(target, points)
    end subroutine draw_population
 
-   !> Logarithm of the density as it is viewed, of points in working coordinates.
-   function viewed_density(target, view, points) result(density)
+   !> Logarithms of the density at points in working coordinates.
+   function density_of(target, points) result(density)
       class(target_type), intent(in) :: target
-      type(view_type), intent(in) :: view
       !> (dimension, point).
       real(wp), intent(in) :: points(:, :)
       real(wp) :: density(size(points, 2))
       type(point_type), allocatable :: batch(:)
 
-      call place_points(target, points, batch, view%polynomial)
+      call place_points(target, points, batch)
       density = batch%log_working
-   end function viewed_density
+   end function density_of
 
-   !> By how much more than one evaluation a step counts: where the density is cheap for its dimension, or made so.
-   pure integer(i8) function effort(target, view)
-      class(target_type), intent(in) :: target
-      type(view_type), intent(in) :: view
-
-      effort = 1
-      if (target%n_outputs == 0 .or. target%dimension < polynomial_dimensions) return
-      effort = merge(10, 2, is_fitted(view%polynomial))
-   end function effort
-
-   !> The density that is used, the whitened coordinates and the polynomial from points, and these drawn anew where that changes their
-   !> density: where an earlier polynomial was wrong, some have gone astray.
-   subroutine look_again(target, coarse, temperature, distinct, stream, points, density, view, used)
+   !> The density that is used and the whitened coordinates from points, and these drawn anew where that changes their density: where the
+   !> coarse one was wrong, some have gone astray.
+   subroutine look_again(target, coarse, temperature, distinct, stream, points, density, whitening, used)
       !> The density; and one that costs less, for where it is about the same.
       class(target_type), intent(in), target :: target, coarse
       !> Divides the logarithm of the density.
@@ -146,35 +127,31 @@ contains
       !> How many of the points are not copies.
       integer, intent(in) :: distinct
       type(random_stream_type), intent(inout) :: stream
-      !> Working coordinates (dimension, point), and the logarithms of the density as it was viewed, now as it is.
+      !> Working coordinates (dimension, point), and the logarithms of the density that was used, then of that which is.
       real(wp), intent(inout) :: points(:, :), density(:)
-      type(view_type), intent(inout) :: view
+      type(whitening_type), intent(inout) :: whitening
       !> One of the two.
       class(target_type), pointer, intent(inout) :: used
       real(wp) :: before(size(density))
       integer :: left
-      logical :: changed, was_exact
+      logical :: was_exact
 
-      changed = is_fitted(view%polynomial)
       was_exact = associated(used, target)
       used => target
       if (agree(target, coarse, points, temperature)) used => coarse
-      call fit_whitening(points, min(distinct, size(density)), view%whitening)
-      call fit_outputs(used, points, temperature, stream, view)
-      if (associated(used, target) .and. .not. was_exact) changed = .true.
-      if (.not. (changed .or. is_fitted(view%polynomial))) return
+      call fit_whitening(points, min(distinct, size(density)), whitening)
+      if (was_exact .or. associated(used, coarse)) return
       before = density
-      density = viewed_density(used, view, points)
+      density = density_of(used, points)
       call resample(stream, (density - before)/temperature, points, density, left)
    end subroutine look_again
 
-   !> Whether the logarithm of another density, or of one by a polynomial, hardly errs by two temperatures at some of the points.
-   logical function agree(target, other, points, temperature, polynomial)
+   !> Whether the logarithm of another density hardly errs by two temperatures at some of the points.
+   logical function agree(target, other, points, temperature)
       class(target_type), intent(in) :: target, other
       !> (dimension, point).
       real(wp), intent(in) :: points(:, :)
       real(wp), intent(in) :: temperature
-      type(output_polynomial_type), intent(in), optional :: polynomial
       !> Points of the test, and the share of them that agrees.
       integer, parameter :: tests = 50
       real(wp), parameter :: least_good = 0.7_wp
@@ -184,12 +161,12 @@ contains
 
       w = points(:, [(1 + (k - 1)*(size(points, 2) - 1)/tests, k=1, tests)])
       call place_points(target, w, exact)
-      call place_points(other, w, near, polynomial)
+      call place_points(other, w, near)
       agree = count(abs(exact%log_working - near%log_working) < 2.0_wp*temperature) >= least_good*tests
    end function agree
 
    !> Differential evolution of walkers that begin at some of the points; in the end these are what was visited in the second half.
-   subroutine step_population(target, temperature, m, wanted, stream, view, points, density, distinct)
+   subroutine step_population(target, temperature, m, wanted, stream, whitening, step_scale, points, density, distinct)
       class(target_type), intent(in) :: target
       real(wp), intent(in) :: temperature
       !> Number of walkers.
@@ -197,7 +174,8 @@ contains
       !> Generations, four at least.
       integer(i8), intent(in) :: wanted
       type(random_stream_type), intent(inout) :: stream
-      type(view_type), intent(inout) :: view
+      type(whitening_type), intent(in) :: whitening
+      real(wp), intent(inout) :: step_scale
       !> Working coordinates (dimension, point), and their logarithms of the density.
       real(wp), allocatable, intent(inout) :: points(:, :), density(:)
       !> How many of the points are not copies, if no walker's are left out.
@@ -205,15 +183,15 @@ contains
       !> Points that are kept, about; share of the steps that is aimed at; and how short they may get.
       integer, parameter :: most = 4000
       real(wp), parameter :: accepted_share = 0.2_wp, least_scale = 0.02_wp
-      type(point_type), allocatable :: walkers(:)
-      real(wp) :: u(target%dimension, m), tried(target%dimension)
-      integer :: k, a, b, kept, moved
+      type(point_type), allocatable :: walkers(:), proposals(:)
+      real(wp) :: u(target%dimension, m), tried(target%dimension, m), w(target%dimension, m)
+      integer :: k, a, b, kept, moved, half, first, last, others
       integer(i8) :: generations, generation, visits, stride, i
       logical :: accepted
 
-      call place_points(target, points(:, [(1 + int((k - 1)*size(density, kind=i8)/m), k=1, m)]), walkers, view%polynomial)
+      call place_points(target, points(:, [(1 + int((k - 1)*size(density, kind=i8)/m), k=1, m)]), walkers)
       do k = 1, m
-         call view%whitening%to_white(walkers(k)%w, u(:, k))
+         call whitening%to_white(walkers(k)%w, u(:, k))
       end do
       generations = max(4_i8, wanted)
       ! All walkers are to be among the points: no common divisor.
@@ -230,20 +208,33 @@ contains
       do generation = 1, generations
          if (stop_requested()) return
          moved = 0
-         do k = 1, m
-            ! Others, different from each other, where there are enough.
-            do
-               call stream%pick(m, a)
-               call stream%pick(m, b)
-               if (m < 3 .or. (a /= b .and. a /= k .and. b /= k)) exit
+         ! One half moves along differences of the other: all proposals of a half are known before any is judged.
+         do half = 0, 1
+            first = 1 + half*(m/2)
+            last = merge(m/2, m, half == 0)
+            others = max(1, m - (last - first + 1))
+            do k = first, last
+               do
+                  call stream%pick(others, a)
+                  call stream%pick(others, b)
+                  if (a /= b .or. others == 1) exit
+               end do
+               a = mod(last + a - 1, m) + 1
+               b = mod(last + b - 1, m) + 1
+               call add_difference(stream, u(:, a) - u(:, b), step_scale, u(:, k), tried(:, k))
+               call whitening%from_white(tried(:, k), w(:, k))
             end do
-            call add_difference(stream, u(:, a) - u(:, b), view%step_scale, u(:, k), tried)
-            call try_step(target, view, stream, tried, temperature, walkers(k), accepted)
-            if (accepted) then
-               u(:, k) = tried
+            call place_points(target, w(:, first:last), proposals)
+            do k = first, last
+               call judge(stream, proposals(k - first + 1), temperature, walkers(k), accepted)
+               if (.not. accepted) cycle
+               u(:, k) = tried(:, k)
                moved = moved + 1
-            end if
-            if (2*generation <= generations) cycle
+            end do
+         end do
+         if (2*generation > generations) distinct = distinct + moved
+         do k = 1, m
+            if (2*generation <= generations) exit
             if (mod(visits, stride) == 0) then
                kept = kept + 1
                points(:, kept) = walkers(k)%w
@@ -251,8 +242,7 @@ contains
             end if
             visits = visits + 1
          end do
-         view%step_scale = min(1.0_wp, max(least_scale, view%step_scale*exp(0.5_wp*(real(moved, wp)/m - accepted_share))))
-         if (2*generation > generations) distinct = distinct + moved
+         step_scale = min(1.0_wp, max(least_scale, step_scale*exp(0.5_wp*(real(moved, wp)/m - accepted_share))))
       end do
    end subroutine step_population
 
@@ -313,100 +303,54 @@ contains
       density = density(chosen)
    end subroutine resample
 
-   !> The polynomial for the costly results of a target, if it has such, from some of the points; none if it errs at others.
-   subroutine fit_outputs(target, points, temperature, stream, view)
-      class(target_type), intent(in) :: target
-      !> Of the support, working coordinates (dimension, point).
-      real(wp), intent(in) :: points(:, :)
-      !> Divides the logarithm of the density where the polynomial will be used.
-      real(wp), intent(in) :: temperature
-      type(random_stream_type), intent(inout) :: stream
-      type(view_type), intent(inout) :: view
-      !> Points for each term, and terms where it is still hot and then.
-      integer, parameter :: surplus = 4, few_terms = 300, many_terms = 800
-      real(wp), allocatable :: outputs(:, :), arguments(:, :), w(:, :)
-      real(wp), dimension(target%dimension) :: u, from, to, tried
-      integer :: degree, many, a, i, k, found, attempts
-      logical, allocatable :: inside(:)
-
-      view%polynomial = output_polynomial_type()
-      if (target%n_outputs == 0 .or. target%dimension < polynomial_dimensions) return
-      degree = polynomial_degree(target%dimension, merge(few_terms, many_terms, temperature > 5.0_wp))
-      many = surplus*polynomial_terms(target%dimension, degree)
-      allocate (outputs(target%n_outputs, many), arguments(target%dimension, many))
-      allocate (w(target%dimension, many), inside(many))
-      found = 0
-      attempts = 0
-      do while (found < many .and. attempts < 20*many)
-         ! Where steps from the points lead, accepted or not: these are more different, and reach a little further.
-         do k = found + 1, many
-            call view%whitening%to_white(points(:, 1 + mod(k*(size(points, 2)/many + 1), size(points, 2))), u)
-            call stream%pick(size(points, 2), a)
-            call view%whitening%to_white(points(:, a), from)
-            call stream%pick(size(points, 2), a)
-            call view%whitening%to_white(points(:, a), to)
-            call add_difference(stream, to - from, max(0.3_wp, view%step_scale), u, tried)
-            call view%whitening%from_white(tried, w(:, k))
-         end do
-         attempts = attempts + many - found
-         call target%evaluate_outputs(w(:, found + 1:), arguments(:, found + 1:), outputs(:, found + 1:), inside(found + 1:))
-         do i = found + 1, many
-            if (.not. inside(i)) cycle
-            found = found + 1
-            arguments(:, found) = arguments(:, i)
-            outputs(:, found) = outputs(:, i)
-         end do
-      end do
-      if (found < many) return
-      call fit_output_polynomial(arguments, outputs, degree, view%polynomial)
-      if (.not. is_fitted(view%polynomial)) return
-      if (.not. agree(target, target, points, temperature, view%polynomial)) view%polynomial = output_polynomial_type()
-   end subroutine fit_outputs
-
    !> Points at working coordinates, evaluated.
-   pure subroutine place_points(target, w, points, polynomial)
+   pure subroutine place_points(target, w, points)
       class(target_type), intent(in) :: target
       !> (dimension, point).
       real(wp), intent(in) :: w(:, :)
       type(point_type), allocatable, intent(out) :: points(:)
-      !> See `evaluate_working`.
-      type(output_polynomial_type), intent(in), optional :: polynomial
       integer :: i
 
       allocate (points(size(w, 2)))
       do i = 1, size(points)
          points(i)%w = w(:, i)
       end do
-      call target%evaluate_working(points, polynomial)
+      call target%evaluate_working(points)
    end subroutine place_points
 
    !> A Metropolis step from `current` to whitened coordinates u.
-   subroutine try_step(target, view, stream, u, temperature, current, accepted, tested)
+   subroutine try_step(target, whitening, stream, u, current, accepted)
       class(target_type), intent(in) :: target
-      type(view_type), intent(in) :: view
+      type(whitening_type), intent(in) :: whitening
       type(random_stream_type), intent(inout) :: stream
       real(wp), intent(in) :: u(:)
-      !> Divides the logarithm of the density.
-      real(wp), intent(in) :: temperature
       type(point_type), intent(inout) :: current
       !> Whether `current` is now the proposal.
       logical, intent(out) :: accepted
-      !> The change of another log density, by which the proposal was accepted before.
-      real(wp), intent(in), optional :: tested
       type(point_type) :: proposal(1)
-      real(wp) :: v, change
 
       allocate (proposal(1)%w(size(u)))
-      call view%whitening%from_white(u, proposal(1)%w)
-      call target%evaluate_working(proposal, view%polynomial)
-      accepted = proposal(1)%log_working > outside
+      call whitening%from_white(u, proposal(1)%w)
+      call target%evaluate_working(proposal)
+      call judge(stream, proposal(1), 1.0_wp, current, accepted)
+   end subroutine try_step
+
+   !> Accept a proposal, or not.
+   subroutine judge(stream, proposal, temperature, current, accepted)
+      type(random_stream_type), intent(inout) :: stream
+      type(point_type), intent(in) :: proposal
+      !> Divides the logarithm of the density.
+      real(wp), intent(in) :: temperature
+      type(point_type), intent(inout) :: current
+      logical, intent(out) :: accepted
+      real(wp) :: v
+
+      accepted = proposal%log_working > outside
       if (.not. accepted) return
       call stream%uniform(v)
-      change = (proposal(1)%log_working - current%log_working)/temperature
-      if (present(tested)) change = change - tested
-      accepted = log(v) < change
-      if (accepted) current = proposal(1)
-   end subroutine try_step
+      accepted = log(v) < (proposal%log_working - current%log_working)/temperature
+      if (accepted) current = proposal
+   end subroutine judge
 
    !> u plus a factor times a difference of two points, of all coordinates or of some, with a little noise.
    subroutine add_difference(stream, difference, scale, u, moved)

@@ -4,24 +4,24 @@
 !> has visited, in the coordinates in which that is straight, and improved by importance sampling.
 !>
 !> What follows is a plain Markov chain with a fixed kernel: independent draws from the mixture, redrawn until they are in the support,
-!> and steps along the difference of two points of the burn-in. One sample is one step, or many where the mixture fits badly. Where a
-!> polynomial stands for the model, where these steps lead is accepted or not by the exact density (a surrogate transition, Liu, Monte
-!> Carlo Strategies in Scientific Computing, Springer 2001, section 9.4.3), so that the draws are of the exact one.
+!> and steps along the difference of two points of the burn-in. One sample is two steps, or more where the mixture fits badly.
 module ensemble_sampler
    use abstract_sampler, only: outside, point_type, sampler_type, target_type
-   use ensemble_evolution, only: add_difference, evolve_population, place_points, try_step, view_type
+   use ensemble_evolution, only: add_difference, evolve_population, place_points, try_step
    use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture, widen_mixture
    use running_command, only: advance_progress, stop_requested
    use kinds, only: i8, wp
-   use output_polynomial, only: is_fitted
    use random, only: random_stream_type
+   use ridge_coordinates, only: whitening_type
    implicit none
    private
    public :: ensemble_sampler_type
 
    !> What is fixed after the burn-in.
    type :: kernel_type
-      type(view_type) :: view
+      type(whitening_type) :: whitening
+      !> Of steps along differences, 1 in coordinates in which the density is normal.
+      real(wp) :: step_scale = 1.0_wp
       type(mixture_type) :: mixture
       !> Points of the burn-in in whitened coordinates, (dimension, point).
       real(wp), allocatable :: archive(:, :)
@@ -29,6 +29,14 @@ module ensemble_sampler
       real(wp) :: share = 0.0_wp
       integer :: steps = 1
    end type kernel_type
+
+   !> Draws of the mixture in the support that no step has used yet: they do not depend on where the chain is.
+   type :: pool_type
+      type(point_type), allocatable :: points(:)
+      !> Whitened coordinates, (dimension, point).
+      real(wp), allocatable :: u(:, :)
+      integer :: left = 0
+   end type pool_type
 
    type, extends(sampler_type) :: ensemble_sampler_type
    contains
@@ -44,75 +52,43 @@ contains
       type(random_stream_type), intent(inout) :: stream
       !> (parameter, sample), (sample).
       real(wp), intent(out) :: draws(:, :), log_density(:)
-      !> Share of accepted draws of the mixture; of what the polynomial proposes, where it stands for the model.
+      !> Share of accepted draws of the mixture.
       real(wp), intent(out) :: acceptance
       !> Whether a point of the support was found.
       logical, intent(out) :: started
-      !> Samples that are one step of the exact density whatever the polynomial says.
-      real(wp), parameter :: exact_share = 0.05_wp
       type(kernel_type) :: kernel
-      type(view_type) :: exact
+      type(pool_type) :: pool
       type(point_type), allocatable :: start(:)
-      type(point_type) :: current, nearly, proposal
-      real(wp) :: u(target%dimension), tried(target%dimension), quality, v
-      integer :: i, drawn, accepted, accepted_in_all, counted
-      logical :: moved
+      type(point_type) :: current
+      real(wp) :: u(target%dimension), w(target%dimension, 1), quality
+      integer :: i, drawn, accepted, accepted_in_all, drawn_in_all
 
       acceptance = 0.0_wp
-      call evolve_population(target, int(self%burn_in, i8)*target%dimension, stream, kernel%view, kernel%archive, started)
+      call evolve_population(target, int(self%burn_in, i8)*target%dimension, stream, kernel%whitening, &
+         & kernel%step_scale, kernel%archive, started)
       if (.not. started .or. stop_requested()) return
-      call fit_proposal(target, kernel%view, kernel%archive, size(log_density), stream, kernel%mixture, quality)
+      call fit_proposal(target, kernel%whitening, kernel%archive, size(log_density), stream, kernel%mixture, quality)
       if (stop_requested()) return
-      exact%whitening = kernel%view%whitening
       ! Differences lead along tails that the mixture leaves out; where it fits badly, more of the steps are such.
       if (quality > 0.0_wp) kernel%share = min(0.6_wp, max(0.2_wp, quality))
-      kernel%steps = 2 + nint(merge(5.0_wp, 2.0_wp, is_fitted(kernel%view%polynomial))*target%dimension &
-                             & *max(0.0_wp, 0.7_wp - quality))
+      kernel%steps = 2 + nint(2.0_wp*target%dimension*max(0.0_wp, 0.7_wp - quality))
       call stream%pick(size(kernel%archive, 2), i)
       u = kernel%archive(:, i)
-      call kernel%view%whitening%from_white(u, tried)
-      call place_points(target, reshape(tried, [size(tried), 1]), start)
+      call kernel%whitening%from_white(u, w(:, 1))
+      call place_points(target, w, start)
       current = start(1)
-      call target%evaluate_working(start, kernel%view%polynomial)
-      nearly = start(1)
       accepted_in_all = 0
-      counted = 0
+      drawn_in_all = 0
       do i = 1, size(log_density)
          if (stop_requested()) return
          call advance_progress(1_i8)
-         moved = .false.
-         call stream%uniform(v)
-         if (.not. is_fitted(kernel%view%polynomial)) then
-            call walk(target, kernel, stream, u, current, drawn, accepted)
-            counted = counted + drawn
-            accepted_in_all = accepted_in_all + accepted
-         else if (v < exact_share) then
-            call add_archived(kernel, stream, u, tried)
-            call try_step(target, exact, stream, tried, 1.0_wp, current, moved)
-            if (moved) then
-               ! Where the polynomial says nothing no walk may end, and so none that is accepted may begin.
-               start(1) = current
-               call target%evaluate_working(start, kernel%view%polynomial)
-               proposal = start(1)
-            end if
-         else
-            tried = u
-            proposal = nearly
-            call walk(target, kernel, stream, tried, proposal, drawn, accepted)
-            if (accepted > 0) then
-               call try_step(target, exact, stream, tried, 1.0_wp, current, moved, proposal%log_working - nearly%log_working)
-               counted = counted + 1
-               if (moved) accepted_in_all = accepted_in_all + 1
-            end if
-         end if
-         if (moved) then
-            u = tried
-            nearly = proposal
-         end if
+         call walk(target, kernel, pool, stream, u, current, drawn, accepted)
+         drawn_in_all = drawn_in_all + drawn
+         accepted_in_all = accepted_in_all + accepted
          draws(:, i) = current%x
          log_density(i) = current%log_density
       end do
-      acceptance = real(accepted_in_all, wp)/max(1, counted)
+      acceptance = real(accepted_in_all, wp)/max(1, drawn_in_all)
    end subroutine run
 
    !> A step from u along the difference of two points of the burn-in.
@@ -125,25 +101,24 @@ contains
 
       call stream%pick(size(kernel%archive, 2), a)
       call stream%pick(size(kernel%archive, 2), b)
-      call add_difference(stream, kernel%archive(:, a) - kernel%archive(:, b), kernel%view%step_scale, u, moved)
+      call add_difference(stream, kernel%archive(:, a) - kernel%archive(:, b), kernel%step_scale, u, moved)
    end subroutine add_archived
 
-   !> Some steps of the chain of the density as it is viewed, from u in place.
-   subroutine walk(target, kernel, stream, u, point, drawn, accepted)
+   !> Some steps of the chain, from u in place.
+   subroutine walk(target, kernel, pool, stream, u, point, drawn, accepted)
       class(target_type), intent(in) :: target
       type(kernel_type), intent(in) :: kernel
+      type(pool_type), intent(inout) :: pool
       type(random_stream_type), intent(inout) :: stream
       !> whitened coordinates, (dimension).
       real(wp), intent(inout) :: u(:)
       type(point_type), intent(inout) :: point
-      !> Draws of the mixture, and how many were accepted; with a polynomial the accepted steps of any kind.
+      !> Draws of the mixture, and how many were accepted.
       integer, intent(out) :: drawn, accepted
-      type(point_type) :: proposal(1)
       real(wp) :: tried(target%dimension), own, other, v
       integer :: step
       logical :: moved
 
-      allocate (proposal(1)%w(target%dimension))
       own = log_mixture(kernel%mixture, u)
       drawn = 0
       accepted = 0
@@ -151,61 +126,88 @@ contains
          call stream%uniform(v)
          if (v < kernel%share) then
             drawn = drawn + 1
-            call draw_inside(target, kernel%view, kernel%mixture, stream, proposal, tried)
-            if (.not. proposal(1)%log_working > outside) cycle
-            other = log_mixture(kernel%mixture, tried)
-            call stream%uniform(v)
-            if (.not. log(v) < proposal(1)%log_working - point%log_working + own - other) cycle
-            point = proposal(1)
+            if (pool%left == 0) call fill(target, kernel%whitening, kernel%mixture, stream, pool)
+            if (pool%left == 0) cycle
+            tried = pool%u(:, pool%left)
+            pool%left = pool%left - 1
+            associate (proposal => pool%points(pool%left + 1))
+               other = log_mixture(kernel%mixture, tried)
+               call stream%uniform(v)
+               if (.not. log(v) < proposal%log_working - point%log_working + own - other) cycle
+               point = proposal
+            end associate
             accepted = accepted + 1
          else
             call add_archived(kernel, stream, u, tried)
-            call try_step(target, kernel%view, stream, tried, 1.0_wp, point, moved)
+            call try_step(target, kernel%whitening, stream, tried, point, moved)
             if (.not. moved) cycle
             other = log_mixture(kernel%mixture, tried)
-            if (is_fitted(kernel%view%polynomial)) accepted = accepted + 1
          end if
          u = tried
          own = other
       end do
    end subroutine walk
 
-   !> A point of the mixture in the support, and u, its whitened coordinates; `outside` if a thousand draws were all there.
-   subroutine draw_inside(target, view, mixture, stream, point, u)
+   !> Draw points of the mixture in the support; none are left if a thousand were all outside.
+   subroutine fill(target, whitening, mixture, stream, pool)
       class(target_type), intent(in) :: target
-      type(view_type), intent(in) :: view
+      type(whitening_type), intent(in) :: whitening
       type(mixture_type), intent(in) :: mixture
       type(random_stream_type), intent(inout) :: stream
-      type(point_type), intent(inout) :: point(1)
-      real(wp), intent(out) :: u(:)
-      integer :: attempt
+      type(pool_type), intent(inout) :: pool
+      integer, parameter :: at_once = 50, most_attempts = 20
+      real(wp) :: u(target%dimension, at_once)
+      integer :: attempt, i
 
-      do attempt = 1, 1000
-         call draw_mixture(mixture, stream, u)
-         call view%whitening%from_white(u, point(1)%w)
-         call target%evaluate_working(point, view%polynomial)
-         if (point(1)%log_working > outside) return
+      do attempt = 1, most_attempts
+         call draw_points(target, whitening, mixture, stream, u, pool%points)
+         associate (inside => pack([(i, i=1, at_once)], pool%points%log_working > outside))
+            pool%left = size(inside)
+            if (pool%left == 0) cycle
+            pool%points = pool%points(inside)
+            pool%u = u(:, inside)
+         end associate
+         return
       end do
-   end subroutine draw_inside
+   end subroutine fill
+
+   !> Points of the mixture, evaluated.
+   subroutine draw_points(target, whitening, mixture, stream, u, points)
+      class(target_type), intent(in) :: target
+      type(whitening_type), intent(in) :: whitening
+      type(mixture_type), intent(in) :: mixture
+      type(random_stream_type), intent(inout) :: stream
+      !> Whitened coordinates, (dimension, point).
+      real(wp), intent(out) :: u(:, :)
+      type(point_type), allocatable, intent(out) :: points(:)
+      real(wp) :: w(size(u, 1), size(u, 2))
+      integer :: i
+
+      do i = 1, size(u, 2)
+         call draw_mixture(mixture, stream, u(:, i))
+         call whitening%from_white(u(:, i), w(:, i))
+      end do
+      call place_points(target, w, points)
+   end subroutine draw_points
 
    !> Fit the mixture to the archive, then improve it by importance sampling. Points that the mixture puts outside the support
    !> count as data of their own, so that it does not shy away from the bounds; the archive stays among the data, so that a tail
    !> that the mixture has lost comes back. `quality` estimates the effective share of its draws; 0 if they are of no use.
-   subroutine fit_proposal(target, view, archive, samples, stream, mixture, quality)
+   subroutine fit_proposal(target, whitening, archive, samples, stream, mixture, quality)
       class(target_type), intent(in) :: target
-      type(view_type), intent(in) :: view
+      type(whitening_type), intent(in) :: whitening
       real(wp), intent(in), contiguous :: archive(:, :)
       !> That are wanted of the chain: for few a search as long as for many does not pay.
       integer, intent(in) :: samples
       type(random_stream_type), intent(inout) :: stream
       type(mixture_type), intent(out) :: mixture
       real(wp), intent(out) :: quality
-      integer, parameter :: components = 16, least_draws = 600, most_draws = 3000, most_outside = 3000
-      integer, parameter :: least_rounds = 4, most_rounds = 12
+      integer, parameter :: components = 16, least_draws = 600, most_draws = 3000, most_outside = 3000, least_rounds = 4, &
+         & most_rounds = 12
       !> A smaller share of good draws is not worth the search: differences alone do better.
       real(wp), parameter :: archive_share = 0.3_wp, hopeless = 0.01_wp
       type(mixture_type) :: fitted
-      real(wp), allocatable :: points(:, :), weights(:), log_weights(:), beyond(:, :), u(:, :), w(:, :)
+      real(wp), allocatable :: points(:, :), weights(:), log_weights(:), beyond(:, :), u(:, :)
       type(point_type), allocatable :: batch(:)
       integer :: i, round, archived, inside, out, few, draws
       logical :: last
@@ -227,12 +229,7 @@ contains
          out = 0
          do while (inside < draws .and. out < 10*draws)
             allocate (u(target%dimension, min(draws - inside, 10*draws - out)))
-            w = u
-            do i = 1, size(u, 2)
-               call draw_mixture(mixture, stream, u(:, i))
-               call view%whitening%from_white(u(:, i), w(:, i))
-            end do
-            call place_points(target, w, batch, view%polynomial)
+            call draw_points(target, whitening, mixture, stream, u, batch)
             do i = 1, size(u, 2)
                if (batch(i)%log_working > outside) then
                   inside = inside + 1

@@ -67,15 +67,19 @@ contains
    !> Moduli, then speeds, m/s.
    pure subroutine evaluate_independent(self, c, modulus)
       class(wave_grains_type), intent(in) :: self
-      real(wp), intent(in) :: c(6, 6)
-      real(wp), intent(out), contiguous :: modulus(:)
+      real(wp), intent(in) :: c(:, :, :)
+      real(wp), intent(out), contiguous :: modulus(:, :)
+      real(wp) :: moduli(self%moduli%n_independent, size(c, 3))
       type(wave_type) :: waves(self%surface%n)
-      integer :: n
+      integer :: n, i
 
-      n = self%moduli%n_independent
-      call self%moduli%evaluate_independent(c, modulus(:n))
-      call surface_waves(self%surface, reshape(c, [6, 6, 1]), waves)
-      modulus(n + 1:self%n_independent) = wave_speed(waves%modulus, self%density)
+      n = size(moduli, 1)
+      call self%moduli%evaluate_independent(c, moduli)
+      modulus(:n, :) = moduli
+      do i = 1, size(c, 3)
+         call surface_waves(self%surface, c(:, :, i:i), waves)
+         modulus(n + 1:, i) = wave_speed(waves%modulus, self%density)
+      end do
    end subroutine evaluate_independent
 
    pure subroutine expand(self, independent, modulus)

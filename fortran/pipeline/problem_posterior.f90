@@ -365,7 +365,6 @@ contains
          allocate (best, source=posterior%grains)
       end do
       call move_alloc(best, posterior%grains)
-      if (posterior%n_outputs > 0) posterior%n_outputs = posterior%grains%n_independent
    end subroutine choose_field_degree
 
    !> The largest difference of a grain's modulus from the exact theory's, in sds of its measurement.

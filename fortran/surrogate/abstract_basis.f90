@@ -111,14 +111,14 @@ module abstract_basis
          type(error_type), allocatable, intent(out) :: error
       end subroutine set_grains_interface
 
-      !> The moduli that are computed.
+      !> The moduli that are computed, of some crystals.
       pure subroutine evaluate_independent_interface(self, c, modulus)
          import :: grain_model_type, wp
          class(grain_model_type), intent(in) :: self
-         !> Stiffness in crystal axes of a stable crystal, GPa.
-         real(wp), intent(in) :: c(6, 6)
-         !> GPa, (n_independent).
-         real(wp), intent(out), contiguous :: modulus(:)
+         !> Stiffness in crystal axes of stable crystals, GPa, (6, 6, crystal).
+         real(wp), intent(in) :: c(:, :, :)
+         !> GPa, (n_independent, crystal).
+         real(wp), intent(out), contiguous :: modulus(:, :)
       end subroutine evaluate_independent_interface
 
       !> U with U Uᵀ the covariance of y between the grains, 1/beta not included. Rows of grains that were set at different times
@@ -161,16 +161,22 @@ contains
    end subroutine evaluate_crystals
 
    !> Modulus of each grain and its derivative with respect to y.
-   pure subroutine evaluate_moduli(self, c, modulus, slope)
+   pure subroutine evaluate_moduli(self, c, modulus, slope, known)
       class(grain_model_type), intent(in) :: self
       !> Stiffness in crystal axes of a stable crystal, GPa.
       real(wp), intent(in) :: c(6, 6)
       !> GPa, (n).
       real(wp), intent(out), contiguous :: modulus(:), slope(:)
-      real(wp) :: independent(self%n_independent)
+      !> The moduli that would be computed, GPa, (n_independent), where they are known.
+      real(wp), intent(in), optional, contiguous :: known(:)
+      real(wp) :: independent(self%n_independent, 1)
 
-      call self%evaluate_independent(c, independent)
-      call self%expand(independent, modulus)
+      if (present(known)) then
+         call self%expand(known, modulus)
+      else
+         call self%evaluate_independent(reshape(c, [6, 6, 1]), independent)
+         call self%expand(independent(:, 1), modulus)
+      end if
       ! With theory in it y is a logarithm.
       slope = merge(modulus, 1.0_wp, self%has_theory)*spread_of(self%noise_growth, c)
    end subroutine evaluate_moduli

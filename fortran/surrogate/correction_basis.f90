@@ -365,29 +365,30 @@ contains
 
    pure subroutine evaluate_independent(self, c, modulus)
       class(correction_grain_model_type), intent(in) :: self
-      real(wp), intent(in) :: c(6, 6)
-      real(wp), intent(out), contiguous :: modulus(:)
+      real(wp), intent(in) :: c(:, :, :)
+      real(wp), intent(out), contiguous :: modulus(:, :)
       type(halfspace_type) :: theory
       type(error_type), allocatable :: error
       real(wp) :: w(self%logarithms%n)
-      logical :: in_full
-      integer :: first, last
+      integer :: first, last, i
 
-      in_full = self%full_above < huge(1.0_wp)
-      if (in_full) in_full = log_anisotropy(c) > self%full_above
-      if (in_full) then
-         do first = 1, size(modulus)
-            call halfspace_modulus(c, self%euler(:, first), theory, error)
-            modulus(first) = theory%modulus
+      ! A negative limit: none is read.
+      if (self%full_above >= 0.0_wp) call field_moduli(self%field, c, modulus)
+      do i = 1, size(c, 3)
+         if (self%full_above >= huge(1.0_wp)) exit
+         if (log_anisotropy(c(:, :, i)) <= self%full_above) cycle
+         do first = 1, size(modulus, 1)
+            call halfspace_modulus(c(:, :, i), self%euler(:, first), theory, error)
+            modulus(first, i) = theory%modulus
          end do
-      else
-         call field_moduli(self%field, c, modulus)
-      end if
+      end do
       if (self%polynomials%n == 0) return
-      w = self%logarithms%to_logarithms(c)
-      do first = 1, size(modulus), at_once
-         last = min(first + at_once - 1, size(modulus))
-         modulus(first:last) = modulus(first:last)*exp(matmul(terms_of_grains(self, w, first, last), self%coefficients))
+      do i = 1, size(c, 3)
+         w = self%logarithms%to_logarithms(c(:, :, i))
+         do first = 1, size(modulus, 1), at_once
+            last = min(first + at_once - 1, size(modulus, 1))
+            modulus(first:last, i) = modulus(first:last, i)*exp(matmul(terms_of_grains(self, w, first, last), self%coefficients))
+         end do
       end do
    end subroutine evaluate_independent
 

@@ -15,7 +15,7 @@ module paper_basis
    use surrogate_domain, only: domain_type
    use symmetric_harmonics, only: evaluate_harmonics, harmonics_type, new_harmonics
    use text, only: to_text
-   use linear_algebra, only: transposed_product
+   use linear_algebra, only: multiply, transposed_product
    implicit none
    private
    public :: paper_basis_type, largest_degree, truncation_names
@@ -165,20 +165,16 @@ contains
 
    pure subroutine evaluate_independent(self, c, modulus)
       class(paper_grain_model_type), intent(in) :: self
-      real(wp), intent(in) :: c(6, 6)
-      real(wp), intent(out), contiguous :: modulus(:)
-      real(wp) :: p(self%polynomials%n_products), y(self%harmonics%n)
-      integer :: i, h
+      real(wp), intent(in) :: c(:, :, :)
+      real(wp), intent(out), contiguous :: modulus(:, :)
+      real(wp) :: p(self%polynomials%n_products), y(self%harmonics%n, size(c, 3))
+      integer :: i
 
-      call evaluate_products(self%polynomials, self%domain%coordinates_of(c), p)
-      call transposed_product(size(p), size(y), self%coefficients, p, y)
-      modulus = 0.0_wp
-      do h = 1, size(y)
-         !$omp simd
-         do i = 1, size(modulus)
-            modulus(i) = modulus(i) + self%k(i, h)*y(h)
-         end do
+      do i = 1, size(c, 3)
+         call evaluate_products(self%polynomials, self%domain%coordinates_of(c(:, :, i)), p)
+         call transposed_product(size(p), size(y, 1), self%coefficients, p, y(:, i))
       end do
+      call multiply(self%k, y, modulus)
    end subroutine evaluate_independent
 
    pure subroutine evaluate_columns(self, c, columns)

@@ -22,7 +22,7 @@ module compliance_field
    use distinct_directions, only: group_rotations, new_region, region_type, representative, spread_of_directions
    use errors, only: error_type
    use kinds, only: pi, wp
-   use linear_algebra, only: add_gram, cholesky_factor, cholesky_solve, symmetric_eigen
+   use linear_algebra, only: add_gram, cholesky_factor, cholesky_solve, multiply, symmetric_eigen, transposed_product
    use symmetric_harmonics, only: evaluate_harmonics, harmonics_type, largest_degree, new_harmonics
    implicit none
    private
@@ -44,8 +44,8 @@ module compliance_field
       !> Of two directions m and n perpendicular to a node and to each other, a block of nodes at a time: m_k n_l, l fastest,
       !> (lanes, 9, blocks), and m_k m_l and n_k n_l for kl = 11, 22, 33, 23, 13, 12, (lanes, 6, blocks).
       real(wp), allocatable, private :: mn(:, :, :), mm(:, :, :), nn(:, :, :)
-      !> From F at the nodes (components 11, 22, 33, 23, 13, 12) to the modes of the grains, (grains x modes, 6, nodes).
-      real(wp), allocatable, private :: to_modes(:, :, :)
+      !> From F at the nodes (components 11, 22, 33, 23, 13, 12) to the modes of the grains, (6 x nodes, grains x modes).
+      real(wp), allocatable, private :: to_modes(:, :)
    end type field_type
 
    !> Fewer grains are computed each.
@@ -209,7 +209,7 @@ contains
       ! A polynomial of degree L on a circle has L/2 harmonics of 2 theta: so many points integrate the modes exactly.
       n_points = size(theta)
       theta = [(pi*(k - 1)/n_points, k=1, n_points)]
-      allocate (field%to_modes(n_grains*n_retained, 6, size(field%nodes, 2)), source=0.0_wp)
+      allocate (field%to_modes(6*size(field%nodes, 2), n_grains*n_retained), source=0.0_wp)
       allocate (circle(harmonics%n, n_points), waves(n_points, n_modes))
       do k = 1, n_points
          waves(k, :) = [0.5_wp, (cos(2.0_wp*m*theta(k)), sin(2.0_wp*m*theta(k)), m=1, highest_mode)]*2.0_wp/n_points
@@ -229,42 +229,65 @@ contains
                square = [turned**2, 2.0_wp*turned(2)*turned(3), 2.0_wp*turned(1)*turned(3), 2.0_wp*turned(1)*turned(2)]
                do m = 1, n_retained
                   row = grain + n_grains*(m - 1)
-                  field%to_modes(row, :, i) = field%to_modes(row, :, i) + weight(m, image)*square
+                  field%to_modes(6*i - 5:6*i, row) = field%to_modes(6*i - 5:6*i, row) + weight(m, image)*square
                end do
             end do
          end do
       end do
    end subroutine read_circles
 
-   !> Indentation moduli (GPa) of all grains of a stable crystal.
+   !> Indentation moduli (GPa) of all grains, of stable crystals.
    pure subroutine field_moduli(field, c, moduli)
       type(field_type), intent(in) :: field
-      !> Stiffness in crystal axes, GPa.
+      !> Stiffness in crystal axes, GPa, (6, 6, crystal).
+      real(wp), intent(in) :: c(:, :, :)
+      !> (grain, crystal)
+      real(wp), intent(out), contiguous :: moduli(:, :)
+      !> Crystals at once, so that what grains read is in the caches.
+      integer, parameter :: most = 32
+      real(wp) :: f(6*size(field%nodes, 2), min(most, size(c, 3))), read(size(field%to_modes, 2), size(f, 2)), &
+         & modes(field%n_grains, n_modes)
+      integer :: first, n, n_retained, i
+
+      n_retained = size(read, 1)/max(1, field%n_grains)
+      modes = 0.0_wp
+      do first = 1, size(c, 3), most
+         n = min(most, size(c, 3) - first + 1)
+         do i = 1, n
+            call evaluate_nodes(field, c(:, :, first + i - 1), f(:, i))
+         end do
+         if (n > 1) then
+            call multiply(field%to_modes, f(:, :n), read(:, :n), transposed=.true.)
+         else
+            call transposed_product(size(f, 1), size(read, 1), field%to_modes, f(:, 1), read(:, 1))
+         end if
+         do i = 1, n
+            modes(:, :n_retained) = reshape(read(:, i), [field%n_grains, n_retained])
+            call minimise_compliance(field%n_grains, modes, moduli(:, first + i - 1))
+         end do
+      end do
+   end subroutine field_moduli
+
+   !> F at the nodes.
+   pure subroutine evaluate_nodes(field, c, f)
+      type(field_type), intent(in) :: field
       real(wp), intent(in) :: c(6, 6)
-      !> (n)
-      real(wp), intent(out), contiguous :: moduli(:)
-      real(wp) :: modes(field%n_grains*n_modes), one(9, 9), both(6, 6), mm(lanes, 6), mn(lanes, 9), nn(lanes, 6), f(lanes, 6)
-      integer :: block, lane, i, j
+      !> Components 11, 22, 33, 23, 13, 12, (6, node).
+      real(wp), intent(out) :: f(6, size(field%nodes, 2))
+      real(wp) :: one(9, 9), both(6, 6), mm(lanes, 6), mn(lanes, 9), nn(lanes, 6), of_block(lanes, 6)
+      integer :: block, first, n
 
       call contraction_maps(c, one, both)
-      modes = 0.0_wp
       do block = 1, size(field%mn, 3)
          mm = matmul(field%mm(:, :, block), both)
          mn = matmul(field%mn(:, :, block), one)
          nn = matmul(field%nn(:, :, block), both)
-         call inverse_barnett(mm, mn, nn, f)
-         do lane = 1, min(lanes, size(field%nodes, 2) - lanes*(block - 1))
-            i = lanes*(block - 1) + lane
-            !$omp simd
-            do j = 1, size(field%to_modes, 1)
-               modes(j) = modes(j) + field%to_modes(j, 1, i)*f(lane, 1) + field%to_modes(j, 2, i)*f(lane, 2) &
-                  & + field%to_modes(j, 3, i)*f(lane, 3) + field%to_modes(j, 4, i)*f(lane, 4) &
-                  & + field%to_modes(j, 5, i)*f(lane, 5) + field%to_modes(j, 6, i)*f(lane, 6)
-            end do
-         end do
+         call inverse_barnett(mm, mn, nn, of_block)
+         first = lanes*(block - 1)
+         n = min(lanes, size(f, 2) - first)
+         f(:, first + 1:first + n) = transpose(of_block(:n, :))
       end do
-      call minimise_compliance(field%n_grains, modes, moduli)
-   end subroutine field_moduli
+   end subroutine evaluate_nodes
 
    !> 1/M = min over the ellipse's shape (a, b) of the integral of h(theta)/sqrt(1 + a cos 2 theta + b sin 2 theta) over half a turn:
    !> Newton's method from the minimum for a small anisotropy, all grains at once.

@@ -1,7 +1,6 @@
 !> Densities that the samplers are tried on.
 module known_targets
    use kinds, only: wp
-   use output_polynomial, only: is_fitted, output_polynomial_type
    use random, only: random_stream_type
    use abstract_sampler, only: outside, point_type, target_type
    implicit none
@@ -23,12 +22,11 @@ module known_targets
       procedure :: evaluate
    end type banana_type
 
-   !> The model's results o = (w1, w2 + 0.8 sin 2 w1, w3 + 0.3 w1², w4, ..) are standard normal, and w1 > -1. No polynomial is exact.
+   !> (x1, x2 + 0.8 sin 2 x1, x3 + 0.3 x1², x4, ..) are standard normal, and x1 > -1. No polynomial makes it straight.
    type, extends(known_type) :: wavy_type
    contains
       procedure :: draw_start => draw_wavy_start
       procedure :: evaluate => evaluate_wavy
-      procedure :: evaluate_outputs => evaluate_wavy_outputs
    end type wavy_type
 
 contains
@@ -77,44 +75,26 @@ contains
       class(wavy_type), intent(in) :: self
       real(wp), intent(in) :: points(:, :)
       real(wp), intent(out) :: log_density(:)
-      real(wp), dimension(size(points, 1), size(points, 2)) :: arguments, outputs
-      logical :: inside(size(log_density))
+      real(wp) :: normal(size(points, 1), size(points, 2))
 
-      call self%evaluate_outputs(points, arguments, outputs, inside)
+      normal = points
+      normal(2, :) = points(2, :) + 0.8_wp*sin(2.0_wp*points(1, :))
+      normal(3, :) = points(3, :) + 0.3_wp*points(1, :)**2
       log_density = outside
-      where (inside) log_density = -0.5_wp*sum(outputs**2, 1)
+      where (points(1, :) > -1.0_wp) log_density = -0.5_wp*sum(normal**2, 1)
    end subroutine evaluate_wavy
 
-   pure subroutine evaluate_working(self, points, polynomial)
+   pure subroutine evaluate_working(self, points)
       class(known_type), intent(in) :: self
       type(point_type), intent(inout) :: points(:)
-      type(output_polynomial_type), intent(in), optional :: polynomial
-      real(wp) :: outputs(self%n_outputs), log_density(1)
-      logical :: inside
+      real(wp) :: log_density(1)
       integer :: i
 
       do i = 1, size(points)
          points(i)%x = points(i)%w
          call self%evaluate(reshape(points(i)%x, [self%dimension, 1]), log_density)
-         if (is_fitted(polynomial) .and. log_density(1) > outside) then
-            call polynomial%evaluate(points(i)%w, outputs, inside)
-            log_density = merge(-0.5_wp*sum(outputs**2), outside, inside)
-         end if
          points(i)%log_density = log_density(1)
          points(i)%log_working = log_density(1)
       end do
    end subroutine evaluate_working
-
-   pure subroutine evaluate_wavy_outputs(self, w, arguments, outputs, inside)
-      class(wavy_type), intent(in) :: self
-      real(wp), intent(in) :: w(:, :)
-      real(wp), intent(out) :: arguments(:, :), outputs(:, :)
-      logical, intent(out) :: inside(:)
-
-      inside = w(1, :) > -1.0_wp .and. self%n_outputs > 0
-      arguments = w
-      outputs = w
-      outputs(2, :) = w(2, :) + 0.8_wp*sin(2.0_wp*w(1, :))
-      outputs(3, :) = w(3, :) + 0.3_wp*w(1, :)**2
-   end subroutine evaluate_wavy_outputs
 end module known_targets

@@ -9,7 +9,6 @@ program test_inference
    use kinds, only: pi, wp
    use known_targets, only: banana_type, wavy_type
    use observables, only: new_observable, observable_type
-   use output_polynomial, only: fit_output_polynomial, is_fitted, output_polynomial_type, polynomial_degree, polynomial_terms
    use settings_schema, only: measurements_settings_type
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, checkpoint_type, new_sampler, run_settings_type, sample_chains
@@ -20,13 +19,12 @@ program test_inference
 
    ! Some 10,000 effective samples, and 2,000: five standard errors.
    if (long_cases()) then
-      call test_surrogate_transition(21, 2000, 3000, 0.11_wp)
+      call test_wavy_density(21, 2000, 3000, 0.11_wp)
    else
       call test_kernels()
       call test_error_models()
       call test_mixture()
-      call test_output_polynomial()
-      call test_surrogate_transition(6, 1000, 10000, 0.05_wp)
+      call test_wavy_density(6, 1000, 10000, 0.05_wp)
       ! Chains are worth 6000 independent draws along the ridge (the paper's: 400) and 13000 or more across it.
       call test_sampler('ensemble', 20000, 20000, 0.05_wp)
       call test_sampler('scmh', 200000, 5000, 0.05_wp)
@@ -145,8 +143,8 @@ contains
       likelihood%student_dof = student_dof
    end function likelihood_of
 
-   !> The ensemble with a polynomial in place of a model that is none: moments of the exact density all the same.
-   subroutine test_surrogate_transition(dimension, burn_in, samples, tolerance)
+   !> The ensemble in many dimensions where no polynomial makes the density straight: its moments.
+   subroutine test_wavy_density(dimension, burn_in, samples, tolerance)
       integer, intent(in) :: dimension, burn_in, samples
       real(wp), intent(in) :: tolerance
       type(wavy_type) :: wavy
@@ -158,13 +156,10 @@ contains
       real(wp) :: mean
 
       wavy%dimension = dimension
-      wavy%n_outputs = dimension
-      words = 'surrogate transitions in '//to_text(dimension)
+      words = 'a wavy density in '//to_text(dimension)
       call new_sampler('ensemble', burn_in, sampler, error)
       call sample_chains(wavy, sampler, run_settings_type(samples, 4, 2, 3), chains, error, checkpoint_type())
       call check_success(trim(words)//': chains', error)
-      call check('the polynomial errs, and the exact density tells', all(chains%acceptance < 0.999_wp .and. &
-         & chains%acceptance > 0.2_wp))
       mean = normal_density(-1.0_wp)/(0.5_wp*(1.0_wp + erf(1.0_wp/sqrt(2.0_wp))))
       second = chains%draws(2, :, :) + 0.8_wp*sin(2.0_wp*chains%draws(1, :, :))
       third = chains%draws(3, :, :) + 0.3_wp*chains%draws(1, :, :)**2
@@ -176,41 +171,7 @@ contains
       call check_close(trim(words)//': the bend', average(third**2), 1.0_wp, 1.4_wp*tolerance)
       call check_close(trim(words)//': the bend does not depend', average(third*chains%draws(1, :, :)), 0.0_wp, tolerance)
       call check_close(trim(words)//': the others', average(chains%draws(dimension, :, :)**2), 1.0_wp, 1.4_wp*tolerance)
-   end subroutine test_surrogate_transition
-
-   !> A polynomial is found again by its values, and says nothing of what is beyond them.
-   subroutine test_output_polynomial()
-      type(output_polynomial_type) :: polynomial
-      type(random_stream_type) :: stream
-      real(wp) :: points(3, 400), outputs(2, 400), found(2)
-      integer :: i, k
-      logical :: inside
-
-      stream = new_random_stream(8, 0)
-      do i = 1, 400
-         do k = 1, 3
-            call stream%normal(points(k, i))
-         end do
-         outputs(:, i) = some_cubic(points(:, i))
-      end do
-      call check('terms of degree 3 in 9 coordinates', polynomial_terms(9, 3) == 220)
-      call check('the degree that 300 terms allow in 9', polynomial_degree(9, 300) == 3)
-      call fit_output_polynomial(points, outputs, 3, polynomial)
-      call check('a fit', is_fitted(polynomial))
-      call polynomial%evaluate([0.3_wp, -0.4_wp, 0.7_wp], found, inside)
-      call check('a cubic is found again', inside .and. maxval(abs(found - some_cubic([0.3_wp, -0.4_wp, 0.7_wp]))) < 1.0e-5_wp)
-      call polynomial%evaluate([9.0_wp, 0.0_wp, 0.0_wp], found, inside)
-      call check('beyond the points it says nothing', .not. inside)
-      call fit_output_polynomial(points(:, :1), outputs(:, :1), 3, polynomial)
-      call check('one point is not enough', .not. is_fitted(polynomial))
-   end subroutine test_output_polynomial
-
-   pure function some_cubic(x) result(y)
-      real(wp), intent(in) :: x(3)
-      real(wp) :: y(2)
-
-      y = [1.0_wp + x(1)*x(2)*x(3) - x(2)**3, x(1)**2 - 2.0_wp*x(2)*x(3)]
-   end function some_cubic
+   end subroutine test_wavy_density
 
    !> Moments of a curved ridge that bounds cut, and the same chains on 1, 2 and 4 threads.
    subroutine test_sampler(name, samples, burn_in, tolerance)
