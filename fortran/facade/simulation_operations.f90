@@ -238,6 +238,8 @@ contains
       case ('set_table')
          ! A table that is no file: a page of CSV.
          call self%set_table(x%in%text('table'), x%in%text('page'), x%error)
+      case ('misread')
+         self%misread = reshape(x%in%columns('directions', 3), [3, size(self%positions, 1), 7])
       case ('write_crystals')
          ! The table of the crystals with columns of numbers (n, m) added.
          call write_table(self%crystals%table, x%in%text('path'), x%in%text('names'), &
@@ -288,7 +290,7 @@ contains
       type(named_values_type), intent(inout) :: out
       character(len=12), parameter :: tables(4) = [character(len=12) :: 'crystals', 'measurements', 'candidates', 'grains']
       type(points_type), pointer :: points
-      type(warning_type), allocatable :: list(:), classes(:), names(:)
+      type(warning_type), allocatable :: list(:)
       character(len=:), allocatable :: name
       integer :: i, j
 
@@ -316,20 +318,15 @@ contains
          name = trim(tables(i))
          call out%put(name//'.n', points%n)
          if (allocated(points%modulus_kind)) call out%put(name//'.kind', points%modulus_kind)
-         allocate (classes(0), names(0))
-         if (allocated(points%class)) then
-            do j = 1, size(points%classes)
-               call warn(classes, points%classes(j)%name)
-            end do
-         end if
-         call out%put(name//'.classes', classes)
-         if (points%named_by > 0) then
-            do j = 1, points%n
-               call warn(names, points%name(j))
-            end do
-            call out%put(name//'.names', names)
-         end if
-         deallocate (classes, names)
+         list = [warning_type ::]
+         if (allocated(points%class)) list = [(warning_type(points%classes(j)%name), j=1, size(points%classes))]
+         call out%put(name//'.classes', list)
+         if (points%named_by == 0) cycle
+         list = [warning_type ::]
+         do j = 1, points%n
+            call warn(list, points%name(j))
+         end do
+         call out%put(name//'.names', list)
       end do
    end subroutine describe_problem
 
