@@ -291,7 +291,6 @@ contains
       character(len=12), parameter :: tables(4) = [character(len=12) :: 'crystals', 'measurements', 'candidates', 'grains']
       type(points_type), pointer :: points
       type(warning_type), allocatable :: list(:)
-      character(len=:), allocatable :: name
       integer :: i, j
 
       if (allocated(self%path)) then
@@ -315,18 +314,21 @@ contains
       do i = 1, size(tables)
          points => points_of(self, tables(i))
          if (.not. associated(points)) cycle
-         name = trim(tables(i))
-         call out%put(name//'.n', points%n)
-         if (allocated(points%modulus_kind)) call out%put(name//'.kind', points%modulus_kind)
+         call out%put(trim(tables(i))//'.n', points%n)
+         if (allocated(points%modulus_kind)) call out%put(trim(tables(i))//'.kind', points%modulus_kind)
          list = [warning_type ::]
-         if (allocated(points%class)) list = [(warning_type(points%classes(j)%name), j=1, size(points%classes))]
-         call out%put(name//'.classes', list)
+         if (allocated(points%class)) then
+            do j = 1, size(points%classes)
+               call warn(list, points%classes(j)%name)
+            end do
+         end if
+         call out%put(trim(tables(i))//'.classes', list)
          if (points%named_by == 0) cycle
          list = [warning_type ::]
          do j = 1, points%n
             call warn(list, points%name(j))
          end do
-         call out%put(name//'.names', list)
+         call out%put(trim(tables(i))//'.names', list)
       end do
    end subroutine describe_problem
 

@@ -80,12 +80,14 @@ contains
    end subroutine to_rows
 
    !> Check the orientations of the measured grains.
-   subroutine check_orientations(posterior, x, misread, check, error)
+   subroutine check_orientations(posterior, x, misread, row, check, error)
       type(posterior_type), intent(in) :: posterior
       !> A probable point, (dimension).
       real(wp), intent(in) :: x(:)
-      !> Indented directions in crystal axes by the ways to mistake the axes of a map, (3, grain, way); unallocated: there is no map.
+      !> Indented directions in crystal axes by the ways to mistake the axes of a map, (3, row, way); unallocated: there is no map.
       real(wp), allocatable, intent(in) :: misread(:, :, :)
+      !> Of each grain.
+      integer, intent(in) :: row(:)
       type(orientation_check_type), intent(out) :: check
       type(error_type), allocatable, intent(out) :: error
       type(harmonics_type) :: harmonics
@@ -111,7 +113,7 @@ contains
          g = rotation_matrix(posterior%euler(:, i))
          directions = reshape([g(:, 3), g(3, :), g(:, 1), g(:, 2), g(:, [3, 3, 3]), &
             & [(signs(:, k)*g(merge([2, 1, 3], [1, 2, 3], k > 3), 3), k=1, 7)], spread(g(:, 3), 2, 7)], [3, size(readings)])
-         if (allocated(misread)) directions(:, of_map + 1:) = misread(:, i, :)
+         if (allocated(misread)) directions(:, of_map + 1:) = misread(:, row(i), :)
          do k = 1, size(readings)
             call evaluate_harmonics(harmonics, directions(:, k), rows(i, :, k - 1))
          end do
@@ -202,9 +204,8 @@ contains
       real(wp) :: here, best
       !> Of the shuffles, chi-square.
       real(wp), allocatable :: found(:)
-      integer :: order(size(rows, 1)), i, j, k, n, shuffles
+      integer :: order(size(rows, 1)), i, j, k, shuffles
 
-      n = size(order)
       other = fit
       call other%to_rows(rows(:, :1, 0))
       check%constant = other%chi_square
@@ -212,10 +213,10 @@ contains
       here = other%chi_square
       shuffles = int(max(fewest, min(most, multiplications/size(other%columns)/size(other%b))))
       stream = new_random_stream(0, stream_number)
-      order = [(i, i=1, n)]
+      order = [(i, i=1, size(order))]
       allocate (found(shuffles))
       do k = 1, shuffles
-         do i = n, 2, -1
+         do i = size(order), 2, -1
             call stream%pick(i, j)
             order([i, j]) = order([j, i])
          end do

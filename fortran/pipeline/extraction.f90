@@ -187,8 +187,7 @@ contains
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: draws(:, :), prior_draws(:, :), values(:, :), prior_values(:, :), logarithms(:, :), &
-         & misread(:, :, :)
+      real(wp), allocatable :: draws(:, :), prior_draws(:, :), values(:, :), prior_values(:, :), logarithms(:, :)
       integer :: k, n, threads
 
       threads = thread_count(problem%settings%execution%workers)
@@ -202,8 +201,8 @@ contains
       call check_model(self%posterior, self%chains, threads, self%checks)
       self%most_probable = self%chains%best_draw()
       call climb(self%posterior, self%chains, self%most_probable)
-      if (allocated(problem%misread)) misread = problem%misread(:, problem%measurements%row(:self%posterior%n_moduli), :)
-      call check_orientations(self%posterior, self%most_probable, misread, self%orientations, error)
+      call check_orientations(self%posterior, self%most_probable, problem%misread, problem%measurements%row, self%orientations, &
+         & error)
       if (allocated(error)) return
       draws = flattened(self%chains%draws(:, ::self%predictions%stride, :))
       prior_draws = flattened(self%prior_chains%draws(:, ::thinning(self%prior_chains, 1), :))
@@ -240,7 +239,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Predictions of a measurement.
       integer, parameter :: most = 300000
-      real(wp), allocatable :: many(:, :), all(:, :)
+      real(wp), allocatable :: many(:, :), all(:, :), joined(:, :)
       type(shares_type), allocatable :: shares(:)
       real(wp) :: effective
       integer :: k, n
@@ -255,11 +254,10 @@ contains
       call find_shares(self%posterior, many, all, min(effective, real(size(many, 2), wp)), threads, &
          & self%parameter_shares, error)
       if (allocated(error)) return
-      deallocate (all)
-      allocate (all(n + size(values, 1), size(draws, 2)))
-      all(:n, :) = logarithms
-      all(n + 1:, :) = values
-      call find_shares(self%posterior, draws, all, min(effective, real(size(draws, 2), wp)), threads, shares, error)
+      allocate (joined(n + size(values, 1), size(draws, 2)))
+      joined(:n, :) = logarithms
+      joined(n + 1:, :) = values
+      call find_shares(self%posterior, draws, joined, min(effective, real(size(draws, 2), wp)), threads, shares, error)
       if (allocated(error)) return
       self%combination_shares = shares(:n)
       self%quantity_shares = shares(n + 1:)
