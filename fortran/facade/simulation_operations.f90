@@ -238,6 +238,8 @@ contains
       case ('set_table')
          ! A table that is no file: a page of CSV.
          call self%set_table(x%in%text('table'), x%in%text('page'), x%error)
+      case ('misread')
+         self%misread = reshape(x%in%columns('directions', 3), [3, size(self%positions, 1), 7])
       case ('write_crystals')
          ! The table of the crystals with columns of numbers (n, m) added.
          call write_table(self%crystals%table, x%in%text('path'), x%in%text('names'), &
@@ -288,8 +290,7 @@ contains
       type(named_values_type), intent(inout) :: out
       character(len=12), parameter :: tables(4) = [character(len=12) :: 'crystals', 'measurements', 'candidates', 'grains']
       type(points_type), pointer :: points
-      type(warning_type), allocatable :: list(:), classes(:), names(:)
-      character(len=:), allocatable :: name
+      type(warning_type), allocatable :: list(:)
       integer :: i, j
 
       if (allocated(self%path)) then
@@ -313,23 +314,21 @@ contains
       do i = 1, size(tables)
          points => points_of(self, tables(i))
          if (.not. associated(points)) cycle
-         name = trim(tables(i))
-         call out%put(name//'.n', points%n)
-         if (allocated(points%modulus_kind)) call out%put(name//'.kind', points%modulus_kind)
-         allocate (classes(0), names(0))
+         call out%put(trim(tables(i))//'.n', points%n)
+         if (allocated(points%modulus_kind)) call out%put(trim(tables(i))//'.kind', points%modulus_kind)
+         list = [warning_type ::]
          if (allocated(points%class)) then
             do j = 1, size(points%classes)
-               call warn(classes, points%classes(j)%name)
+               call warn(list, points%classes(j)%name)
             end do
          end if
-         call out%put(name//'.classes', classes)
-         if (points%named_by > 0) then
-            do j = 1, points%n
-               call warn(names, points%name(j))
-            end do
-            call out%put(name//'.names', names)
-         end if
-         deallocate (classes, names)
+         call out%put(trim(tables(i))//'.classes', list)
+         if (points%named_by == 0) cycle
+         list = [warning_type ::]
+         do j = 1, points%n
+            call warn(list, points%name(j))
+         end do
+         call out%put(trim(tables(i))//'.names', list)
       end do
    end subroutine describe_problem
 

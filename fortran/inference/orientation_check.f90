@@ -18,12 +18,18 @@ module orientation_check
 
    !> A probability that is noticed, and the power that a remark on orientations needs.
    real(wp), parameter :: rare = 0.005_wp, enough_power = 0.5_wp
-   !> Other readings of the same table: of the first three the direction is another one.
-   character(len=*), parameter, public :: readings(0:6) = [character(len=52) :: '', &
+   !> The ways to mistake two axes: way k exchanges them if k is above 3, then reverses x if it has the bit 1, and y if it has 2; the signs.
+   character(len=*), parameter :: mistakes(7) = [character(len=35) :: 'x reversed', 'y reversed', 'x and y reversed', &
+      & 'x and y exchanged', 'x and y exchanged, then x reversed', 'x and y exchanged, then y reversed', &
+      & 'x and y exchanged and reversed']
+   integer, parameter :: signs(3, 7) = reshape([-1, 1, 1, 1, -1, 1, -1, -1, 1, 1, 1, 1, -1, 1, 1, 1, -1, 1, -1, -1, 1], [3, 7])
+   !> Other readings of the same table; the last ones are of the map that it comes from.
+   character(len=*), parameter, public :: readings(0:20) = [character(len=57) :: '', &
       & 'rotations from crystal to sample axes (the inverse)', 'the x axis of the sample as the indented one', &
       & 'the y axis of the sample as the indented one', 'the orientations in reverse order', &
-      & 'the orientations one row further down', 'the orientations one row further up']
-   integer, parameter :: n_directions = 4, stream_number = 6000000
+      & 'the orientations one row further down', 'the orientations one row further up', &
+      & 'the crystal axes with '//mistakes, 'the map with '//mistakes]
+   integer, parameter :: of_map = 14, stream_number = 6000000
 
    type :: orientation_check_type
       !> Chi-square about one constant modulus and about the fit, its degrees of freedom and the probability of a larger one.
@@ -31,7 +37,7 @@ module orientation_check
       integer :: freedom = 0
       !> Of shuffles the share that fits as well, and the share that is noticed.
       real(wp) :: p_shuffled = 1.0_wp, power = 0.0_wp
-      !> Which of the `readings` fits while the table as it is does not; 0: none.
+      !> Which of the `readings` fits much better than the table as it is; 0: none.
       integer :: better = 0
       !> Grains without which the others agree, the worst first, and how far each is from what the others predict, sds.
       integer, allocatable :: outliers(:)
@@ -54,7 +60,7 @@ contains
    pure logical function is_noticed(self)
       class(orientation_check_type), intent(in) :: self
 
-      is_noticed = self%p < rare .and. self%power > enough_power .and. (self%p_shuffled > rare .or. self%better > 0)
+      is_noticed = self%better > 0 .or. (self%p < rare .and. self%power > enough_power .and. self%p_shuffled > rare)
    end function is_noticed
 
    !> Fit `rows` of harmonics (grain, harmonic), whose coefficients have no prior; all else stays with the measurement.
@@ -74,42 +80,48 @@ contains
    end subroutine to_rows
 
    !> Check the orientations of the measured grains.
-   subroutine check_orientations(posterior, x, check, error)
+   subroutine check_orientations(posterior, x, misread, row, check, error)
       type(posterior_type), intent(in) :: posterior
       !> A probable point, (dimension).
       real(wp), intent(in) :: x(:)
+      !> Indented directions in crystal axes by the ways to mistake the axes of a map, (3, row, way); unallocated: there is no map.
+      real(wp), allocatable, intent(in) :: misread(:, :, :)
+      !> Of each grain.
+      integer, intent(in) :: row(:)
       type(orientation_check_type), intent(out) :: check
       type(error_type), allocatable, intent(out) :: error
       type(harmonics_type) :: harmonics
       type(fit_type) :: fit, straight
       real(wp), dimension(posterior%n_grains) :: model, scales
-      real(wp) :: g(3, 3), directions(3, n_directions)
       real(wp), parameter :: seen = 10.0_wp
-      real(wp), allocatable :: u(:, :), rows(:, :, :)
-      real(wp) :: far, measured(posterior%n_moduli)
+      !> (grain, harmonic, reading).
+      real(wp), allocatable :: u(:, :), directions(:, :), rows(:, :, :)
+      real(wp) :: g(3, 3), far
       integer :: i, k, n
 
       n = posterior%n_moduli
       allocate (check%outliers(0), check%distances(0))
       call new_harmonics(posterior%prior%class%generators, 4, harmonics, error)
       if (allocated(error) .or. n <= harmonics%n) return
-      measured = posterior%data%modulus(:n) - sum(posterior%data%modulus(:n))/n
       allocate (u(posterior%n_grains, posterior%n_shared))
       call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, u)
       fit%scales = scales(:n)/posterior%errors%scale
       allocate (fit%weights(n), source=1.0_wp)
-      allocate (fit%shared(n, min(n, posterior%n_shared)), rows(n, harmonics%n, n_directions))
+      allocate (fit%shared(n, min(n, posterior%n_shared)), rows(n, harmonics%n, 0:size(readings) - 1))
       call factor_columns(u(:n, :)*posterior%errors%scale, fit%shared)
       do i = 1, n
          g = rotation_matrix(posterior%euler(:, i))
-         directions = reshape([g(:, 3), g(3, :), g(:, 1), g(:, 2)], [3, n_directions])
-         do k = 1, n_directions
-            call evaluate_harmonics(harmonics, directions(:, k), rows(i, :, k))
+         directions = reshape([g(:, 3), g(3, :), g(:, 1), g(:, 2), g(:, [3, 3, 3]), &
+            & [(signs(:, k)*g(merge([2, 1, 3], [1, 2, 3], k > 3), 3), k=1, 7)], spread(g(:, 3), 2, 7)], [3, size(readings)])
+         if (allocated(misread)) directions(:, of_map + 1:) = misread(:, row(i), :)
+         do k = 1, size(readings)
+            call evaluate_harmonics(harmonics, directions(:, k), rows(i, :, k - 1))
          end do
       end do
+      rows(:, :, 4:6) = reshape([rows(n:1:-1, :, 0), cshift(rows(:, :, 0), -1), cshift(rows(:, :, 0), 1)], [n, harmonics%n, 3])
       ! What the crystal leaves: it bends more than the harmonics do.
       fit%values = (posterior%data%modulus(:n) - model(:n))/fit%scales
-      call fit%to_rows(rows(:, :, 1))
+      call fit%to_rows(rows(:, :, 0))
       check%chi_square = fit%chi_square
       ! A harmonic that the grains do not tell from those before it has the pivot 1.
       check%freedom = n - count([(fit%l(i, i) > seen, i=1, harmonics%n)])
@@ -117,22 +129,22 @@ contains
       ! With sds that were fitted chi-square says nothing.
       if (posterior%infers_scale) check%p = nan
       far = 5.0_wp
-      if (check%p < rare) call find_outliers(fit, rows(:, :, 1), far, check)
+      if (check%p < rare) call find_outliers(fit, rows(:, :, 0), far, check)
+      straight = fit
+      straight%values = (posterior%data%modulus(:n) - sum(posterior%data%modulus(:n))/n)/fit%scales
       if (check%p < rare .and. size(check%outliers) == 0) then
          ! A bad value may have bent the crystal so far that no grains agree about it: once more about one modulus.
-         straight = fit
-         straight%values = measured/fit%scales
-         call straight%to_rows(rows(:, :, 1))
-         call find_outliers(straight, rows(:, :, 1), far, check)
+         call straight%to_rows(rows(:, :, 0))
+         call find_outliers(straight, rows(:, :, 0), far, check)
          fit%weights = straight%weights
       end if
-      if (harmonics%n > 1) call try_shuffles(fit, measured, rows, check)
+      if (harmonics%n > 1) call try_shuffles(straight, rows, check)
       if (check%is_noticed() .or. size(check%outliers) > 0) return
       ! Now the orientations are above suspicion: as far as one grain of so many is by chance.
       do while (n*erfc((far - 0.1_wp)/sqrt(2.0_wp)) < rare)
          far = far - 0.1_wp
       end do
-      call find_outliers(fit, rows(:, :, 1), far, check)
+      call find_outliers(fit, rows(:, :, 0), far, check)
    end subroutine check_orientations
 
    !> Leave out the worst grain, then the next, while one is `far` off. If the others agree then, these are the outliers.
@@ -177,48 +189,46 @@ contains
    end subroutine find_outliers
 
    !> Fit measurements to the orientations of other grains, at random, and to those of other readings of the table.
-   subroutine try_shuffles(fit, measured, rows, check)
+   subroutine try_shuffles(fit, rows, check)
+      !> About one modulus.
       type(fit_type), intent(in) :: fit
-      !> (grain); (grain, harmonic, direction).
-      real(wp), intent(in) :: measured(:), rows(:, :, :)
+      !> (grain, harmonic, reading).
+      real(wp), intent(in) :: rows(:, :, 0:)
       type(orientation_check_type), intent(inout) :: check
       !> Shuffles, and of many grains multiplications in all.
       real(wp), parameter :: most = 999.0_wp, fewest = 99.0_wp, multiplications = 2.0e8_wp
+      !> By how much chi-square is lower: chance does this to right orientations once in exp(6) readings at most.
+      real(wp), parameter :: clearly = 12.0_wp
       type(fit_type) :: other
       type(random_stream_type) :: stream
       real(wp) :: here, best
-      integer :: order(size(measured)), i, j, k, n, shuffles, as_well, noticed
+      !> Of the shuffles, chi-square.
+      real(wp), allocatable :: found(:)
+      integer :: order(size(rows, 1)), i, j, k, shuffles
 
-      n = size(order)
       other = fit
-      other%values = measured/fit%scales
-      call other%to_rows(rows(:, :1, 1))
+      call other%to_rows(rows(:, :1, 0))
       check%constant = other%chi_square
-      call other%to_rows(rows(:, :, 1))
+      call other%to_rows(rows(:, :, 0))
       here = other%chi_square
-      best = here
       shuffles = int(max(fewest, min(most, multiplications/size(other%columns)/size(other%b))))
       stream = new_random_stream(0, stream_number)
-      order = [(i, i=1, n)]
-      as_well = 1
-      noticed = 0
+      order = [(i, i=1, size(order))]
+      allocate (found(shuffles))
       do k = 1, shuffles
-         do i = n, 2, -1
+         do i = size(order), 2, -1
             call stream%pick(i, j)
             order([i, j]) = order([j, i])
          end do
-         call other%to_rows(rows(order, :, 1))
-         best = min(best, other%chi_square)
-         if (other%chi_square <= here) as_well = as_well + 1
-         if (chi_square_above(other%chi_square, check%freedom) < rare) noticed = noticed + 1
+         call other%to_rows(rows(order, :, 0))
+         found(k) = other%chi_square
       end do
-      check%p_shuffled = real(as_well, wp)/(shuffles + 1)
-      check%power = real(noticed, wp)/shuffles + 0.0_wp*check%p
-      if (.not. check%p < rare) return
+      check%p_shuffled = (1.0_wp + count(found <= here))/(shuffles + 1)
+      check%power = real(count([(chi_square_above(found(k), check%freedom) < rare, k=1, shuffles)]), wp)/shuffles + 0.0_wp*check%p
+      if (.not. check%p >= 0.0_wp) return
+      best = min(here - clearly, minval(found))
       do k = 1, ubound(readings, 1)
-         if (k < 4) call other%to_rows(rows(:, :, k + 1))
-         if (k == 4) call other%to_rows(rows(n:1:-1, :, 1))
-         if (k > 4) call other%to_rows(cshift(rows(:, :, 1), 2*k - 11))
+         call other%to_rows(rows(:, :, k))
          if (other%chi_square >= best .or. chi_square_above(other%chi_square, check%freedom) < rare) cycle
          best = other%chi_square
          check%better = k

@@ -106,7 +106,7 @@ contains
          call estimate_evidence(self%posterior, self%chains, prior, self%prior_chains, &
             & thread_count(problem%settings%execution%workers), self%evidence, error)
       end if
-      if (.not. allocated(error)) call summarise(thread_count(problem%settings%execution%workers), self, error)
+      if (.not. allocated(error)) call summarise(problem, self, error)
       if (.not. allocated(error)) call describe_surrogate(surrogate, self, error)
       if (.not. allocated(error)) call compare_theory(problem, self, error)
    end subroutine extract
@@ -115,14 +115,13 @@ contains
       type(surrogate_type), intent(in) :: surrogate
       type(extraction_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: theory(:), circular(:), modulus(:), sd(:)
-      real(wp) :: mean(6, 6)
+      real(wp), dimension(size(surrogate%simulations%modulus)) :: theory, circular
+      real(wp), dimension(self%posterior%n_moduli) :: modulus, sd
 
       self%simulations = size(surrogate%simulations%modulus)
       self%checksum = surrogate%checksum
       self%surrogate_contact_radius = surrogate%contact_radius
       if (surrogate%contact_radius > 0.0_wp) then
-         allocate (theory(self%simulations), circular(self%simulations))
          call halfspace_moduli(stiffnesses(surrogate%basis%domain%class, surrogate%simulations%constants), &
             & surrogate%simulations%euler_deg, 1, theory, circular, error)
          if (.not. allocated(error)) self%surrogate_correction = sum(abs(surrogate%simulations%modulus/theory - 1.0_wp)) &
@@ -130,9 +129,8 @@ contains
       end if
       if (self%simulations == 0) return
       associate (posterior => self%posterior, n => self%posterior%n_moduli)
-         mean = posterior%prior%class%stiffness(self%parameters(:posterior%n_constants)%mean)
-         allocate (modulus(n), sd(n))
-         call predict_crystals(surrogate, spread(mean, 3, n), posterior%euler(:, :n), 1, modulus, sd, error)
+         call predict_crystals(surrogate, spread(posterior%stiffness(self%parameters%mean), 3, n), posterior%euler(:, :n), 1, &
+            & modulus, sd, error)
          if (.not. allocated(error)) self%surrogate_sd = sum(sd)/max(1, n)
       end associate
    end subroutine describe_surrogate
@@ -145,7 +143,6 @@ contains
       type(surrogate_type) :: theory
       type(posterior_type) :: posterior
       real(wp), allocatable :: draws(:, :)
-      real(wp), dimension(self%posterior%dimension) :: mean, sd
       integer :: n
 
       if (self%simulations == 0 .or. .not. self%posterior%grains%has_theory) return
@@ -153,9 +150,8 @@ contains
       if (.not. allocated(error)) call draw_aside(problem, theory, theory_run, posterior, draws, error)
       if (allocated(error)) return
       n = self%posterior%n_constants
-      call moments(draws, mean, sd)
-      self%theory_mean = mean(:n)
-      self%theory_sd = sd(:n)
+      allocate (self%theory_mean(n), self%theory_sd(n))
+      call moments(draws(:n, :), self%theory_mean, self%theory_sd)
    end subroutine compare_theory
 
    !> Chains of the posterior, with theory read so finely that what is left does not matter: a short run chooses the degree, and the
@@ -187,18 +183,17 @@ contains
       self%field_degree = self%posterior%grains%field_degree
    end subroutine sample_exactly
 
-   subroutine summarise(threads, self, error)
-      integer, intent(in) :: threads
+   subroutine summarise(problem, self, error)
+      type(problem_type), intent(in) :: problem
       type(extraction_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: draws(:, :), prior_draws(:, :), values(:, :), prior_values(:, :), logarithms(:, :)
-      integer :: i, k, n
+      integer :: k, n, threads
 
+      threads = thread_count(problem%settings%execution%workers)
       n = self%posterior%dimension
       k = self%posterior%n_constants
-      allocate (self%names(n))
-      self%names(:k) = self%posterior%prior%class%constants
-      if (n > k) self%names(n) = 'sd_factor'
+      self%names = [character(len=9) :: self%posterior%prior%class%constants, spread('sd_factor', 1, n - k)]
       call reported_quantities(self%posterior%prior%class, self%quantities, error)
       if (allocated(error)) return
       call predict_grains(self%posterior, self%chains, self%quantities, self%predictions, error)
@@ -206,24 +201,20 @@ contains
       call check_model(self%posterior, self%chains, threads, self%checks)
       self%most_probable = self%chains%best_draw()
       call climb(self%posterior, self%chains, self%most_probable)
-      call check_orientations(self%posterior, self%most_probable, self%orientations, error)
+      call check_orientations(self%posterior, self%most_probable, problem%misread, problem%measurements%row, self%orientations, &
+         & error)
       if (allocated(error)) return
       draws = flattened(self%chains%draws(:, ::self%predictions%stride, :))
       prior_draws = flattened(self%prior_chains%draws(:, ::thinning(self%prior_chains, 1), :))
       values = flattened(self%predictions%quantities)
       call find_combinations(self%posterior%prior, draws, prior_draws, self%combinations, logarithms, error)
       if (allocated(error)) return
-      if (n > k) then
-         self%chains%draws(n, :, :) = exp(self%chains%draws(n, :, :))
-         self%most_probable(n) = exp(self%most_probable(n))
-      end if
+      self%chains%draws(k + 1:, :, :) = exp(self%chains%draws(k + 1:, :, :))
+      self%most_probable(k + 1:) = exp(self%most_probable(k + 1:))
       call summarise_parameters(self%chains, threads, self%parameters)
-      do i = 1, n
-         associate (interval => self%parameters(i)%hdi_95, point => self%most_probable(i))
-            ! Along a ridge it is noise.
-            if (.not. (point >= interval(1) .and. point <= interval(2))) point = nan
-         end associate
-      end do
+      ! Along a ridge it is noise.
+      where (.not. (self%most_probable >= self%parameters%hdi_95(1) .and. self%most_probable <= self%parameters%hdi_95(2))) &
+         & self%most_probable = nan
       call share_all(threads, self, draws, logarithms, values, error)
       if (allocated(error)) return
       if (n > k) draws(n, :) = exp(draws(n, :))
@@ -248,7 +239,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Predictions of a measurement.
       integer, parameter :: most = 300000
-      real(wp), allocatable :: many(:, :), all(:, :)
+      real(wp), allocatable :: many(:, :), all(:, :), joined(:, :)
       type(shares_type), allocatable :: shares(:)
       real(wp) :: effective
       integer :: k, n
@@ -263,11 +254,10 @@ contains
       call find_shares(self%posterior, many, all, min(effective, real(size(many, 2), wp)), threads, &
          & self%parameter_shares, error)
       if (allocated(error)) return
-      deallocate (all)
-      allocate (all(n + size(values, 1), size(draws, 2)))
-      all(:n, :) = logarithms
-      all(n + 1:, :) = values
-      call find_shares(self%posterior, draws, all, min(effective, real(size(draws, 2), wp)), threads, shares, error)
+      allocate (joined(n + size(values, 1), size(draws, 2)))
+      joined(:n, :) = logarithms
+      joined(n + 1:, :) = values
+      call find_shares(self%posterior, draws, joined, min(effective, real(size(draws, 2), wp)), threads, shares, error)
       if (allocated(error)) return
       self%combination_shares = shares(:n)
       self%quantity_shares = shares(n + 1:)

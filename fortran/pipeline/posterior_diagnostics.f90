@@ -264,7 +264,7 @@ contains
    subroutine check_residuals(found, warnings)
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(inout) :: warnings(:)
-      !> Standard deviations that are stated twice too large are found by the latter with 12 grains in some 85 % of the cases.
+      !> The latter finds standard deviations of copper that are twice too large in a fifth of the cases with 12 grains, in all with 24.
       real(wp), parameter :: rare = 0.01_wp, rare_below = 0.05_wp
       character(len=:), allocatable :: more, cause
       real(wp) :: p

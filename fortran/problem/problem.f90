@@ -52,6 +52,8 @@ module problem
       type(table_type), allocatable :: indents
       character(len=:), allocatable :: map, map_points
       real(wp), allocatable :: positions(:, :)
+      !> Indented directions in crystal axes where the axes of the map are mistaken, (3, measurement, way); see `orientation_check`.
+      real(wp), allocatable :: misread(:, :, :)
       !> Of &curves, and the crystals of &references.
       type(curve_set_type), allocatable :: curves
       type(points_type), allocatable :: references

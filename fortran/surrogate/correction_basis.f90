@@ -238,7 +238,7 @@ contains
          spread(i) = spread_of(self%noise_growth, c(:, :, i))
          if (self%n_terms > 0) x(i, :) = turned_coordinates(logarithm_of(c(:, :, i)), euler(:, i))
       end do
-      call evaluate_polynomials(self%polynomials, x(:, :self%polynomials%n_coordinates), values)
+      if (self%n_terms > 0) call evaluate_polynomials(self%polynomials, x(:, :self%polynomials%n_coordinates), values)
       do i = 1, size(scale)
          terms(:, i) = values(i, :)/spread(i)
       end do

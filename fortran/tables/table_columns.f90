@@ -238,7 +238,7 @@ contains
          call refuse(error, 'the columns '//found(6:)//' are moduli; state modulus_kind to take one: '//choices)
       else if (.not. allocated(stated) .and. columns(plain) > 0) then
          call refuse(error, 'the column '//found(6:)//' does not say which modulus was measured, nor does modulus_kind; allowed ' &
-            & //choices//' (effective_modulus: what instruments call reduced modulus, Er)')
+            & //choices//' (effective_modulus: reduced modulus, Er; sample_modulus: EIT, Young''s modulus)')
       else if (own > 0) then
          name = trim(names(own))
          kind = trim(kinds(own))

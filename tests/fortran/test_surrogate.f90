@@ -3,7 +3,7 @@
 program test_surrogate
    use abstract_basis, only: basis_type, grain_model_type
    use bases, only: new_basis
-   use crystal_elasticity, only: anisotropy_index, is_stable
+   use crystal_elasticity, only: anisotropy_index, is_stable, isotropic_stiffness
    use correction_basis, only: correction_basis_type
    use errors, only: error_type, exit_bad_input
    use files, only: read_text_file
@@ -12,7 +12,8 @@ program test_surrogate
    use random, only: new_random_stream, random_stream_type
    use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, spread_crystals
-   use surrogate_model, only: load_surrogate, new_grain_model, save_surrogate, surrogate_type
+   use surrogate_model, only: load_surrogate, new_grain_model, new_theory_surrogate, predict_crystals, save_surrogate, &
+      & surrogate_type
    use testing, only: check, check_close, check_refused, check_success, clenshaw_curtis_weight, evaluate_terms, finish, &
       & new_domain, new_wide_domain, predict
    implicit none
@@ -28,10 +29,24 @@ program test_surrogate
    call test_prediction('paper')
    call test_grain_model('total', 3, 4)
    call test_grain_model('tensor', 1, 4)
+   call test_theory_alone()
    call test_damages()
    call finish()
 
 contains
+
+   !> Without a correction there are no polynomials to evaluate: the modulus of an isotropic crystal in two grains is E/(1 - nu^2).
+   subroutine test_theory_alone()
+      type(surrogate_type) :: surrogate
+      type(error_type), allocatable :: error
+      real(wp), parameter :: euler(3, 2) = reshape([0.1_wp, 0.4_wp, 0.7_wp, 2.0_wp, 1.3_wp, 0.0_wp], [3, 2])
+      real(wp) :: modulus(2), sd(2)
+
+      call new_theory_surrogate(surrogate, error)
+      call predict_crystals(surrogate, spread(isotropic_stiffness(210.0_wp, 0.3_wp), 3, 2), euler, 1, modulus, sd, error)
+      call check_success('theory alone', error)
+      call check_close('theory alone', maxval(abs(modulus - 210.0_wp/0.91_wp)), 0.0_wp, 1.0e-6_wp)
+   end subroutine test_theory_alone
 
    !> The paper's domain of a class.
    function domain_of(symmetry) result(domain)

@@ -81,6 +81,58 @@ def test_other_readings_of_a_table_are_tried():
     assert words[0].endswith(found["better_reading"])
 
 
+def map_of(path, name, grains, seed, way):
+    """A square map of Voronoi grains in which the ways of the check name the way back, and indents in the middle of some of them."""
+    pytest.importorskip("orix.io")
+    from test_orientation_maps import write
+
+    symmetry, table, rng = measured(name, 3 * grains, seed)
+    y, x = (part.ravel().astype(float) for part in np.mgrid[:49, :49])
+    places = np.column_stack([x, y])
+    grain = np.argmin(((places[:, None] - 48 * rng.random((3 * grains, 2))) ** 2).sum(axis=-1), axis=1)
+    seen = places[:, ::-1] if way & 4 else places
+    seen = np.where([way & 1, way & 2], 48 - seen, seen)
+    order = np.lexsort(seen.T)
+    write(path, *seen[order].T, table["euler_deg"][grain[order]], point_group={"cubic": "m-3m", "hexagonal": "6/mmm"}[symmetry])
+    large = np.flatnonzero(np.bincount(grain) > 12)[:grains]
+    centres = [places[grain == k].mean(axis=0) for k in large]
+    nearest = [places[grain == k][np.argmin(((places[grain == k] - c) ** 2).sum(axis=1))] for k, c in zip(large, centres, strict=True)]
+    columns = dict(zip(("x_um", "y_um"), np.array(nearest).T.tolist(), strict=True))
+    return symmetry, columns | {column: table[column][large].tolist() for column in ("modulus_gpa", "sd_gpa")}
+
+
+@pytest.mark.long_where("Ti")
+@pytest.mark.parametrize(
+    ("name", "grains", "way", "told"),
+    [
+        ("copper", 20, 0, ""),
+        ("copper", 20, 1, "the map with x reversed"),
+        ("Ti", 24, 0, ""),
+        ("Ti", 24, 2, "the map with y reversed"),
+        ("Ti", 24, 3, "the map with x and y reversed"),
+        ("Ti", 24, 4, "the map with x and y exchanged"),
+        ("Ti", 24, 5, "the map with x and y exchanged, then x reversed"),
+    ],
+)
+def test_a_flipped_map_is_named(tmp_path, name, grains, way, told):
+    path = tmp_path / "map.h5"
+    found, words = checked(*map_of(path, name, grains, {"copper": 7, "Ti": 8}[name], way), ebsd=path)
+    assert found["better_reading"] == told
+    # Indents that a flipped map puts into one grain are taken for tests of it, which scatter.
+    explained = [line.partition("What would explain them: ")[2] for line in words if "explain" in line]
+    assert explained == [told] * bool(told)
+
+
+@pytest.mark.long
+def test_mistaken_crystal_axes_are_named_where_they_matter():
+    """Angles for x along a* in place of a: phi2 is a quarter of a turn off."""
+    # A mirror of quartz reverses x.
+    for name, grains, told in (("quartz", 24, "the crystal axes with x and y exchanged"), ("Ti", 24, "")):
+        symmetry, table, _ = measured(name, grains, 3)
+        found, words = checked(symmetry, table | {"euler_deg": table["euler_deg"] + [0, 0, 90]})
+        assert found["better_reading"] == told and len(words) == bool(told)
+
+
 def test_a_nearly_isotropic_crystal_has_no_power():
     symmetry, table, rng = measured("tungsten", 20, 3)
     found, words = checked(symmetry, table | {"euler_deg": table["euler_deg"][rng.permutation(20)]})

@@ -61,8 +61,7 @@ def indented_map(
             raise InputError(f"{place}the column {name} states the orientation too; one of them is allowed")
     grid = Grid(place, path, axes)
     indents, sd, warnings = registered(*points, stage) if points else (stage, np.zeros(len(stage)), [])
-    tree = cKDTree(grid.positions)
-    away, pixel = tree.query(indents)
+    away, pixel = grid.tree.query(indents)
     for row in np.flatnonzero(away > grid.step):
         low, high = (", ".join(f"{value:g}" for value in edge) for edge in (grid.positions.min(axis=0), grid.positions.max(axis=0)))
         x, y = indents[row]
@@ -73,7 +72,7 @@ def indented_map(
     warnings += grid.compare_phase(grid.phase[pixel], symmetry)
     # Of a sample of the errors of registration the share that leads to the same grain.
     errors = np.random.default_rng(0).normal(size=(SAMPLE, 1, 2)) * sd[:, None]
-    share = np.mean(grid.grain[tree.query(indents + errors)[1]] == grains, axis=0)
+    share = np.mean(grid.grain[grid.tree.query(indents + errors)[1]] == grains, axis=0)
     if doubtful := [f"{row + 1} ({share[row]:.0%})" for row in np.flatnonzero(share < LEAST_SHARE)]:
         warnings.append(
             f"{place}the grain of the indents of rows {', '.join(doubtful[:10])}{', ..' if len(doubtful) > 10 else ''} is uncertain: in brackets "
@@ -146,12 +145,12 @@ class Grid:
             to_standard = turn_of_axes(place, group.laue, loaded.phases[number].structure.lattice, axes, axes_of_file(path))
             own = np.flatnonzero(self.phase == number)
             self.rotations[own] = to_standard * self.rotations[own]
-        tree = cKDTree(self.positions)
+        self.tree = cKDTree(self.positions)
         #: Distance of neighbours, um.
-        self.step = float(np.median(tree.query(self.positions, k=2)[0][:, 1]))
+        self.step = float(np.median(self.tree.query(self.positions, k=2)[0][:, 1]))
         if not self.step > 0:
             raise InputError(f"{place}has most of its points twice at the same place; a map has each once")
-        self.grain = self._grains(tree.query_pairs(1.2 * self.step, output_type="ndarray"))
+        self.grain = self._grains(self.tree.query_pairs(1.2 * self.step, output_type="ndarray"))
         #: Whether a point is of a grain that is more than noise.
         self.counts = np.bincount(self.grain)[self.grain] >= LEAST_PIXELS
 
@@ -191,6 +190,17 @@ class Grid:
                 "state the symmetry of the phase, or the orientations in columns"
             )
         return [] if own == symmetry else [f"{differs}, which takes the crystal for more symmetric than the map does"]
+
+    def misread(self, positions: np.ndarray) -> np.ndarray:
+        """The indented directions (7, n, 3) in crystal axes at positions (n, 2) whose axes are mistaken."""
+        # In the ways of fortran/inference/orientation_check.f90. Beside the map its edge is taken.
+        low, size = self.positions.min(axis=0), np.ptp(self.positions, axis=0)
+
+        def places(way: int) -> np.ndarray:
+            exchanged = (positions - low)[:, :: -1 if way & 4 else 1]
+            return low + np.where([way & 1, way & 2], size - exchanged, exchanged)
+
+        return np.stack([self.rotations[self.tree.query(places(way))[1]].apply(NORMAL) for way in range(1, 8)])
 
     def colours(self) -> np.ndarray:
         """The crystal direction along the indenter of each point in the colours of the inverse pole figure, RGB (n, 3)."""

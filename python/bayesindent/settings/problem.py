@@ -173,6 +173,7 @@ class Problem(NativeObject):
             given = (facts.get(name) for name in ("problem.symmetry", "measurements.crystal_axes"))
             self.map = indented_map(place, Path(facts["map"]), points, stage, facts["indents_columns"], *given)
             self._set_table("ebsd", self.map.page)
+            self._call("misread", directions=self.map.grid.misread(self.map.positions))
             for line in self.map.warnings:
                 self._set_table("warning", line)
             facts = self._facts()
