@@ -9,7 +9,7 @@ module constants_posterior
    use constants_prior, only: prior_type
    use crystal_elasticity, only: no_wave, path_type
    use error_models, only: error_model_type, new_error_model
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, exit_bad_input, raise, refuse
    use kinds, only: degree, wp
    use logarithmic_coordinates, only: log_frame_type
    use measured_grains, only: all_tilts, measured_type, n_tilts, tilt_moments
@@ -20,6 +20,7 @@ module constants_posterior
    use small_matrices, only: factor_columns, solve_upper, sum_of_logs
    use surrogate_model, only: new_grain_model, surrogate_type
    use text, only: to_text
+   use unknown_orientations, only: unknown_orientations_type
    use wave_grains, only: add_waves, wave_grains_type
    implicit none
    private
@@ -47,6 +48,10 @@ module constants_posterior
       !> ones that were stated, then the two tilts of the sample.
       integer :: n_shared = 0, n_calibrated = 0
       type(measured_type) :: data
+      !> Of the errors from calibration to the stated ones what one sd of them is of a measurement, (grain, error).
+      real(wp), allocatable, private :: relative(:, :)
+      !> Allocated if the orientations of the measured grains are unknown: then `grains` has all directions.
+      type(unknown_orientations_type), allocatable :: unknown
       !> Relative sds of the calibration errors, (group).
       real(wp), allocatable :: calibration(:)
       !> Bunge-Euler angles of the rows of `grains`, radians.
@@ -78,6 +83,7 @@ contains
       real(wp), parameter :: none = 1.0e-20_wp
       !> Work arrays of a thread are on its stack.
       integer, parameter :: most_grains = 20000
+      integer :: columns, g
 
       call new_observable(settings%modulus_kind, settings, posterior%observable, error)
       if (.not. allocated(error)) call new_error_model(settings, posterior%errors, error)
@@ -108,6 +114,20 @@ contains
       posterior%n_calibrated = posterior%grains%n_columns + merge(posterior%n_groups, 0, any(posterior%calibration > 0.0_wp))
       posterior%n_shared = posterior%n_calibrated + size(measured%shared, 2) + merge(2, 0, settings%misalignment_sd_deg > 0.0_wp)
       posterior%dimension = prior%n_constants + merge(1, 0, posterior%infers_scale)
+      columns = posterior%n_calibrated - posterior%grains%n_columns
+      allocate (posterior%relative(posterior%n_grains, columns + size(measured%shared, 2)), source=0.0_wp)
+      do g = 1, merge(posterior%n_grains, 0, columns > 0)
+         posterior%relative(g, measured%group(g)) = posterior%calibration(measured%group(g))
+      end do
+      posterior%relative(:, columns + 1:) = measured%shared
+      if (.not. allocated(measured%probability)) return
+      if (posterior%scatter > 0.0_wp) then
+         call refuse(error, 'orientations = ''unknown'' needs &sampler surrogate_variance = ''none''')
+      else
+         posterior%unknown = unknown_orientations_type(measured%probability, measured%modulus, measured%sd, settings%scatter_sd, &
+            & posterior%observable, null(), null())
+         call posterior%unknown%set_nodes(posterior%relative, error)
+      end if
    end subroutine new_posterior
 
    !> Read the theory, where the surrogate has it, with surface harmonics up to another degree.
@@ -253,11 +273,17 @@ contains
       !> See `predict_measurements`.
       real(wp), intent(in), optional, contiguous :: independent(:)
       real(wp) :: model(self%n_grains), scales(self%n_grains), slopes(self%n_grains), tilt_slopes(self%n_grains, 2)
+      real(wp), dimension(size(self%euler, 2)) :: rows, rows_slopes
       real(wp), allocatable :: u(:, :)
       real(wp) :: b(min(self%n_grains, self%n_shared)), precision(size(b), size(b)), fewer(self%n_grains, size(b))
 
       log_likelihood = 0.0_wp
       if (self%prior_only) return
+      if (allocated(self%unknown)) then
+         call self%grains%evaluate_moduli(c, rows, rows_slopes, independent)
+         log_likelihood = self%unknown%log_likelihood(rows)
+         return
+      end if
       if (self%n_shared == 0 .and. .not. has_own_variance(self)) then
          call evaluate_grains(self, c, model, slopes, scales, tilt_slopes, independent)
          call self%observable%from_simulation(model(:self%n_moduli), slopes(:self%n_moduli))
@@ -274,7 +300,8 @@ contains
    pure logical function has_own_variance(self)
       class(posterior_type), intent(in) :: self
 
-      has_own_variance = self%scatter > 0.0_wp .or. self%n_directions > 1 .or. self%settings%scatter_sd > 0.0_wp
+      has_own_variance = self%scatter > 0.0_wp .or. self%n_directions > 1 .or. self%settings%scatter_sd > 0.0_wp &
+         & .or. allocated(self%unknown)
    end function has_own_variance
 
    !> The factor on the sds at a point.
@@ -287,7 +314,8 @@ contains
    end function scale_factor
 
    !> Of each measured grain the mean of what the grain model gives, its derivative with respect to y, and the variance that it does not
-   !> share with others: the surrogate's, that of its orientation, and that of grains as such.
+   !> share with others: the surrogate's, that of its orientation, and that of grains as such. Of unknown
+   !> orientations mean and variance are those of all directions.
    pure subroutine evaluate_grains(self, c, modulus, slope, own_variance, tilt_slopes, independent)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
@@ -300,6 +328,13 @@ contains
       integer :: g
 
       call self%grains%evaluate_moduli(c, rows, slopes, independent)
+      if (allocated(self%unknown)) then
+         modulus = dot_product(self%unknown%probability, rows)
+         slope = dot_product(self%unknown%probability, slopes)
+         own_variance = dot_product(self%unknown%probability, rows**2) - modulus**2 + (self%settings%scatter_sd*modulus)**2
+         tilt_slopes = 0.0_wp
+         return
+      end if
       modulus = rows(:self%n_grains)
       slope = slopes(:self%n_grains)
       own_variance = self%scatter*slope**2 + (self%settings%scatter_sd*modulus)**2
@@ -341,15 +376,9 @@ contains
             u(:, g) = columns(:self%n_grains, g)*slope
          end do
       end if
-      if (any(self%calibration > 0.0_wp)) then
-         u(:, self%grains%n_columns + 1:self%n_calibrated) = 0.0_wp
-         do g = 1, self%n_grains
-            u(g, self%grains%n_columns + self%data%group(g)) = self%calibration(self%data%group(g))*model(g)/scales(g)
-         end do
-      end if
-      n = self%n_calibrated + size(self%data%shared, 2)
-      do g = self%n_calibrated + 1, n
-         u(:, g) = self%data%shared(:, g - self%n_calibrated)*model/scales
+      n = self%grains%n_columns + size(self%relative, 2)
+      do g = self%grains%n_columns + 1, n
+         u(:, g) = self%relative(:, g - self%grains%n_columns)*model/scales
       end do
       do g = n + 1, self%n_shared
          u(:, g) = self%settings%misalignment_sd_deg*degree*tilt_slopes(:, g - n)*map_slope/scales

@@ -14,6 +14,8 @@ module measured_grains
    type :: measured_type
       !> Bunge-Euler angles (3, n) and sds of the tilt of the indented direction, per component, (n); radians.
       real(wp), allocatable :: euler(:, :), tilt_sd(:)
+      !> Allocated, the orientations are those that any measurement may be of, with these probabilities, (orientation).
+      real(wp), allocatable :: probability(:)
       !> GPa, or m/s, (n).
       real(wp), allocatable :: modulus(:), sd(:)
       !> Of the waves, (n); and the density, kg/m3.

@@ -101,6 +101,10 @@ contains
 
       n = posterior%n_moduli
       allocate (check%outliers(0), check%distances(0))
+      if (allocated(posterior%unknown)) then
+         check = orientation_check_type(nan, nan, nan, 0, nan, nan, 0, check%outliers, check%distances)
+         return
+      end if
       call new_harmonics(posterior%prior%class%generators, 4, harmonics, error)
       if (allocated(error) .or. n <= harmonics%n) return
       allocate (u(posterior%n_grains, posterior%n_shared))

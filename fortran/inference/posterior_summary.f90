@@ -219,7 +219,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(random_stream_type) :: stream
       class(grain_model_type), allocatable :: grains
-      real(wp) :: slope(posterior%n_grains)
+      real(wp) :: slope(posterior%n_grains), variance(posterior%n_grains), tilt_slopes(posterior%n_grains, 2)
       integer :: samples, n, i, c, s
 
       samples = size(chains%draws, 2)
@@ -236,6 +236,8 @@ contains
             s = 1 + (i - 1)*predictions%stride
             call posterior%draw_moduli(chains%draws(:, s, c), grains, stream, predictions%moduli(:, i, c), &
                & predictions%factor(:, i, c))
+            if (allocated(posterior%unknown)) call posterior%evaluate_grains(posterior%stiffness(chains%draws(:, s, c)), &
+               & predictions%moduli(:, i, c), slope, variance, tilt_slopes)
             slope = 1.0_wp
             call posterior%observable%from_simulation(predictions%moduli(:posterior%n_moduli, i, c), slope(:posterior%n_moduli))
             call evaluate_quantities(quantities, posterior%stiffness(chains%draws(:, s, c)), predictions%quantities(:, i, c))

@@ -247,7 +247,8 @@ contains
       k = size(draws, 1)
       n = size(logarithms, 1)
       effective = minval(self%parameters%diagnostics%ess_bulk)
-      if (any(self%parameters%diagnostics%r_hat > unmixed)) effective = 0.0_wp
+      ! Nor has a modulus of any grain a share: the posterior mean does not follow it linearly.
+      if (any(self%parameters%diagnostics%r_hat > unmixed) .or. allocated(self%posterior%unknown)) effective = 0.0_wp
       many = flattened(thinned(self%chains%draws, max(size(draws, 2), most/self%posterior%n_grains)))
       all = many
       if (k > self%posterior%n_constants) many(k, :) = log(many(k, :))

@@ -165,7 +165,7 @@ contains
             call page%begin_object()
             call page%put_numbers('mean, sd, measured, measured_sd', [mean(i), sd(i), found%posterior%data%modulus(i), &
                & found%posterior%data%sd(i)])
-            call page%put('euler_deg', table%euler_deg(:, i))
+            if (.not. allocated(found%posterior%unknown)) call page%put('euler_deg', table%euler_deg(:, i))
             associate (path => table%paths(i))
                if (path%wave /= no_wave) call page%put('propagation_deg', path%propagation_deg)
                if (path%wave > rayleigh) call page%put('wave', trim(wave_names(path%wave)))
@@ -302,8 +302,10 @@ contains
       integer :: j
 
       allocate (lines(0))
+      line = ''
+      if (allocated(found%posterior%unknown)) line = ' of unknown orientation: their distribution determines the constants'
       if (found%posterior%n_moduli > 0) call warn(lines, 'measured: '//found%posterior%observable%name//' of ' &
-         & //to_text(found%posterior%n_moduli)//' grains')
+         & //to_text(found%posterior%n_moduli)//' grains'//line)
       if (found%posterior%n_moduli < found%posterior%n_grains) call warn(lines, 'measured: speeds of waves in ' &
          & //to_text(found%posterior%n_grains - found%posterior%n_moduli)//' directions')
       associate (prior => found%posterior%prior)
@@ -361,7 +363,8 @@ contains
       call out%put('title', problem%settings%problem%title)
       call out%put('modulus_kind', problem%settings%measurements%modulus_kind)
       associate (measured => problem%measurements)
-         call out%put_array('euler_deg', measured%euler_deg, shape(measured%euler_deg))
+         call out%put_array('euler_deg', merge(nan, measured%euler_deg, allocated(found%posterior%unknown)), &
+            & shape(measured%euler_deg))
          call out%put_array('modulus_gpa', measured%modulus_gpa, [measured%n])
          call out%put_array('sd_gpa', measured%sd_gpa, [measured%n])
          call out%put('n_moduli', found%posterior%n_moduli)

@@ -70,7 +70,7 @@ contains
       type(problem_type), intent(in) :: problem
 
       has_focus = problem%settings%design%focus == 'posterior' .and. problem%settings%surrogate%model == 'correction' &
-         & .and. allocated(problem%measurements)
+         & .and. allocated(problem%measurements) .and. problem%settings%measurements%orientations == 'known'
    end function has_focus
 
    !> Refuse what Step 2 would refuse.

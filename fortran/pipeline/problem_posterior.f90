@@ -5,8 +5,10 @@ module problem_posterior
    use abstract_sampler, only: sampler_type
    use constants_posterior, only: new_posterior, posterior_type
    use constants_prior, only: knowledge_type, new_prior, prior_type
+   use compliance_field, only: even_directions
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: log_anisotropy, no_wave, path_type
+   use distinct_directions, only: new_region, region_type
    use errors, only: error_type, exit_bad_input, refuse
    use kinds, only: degree, wp
    use measured_grains, only: mean_modulus, measured_type
@@ -20,6 +22,7 @@ module problem_posterior
    use settings_reader, only: settings_namelist
    use statistics, only: flattened
    use surrogate_model, only: surrogate_type
+   use table_columns, only: angles_of_direction
    use text, only: to_text
    use velocity_tables, only: append_velocities
    implicit none
@@ -155,6 +158,7 @@ contains
          if (allocated(problem%settings%problem%density_kg_m3)) measured%density = problem%settings%problem%density_kg_m3
          measured%shared = shared_errors(problem)
       end associate
+      if (problem%settings%measurements%orientations == 'unknown') call spread_orientations(problem%class, measured)
       call read_knowledge(problem, knowledge, error)
       associate (settings => problem%settings)
          if (.not. allocated(error)) call new_observable(settings%measurements%modulus_kind, settings%measurements, observable, &
@@ -169,6 +173,30 @@ contains
          if (allocated(error)) error%message = place(problem%path, 'measurements', '')//error%message
       end associate
    end subroutine new_problem_posterior
+
+   !> Let each measurement be of any direction of the crystal, evenly over the sphere.
+   subroutine spread_orientations(class, measured)
+      type(crystal_class_type), intent(in) :: class
+      type(measured_type), intent(inout) :: measured
+      !> Directions, for sds of this part of the modulus or more, and at most.
+      real(wp), parameter :: usual = 0.02_wp, enough = 1200.0_wp, most = 6000.0_wp
+      type(region_type) :: region
+      real(wp), allocatable :: directions(:, :)
+      integer :: i, n
+
+      call new_region(class, region)
+      n = int(min(most, enough*max(1.0_wp, (usual/minval(measured%sd/measured%modulus))**2)))
+      ! Where something is evaluated at the orientations of the measurements, there are as many.
+      n = max(n, size(measured%modulus))
+      call even_directions(region, n, real(n, wp), directions)
+      n = size(directions, 2)
+      measured%probability = spread(1.0_wp, 1, n)
+      ! Over an arc angles are even, areas are not.
+      if (region%dimension == 1) measured%probability = sqrt(1.0_wp - matmul(region%axis, directions)**2)
+      measured%probability = measured%probability/sum(measured%probability)
+      measured%euler = reshape([(angles_of_direction(directions(:, i))*degree, i=1, n)], [3, n])
+      measured%tilt_sd = spread(0.0_wp, 1, n)
+   end subroutine spread_orientations
 
    !> Relative errors that measurements share, (measurement, error): those that are stated of the moduli; of the speeds that of the
    !> density, of which they are the power -1/2.
@@ -388,14 +416,16 @@ contains
       type(posterior_type), intent(in) :: posterior
       real(wp), intent(in) :: draws(:, :), exact(:, :)
       real(wp) :: errors(size(draws, 2))
-      real(wp), allocatable :: moduli(:), e(:)
+      real(wp), allocatable :: moduli(:), e(:), sd(:)
       integer :: checked(size(exact, 1)), i
 
-      checked = checked_grains(posterior%n_grains)
+      checked = checked_grains(size(posterior%data%euler, 2))
+      sd = posterior%data%sd(min(checked, posterior%n_grains))
+      if (allocated(posterior%unknown)) sd = minval(posterior%data%sd)
       allocate (moduli(size(posterior%euler, 2)))
       do i = 1, size(draws, 2)
          call observe(posterior, posterior%grains, draws(:, i), moduli)
-         e = (moduli(checked) - exact(:, i))/posterior%data%sd(checked)
+         e = (moduli(checked) - exact(:, i))/sd
          errors(i) = max(maxval(abs(e)), allowed_error/allowed_together*sqrt(sum(e**2)/size(e)*posterior%n_grains))
       end do
    end function field_errors
@@ -431,9 +461,10 @@ contains
       class(grain_model_type), allocatable :: in_full
       integer :: i
 
-      associate (checked => checked_grains(posterior%n_grains))
+      associate (checked => checked_grains(size(posterior%data%euler, 2)))
          allocate (exact(size(checked), size(draws, 2)))
-         call posterior%new_grains(posterior%euler(:, checked), posterior%data%paths(checked), in_full, error)
+         call posterior%new_grains(posterior%euler(:, checked), posterior%data%paths(min(checked, posterior%n_grains)), in_full, &
+            & error)
       end associate
       if (allocated(error)) return
       ! No anisotropy is below.

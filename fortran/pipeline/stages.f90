@@ -195,6 +195,10 @@ contains
       else if (self%settings%simulation%simulator == 'import' .and. any(self%stages == 'simulate')) then
          call refuse(error, place(self%path, 'simulation', 'simulator')//'''import'' cannot indent the &crystals; allowed ' &
             & //'''fe'', ''theory''')
+      else if (self%settings%measurements%orientations == 'unknown' .and. any(self%stages == 'next' .or. self%stages == 'plan')) &
+         & then
+         call refuse(error, place(self%path, 'measurements', 'orientations')//'''unknown'' cannot be combined with &next or ' &
+            & //'&plan, which compare orientations; remove one of them')
       else if (any(self%stages == 'build')) then
          call check_build(self, error)
       end if

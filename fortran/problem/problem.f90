@@ -448,7 +448,7 @@ contains
       end do
       if (self%measurements%n == 1) then
          call warn(self%warnings, prefix//' has one grain; one modulus cannot determine the constants')
-      else if (allocated(self%class%name) .and. .not. radians) then
+      else if (allocated(self%class%name) .and. .not. radians .and. self%settings%measurements%orientations == 'known') then
          hint = ''
          if (allocated(self%map)) hint = '. If the positions all lie in one grain of the map, check the unit and the origin of ' &
             & //'x_um and y_um'

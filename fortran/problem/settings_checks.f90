@@ -24,8 +24,11 @@ contains
       !> Variables that ask for speeds, and their groups.
       character(len=*), parameter :: names(3) = [character(len=14) :: 'velocities', 'velocity_cost', 'velocity_noise'], &
          & groups(3) = [character(len=12) :: 'measurements', 'next', 'plan']
+      !> What needs orientations, or errors of another kind than are integrated with them.
+      character(len=*), parameter :: unknown_excludes(6) = [character(len=20) :: 'ebsd', 'velocities', 'misalignment_sd_deg', &
+         & 'orientation_sd_deg', 'likelihood', 'scale = ''inferred''']
       integer :: k
-      logical :: needed
+      logical :: needed, excluded(size(unknown_excludes))
 
       call check_bounds(path, 'domain', class, settings%domain%c_min, settings%domain%c_max, error)
       if (.not. allocated(error)) call check_bounds(path, 'prior', class, settings%prior%c_min, settings%prior%c_max, error)
@@ -55,6 +58,9 @@ contains
       if (allocated(error)) return
       k = findloc([allocated(settings%measurements%velocities), allocated(settings%next%velocity_cost), &
          & allocated(settings%plan%velocity_noise)], .true., dim=1)
+      excluded = [allocated(settings%measurements%ebsd), allocated(settings%measurements%velocities), &
+         & settings%measurements%misalignment_sd_deg > 0.0_wp, settings%measurements%orientation_sd_deg > 0.0_wp, &
+         & settings%measurements%likelihood /= 'normal', settings%measurements%scale == 'inferred']
       associate (design => settings%design, geometry => settings%specimen%geometry, measured => settings%measurements, &
          & is_bulk => all(['film ', 'grain'] /= settings%specimen%geometry))
          if (settings%curves%given .and. (allocated(settings%curves%file) .eqv. allocated(settings%curves%files))) then
@@ -62,6 +68,9 @@ contains
                & //'instrument, is needed')
          else if (allocated(measured%ebsd_points) .and. .not. allocated(measured%ebsd)) then
             call refuse(error, place(path, 'measurements', 'ebsd')//'the variable is missing; ebsd_points needs it')
+         else if (measured%orientations == 'unknown' .and. any(excluded)) then
+            call refuse(error, place(path, 'measurements', 'orientations')//'''unknown'' cannot be combined with ' &
+               & //trim(unknown_excludes(findloc(excluded, .true., dim=1)))//'; remove one of them')
          else if (k > 0 .and. .not. is_bulk) then
             call refuse(error, place(path, trim(groups(k)), trim(names(k)))//'speeds are computed for a bulk sample, but ' &
                & //'geometry is '''//geometry//'''; remove '//trim(names(k))//', or infer the constants from speeds and moduli ' &

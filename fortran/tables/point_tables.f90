@@ -133,7 +133,13 @@ contains
       end if
       points%table = table
       call name_columns(points%table, asked%columns, error)
-      if (.not. allocated(error)) call read_orientations(points, asked%angles == 'radians', crystal, parameters, error)
+      if (asked%orientations == 'unknown') then
+         call set_size(points)
+         points%euler_deg = 0.0_wp
+         points%has_angles = .false.
+      else if (.not. allocated(error)) then
+         call read_orientations(points, asked%angles == 'radians', crystal, parameters, error)
+      end if
       if (.not. allocated(error)) call find_modulus(points%table, asked%modulus_kind, name, points%modulus_kind, error)
       if (.not. allocated(error)) call read_column(points%table, name, .false., points%modulus_gpa, error)
       if (.not. allocated(error)) call find_column(points%table, 'sd_gpa', column, error)

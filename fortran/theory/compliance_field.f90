@@ -26,7 +26,7 @@ module compliance_field
    use symmetric_harmonics, only: evaluate_harmonics, harmonics_type, largest_degree, new_harmonics
    implicit none
    private
-   public :: field_type, new_field, field_moduli, modulus_expansion_type, new_modulus_expansion
+   public :: field_type, new_field, field_moduli, even_directions, modulus_expansion_type, new_modulus_expansion
 
    !> Coefficients of h(theta) = m1 + m2 cos 2 theta + m3 sin 2 theta + .. + m9 sin 8 theta.
    integer, parameter :: highest_mode = 4, n_modes = 1 + 2*highest_mode
@@ -79,15 +79,17 @@ contains
       type(field_type), intent(out) :: field
       type(error_type), allocatable, intent(out) :: error
       type(harmonics_type) :: harmonics
+      type(region_type) :: region
       real(wp), allocatable :: rotations(:, :, :), fit(:, :)
       real(wp) :: nodes_least, least_weight
 
+      call new_region(class, region)
       rotations = group_rotations(class, 2*degree + 2)
       call new_harmonics(rotations(:, :, :0), degree, harmonics, error)
       if (allocated(error)) return
       nodes_least = oversampling*harmonics%n/size(rotations, 3)
       do
-         call choose_nodes(class, degree, nodes_least, field%nodes)
+         call even_directions(region, degree/2 + 3, nodes_least, field%nodes)
          call fit_images(harmonics, rotations, field%nodes, fit, least_weight, error)
          if (allocated(error)) return
          if (least_weight > well_determined) exit
@@ -98,26 +100,24 @@ contains
       call read_circles(harmonics, rotations, fit, euler, field)
    end subroutine new_field
 
-   !> Directions of the class's region: evenly over its area, or over its arc.
-   subroutine choose_nodes(class, degree, least, nodes)
-      type(crystal_class_type), intent(in) :: class
-      integer, intent(in) :: degree
+   !> Directions evenly over the area of a region; or over its arc at equal angles, none at an end.
+   pure subroutine even_directions(region, on_arc, least, nodes)
+      type(region_type), intent(in) :: region
+      !> How many of an arc.
+      integer, intent(in) :: on_arc
       !> How many there must be at least, of an area.
       real(wp), intent(in) :: least
       !> Unit vectors in crystal axes, (3, n).
       real(wp), allocatable, intent(out) :: nodes(:, :)
       !> Successive points of the spiral turn by the golden angle.
       real(wp), parameter :: turn = pi*(3.0_wp - sqrt(5.0_wp))
-      type(region_type) :: region
       real(wp) :: x(3), z
       integer :: total, i, n
 
-      call new_region(class, region)
       if (region%dimension < 2) then
-         n = degree/2 + 3
-         allocate (nodes(3, n))
-         do i = 1, n
-            z = 0.5_wp*pi*(i - 0.5_wp)/n
+         allocate (nodes(3, on_arc))
+         do i = 1, on_arc
+            z = 0.5_wp*pi*(i - 0.5_wp)/on_arc
             nodes(:, i) = cos(z)*region%axis + sin(z)*region%equator
          end do
          return
@@ -138,7 +138,7 @@ contains
          if (n >= least) exit
       end do
       nodes = nodes(:, :n)
-   end subroutine choose_nodes
+   end subroutine even_directions
 
    !> Two directions perpendicular to each node, and their products; the last block is filled up with its last node.
    pure subroutine set_planes(field)

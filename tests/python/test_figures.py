@@ -1,7 +1,5 @@
-"""What the figures of the report compute, against closed forms; and figures drawn by two processes."""
+"""What the figures of the report compute, against closed forms."""
 
-import subprocess
-import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +10,6 @@ from bayesindent.report.figures.comparison import limits
 from bayesindent.report.figures.posterior import stacked
 from bayesindent.report.figures.young import youngs_modulus
 from bayesindent.report.results import NothingToShow
-from conftest import HANGS_S
 
 
 def test_youngs_modulus_of_a_cubic_crystal():
@@ -49,25 +46,3 @@ def test_shares_that_are_not_numbers_have_no_bar():
     assert widths == [[25, 0], [75, 0]]
     with pytest.raises(NothingToShow):
         stacked({"C12": parts["C12"]}, ["C12"], 1, "")
-
-
-TWO = """
-import os
-from bayesindent.report.drawing import halved
-
-mine = os.getpid()
-os.sched_getaffinity = lambda _: {0, 1}
-drawn = halved(lambda item: (item, os.getpid() == mine), list(range(7)))
-assert [item for item, _ in drawn] == list(range(7))
-assert [here for _, here in drawn] == [True, False, True, False, True, False, True], drawn
-# What a second process cannot do is done here.
-assert halved(lambda item: item if os.getpid() == mine else 1 // 0, list(range(5))) == list(range(5))
-os.sched_getaffinity = lambda _: {0}
-assert all(halved(lambda _: os.getpid() == mine, list(range(3))))
-"""
-
-
-def test_two_processes_give_what_one_gives():
-    """In a process of its own: nothing is forked beside threads, which other tests may have left."""
-    done = subprocess.run([sys.executable, "-c", TWO], capture_output=True, text=True, timeout=HANGS_S)
-    assert done.returncode == 0, done.stderr

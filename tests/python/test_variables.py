@@ -367,6 +367,7 @@ EFFECTS = {
         "sheet": None,  # test_spreadsheets: the second sheet of a workbook
         "ebsd": None,  # test_orientation_maps: orientations of a map
         "crystal_axes": None,  # test_map_axes: two makers' files of one crystal
+        "orientations": None,  # test_unknown_orientations: a table without angles
         "ebsd_points": None,  # test_map_registration: the indents of a turned stage
         "modulus_kind": (density, {}, "effective_modulus"),
         "angles": (read, {"measurements": {"file": "radians.csv", "angles": "degrees"}}, "radians"),

@@ -40,7 +40,7 @@ class Run(Results):
     def measured(self) -> tuple:
         """What the likelihood is a density of: kind, moduli, sds and angles."""
         sd = np.where(self.posterior["sd_gpa"] > 0, self.posterior["sd_gpa"], 1.0)
-        return self.kind, *(values.tolist() for values in (self.posterior["modulus_gpa"], sd, self.posterior["euler_deg"]))
+        return self.kind, *(values.tolist() for values in (self.posterior["modulus_gpa"], sd, np.nan_to_num(self.posterior["euler_deg"])))
 
     @cached_property
     def leave_one_out(self) -> Any:

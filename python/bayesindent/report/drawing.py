@@ -1,13 +1,9 @@
-"""Figures as files of images, on two cores where there are two."""
+"""Figures as files of images."""
 
 import base64
 import io
-import os
-import signal
-import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
-from multiprocessing import Pipe, get_context
 from typing import Any
 
 import numpy as np
@@ -92,15 +88,9 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str,
                     if results.synthetic and section in MEASURED:
                         stamp_synthetic(picture.figure)
 
-    ours, left = os.getpid(), list(pictures)
-
     def draw(key: tuple[float, str]) -> dict:
         (width, name), picture = key, pictures[key]
         figure = picture.figure
-        if os.getpid() == ours:
-            # Another process draws those between.
-            counted(left.index(key) + 1)
-            del left[: left.index(key) + 1]
         with house_style(width):
             if width == COLUMN:
                 letter_panels(figure)
@@ -120,8 +110,11 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str,
             "width": width, "height": height, "text": text_size(figure),
         }  # fmt: skip
 
+    drawn = {}
     with progress_bar("figures", len(pictures)) as counted:
-        drawn = dict(zip(pictures, halved(draw, list(pictures))))
+        for key in pictures:
+            drawn[key] = draw(key)
+            counted()
     sections: dict[str, list[dict]] = {}
     for section, function in FIGURES:
         name = function.__name__
@@ -132,37 +125,3 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str,
         for folder, kind in [(folder, kind) for own in files.values() for folder, kind, _ in own] + [(paper_folder, "csv")] * paper:
             (folder / f"{name}.{kind}").unlink(missing_ok=True)
     return sections
-
-
-def halved(function: Callable[[Any], dict], items: Sequence) -> list[dict]:
-    """function(item) of all items, every second one in a forked process where there is a second core.
-
-    The function must not call the core: a forked process has none of the threads of OpenMP that its parent may have started.
-    """
-    if len(items) < 2 or len(os.sched_getaffinity(0)) < 2 or threading.active_count() > 1:
-        return list(map(function, items))
-    receive, send = Pipe(duplex=False)
-
-    def draw_others() -> None:
-        receive.close()
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            if signal.getsignal(number) != signal.SIG_IGN:
-                signal.signal(number, signal.SIG_DFL)
-        # The parent draws what is missing, and says what is wrong.
-        with suppress(Exception):
-            send.send(list(map(function, items[1::2])))
-
-    child = get_context("fork").Process(target=draw_others)
-    child.start()
-    send.close()
-    results: list = [None] * len(items)
-    try:
-        results[0::2] = map(function, items[0::2])
-        try:
-            results[1::2] = receive.recv()
-        except EOFError:
-            results[1::2] = map(function, items[1::2])
-    finally:
-        receive.close()
-        child.join()
-    return results

@@ -97,6 +97,11 @@ class Results:
         return list(dict.fromkeys([*self.edited, *(line for document in self.documents.values() for line in document.get("warnings", []))]))
 
     @property
+    def without_orientations(self) -> bool:
+        """Whether the measured grains have unknown orientations."""
+        return self.group("measurements").get("orientations") == "unknown"
+
+    @property
     def predicted(self) -> list[dict]:
         """The moduli of the grains, as measured and as the posterior predicts them."""
         return [item for item in self.documents["extract"].get("predicted", []) if "propagation_deg" not in item]

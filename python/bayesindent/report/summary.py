@@ -71,8 +71,9 @@ def inputs_summary(results: Results) -> list[tuple[str, str]]:
         moduli, sds = measured_ranges(results)
         scatter = f", standard deviations {sds} GPa" if sds else "; their scatter is inferred"
         if results.predicted:
+            grains = with_count(len(results.predicted), "grain") + " of unknown orientation" * results.without_orientations
             rows += [
-                ("Grains", f"{with_count(len(results.predicted), 'grain')}, {moduli} GPa{scatter}"),
+                ("Grains", f"{grains}, {moduli} GPa{scatter}"),
                 ("Modulus", modulus_kind(results)),
             ]
         if results.velocities:

@@ -27,7 +27,7 @@ MANY = 60
 def residuals(results: Results) -> Picture:
     """Residuals of the grains in order beside the quantiles of a normal distribution."""
     predicted, count = results.predicted, len(results.predicted)
-    if count < 2 or not all(item.get("measured_sd") for item in predicted):
+    if count < 2 or results.without_orientations or not all(item.get("measured_sd") for item in predicted):
         raise NothingToShow
     values = np.sort([(item["measured"] - item["mean"]) / item["measured_sd"] for item in predicted])
     figure, axes = panels(3.3)
@@ -147,7 +147,7 @@ def pairs(results: Results) -> Picture:
 
 def grain_comparison(results: Results) -> Picture:
     """Measured moduli against what the posterior predicts."""
-    return compared(results.predicted, results.kind, "GPa", "grains")
+    return compared([] if results.without_orientations else results.predicted, results.kind, "GPa", "grains")
 
 
 def velocities(results: Results) -> Picture:
