@@ -224,12 +224,13 @@ def test_references_of_lower_symmetry(name):
     draws = np.stack([result.posterior[constant].values.ravel() for constant in case["order"]])
     sd, found = np.array(case["sd"]), draws.std(axis=1)
     assert (draws.mean(axis=1) - case["mean"]) / sd == pytest.approx(np.zeros(len(sd)), abs=0.15)
-    certain = np.array(case["sd_disagreement"]) < 0.03
+    expected = np.array(case["quantiles"])
+    # Of a normal the sd is half the range between the shares 0.16 and 0.84: where it is much more, rare draws decide it.
+    certain = (np.array(case["sd_disagreement"]) < 0.03) & (2 * sd < 1.2 * (expected[3] - expected[1]))
     assert certain.any()
     assert found[certain] == pytest.approx(sd[certain], rel=0.10)
     correlations = np.corrcoef(draws)[np.ix_(certain, certain)]
     assert correlations == pytest.approx(np.array(case["corr"])[np.ix_(certain, certain)], abs=0.08)
-    expected = np.array(case["quantiles"])
     width = (expected[-1] - expected[0]) / 2
     quantiles = np.quantile(draws, case["quantile_shares"], axis=1)
     assert (quantiles - expected) / width == pytest.approx(np.zeros(expected.shape), abs=0.10)
