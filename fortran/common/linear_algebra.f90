@@ -16,9 +16,13 @@ module linear_algebra
    interface
       pure subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
          import :: wp
+         !> 'N' or 'T'; see BLAS.
          character, intent(in) :: transa, transb
+         !> Rows and columns of c, terms of each sum, leading dimensions.
          integer, intent(in) :: m, n, k, lda, ldb, ldc
+         !> c = alpha a b + beta c.
          real(wp), intent(in) :: alpha, beta, a(lda, *), b(ldb, *)
+         !> (m, n).
          real(wp), intent(inout) :: c(ldc, *)
       end subroutine dgemm
    end interface
@@ -103,6 +107,7 @@ contains
       !> (n, k), or (k, n), and (k, m).
       real(wp), intent(in), contiguous :: a(:, :), b(:, :)
       real(wp), intent(out), contiguous :: product(:, :)
+      !> Whether it is aᵀ b.
       logical, intent(in), optional :: transposed
       character :: form
 

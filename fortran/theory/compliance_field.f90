@@ -271,6 +271,7 @@ contains
    !> F at the nodes.
    pure subroutine evaluate_nodes(field, c, f)
       type(field_type), intent(in) :: field
+      !> Stiffness in crystal axes, GPa.
       real(wp), intent(in) :: c(6, 6)
       !> Components 11, 22, 33, 23, 13, 12, (6, node).
       real(wp), intent(out) :: f(6, size(field%nodes, 2))
