@@ -236,10 +236,10 @@ contains
       end do
    end subroutine read_circles
 
-   !> Indentation moduli (GPa) of all grains, of stable crystals.
+   !> Indentation moduli (GPa) of all grains, of stable crystals c.
    pure subroutine field_moduli(field, c, moduli)
       type(field_type), intent(in) :: field
-      !> Stiffness in crystal axes, GPa, (6, 6, crystal).
+      !> Stiffnesses `c` in crystal axes, GPa, (6, 6, crystal).
       real(wp), intent(in) :: c(:, :, :)
       !> (grain, crystal)
       real(wp), intent(out), contiguous :: moduli(:, :)
