@@ -59,7 +59,7 @@ module constants_posterior
       !> Scales of their errors, GPa; and the variance of y that grains do not share.
       real(wp), allocatable, private :: scale(:)
       real(wp) :: scatter = 0.0_wp
-      !> Sum of the logarithms of the scales; and GPa, where the coordinates of polynomials for the moduli saturate.
+      !> Sum of the logarithms of the scales.
       real(wp), private :: log_scales = 0.0_wp
    contains
       procedure :: evaluate, evaluate_working, to_working, coarsen, draw_start, set_field_degree, &

@@ -245,10 +245,12 @@ contains
       real(wp), intent(out), contiguous :: moduli(:, :)
       !> Crystals at once, so that what grains read is in the caches.
       integer, parameter :: most = 32
-      real(wp) :: f(6*size(field%nodes, 2), min(most, size(c, 3))), read(size(field%to_modes, 2), size(f, 2)), &
-         & modes(field%n_grains, n_modes)
+      !> Of many grains they are large for the stack of a thread.
+      real(wp), allocatable :: f(:, :), read(:, :)
+      real(wp) :: modes(field%n_grains, n_modes)
       integer :: first, n, n_retained, i
 
+      allocate (f(6*size(field%nodes, 2), min(most, size(c, 3))), read(size(field%to_modes, 2), min(most, size(c, 3))))
       n_retained = size(read, 1)/max(1, field%n_grains)
       modes = 0.0_wp
       do first = 1, size(c, 3), most
