@@ -117,7 +117,7 @@ def extract(
     return result
 
 
-@takes(*GROUPS, "plan", without=(*LEFT_OUT, "lattice"))
+@takes("plan", *GROUPS, without=(*LEFT_OUT, "lattice"))
 def plan(
     symmetry: str, constants: ArrayLike, grains: ArrayLike, noise: ArrayLike, *, surrogate: Surrogate | str | PathLike = "halfspace", bounds: Mapping | None = None,
     knowledge: Mapping | None = None, **settings: Any,

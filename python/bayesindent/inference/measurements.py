@@ -30,7 +30,7 @@ def problem_of(
     symmetry = symmetry or (surrogate.symmetry if len(surrogate.basis.c_min) else None)
     if symmetry is None:
         raise InputError(f"{origin}: symmetry is missing: this surrogate serves crystals of every class; state one, such as 'cubic'")
-    asked = grouped(variables | {"symmetry": symmetry}, (*GROUPS, "plan" if "constants" in variables else "next"))
+    asked = grouped(variables | {"symmetry": symmetry}, ("plan", *GROUPS) if "constants" in variables else (*GROUPS, "next"))
     tables: dict[str, Mapping] = {}
     needed = velocities is None and "constants" not in variables
     for name, variable, given in (("velocities", "velocities", velocities), ("measurements", "file", measurements)):

@@ -24,8 +24,9 @@ KEYWORDS = {"c_min": "bounds", "c_max": "bounds", "quantity": "knowledge", "stif
 
 def takes(*groups: str, without: Collection[str] = ()) -> Callable[[Any], Any]:
     """Let `**settings` of a function be a keyword for each variable of these groups but some: with its type, its default and its meaning,
-    which signature and help list. Other names are refused, and messages are in Python's words."""
+    which signature and help list. A name of the first group is that of no other. Other names are refused, and messages are in Python's words."""
     variables = {variable.name: variable for variable in schema() if variable.group in groups and variable.name not in without}
+    variables |= {name: variable for variable in schema() if (name := variable.name) in variables and variable.group == groups[0]}
 
     def decorate(function: Callable) -> Callable:
         own = inspect.signature(function)

@@ -265,9 +265,9 @@ def typed(found: dict) -> dict:
 
 
 def grouped(values: Mapping, groups: Collection[str]) -> dict[str, dict]:
-    """Values of variables by name, of each of the groups those that are its variables."""
-    names = {group: [variable.name for variable in schema() if variable.group == group] for group in groups}
-    return {group: {name: values[name] for name in values if name in names[group]} for group in groups}
+    """Values of variables by name, of each of the groups those that are its variables; a name that several have is that of the first."""
+    group_of = {variable.name: variable.group for group in reversed([*groups]) for variable in schema() if variable.group == group}
+    return {group: {name: values[name] for name in values if group_of.get(name) == group} for group in groups}
 
 
 def batched(values: list, n: int) -> Iterator[list]:
