@@ -60,10 +60,14 @@ contains
 
    pure integer function decimal_length(value) result(length)
       integer(i8), intent(in) :: value
-      character(len=24) :: buffer
+      integer(i8) :: rest
 
-      write (buffer, '(i0)') value
-      length = len_trim(buffer)
+      length = merge(1, 2, value >= 0_i8)
+      rest = value/10_i8
+      do while (rest /= 0_i8)
+         length = length + 1
+         rest = rest/10_i8
+      end do
    end function decimal_length
 
    pure function real_to_text(value) result(string)

@@ -128,7 +128,7 @@ contains
    pure subroutine from_logarithms(self, w, c, frame)
       class(log_coordinates_type), intent(in) :: self
       !> (n).
-      real(wp), intent(in) :: w(:)
+      real(wp), intent(in), contiguous :: w(:)
       !> Stiffness in crystal axes, GPa.
       real(wp), intent(out) :: c(6, 6)
       !> For `log_volume`.

@@ -6,19 +6,10 @@ module abstract_sampler
    use random, only: random_stream_type
    implicit none
    private
-   public :: sampler_type, draw_starts, target_type, point_type, outside
+   public :: sampler_type, draw_starts, target_type, outside
 
    !> The logarithm of a density out of its support.
    real(wp), parameter :: outside = -huge(1.0_wp)
-
-   !> A point of the support: parameters, coordinates in which the density is smoother, and the logarithms of both densities, up to a
-   !> constant.
-   type :: point_type
-      !> (dimension).
-      real(wp), allocatable :: x(:), w(:)
-      !> Of x, and of w, which has the volume |dx/dw| in it; both `outside` the support.
-      real(wp) :: log_density = outside, log_working = outside
-   end type point_type
 
    type, abstract :: target_type
       !> Number of parameters.
@@ -28,10 +19,8 @@ module abstract_sampler
       procedure(draw_start_interface), deferred :: draw_start
       !> Logarithm of the density of the parameters, up to a constant.
       procedure(evaluate_interface), deferred :: evaluate
-      !> All of points from their coordinates in which the density is smoother.
-      procedure(evaluate_working_interface), deferred :: evaluate_working
-      !> These coordinates: by default the parameters themselves.
-      procedure :: to_working, coarsen
+      !> The same of coordinates in which the density is smoother; by default these are the parameters themselves.
+      procedure :: evaluate_working, to_working, from_working, coarsen
    end type target_type
 
    abstract interface
@@ -51,12 +40,6 @@ module abstract_sampler
          !> (point); `outside` the support.
          real(wp), intent(out) :: log_density(:)
       end subroutine evaluate_interface
-      !> All of points from their working coordinates, which are there; the parameters of those in the support.
-      pure subroutine evaluate_working_interface(self, points)
-         import :: point_type, target_type
-         class(target_type), intent(in) :: self
-         type(point_type), intent(inout) :: points(:)
-      end subroutine evaluate_working_interface
    end interface
 
    type, abstract :: sampler_type
@@ -83,6 +66,27 @@ module abstract_sampler
    end interface
 
 contains
+
+   !> Logarithm of the density of working coordinates `w`, which has the volume |dx/dw| in it, up to a constant.
+   pure recursive subroutine evaluate_working(self, w, log_density)
+      class(target_type), intent(in) :: self
+      !> (dimension, point).
+      real(wp), intent(in), contiguous :: w(:, :)
+      !> (point); `outside` the support.
+      real(wp), intent(out) :: log_density(:)
+
+      call self%evaluate(w, log_density)
+   end subroutine evaluate_working
+
+   !> The parameters of points of the support and the logarithms of their density, in place of working coordinates and that of these.
+   pure subroutine from_working(self, points, log_density)
+      class(target_type), intent(in) :: self
+      !> (dimension, point), (point).
+      real(wp), intent(inout) :: points(:, :), log_density(:)
+
+      associate (unused => self)
+      end associate
+   end subroutine from_working
 
    !> Working coordinates `w` of the parameters `x` of points of the support.
    pure subroutine to_working(self, x, w)

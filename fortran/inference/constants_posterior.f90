@@ -15,7 +15,7 @@ module constants_posterior
    use measured_grains, only: all_tilts, measured_type, n_tilts, tilt_moments
    use observables, only: new_observable, observable_type
    use random, only: random_stream_type
-   use abstract_sampler, only: outside, point_type, target_type
+   use abstract_sampler, only: outside, target_type
    use settings_schema, only: measurements_settings_type
    use small_matrices, only: factor_columns, solve_upper, sum_of_logs
    use surrogate_model, only: new_grain_model, surrogate_type
@@ -62,7 +62,7 @@ module constants_posterior
       !> Sum of the logarithms of the scales.
       real(wp), private :: log_scales = 0.0_wp
    contains
-      procedure :: evaluate, evaluate_working, to_working, coarsen, draw_start, set_field_degree, &
+      procedure :: evaluate, evaluate_working, to_working, from_working, coarsen, draw_start, set_field_degree, &
          & draw_moduli, predict_measurements, infer_shared, evaluate_grains, scale_factor, place_shared, log_prior, stiffness, &
          & new_grains
    end type posterior_type
@@ -175,52 +175,61 @@ contains
       end associate
    end function log_prior
 
-   pure recursive subroutine evaluate_working(self, points)
+   pure recursive subroutine evaluate_working(self, w, log_density)
       class(posterior_type), intent(in) :: self
-      type(point_type), intent(inout) :: points(:)
+      !> (dimension, point), (point).
+      real(wp), intent(in), contiguous :: w(:, :)
+      real(wp), intent(out) :: log_density(:)
       !> Points whose moduli are computed together.
       integer, parameter :: at_once = 64
-      type(log_frame_type) :: frames(at_once)
-      real(wp) :: c(6, 6, at_once), moduli(self%grains%n_independent, at_once), log_volume
+      type(log_frame_type) :: frame
+      real(wp) :: c(6, 6, at_once), moduli(self%grains%n_independent, at_once), log_volume(at_once)
       integer :: in_support(at_once), n, i, k
 
-      if (size(points) > at_once) then
-         do i = 1, size(points), at_once
-            call self%evaluate_working(points(i:min(i + at_once - 1, size(points))))
+      if (size(w, 2) > at_once) then
+         do i = 1, size(w, 2), at_once
+            k = min(i + at_once - 1, size(w, 2))
+            call self%evaluate_working(w(:, i:k), log_density(i:k))
          end do
          return
       end if
+      log_density = outside
+      log_volume = 0.0_wp
       k = self%n_constants
       n = 1
-      do i = 1, size(points)
-         associate (point => points(i))
-            point%log_density = outside
-            point%log_working = outside
-            call self%prior%logarithms%from_logarithms(point%w(:k), c(:, :, n), frames(n))
-            point%x = point%w
-            point%x(:k) = self%prior%class%constants_of(c(:, :, n))
-            if (.not. (self%prior%admits(point%x(:k), c(:, :, n), norm2(point%w(3:k))) &
-               & .and. scale_is_admitted(self, point%x))) cycle
-         end associate
+      do i = 1, size(w, 2)
+         call self%prior%logarithms%from_logarithms(w(:k, i), c(:, :, n), frame)
+         if (.not. (self%prior%admits(self%prior%class%constants_of(c(:, :, n)), c(:, :, n), norm2(w(3:k, i))) &
+            & .and. scale_is_admitted(self, w(:, i)))) cycle
+         if (.not. self%prior%in_logarithms) log_volume(n) = self%prior%logarithms%log_volume(frame)
          in_support(n) = i
          n = n + 1
       end do
       n = n - 1
       if (.not. self%prior_only) call self%grains%evaluate_independent(c(:, :, :n), moduli(:, :n))
       do i = 1, n
-         associate (point => points(in_support(i)))
-            point%log_working = self%prior%log_density(c(:, :, i), point%w(:k)) &
-               & + likelihood_of_crystal(self, point%x, c(:, :, i), moduli(:, i))
-            log_volume = self%prior%logarithms%log_volume(frames(i))
-            point%log_density = point%log_working
-            if (self%prior%in_logarithms) then
-               point%log_density = point%log_density - log_volume
-            else
-               point%log_working = point%log_working + log_volume
-            end if
+         associate (point => w(:, in_support(i)))
+            ! A factor on the sds is the same in both coordinates.
+            log_density(in_support(i)) = self%prior%log_density(c(:, :, i), point(:k)) + log_volume(i) &
+               & + likelihood_of_crystal(self, point, c(:, :, i), moduli(:, i))
          end associate
       end do
    end subroutine evaluate_working
+
+   pure subroutine from_working(self, points, log_density)
+      class(posterior_type), intent(in) :: self
+      !> (dimension, point), (point).
+      real(wp), intent(inout) :: points(:, :), log_density(:)
+      type(log_frame_type) :: frame
+      real(wp) :: c(6, 6)
+      integer :: i
+
+      do i = 1, size(points, 2)
+         call self%prior%logarithms%from_logarithms(points(:self%n_constants, i), c, frame)
+         points(:self%n_constants, i) = self%prior%class%constants_of(c)
+         log_density(i) = log_density(i) - self%prior%logarithms%log_volume(frame)
+      end do
+   end subroutine from_working
 
    !> Whether the factor on the sds is within its bounds, if there is one.
    pure logical function scale_is_admitted(self, x)

@@ -221,7 +221,8 @@ contains
          if (.not. anisotropy_index(c) <= self%anisotropy_cap) return
       end if
       admits = .true.
-      if (allocated(self%domain)) admits = self%domain%admits(c)
+      if (.not. allocated(self%domain)) return
+      if (self%domain%is_limited()) admits = self%domain%admits(c)
    end function admits
 
    !> Logarithm of the density at a crystal `c` (GPa) of the support, in the coordinates in which it is stated, up to a constant.
@@ -230,7 +231,7 @@ contains
       !> Stiffness in crystal axes, GPa.
       real(wp), intent(in) :: c(6, 6)
       !> Its log K, where that is known.
-      real(wp), intent(in), optional :: w(:)
+      real(wp), intent(in), optional, contiguous :: w(:)
       real(wp) :: values(size(self%knowledge%mean))
 
       log_density = 0.0_wp
@@ -252,7 +253,7 @@ contains
    pure real(wp) function log_default(self, w)
       class(prior_type), intent(in) :: self
       !> (n_constants).
-      real(wp), intent(in) :: w(:)
+      real(wp), intent(in), contiguous :: w(:)
       integer :: k
 
       k = size(w) - 2

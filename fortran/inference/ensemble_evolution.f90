@@ -6,14 +6,14 @@
 !> target's working coordinates, whitened round after round: principal axes, and a polynomial of the longer ones taken off the shorter
 !> ones.
 module ensemble_evolution
-   use abstract_sampler, only: draw_starts, outside, point_type, target_type
+   use abstract_sampler, only: draw_starts, outside, target_type
    use running_command, only: advance_progress, stop_requested
    use kinds, only: i8, wp
    use random, only: random_stream_type
    use ridge_coordinates, only: fit_whitening, whitening_type
    implicit none
    private
-   public :: evolve_population, place_points, try_step, add_difference
+   public :: evolve_population, is_accepted, add_difference
 
    !> From here on ensembles are larger.
    integer, parameter :: many_dimensions = 6
@@ -102,20 +102,8 @@ contains
       call draw_starts(target, stream, starts, density, found)
       allocate (points(target%dimension, found))
       call target%to_working(starts(:, :found), points)
-      density = density_of(target, points)
+      call target%evaluate_working(points, density)
    end subroutine draw_population
-
-   !> Logarithms of the density at points in working coordinates.
-   function density_of(target, points) result(density)
-      class(target_type), intent(in) :: target
-      !> (dimension, point).
-      real(wp), intent(in) :: points(:, :)
-      real(wp) :: density(size(points, 2))
-      type(point_type), allocatable :: batch(:)
-
-      call place_points(target, points, batch)
-      density = batch%log_working
-   end function density_of
 
    !> The density that is used and the whitened coordinates from points, and these drawn anew where that changes their density: where the
    !> coarse one was wrong, some have gone astray.
@@ -142,7 +130,7 @@ contains
       call fit_whitening(points, min(distinct, size(density)), whitening)
       if (was_exact .or. associated(used, coarse)) return
       before = density
-      density = density_of(used, points)
+      call used%evaluate_working(points, density)
       call resample(stream, (density - before)/temperature, points, density, left)
    end subroutine look_again
 
@@ -155,14 +143,13 @@ contains
       !> Points of the test, and the share of them that agrees.
       integer, parameter :: tests = 50
       real(wp), parameter :: least_good = 0.7_wp
-      type(point_type), allocatable :: exact(:), near(:)
-      real(wp), allocatable :: w(:, :)
+      real(wp) :: w(size(points, 1), tests), exact(tests), near(tests)
       integer :: k
 
       w = points(:, [(1 + (k - 1)*(size(points, 2) - 1)/tests, k=1, tests)])
-      call place_points(target, w, exact)
-      call place_points(other, w, near)
-      agree = count(abs(exact%log_working - near%log_working) < 2.0_wp*temperature) >= least_good*tests
+      call target%evaluate_working(w, exact)
+      call other%evaluate_working(w, near)
+      agree = count(abs(exact - near) < 2.0_wp*temperature) >= least_good*tests
    end function agree
 
    !> Differential evolution of walkers that begin at some of the points; in the end these are what was visited in the second half.
@@ -183,15 +170,16 @@ contains
       !> Points that are kept, about; share of the steps that is aimed at; and how short they may get.
       integer, parameter :: most = 4000
       real(wp), parameter :: accepted_share = 0.2_wp, least_scale = 0.02_wp
-      type(point_type), allocatable :: walkers(:), proposals(:)
-      real(wp) :: u(target%dimension, m), tried(target%dimension, m), w(target%dimension, m)
+      !> The walkers, in working and whitened coordinates, and what they try, with the logarithms of their densities.
+      real(wp), dimension(target%dimension, m) :: w, u, tried, tried_u
+      real(wp) :: own(m), of_tried(m)
       integer :: k, a, b, kept, moved, half, first, last, others
       integer(i8) :: generations, generation, visits, stride, i
-      logical :: accepted
 
-      call place_points(target, points(:, [(1 + int((k - 1)*size(density, kind=i8)/m), k=1, m)]), walkers)
+      w = points(:, [(1 + int((k - 1)*size(density, kind=i8)/m), k=1, m)])
+      call target%evaluate_working(w, own)
       do k = 1, m
-         call whitening%to_white(walkers(k)%w, u(:, k))
+         call whitening%to_white(w(:, k), u(:, k))
       end do
       generations = max(4_i8, wanted)
       ! All walkers are to be among the points: no common divisor.
@@ -221,14 +209,15 @@ contains
                end do
                a = mod(last + a - 1, m) + 1
                b = mod(last + b - 1, m) + 1
-               call add_difference(stream, u(:, a) - u(:, b), step_scale, u(:, k), tried(:, k))
-               call whitening%from_white(tried(:, k), w(:, k))
+               call add_difference(stream, u(:, a) - u(:, b), step_scale, u(:, k), tried_u(:, k))
+               call whitening%from_white(tried_u(:, k), tried(:, k))
             end do
-            call place_points(target, w(:, first:last), proposals)
+            call target%evaluate_working(tried(:, first:last), of_tried(first:last))
             do k = first, last
-               call judge(stream, proposals(k - first + 1), temperature, walkers(k), accepted)
-               if (.not. accepted) cycle
-               u(:, k) = tried(:, k)
+               if (.not. is_accepted(stream, of_tried(k), own(k), temperature)) cycle
+               w(:, k) = tried(:, k)
+               u(:, k) = tried_u(:, k)
+               own(k) = of_tried(k)
                moved = moved + 1
             end do
          end do
@@ -237,8 +226,8 @@ contains
             if (2*generation <= generations) exit
             if (mod(visits, stride) == 0) then
                kept = kept + 1
-               points(:, kept) = walkers(k)%w
-               density(kept) = walkers(k)%log_working
+               points(:, kept) = w(:, k)
+               density(kept) = own(k)
             end if
             visits = visits + 1
          end do
@@ -303,54 +292,18 @@ contains
       density = density(chosen)
    end subroutine resample
 
-   !> Points at working coordinates, evaluated.
-   pure subroutine place_points(target, w, points)
-      class(target_type), intent(in) :: target
-      !> (dimension, point).
-      real(wp), intent(in) :: w(:, :)
-      type(point_type), allocatable, intent(out) :: points(:)
-      integer :: i
-
-      allocate (points(size(w, 2)))
-      do i = 1, size(points)
-         points(i)%w = w(:, i)
-      end do
-      call target%evaluate_working(points)
-   end subroutine place_points
-
-   !> A Metropolis step from `current` to whitened coordinates u.
-   subroutine try_step(target, whitening, stream, u, current, accepted)
-      class(target_type), intent(in) :: target
-      type(whitening_type), intent(in) :: whitening
+   !> Whether a Metropolis step is taken.
+   logical function is_accepted(stream, proposed, current, temperature)
       type(random_stream_type), intent(inout) :: stream
-      real(wp), intent(in) :: u(:)
-      type(point_type), intent(inout) :: current
-      !> Whether `current` is now the proposal.
-      logical, intent(out) :: accepted
-      type(point_type) :: proposal(1)
-
-      allocate (proposal(1)%w(size(u)))
-      call whitening%from_white(u, proposal(1)%w)
-      call target%evaluate_working(proposal)
-      call judge(stream, proposal(1), 1.0_wp, current, accepted)
-   end subroutine try_step
-
-   !> Accept a proposal, or not.
-   subroutine judge(stream, proposal, temperature, current, accepted)
-      type(random_stream_type), intent(inout) :: stream
-      type(point_type), intent(in) :: proposal
-      !> Divides the logarithm of the density.
-      real(wp), intent(in) :: temperature
-      type(point_type), intent(inout) :: current
-      logical, intent(out) :: accepted
+      !> Logarithms of the density, and what divides them.
+      real(wp), intent(in) :: proposed, current, temperature
       real(wp) :: v
 
-      accepted = proposal%log_working > outside
-      if (.not. accepted) return
+      is_accepted = proposed > outside
+      if (.not. is_accepted) return
       call stream%uniform(v)
-      accepted = log(v) < (proposal%log_working - current%log_working)/temperature
-      if (accepted) current = proposal
-   end subroutine judge
+      is_accepted = log(v) < (proposed - current)/temperature
+   end function is_accepted
 
    !> u plus a factor times a difference of two points, of all coordinates or of some, with a little noise.
    subroutine add_difference(stream, difference, scale, u, moved)

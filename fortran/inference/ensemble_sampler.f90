@@ -6,8 +6,8 @@
 !> What follows is a plain Markov chain with a fixed kernel: independent draws from the mixture, redrawn until they are in the support,
 !> and steps along the difference of two points of the burn-in. One sample is two steps, or more where the mixture fits badly.
 module ensemble_sampler
-   use abstract_sampler, only: outside, point_type, sampler_type, target_type
-   use ensemble_evolution, only: add_difference, evolve_population, place_points, try_step
+   use abstract_sampler, only: outside, sampler_type, target_type
+   use ensemble_evolution, only: add_difference, evolve_population, is_accepted
    use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture, widen_mixture
    use running_command, only: advance_progress, stop_requested
    use kinds, only: i8, wp
@@ -32,9 +32,8 @@ module ensemble_sampler
 
    !> Draws of the mixture in the support that no step has used yet: they do not depend on where the chain is.
    type :: pool_type
-      type(point_type), allocatable :: points(:)
-      !> Whitened coordinates, (dimension, point).
-      real(wp), allocatable :: u(:, :)
+      !> Working and whitened coordinates, (dimension, point), and the logarithms of the density.
+      real(wp), allocatable :: w(:, :), u(:, :), log_density(:)
       integer :: left = 0
    end type pool_type
 
@@ -58,9 +57,7 @@ contains
       logical, intent(out) :: started
       type(kernel_type) :: kernel
       type(pool_type) :: pool
-      type(point_type), allocatable :: start(:)
-      type(point_type) :: current
-      real(wp) :: u(target%dimension), w(target%dimension, 1), quality
+      real(wp) :: u(target%dimension), w(target%dimension, 1), current(1), quality
       integer :: i, drawn, accepted, accepted_in_all, drawn_in_all
 
       acceptance = 0.0_wp
@@ -75,19 +72,19 @@ contains
       call stream%pick(size(kernel%archive, 2), i)
       u = kernel%archive(:, i)
       call kernel%whitening%from_white(u, w(:, 1))
-      call place_points(target, w, start)
-      current = start(1)
+      call target%evaluate_working(w, current)
       accepted_in_all = 0
       drawn_in_all = 0
       do i = 1, size(log_density)
          if (stop_requested()) return
          call advance_progress(1_i8)
-         call walk(target, kernel, pool, stream, u, current, drawn, accepted)
+         call walk(target, kernel, pool, stream, u, w, current, drawn, accepted)
          drawn_in_all = drawn_in_all + drawn
          accepted_in_all = accepted_in_all + accepted
-         draws(:, i) = current%x
-         log_density(i) = current%log_density
+         draws(:, i) = w(:, 1)
+         log_density(i) = current(1)
       end do
+      call target%from_working(draws, log_density)
       acceptance = real(accepted_in_all, wp)/max(1, drawn_in_all)
    end subroutine run
 
@@ -105,19 +102,17 @@ contains
    end subroutine add_archived
 
    !> Some steps of the chain, from u in place.
-   subroutine walk(target, kernel, pool, stream, u, point, drawn, accepted)
+   subroutine walk(target, kernel, pool, stream, u, w, density, drawn, accepted)
       class(target_type), intent(in) :: target
       type(kernel_type), intent(in) :: kernel
       type(pool_type), intent(inout) :: pool
       type(random_stream_type), intent(inout) :: stream
-      !> whitened coordinates, (dimension).
-      real(wp), intent(inout) :: u(:)
-      type(point_type), intent(inout) :: point
+      !> Whitened coordinates, (dimension); working ones, (dimension, 1), and the logarithm of their density, (1).
+      real(wp), intent(inout) :: u(:), w(:, :), density(:)
       !> Draws of the mixture, and how many were accepted.
       integer, intent(out) :: drawn, accepted
-      real(wp) :: tried(target%dimension), own, other, v
+      real(wp) :: tried(target%dimension), tried_w(target%dimension, 1), of_tried(1), own, other, v
       integer :: step
-      logical :: moved
 
       own = log_mixture(kernel%mixture, u)
       drawn = 0
@@ -130,20 +125,21 @@ contains
             if (pool%left == 0) cycle
             tried = pool%u(:, pool%left)
             pool%left = pool%left - 1
-            associate (proposal => pool%points(pool%left + 1))
-               other = log_mixture(kernel%mixture, tried)
-               call stream%uniform(v)
-               if (.not. log(v) < proposal%log_working - point%log_working + own - other) cycle
-               point = proposal
-            end associate
+            tried_w(:, 1) = pool%w(:, pool%left + 1)
+            of_tried = pool%log_density(pool%left + 1)
+            other = log_mixture(kernel%mixture, tried)
+            if (.not. is_accepted(stream, of_tried(1) - other, density(1) - own, 1.0_wp)) cycle
             accepted = accepted + 1
          else
             call add_archived(kernel, stream, u, tried)
-            call try_step(target, kernel%whitening, stream, tried, point, moved)
-            if (.not. moved) cycle
+            call kernel%whitening%from_white(tried, tried_w(:, 1))
+            call target%evaluate_working(tried_w, of_tried)
+            if (.not. is_accepted(stream, of_tried(1), density(1), 1.0_wp)) cycle
             other = log_mixture(kernel%mixture, tried)
          end if
          u = tried
+         w = tried_w
+         density = of_tried
          own = other
       end do
    end subroutine walk
@@ -156,38 +152,37 @@ contains
       type(random_stream_type), intent(inout) :: stream
       type(pool_type), intent(inout) :: pool
       integer, parameter :: at_once = 50, most_attempts = 20
-      real(wp) :: u(target%dimension, at_once)
+      real(wp) :: u(target%dimension, at_once), w(target%dimension, at_once), log_density(at_once)
       integer :: attempt, i
 
       do attempt = 1, most_attempts
-         call draw_points(target, whitening, mixture, stream, u, pool%points)
-         associate (inside => pack([(i, i=1, at_once)], pool%points%log_working > outside))
+         call draw_points(target, whitening, mixture, stream, u, w, log_density)
+         associate (inside => pack([(i, i=1, at_once)], log_density > outside))
             pool%left = size(inside)
             if (pool%left == 0) cycle
-            pool%points = pool%points(inside)
             pool%u = u(:, inside)
+            pool%w = w(:, inside)
+            pool%log_density = log_density(inside)
          end associate
          return
       end do
    end subroutine fill
 
    !> Points of the mixture, evaluated.
-   subroutine draw_points(target, whitening, mixture, stream, u, points)
+   subroutine draw_points(target, whitening, mixture, stream, u, w, log_density)
       class(target_type), intent(in) :: target
       type(whitening_type), intent(in) :: whitening
       type(mixture_type), intent(in) :: mixture
       type(random_stream_type), intent(inout) :: stream
-      !> Whitened coordinates, (dimension, point).
-      real(wp), intent(out) :: u(:, :)
-      type(point_type), allocatable, intent(out) :: points(:)
-      real(wp) :: w(size(u, 1), size(u, 2))
+      !> Whitened and working coordinates, (dimension, point), and the logarithms of the density.
+      real(wp), intent(out) :: u(:, :), w(:, :), log_density(:)
       integer :: i
 
       do i = 1, size(u, 2)
          call draw_mixture(mixture, stream, u(:, i))
          call whitening%from_white(u(:, i), w(:, i))
       end do
-      call place_points(target, w, points)
+      call target%evaluate_working(w, log_density)
    end subroutine draw_points
 
    !> Fit the mixture to the archive, then improve it by importance sampling. Points that the mixture puts outside the support
@@ -207,8 +202,7 @@ contains
       !> A smaller share of good draws is not worth the search: differences alone do better.
       real(wp), parameter :: archive_share = 0.3_wp, hopeless = 0.01_wp
       type(mixture_type) :: fitted
-      real(wp), allocatable :: points(:, :), weights(:), log_weights(:), beyond(:, :), u(:, :)
-      type(point_type), allocatable :: batch(:)
+      real(wp), allocatable :: points(:, :), weights(:), log_weights(:), beyond(:, :), u(:, :), w(:, :), log_density(:)
       integer :: i, round, archived, inside, out, few, draws
       logical :: last
 
@@ -228,19 +222,20 @@ contains
          inside = 0
          out = 0
          do while (inside < draws .and. out < 10*draws)
-            allocate (u(target%dimension, min(draws - inside, 10*draws - out)))
-            call draw_points(target, whitening, mixture, stream, u, batch)
+            i = min(draws - inside, 10*draws - out)
+            allocate (u(target%dimension, i), w(target%dimension, i), log_density(i))
+            call draw_points(target, whitening, mixture, stream, u, w, log_density)
             do i = 1, size(u, 2)
-               if (batch(i)%log_working > outside) then
+               if (log_density(i) > outside) then
                   inside = inside + 1
                   points(:, archived + inside) = u(:, i)
-                  log_weights(inside) = batch(i)%log_working - log_mixture(mixture, u(:, i))
+                  log_weights(inside) = log_density(i) - log_mixture(mixture, u(:, i))
                else
                   out = out + 1
                   if (out <= most_outside) beyond(:, out) = u(:, i)
                end if
             end do
-            deallocate (u)
+            deallocate (u, w, log_density)
          end do
          quality = 0.0_wp
          if (inside == 0) return

@@ -72,7 +72,7 @@ contains
    !> Logarithm of the density at `u`.
    pure real(wp) function log_mixture(mixture, u) result(value)
       type(mixture_type), intent(in) :: mixture
-      real(wp), intent(in) :: u(:)
+      real(wp), intent(in), contiguous :: u(:)
       real(wp) :: terms(mixture%components), shares(mixture%components), top
 
       call log_terms(mixture%n, mixture%components, mixture%mean, mixture%inverse, mixture%log_norm, u, terms)

@@ -12,7 +12,7 @@
 !> stability and limits of averages cut it. Coordinates are those of log K, which are smoother, less their mean and over the factor of
 !> their covariance.
 module model_checks
-   use abstract_sampler, only: outside, point_type
+   use abstract_sampler, only: outside
    use chain_diagnostics, only: diagnose_chains, diagnostics_type
    use constants_posterior, only: posterior_type
    use errors, only: error_type
@@ -216,20 +216,17 @@ contains
       !> (draw).
       real(wp), intent(out) :: values(:)
       type(random_stream_type) :: stream
-      type(point_type) :: points(size(values))
-      real(wp) :: u(size(mean), size(values))
+      real(wp), dimension(size(mean), size(values)) :: u, w
       integer :: i, j
 
       stream = new_random_stream(0, stream_number)
       do i = 1, size(values)
          call draw_mixture(mixture, stream, u(:, i))
-         points(i)%w = mean
          do j = 1, size(mean)
-            points(i)%w(j) = points(i)%w(j) + sum(factor(j, :j)*u(:j, i))
+            w(j, i) = mean(j) + sum(factor(j, :j)*u(:j, i))
          end do
       end do
-      call density%evaluate_working(points)
-      values = points%log_working
+      call density%evaluate_working(w, values)
       do i = 1, size(values)
          if (values(i) > outside) values(i) = values(i) - log_mixture(mixture, u(:, i))
       end do

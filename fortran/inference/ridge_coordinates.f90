@@ -65,7 +65,7 @@ contains
    !> The features of coordinates from the number `first` on, those before it being there.
    pure subroutine evaluate_features(self, z, first, f)
       type(whitening_type), intent(in) :: self
-      real(wp), intent(in) :: z(:)
+      real(wp), intent(in), contiguous :: z(:)
       integer, intent(in) :: first
       real(wp), intent(inout) :: f(:)
       integer :: k
@@ -140,8 +140,8 @@ contains
    pure subroutine to_white(self, w, u)
       class(whitening_type), intent(in) :: self
       !> (dimension).
-      real(wp), intent(in) :: w(:)
-      real(wp), intent(out) :: u(:)
+      real(wp), intent(in), contiguous :: w(:)
+      real(wp), intent(out), contiguous :: u(:)
       real(wp) :: z(self%n), f(size(self%bend, 1))
       integer :: j, m
 
@@ -158,8 +158,8 @@ contains
    pure subroutine from_white(self, u, w)
       class(whitening_type), intent(in) :: self
       !> (dimension).
-      real(wp), intent(in) :: u(:)
-      real(wp), intent(out) :: w(:)
+      real(wp), intent(in), contiguous :: u(:)
+      real(wp), intent(out), contiguous :: w(:)
       real(wp) :: z(self%n), within(self%n), f(size(self%bend, 1)), bent
       integer :: j, k, m
 

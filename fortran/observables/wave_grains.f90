@@ -67,7 +67,7 @@ contains
    !> Moduli, then speeds, m/s.
    pure subroutine evaluate_independent(self, c, modulus)
       class(wave_grains_type), intent(in) :: self
-      real(wp), intent(in) :: c(:, :, :)
+      real(wp), intent(in), contiguous :: c(:, :, :)
       real(wp), intent(out), contiguous :: modulus(:, :)
       real(wp) :: moduli(self%moduli%n_independent, size(c, 3))
       type(wave_type) :: waves(self%surface%n)

@@ -116,7 +116,7 @@ module abstract_basis
          import :: grain_model_type, wp
          class(grain_model_type), intent(in) :: self
          !> Stiffness in crystal axes of stable crystals, GPa, (6, 6, crystal).
-         real(wp), intent(in) :: c(:, :, :)
+         real(wp), intent(in), contiguous :: c(:, :, :)
          !> GPa, (n_independent, crystal).
          real(wp), intent(out), contiguous :: modulus(:, :)
       end subroutine evaluate_independent_interface

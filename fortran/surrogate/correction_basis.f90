@@ -365,7 +365,7 @@ contains
 
    pure subroutine evaluate_independent(self, c, modulus)
       class(correction_grain_model_type), intent(in) :: self
-      real(wp), intent(in) :: c(:, :, :)
+      real(wp), intent(in), contiguous :: c(:, :, :)
       real(wp), intent(out), contiguous :: modulus(:, :)
       type(halfspace_type) :: theory
       type(error_type), allocatable :: error

@@ -165,7 +165,7 @@ contains
 
    pure subroutine evaluate_independent(self, c, modulus)
       class(paper_grain_model_type), intent(in) :: self
-      real(wp), intent(in) :: c(:, :, :)
+      real(wp), intent(in), contiguous :: c(:, :, :)
       real(wp), intent(out), contiguous :: modulus(:, :)
       real(wp) :: p(self%polynomials%n_products), y(self%harmonics%n, size(c, 3))
       integer :: i

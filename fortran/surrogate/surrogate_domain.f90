@@ -26,7 +26,7 @@ module surrogate_domain
       !> specimen correction depends on it. Bounds of the constants go before it.
       real(wp) :: stiffness(2) = [0.0_wp, huge(1.0_wp)]
    contains
-      procedure :: has_scale, admits, is_of_class, normalised_distance, coordinates_of
+      procedure :: has_scale, is_limited, admits, is_of_class, normalised_distance, coordinates_of
    end type domain_type
 
 contains
@@ -85,6 +85,13 @@ contains
 
       has_scale = self%stiffness(2) < huge(1.0_wp)
    end function has_scale
+
+   !> Whether it leaves any stable crystal of its class out.
+   pure logical function is_limited(self)
+      class(domain_type), intent(in) :: self
+
+      is_limited = size(self%lower) > 0 .or. min(self%anisotropy_cap, self%log_anisotropy_max) < huge(1.0_wp)
+   end function is_limited
 
    !> Write a domain, or read what was written.
    subroutine exchange_domain(domain, file)

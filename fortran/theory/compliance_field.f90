@@ -3,12 +3,11 @@
 !> The matrix B of the half-space theory depends on the direction t in the surface alone, not on the surface. So F(t) = B^-1(t)/(8 pi^2)
 !> of a crystal is one even field of symmetric matrices over the directions, with the crystal's symmetry, and every grain reads it
 !> along its own great circle: h(theta) = n.F(t(theta)).n, n its surface normal. The field is expanded in surface harmonics of even
-!> degree up to a limit by least squares over nodes: all images, under the crystal's group, of some directions of its region. Of h
-!> its mean and the harmonics 2 and 4 of theta are n_retained, from degree 24 on 6, from 32 on 8 too: a contact of small eccentricity e
-!> weighs
-!> the harmonic 2 m with e^m.
+!> degree up to a limit by least squares over nodes: all images, under the crystal's group, of some directions of its region. Of h its mean
+!> and the harmonics 2 and 4 of theta are kept, from degree 24 on 6, from 32 on 8 too: a contact of small eccentricity e weighs the
+!> harmonic 2 m with e^m.
 !> Everything that depends on the grains alone is computed once; a crystal then costs its nodes, one matrix product, and a minimum
-!> over the shape of the contact ellipse for each grain (Willis, J. Mech. Phys. Solids 14, 163, 1966).
+!> over the shape of the contact ellipse for each grain (`contact_ellipse`).
 !>
 !> Those of very many grains come from those in a few directions.
 !>
@@ -16,6 +15,7 @@
 !> surface harmonics hold. They are found by least squares from the moduli in directions spread over the region of distinct ones; a grain
 !> then costs as many products as there are harmonics. Who uses it compares with the theory, see `problem_posterior`.
 module compliance_field
+   use contact_ellipse, only: highest_mode, minimise_compliance, most_modes
    use halfspace_theory, only: contraction_maps, inverse_barnett, lanes, plane_products
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: rotation_matrix
@@ -28,14 +28,10 @@ module compliance_field
    private
    public :: field_type, new_field, field_moduli, even_directions, modulus_expansion_type, new_modulus_expansion
 
-   !> Coefficients of h(theta) = m1 + m2 cos 2 theta + m3 sin 2 theta + .. + m9 sin 8 theta.
-   integer, parameter :: highest_mode = 4, n_modes = 1 + 2*highest_mode
    !> Images of nodes for each coefficient of the expansion.
    real(wp), parameter :: oversampling = 1.4_wp
    !> Least eigenvalue of the harmonics' mean square over the images; 1 if these were all directions.
    real(wp), parameter :: well_determined = 0.03_wp
-   !> Angles of the contact ellipse's integrals.
-   integer, parameter :: n_angles = 24
 
    type :: field_type
       integer :: n_grains = 0
@@ -44,7 +40,7 @@ module compliance_field
       !> Of two directions m and n perpendicular to a node and to each other, a block of nodes at a time: m_k n_l, l fastest,
       !> (lanes, 9, blocks), and m_k m_l and n_k n_l for kl = 11, 22, 33, 23, 13, 12, (lanes, 6, blocks).
       real(wp), allocatable, private :: mn(:, :, :), mm(:, :, :), nn(:, :, :)
-      !> From F at the nodes (components 11, 22, 33, 23, 13, 12) to the modes of the grains, (6 x nodes, grains x modes).
+      !> From F at the nodes (lanes, components 11, 22, 33, 23, 13, 12, blocks) to the modes of the grains, (6 x nodes, grains x modes).
       real(wp), allocatable, private :: to_modes(:, :)
    end type field_type
 
@@ -201,7 +197,7 @@ contains
       type(field_type), intent(inout) :: field
       real(wp), allocatable :: circle(:, :), waves(:, :), weight(:, :)
       real(wp) :: g(3, 3), theta(maxval(harmonics%degrees)/2 + 4), turned(3), square(6)
-      integer :: grain, i, k, r, image, n_points, n_rotations, m, n_grains, row, n_retained
+      integer :: grain, i, k, r, image, n_points, n_rotations, m, n_grains, row, n_retained, first, last
 
       n_grains = size(euler, 2)
       n_retained = 1 + 2*max(2, min(highest_mode, maxval(harmonics%degrees)/8))
@@ -209,8 +205,8 @@ contains
       ! A polynomial of degree L on a circle has L/2 harmonics of 2 theta: so many points integrate the modes exactly.
       n_points = size(theta)
       theta = [(pi*(k - 1)/n_points, k=1, n_points)]
-      allocate (field%to_modes(6*size(field%nodes, 2), n_grains*n_retained), source=0.0_wp)
-      allocate (circle(harmonics%n, n_points), waves(n_points, n_modes))
+      allocate (field%to_modes(size(field%mm), n_grains*n_retained), source=0.0_wp)
+      allocate (circle(harmonics%n, n_points), waves(n_points, most_modes))
       do k = 1, n_points
          waves(k, :) = [0.5_wp, (cos(2.0_wp*m*theta(k)), sin(2.0_wp*m*theta(k)), m=1, highest_mode)]*2.0_wp/n_points
       end do
@@ -222,6 +218,8 @@ contains
          weight = matmul(transpose(matmul(circle, waves)), fit)
          image = 0
          do i = 1, size(field%nodes, 2)
+            first = 1 + mod(i - 1, lanes) + 6*lanes*((i - 1)/lanes)
+            last = first + 5*lanes
             do r = 1, n_rotations
                image = image + 1
                ! F at an image is R F R^T, so n.(R F R^T).n = (R^T n).F.(R^T n).
@@ -229,7 +227,7 @@ contains
                square = [turned**2, 2.0_wp*turned(2)*turned(3), 2.0_wp*turned(1)*turned(3), 2.0_wp*turned(1)*turned(2)]
                do m = 1, n_retained
                   row = grain + n_grains*(m - 1)
-                  field%to_modes(6*i - 5:6*i, row) = field%to_modes(6*i - 5:6*i, row) + weight(m, image)*square
+                  field%to_modes(first:last:lanes, row) = field%to_modes(first:last:lanes, row) + weight(m, image)*square
                end do
             end do
          end do
@@ -240,19 +238,17 @@ contains
    pure subroutine field_moduli(field, c, moduli)
       type(field_type), intent(in) :: field
       !> Stiffnesses `c` in crystal axes, GPa, (6, 6, crystal).
-      real(wp), intent(in) :: c(:, :, :)
+      real(wp), intent(in), contiguous :: c(:, :, :)
       !> (grain, crystal)
       real(wp), intent(out), contiguous :: moduli(:, :)
       !> Crystals at once, so that what grains read is in the caches.
       integer, parameter :: most = 32
       !> Of many grains they are large for the stack of a thread.
       real(wp), allocatable :: f(:, :), read(:, :)
-      real(wp) :: modes(field%n_grains, n_modes)
       integer :: first, n, n_retained, i
 
-      allocate (f(6*size(field%nodes, 2), min(most, size(c, 3))), read(size(field%to_modes, 2), min(most, size(c, 3))))
+      allocate (f(size(field%to_modes, 1), min(most, size(c, 3))), read(size(field%to_modes, 2), min(most, size(c, 3))))
       n_retained = size(read, 1)/max(1, field%n_grains)
-      modes = 0.0_wp
       do first = 1, size(c, 3), most
          n = min(most, size(c, 3) - first + 1)
          do i = 1, n
@@ -264,8 +260,7 @@ contains
             call transposed_product(size(f, 1), size(read, 1), field%to_modes, f(:, 1), read(:, 1))
          end if
          do i = 1, n
-            modes(:, :n_retained) = reshape(read(:, i), [field%n_grains, n_retained])
-            call minimise_compliance(field%n_grains, modes, moduli(:, first + i - 1))
+            call minimise_compliance(field%n_grains, n_retained, read(:, i), moduli(:, first + i - 1))
          end do
       end do
    end subroutine field_moduli
@@ -275,88 +270,36 @@ contains
       type(field_type), intent(in) :: field
       !> Stiffness in crystal axes, GPa.
       real(wp), intent(in) :: c(6, 6)
-      !> Components 11, 22, 33, 23, 13, 12, (6, node).
-      real(wp), intent(out) :: f(6, size(field%nodes, 2))
-      real(wp) :: one(9, 9), both(6, 6), mm(lanes, 6), mn(lanes, 9), nn(lanes, 6), of_block(lanes, 6)
-      integer :: block, first, n
+      !> As `to_modes` takes it.
+      real(wp), intent(out) :: f(lanes, 6, size(field%mm, 3))
+      real(wp) :: one(9, 9), both(6, 6), mm(lanes, 6), mn(lanes, 9), nn(lanes, 6)
+      integer :: block
 
       call contraction_maps(c, one, both)
       do block = 1, size(field%mn, 3)
-         mm = matmul(field%mm(:, :, block), both)
-         mn = matmul(field%mn(:, :, block), one)
-         nn = matmul(field%nn(:, :, block), both)
-         call inverse_barnett(mm, mn, nn, of_block)
-         first = lanes*(block - 1)
-         n = min(lanes, size(f, 2) - first)
-         f(:, first + 1:first + n) = transpose(of_block(:n, :))
+         mm = product_of(6, field%mm(:, :, block), both)
+         mn = product_of(9, field%mn(:, :, block), one)
+         nn = product_of(6, field%nn(:, :, block), both)
+         call inverse_barnett(mm, mn, nn, f(:, :, block))
       end do
-   end subroutine evaluate_nodes
 
-   !> 1/M = min over the ellipse's shape (a, b) of the integral of h(theta)/sqrt(1 + a cos 2 theta + b sin 2 theta) over half a turn:
-   !> Newton's method from the minimum for a small anisotropy, all grains at once.
-   pure subroutine minimise_compliance(n, modes, moduli)
-      integer, intent(in) :: n
-      real(wp), intent(in) :: modes(n, n_modes)
-      real(wp), intent(out) :: moduli(n)
-      integer, parameter :: most_steps = 8
-      !> A step leaves an error of the order of its square, and the modulus is stationary: an error of its fourth power.
-      real(wp), parameter :: largest = 0.95_wp, smallest = 1.0e-2_wp
-      !> Up to these squared sizes of a shape every second and every third angle is enough.
-      real(wp), parameter :: oval = 0.1_wp, round = 0.01_wp
-      integer :: k
-      real(wp), parameter :: cosine(n_angles) = [(cos(2.0_wp*pi*k/n_angles), k=0, n_angles - 1)]
-      real(wp), parameter :: sine(n_angles) = [(sin(2.0_wp*pi*k/n_angles), k=0, n_angles - 1)]
-      real(wp), dimension(n) :: a, b, value, ga, gb, aa, ab, bb, determinant, shrink, da, db
-      real(wp) :: h(n, n_angles), r, w
-      integer :: j, step, stride
+   contains
 
-      ! The quadratic expansion about a circle: h0 (1 + 3/16 e^2) - (a h1 + b h2)/4.
-      a = 2.0_wp/3.0_wp*modes(:, 2)/modes(:, 1)
-      b = 2.0_wp/3.0_wp*modes(:, 3)/modes(:, 1)
-      stride = 1
-      if (all(a**2 + b**2 <= oval)) stride = 2
-      if (all(a**2 + b**2 <= round)) stride = 3
-      do k = 1, n_angles, stride
-         h(:, k) = modes(:, 1) + modes(:, 2)*cosine(k) + modes(:, 3)*sine(k) &
-            & + modes(:, 4)*cosine(1 + mod(2*(k - 1), n_angles)) + modes(:, 5)*sine(1 + mod(2*(k - 1), n_angles)) &
-            & + modes(:, 6)*cosine(1 + mod(3*(k - 1), n_angles)) + modes(:, 7)*sine(1 + mod(3*(k - 1), n_angles)) &
-            & + modes(:, 8)*cosine(1 + mod(4*(k - 1), n_angles)) + modes(:, 9)*sine(1 + mod(4*(k - 1), n_angles))
-      end do
-      do step = 1, most_steps
-         ga = 0.0_wp
-         gb = 0.0_wp
-         aa = 0.0_wp
-         ab = 0.0_wp
-         bb = 0.0_wp
-         do k = 1, n_angles, stride
-            !$omp simd private(r, w)
-            do j = 1, n
-               r = 1.0_wp/(1.0_wp + a(j)*cosine(k) + b(j)*sine(k))
-               w = 0.5_wp*h(j, k)*r*sqrt(r)
-               ga(j) = ga(j) - w*cosine(k)
-               gb(j) = gb(j) - w*sine(k)
-               w = 1.5_wp*w*r
-               aa(j) = aa(j) + w*cosine(k)**2
-               ab(j) = ab(j) + w*cosine(k)*sine(k)
-               bb(j) = bb(j) + w*sine(k)**2
+      !> That of matrices, of which a row is a lane.
+      pure function product_of(n, a, b) result(product)
+         integer, intent(in) :: n
+         real(wp), intent(in) :: a(lanes, n), b(n, n)
+         real(wp) :: product(lanes, n)
+         integer :: j, k
+
+         do j = 1, n
+            product(:, j) = a(:, 1)*b(1, j)
+            do k = 2, n
+               product(:, j) = product(:, j) + a(:, k)*b(k, j)
             end do
          end do
-         determinant = aa*bb - ab**2
-         da = (ab*gb - bb*ga)/determinant
-         db = (ab*ga - aa*gb)/determinant
-         a = a + da
-         b = b + db
-         shrink = min(1.0_wp, largest/sqrt(max(a**2 + b**2, tiny(1.0_wp))))
-         a = a*shrink
-         b = b*shrink
-         if (all(da**2 + db**2 <= smallest**2)) exit
-      end do
-      value = 0.0_wp
-      do k = 1, n_angles, stride
-         value = value + h(:, k)/sqrt(1.0_wp + a*cosine(k) + b*sine(k))
-      end do
-      moduli = n_angles/(pi*stride*value)
-   end subroutine minimise_compliance
+      end function product_of
+   end subroutine evaluate_nodes
 
    !> The expansion for some grains.
    subroutine new_modulus_expansion(class, degree, euler, expansion, error)

@@ -2,19 +2,13 @@
 module known_targets
    use kinds, only: wp
    use random, only: random_stream_type
-   use abstract_sampler, only: outside, point_type, target_type
+   use abstract_sampler, only: outside, target_type
    implicit none
    private
    public :: banana_type, wavy_type
 
-   !> Densities of which the working coordinates are the parameters.
-   type, abstract, extends(target_type) :: known_type
-   contains
-      procedure :: evaluate_working
-   end type known_type
-
    !> x is normal within -1.5 .. 2, and y is normal about x² with sd 0.1.
-   type, extends(known_type) :: banana_type
+   type, extends(target_type) :: banana_type
       !> Bounds of the parameters, (dimension).
       real(wp), allocatable :: lower(:), upper(:)
    contains
@@ -23,7 +17,7 @@ module known_targets
    end type banana_type
 
    !> (x1, x2 + 0.8 sin 2 x1, x3 + 0.3 x1², x4, ..) are standard normal, and x1 > -1. No polynomial makes it straight.
-   type, extends(known_type) :: wavy_type
+   type, extends(target_type) :: wavy_type
    contains
       procedure :: draw_start => draw_wavy_start
       procedure :: evaluate => evaluate_wavy
@@ -83,18 +77,4 @@ contains
       log_density = outside
       where (points(1, :) > -1.0_wp) log_density = -0.5_wp*sum(normal**2, 1)
    end subroutine evaluate_wavy
-
-   pure subroutine evaluate_working(self, points)
-      class(known_type), intent(in) :: self
-      type(point_type), intent(inout) :: points(:)
-      real(wp) :: log_density(1)
-      integer :: i
-
-      do i = 1, size(points)
-         points(i)%x = points(i)%w
-         call self%evaluate(reshape(points(i)%x, [self%dimension, 1]), log_density)
-         points(i)%log_density = log_density(1)
-         points(i)%log_working = log_density(1)
-      end do
-   end subroutine evaluate_working
 end module known_targets
