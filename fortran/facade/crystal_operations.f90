@@ -118,7 +118,7 @@ contains
          if (allocated(x%error)) return
          x%values = x%in%columns('moduli', 1)
          slope = 0.0_wp*x%values(1, :) + 1.0_wp
-         call observable%from_simulation(x%values(1, :), slope)
+         call observable%to_measured(x%values(1, :), slope)
       case default
          call x%refuse(verb)
       end select

@@ -295,8 +295,8 @@ contains
       end if
       if (self%n_shared == 0 .and. .not. has_own_variance(self)) then
          call evaluate_grains(self, c, model, slopes, scales, tilt_slopes, independent)
-         call self%observable%from_simulation(model(:self%n_moduli), slopes(:self%n_moduli))
-         log_likelihood = self%errors%log_density((model - self%data%modulus)/self%scale, scale_factor(self, x)) - self%log_scales
+         call self%observable%to_measured(model(:self%n_moduli), slopes(:self%n_moduli))
+         log_likelihood = self%errors%log_density((self%data%modulus - model)/self%scale, scale_factor(self, x)) - self%log_scales
          return
       end if
       allocate (u(self%n_grains, self%n_shared))
@@ -374,7 +374,7 @@ contains
 
       call evaluate_grains(self, c, model, slope, own_variance, tilt_slopes, independent)
       map_slope = 1.0_wp
-      call self%observable%from_simulation(model(:self%n_moduli), map_slope(:self%n_moduli))
+      call self%observable%to_measured(model(:self%n_moduli), map_slope(:self%n_moduli))
       scales = scale_factor(self, x)*self%scale
       if (has_own_variance(self)) scales = sqrt(scales**2 + own_variance*(self%errors%scale*map_slope)**2)
       if (self%grains%n_columns > 0) then

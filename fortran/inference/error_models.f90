@@ -62,7 +62,7 @@ contains
       !> (measurement).
       real(wp), intent(in) :: r(:), factor
 
-      log_density = -0.5_wp*sum(r**2)/factor**2 - size(r)*(log(self%scale*factor) + 0.5_wp*log(2.0_wp*pi))
+      log_density = -0.5_wp*sum(r**2)/factor**2 - size(r)*(log(factor) + 0.5_wp*log(2.0_wp*pi))
    end function log_density
 
    !> Minus the first derivative of the log density of scale one over the residual, minus the second, and the one that is expected.

@@ -239,7 +239,7 @@ contains
             if (allocated(posterior%unknown)) call posterior%evaluate_grains(posterior%stiffness(chains%draws(:, s, c)), &
                & predictions%moduli(:, i, c), slope, variance, tilt_slopes)
             slope = 1.0_wp
-            call posterior%observable%from_simulation(predictions%moduli(:posterior%n_moduli, i, c), slope(:posterior%n_moduli))
+            call posterior%observable%to_measured(predictions%moduli(:posterior%n_moduli, i, c), slope(:posterior%n_moduli))
             call evaluate_quantities(quantities, posterior%stiffness(chains%draws(:, s, c)), predictions%quantities(:, i, c))
          end do
       end do

@@ -93,7 +93,7 @@ contains
       value = [(low + width*(j - 1), j=1, bins)]
       variance = (self%scatter_sd*value)**2 - width**2/6.0_wp
       slope = spread(1.0_wp, 1, bins)
-      call self%observable%from_simulation(value, slope)
+      call self%observable%to_measured(value, slope)
       variance = variance*slope**2
    end subroutine gather
 

@@ -134,7 +134,7 @@ contains
          call posterior%evaluate_grains(posterior%stiffness(draws(:, i)), modulus, slope, variance, tilt_slopes)
          value = modulus
          map_slope = 1.0_wp
-         call posterior%observable%from_simulation(value(:m), map_slope(:m))
+         call posterior%observable%to_measured(value(:m), map_slope(:m))
          own = 0.0_wp
          own(:, from_noise) = (posterior%scale_factor(draws(:, i))*posterior%data%sd)**2
          own(:, from_surrogate) = posterior%scatter*(slope*map_slope)**2

@@ -23,7 +23,7 @@ module observables
       !> a; d in 1/GPa.
       real(wp) :: factor = 1.0_wp, compliance = 0.0_wp
    contains
-      procedure :: from_simulation
+      procedure :: to_measured
    end type observable_type
 
 contains
@@ -55,8 +55,8 @@ contains
       observable%name = name
    end subroutine new_observable
 
-   !> From what a simulated curve, or the grain model, gives to the values, in place.
-   pure subroutine from_simulation(self, values, slopes)
+   !> From indentation moduli to what is measured, in place.
+   pure subroutine to_measured(self, values, slopes)
       class(observable_type), intent(in) :: self
       !> Indentation moduli, GPa, and their derivatives with respect to any variable.
       real(wp), intent(inout) :: values(:), slopes(:)
@@ -67,6 +67,6 @@ contains
       end if
       slopes = slopes*self%factor
       values = values*self%factor
-   end subroutine from_simulation
+   end subroutine to_measured
 
 end module observables

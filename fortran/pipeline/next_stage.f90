@@ -394,7 +394,7 @@ contains
       call grains%evaluate_moduli(c, values, slope)
       mean = values
       mean_slope = slope
-      call posterior%observable%from_simulation(mean(:n), mean_slope(:n))
+      call posterior%observable%to_measured(mean(:n), mean_slope(:n))
       call posterior%place_shared(z(:m), b(:m), precision, factor)
       b(m + 1:) = z(m + 1:)
       columns = transpose(relative)*spread(mean, 2, size(z))
@@ -403,7 +403,7 @@ contains
          values = values + slope*matmul(influence, b(:grains%n_columns))
          columns(:, :grains%n_columns) = spread(mean_slope, 2, grains%n_columns)*influence
       end if
-      call posterior%observable%from_simulation(values(:n), slope(:n))
+      call posterior%observable%to_measured(values(:n), slope(:n))
       values = (1.0_wp + matmul(b, relative))*values
       do i = 1, size(values)
          call solve_lower(precision, columns(i, :m))

@@ -141,7 +141,7 @@ contains
          if (.not. allocated(asked%modulus_kind)) asked%modulus_kind = 'indentation_modulus'
          if (.not. allocated(error)) call new_observable(asked%modulus_kind, asked, observable, error)
          if (allocated(error)) return
-         call observable%from_simulation(grains%modulus_gpa, unused)
+         call observable%to_measured(grains%modulus_gpa, unused)
          grains%sd_gpa = noise*grains%modulus_gpa
          grains%modulus_gpa = grains%modulus_gpa*(1.0_wp + hypot(noise, asked%scatter_sd)*z(4, :))
          if (.not. allocated(used%settings%plan%velocity_noise)) return

@@ -440,7 +440,7 @@ contains
       real(wp) :: slopes(size(values))
 
       call grains%evaluate_moduli(posterior%stiffness(x), values, slopes)
-      call posterior%observable%from_simulation(values, slopes)
+      call posterior%observable%to_measured(values, slopes)
    end subroutine observe
 
    !> Some of n grains, evenly over the table.

@@ -212,7 +212,7 @@ contains
          names = names//','//trim(kinds(j))//'_gpa'
          moduli(:, j) = modulus
          slope = 1.0_wp
-         call observable%from_simulation(moduli(:, j), slope)
+         call observable%to_measured(moduli(:, j), slope)
       end do
       if (present(velocity)) then
          names = names//',rayleigh_velocity_m_s'

@@ -345,7 +345,7 @@ contains
       if (allocated(error)) error%message = prefix_of_table(self)//error%message
    end subroutine take_measurements
 
-   !> Measurements with their orientations; `error` may be that of their reading.
+   !> Measurements with their orientations, the tests of a grain as one; `error` may be that of their reading.
    subroutine set_measurements(self, table, error)
       type(problem_type), intent(inout) :: self
       type(table_type), intent(in) :: table
@@ -360,10 +360,13 @@ contains
             & //'directions alone do not say how a turn of the sample moves them. Or state orientation_sd_deg')
       end if
       if (.not. allocated(error)) call take_shared_errors(self, measurements%table, error)
+      if (.not. allocated(error)) call refuse_copied_rows(measurements, error)
+      if (.not. allocated(error)) call combine_tests(self%class, measurements, error)
       if (allocated(error)) then
          error%message = prefix_of_table(self)//error%message
       else
          self%measurements = measurements
+         self%settings%measurements%modulus_kind = measurements%modulus_kind
          call question_measurements(self, error)
          if (allocated(self%velocities)) call append_velocities(self%measurements, self%velocities)
       end if
@@ -433,11 +436,8 @@ contains
       prefix = 'the table'
       if (allocated(self%settings%measurements%file)) prefix = printable(self%settings%measurements%file)
       prefix = place(self%path, 'measurements', 'file')//prefix
-      self%settings%measurements%modulus_kind = self%measurements%modulus_kind
-      call refuse_copied_rows(self%measurements, error)
-      if (.not. allocated(error)) call combine_tests(self%class, self%measurements, error)
       radians = self%settings%measurements%angles == 'degrees' .and. angles_look_like_radians(self%measurements)
-      if (.not. allocated(error) .and. radians) call refuse_radians(self%measurements, error)
+      if (radians) call refuse_radians(self%measurements, error)
       if (allocated(error)) error%message = prefix//': '//error%message
       if (allocated(error)) return
       call judge_scatter(self%measurements, prefix, self%warnings)

@@ -90,7 +90,7 @@ contains
       call new_observable('effective_modulus', settings, observable, error)
       modulus = 200.0_wp
       slope = 1.0_wp
-      call observable%from_simulation(modulus, slope)
+      call observable%to_measured(modulus, slope)
       call check_close('effective modulus', modulus(1), 1.0_wp/(1.0_wp/200.0_wp + (1.0_wp - 0.07_wp**2)/1140.0_wp), 1.0e-12_wp)
       call check_close('and its slope', slope(1), (modulus(1)/200.0_wp)**2, 1.0e-15_wp)
       call new_observable('modulus', settings, observable, error)

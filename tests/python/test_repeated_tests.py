@@ -113,7 +113,7 @@ def test_the_distribution_of_chi_square(value, freedom):
 )
 def test_refusals(change, words):
     asked = {"scale": "inferred"} if "sd_gpa" in change else {}
-    with pytest.raises(bi.InputError, match="f: &measurements file: the table: ") as error:
+    with pytest.raises(bi.InputError, match="f: &measurements: ") as error:
         problem({name: values for name, values in table(**change).items() if values is not None}, **asked)
     assert words in str(error.value)
 
