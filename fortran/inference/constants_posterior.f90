@@ -62,8 +62,9 @@ module constants_posterior
       !> Sum of the logarithms of the scales.
       real(wp), private :: log_scales = 0.0_wp
    contains
-      procedure :: evaluate, evaluate_working, to_working, coarsen, draw_start, set_field_degree, draw_moduli, &
-         & predict_measurements, infer_shared, evaluate_grains, scale_factor, place_shared, log_prior, stiffness, new_grains
+      procedure :: evaluate, evaluate_working, to_working, coarsen, draw_start, set_field_degree, &
+         & draw_moduli, predict_measurements, infer_shared, evaluate_grains, scale_factor, place_shared, log_prior, stiffness, &
+         & new_grains
    end type posterior_type
 
 contains

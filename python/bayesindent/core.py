@@ -16,7 +16,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 def _choose_kernels() -> str:
     """Name the vector kernels that OpenBLAS shall use, before it is loaded; the module of the core that uses like instructions.
 
-    What the batch program does, too (cpp/processor.cpp). A user's own choice stands."""
+    What the batch program does, too (cpp/processor.cpp). A user's own choice stands.
+    """
     found = find_spec("._processor", __package__)
     processor = ctypes.CDLL(found.origin if found else None)
     processor.bayesindent_blas_kernels.restype = ctypes.c_char_p
@@ -116,8 +117,9 @@ def call(operation: str, handle: int = 0, /, **values: Any) -> dict:
 class NativeObject:
     """What the core holds for Python: one handle, freed with the last reference to this object.
 
-    A subclass sets the handle with `_hold` in its constructor; from then on it is frozen, or once `_frozen` is set. Copies and pickles carry no handle: `__reduce__` of a subclass says
-    how the object is made anew, and without one they are refused."""
+    A subclass sets the handle with `_hold` in its constructor; from then on it is frozen, or once `_frozen` is set. Copies and pickles carry
+    no handle: `__reduce__` of a subclass says how the object is made anew, and without one they are refused.
+    """
 
     #: What the core calls it: 'surrogate', 'posterior', ..
     kind = ""

@@ -18,8 +18,10 @@ PATIENCE_S = 10
 class DaskEngine(AbstractContextManager):
     """`workers` processes with one thread each (0: as many as there are cores, or one job of SLURM), or all that a scheduler has.
 
-    `scheduler` is 'local', 'slurm' (as Dask's own `jobqueue.yaml` says) or an address such as 'tcp://head:8786'. Raises `InputError` where the packages are missing and `MachineError`
-    where no scheduler answers. A worker that dies loses nothing but its time: what it was doing is done by another."""
+    `scheduler` is 'local', 'slurm' (as Dask's own `jobqueue.yaml` says) or an address such as 'tcp://head:8786'. Raises `InputError` where
+    the packages are missing and `MachineError` where no scheduler answers. A worker that dies loses nothing but its time: what it was
+    doing is done by another.
+    """
 
     def __init__(self, workers: int = 0, scheduler: str = "local"):
         try:

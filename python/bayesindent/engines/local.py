@@ -10,9 +10,12 @@ __all__ = ["LocalEngine", "complete"]
 
 
 def complete(submit: Callable[..., Future], workers: Callable[[], int], items: Sequence, collect: Callable[[int, object], None]) -> None:
-    """Submit all items, one for each of the workers that are there at the time, and collect(number, result) in this thread for each as it is done.
+    """Submit all items, one for each of the workers that are there at the time, and collect(number, result) in this thread for each as it is
+    done.
 
-    No worker waits for what is done with its result. An exception, or an interrupt, starts no more; what is done, or cannot be cancelled, is still collected."""
+    No worker waits for what is done with its result. An exception, or an interrupt, starts no more; what is done, or cannot be cancelled, is
+    still collected.
+    """
     waiting, under_way = iter(enumerate(items)), dict[Future, int]()
     done: set[Future] = set()
     try:

@@ -22,8 +22,9 @@ GAP_STIFFNESS, GAP_TENSION = 1.0e6, 1.0e-9
 def write_deck(mesh: SimpleNamespace, depths: Iterable[float], element: str, title: str, parts: Sequence[str]) -> str:
     """The text of the deck: a step for each depth, the force on the indenter printed as the reaction of node set INDENTER.
 
-    The header says what each material is, by the `parts` of the specimen. Contact is unilateral gaps between each contact node and one node that stands for the indenter; infinite
-    elements are networks of springs with the same stiffness matrix; hanging nodes are equations."""
+    The header says what each material is, by the `parts` of the specimen. Contact is unilateral gaps between each contact node and one node that stands for the indenter; infinite elements
+    are networks of springs with the same stiffness matrix; hanging nodes are equations.
+    """
     nodes = len(mesh.x)
     indenter = nodes + 1
     used = MATERIALS[: 1 + mesh.material.max()]
@@ -89,7 +90,8 @@ def gaps(mesh: SimpleNamespace, indenter: int, offset: int) -> list[str]:
 def never_yielding(node: int, offset: float, element: int) -> list[str]:
     """A fixed cube beside the sample whose material could yield but does not.
 
-    CalculiX iterates on gaps only in a nonlinear analysis, and geometric nonlinearity would change the force by 2 per cent."""
+    CalculiX iterates on gaps only in a nonlinear analysis, and geometric nonlinearity would change the force by 2 per cent.
+    """
     corners = [(offset + x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
     lines = ["*NODE, NSET=CUBE"] + [f"{node + i}, {x:.10g}, {y}, {z}" for i, (x, y, z) in enumerate(corners)]
     lines += ["*ELEMENT, TYPE=C3D8, ELSET=CUBE", ", ".join(str(n) for n in (element + 1, *range(node, node + 8)))]

@@ -24,8 +24,9 @@ def problem_of(
 ) -> Problem:  # fmt: skip
     """The problem that keywords of the function `origin` ask for, checked as a namelist file is.
 
-    The keywords are those of `bi.extract`. `measurements`: a CSV file, or what `measurements_of` takes. `symmetry`: if there is none, that of a surrogate of one class. `variables` are
-    those of `GROUPS`, and of the next measurement or the plan."""
+    The keywords are those of `bi.extract`. `measurements`: a CSV file, or what `measurements_of` takes. `symmetry`: if there is none, that of a
+    surrogate of one class. `variables` are those of `GROUPS`, and of the next measurement or the plan.
+    """
     symmetry = symmetry or (surrogate.symmetry if len(surrogate.basis.c_min) else None)
     if symmetry is None:
         raise InputError(f"{origin}: symmetry is missing: this surrogate serves crystals of every class; state one, such as 'cubic'")
@@ -65,7 +66,8 @@ def stiffness_table(origin: str, symmetry: str, mean: ArrayLike, covariance: Arr
     mean, covariance = np.asarray(mean, dtype=float), np.asarray(covariance, dtype=float)
     if mean.shape != (len(names),) or covariance.shape != 2 * mean.shape:
         raise InputError(
-            f"{origin}: &knowledge stiffness: means and covariance have shapes {mean.shape} and {covariance.shape}; allowed ({len(names)},) and {2 * (len(names),)} for {', '.join(names)}"
+            f"{origin}: &knowledge stiffness: means and covariance have shapes {mean.shape} and {covariance.shape}; "
+            f"allowed ({len(names)},) and {2 * (len(names),)} for {', '.join(names)}"
         )
     return {"row": ["mean", *names]} | dict(zip(names, np.vstack([mean, covariance]).T.tolist(), strict=True))
 

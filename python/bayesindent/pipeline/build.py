@@ -21,9 +21,10 @@ __all__ = ["ask", "build_surrogate", "tell"]
 def build_surrogate(problem: Problem | str | PathLike, output: str | PathLike, *, simulate: Callable | None = None) -> Surrogate:
     """Step 1: the surrogate that `problem`, a namelist file or a `Problem`, asks for. Simulations are kept in the folder `output`; call it again to go on.
 
-    `simulate(stiffness, euler_deg)`, stiffness (6, 6) in GPa in crystal axes and Bunge-Euler angles (3,) in degrees, gives an indentation modulus in GPa in place of the program's own
-    simulations; it may raise `BayesindentError` where it fails. &simulation simulator must be 'import', under which its results are kept. As many are called at once, from threads, as
-    &execution says (0: as there are cores)."""
+    `simulate(stiffness, euler_deg)`, stiffness (6, 6) in GPa in crystal axes and Bunge-Euler angles (3,) in degrees, gives an indentation
+    modulus in GPa in place of the program's own simulations; it may raise `BayesindentError` where it fails. &simulation simulator must be 'import',
+    under which its results are kept. As many are called at once, from threads, as &execution says (0: as there are cores).
+    """
     if not isinstance(problem, Problem):
         problem = Problem(problem, "build")
     if (simulate is not None) != (problem.settings.simulation.simulator == "import"):
@@ -48,7 +49,8 @@ def given(function: Callable, job: Job) -> dict:
 
 
 def ask(problem: Problem, output: str | PathLike, count: int) -> dict:
-    """The next `count` crystals before the moduli of the first are known: the document of `build --ask`, whose points are rows by the names of columns."""
+    """The next `count` crystals before the moduli of the first are known: the document of `build --ask`, whose points are rows by the names of
+    columns."""
     found = Stage(problem, "build", Path(output))._call("look_ahead", count=count)
     header = [*found["constants"], "phi1_deg", "Phi_deg", "phi2_deg"]
     return {

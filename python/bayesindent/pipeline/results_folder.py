@@ -1,4 +1,5 @@
-"""What a folder of results says of itself: its manifest, the resolved namelist, documents and the numbers of Step 2. The core writes and verifies them."""
+"""What a folder of results says of itself: its manifest, the resolved namelist, documents and the numbers of Step 2. The core writes and
+verifies them."""
 
 import json
 from pathlib import Path

@@ -139,7 +139,8 @@ class Parser(argparse.ArgumentParser):
 
 
 def parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
-    """The parser of all commands, with the arguments of those that are among the words (default: of all); with '--all' their help has every variable."""
+    """The parser of all commands, with the arguments of those that are among the words (default: of all); with '--all' their help has every
+    variable."""
     root = Parser(prog="bayesindent", description=HELP["bayesindent"], epilog=HELP["examples"])
     root.add_argument("--version", action="version", version=f"bayesindent {__version__}")
     subparsers = root.add_subparsers(title="commands", metavar="COMMAND", required=True)
@@ -184,7 +185,8 @@ def describe_group(name: str, full: bool) -> str:
 
 
 def finish(arguments: argparse.Namespace, document: dict | int) -> int:
-    """Print why the result cannot be used, the warnings on standard error, and the document on standard output, as JSON or in words; an exit status stays one."""
+    """Print why the result cannot be used, the warnings on standard error, and the document on standard output, as JSON or in words; an
+    exit status stays one."""
     if isinstance(document, int):
         return document
     from ..common.result_files import plain

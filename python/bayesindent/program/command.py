@@ -27,8 +27,10 @@ PATIENCE_S = 60
 class Command:
     """One command; `action(arguments)` gives its JSON document, or an exit status, and `show` prints the document.
 
-    A command that reads a namelist does the core's stage of its name, or `stage`(problem, output) -> document; its help explains `groups`. `arguments` adds options to the parser.
-    `resumes`: it goes on from what it kept in the output folder. `then(arguments, document)` says what to do next. Without `show` it gives an exit status."""
+    A command that reads a namelist does the core's stage of its name, or `stage`(problem, output) -> document; its help explains
+    `groups`. `arguments` adds options to the parser. `resumes`: it goes on from what it kept in the output folder.
+    `then(arguments, document)` says what to do next. Without `show` it gives an exit status.
+    """
 
     name: str
     groups: tuple[str, ...] = ()
@@ -80,7 +82,8 @@ def report_of(arguments: argparse.Namespace, document: dict) -> str:
 
 
 def output_folder(arguments: argparse.Namespace, source: Path, patience_s: int | None = PATIENCE_S) -> Path:
-    """Where the results of a file go. The folder is made and the command's own to its end, which is refused if another process has it for longer than `patience_s`; None: it may be another's."""
+    """Where the results of a file go. The folder is made and the command's own to its end, which is refused if another process has it for longer
+    than `patience_s`; None: it may be another's."""
     output = arguments.output or Path("runs") / source.stem
     if patience_s is not None:
         call("file.take_folder", folder=output, patience=patience_s, resumes=arguments.command.resumes)

@@ -88,9 +88,10 @@ GREATEST_SHAPE = 0.7
 def compare(*results: Any, output: str | os.PathLike | None = None, figures: str = "png") -> dict:
     """Posteriors of two or more `results` side by side, each compared with the first: folders, or what `bi.extract` gave.
 
-    `runs`: mean, sd and 95 % interval of each constant; `differences`: of each constant from the first run's, in GPa and in sds of the difference; `models`: leave-one-out and, where it
-    was estimated, evidence of runs of the same measurements. With `output`, a folder, comparison.csv, comparison.json and the figures forest and overlay ('png', 'pdf' or 'svg') are
-    written into it."""
+    `runs`: mean, sd and 95 % interval of each constant; `differences`: of each constant from the first run's, in GPa and in sds of the
+    difference; `models`: leave-one-out and, where it was estimated, evidence of runs of the same measurements. With `output`, a folder,
+    comparison.csv, comparison.json and the figures forest and overlay ('png', 'pdf' or 'svg') are written into it.
+    """
     document = compare_runs(read_runs(results), Path(output) if output else None, figures)
     warn_of(document)
     return document
@@ -104,7 +105,8 @@ def compare_runs(runs: Sequence[Run], output: Path | None, figures: str) -> dict
     symmetries = dict.fromkeys(run.symmetry for run in runs)
     if len(symmetries) > 1:
         warnings.append(
-            f"the runs are of different crystal classes ({', '.join(symmetries)}): constants of the same name are compared, which supposes the same crystal axes"
+            f"the runs are of different crystal classes ({', '.join(symmetries)}): constants of the same name are compared, which supposes "
+            "the same crystal axes"
         )
     entries, differences, rows = [], [], []
     for run in runs:
@@ -162,7 +164,8 @@ def compare_models(runs: Sequence[Run], warnings: list[str]) -> list[dict]:
         poor = int(np.sum(np.asarray(found.pareto_k) > GREATEST_SHAPE))
         if poor:
             warnings.append(
-                f"{run.label}: leaving out {poor} of the grains one by one changes the posterior too much for draws of it to tell; its leave-one-out is not to be relied on"
+                f"{run.label}: leaving out {poor} of the grains one by one changes the posterior too much for draws of it to tell; "
+                "its leave-one-out is not to be relied on"
             )
         row: dict = {"run": run.label, "elpd": float(run.pointwise.sum())}
         row |= {"p_loo": float(getattr(found, "p_loo", getattr(found, "p", math.nan))), "grains_not_told": poor}

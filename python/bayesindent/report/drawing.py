@@ -73,7 +73,8 @@ UNDATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
 def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str, list[dict]]:
     """Of each section the figures that the results can make: PNG in base 64 and their texts.
 
-    As files too, of one kind in the folder `figures`, and for a paper, as wide as a column, in `paper/figures` with the numbers behind each as CSV."""
+    As files too, of one kind in the folder `figures`, and for a paper, as wide as a column, in `paper/figures` with the numbers behind each as CSV.
+    """
     paper_folder = results.folder / "paper" / "figures"
     files = {WIDTH: [(results.folder / "figures", kind_of_files, SCREEN)] if kind_of_files else []}
     if paper:

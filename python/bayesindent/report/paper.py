@@ -117,7 +117,8 @@ def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]
             rows["predicted"],
         ),
         "velocities": (
-            f"The {results.speed} in m/s: Bunge's angles of the grain and the direction of propagation from x, as measured, and as the posterior predicts it without the noise.",
+            f"The {results.speed} in m/s: Bunge's angles of the grain and the direction of propagation from x, as measured, and as the "
+            "posterior predicts it without the noise.",
             ["grain", *ANGLES, "direction", "wave", "measured", "sd measured", "predicted", "sd predicted"],
             [
                 [

@@ -79,7 +79,8 @@ class Results:
 
     @cached_property
     def reference(self) -> tuple[str, dict[str, float]]:
-        """What the constants are compared with, and its values in GPa: those that the problem states, or those of a pure metal that its title names; '' and none where there are none."""
+        """What the constants are compared with, and its values in GPa: those that the problem states, or those of a pure metal that its title
+        names; '' and none where there are none."""
         if (stated := self.group("problem").get("reference_gpa")) is not None and len(stated):
             return "truth" if self.synthetic else "reference", dict(zip(self.constants, map(float, stated)))
         return (f"literature, pure {self.metal.name}", self.metal.constants) if self.metal else ("", {})

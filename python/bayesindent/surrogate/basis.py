@@ -15,8 +15,9 @@ __all__ = ["Basis"]
 class Basis(NativeObject):
     """Terms of a crystal and its orientation over a domain, as &domain and &surrogate of a problem say, or those of a surrogate; see docs/surrogate.md.
 
-    `symmetry`: the class by whose constants crystals are given. `stiffness`: the range of the scale in GPa on which the terms depend, from 0 to the largest number where they do not. Of
-    each term of a correction `polynomial_degrees`."""
+    `symmetry`: the class by whose constants crystals are given. `stiffness`: the range of the scale in GPa on which the terms depend, from 0 to
+    the largest number where they do not. Of each term of a correction `polynomial_degrees`.
+    """
 
     kind = "basis"
     symmetry: str

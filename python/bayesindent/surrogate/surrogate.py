@@ -80,7 +80,8 @@ class Surrogate(NativeObject):
         return cls(basis._call("fit", modulus_gpa=modulus_gpa, **basis.rows(constants, euler_deg))["handle"])
 
     def leave_out(self, groups: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Of each simulation of `data` its modulus (n,) in GPa as the others predict it, without those of its group (n,), any numbers, and the error in units of its sd."""
+        """Of each simulation of `data` its modulus (n,) in GPa as the others predict it, without those of its group (n,), any numbers, and the
+        error in units of its sd."""
         data, numbers = self.data, np.asarray(groups, dtype=float).ravel()
         rows = self.basis.rows(data["constants"], data["euler_deg"])
         modulus, z = self.basis._call("leave_out", modulus_gpa=data["modulus_gpa"], groups=numbers, **rows)["values"]

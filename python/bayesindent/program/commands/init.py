@@ -32,7 +32,8 @@ KINDS = """\
 def template(symmetry: str | None, metal: str | None) -> dict[str, str]:
     """The texts of a namelist and of its table of measurements by the names of their files.
 
-    `symmetry`: a crystal class; `metal`: its symbol. One of them is enough if it is the metal."""
+    `symmetry`: a crystal class; `metal`: its symbol. One of them is enough if it is the metal.
+    """
     known = metals().get(metal[:1].upper() + metal[1:].lower()) if metal else None
     if metal and known is None:
         raise InputError(f"init: --metal: {metal} is not known; known are {', '.join(metals())}")

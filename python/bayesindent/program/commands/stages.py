@@ -58,9 +58,11 @@ def show_curves(document: dict) -> None:
 
 
 def simulate(problem: Problem, output: Path) -> dict:
-    """Moduli.csv, curves.csv, and the document; then of each crystal that was simulated the files that &simulation asks for, by its row from 1: fields for ParaView (vtu), a deck (inp).
+    """Moduli.csv, curves.csv, and the document; then of each crystal that was simulated the files that &simulation asks for, by its row
+    from 1: fields for ParaView (vtu), a deck (inp).
 
-    A file that is there is written again, since the crystal of its row may have changed; fields cost one solution."""
+    A file that is there is written again, since the crystal of its row may have changed; fields cost one solution.
+    """
     document = run_stage(problem, "simulate", output)
     settings, points = problem.settings.simulation, problem.crystals
     chosen = [i for i, row in enumerate(document["results"]) if row["depth_um"] and (settings.vtu or settings.inp)]

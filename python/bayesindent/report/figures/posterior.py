@@ -40,7 +40,8 @@ def residuals(results: Results) -> Picture:
     axes.legend(loc="upper left")
     return Picture(
         figure,
-        f"Residuals of the grains in order of size, in units of the stated sd, beside the quantiles of a normal distribution. Their sum of squares is {number(np.sum(values**2))}.",
+        "Residuals of the grains in order of size, in units of the stated sd, beside the quantiles of a normal distribution. "
+        f"Their sum of squares is {number(np.sum(values**2))}.",
     )
 
 
@@ -197,7 +198,8 @@ def shares(results: Results) -> Picture:
         {row["name"]: row["share"] for row in combinations + quantities},
         labels,
         len(combinations),
-        "Shares of variances. Above: products of powers of the constants, from the best to the worst determined. Below: the constants and quantities that follow from them.",
+        "Shares of variances. Above: products of powers of the constants, from the best to the worst determined. Below: the constants and "
+        "quantities that follow from them.",
     )
 
 

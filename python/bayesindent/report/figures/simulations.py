@@ -18,7 +18,8 @@ def specimen_size(results: Results) -> Picture:
     text = f"Bias of the indentation modulus against the half-space, by {document['variable'].removesuffix('_um').replace('_', ' ')}."
     return Picture(
         draw_bias(document),
-        f"{text} Each colour is a crystal; full lines: the surroundings as stated; dashed: half as stiff, dotted: twice. Grey: within {100 * document['limit']:g} %.",
+        f"{text} Each colour is a crystal; full lines: the surroundings as stated; dashed: half as stiff, dotted: twice. "
+        f"Grey: within {100 * document['limit']:g} %.",
     )
 
 
@@ -68,7 +69,8 @@ def load_depth(results: Results) -> Picture:
         figure,
         f"Simulated indentations. Left: force under a rigid {shape} against the force over modulus, P/M, of an isotropic half-space at the same depths by "
         f"Sneddon's closed form{' (4/3 √R h^1.5)' if shape == 'paraboloid' else ''}. The slope of the fit through the origin is the "
-        "indentation modulus. Right: the modulus of each depth alone, with the fit as a line. The fit leaves out the first depths, where the contact spans less than five elements.",
+        "indentation modulus. Right: the modulus of each depth alone, with the fit as a line. The fit leaves out the first depths, where the contact spans less "
+        "than five elements.",
     )
 
 
