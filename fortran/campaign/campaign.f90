@@ -45,8 +45,7 @@ module campaign
       integer, private :: n_waiting = 0
       integer(i8), private :: since = 0
    contains
-      procedure :: open => open_campaign, close => close_campaign, rows, find, add, add_soon, flush, next_position, &
-         & other_physics
+      procedure :: open => open_campaign, close => close_campaign, rows, find, add, add_soon, flush, next_position, other_physics
       procedure, private :: read_row
       final :: finalize_campaign
    end type campaign_type

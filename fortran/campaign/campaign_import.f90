@@ -117,9 +117,8 @@ contains
                & //'never changed: leave the row out, or import into a new campaign')
          else if (abs(row%outcome%modulus - modulus) > same*modulus) then
             call refuse(error, crystal//'modulus_gpa is '//to_text(modulus)//', but the same point has ' &
-               & //to_text(row%outcome%modulus)//' GPa '//trim(merge('in an earlier row', 'in the campaign  ', &
-               & row%position >= first))//'; one of them is wrong or of another physics: leave one out, or import ' &
-               & //'into a new campaign')
+               & //to_text(row%outcome%modulus)//' GPa '//trim(merge('in an earlier row', 'in the campaign  ', row%position >= &
+               & first))//'; one of them is wrong or of another physics: leave one out, or import into a new campaign')
          end if
       end subroutine import_row
    end subroutine import_points

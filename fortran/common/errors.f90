@@ -7,8 +7,7 @@ module errors
    use text, only: split_list
    implicit none
    private
-   public :: error_type, raise, refuse, exit_failure, exit_bad_input, exit_unusable, machine_failure, warning_type, &
-      & warn, suggestion
+   public :: error_type, raise, refuse, exit_failure, exit_bad_input, exit_unusable, machine_failure, warning_type, warn, suggestion
 
    !> Exit statuses of the programs (see the README).
    integer, parameter :: exit_failure = 1, exit_bad_input = 2

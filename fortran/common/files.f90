@@ -102,9 +102,8 @@ contains
       else if (index(content, achar(0)) > 0 .or. wrong == 1) then
          call refuse(error, 'the file is not plain text (save it as UTF-8)')
       else if (wrong > 0) then
-         call refuse(error, 'line '//to_text(1 + count([(content(i:i) == achar(10), i=1, wrong)])) &
-            & //': byte '//to_text(wrong - index(content(:wrong - 1), achar(10), back=.true.)) &
-            & //' is not UTF-8 (save the file as UTF-8)')
+         call refuse(error, 'line '//to_text(1 + count([(content(i:i) == achar(10), i=1, wrong)]))//': byte '//to_text(wrong - &
+            & index(content(:wrong - 1), achar(10), back=.true.))//' is not UTF-8 (save the file as UTF-8)')
       else
          if (index(content, char(239)//char(187)//char(191)) == 1) content = content(4:)
          if (verify(content, ' '//achar(9)//achar(10)//achar(13)) == 0) call refuse(error, 'the file is empty')

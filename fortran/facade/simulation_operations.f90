@@ -101,8 +101,7 @@ contains
       real(wp), allocatable :: c(:, :, :), infinite(:, :, :)
       integer :: i
 
-      c = model%specimen%materials(rotate_stiffness(x%in%columns('stiffness', 6), &
-         & rotation_matrix(degree*x%in%reals('euler_deg'))))
+      c = model%specimen%materials(rotate_stiffness(x%in%columns('stiffness', 6), rotation_matrix(degree*x%in%reals('euler_deg'))))
       call put_mesh(model, x%out)
       associate (mesh => model%grid(1)%mesh)
          allocate (x%values(6, size(mesh%brick, 2)), infinite(12, 12, size(mesh%facet, 2)))
@@ -179,8 +178,7 @@ contains
          associate (jobs => stage%jobs)
             do i = 1, size(physics)
                physics(i)%text = ''
-               if (any(jobs%physics == i)) physics(i)%text = settings_namelist(stage%physics(i), &
-                  & 'specimen indenter simulation')
+               if (any(jobs%physics == i)) physics(i)%text = settings_namelist(stage%physics(i), 'specimen indenter simulation')
             end do
             call x%out%put('physics', physics)
             call x%out%put_integers('physics_number', jobs%physics - 1, shape(jobs))
@@ -324,9 +322,10 @@ contains
          end if
          call out%put(trim(tables(i))//'.classes', list)
          if (points%named_by == 0) cycle
-         list = [warning_type ::]
+         deallocate (list)
+         allocate (list(points%n))
          do j = 1, points%n
-            call warn(list, points%name(j))
+            list(j)%text = points%name(j)
          end do
          call out%put(trim(tables(i))//'.names', list)
       end do

@@ -201,8 +201,7 @@ contains
       real(wp), intent(in) :: xi(3), growth
       real(wp) :: g(3, 8)
       !> Of the inner and of the outer face.
-      real(wp) :: share(2)
-      real(wp) :: f1, f2, rho, slope
+      real(wp) :: share(2), f1, f2, rho, slope
       integer :: a
 
       share = [0.5_wp*(1.0_wp - xi(3)), 0.5_wp*(1.0_wp + xi(3))]

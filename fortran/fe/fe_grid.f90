@@ -137,8 +137,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(c_ptr) :: factor
       !> Normal displacement of the contact nodes by their normal forces, um/mN; nodal forces into the material, mN (contact nodes, depths).
-      real(wp), allocatable :: compliance(:, :), forces(:, :)
-      real(wp), allocatable :: values(:), u(:, :)
+      real(wp), allocatable :: compliance(:, :), forces(:, :), values(:), u(:, :)
       real(wp) :: held(3), total, start
       integer :: n, depths
 

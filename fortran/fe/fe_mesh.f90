@@ -131,8 +131,7 @@ contains
    subroutine add_floor(stage, self)
       type(mesh_stage_type), intent(in) :: stage
       type(builder_type), intent(inout) :: self
-      integer, parameter :: corner(3, 8) = reshape([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, &
-         & 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1], [3, 8])
+      integer, parameter :: corner(3, 8) = reshape([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1], [3, 8])
       integer, allocatable :: at(:, :, :)
       integer :: nx, levels, first, i, j, k
 
@@ -226,8 +225,7 @@ contains
       type(mesh_stage_type), intent(in) :: stage
       !> um (3, points).
       real(wp), intent(in) :: start(:, :)
-      real(wp) :: finish(3, size(start, 2))
-      real(wp) :: half_width, depth, square
+      real(wp) :: finish(3, size(start, 2)), half_width, depth, square
       integer :: p
 
       half_width = maxval(abs(start(1, :)))

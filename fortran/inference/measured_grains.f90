@@ -78,8 +78,7 @@ contains
    pure function tilted(euler, tilt) result(other)
       !> Bunge-Euler angles, and the tilt towards x and y; radians.
       real(wp), intent(in) :: euler(3), tilt(2)
-      real(wp) :: other(3)
-      real(wp) :: axes(3, 3)
+      real(wp) :: other(3), axes(3, 3)
 
       ! The columns are the new sample axes in the old ones: z tilts, x and y follow.
       axes(:, 3) = [tilt(1), tilt(2), 1.0_wp]

@@ -80,14 +80,14 @@ contains
    end subroutine to_rows
 
    !> Check the orientations of the measured grains.
-   subroutine check_orientations(posterior, x, misread, row, check, error)
+   subroutine check_orientations(posterior, x, misread, grain, check, error)
       type(posterior_type), intent(in) :: posterior
       !> A probable point, (dimension).
       real(wp), intent(in) :: x(:)
       !> Indented directions in crystal axes by the ways to mistake the axes of a map, (3, row, way); unallocated: there is no map.
       real(wp), allocatable, intent(in) :: misread(:, :, :)
-      !> Of each grain.
-      integer, intent(in) :: row(:)
+      !> Of each row of the table the grain, of which it is one of the tests.
+      integer, intent(in) :: grain(:)
       type(orientation_check_type), intent(out) :: check
       type(error_type), allocatable, intent(out) :: error
       type(harmonics_type) :: harmonics
@@ -95,7 +95,7 @@ contains
       real(wp), dimension(posterior%n_grains) :: model, scales
       real(wp), parameter :: seen = 10.0_wp
       !> (grain, harmonic, reading).
-      real(wp), allocatable :: u(:, :), directions(:, :), rows(:, :, :)
+      real(wp), allocatable :: u(:, :), directions(:, :), rows(:, :, :), values(:)
       real(wp) :: g(3, 3), far
       integer :: i, k, n
 
@@ -111,15 +111,22 @@ contains
       call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, u)
       fit%scales = scales(:n)/posterior%errors%scale
       allocate (fit%weights(n), source=1.0_wp)
-      allocate (fit%shared(n, min(n, posterior%n_shared)), rows(n, harmonics%n, 0:size(readings) - 1))
+      allocate (fit%shared(n, min(n, posterior%n_shared)), rows(n, harmonics%n, 0:size(readings) - 1), values(harmonics%n))
       call factor_columns(u(:n, :)*posterior%errors%scale, fit%shared)
       do i = 1, n
          g = rotation_matrix(posterior%euler(:, i))
          directions = reshape([g(:, 3), g(3, :), g(:, 1), g(:, 2), g(:, [3, 3, 3]), &
             & [(signs(:, k)*g(merge([2, 1, 3], [1, 2, 3], k > 3), 3), k=1, 7)], spread(g(:, 3), 2, 7)], [3, size(readings)])
-         if (allocated(misread)) directions(:, of_map + 1:) = misread(:, row(i), :)
          do k = 1, size(readings)
             call evaluate_harmonics(harmonics, directions(:, k), rows(i, :, k - 1))
+         end do
+      end do
+      ! Tests of a grain may lie in several: the mean of their moduli is that of their harmonics.
+      if (allocated(misread)) rows(:, :, of_map:) = 0.0_wp
+      do i = 1, merge(size(grain), 0, allocated(misread))
+         do k = of_map, ubound(readings, 1)
+            call evaluate_harmonics(harmonics, misread(:, i, k - of_map + 1), values)
+            rows(grain(i), :, k) = rows(grain(i), :, k) + values/count(grain == grain(i))
          end do
       end do
       rows(:, :, 4:6) = reshape([rows(n:1:-1, :, 0), cshift(rows(:, :, 0), -1), cshift(rows(:, :, 0), 1)], [n, harmonics%n, 3])

@@ -215,11 +215,15 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> From soft polymers to diamond.
       real(wp) :: range(2)
+      character(len=:), allocatable :: unit
 
       range = merge([-200.0_wp, 1000.0_wp], [-500.0_wp, 2000.0_wp], quantity%unit == '1/TPa')
-      if (.not. any(quantity%unit == ['GPa  ', '1/TPa']) .or. (value >= range(1) .and. value <= range(2))) return
-      call refuse(error, quantity%name//' = '//to_text(value)//' '//quantity%unit//' is not that of a solid; allowed: ' &
-         & //to_text(range(1))//' .. '//to_text(range(2))//' '//quantity%unit//'. Check the unit')
+      if (quantity%name == 'polycrystal_poisson') range = [-1.0_wp, 0.5_wp]
+      if (.not. any(quantity%unit == ['GPa  ', '1/TPa', '1    ']) .or. (value >= range(1) .and. value <= range(2))) return
+      unit = ' '//quantity%unit
+      if (unit == ' 1') unit = ''
+      call refuse(error, quantity%name//' = '//to_text(value)//unit//' is not that of a solid; allowed: ' &
+         & //to_text(range(1))//' .. '//to_text(range(2))//unit//'. Check the unit')
    end subroutine check_value
 
    !> Refuse two quantities of which one follows from the other in every crystal of the class: the same, or a power of it times a number.

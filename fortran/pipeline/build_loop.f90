@@ -13,10 +13,8 @@ module build_loop
    use kinds, only: wp
    use known_rows, only: known_rows_type, select_rows
    use machine, only: thread_count
-   use posterior_focus, only: check_focus, find_focus, focus_type, has_focus, is_accurate, round_size, &
-      & simulations_before, tempered
-   use sequential_design, only: candidates_type, design_type, initial_set, new_candidates, set_candidates, &
-      & update_posterior_mean
+   use posterior_focus, only: check_focus, find_focus, focus_type, has_focus, is_accurate, round_size, simulations_before, tempered
+   use sequential_design, only: candidates_type, design_type, initial_set, new_candidates, set_candidates, update_posterior_mean
    use simulate, only: identity_text, outcome_done, outcome_failed, outcome_waiting
    use surrogate_learner, only: add_simulations, batch_end, change_basis, close_batch, learn, learning_type, &
       & new_learning, predict_moduli, refit_all, revert, surrogate_of, why_to_stop

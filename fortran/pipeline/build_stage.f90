@@ -90,8 +90,7 @@ contains
       character(len=:), allocatable :: text
       type(json_type) :: page
 
-      associate (learning => build%learning, problem => build%problem, &
-         & last => build%learning%history(size(build%learning%history)))
+      associate (learning => build%learning, problem => build%problem, last => build%learning%history(size(build%learning%history)))
          call page%begin_object()
          call page%put('title', 'surrogate of the indentation modulus of '//learning%learner%basis%domain%members//' crystals')
          call page%put('physics', identity_text(problem%settings))
@@ -166,9 +165,8 @@ contains
          do i = 1, size(stiffness, 3)
             call logarithmic_mean(stiffness(:, :, i), poisson(i), anisotropy(i), scale(i))
          end do
-         if (maxval(anisotropy) < near*domain%log_anisotropy_max) call warn(build%warnings, 'no crystal above a ' &
-            & //'log-anisotropy of '//to_text(maxval(anisotropy), 3)//' was simulated; the domain reaches ' &
-            & //to_text(domain%log_anisotropy_max, 3))
+         if (maxval(anisotropy) < near*domain%log_anisotropy_max) call warn(build%warnings, 'no crystal above a log-anisotropy ' &
+            & //'of '//to_text(maxval(anisotropy), 3)//' was simulated; the domain reaches '//to_text(domain%log_anisotropy_max, 3))
          if (maxval(poisson) - minval(poisson) < near*(domain%poisson(2) - domain%poisson(1))) call warn(build%warnings, &
             & 'only crystals with Poisson''s ratios from '//to_text(minval(poisson), 2)//' to '//to_text(maxval(poisson), 2) &
             & //' were simulated; the domain reaches from '//to_text(domain%poisson(1), 2)//' to '//to_text(domain%poisson(2), 2))

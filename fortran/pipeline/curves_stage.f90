@@ -50,10 +50,9 @@ contains
                if (.not. test%used) cycle
                modulus = exp(test%ln_modulus)
                if (modulus > moduli_allowed(1) .and. modulus < moduli_allowed(2)) cycle
-               call refuse(error, self%problem%curves_place()//'test ' &
-                  & //printable(c%name)//', line '//to_text(c%line)//': the curve means a modulus of '//to_text(modulus, 2) &
-                  & //' GPa at a radius of '//to_text(asked%radius_um)//' um; allowed 0.01 to 5000 GPa. Loads in mN and depths ' &
-                  & //'in nm are needed')
+               call refuse(error, self%problem%curves_place()//'test '//printable(c%name)//', line '//to_text(c%line)//': the ' &
+                  & //'curve means a modulus of '//to_text(modulus, 2)//' GPa at a radius of '//to_text(asked%radius_um) &
+                  & //' um; allowed 0.01 to 5000 GPa. Loads in mN and depths in nm are needed')
                return
             end associate
          end do

@@ -201,7 +201,7 @@ contains
       call check_model(self%posterior, self%chains, threads, self%checks)
       self%most_probable = self%chains%best_draw()
       call climb(self%posterior, self%chains, self%most_probable)
-      call check_orientations(self%posterior, self%most_probable, problem%misread, problem%measurements%row, self%orientations, &
+      call check_orientations(self%posterior, self%most_probable, problem%misread, problem%measurements%of_row, self%orientations, &
          & error)
       if (allocated(error)) return
       draws = flattened(self%chains%draws(:, ::self%predictions%stride, :))
@@ -252,8 +252,7 @@ contains
       many = flattened(thinned(self%chains%draws, max(size(draws, 2), most/self%posterior%n_grains)))
       all = many
       if (k > self%posterior%n_constants) many(k, :) = log(many(k, :))
-      call find_shares(self%posterior, many, all, min(effective, real(size(many, 2), wp)), threads, &
-         & self%parameter_shares, error)
+      call find_shares(self%posterior, many, all, min(effective, real(size(many, 2), wp)), threads, self%parameter_shares, error)
       if (allocated(error)) return
       allocate (joined(n + size(values, 1), size(draws, 2)))
       joined(:n, :) = logarithms

@@ -167,9 +167,8 @@ contains
       if (sizes(j) == 0) then
          call refuse(error, place(path, group, trim(names(j)))//'the variable is missing; '//trim(names(i))//' needs it')
       else
-         call refuse(error, place(path, group, trim(names(j)))//'the number of values is '//to_text(sizes(j)) &
-            & //', that of '//trim(names(i))//' is '//to_text(sizes(i))//'; each '//trim(names(1))//' needs ' &
-            & //join(names(2:), ', '))
+         call refuse(error, place(path, group, trim(names(j)))//'the number of values is '//to_text(sizes(j))//', that of ' &
+            & //trim(names(i))//' is '//to_text(sizes(i))//'; each '//trim(names(1))//' needs '//join(names(2:), ', '))
       end if
    end subroutine check_lists
 end module settings_checks

@@ -28,8 +28,7 @@ module settings_list
       !> Namelist text; '*' is required; 'unset' has no value.
       character(len=:), allocatable :: default
       !> As messages say it: '0 to below 1', 'above 0 to 1'; the words of a choice in quotes.
-      character(len=:), allocatable :: allowed
-      character(len=:), allocatable :: unit, meaning
+      character(len=:), allocatable :: allowed, unit, meaning
       !> Unallocated: unset.
       type(value_type), allocatable :: values(:)
    end type variable_type

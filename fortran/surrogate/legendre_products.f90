@@ -156,8 +156,7 @@ contains
       !> (n_products of the squares, n (n + 1)/2).
       real(wp), allocatable, intent(out) :: coefficients(:, :)
       real(wp), allocatable :: table(:, :, :), sums(:, :), pair(:)
-      integer :: q, r, i, h, g, column
-      integer :: low(self%n_coordinates), high(self%n_coordinates), c(self%n_coordinates)
+      integer :: q, r, i, h, g, column, low(self%n_coordinates), high(self%n_coordinates), c(self%n_coordinates)
       real(wp) :: weight
 
       allocate (table(0:self%degree, 0:self%degree, 0:2*self%degree))

@@ -45,9 +45,10 @@ module point_tables
       !> indentation and radius of the grain, um; and its group, 1, 2, .., (n).
       real(wp), allocatable :: orientation_sd_deg(:), depth_um(:), contact_radius_um(:), grain_radius_um(:)
       integer, allocatable :: group(:)
-      !> The column of the points' names, 0 if there is none, and the row of the table that a point stands for, (n).
+      !> The column of the points' names, 0 if there is none, and the row of the table that a point stands for, (n), and
+      !> the point of each row.
       integer :: named_by = 0
-      integer, allocatable :: row(:)
+      integer, allocatable :: row(:), of_row(:)
       !> Where a point is several tests combined: their numbers, and the chi-square of each one's tests about their mean, (n).
       integer, allocatable :: tests(:)
       real(wp), allocatable :: chi_square(:)
@@ -145,8 +146,7 @@ contains
       if (.not. allocated(error)) call find_column(points%table, 'sd_gpa', column, error)
       if (.not. allocated(error) .and. column == 0 .and. asked%scale /= 'inferred') call refuse(error, 'the column sd_gpa is ' &
          & //'missing; it may be absent only with scale = ''inferred''. If another column is it, state columns = ''sd_gpa = its ' &
-         & //'header''; the columns are '//column_list(points%table) &
-         & //nearest_to(points%table, 'sd_gpa'))
+         & //'header''; the columns are '//column_list(points%table)//nearest_to(points%table, 'sd_gpa'))
       if (.not. allocated(error) .and. column > 0) call read_column(points%table, 'sd_gpa', .false., points%sd_gpa, error)
       call read_column(points%table, 'orientation_sd_deg', .true., points%orientation_sd_deg, error)
       call read_column(points%table, 'depth_um', .true., points%depth_um, error)
@@ -225,8 +225,8 @@ contains
       if (allocated(error)) return
       if (way == 0) then
          call read_angles(points, radians, error)
-         if (allocated(error) .and. all(angles == 0)) error%message = error%message &
-            & //'; instead of angles q0, q1, q2, q3, or u, v, w, or h, k, l'
+         if (allocated(error) .and. all(angles == 0)) error%message = error%message//'; instead of angles q0, q1, q2, q3, or u, ' &
+            & //'v, w, or h, k, l; if no orientation is known state orientations = ''unknown'''
       else if (all(angles > 0)) then
          call refuse(error, 'orientations are stated twice, by angles and by '//points%table%name(columns(1))//', ' &
             & //points%table%name(columns(2))//', ..; one of them is allowed')
@@ -244,6 +244,7 @@ contains
 
       points%n = points%table%rows
       points%row = [(i, i=1, points%n)]
+      points%of_row = points%row
       allocate (points%euler_deg(3, points%n), points%paths(points%n))
       allocate (points%modulus_gpa(points%n), points%sd_gpa(points%n), source=nan)
    end subroutine set_size

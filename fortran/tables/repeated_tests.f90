@@ -27,10 +27,23 @@ contains
       type(points_type), intent(in) :: points
       type(error_type), allocatable, intent(out) :: error
       integer, parameter :: least = 3
-      integer :: first(points%n), i, begin
+      integer :: first(points%n), copies(points%n), i, begin, grain
 
       first = number_equal(reshape([(points%euler_deg(:, i), points%modulus_gpa(i), points%sd_gpa(i), real(points%group(i), wp), &
          & i=1, points%n)], [6, points%n]))
+      call find_column(points%table, 'grain', grain, error)
+      if (allocated(error) .or. points%n == 0) return
+      copies = 0
+      do i = 1, points%n
+         copies(first(i)) = copies(first(i)) + 1
+      end do
+      ! Of rounded tests some are alike by chance, but not all of them as often.
+      i = maxval(copies)
+      if (grain == 0 .and. i > 1 .and. count(copies > 0) >= least .and. all(copies == 0 .or. copies == i) .and. &
+         & any(abs(points%euler_deg - spread(points%euler_deg(:, 1), 2, points%n)) > 0.0_wp)) call refuse(error, 'each row is ' &
+         & //'there '//to_text(i)//' times with the same angles, modulus and sd. Rows that count twice make the sds of the ' &
+         & //'constants too small: remove them')
+      if (allocated(error)) return
       begin = 1
       do i = 2, points%n + 1
          if (i <= points%n) then
@@ -83,9 +96,8 @@ contains
          type(region_type) :: region
          real(wp) :: direction(3, points%n), angle
 
-         if (.not. all(points%sd_gpa > 0.0_wp)) call refuse(error, 'the column ' &
-            & //printable(points%table%name(column))//' has several tests of one grain, and to combine them the column sd_gpa is ' &
-            & //'needed')
+         if (.not. all(points%sd_gpa > 0.0_wp)) call refuse(error, 'the column '//printable(points%table%name(column)) &
+            & //' has several tests of one grain, and to combine them the column sd_gpa is needed')
          if (allocated(error)) return
          call new_region(class, region)
          if (region%dimension == 0) return
@@ -119,6 +131,8 @@ contains
          points%paths = points%paths(kept)
          points%group = points%group(kept)
          points%row = kept
+         points%of_row(kept) = [(i, i=1, size(kept))]
+         points%of_row = points%of_row(first)
          points%modulus_gpa = modulus(kept)
          points%sd_gpa = 1.0_wp/sqrt(precision(kept))
          points%tests = nint(tests(kept))

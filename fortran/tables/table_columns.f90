@@ -35,16 +35,17 @@ module table_columns
    real(wp), parameter :: moduli(2) = [1.0_wp, 2000.0_wp], lengths(2) = [1.0e-6_wp, 1.0e6_wp], speeds(2) = [100.0_wp, 30000.0_wp], &
       & turns(2) = [-360.0_wp, 360.0_wp], no_less = tiny(1.0_wp)
    type(column_type), parameter :: known_columns(*) = [ &
-      & column_type('phi1_deg', 'phi1, phi_1, φ1, euler1, euler_1', angle_units), &
-      & column_type('Phi_deg', 'phi, φ, Φ, euler2, euler_2', angle_units), &
-      & column_type('phi2_deg', 'phi2, phi_2, φ2, euler3, euler_3', angle_units), &
+      & column_type('phi1_deg', 'phi1, phi_1, φ1, euler1, euler_1, euler_angle_1', angle_units), &
+      & column_type('Phi_deg', 'phi, φ, Φ, euler2, euler_2, euler_angle_2', angle_units), &
+      & column_type('phi2_deg', 'phi2, phi_2, φ2, euler3, euler_3, euler_angle_3', angle_units), &
       & column_type('modulus_gpa', 'modulus, e, youngs_modulus, young_modulus, elastic_modulus', gpa, moduli, ' GPa', no_modulus), &
       & column_type('indentation_modulus_gpa', 'indentation_modulus, plane_strain_modulus, m', gpa, moduli, ' GPa', no_modulus), &
       & column_type('effective_modulus_gpa', 'effective_modulus, reduced_modulus, er, e_r, eeff, e_eff, e*, ereduced, ' &
       & //'e_reduced', gpa, moduli, ' GPa', no_modulus), &
       & column_type('sample_modulus_gpa', 'sample_modulus, es, e_s, eit, e_it', gpa, moduli, ' GPa', no_modulus), &
       & column_type('sd_gpa', 'sd, std, stdev, st_dev, std_dev, stddev, error, err, uncertainty, standard_deviation, ' &
-      & //'standard_error, sem, sigma', gpa, [no_less, moduli(2)], ' GPa', '; a standard deviation is above 0, up to 2000.0 GPa'), &
+      & //'standard_error, std_error, std_err, se, sem, sigma, ±', gpa, [no_less, moduli(2)], ' GPa', &
+      & '; a standard deviation is above 0, up to 2000.0 GPa'), &
       & column_type('orientation_sd_deg', 'orientation_sd', degrees, [0.0_wp, 20.0_wp], ' degrees'), &
       & column_type('depth_um', 'depth', um, lengths, ' um'), &
       & column_type('depth_nm', 'depth', ' nm ', 1.0e3_wp*lengths, ' nm'), &
@@ -178,9 +179,12 @@ contains
       k = scan(word, '([/', back=.true.)
       if (k > 0) then
          unit = word(k + 1:)
-         if (scan(unit, ')]') > 0) unit = unit(:scan(unit, ')]') - 1)
-         unit = trim(adjustl(unit))
          word = word(:k - 1)
+         k = scan(unit, ')]')
+         ! Such as sd in 'Er (GPa) sd'.
+         if (k > 0) word = trim(word)//unit(k + 1:)
+         if (k > 0) unit = unit(:k - 1)
+         unit = trim(adjustl(unit))
       end if
       word = trim(word)
       do k = 1, len(word)

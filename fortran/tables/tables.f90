@@ -99,15 +99,14 @@ contains
       !> Names must be names, and each of its own.
       subroutine check_header()
          real(wp) :: value
-         integer :: i, j, outcome
-         logical :: numeric
+         integer :: i, j, outcome, numbers
 
-         numeric = .true.
+         numbers = 0
          do j = 1, table%columns
             call read_real(table%name(j), value, outcome)
-            numeric = numeric .and. outcome /= number_malformed
+            if (outcome /= number_malformed) numbers = numbers + 1
          end do
-         if (numeric) call refuse(error, 'line '//to_text(line(1)) &
+         if (numbers > table%columns/2) call refuse(error, 'line '//to_text(line(1)) &
             & //': numbers where the header row with the names of the columns must be')
          do j = 2, table%columns
             if (allocated(error)) return
@@ -354,8 +353,7 @@ contains
       words = ''
       string = self%cell(column, row)
       comma = index(string, ',')
-      if (.not. self%decimal_comma .and. comma > 0) words = '; decimal commas are read where semicolons or tabs ' &
-         & //'separate the cells'
+      if (.not. self%decimal_comma .and. comma > 0) words = '; decimal commas are read where semicolons or tabs separate the cells'
       if (self%decimal_comma .and. index(string, '.') == 0 .and. index(string, ',', back=.true.) == comma) then
          if (comma > 0) string(comma:comma) = '.'
       end if

@@ -8,6 +8,7 @@ import pytest
 import bayesindent as bi
 from bayesindent.report.figures.comparison import limits
 from bayesindent.report.figures.posterior import stacked
+from bayesindent.report.figures.style import logarithmic, panels
 from bayesindent.report.figures.young import youngs_modulus
 from bayesindent.report.results import NothingToShow
 
@@ -46,3 +47,16 @@ def test_shares_that_are_not_numbers_have_no_bar():
     assert widths == [[25, 0], [75, 0]]
     with pytest.raises(NothingToShow):
         stacked({"C12": parts["C12"]}, ["C12"], 1, "")
+
+
+@pytest.mark.filterwarnings("error")
+def test_errors_that_are_all_zero_are_drawn_without_a_warning():
+    figure, axes = panels(3.4)
+    axes.plot([1, 2], [0.0, 0.0])
+    logarithmic(axes)
+    figure.canvas.draw()
+    assert axes.get_yscale() == "linear"
+    axes.plot([1, 2], [0.5, np.nan])
+    logarithmic(axes)
+    figure.canvas.draw()
+    assert axes.get_yscale() == "log"

@@ -132,6 +132,14 @@ def problem_with(path, symmetry, axes):
     return bi.Problem.from_keywords("f", {"measurements": table}, problem={"symmetry": symmetry}, measurements=asked)
 
 
+@pytest.mark.parametrize("ending", ["oh5", "cpr", "crc"])
+def test_other_files_of_makers_are_refused_with_what_to_do(tmp_path, ending):
+    path = tmp_path / f"map.{ending}"
+    path.write_bytes(b"\x89HDF\r\n")
+    with pytest.raises(bi.InputError, match=rf"map.{ending}: maps .{ending} are not read; export the map as .ang or .ctf"):
+        measured(path, [(1.0, 1.0)])
+
+
 def test_axes_are_asked_for(tmp_path):
     """A .ctf of quartz may be of either maker: the two answers are 30 degrees about c apart."""
     write(path := tmp_path / "map.ctf", *pixels())

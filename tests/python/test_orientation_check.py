@@ -123,6 +123,12 @@ def test_a_flipped_map_is_named(tmp_path, name, grains, way, told):
     assert explained == [told] * bool(told)
 
 
+def test_tests_that_a_flipped_map_puts_into_one_grain_count_with_all_their_directions(tmp_path):
+    """With the direction of the first test of each grain alone this map is not named."""
+    found, _ = checked(*map_of(tmp_path / "map.h5", "copper", 20, 12, 1), ebsd=tmp_path / "map.h5")
+    assert found["better_reading"] == "the map with x reversed"
+
+
 @pytest.mark.long
 def test_mistaken_crystal_axes_are_named_where_they_matter():
     """Angles for x along a* in place of a: phi2 is a quarter of a turn off."""

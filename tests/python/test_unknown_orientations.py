@@ -170,6 +170,14 @@ def test_refusals(tmp_path, capsys, extra, words):
     assert f"&measurements orientations: 'unknown' cannot be combined with {words}; remove one of them" in said
 
 
+def test_a_surrogates_covariance_is_refused(tmp_path, capsys):
+    path = written(tmp_path)
+    path.write_text(path.read_text() + "&surrogate file = 'block' /\n")
+    assert main(["run", str(path), "--output", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "orientations = 'unknown' needs &sampler surrogate_variance = 'none'" in said and said.count("\n") == 1
+
+
 def test_too_many_errors_that_grains_share_are_refused(tmp_path, capsys):
     table = measured("copper", 12, 0.01) | {"group": [1, 2, 3] * 4}
     path = written(tmp_path, "calibration_sd = 0.2", table)

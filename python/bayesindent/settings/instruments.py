@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..core import InputError
-from .laboratory_tables import reader_of, reading
+from .other_files import reader_of, reading
 
 __all__ = ["curves_of_files", "tdm_settings"]
 

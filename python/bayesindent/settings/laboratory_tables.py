@@ -1,85 +1,57 @@
 """Tables of measurements as laboratories have them, text or spreadsheet, made into the plain table that the core reads.
 
-A plain table stays as it is. Of others the header is found below other lines, rows of statistics and incomplete rows are left out, cells such
-as `46.3°`, `109.7 ± 3.0`, `5 %` and `[1 0 2]` become numbers, and repeated tests without sds become means with standard errors. Each change is
-said in a note. Lines keep their numbers, so that messages of the core name those of the file.
-"""
+A plain table stays as it is. Of others the header is found below other lines, rows of statistics and incomplete rows are left out, cells such as `46.3°`, `109.7 ± 3.0`, `5 %` and `[1 0
+2]` become numbers, and repeated tests without sds become means with standard errors. Each change is said in a note. Lines keep their numbers, so that messages of the core name those of
+the file."""
 
 import csv
 import re
-import sys
-import warnings
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Iterable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
-from importlib import import_module
 from io import StringIO
 from pathlib import Path
-from types import ModuleType
 from typing import Any
+from unicodedata import normalize
 
 import numpy as np
 
 from ..core import InputError, call
+from .other_files import decoded, reader_of, reading, refuse_formulas
 
-__all__ = ["LaboratoryTable", "laboratory_table", "meanings_of", "reader_of", "reading"]
+__all__ = ["LaboratoryTable", "laboratory_table", "meanings_of"]
 
 #: Moduli, most specific first; an sd; what says which test of which grain a row is.
 MODULI = ("indentation_modulus_gpa", "effective_modulus_gpa", "sample_modulus_gpa", "modulus_gpa")
 ANGLES = ("phi1_deg", "Phi_deg", "phi2_deg")
 WORDS = ("grain", "group", "test", "reference", "session")
 #: Cells that say that there is no value; the last is what some instruments write.
-MISSING = {"", "-", "–", "—", ".", "n/a", "na", "nan", "none", "null", "nil", "missing", "#n/a", "#div/0!", "#value!", "#ref!", "#num!", "1.797e308", "1.797e+308", "1.797693e+308"}  # fmt: skip
+MISSING = {".", "n/a", "na", "nan", "none", "null", "nil", "missing", "#n/a", "#div/0!", "#value!", "#ref!", "#num!", "1.797e308", "1.797e+308", "1.797693e+308"}  # fmt: skip
 #: Names of rows of statistics, as they begin.
-STATISTICS = re.compile(
-    r"(mean|average|avg|median|std|st\.? ?dev|stdev|standard|sd|sem|% ?cov|cov|cv|coefficient|min|max|count|number|range|sum|n)\b[^0-9]*$",
-    re.I,
-)
+STATISTICS = re.compile(r"(mean|average|avg|median|mittel\w*|moyenne|media|std|st\.? ?dev|stdev|stand\w*|stabw|[eé]cart|sd|sem|% ?cov|cov|cv|coefficient|vari\w+|min(imum)?|max(imum)?|count|number|range|sum|total|(over)?all|n)\b[^0-9]*(\(n ?= ?\d+\))?$", re.I)  # fmt: skip
 NUMBER = r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eEdD][+-]?\d+)?"
 is_plain_number = re.compile(NUMBER).fullmatch
-PLUS_MINUS = re.compile(rf"({NUMBER})\s*(?:±|\+/-|\+-)\s*({NUMBER})\s*(\S*)$")
+PLUS_MINUS = re.compile(rf"\(?({NUMBER})\s*(?:GPa)?\s*(?:±|\+/-|\+-)\s*({NUMBER})\)?\s*(GPa|%|)$")
 WITH_UNIT = re.compile(rf"({NUMBER})\s*(°|deg|GPa|nm|um|µm|μm|mN|s|%)$")
 #: A cell of a row of units.
 UNIT = re.compile(r"[\[(]?(deg|degrees?|°|rad|radians|[GMk]?Pa|um|µm|μm|nm|mm|m?N|%|-)[\])]?", re.I)
 INDICES = re.compile(r"([\[({<])\s*(-?\d[-\d\s,.;\u0304\u0305]*)[\])}>]$")
 #: Names of numbers of tests, and of their standard deviation; `sd_gpa` is that of the value.
-COUNT = re.compile(r"n|count|((n|number of|no\. of)[ _]?)?(tests|indents)", re.I)
-DEVIATION = re.compile(r"(?!sd_gpa$).*\b(std|st[ ._]*dev|stddev|standard[ _]deviation|sd)\b", re.I)
+COUNT = re.compile(r"n|count|((n|#|number of|no\. of)[ _]?)?\(?(tests|indents|indentations|measurements)\)?", re.I)
+DEVIATION = re.compile(r"(?!sd_gpa$|.*\berr).*\b(std|st[ ._]*dev|stddev|standard[ _]deviation|sd)\b", re.I)
+#: Names of sds in per cent of the value, where no column is that in GPa; `95 %` is a confidence, no share.
+RELATIVE = re.compile(r"(%|co?v|rsd|rel\w*[ ._]+(sd|std|error|uncertainty)|(sd|std|error)[ _]percent)\b.*|% ?co?v", re.I)
+SHARE = re.compile(r"(?<![\d ])(?<!\d )%|percent|(?<=[^\d] )%", re.I)
+#: A hardness, and a name of an sd that may be its own.
+HARDNESS = re.compile(r"(h|h_?it|.*hardness)\s*([\[(/].*)?", re.I)
+ANY_SD = re.compile(r"(sd|std|st\w*\.? ?(dev\w*|error)|err\w*|unc\w*|se|sem|sigma|±)\.?\s*([\[(/].*)?", re.I)
+#: Signs that programs write for others, and those that nobody sees.
+SIGNS = str.maketrans({"−": "-", "–": "-", "º": "°", "\u200b": None, "\ufeff": None})
 #: Longer files are plain tables.
 MOST_LINES = 200_000
 #: Own sds of grains with fewer tests are those of all.
 FEW_TESTS = 10
-
-
-def reader_of(place: str, path: Path, kind: str, module: str, otherwise: str = "") -> ModuleType:
-    """The `module` of another package that reads a file of this `kind`, which is there. `place` begins the message of a refusal; `otherwise`:
-    what else can be done than to install the package."""
-    package = module.partition(".")[0]
-    try:
-        import_module(package)
-        found = import_module(module)
-    except ImportError:
-        raise InputError(
-            f"{place}reading {kind} needs {package}, which is not installed: {sys.executable} -m pip install {package}{otherwise}"
-        ) from None
-    if not path.is_file():
-        raise InputError(f"{place}the file does not exist")
-    return found
-
-
-@contextmanager
-def reading(place: str, words: str) -> Iterator[None]:
-    """Whatever a damaged file makes its reader raise is a refusal, with a message of `place` and `words`; the reader's warnings and
-    words, which may quote the file, are left out."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    except InputError:
-        raise
-    except Exception as error:
-        raise InputError(f"{place}{words} ({type(error).__name__})") from None
 
 
 @dataclass
@@ -167,38 +139,47 @@ def laboratory_table(place: str, path: Path, sheet: str = "", stated: Iterable[s
     if not text:
         return None
     with reading(place, "is no table that can be read"):
-        rows = rows_of(text)
+        # The core finds a stated header as it is written.
+        own = tabbed(usual(text) if all(usual(header) == header for header in stated) else text)
+        if header_of(rows := rows_of(own), stated)[1] < 2:
+            own = tabbed(re.sub("(?m)^#+[ \t]*", "", own))
+            rows = rows_of(own)
     if header_of(rows, stated)[1] < 2:
         return None
-    table = understood(place, rows, "", stated)
+    table = understood(place, rows, "", stated, is_plain=own == text and "\n" in text and "|" not in text)
     if encoding:
         table.note(f"read as {encoding}")
     return table
 
 
-def decoded(content: bytes) -> tuple[str, str]:
-    """A text and its encoding, '' if that is UTF-8; no text if it is none."""
-    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return content.decode("utf-16", "replace"), "UTF-16"
-    if b"\0" in content:
-        return "", ""
-    try:
-        return content.decode("utf-8-sig"), ""
-    except UnicodeDecodeError:
-        return content.decode("cp1252", "replace"), "Windows-1252"
+def usual(text: str) -> str:
+    """A text with the usual signs: narrow and fixed blanks, minus signs, raised and lowered letters."""
+    return text if text.isascii() else normalize("NFKC", text.translate(SIGNS)).replace("μ", "µ")
+
+
+def tabbed(text: str) -> str:
+    """The text of a table with tabs between its cells, where these are separated by blanks alone: by two, if some cells have one inside."""
+    if re.search(r"[;\t|]|,(?!\d)|(?<!\d),", text):
+        return text
+    lines = [line.strip() for line in text.splitlines()]
+    gap = " +" if len({len(line.split()) for line in lines if line and line[0] != "#"}) == 1 else "  +"
+    return "\n".join(re.sub(gap, "\t", line) for line in lines)
 
 
 def rows_of(text: str) -> list[tuple[int, list[str]]]:
-    """Cells with the number of their line, of what separates most lines into as many: tabs, semicolons or commas."""
-    lines = text.splitlines()
-    alike = {mark: max(Counter(line.count(mark) for line in lines if mark in line).values(), default=0) for mark in "\t;,"}
+    """Cells with the number of their line, of what separates most lines into as many: tabs, semicolons, bars or commas."""
+    lines = text.splitlines()[:1000]
+    alike = {mark: max(Counter(line.count(mark) for line in lines if mark in line).values(), default=0) for mark in "\t;|,"}
     # As many lines may have decimal commas.
-    delimiter = max("\t;,", key=lambda mark: alike[mark] - 0.5 * (mark == ","))
+    delimiter = max("\t;|,", key=lambda mark: alike[mark] - 0.5 * (mark == ","))
     reader = csv.reader(StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=True)
     rows, before = [], 0
     for cells in reader:
-        if any(map(str.strip, cells)) and not cells[0].startswith("#"):
-            rows.append((before + 1, [tidy(cell, delimiter != ",") for cell in cells]))
+        whole = "".join(cells)
+        if whole.strip() and not cells[0].startswith("#"):
+            rows.append(
+                (before + 1, cells if whole.split() == [whole] and "," not in whole else [tidy(cell, delimiter != ",") for cell in cells])
+            )
         before = reader.line_num
     return rows
 
@@ -206,7 +187,7 @@ def rows_of(text: str) -> list[tuple[int, list[str]]]:
 def tidy(value: Any, decimal_commas: bool = True) -> str:
     """A cell in one line, a number with a decimal point."""
     cell = "" if value is None else " ".join(str(value).split())
-    return re.sub(r"(?<=\d),(?=\d)", ".", cell) if decimal_commas and is_number(cell) else cell
+    return re.sub(r"(?<=\d),(?=\d)", ".", cell) if decimal_commas and "," in cell and is_number(cell) else cell
 
 
 def sheet_of(place: str, path: Path, sheet: str, stated: Iterable[str]) -> tuple[list, str]:
@@ -219,7 +200,7 @@ def sheet_of(place: str, path: Path, sheet: str, stated: Iterable[str]) -> tuple
             pages = {name: list(book[name].iter_rows(values_only=True)) for name in ([sheet] if sheet else book.sheetnames)}
         rows = {}
         for name, page in pages.items():
-            numbered = enumerate(([tidy(value) for value in row] for row in page), 1)
+            numbered = enumerate(([usual(tidy(value)) for value in row] for row in page), 1)
             rows[name] = [(number, cells) for number, cells in numbered if any(cells)]
         fit = [name for name, page in rows.items() if set(MODULI) & set(header_of(page, stated)[2])]
         if len(fit) > 1 and next(iter(rows)) not in fit:
@@ -229,25 +210,22 @@ def sheet_of(place: str, path: Path, sheet: str, stated: Iterable[str]) -> tuple
     return rows[name], name
 
 
-def refuse_formulas(place: str, openpyxl: ModuleType, path: Path, sheet: str, values: list) -> None:
-    """Refuse formulas whose values were never computed."""
-    with closing(openpyxl.load_workbook(path, read_only=True)) as book:
-        found = [
-            cell.coordinate
-            for row, known in zip(book[sheet].iter_rows(), values, strict=False)
-            for cell, value in zip(row, known, strict=False)
-            if value is None and isinstance(cell.value, str) and cell.value.startswith("=")
-        ]
-    if found:
-        raise InputError(
-            f"{place}the sheet {sheet} has formulas without a stored value ({', '.join(found[:10])}{', ..' if len(found) > 10 else ''}): "
-            "open it in a spreadsheet program and save it, or write the values"
-        )
+def is_missing(cell: str) -> bool:
+    """Whether a cell has no value; dashes too are none."""
+    return not cell.strip("-—=:") or cell.lower() in MISSING
 
 
 def is_number(cell: str) -> bool:
     """Whether a cell is a number, perhaps with a unit or an sd."""
     return bool(is_plain_number(cell) or WITH_UNIT.match(cell) or PLUS_MINUS.match(cell))
+
+
+def plain_numbers(cells: list[str]) -> bool:
+    """Whether all cells are numbers and nothing else; of many rows soon."""
+    try:
+        return bool((np.abs(np.array(cells, float)) < 1e300).all())
+    except ValueError:
+        return all(map(is_plain_number, cells))
 
 
 def value_of(number: str) -> float:
@@ -287,7 +265,7 @@ def understood(place: str, rows: list[tuple[int, list[str]]], sheet: str, stated
     table = LaboratoryTable(place, list(names), meanings or [""] * len(names), [], [], header_line=line, sheet=sheet, is_plain=is_plain)
     if at and (joined := joined_header(rows[at - 1][1], names, meanings, stated)):
         together = rows[at - 1][0], line
-    elif below and not any(map(is_number, below[0][1])) and (joined := joined_header(names, below[0][1], meanings, stated)):
+    elif below and sum(map(is_number, below[0][1])) <= len(names) // 2 and (joined := joined_header(names, below[0][1], meanings, stated)):
         together, below = (line, below[0][0]), below[1:]
     else:
         joined = None
@@ -297,12 +275,12 @@ def understood(place: str, rows: list[tuple[int, list[str]]], sheet: str, stated
     elif at:
         table.note(f"the header is on line {line}; {at} line{'s' * (at > 1)} above it left out")
     short = [without_mean(name) if meaning else name for name, meaning in zip(table.names, table.meanings)]
-    if short != table.names:
-        table.names, table.is_plain = short, False
+    table.names, table.is_plain = short, table.is_plain and short == table.names
     width = max((j + 1 for j, name in enumerate(table.names) if name), default=0)
     table.names, table.meanings = table.names[:width], table.meanings[:width]
     table.rows = [cells if any(cells[width:]) else [*cells, *[""] * width][:width] for _, cells in below]
     table.lines = [number for number, _ in below]
+    table.leave_out((i for i, (_, cells) in enumerate(below) if cells == names), "the header once more")
     # Of a cell too many the core says the line.
     if all(len(row) == width for row in table.rows):
         clean(table, {} if sheet else {number: len(cells) for number, cells in below if len(cells) < width})
@@ -317,7 +295,9 @@ def joined_header(above: list[str], below: list[str], meanings: list[str], state
         upper.append(last)
     choices = [[low, f"{up} {low}".strip(), up if not low else ""] for up, low in zip(upper, below, strict=True)]
     found = [meanings_of(names, stated) for names in zip(*choices, strict=True)]
-    best = [next((k for k in (1, 0, 2) if found[k][j] and found[k][j] != "modulus_gpa"), 0) for j in range(len(below))]
+    best = [next((k for k in (1, 0, 2) if found[k][j] not in ("", "modulus_gpa")), 0) for j in range(len(below))]
+    # What stands below a hardness is its own.
+    best = [1 if HARDNESS.fullmatch(up) else k for k, up in zip(best, upper, strict=True)]
     result = [found[k][j] for j, k in enumerate(best)]
     if len(set(result) - {""}) <= len(set(meanings) - {""}):
         return None
@@ -331,15 +311,18 @@ def lines_in_words(lines: Iterable[int]) -> str:
 
 
 def clean(table: LaboratoryTable, short: dict[int, int]) -> None:
-    """Leave out what is no measurement, turn cells into numbers, one name for each grain, and means for tests without sds. `short`: the
-    number of cells of lines that have too few."""
+    """Leave out what is no measurement, turn cells into numbers, one name for each grain, and means for tests without sds. `short`: the number of cells of lines that have too few."""
     # The core reads it.
-    if table.rows and all(not cell or UNIT.fullmatch(cell) for cell in table.rows[0]):
-        table.units = [(table.lines.pop(0), table.rows.pop(0))]
+    if table.rows and sum(bool(UNIT.fullmatch(cell)) for cell in table.rows[0]) > 1 and not any(map(is_number, table.rows[0])):
+        row = table.rows.pop(0)
+        table.units = [(table.lines.pop(0), [cell if UNIT.fullmatch(cell) else "" for cell in row])]
+        table.is_plain &= table.units[0][1] == row
     if not any(meaning in ANGLES or len(meaning) in (1, 2) for meaning in table.meanings):
         split_indices(table)
     table.leave_out(
-        (i for i, row in enumerate(table.rows) if i and STATISTICS.match(next(filter(None, row), ""))), "statistics of the table"
+        # A single letter is the name of a grain, if nothing is missing.
+        (i for i, row in enumerate(table.rows) if STATISTICS.match(name := next(filter(None, row), "")) and (len(name) > 1 or "" in row)),
+        "statistics of the table",
     )
     table.leave_out((i for i, row in enumerate(table.rows) if row.count("") == len(row) - 1 and not is_number("".join(row))), "a remark")
     if line := next((line for line in table.lines if line in short), 0):
@@ -347,49 +330,68 @@ def clean(table: LaboratoryTable, short: dict[int, int]) -> None:
     split_sds(table)
     refuse_words(table)
     grain = table.column("grain")
-    needed = [j for j, name in enumerate(table.meanings) if name in (*MODULI, "sd_gpa", *ANGLES, "grain") or len(name) in (1, 2)]
-    needed = [j for j in needed if any(row[j].lower() not in MISSING for row in table.rows)]
-    table.leave_out((i for i, row in enumerate(table.rows) if any(row[j].lower() in MISSING for j in needed)), "a value is missing")
+    needed = [j for j in dressed_columns(table) if table.meanings[j] in (*MODULI, "sd_gpa", *ANGLES) or len(table.meanings[j]) in (1, 2)]
+    needed = [j for j in (grain, *needed) if j >= 0 and not all(is_missing(row[j]) for row in table.rows)]
+    table.leave_out((i for i, row in enumerate(table.rows) if any(is_missing(row[j]) for j in needed)), "a value is missing")
     if grain >= 0:
         one_spelling(table, grain)
     standard_errors(table, grain)
 
 
-def numeric_columns(table: LaboratoryTable) -> list[int]:
-    """Columns of numbers that are read."""
-    return [j for j, meaning in enumerate(table.meanings) if meaning and meaning not in WORDS and meaning != "stated"]
+def dressed_columns(table: LaboratoryTable) -> list[int]:
+    """Columns of numbers that are read, in which some cells are more or less than a number."""
+    read = [j for j, meaning in enumerate(table.meanings) if meaning and meaning not in (*WORDS, "stated")]
+    return [j for j in read if not plain_numbers([row[j] for row in table.rows])]
 
 
 def split_sds(table: LaboratoryTable) -> None:
     """`109.7 ± 3.0` becomes two cells, `46.3°` and `112.3 GPa` numbers; `5 %` of the modulus GPa."""
     modulus, sd = table.column(*MODULI), table.column("sd_gpa")
     sds: dict[int, str] = {}
-    numbers = numeric_columns(table)
+    if sd > 0 and ANY_SD.fullmatch(table.names[sd]) and HARDNESS.fullmatch(table.names[sd - 1]):
+        raise InputError(
+            f"{table.place}line {table.header_line}: the column {table.names[sd]} follows {table.names[sd - 1]} and may be of that; name it sd_gpa if it is the sd of the modulus"
+        )
+
+    numbers = dressed_columns(table)
     for i, row in enumerate(table.rows):
         for j in (j for j in numbers if not is_plain_number(row[j])):
             if (found := PLUS_MINUS.match(row[j])) and j == modulus and sd < 0:
-                row[j], sds[i] = found[1], found[2]
+                row[j] = found[1]
+                sds[i] = share(found[2], row[j]) if found[3] == "%" else found[2]
             if (found := WITH_UNIT.match(row[j])) and (found[2] != "%" or (j == sd and modulus >= 0)):
-                is_share = found[2] == "%"
-                row[j] = repr(value_of(found[1]) / 100 * value_of(row[modulus])) if is_share and is_plain_number(row[modulus]) else found[1]
+                row[j] = share(found[1], row[modulus]) if found[2] == "%" else found[1]
                 table.is_plain = False
     if sds:
         table.add_column("sd_gpa", "sd_gpa", [sds.get(i, "") for i in range(len(table.rows))])
         table.note(f"column {table.names[modulus]}: what follows ± is its sd")
-    if sd >= 0 and "%" in table.names[sd] and modulus >= 0 and all(is_plain_number(row[sd]) for row in table.rows):
+    if sd < 0 and not sds:
+        sd = next((j for j, name in enumerate(table.names) if RELATIVE.fullmatch(name) and SHARE.search(name)), -1)
+    unit = table.units[0][1] if table.units else table.names
+    is_share = sd >= 0 and (SHARE.search(table.names[sd]) or unit[sd].strip("[]()") == "%")
+    if is_share and modulus >= 0 and all(is_plain_number(row[sd]) or is_missing(row[sd]) for row in table.rows):
         for row in table.rows:
-            row[sd] = repr(value_of(row[sd]) / 100 * value_of(row[modulus]))
+            row[sd] = share(row[sd], row[modulus]) if is_plain_number(row[sd]) else ""
         table.note(f"column {table.names[sd]}: per cent of the modulus")
-        table.names[sd] = "sd_gpa"
+        unit[sd] = ""
+        table.names[sd] = table.meanings[sd] = "sd_gpa"
+
+
+def share(number: str, modulus: str) -> str:
+    """GPa of a number of per cent, where the modulus is a number."""
+    return repr(value_of(number) / 100 * value_of(modulus)) if is_plain_number(modulus) else number
 
 
 def split_indices(table: LaboratoryTable) -> None:
     """A column of `[1 0 2]` or `(0001)` becomes columns of indices."""
     for j, name in enumerate(list(table.names)):
-        cells = [row[j] for row in table.rows if row[j].lower() not in MISSING and not STATISTICS.match(row[j])]
-        found = [INDICES.match(cell) for cell in cells]
-        if not cells or not all(found):
+        cells = [row[j] for row in table.rows if not is_missing(row[j]) and not STATISTICS.match(row[j])]
+        if not cells or not all(map(INDICES.match, cells)):
             continue
+        if re.search("euler|bunge", name, re.I):
+            raise InputError(
+                f"{table.place}column {name}: three angles in one cell, {cells[0]}; a column for each is needed: phi1, Phi, phi2"
+            )
         kinds = {cell[0] in "[<" for cell in cells}
         indices = {row[j]: indices_of(row[j]) for row in table.rows}
         counts = {len(value) for value in indices.values() if value}
@@ -415,11 +417,12 @@ def indices_of(cell: str) -> list[str]:
 
 def refuse_words(table: LaboratoryTable) -> None:
     """Refuse what is no number where one is needed, all lines at once."""
+    numbers = dressed_columns(table)
     wrong = [
         f"line {line}, column {table.names[j]}: {row[j][:30]!r}"
         for line, row in zip(table.lines, table.rows, strict=True)
-        for j in numeric_columns(table)
-        if row[j].lower() not in MISSING and not is_plain_number(row[j])
+        for j in numbers
+        if not is_missing(row[j]) and not is_plain_number(row[j])
     ]
     if len(wrong) > 1:
         raise InputError(f"{table.place}{len(wrong)} cells are no numbers: {'; '.join(wrong[:12])}{'; ..' if len(wrong) > 12 else ''}")
@@ -429,15 +432,16 @@ def one_spelling(table: LaboratoryTable, grain: int) -> None:
     """`G1`, `g1` and `G 1` are one grain, called as in its first row."""
     first: dict[str, str] = {}
     others: dict[str, str] = {}
+    # Of 1-1 and 11 each is its own.
+    keys = {name: re.sub(r"(?<!\d)[\s_-]+|[\s_-]+(?!\d)", "", name).casefold() for name in {row[grain] for row in table.rows}}
     for row in table.rows:
-        name = first.setdefault(re.sub(r"[\s_-]+", "", row[grain]).casefold(), row[grain])
+        name = first.setdefault(keys[row[grain]], row[grain])
         if row[grain] != name:
             others[row[grain]] = name
             row[grain] = name
     if others:
-        table.note(
-            f"column {table.names[grain]}: taken for one grain: {', '.join(f'{other} and {name}' for other, name in others.items())}"
-        )
+        pairs = ", ".join(f"{other} and {name}" for other, name in others.items())
+        table.note(f"column {table.names[grain]}: taken for one grain: {pairs}")
 
 
 @np.errstate(all="ignore")
@@ -445,15 +449,16 @@ def standard_errors(table: LaboratoryTable, grain: int) -> None:
     """Sds of means: of a standard deviation of N tests, or of repeated tests that have none, a pooled one where they are few."""
     modulus, sd = table.column(*MODULI), table.column("sd_gpa")
     number = next((j for j, name in enumerate(table.names) if COUNT.fullmatch(name)), -1)
-    counts = [row[number] for row in table.rows] if number >= 0 else [""]
-    numbers = sd >= 0 and all(is_plain_number(row[sd]) for row in table.rows)
-    if numbers and DEVIATION.search(table.names[sd]) and all(re.fullmatch(r"0*[1-9]\d{0,8}", count) for count in counts):
-        for row, count in zip(table.rows, counts, strict=True):
-            row[sd] = repr(value_of(row[sd]) / float(np.sqrt(int(count))))
-        table.note(
-            f"column {table.names[sd]}: a standard deviation of {table.names[number]} tests, divided by its root: the standard error of the mean"
-        )
-    if sd >= 0 or grain < 0 or modulus < 0 or not all(is_plain_number(row[modulus]) for row in table.rows):
+    if sd >= 0 and number >= 0 and DEVIATION.search(table.names[sd]) and plain_numbers([row[sd] for row in table.rows]):
+        whole = re.compile(r"0*[1-9]\d{0,8}(\.0*)?").fullmatch
+        if wrong := [line for line, row in zip(table.lines, table.rows, strict=True) if not whole(row[number])]:
+            raise InputError(
+                f"{table.place}column {table.names[number]}, {lines_in_words(wrong)}: a number of tests is needed; if {table.names[sd]} is a standard error, name it sd_gpa"
+            )
+        for row in table.rows:
+            row[sd] = repr(value_of(row[sd]) / float(np.sqrt(float(row[number]))))
+        table.note(f"column {table.names[sd]}: divided by the root of {table.names[number]} tests: the standard error of the mean")
+    if sd >= 0 or grain < 0 or modulus < 0 or not plain_numbers([row[modulus] for row in table.rows]):
         return
     tests: dict[str, list[float]] = {}
     for row in table.rows:
@@ -466,6 +471,5 @@ def standard_errors(table: LaboratoryTable, grain: int) -> None:
     sds = {name: float(np.std(values, ddof=1)) if len(values) >= FEW_TESTS else pooled for name, values in tests.items()}
     table.add_column("sd_gpa", "sd_gpa", [repr(sds[row[grain]]) for row in table.rows])
     table.note(
-        f"{len(table.rows)} tests of {len(tests)} grains became means with standard errors; the sd of a test is {pooled:.3g} GPa, pooled over "
-        f"grains with fewer than {FEW_TESTS} tests ({freedom} degrees of freedom)"
+        f"{len(table.rows)} tests of {len(tests)} grains became means with standard errors; the sd of a test is {pooled:.3g} GPa, pooled over grains with fewer than {FEW_TESTS} tests ({freedom} degrees of freedom)"
     )

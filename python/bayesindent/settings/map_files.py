@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from ..core import InputError
 from ..crystal.directions import representative
 from ..crystal.elasticity import class_name
-from .laboratory_tables import reader_of, reading
+from .other_files import reader_of, reading
 
 __all__ = ["AXES", "axes_of_file", "from_standard", "load_map", "turn_of_axes"]
 
@@ -26,6 +26,8 @@ def load_map(place: str, path: Path) -> Any:
     if path.suffix.lower() == ".h5oina":
         with reading(place, "is no map of Oxford's .h5oina"), h5py.File(path) as file:
             return oxford_map(file)
+    if path.suffix.lower() in (".oh5", ".cpr", ".crc"):
+        raise InputError(f"{place}maps {path.suffix} are not read; export the map as .ang or .ctf, or as .h5oina")
     with reading(place, "is no map that orix reads"), redirect_stdout(StringIO()):  # where orix names the phases
         return io.load(str(path))
 
@@ -66,8 +68,7 @@ def axes_of_file(path: Path) -> str | None:
 
 
 def turn_of_axes(place: str, group: Any, lattice: Any, stated: str | None, of_file: str | None) -> Rotation:
-    """From the crystal axes of a map to those of the IEEE standard, z along c and y along the normal of (010); of a phase with this Laue class and
-    `lattice` of orix and diffpy."""
+    """From the crystal axes of a map to those of the IEEE standard, z along c and y along the normal of (010); of a phase with this Laue class and `lattice` of orix and diffpy."""
     operations = group.proper_subgroup
     angles = np.array(lattice.abcABG()[3:])
     if (np.isclose(operations.angle, 2 * np.pi / 3) & (np.abs(operations.axis.data[:, 2]) > 0.99)).any():

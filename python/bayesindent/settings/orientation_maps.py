@@ -17,8 +17,8 @@ from ..common.result_files import as_csv
 from ..core import InputError
 from ..crystal.directions import representative
 from ..crystal.elasticity import class_name
-from .laboratory_tables import reading
 from .map_files import axes_of_file, from_standard, load_map, turn_of_axes
+from .other_files import reading
 
 __all__ = ["IndentedMap", "indented_map"]
 
@@ -40,9 +40,8 @@ NORMAL = (0.0, 0.0, 1.0)
 class IndentedMap:
     """A map with indents at `positions` (n, 2) in its own coordinates, um, the grain of each, and what is to be said of them.
 
-    `page`: a line for each indent: Bunge's angles of the mean orientation of its grain, and, where the measurements have no such column,
-    `grain`, its number in the map, `orientation_sd_deg`, the spread of the indented direction over it, and `grain_radius_um`, the distance
-    to the nearest other grain."""
+    `page`: a line for each indent: Bunge's angles of the mean orientation of its grain, and, where the measurements have no such column, `grain`, its number in the map,
+    `orientation_sd_deg`, the spread of the indented direction over it, and `grain_radius_um`, the distance to the nearest other grain."""
 
     grid: "Grid"
     positions: np.ndarray
@@ -186,8 +185,7 @@ class Grid:
         differs = f"{self.place}the phase {name} is {own} ({laue}), &problem symmetry is {symmetry}"
         if np.ptp(representative(symmetry, images), axis=0).max() > 1e-6:
             raise InputError(
-                f"{differs}: orientations that are equivalent in the map are not so in this symmetry and its axes; "
-                "state the symmetry of the phase, or the orientations in columns"
+                f"{differs}: orientations that are equivalent in the map are not so in this symmetry and its axes; state the symmetry of the phase, or the orientations in columns"
             )
         return [] if own == symmetry else [f"{differs}, which takes the crystal for more symmetric than the map does"]
 

@@ -1,0 +1,69 @@
+"""Files of other programs: the packages that read them, and what cannot be read."""
+
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+from ..core import InputError
+
+__all__ = ["decoded", "reader_of", "reading", "refuse_formulas"]
+
+
+def reader_of(place: str, path: Path, kind: str, module: str, otherwise: str = "") -> ModuleType:
+    """The `module` of another package that reads a file of this `kind`, which is there. `place` begins the message of a refusal; `otherwise`: what else can be done than to install the package."""
+    package = module.partition(".")[0]
+    try:
+        import_module(package)
+        found = import_module(module)
+    except ImportError:
+        raise InputError(
+            f"{place}reading {kind} needs {package}, which is not installed: {sys.executable} -m pip install {package}{otherwise}"
+        ) from None
+    if not path.is_file():
+        raise InputError(f"{place}the file does not exist")
+    return found
+
+
+@contextmanager
+def reading(place: str, words: str) -> Iterator[None]:
+    """Whatever a damaged file makes its reader raise is a refusal, with a message of `place` and `words`; the reader's warnings and words, which may quote the file, are left out."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"{place}{words} ({type(error).__name__})") from None
+
+
+def decoded(content: bytes) -> tuple[str, str]:
+    """A text and its encoding, '' if that is UTF-8; no text if it is none."""
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return content.decode("utf-16", "replace"), "UTF-16"
+    if b"\0" in content:
+        return "", ""
+    try:
+        return content.decode("utf-8-sig"), ""
+    except UnicodeDecodeError:
+        return content.decode("cp1252", "replace"), "Windows-1252"
+
+
+def refuse_formulas(place: str, openpyxl: ModuleType, path: Path, sheet: str, values: list) -> None:
+    """Refuse formulas whose values were never computed."""
+    with closing(openpyxl.load_workbook(path, read_only=True)) as book:
+        found = [
+            cell.coordinate
+            for row, known in zip(book[sheet].iter_rows(), values, strict=False)
+            for cell, value in zip(row, known, strict=False)
+            if value is None and isinstance(cell.value, str) and cell.value.startswith("=")
+        ]
+    if found:
+        raise InputError(
+            f"{place}the sheet {sheet} has formulas without a stored value ({', '.join(found[:10])}{', ..' if len(found) > 10 else ''}): "
+            "open it in a spreadsheet program and save it, or write the values"
+        )
