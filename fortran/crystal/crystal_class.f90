@@ -125,8 +125,7 @@ contains
          u = [(merge(1.0_wp, 0.0_wp, scan(items(i), 'xyz' (j:j)) > 0), j=1, 3)]
          rotations(:, :, i) = rotation_about(u, angle)
          ! Zeros, halves and ones exactly.
-         where (abs(rotations(:, :, i) - snapped(rotations(:, :, i))) < 1.0e-12_wp) &
-            & rotations(:, :, i) = snapped(rotations(:, :, i))
+         where (abs(rotations(:, :, i) - snapped(rotations(:, :, i))) < 1.0e-12_wp) rotations(:, :, i) = snapped(rotations(:, :, i))
       end do
    end subroutine rotations_about
 

@@ -239,8 +239,7 @@ contains
       real(wp), intent(in) :: of_draws(:, :), of_proposals(:)
       real(wp), intent(out) :: value, variance
       integer, parameter :: most_steps = 200
-      real(wp) :: above(size(of_proposals)), below(size(of_draws, 1), size(of_draws, 2)), share, top, r, before, m
-      real(wp) :: effective
+      real(wp) :: above(size(of_proposals)), below(size(of_draws, 1), size(of_draws, 2)), share, top, r, before, m, effective
       type(diagnostics_type) :: diagnostics
       integer :: step
 

@@ -99,8 +99,7 @@ contains
    pure function correlate(chains, k) result(correlation)
       type(chains_type), intent(in) :: chains
       integer, intent(in) :: k
-      real(wp) :: correlation(k, k)
-      real(wp) :: sd(k)
+      real(wp) :: correlation(k, k), sd(k)
       integer :: j
 
       correlation = covariance_of(flattened(chains%draws(:k, :, :)))

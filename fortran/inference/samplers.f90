@@ -203,8 +203,7 @@ contains
       if (interrupted) then
          call raise(error, 'interrupted')
       else if (k > 0) then
-         call raise(error, 'chain '//to_text(k)//': no admissible point with a finite density was found within the ' &
-            & //'bounds')
+         call raise(error, 'chain '//to_text(k)//': no admissible point with a finite density was found within the bounds')
       end if
    end subroutine sample_chains
 

@@ -31,8 +31,7 @@ contains
       !> Whether a point of the support was found.
       logical, intent(out) :: started
       real(wp) :: starts(target%dimension, 100), start_density(100), x(target%dimension)
-      real(wp) :: step(target%dimension), total(target%dimension), range(target%dimension)
-      real(wp) :: proposed(1), current, previous, u, z
+      real(wp) :: step(target%dimension), total(target%dimension), range(target%dimension), proposed(1), current, previous, u, z
       integer :: sweep, j, found, accepted, best, pick, samples
       logical :: accept
 

@@ -55,8 +55,7 @@ contains
       real(wp), allocatable :: scores(:, :), known(:, :), centred(:, :), weights(:, :), parts(:, :), pulls(:, :), factor(:, :)
       real(wp), dimension(size(values, 1)) :: variance, total
       real(wp), dimension(posterior%n_grains) :: scales, residual, weight
-      real(wp) :: shared(posterior%n_grains, posterior%n_shared)
-      real(wp) :: greatest
+      real(wp) :: shared(posterior%n_grains, posterior%n_shared), greatest
       integer :: i, n, q
 
       n = size(draws, 2)

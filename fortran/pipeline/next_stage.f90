@@ -196,8 +196,7 @@ contains
       rows = [((rows(i), j=1, n_along), i=1, size(rows))]
       paths = [(path_type(rayleigh, 180.0_wp*modulo(i - 1, n_along)/n_along), i=1, size(rows))]
       euler_deg = grains%euler_deg(:, rows)
-      associate (kept => pack([(i, i=1, size(rows))], are_detected(posterior, draws, euler_deg, paths)), &
-         & n => size(candidates%cost))
+      associate (kept => pack([(i, i=1, size(rows))], are_detected(posterior, draws, euler_deg, paths)), n => size(candidates%cost))
          candidates%euler_deg = reshape([candidates%euler_deg, euler_deg(:, kept)], [3, n + size(kept)])
          candidates%paths = [candidates%paths, paths(kept)]
          candidates%grain = [candidates%grain, rows(kept)]

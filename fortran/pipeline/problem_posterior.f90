@@ -241,8 +241,7 @@ contains
          if (.not. allocated(error)) call sample_aside(pilot, posterior, pilot_run, chains, error)
          if (allocated(error)) return
          ! What was left out once stays out.
-         kept = kept .and. are_detected(posterior, chains%draws(:, :, 1), problem%velocities%euler_deg, &
-            & problem%velocities%paths)
+         kept = kept .and. are_detected(posterior, chains%draws(:, :, 1), problem%velocities%euler_deg, problem%velocities%paths)
          if (round > 1 .and. count(kept) == posterior%n_grains - posterior%n_moduli) exit
          pilot%settings%measurements = problem%settings%measurements
       end do
@@ -446,8 +445,7 @@ contains
    !> Some of n grains, evenly over the table.
    pure function checked_grains(n) result(checked)
       integer, intent(in) :: n
-      integer :: checked(min(n, most_checked))
-      integer :: i
+      integer :: checked(min(n, most_checked)), i
 
       checked = [(1 + int(real(i - 1, wp)*n/size(checked)), i=1, size(checked))]
    end function checked_grains

@@ -137,8 +137,7 @@ contains
       !> As in `begin_results`.
       character(len=*), intent(in) :: groups
       type(places_type), intent(in) :: places
-      character(len=:), allocatable :: inputs
-      character(len=:), allocatable :: group, page, content, digest
+      character(len=:), allocatable :: inputs, group, page, content, digest
       type(error_type), allocatable :: missing
 
       inputs = ''

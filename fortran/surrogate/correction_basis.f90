@@ -249,8 +249,7 @@ contains
       real(wp), intent(in) :: matrix(6, 6)
       !> Bunge-Euler angles, radians.
       real(wp), intent(in) :: euler(3)
-      real(wp) :: x(n_coordinates)
-      real(wp) :: turn(6, 6)
+      real(wp) :: x(n_coordinates), turn(6, 6)
 
       turn = kelvin_rotation(transpose(rotation_matrix(euler)))
       x = axial_coordinates_of(matmul(turn, matmul(matrix, transpose(turn))))
@@ -352,8 +351,7 @@ contains
       !> log K in the coordinates of its class.
       real(wp), intent(in) :: w(:)
       integer, intent(in) :: first, last
-      real(wp) :: terms(last - first + 1, self%polynomials%n)
-      real(wp) :: x(last - first + 1, self%polynomials%n_coordinates)
+      real(wp) :: terms(last - first + 1, self%polynomials%n), x(last - first + 1, self%polynomials%n_coordinates)
       integer :: k
 
       x = 0.0_wp

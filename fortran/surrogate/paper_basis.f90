@@ -71,8 +71,7 @@ contains
          else if (degree < 0 .or. degree > largest_degree) then
             call refuse(error, 'degree = '//to_text(degree)//' is outside 0 .. '//to_text(largest_degree))
          else if (bandlimit < 0 .or. bandlimit > largest_bandlimit .or. mod(bandlimit, 2) /= 0) then
-            call refuse(error, 'bandlimit = '//to_text(bandlimit)//' is not an even number in 0 .. ' &
-               & //to_text(largest_bandlimit))
+            call refuse(error, 'bandlimit = '//to_text(bandlimit)//' is not an even number in 0 .. '//to_text(largest_bandlimit))
          else
             call new_harmonics(self%domain%class%generators, bandlimit, self%harmonics, error)
          end if

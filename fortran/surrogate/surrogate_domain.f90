@@ -244,8 +244,7 @@ contains
          end do
          points_needed = ceiling(min(4.0_wp*points_needed, 1.02_wp*points_needed*n/max(1, n_kept) + 8.0_wp))
       end do
-      call refuse(error, 'the domain holds (almost) no stable crystal below its anisotropy cap of ' &
-         & //to_text(domain%anisotropy_cap))
+      call refuse(error, 'the domain holds (almost) no stable crystal below its anisotropy cap of '//to_text(domain%anisotropy_cap))
    end subroutine spread_in_box
 
    !> Crystals whose log(3K/2G) and log-anisotropy are spread as the first two rows of `unit` (5 or 6, n) over the unit square, anisotropic

@@ -392,8 +392,7 @@ contains
          w13 = w13 - 0.5_wp*a(i, 7)
          w23 = w23 - 0.5_wp*a(i, 8)
          w33 = w33 - 0.5_wp*a(i, 9)
-         change = max(change, abs(w11), abs(w21), abs(w31), abs(w12), abs(w22), abs(w32), &
-            & abs(w13), abs(w23), abs(w33))
+         change = max(change, abs(w11), abs(w21), abs(w31), abs(w12), abs(w22), abs(w32), abs(w13), abs(w23), abs(w33))
          a(i, 1) = a(i, 1) + w11
          a(i, 2) = a(i, 2) + w21
          a(i, 3) = a(i, 3) + w31
