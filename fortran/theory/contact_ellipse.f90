@@ -32,15 +32,15 @@ contains
       a = 2.0_wp/3.0_wp*modes(:, 2)/modes(:, 1)
       b = 2.0_wp/3.0_wp*modes(:, 3)/modes(:, 1)
       do step = 1, most_steps
+         shrink = min(1.0_wp, largest/sqrt(max(a**2 + b**2, tiny(1.0_wp))))
+         a = a*shrink
+         b = b*shrink
          call expand_means(n, n_modes, modes, a, b, means)
          determinant = means(:, 4)*means(:, 6) - means(:, 5)**2
          da = (means(:, 5)*means(:, 3) - means(:, 6)*means(:, 2))/determinant
          db = (means(:, 5)*means(:, 2) - means(:, 4)*means(:, 3))/determinant
          a = a + da
          b = b + db
-         shrink = min(1.0_wp, largest/sqrt(max(a**2 + b**2, tiny(1.0_wp))))
-         a = a*shrink
-         b = b*shrink
          if (all(da**2 + db**2 <= smallest**2)) exit
       end do
       ! Along the last step the mean is a parabola.

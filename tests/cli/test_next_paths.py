@@ -62,4 +62,9 @@ def test_every_path_gives_one_gain(paths):
     for document in paths[1:]:
         assert [item["euler_deg"] for item in document["suggestions"]] == [item["euler_deg"] for item in first]
         assert [item["gain"] for item in document["suggestions"]] == pytest.approx([item["gain"] for item in first], rel=1e-12)
-    assert first[0]["gain"] == pytest.approx(gain_by_quadrature(first[0]["euler_deg"], paths[0]["sd_gpa"]), rel=0.05)
+    # A gain is that of 2,000 draws, whose variance has an error of 3 % or more: some posteriors of other seeds beside it.
+    settings = SETTINGS | {"knowledge": {"bulk_modulus": BULK}}
+    others = [bi.next_grain(IRON, count=1, seed=seed, **settings)["suggestions"][0] for seed in range(2, 8)]
+    assert all(other["euler_deg"] == first[0]["euler_deg"] for other in others)
+    gain = np.mean([one["gain"] for one in (first[0], *others)])
+    assert gain == pytest.approx(gain_by_quadrature(first[0]["euler_deg"], paths[0]["sd_gpa"]), rel=0.05)

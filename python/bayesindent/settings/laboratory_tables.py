@@ -1,8 +1,8 @@
 """Tables of measurements as laboratories have them, text or spreadsheet, made into the plain table that the core reads.
 
-A plain table stays as it is. Of others the header is found below other lines, rows of statistics and incomplete rows are left out, cells such as `46.3°`, `109.7 ± 3.0`, `5 %` and `[1 0
-2]` become numbers, and repeated tests without sds become means with standard errors. Each change is said in a note. Lines keep their numbers, so that messages of the core name those of
-the file."""
+A plain table stays as it is. Of others the header is found below other lines, rows of statistics and incomplete rows are left
+out, cells such as `46.3°`, `109.7 ± 3.0`, `5 %` and `[1 0 2]` become numbers, and repeated tests without sds means with standard errors.
+Each change is said in a note. Lines keep their numbers, so that messages of the core name those of the file."""
 
 import csv
 import re
@@ -154,7 +154,9 @@ def laboratory_table(place: str, path: Path, sheet: str = "", stated: Iterable[s
 
 def usual(text: str) -> str:
     """A text with the usual signs: narrow and fixed blanks, minus signs, raised and lowered letters."""
-    return text if text.isascii() else normalize("NFKC", text.translate(SIGNS)).replace("μ", "µ")
+    # Sign by sign: letters of names that are written as two signs stay so.
+    own = {ord(sign): normalize("NFKC", sign).replace("μ", "µ") for sign in set(text) if not sign.isascii()}
+    return text.translate(own | SIGNS)
 
 
 def tabbed(text: str) -> str:
@@ -311,7 +313,7 @@ def lines_in_words(lines: Iterable[int]) -> str:
 
 
 def clean(table: LaboratoryTable, short: dict[int, int]) -> None:
-    """Leave out what is no measurement, turn cells into numbers, one name for each grain, and means for tests without sds. `short`: the number of cells of lines that have too few."""
+    """Leave out what is no measurement; make cells numbers, names of a grain one, tests without sds means. `short`: cells of lines with too few."""
     # The core reads it.
     if table.rows and sum(bool(UNIT.fullmatch(cell)) for cell in table.rows[0]) > 1 and not any(map(is_number, table.rows[0])):
         row = table.rows.pop(0)

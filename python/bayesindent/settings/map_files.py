@@ -68,7 +68,7 @@ def axes_of_file(path: Path) -> str | None:
 
 
 def turn_of_axes(place: str, group: Any, lattice: Any, stated: str | None, of_file: str | None) -> Rotation:
-    """From the crystal axes of a map to those of the IEEE standard, z along c and y along the normal of (010); of a phase with this Laue class and `lattice` of orix and diffpy."""
+    """From a map's crystal axes to those of the IEEE standard, z along c, y normal to (010); of a phase with this Laue class and `lattice`."""
     operations = group.proper_subgroup
     angles = np.array(lattice.abcABG()[3:])
     if (np.isclose(operations.angle, 2 * np.pi / 3) & (np.abs(operations.axis.data[:, 2]) > 0.99)).any():

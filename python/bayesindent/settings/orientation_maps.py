@@ -40,8 +40,8 @@ NORMAL = (0.0, 0.0, 1.0)
 class IndentedMap:
     """A map with indents at `positions` (n, 2) in its own coordinates, um, the grain of each, and what is to be said of them.
 
-    `page`: a line for each indent: Bunge's angles of the mean orientation of its grain, and, where the measurements have no such column, `grain`, its number in the map,
-    `orientation_sd_deg`, the spread of the indented direction over it, and `grain_radius_um`, the distance to the nearest other grain."""
+    `page`: a line for each indent: Bunge's angles of the mean orientation of its grain, and, where the measurements have no such
+    column, `grain`, its number in the map, `orientation_sd_deg`, the spread of the indented direction over it, and `grain_radius_um`, the distance to the nearest other grain."""
 
     grid: "Grid"
     positions: np.ndarray
@@ -53,8 +53,8 @@ class IndentedMap:
 def indented_map(
     place: str, path: Path, points: tuple[str, Path] | None, stage: np.ndarray, columns: list[str], symmetry: str | None, axes: str | None
 ) -> IndentedMap:
-    """The map of a file, and what it says of indents at positions (n, 2) of the stage, which the file of `points`, with what messages on it begin
-    with, leads to those of the map; without it the two are the same. `columns`: of the measurements. The phase is compared with the stated `symmetry`; `axes`: see `AXES` of map_files. `place` begins the message of a refusal."""
+    """The map of a file, and what it says of indents at positions (n, 2) of the stage, which the file of `points` leads to
+    those of the map; without it the two are the same. `columns`: of the measurements. `axes`: see `AXES` of map_files."""
     for name in columns:
         if name.lower().startswith(("phi", "φ", "euler")):
             raise InputError(f"{place}the column {name} states the orientation too; one of them is allowed")

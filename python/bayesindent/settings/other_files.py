@@ -14,7 +14,7 @@ __all__ = ["decoded", "reader_of", "reading", "refuse_formulas"]
 
 
 def reader_of(place: str, path: Path, kind: str, module: str, otherwise: str = "") -> ModuleType:
-    """The `module` of another package that reads a file of this `kind`, which is there. `place` begins the message of a refusal; `otherwise`: what else can be done than to install the package."""
+    """The `module` of another package that reads a file of this `kind`. `place` begins a refusal; `otherwise`: what to do other than install it."""
     package = module.partition(".")[0]
     try:
         import_module(package)
@@ -30,7 +30,7 @@ def reader_of(place: str, path: Path, kind: str, module: str, otherwise: str = "
 
 @contextmanager
 def reading(place: str, words: str) -> Iterator[None]:
-    """Whatever a damaged file makes its reader raise is a refusal, with a message of `place` and `words`; the reader's warnings and words, which may quote the file, are left out."""
+    """What a damaged file makes its reader raise is a refusal of `place` and `words`; the reader's own warnings and words are left out."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -68,7 +68,7 @@ def is_column() -> bool:
 
 
 def panels(height: float, rows: int = 1, columns: int = 1, **settings: Any) -> tuple[Figure, Any]:
-    """A figure of this height in inches and its axes, one or an array of them; `settings` are those of matplotlib's `subplots`. In a column of a journal two panels are one above the other."""
+    """A figure of this `height` in inches and its axes; `settings` of `subplots`. In a journal's column two panels are one above the other."""
     if is_column():
         rows, columns, height = (2, 1, 1.45 * height) if (rows, columns) == (1, 2) else (rows, columns, 0.75 * height)
     figure = new_figure(height)
@@ -132,7 +132,7 @@ def stamp_synthetic(figure: Figure) -> None:
 
 
 def parity_panels(x: np.ndarray, y: np.ndarray, difference: np.ndarray, labels: Sequence[str], **style: Any) -> tuple[Figure, Any]:
-    """A figure of y against x with the line of equality and, on the right, of a difference; and the axes of this. `labels` of the three; `style` of the points on the left, as `errorbar` takes it."""
+    """A figure of y against x with the line of equality, on the right of a difference, and its axes. `labels` of the three; `style` of the points."""
     figure, (left, right) = panels(3.4, 1, 2)
     ends = [min(x.min(), y.min()), max(x.max(), y.max())]
     left.plot(ends, ends, color=BLACK, lw=0.8)
