@@ -51,7 +51,8 @@ def check_suggestions(values, wanted):
     assert max(map(off_deg, values)) < 2.05
     gains = [row[-1] for row in values]
     assert gains == sorted(gains, reverse=True)
-    assert gains == pytest.approx([row[-1] for row in wanted], rel=0.1)
+    # Of 2,000 draws a gain has an sd of 4 % over seeds; on another processor draws and simulations are others: two such gains, and four sds.
+    assert gains == pytest.approx([row[-1] for row in wanted], rel=4 * np.sqrt(2) * 0.04)
     # The best one is known to some degrees.
     first, shown = (np.radians(rows[0][1]) for rows in (values, wanted))
     assert abs(np.degrees(first - shown)) < 8
