@@ -155,7 +155,7 @@ def laboratory_table(place: str, path: Path, sheet: str = "", stated: Iterable[s
 def usual(text: str) -> str:
     """A text with the usual signs: narrow and fixed blanks, minus signs, raised and lowered letters."""
     # Sign by sign: letters of names that are written as two signs stay so.
-    own = {ord(sign): normalize("NFKC", sign).replace("μ", "µ") for sign in set(text) if not sign.isascii()}
+    own: dict[int, str | None] = {ord(sign): normalize("NFKC", sign).replace("μ", "µ") for sign in set(text) if not sign.isascii()}
     return text.translate(own | SIGNS)
 
 
