@@ -158,8 +158,7 @@ contains
       if (n < 0 .or. n > (len(self%content) - self%position)/2) call self%fail(''''//label//''' cannot have ' &
          & //to_text(n)//' values')
       if (allocated(self%error)) return
-      if (allocated(values)) deallocate (values)
-      allocate (values(n))
+      values = reshape([real(wp) ::], [n], [0.0_wp])
       do i = 1, n
          if (mod(i, a_line) == 1) call take_line(self, label, line)
          length = index(line//' ', ' ') - 1

@@ -11,7 +11,7 @@ contains
    !> none: its column becomes zero, so the factor is for products, not for solutions.
    pure subroutine factor_semidefinite(a)
       !> (n, n).
-      real(wp), intent(inout) :: a(:, :)
+      real(wp), intent(inout), contiguous :: a(:, :)
       logical :: definite
 
       call factor_definite(a, 1.0e-13_wp, definite)
@@ -20,8 +20,8 @@ contains
    !> F with F Fᵀ = U Uᵀ and no more columns than rows: U itself, or the lower factor of the product.
    pure subroutine factor_columns(u, f)
       !> (m, n); (m, min(m, n)).
-      real(wp), intent(in) :: u(:, :)
-      real(wp), intent(out) :: f(:, :)
+      real(wp), intent(in), contiguous :: u(:, :)
+      real(wp), intent(out), contiguous :: f(:, :)
       integer :: i, j, k
 
       if (size(u, 2) == size(f, 2)) then
@@ -44,9 +44,9 @@ contains
    !> By normal equations; where a pivot has lost its digits, by orthogonalisation of U over the unit matrix, which squares nothing.
    pure subroutine fit_columns(r, u, weight, b, l)
       !> (m), (m, n), (m): weights that are not negative.
-      real(wp), intent(in) :: r(:), u(:, :), weight(:)
+      real(wp), intent(in), contiguous :: r(:), u(:, :), weight(:)
       !> (n); (n, n), the lower factor of I + Uᵀ W U.
-      real(wp), intent(out) :: b(:), l(:, :)
+      real(wp), intent(out), contiguous :: b(:), l(:, :)
       integer :: j
       logical :: accurate
 
@@ -65,8 +65,8 @@ contains
 
    !> The same by modified Gram-Schmidt.
    pure subroutine orthogonalise(r, u, weight, b, l)
-      real(wp), intent(in) :: r(:), u(:, :), weight(:)
-      real(wp), intent(out) :: b(:), l(:, :)
+      real(wp), intent(in), contiguous :: r(:), u(:, :), weight(:)
+      real(wp), intent(out), contiguous :: b(:), l(:, :)
       real(wp) :: q(size(r) + size(b), size(b) + 1)
       integer :: m, n, i, j
 
@@ -95,7 +95,7 @@ contains
    !> Lower factor, in place, of a positive definite matrix (lower triangle).
    pure subroutine factor_definite(a, resolution, definite)
       !> (n, n).
-      real(wp), intent(inout) :: a(:, :)
+      real(wp), intent(inout), contiguous :: a(:, :)
       !> A pivot that is a smaller share of its entry has lost its digits.
       real(wp), intent(in) :: resolution
       !> Whether no pivot has; the column of one that has is zero.
@@ -121,8 +121,8 @@ contains
    !> L^-1 b in place.
    pure subroutine solve_lower(l, b)
       !> (n, n) or more, the diagonal positive; (n).
-      real(wp), intent(in) :: l(:, :)
-      real(wp), intent(inout) :: b(:)
+      real(wp), intent(in), contiguous :: l(:, :)
+      real(wp), intent(inout), contiguous :: b(:)
       integer :: j, n
 
       n = size(b)
@@ -135,8 +135,8 @@ contains
    !> L^-ᵀ b in place.
    pure subroutine solve_upper(l, b)
       !> As in `solve_lower`.
-      real(wp), intent(in) :: l(:, :)
-      real(wp), intent(inout) :: b(:)
+      real(wp), intent(in), contiguous :: l(:, :)
+      real(wp), intent(inout), contiguous :: b(:)
       integer :: j, n
 
       n = size(b)
@@ -148,9 +148,9 @@ contains
    !> I + Uᵀ W U, lower triangle.
    pure subroutine weighted_gram(u, weight, gram)
       !> (m, n), (m).
-      real(wp), intent(in) :: u(:, :), weight(:)
+      real(wp), intent(in), contiguous :: u(:, :), weight(:)
       !> (n, n).
-      real(wp), intent(out) :: gram(:, :)
+      real(wp), intent(out), contiguous :: gram(:, :)
       real(wp) :: total
       integer :: g, h, i
 
@@ -171,7 +171,7 @@ contains
    !> Sum of the logarithms of positive `values` of ordinary size: one logarithm for eight of them.
    pure real(wp) function sum_of_logs(values)
       !> (n).
-      real(wp), intent(in) :: values(:)
+      real(wp), intent(in), contiguous :: values(:)
       integer :: i
 
       sum_of_logs = 0.0_wp

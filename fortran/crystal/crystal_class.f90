@@ -151,12 +151,11 @@ contains
    subroutine derive_map(self, error)
       type(crystal_class_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      integer :: i, j
+      integer :: g, i, j, k, named(self%n_constants)
       !> The entries of the upper triangle row by row.
       integer, parameter :: first(21) = [([(i, j=i, 6)], i=1, 6)], second(21) = [([(j, j=i, 6)], i=1, 6)]
       real(wp) :: equations(21*size(self%generators, 3), 21), unit(6, 6), change(6, 6), map(21, self%n_constants)
       real(wp), allocatable :: gram(:, :), solution(:, :)
-      integer :: named(self%n_constants), k, g
       integer, allocatable :: other(:)
       logical :: definite
 

@@ -194,14 +194,18 @@ contains
    end function threads
 
    !> Stiffnesses (GPa): those of the problem, which stay where they are, or the value 'stiffness'.
-   function crystals(self)
+   function crystals(self, euler_deg)
       class(exchange_type), intent(inout) :: self
+      !> Likewise Bunge-Euler angles, degrees.
+      real(wp), pointer, intent(out), optional :: euler_deg(:, :)
       real(wp), pointer :: crystals(:, :, :)
 
       if (associated(self%problem)) then
          crystals => self%problem%crystals%stiffness
+         if (present(euler_deg)) euler_deg => self%problem%crystals%euler_deg
       else
          crystals => self%in%matrices('stiffness')
+         if (present(euler_deg)) euler_deg => self%in%columns('euler_deg', 3)
       end if
    end function crystals
 

@@ -120,12 +120,7 @@ contains
          call save_surrogate(surrogate, x%in%text('path'), x%error)
       case ('predict')
          ! Modulus and sd, GPa.
-         c => x%crystals()
-         if (associated(x%problem)) then
-            euler_deg => x%problem%crystals%euler_deg
-         else
-            euler_deg => x%in%columns('euler_deg', 3)
-         end if
+         c => x%crystals(euler_deg)
          allocate (x%values(size(c, 3), 2))
          call predict_crystals(surrogate, c, degree*euler_deg, x%threads(), x%values(:, 1), x%values(:, 2), x%error)
       case default

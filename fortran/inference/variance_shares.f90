@@ -12,6 +12,7 @@ module variance_shares
    use kinds, only: nan, wp
    use linear_algebra, only: cholesky_factor, cholesky_solve
    use quantities, only: evaluate_draws
+   use small_matrices, only: factor_columns
    implicit none
    private
    public :: shares_type, find_shares, verdict_of, error_sources, from_surrogate
@@ -157,12 +158,14 @@ contains
       real(wp), intent(out), contiguous :: scales(:), shared(:, :)
       !> (grain).
       real(wp), intent(out) :: residual(:), weight(:)
-      real(wp) :: model(size(scales)), b(posterior%n_shared), precision(posterior%n_shared, posterior%n_shared), value
+      real(wp) :: model(size(scales)), b(min(size(scales), posterior%n_shared)), precision(size(b), size(b)), value
+      real(wp) :: fewer(size(scales), size(b))
 
       call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, shared)
       residual = (posterior%data%modulus - model)/scales
-      call posterior%errors%integrate(residual, shared, b, precision, value)
-      residual = residual - matmul(shared, b)
+      call factor_columns(shared, fewer)
+      call posterior%errors%integrate(residual, fewer, b, precision, value)
+      residual = residual - matmul(fewer, b)
       call posterior%errors%weigh(residual, weight)
    end subroutine find_residuals
 

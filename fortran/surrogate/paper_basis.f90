@@ -155,8 +155,7 @@ contains
       integer :: i
 
       self%n_independent = size(euler, 2)
-      if (allocated(self%k)) deallocate (self%k)
-      allocate (self%k(size(euler, 2), self%harmonics%n))
+      self%k = reshape([real(wp) ::], [size(euler, 2), self%harmonics%n], [0.0_wp])
       do i = 1, size(euler, 2)
          call evaluate_harmonics(self%harmonics, direction_of(euler(:, i)), self%k(i, :))
       end do

@@ -122,8 +122,7 @@ contains
       do
          total = total + total/8
          n = 0
-         if (allocated(nodes)) deallocate (nodes)
-         allocate (nodes(3, total))
+         nodes = reshape([real(wp) ::], [3, total], [0.0_wp])
          do i = 1, total
             z = 1.0_wp - (2.0_wp*i - 1.0_wp)/total
             x = [sqrt(1.0_wp - z**2)*cos(turn*i), sqrt(1.0_wp - z**2)*sin(turn*i), z]

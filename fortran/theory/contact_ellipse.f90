@@ -56,7 +56,7 @@ contains
       !> About the relative size of the first power of s that is left out, the logarithm.
       real(wp), parameter :: smallest = -16.0_wp
       integer, parameter :: last = 160
-      integer :: j, k, m
+      integer :: j, k, m, terms
       !> Of s^k in d_m: (-1)^m (2 j)!/(8^j j! k! (m + k)!), j = m + 2 k.
       real(wp), parameter :: series(0:last, 0:highest_mode) = reshape([(((-1)**m*exp(log_gamma(2.0_wp*m + 4.0_wp*k + 1.0_wp) &
          & - (m + 2*k)*log(8.0_wp) - log_gamma(m + 2.0_wp*k + 1.0_wp) - log_gamma(k + 1.0_wp) - log_gamma(m + k + 1.0_wp)), &
@@ -65,7 +65,6 @@ contains
       !> derivatives a and b, and with the second derivative.
       real(wp) :: power(n, 2), before(n, 2), earlier(n, 2), first(n, 4)
       real(wp) :: s(n), d(n), d1(n), d2(n), l, p, q, f
-      integer :: terms
 
       means = 0.0_wp
       first = 0.0_wp

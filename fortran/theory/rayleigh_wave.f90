@@ -242,10 +242,9 @@ contains
       !> Angles that are tried; each minimum among them is then refined by parabolas, ever smaller.
       integer, parameter :: n = 30, refinements = 4
       real(wp), parameter :: step = pi/n, shrink = 0.1_wp
-      integer :: k
+      integer :: i, k
       real(wp), parameter :: slopes(0:n - 1) = [(tan(step*(k + 0.5_wp) - 0.5_wp*pi), k=0, n - 1)]
       real(wp) :: values(-1:n), sides(2), phi, width, value, bend
-      integer :: i
 
       values = huge(1.0_wp)
       values(0:n - 1) = [(least_eigenvalue(slopes(k)), k=0, n - 1)]

@@ -23,7 +23,6 @@ COMMANDS = (
     "next",
     "report",
     "compare",
-    "completion",
     "bench",
     "test",
     "lint",

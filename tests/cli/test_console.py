@@ -1,7 +1,6 @@
 """What a terminal shows: the answer whole and last, few warnings, what was meant, and shells that complete."""
 
 import json
-import subprocess
 from types import SimpleNamespace
 
 import pytest
@@ -129,10 +128,3 @@ def test_slips_of_namelists_are_named(bayesindent, iron, text, said):
     (iron / "c.nml").write_text(f"{text}\n&measurements file = 'grains.csv' /\n", encoding="utf-8")
     done = bayesindent("run", "c.nml", "--check")
     assert done.returncode == 2 and said in done.stderr, done.stderr
-
-
-def test_a_shell_completes_commands_and_options(bayesindent, tmp_path):
-    (tmp_path / "script").write_text(bayesindent("completion", "bash").stdout)
-    for line, expected in (("bayesindent ex", "extract"), ("bayesindent run --sa", "--samples"), ("bayesindent he", "help")):
-        ask = f"source ./script; COMP_WORDS=({line}); COMP_CWORD={line.count(' ')}; _bayesindent; echo ${{COMPREPLY[@]}}"
-        assert subprocess.run(["bash", "-c", ask], cwd=tmp_path, capture_output=True, text=True, check=True).stdout.split() == [expected]

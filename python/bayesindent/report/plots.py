@@ -36,18 +36,8 @@ def plotter(name: str, module: str, figure: str, words: str) -> Callable:
             style.PLACE.reset(token)
 
     plot.__name__ = plot.__qualname__ = name
-    plot.__doc__ = f"""{words}
-
-Parameters
-----------
-result : result of bi.extract, or the folder of results
-ax : matplotlib Axes of plt.subplots, optional
-    Its place is taken by the figure; else the figure is one of its own.
-
-Returns
--------
-matplotlib Figure, or SubFigure in the place of `ax`
-"""
+    about = "`result`: what `bi.extract` gave, or the folder of results. `ax`: of plt.subplots, the figure takes its place; else it is one of its own."
+    plot.__doc__ = f"{words}\n\n{about}\n\nReturns a matplotlib Figure, or a SubFigure in the place of `ax`."
     return plot
 
 

@@ -1,0 +1,135 @@
+!> Polynomials of the coordinates of a stiffness about the indenter's axis that do not change when the crystal is turned about that axis or
+!> mirrored: what a specimen with axial symmetry may depend on.
+!>
+!> Each is the real part of a product of order 0: numbers of order 0, and waves and conjugate waves whose orders cancel. There are 1, 5,
+!> 29, 141 of them up to degree 0, 1, 2, 3, and 1, 6, 35, 176 where the scale of the stiffness is one of the numbers. Each has a factor
+!> such that for two points the sum of the products of those of degree d is the mean of (x x')^d over all turns and mirrors of one of
+!> them: equal coefficients prefer no basis of the coordinates.
+module axial_polynomials
+   use kinds, only: wp
+   use logarithmic_coordinates, only: n_axial, n_coordinates, n_waves, wave_orders
+   use statistics, only: sort_order
+   implicit none
+   private
+   public :: axial_polynomials_type, new_axial_polynomials, evaluate_polynomials, greatest_degree
+
+   integer, parameter :: greatest_degree = 4
+   !> Factors, numbered as the coordinates: numbers of order 0, waves, in place of imaginary parts their conjugates, the scale.
+   integer, parameter :: n_factors = n_coordinates
+   integer, parameter :: orders(n_factors) = [[0, 0, 0, 0], wave_orders, -wave_orders, 0]
+
+   type :: axial_polynomials_type
+      integer :: n = 0
+      !> The coordinates that they depend on: all, or all but the last, which is the scale.
+      integer :: n_coordinates = 0
+      !> Degree of each, (n), ascending.
+      integer, allocatable :: degrees(:)
+      !> The factors of each, 0 for the number 1, (greatest_degree, n).
+      integer, allocatable, private :: factors(:, :)
+      !> The scale is counted from here.
+      real(wp) :: centre = 0.0_wp
+      !> Before the product, (n).
+      real(wp), allocatable, private :: weights(:)
+   end type axial_polynomials_type
+
+contains
+
+   !> All up to a degree.
+   pure type(axial_polynomials_type) function new_axial_polynomials(degree, centre) result(self)
+      !> 0 to `greatest_degree`.
+      integer, intent(in) :: degree
+      !> The value from which the last coordinate, the scale, is counted; without it they do not depend on that.
+      real(wp), intent(in), optional :: centre
+      integer :: chosen(greatest_degree), d, k, last
+
+      self%n_coordinates = n_coordinates - 1
+      last = n_factors - 1
+      if (present(centre)) then
+         self%n_coordinates = n_coordinates
+         last = n_factors
+         self%centre = centre
+      end if
+      allocate (self%degrees(1), self%factors(greatest_degree, 1), self%weights(1))
+      self%degrees = 0
+      self%factors = 0
+      self%weights = 1.0_wp
+      do d = 1, degree
+         ! Every product of d factors in ascending order.
+         chosen = 0
+         chosen(:d) = 1
+         do
+            if (sum(orders(chosen(:d))) == 0) call append_if_first(chosen, d)
+            k = d
+            do while (k > 0)
+               if (chosen(k) < last) exit
+               k = k - 1
+            end do
+            if (k == 0) exit
+            chosen(k:d) = chosen(k) + 1
+         end do
+      end do
+      self%n = size(self%degrees)
+
+   contains
+
+      !> A product and its conjugate have the same real part: the first of the two counts.
+      pure subroutine append_if_first(product, d)
+         integer, intent(in) :: product(greatest_degree), d
+         integer :: conjugate(d), order(d), i, k
+         real(wp) :: square
+
+         conjugate = product(:d)
+         where (is_wave(conjugate)) conjugate = conjugate + merge(n_waves, -n_waves, conjugate <= n_axial + n_waves)
+         call sort_order(real(conjugate, wp), order)
+         conjugate = conjugate(order)
+         i = findloc(conjugate /= product(:d), .true., 1)
+         if (i > 0) then
+            if (conjugate(i) < product(i)) return
+         end if
+         ! d!/(n1! n2! ..) of the factors' powers; half for each wave; twice if the product is not its own conjugate.
+         square = 1.0_wp
+         do k = 1, d
+            square = square*k/count(product(:k) == product(k))
+            if (is_wave(product(k))) square = 0.5_wp*square
+         end do
+         if (i > 0) square = 2.0_wp*square
+         self%weights = [self%weights, sqrt(square)]
+         self%degrees = [self%degrees, d]
+         self%factors = reshape([self%factors, product], [greatest_degree, size(self%degrees)])
+      end subroutine append_if_first
+   end function new_axial_polynomials
+
+   !> Whether a factor is a wave or a conjugate wave.
+   pure elemental logical function is_wave(factor)
+      integer, intent(in) :: factor
+
+      is_wave = orders(factor) /= 0
+   end function is_wave
+
+   !> All at points, which are worked on side by side.
+   pure subroutine evaluate_polynomials(self, x, values)
+      type(axial_polynomials_type), intent(in) :: self
+      !> Coordinates about the axis of each point, (point, self%n_coordinates).
+      real(wp), intent(in), contiguous :: x(:, :)
+      !> (point, n).
+      real(wp), intent(out), contiguous :: values(:, :)
+      complex(wp) :: factors(size(x, 1), n_factors), product(size(x, 1), 0:greatest_degree)
+      integer, parameter :: last_wave = n_axial + n_waves
+      integer :: chosen(greatest_degree), i, k
+
+      factors(:, :n_axial) = x(:, :n_axial)
+      factors(:, n_axial + 1:last_wave) = cmplx(x(:, n_axial + 1:last_wave), x(:, last_wave + 1:last_wave + n_waves), wp)
+      factors(:, last_wave + 1:last_wave + n_waves) = conjg(factors(:, n_axial + 1:last_wave))
+      if (self%n_coordinates == n_coordinates) factors(:, n_coordinates) = x(:, n_coordinates) - self%centre
+      product(:, 0) = 1.0_wp
+      chosen = 0
+      do k = 1, self%n
+         ! The first factors are often those of the polynomial before.
+         do i = max(1, findloc(self%factors(:, k) /= chosen, .true., 1)), self%degrees(k)
+            product(:, i) = product(:, i - 1)*factors(:, self%factors(i, k))
+         end do
+         chosen = self%factors(:, k)
+         values(:, k) = self%weights(k)*real(product(:, self%degrees(k)), wp)
+      end do
+   end subroutine evaluate_polynomials
+end module axial_polynomials
