@@ -155,8 +155,7 @@ contains
       end if
       if (allocated(self%error)) return
       ! A value takes two bytes at least.
-      if (n < 0 .or. n > (len(self%content) - self%position)/2) call self%fail(''''//label//''' cannot have ' &
-         & //to_text(n)//' values')
+      if (n < 0 .or. n > (len(self%content) - self%position)/2) call self%fail(''''//label//''' has no '//to_text(n)//' values')
       if (allocated(self%error)) return
       values = reshape([real(wp) ::], [n], [0.0_wp])
       do i = 1, n

@@ -210,6 +210,7 @@ contains
       archived = size(archive, 2)
       allocate (points(target%dimension, archived + draws + most_outside), weights(archived + draws + most_outside))
       allocate (log_weights(draws), beyond(target%dimension, most_outside))
+      allocate (u(target%dimension, draws), w(target%dimension, draws), log_density(draws))
       points(:, :archived) = archive
       weights = 1.0_wp
       call new_mixture(archive, components, fitted)
@@ -222,10 +223,9 @@ contains
          inside = 0
          out = 0
          do while (inside < draws .and. out < 10*draws)
-            i = min(draws - inside, 10*draws - out)
-            allocate (u(target%dimension, i), w(target%dimension, i), log_density(i))
-            call draw_points(target, whitening, mixture, stream, u, w, log_density)
-            do i = 1, size(u, 2)
+            few = min(draws - inside, 10*draws - out)
+            call draw_points(target, whitening, mixture, stream, u(:, :few), w(:, :few), log_density(:few))
+            do i = 1, few
                if (log_density(i) > outside) then
                   inside = inside + 1
                   points(:, archived + inside) = u(:, i)
@@ -235,7 +235,6 @@ contains
                   if (out <= most_outside) beyond(:, out) = u(:, i)
                end if
             end do
-            deallocate (u, w, log_density)
          end do
          quality = 0.0_wp
          if (inside == 0) return

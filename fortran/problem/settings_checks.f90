@@ -53,6 +53,8 @@ contains
       if (allocated(error)) return
       list = list_settings(settings)
       call check_lists(path, list, 'knowledge', [character(len=8) :: 'quantity', 'mean', 'sd'], error)
+      if (allocated(settings%knowledge%source) .and. .not. allocated(error)) call check_lists(path, list, 'knowledge', &
+         & [character(len=8) :: 'quantity', 'source'], error)
       if (.not. allocated(error)) call check_lists(path, list, 'references', [character(len=12) :: 'name', 'young_gpa', &
          & 'young_sd_gpa', 'nu'], error)
       if (allocated(error)) return

@@ -390,7 +390,7 @@ contains
       call check_damage(whole, 'alpha 3.0', 'alpha 1.0E999', 'is not a finite number', 'line 19: ')
       call check_damage(whole, 'fall 0.3125', 'fall 0.0', 'must be positive', '')
       call check_damage(whole, 'coefficients 20', 'coefficients 19', 'has a line that is too long', '')
-      call check_damage(whole, 'coefficients 20', 'coefficients 999999', 'cannot have 999999 values', '')
+      call check_damage(whole, 'coefficients 20', 'coefficients 999999', 'has no 999999 values', '')
       call check_damage(whole, 'covariance 210', 'covariance 7', 'has a line that is too long', '')
       call check_damage(whole, 'covariance 210'//newline, 'covariance 210'//newline//'-', 'variance of coefficient 1', '')
       call check_damage(whole, 'symmetry cubic', 'symmetry hexagonal', 'cubic crystals are no hexagonal ones', '')

@@ -119,6 +119,14 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
     assert table[:, 2:].mean(axis=0) == pytest.approx([found[name]["mean"] for name in ("C11", "C12", "C44")], rel=1e-9)
     expected = bi.stiffness("cubic", **{name: found[name]["mean"] for name in ("C11", "C12", "C44")})
     assert f"{1000 * expected[0, 0]:.10g}, {1000 * expected[0, 1]:.10g}," in (paper / "stiffness_calculix.inp").read_text()
+    # What was known has its source, or a place for it.
+    assert "state the source" not in text
+    known = "&knowledge quantity = 'bulk_modulus', 'C44', mean = 165, 120, sd = 3, 40, source = 'a work of 1974', '' /\n"
+    file.write_text(file.read_text() + known)
+    assert main(["extract", str(file), "--output", str(output)]) == 0
+    assert main(["report", str(output), "--paper"]) == 0
+    text = (paper / "methods.tex").read_text()
+    assert "(a work of 1974)" in text and text.count("[state the source") == 1
     # No figure of what the run has not got; of the others all four files.
     assert {path.stem for path in (paper / "figures").iterdir()} == {"grain_comparison"}
     for stem in ("grain_comparison",):

@@ -206,11 +206,11 @@ def engine(folder, groups):
 
 
 def reported(folder, groups):
-    """The title of the report, whether its figures say that the data are made up, and what the constants are compared with."""
+    """The title of the report, whether its figures say that the data are made up, what the constants are compared with, whence knowledge is."""
     problem = written(folder, merged({"problem": {"symmetry": "cubic"}, "measurements": {"file": "grains.csv"} | KIND}, groups))
     (folder / "resolved.nml").write_text(problem.resolved)
     results = Results(folder)
-    return results.title, results.synthetic, results.reference
+    return results.title, results.synthetic, results.reference, results.group("knowledge").get("source")
 
 
 @cache
@@ -396,6 +396,7 @@ EFFECTS = {
         "mean": (density, {"knowledge": {"knowledge": {"C44": (80, 5)}}}, {"C44": (85, 5)}),
         "sd": (density, {"knowledge": {"knowledge": {"C44": (80, 5)}}}, {"C44": (80, 9)}),
         "stiffness_file": (density, {}, {"stiffness": ([168, 121, 75], np.diag([9.0, 9, 9]))}),
+        "source": (reported, {"knowledge": {"quantity": "C44", "mean": 80, "sd": 5}}, "a work"),
     },
     "sampler": {
         "method": (sampled, {}, "ensemble"),
@@ -454,7 +455,7 @@ def test_every_variable_is_here():
 @pytest.mark.parametrize(("group", "name"), [(group, name) for group in EFFECTS for name in EFFECTS[group] if EFFECTS[group][name]])
 def test_has_an_effect(tmp_path, capsys, group, name):
     look, common, value = EFFECTS[group][name]
-    changed = merged(common, {"knowledge": {"knowledge": value}} if group == "knowledge" else {group: {name: value}})
+    changed = merged(common, {"knowledge": {"knowledge": value}} if look is density and group == "knowledge" else {group: {name: value}})
     assert at_default(look, common, tmp_path / "default") != look(tmp_path / "changed", changed)
 
 

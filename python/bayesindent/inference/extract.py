@@ -89,7 +89,7 @@ def extract(
         (low, high) in GPa by constant, each perhaps None: {'C11': (150, 300)}.
     knowledge : dict, optional
         (mean, sd) by quantity ('bulk_modulus', 'C44', 'C33/C11', 'young[110]', ..); 'stiffness': (means, covariance) of all constants
-        in GPa and GPa², or a CSV of them.
+        in GPa and GPa², or a CSV of them; 'source': a list of the works that the quantities were taken from.
     progressbar : bool, default False
         Show how far the chains are.
 

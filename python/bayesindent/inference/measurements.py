@@ -42,9 +42,9 @@ def problem_of(
         asked["prior"] |= bounds_of(origin, symmetry, bounds)
     if knowledge:
         said = [
-            (name, *pair_of(f"{origin}: knowledge: {name}", pair, "(mean, sd)")) for name, pair in knowledge.items() if name != "stiffness"
+            (name, *pair_of(f"{origin}: knowledge: {name}", pair, "(mean, sd)")) for name, pair in knowledge.items() if name not in ("stiffness", "source")
         ]
-        asked["knowledge"] = dict(zip(("quantity", "mean", "sd"), zip(*said)))
+        asked["knowledge"] = dict(zip(("quantity", "mean", "sd"), zip(*said))) | {"source": knowledge.get("source")}
         stiffness = knowledge.get("stiffness")
         if isinstance(stiffness, str | os.PathLike):
             asked["knowledge"]["stiffness_file"] = stiffness

@@ -18,7 +18,7 @@ def mesh(results: Results) -> Picture:
     present(results.simulations)
     settings = {key: value for group in GROUPS for key, value in results.group(group).items() if key not in NOT_OURS}
     indentation = Indentation(**settings)
-    arrays, radius = indentation.mesh_arrays(), indentation.contact_radius_max_um
+    arrays, radius, infinite = indentation.mesh_arrays(), indentation.contact_radius_max_um, indentation.infinite_elements
     faces, materials = arrays.x[np.concatenate([arrays.brick[:, face] for face in BRICK_FACES])], np.tile(arrays.material, 6)
     figure, (left, right) = panels(3.8, 1, 2)
     extent = 1.6 * max(radius, np.abs(arrays.x[arrays.contact][:, :2]).max())
@@ -35,8 +35,7 @@ def mesh(results: Results) -> Picture:
     right.set(xlim=(-extent, extent), ylim=(-extent, extent), title="the surface under the indenter")
     legend_above(figure, columns=2, corner="lower right")
     text = f"The mesh of {indentation.bricks} bricks ({indentation.settings.specimen.geometry})"
-    if outside := indentation.infinite_elements:
-        text += f"; {outside} infinite elements outside stand for the rest of the half-space"
+    text += f"; {infinite} infinite elements outside stand for the rest of the half-space" * (infinite > 0)
     return Picture(
         figure,
         f"{text}. Greys are materials. On the right its surface under the indenter, with the circle of contact on an isotropic half-space at the last depth.",
