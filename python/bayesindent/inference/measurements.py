@@ -41,9 +41,8 @@ def problem_of(
     if bounds:
         asked["prior"] |= bounds_of(origin, symmetry, bounds)
     if knowledge:
-        said = [
-            (name, *pair_of(f"{origin}: knowledge: {name}", pair, "(mean, sd)")) for name, pair in knowledge.items() if name not in ("stiffness", "source")
-        ]
+        named = {name: pair for name, pair in knowledge.items() if name not in ("stiffness", "source")}
+        said = [(name, *pair_of(f"{origin}: knowledge: {name}", pair, "(mean, sd)")) for name, pair in named.items()]
         asked["knowledge"] = dict(zip(("quantity", "mean", "sd"), zip(*said))) | {"source": knowledge.get("source")}
         stiffness = knowledge.get("stiffness")
         if isinstance(stiffness, str | os.PathLike):
