@@ -3,40 +3,35 @@ module small_matrices
    use kinds, only: wp
    implicit none
    private
-   public :: factor_semidefinite, factor_columns, factor_definite, fit_columns, solve_lower, solve_upper, weighted_gram, sum_of_logs
+   public :: factor_columns, factor_definite, fit_columns, solve_lower, solve_upper, weighted_gram, sum_of_logs
 
 contains
 
-   !> Lower factor, in place, of a positive semidefinite matrix (lower triangle). A direction whose variance is lost to rounding has
-   !> none: its column becomes zero, so the factor is for products, not for solutions.
-   pure subroutine factor_semidefinite(a)
-      !> (n, n).
-      real(wp), intent(inout), contiguous :: a(:, :)
-      logical :: definite
-
-      call factor_definite(a, 1.0e-13_wp, definite)
-   end subroutine factor_semidefinite
-
-   !> F with F Fᵀ = U Uᵀ and no more columns than rows: U itself, or the lower factor of the product.
+   !> F with F Fᵀ = U Uᵀ and as few columns as matter beside errors of unit variance: by Cholesky's method with pivots.
    pure subroutine factor_columns(u, f)
-      !> (m, n); (m, min(m, n)).
+      !> (m, n); (m, rank).
       real(wp), intent(in), contiguous :: u(:, :)
-      real(wp), intent(out), contiguous :: f(:, :)
-      integer :: i, j, k
+      real(wp), allocatable, intent(out) :: f(:, :)
+      real(wp) :: columns(size(u, 1), size(u, 2)), left(size(u, 1)), least
+      integer :: j, k, pivot
 
-      if (size(u, 2) == size(f, 2)) then
-         f = u
-         return
-      end if
-      f = 0.0_wp
-      do k = 1, size(u, 2)
-         do j = 1, size(u, 1)
-            do i = j, size(u, 1)
-               f(i, j) = f(i, j) + u(i, k)*u(j, k)
-            end do
+      left = sum(u**2, 2)
+      ! Of a row's variance; of the largest no more than rounding leaves.
+      least = max(1.0e-8_wp, 1.0e-13_wp*maxval(left))
+      do k = 1, min(size(u, 1), size(u, 2))
+         pivot = maxloc(left, 1)
+         if (left(pivot) <= least) exit
+         columns(:, k) = 0.0_wp
+         do j = 1, size(u, 2)
+            columns(:, k) = columns(:, k) + u(pivot, j)*u(:, j)
          end do
+         do j = 1, k - 1
+            columns(:, k) = columns(:, k) - columns(pivot, j)*columns(:, j)
+         end do
+         columns(:, k) = columns(:, k)/sqrt(left(pivot))
+         left = left - columns(:, k)**2
       end do
-      call factor_semidefinite(f)
+      f = columns(:, :k - 1)
    end subroutine factor_columns
 
    !> Minimise sum of w (r - U b)² + b² over b.
@@ -98,12 +93,12 @@ contains
       real(wp), intent(inout), contiguous :: a(:, :)
       !> A pivot that is a smaller share of its entry has lost its digits.
       real(wp), intent(in) :: resolution
-      !> Whether no pivot has; the column of one that has is zero.
-      logical, intent(out) :: definite
+      !> Whether no pivot has; the column of one that has is zero, so that the factor is for products, not for solutions.
+      logical, intent(out), optional :: definite
       real(wp) :: whole
       integer :: j, k
 
-      definite = .true.
+      if (present(definite)) definite = .true.
       do j = 1, size(a, 1)
          whole = a(j, j)
          do k = 1, j - 1
@@ -113,7 +108,7 @@ contains
             a(j:, j) = a(j:, j)/sqrt(a(j, j))
          else
             a(j:, j) = 0.0_wp
-            definite = .false.
+            if (present(definite)) definite = .false.
          end if
       end do
    end subroutine factor_definite

@@ -9,7 +9,7 @@
 module elastic_window
    use kinds, only: pi, wp
    use loading_segment, only: segment_type
-   use small_matrices, only: factor_semidefinite, solve_lower, solve_upper
+   use small_matrices, only: factor_definite, solve_lower, solve_upper
    use sphere_contact, only: contact_at, contact_type
    use statistics, only: median
    use text, only: fixed
@@ -341,7 +341,7 @@ contains
       integer :: j
 
       factor = covariance(2:own, 2:own)
-      call factor_semidefinite(factor)
+      call factor_definite(factor, 1.0e-13_wp)
       whitened = covariance(2:own, :)
       do j = 1, n_columns
          call solve_lower(factor, whitened(:, j))

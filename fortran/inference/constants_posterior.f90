@@ -283,8 +283,7 @@ contains
       real(wp), intent(in), optional, contiguous :: independent(:)
       real(wp) :: model(self%n_grains), scales(self%n_grains), slopes(self%n_grains), tilt_slopes(self%n_grains, 2)
       real(wp), dimension(size(self%euler, 2)) :: rows, rows_slopes
-      real(wp), allocatable :: u(:, :)
-      real(wp) :: b(min(self%n_grains, self%n_shared)), precision(size(b), size(b)), fewer(self%n_grains, size(b))
+      real(wp), allocatable :: u(:, :), fewer(:, :), b(:), precision(:, :)
 
       log_likelihood = 0.0_wp
       if (self%prior_only) return
@@ -302,6 +301,7 @@ contains
       allocate (u(self%n_grains, self%n_shared))
       call self%predict_measurements(x, c, model, scales, u, independent)
       call factor_columns(u, fewer)
+      allocate (b(size(fewer, 2)), precision(size(fewer, 2), size(fewer, 2)))
       call self%errors%integrate((self%data%modulus - model)/scales, fewer, b, precision, log_likelihood)
       log_likelihood = log_likelihood - sum_of_logs(scales)
    end function likelihood_of_crystal

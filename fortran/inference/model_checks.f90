@@ -103,11 +103,9 @@ contains
       real(wp), allocatable :: u(:, :), fewer(:, :), b(:), z(:), precision(:, :)
       real(wp), dimension(posterior%n_grains) :: model, scales, residuals, shared, noise
       real(wp) :: c(6, 6), value
-      integer :: i, g, columns
+      integer :: i, g
 
-      columns = min(posterior%n_grains, posterior%n_shared)
-      allocate (u(posterior%n_grains, posterior%n_shared), fewer(posterior%n_grains, columns), b(columns), &
-         & z(columns), precision(columns, columns))
+      allocate (u(posterior%n_grains, posterior%n_shared))
       stream = new_random_stream(0, stream_number)
       sums = 0.0_wp
       do i = 1, size(draws, 2)
@@ -116,10 +114,14 @@ contains
          call posterior%predict_measurements(draws(:, i), c, model, scales, u)
          residuals = (posterior%data%modulus - model)/scales
          call factor_columns(u, fewer)
+         ! Sizes: their rank is that of the point.
+         b = fewer(1, :)
+         z = b
+         precision = fewer(:size(b), :)
          call posterior%errors%integrate(residuals, fewer, b, precision, value)
          call posterior%errors%leave_one_out(residuals, fewer, b, precision, log_likelihood(:, i))
          log_likelihood(:, i) = log_likelihood(:, i) - log(scales)
-         do g = 1, columns
+         do g = 1, size(z)
             call stream%normal(z(g))
          end do
          call solve_upper(precision, z)

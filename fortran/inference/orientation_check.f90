@@ -111,7 +111,7 @@ contains
       call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, u)
       fit%scales = scales(:n)/posterior%errors%scale
       allocate (fit%weights(n), source=1.0_wp)
-      allocate (fit%shared(n, min(n, posterior%n_shared)), rows(n, harmonics%n, 0:size(readings) - 1), values(harmonics%n))
+      allocate (rows(n, harmonics%n, 0:size(readings) - 1), values(harmonics%n))
       call factor_columns(u(:n, :)*posterior%errors%scale, fit%shared)
       do i = 1, n
          g = rotation_matrix(posterior%euler(:, i))

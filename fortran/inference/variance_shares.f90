@@ -158,12 +158,13 @@ contains
       real(wp), intent(out), contiguous :: scales(:), shared(:, :)
       !> (grain).
       real(wp), intent(out) :: residual(:), weight(:)
-      real(wp) :: model(size(scales)), b(min(size(scales), posterior%n_shared)), precision(size(b), size(b)), value
-      real(wp) :: fewer(size(scales), size(b))
+      real(wp), allocatable :: fewer(:, :), b(:), precision(:, :)
+      real(wp) :: model(size(scales)), value
 
       call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, shared)
       residual = (posterior%data%modulus - model)/scales
       call factor_columns(shared, fewer)
+      allocate (b(size(fewer, 2)), precision(size(fewer, 2), size(fewer, 2)))
       call posterior%errors%integrate(residual, fewer, b, precision, value)
       residual = residual - matmul(fewer, b)
       call posterior%errors%weigh(residual, weight)

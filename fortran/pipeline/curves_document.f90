@@ -7,7 +7,7 @@ module curves_document
    use json, only: json_type
    use kinds, only: nan, wp
    use shared_posterior, only: curves_posterior_type, material_type
-   use small_matrices, only: factor_semidefinite
+   use small_matrices, only: factor_definite
    use stage_documents, only: cells_of_numbers
    use statistics, only: chi_square_above, median
    use tables, only: csv_cell
@@ -102,7 +102,7 @@ contains
 
       n = size(factor, 2)
       factor = covariance
-      call factor_semidefinite(factor)
+      call factor_definite(factor, 1.0e-13_wp)
       allocate (loadings(size(grains), n))
       do j = 1, n
          loadings(:, j) = [(sum(grains(i)%by_shared(j:)*factor(j:, j)), i=1, size(grains))]

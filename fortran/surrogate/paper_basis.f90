@@ -11,7 +11,7 @@ module paper_basis
    use labelled_values, only: labelled_values_type
    use legendre_products, only: count_products, covariance_polynomial, evaluate_products, legendre_products_type, &
       & new_legendre_products
-   use small_matrices, only: factor_semidefinite
+   use small_matrices, only: factor_definite
    use surrogate_domain, only: domain_type
    use symmetric_harmonics, only: evaluate_harmonics, harmonics_type, new_harmonics
    use text, only: to_text
@@ -191,7 +191,8 @@ contains
          factor(g:, g) = pairs(first:first + self%n_columns - g)
          first = first + self%n_columns - g + 1
       end do
-      call factor_semidefinite(factor)
+      ! A direction whose variance is lost to rounding has none.
+      call factor_definite(factor, 1.0e-13_wp)
       do g = 1, self%n_columns
          columns(:, g) = 0.0_wp
          do h = g, self%n_columns

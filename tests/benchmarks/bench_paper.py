@@ -2,6 +2,8 @@
 
 Runs inputs/case_studies/SYMMETRY_paper.nml once for each seed, as `build` does: every simulation is kept, and running again goes on.
 
+With --figures: those of the first seed, for docs/verification.
+
 With --step 2: both steps of inputs/case_studies/iron_paper.nml or titanium_paper.nml, and the exact posterior beside the paper's method.
 """
 
@@ -11,12 +13,14 @@ from pathlib import Path
 
 import f90nml
 import numpy as np
-from paper_step_2 import Study
+from paper_step_2 import FIGURES, Study
 
 from bayesindent.common.progress import show_progress
 from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
 from bayesindent.pipeline.stage import run_stage
-from bayesindent.report.report import write_report
+from bayesindent.report.figures.learning import truncations, validation
+from bayesindent.report.figures.style import house_style, panels
+from bayesindent.report.results import Results
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.surrogate import Surrogate
 
@@ -34,7 +38,7 @@ def main(argv=None) -> int:
                         help="finite elements on the paper's block, or the half-space theory in their place (default: the file's)")  # fmt: skip
     parser.add_argument("--workers", type=int, default=0, help="simulations at a time (0: all cores)")
     parser.add_argument("--output", type=Path, default=None, help="folder (default: runs/paper_SYMMETRY)")
-    parser.add_argument("--figures", action="store_true", help="step 2: write the figures of docs/verification")
+    parser.add_argument("--figures", action="store_true", help="write the figures of docs/verification")
     arguments = parser.parse_args(argv)
     output = arguments.output or Path("runs") / f"paper_{arguments.symmetry}"
     show_progress(True)
@@ -46,7 +50,7 @@ def main(argv=None) -> int:
         if arguments.figures:
             study.figures()
         return 0
-    rows, ours = [], []
+    rows, ours, scans = [], [], []
     for seed in map(int, arguments.seeds.split(",")):
         folder = output / f"seed_{seed}"
         problem = variant(arguments, seed, folder)
@@ -54,17 +58,24 @@ def main(argv=None) -> int:
         document = run_stage(problem, "build", folder)
         seconds = time.perf_counter() - start
         (folder / "resolved.nml").write_text(problem.resolved)
-        write_report(folder, kind_of_files="svg")
         validation = document["validation"]
         rows.append([seed, document["loocv_gpa"], document["leave_crystal_out_gpa"], validation["mean_absolute_gpa"],
                      validation["within_1_sd"], validation["within_2_sd"], document["failed"], document["new_simulations"], seconds])  # fmt: skip
         ours.append(on_same_unseen(arguments.symmetry, validation))
+        scans.append(document["scan"])
+        if arguments.figures and len(rows) == 1:
+            write_figures(Results(folder), arguments.symmetry)
     unseen = f"{validation['points']} unseen"
     print_rows(["seed", "leave-one-out", "one-crystal-out", unseen, "within 1 sd", "within 2 sd", "failed", "new", "seconds"], rows)
     print(f"\nother truncations, seed {seed}")
     for entry in document.get("scan", []):
         print(f"degree {entry['degree']}, bandlimit {entry['bandlimit']}: leave-one-out {entry['loocv_gpa']:.2f} GPa, "
               f"log evidence {entry['log_evidence']:.0f}, {entry['terms']} terms")  # fmt: skip
+    print("\nof these the leave-one-out error, GPa, by the number of simulations, mean of the seeds")
+    for entries in zip(*scans, strict=True):
+        values = np.mean([entry["curve"]["loocv_gpa"] for entry in entries], axis=0)
+        of_numbers = [f"{number:.0f}: {value:.1f}" for number, value in zip(entries[0]["curve"]["simulations"], values, strict=True)]
+        print(f"degree {entries[0]['degree']}, bandlimit {entries[0]['bandlimit']}: {', '.join(of_numbers)}")
     error, ratio, *within = np.mean(ours, axis=0)
     print(f"\nthe correction 'block' on the same {unseen}: mean absolute error {error:.3f} GPa, theory x ratio {ratio:.3f}; within 1 and 2 sd "
           f"{within[0]:.2f}, {within[1]:.2f}, 99 % quantile of |z| {within[2]:.1f}")  # fmt: skip
@@ -85,6 +96,19 @@ def variant(arguments, seed: int, folder: Path) -> Problem:
     path = folder / f"{arguments.symmetry}_paper.nml"
     namelist.write(path, force=True)
     return Problem(path, "build")
+
+
+def write_figures(results: Results, symmetry: str) -> None:
+    """Figs. 1 to 3 of the paper, or 6 to 8: truncations, norm and angle of the coefficients, unseen simulations."""
+    history = results.documents["build"]["history"][1:]
+    with house_style():
+        figure, places = panels(3.0, 1, 2)
+        for axes, name, label in zip(places, ("norm", "angle_deg"), ("norm of the coefficients (GPa)", "angle to those before (degrees)"), strict=True):
+            axes.plot([entry["simulations"] for entry in history], [entry[name] for entry in history], ".-")
+            axes.set(xlabel="simulations", ylabel=label)
+        figures = {"truncations.svg": truncations(results).figure, "coefficients.svg": figure, "validation.png": validation(results).figure}
+        for name, drawn in figures.items():
+            drawn.savefig(FIGURES / f"{symmetry}_paper_{name}", metadata={"Date": None} if name.endswith("svg") else None, dpi=130)
 
 
 def on_same_unseen(symmetry: str, validation: dict) -> list[float]:
