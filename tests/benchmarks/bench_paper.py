@@ -103,7 +103,8 @@ def write_figures(results: Results, symmetry: str) -> None:
     history = results.documents["build"]["history"][1:]
     with house_style():
         figure, places = panels(3.0, 1, 2)
-        for axes, name, label in zip(places, ("norm", "angle_deg"), ("norm of the coefficients (GPa)", "angle to those before (degrees)"), strict=True):
+        labels = {"norm": "norm of the coefficients (GPa)", "angle_deg": "angle to those before (degrees)"}
+        for axes, (name, label) in zip(places, labels.items(), strict=True):
             axes.plot([entry["simulations"] for entry in history], [entry[name] for entry in history], ".-")
             axes.set(xlabel="simulations", ylabel=label)
         figures = {"truncations.svg": truncations(results).figure, "coefficients.svg": figure, "validation.png": validation(results).figure}
