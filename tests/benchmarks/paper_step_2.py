@@ -85,6 +85,8 @@ class Study:
         for group in ("simulation", "domain", "design"):
             del namelist[group]
         namelist["surrogate"] = {"file": str(surrogate)}
+        if surrogate == "halfspace":
+            namelist["specimen"] = {"geometry": "halfspace"}
         namelist["sampler"] = {"samples": 50000, "surrogate_variance": "none"}
         return namelist
 
