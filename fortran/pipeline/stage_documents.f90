@@ -152,7 +152,8 @@ contains
          if (.not. problem%settings%curves%given .and. (group == 'curves' .or. group == 'references')) cycle
          if (.not. problem%settings%plan%given .and. group == 'plan') cycle
          if (group == 'problem') content = content(:index(content, '  title = '))//content(index(content, '  synthetic'):)
-         if (group == 'knowledge') content = content(:index(content//'  source = ', '  source = ') - 1)
+         ! Its last variable, of whose two forms one is there.
+         if (group == 'knowledge') content = content(:index(content, newline//'  source =') + index(content, newline//'  ! source'))
          if (group == 'crystals') call add_table(problem%crystals)
          if (group == 'curves' .and. allocated(problem%curves)) content = content//problem%curves%digest &
             & //problem%curves%tests%digest()

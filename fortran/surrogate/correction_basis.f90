@@ -256,9 +256,8 @@ contains
       end do
       call add_gram(products, 1.0_wp, gram, transposed=.false.)
       call cholesky_factor(gram, error)
-      if (allocated(error)) return
       self%expanded = matmul(products, transpose(values))
-      call cholesky_solve(gram, self%expanded)
+      if (.not. allocated(error)) call cholesky_solve(gram, self%expanded)
    end subroutine expand_in_class
 
    !> Products of polynomials of log(3K/2G), the anisotropic coordinates and, if y depends on it, the scale.
@@ -277,10 +276,11 @@ contains
       class(correction_grain_model_type), intent(in) :: self
       !> log K in the coordinates of its class.
       real(wp), intent(in) :: w(:)
-      real(wp) :: terms(self%n_independent, self%polynomials%n), x(self%n_independent, self%polynomials%n_coordinates)
+      !> Of many grains they are large for the stack of a thread.
+      real(wp), allocatable :: terms(:, :), x(:, :)
       integer :: k
 
-      x = 0.0_wp
+      allocate (terms(self%n_independent, self%polynomials%n), x(self%n_independent, self%polynomials%n_coordinates), source=0.0_wp)
       do k = 1, size(w)
          x = x + w(k)*self%maps(:, :, k)
       end do
@@ -335,15 +335,15 @@ contains
       real(wp), intent(in) :: c(6, 6)
       !> (n, n_columns).
       real(wp), intent(out), contiguous :: columns(:, :)
-      real(wp) :: independent(self%n_independent, self%n_columns), w(self%logarithms%n)
+      real(wp), allocatable :: independent(:, :)
       integer :: j
 
-      w = self%logarithms%to_logarithms(c)
+      allocate (independent(self%n_independent, self%n_columns))
       if (self%own%n_products > 0) then
          call transposed_product(self%own%n_products, size(independent), self%expanded(:, self%n_independent + 1:), &
-            & own_products(self, w), independent)
+            & own_products(self, self%logarithms%to_logarithms(c)), independent)
       else
-         call multiply(terms_of_grains(self, w), self%factor, independent)
+         call multiply(terms_of_grains(self, self%logarithms%to_logarithms(c)), self%factor, independent)
       end if
       independent = independent/spread_of(self%noise_growth, c)
       do j = 1, self%n_columns

@@ -1,4 +1,4 @@
-"""What a terminal shows: the answer whole and last, few warnings, what was meant, and shells that complete."""
+"""What a terminal shows: the answer whole and last, few warnings, and what was meant."""
 
 import json
 from types import SimpleNamespace

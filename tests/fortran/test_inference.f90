@@ -12,6 +12,7 @@ program test_inference
    use settings_schema, only: measurements_settings_type
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, checkpoint_type, new_sampler, run_settings_type, sample_chains
+   use small_matrices, only: factor_columns
    use testing, only: check, check_close, check_refused, check_success, class_of, finish, long_cases
    use text, only: to_text
    use linear_algebra, only: exp_all, transposed_product
@@ -22,6 +23,7 @@ program test_inference
       call test_wavy_density(21, 2000, 3000, 0.11_wp)
    else
       call test_kernels()
+      call test_factor_columns()
       call test_error_models()
       call test_mixture()
       call test_wavy_density(6, 1000, 10000, 0.05_wp)
@@ -49,6 +51,32 @@ contains
       call transposed_product(37, 6, a, x, z)
       call check('transposed_product', maxval(abs(z - matmul(transpose(a), x))) < 1.0e-11_wp)
    end subroutine test_kernels
+
+   !> The same covariance by no more columns than it has directions, whatever their order, and none where nothing matters.
+   subroutine test_factor_columns()
+      integer, parameter :: m = 12, n = 30, rank = 5
+      real(wp) :: u(m, n), directions(m, rank), shares(rank, n)
+      real(wp), allocatable :: f(:, :)
+      type(random_stream_type) :: stream
+      integer :: i, j
+
+      stream = new_random_stream(5, 1)
+      do j = 1, n
+         do i = 1, m
+            call stream%normal(u(i, j))
+         end do
+      end do
+      call factor_columns(u, f)
+      call check_close('a whole covariance', maxval(abs(matmul(f, transpose(f)) - matmul(u, transpose(u)))), 0.0_wp, 1.0e-7_wp)
+      directions = u(:, :rank)
+      shares = u(:rank, :)
+      u = matmul(directions, shares)
+      call factor_columns(u, f)
+      call check('one of few directions has as few columns', size(f, 2) == rank)
+      call check_close('and is the same', maxval(abs(matmul(f, transpose(f)) - matmul(u, transpose(u)))), 0.0_wp, 1.0e-7_wp)
+      call factor_columns(u*1.0e-6_wp, f)
+      call check('what does not matter beside the noise has none', size(f, 2) == 0)
+   end subroutine test_factor_columns
 
    !> Shared errors against the determinant and the inverse in closed form; scales; words.
    subroutine test_error_models()

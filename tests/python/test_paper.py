@@ -121,9 +121,14 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
     assert f"{1000 * expected[0, 0]:.10g}, {1000 * expected[0, 1]:.10g}," in (paper / "stiffness_calculix.inp").read_text()
     # What was known has its source, or a place for it.
     assert "state the source" not in text
-    known = "&knowledge quantity = 'bulk_modulus', 'C44', mean = 165, 120, sd = 3, 40, source = 'a work of 1974', '' /\n"
-    file.write_text(file.read_text() + known)
-    assert main(["extract", str(file), "--output", str(output)]) == 0
+    text, known = file.read_text(), "&knowledge quantity = 'bulk_modulus', 'C44', mean = 165, 120, sd = 3, 40"
+    checksums = []
+    for source in ("", ", source = 'a work of 1974', ''"):
+        file.write_text(f"{text}{known}{source} /\n")
+        assert main(["extract", str(file), "--output", str(output)]) == 0
+        checksums.append(json.loads((output / "summary.json").read_text())["inputs"])
+    # A source is no input of the posterior.
+    assert checksums[0] == checksums[1]
     assert main(["report", str(output), "--paper"]) == 0
     text = (paper / "methods.tex").read_text()
     assert "(a work of 1974)" in text and text.count("[state the source") == 1

@@ -22,17 +22,17 @@ def mesh(results: Results) -> Picture:
     faces, materials = arrays.x[np.concatenate([arrays.brick[:, face] for face in BRICK_FACES])], np.tile(arrays.material, 6)
     figure, (left, right) = panels(3.8, 1, 2)
     extent = 1.6 * max(radius, np.abs(arrays.x[arrays.contact][:, :2]).max())
-    for axes, normal, across, colours in ((left, 1, (0, 2), ["0.95", "0.75", "0.6", "0.5"]), (right, 2, (0, 1), ["none"] * 9)):
+    greys, titles = ["0.95", "0.75", "0.6", "0.5"], {left: "section below the indenter", right: "the surface under the indenter"}
+    for axes, normal, across, colours in ((left, 1, (0, 2), greys), (right, 2, (0, 1), ["none"] * len(greys))):
         within = np.all(np.abs(faces[:, :, normal]) < 1e-9, axis=1)
         axes.add_collection(mpl.collections.PolyCollection(faces[within][:, :, across], facecolors=[colours[m] for m in materials[within]],
                                                            edgecolors="#777777", linewidths=0.3))  # fmt: skip
-        axes.set(xlabel="x (µm)", ylabel=f"{'xyz'[across[1]]} (µm)", aspect="equal")
+        axes.set(xlabel="x (µm)", ylabel=f"{'xyz'[across[1]]} (µm)", aspect="equal", title=titles[axes])
         axes.grid(False)
     left.autoscale_view()
-    left.set_title("section below the indenter")
     right.plot(*arrays.x[arrays.contact][:, :2].T, ".", color=ORANGE, ms=2.5, label="may touch")
     right.add_patch(mpl.patches.Circle((0, 0), radius, fill=False, color=BLUE, label="contact at the last depth"))
-    right.set(xlim=(-extent, extent), ylim=(-extent, extent), title="the surface under the indenter")
+    right.set(xlim=(-extent, extent), ylim=(-extent, extent))
     legend_above(figure, columns=2, corner="lower right")
     text = f"The mesh of {indentation.bricks} bricks ({indentation.settings.specimen.geometry})"
     text += f"; {infinite} infinite elements outside stand for the rest of the half-space" * (infinite > 0)
