@@ -183,7 +183,9 @@ contains
       !> Points whose moduli are computed together.
       integer, parameter :: at_once = 64
       type(log_frame_type) :: frame
-      real(wp) :: c(6, 6, at_once), moduli(self%grains%n_independent, at_once), log_volume(at_once)
+      real(wp) :: c(6, 6, at_once), log_volume(at_once)
+      !> Of many grains they are large for the stack of a thread.
+      real(wp), allocatable :: moduli(:, :)
       integer :: in_support(at_once), n, i, k
 
       if (size(w, 2) > at_once) then
@@ -206,7 +208,8 @@ contains
          n = n + 1
       end do
       n = n - 1
-      if (.not. self%prior_only) call self%grains%evaluate_independent(c(:, :, :n), moduli(:, :n))
+      allocate (moduli(size(self%euler, 2), n))
+      if (.not. self%prior_only) call self%grains%evaluate_crystals(c(:, :, :n), moduli)
       do i = 1, n
          associate (point => w(:, in_support(i)))
             ! A factor on the sds is the same in both coordinates.
@@ -276,11 +279,11 @@ contains
    end subroutine to_working
 
    !> Logarithm of Eq. 13 and its extensions at a point, normalised over the measurements; 0 where the data are left out.
-   pure real(wp) function likelihood_of_crystal(self, x, c, independent) result(log_likelihood)
+   pure real(wp) function likelihood_of_crystal(self, x, c, moduli) result(log_likelihood)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:), c(6, 6)
       !> See `predict_measurements`.
-      real(wp), intent(in), optional, contiguous :: independent(:)
+      real(wp), intent(in), optional, contiguous :: moduli(:)
       real(wp) :: model(self%n_grains), scales(self%n_grains), slopes(self%n_grains), tilt_slopes(self%n_grains, 2)
       real(wp), dimension(size(self%euler, 2)) :: rows, rows_slopes
       real(wp), allocatable :: u(:, :), fewer(:, :), b(:), precision(:, :)
@@ -288,18 +291,18 @@ contains
       log_likelihood = 0.0_wp
       if (self%prior_only) return
       if (allocated(self%unknown)) then
-         call self%grains%evaluate_moduli(c, rows, rows_slopes, independent)
+         call self%grains%evaluate_moduli(c, rows, rows_slopes, moduli)
          log_likelihood = self%unknown%log_likelihood(rows)
          return
       end if
       if (self%n_shared == 0 .and. .not. has_own_variance(self)) then
-         call evaluate_grains(self, c, model, slopes, scales, tilt_slopes, independent)
+         call evaluate_grains(self, c, model, slopes, scales, tilt_slopes, moduli)
          call self%observable%to_measured(model(:self%n_moduli), slopes(:self%n_moduli))
          log_likelihood = self%errors%log_density((self%data%modulus - model)/self%scale, scale_factor(self, x)) - self%log_scales
          return
       end if
       allocate (u(self%n_grains, self%n_shared))
-      call self%predict_measurements(x, c, model, scales, u, independent)
+      call self%predict_measurements(x, c, model, scales, u, moduli)
       call factor_columns(u, fewer)
       allocate (b(size(fewer, 2)), precision(size(fewer, 2), size(fewer, 2)))
       call self%errors%integrate((self%data%modulus - model)/scales, fewer, b, precision, log_likelihood)
@@ -325,18 +328,18 @@ contains
    !> Of each measured grain the mean of what the grain model gives, its derivative with respect to y, and the variance that it does not
    !> share with others: the surrogate's, that of its orientation, and that of grains as such. Of unknown
    !> orientations mean and variance are those of all directions.
-   pure subroutine evaluate_grains(self, c, modulus, slope, own_variance, tilt_slopes, independent)
+   pure subroutine evaluate_grains(self, c, modulus, slope, own_variance, tilt_slopes, moduli)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
       !> GPa, (grain); GPa².
       real(wp), intent(out), contiguous :: modulus(:), slope(:), own_variance(:)
       !> Derivatives with respect to the tilts of the sample, GPa/rad, (grain, 2), where these are asked for.
       real(wp), intent(out) :: tilt_slopes(:, :)
-      real(wp), intent(in), optional, contiguous :: independent(:)
+      real(wp), intent(in), optional, contiguous :: moduli(:)
       real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), variance
       integer :: g
 
-      call self%grains%evaluate_moduli(c, rows, slopes, independent)
+      call self%grains%evaluate_moduli(c, rows, slopes, moduli)
       if (allocated(self%unknown)) then
          modulus = dot_product(self%unknown%probability, rows)
          slope = dot_product(self%unknown%probability, slopes)
@@ -359,20 +362,20 @@ contains
 
    !> At a point the mean of what is measured, `model`, scales of the errors that grains do not share, and over them the columns of U: the
    !> surrogate's shared errors, the calibration's of each group, the tilts of the sample.
-   pure subroutine predict_measurements(self, x, c, model, scales, u, independent)
+   pure subroutine predict_measurements(self, x, c, model, scales, u, moduli)
       class(posterior_type), intent(in) :: self
       !> (dimension), and the stiffness there, GPa.
       real(wp), intent(in) :: x(:), c(6, 6)
       !> In the unit of the observable, (grain); (grain, shared error).
       real(wp), intent(out), contiguous :: model(:), scales(:), u(:, :)
-      !> The independent moduli of the grain model, if they are known.
-      real(wp), intent(in), optional, contiguous :: independent(:)
+      !> The moduli of the grain model, if they are known.
+      real(wp), intent(in), optional, contiguous :: moduli(:)
       real(wp), dimension(self%n_grains) :: slope, own_variance, map_slope
       real(wp) :: tilt_slopes(self%n_grains, 2)
       real(wp), allocatable :: columns(:, :)
       integer :: g, n
 
-      call evaluate_grains(self, c, model, slope, own_variance, tilt_slopes, independent)
+      call evaluate_grains(self, c, model, slope, own_variance, tilt_slopes, moduli)
       map_slope = 1.0_wp
       call self%observable%to_measured(model(:self%n_moduli), map_slope(:self%n_moduli))
       scales = scale_factor(self, x)*self%scale
@@ -412,7 +415,7 @@ contains
    end subroutine infer_shared
 
    !> What the surrogate gives other grains, for `draw_moduli` and predictions of measurements.
-   subroutine new_grains(self, euler, paths, grains, error)
+   subroutine new_grains(self, euler, paths, grains, error, everything)
       class(posterior_type), intent(in) :: self
       !> Bunge-Euler angles (radians), (3, n).
       real(wp), intent(in) :: euler(:, :)
@@ -420,8 +423,12 @@ contains
       type(path_type), intent(in) :: paths(:)
       class(grain_model_type), allocatable, intent(out) :: grains
       type(error_type), allocatable, intent(out) :: error
+      !> Compute everything in full: no crystal's theory is read, and no grain from others.
+      logical, intent(in), optional :: everything
 
       allocate (grains, source=self%grains)
+      ! No anisotropy is below.
+      if (present(everything)) call grains%read_up_to(-1.0_wp)
       select type (grains)
       type is (wave_grains_type)
          grains%paths = paths

@@ -204,7 +204,6 @@ contains
       type(mixture_type) :: fitted
       real(wp), allocatable :: points(:, :), weights(:), log_weights(:), beyond(:, :), u(:, :), w(:, :), log_density(:)
       integer :: i, round, archived, inside, out, few, draws
-      logical :: last
 
       draws = min(most_draws, max(least_draws, samples/3))
       archived = size(archive, 2)
@@ -218,7 +217,6 @@ contains
       quality = 0.0_wp
       do round = 1, most_rounds
          if (stop_requested()) return
-         last = round == most_rounds .or. (round >= least_rounds .and. quality > 0.5_wp)
          call widen_mixture(fitted, mixture)
          inside = 0
          out = 0
@@ -240,7 +238,8 @@ contains
          if (inside == 0) return
          log_weights(:inside) = exp(log_weights(:inside) - maxval(log_weights(:inside)))
          quality = sum(log_weights(:inside))**2/sum(log_weights(:inside)**2)/inside
-         if (last) exit
+         ! Not before the mixture that is kept has shown that it is good: its draws may have found a tail.
+         if (round == most_rounds .or. (round >= least_rounds .and. quality > 0.5_wp)) exit
          if (round >= least_rounds .and. quality*inside/(inside + out) < hopeless) then
             quality = 0.0_wp
             return

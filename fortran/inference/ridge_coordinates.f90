@@ -9,10 +9,11 @@ module ridge_coordinates
    private
    public :: whitening_type, fit_whitening
 
-   !> Of a polynomial, by its richness: how many of the longest axes have products of two, of three, of four. All have linear terms.
-   integer, parameter :: richest = 5
-   integer, parameter :: axes_with(2:4, 0:richest) = reshape([0, 0, 0, 3, 0, 0, 5, 3, 0, 8, 4, 3, 20, 6, 3, 20, 8, 4], &
-      & [3, richest + 1])
+   !> Of a polynomial, by its richness: how many of the longest axes have products of two, of three and so on. All have linear terms.
+   integer, parameter :: richest = 6, most_factors = 8
+   integer, parameter :: axes_with(2:most_factors, 0:richest) = reshape([0, 0, 0, 0, 0, 0, 0, 3, 0, 0, 0, 0, 0, 0, &
+      & 5, 3, 0, 0, 0, 0, 0, 8, 4, 3, 1, 0, 0, 0, 20, 6, 3, 1, 1, 0, 0, 20, 8, 4, 2, 1, 1, 1, 20, 8, 4, 2, 2, 2, 1], &
+      & [most_factors - 1, richest + 1])
    !> Points for each term.
    integer, parameter :: points_a_term = 10
 
@@ -25,7 +26,7 @@ module ridge_coordinates
       integer, allocatable :: parent(:), axis(:), n_features(:)
       !> Coefficients of the features of z(1) .. z(j-1), for coordinate j.
       real(wp), allocatable :: bend(:, :)
-      !> Range of each z in which the polynomial was fitted; beyond it goes on as at the end.
+      !> Range of each z in which the polynomial was fitted; beyond it goes on along its tangent.
       real(wp), allocatable :: least(:), greatest(:)
    contains
       procedure :: to_white, from_white
@@ -49,7 +50,7 @@ contains
          whitening%parent = [whitening%parent, 1]
          whitening%axis = [whitening%axis, i]
          first = size(whitening%axis)
-         do power = 2, 4
+         do power = 2, most_factors
             if (i > axes_with(power, richness)) exit
             last = size(whitening%axis)
             do k = first, last
@@ -63,15 +64,21 @@ contains
    end subroutine list_features
 
    !> The features of coordinates from the number `first` on, those before it being there.
-   pure subroutine evaluate_features(self, z, first, f)
+   pure subroutine evaluate_features(self, z, first, f, tangent)
       type(whitening_type), intent(in) :: self
       real(wp), intent(in), contiguous :: z(:)
       integer, intent(in) :: first
-      real(wp), intent(inout) :: f(:)
-      integer :: k
+      !> Features at the nearest point of the range, and what the tangent there adds to them.
+      real(wp), intent(inout) :: f(:), tangent(:)
+      real(wp) :: within(size(z))
+      integer :: k, parent, axis
 
+      within = min(max(z, self%least(:size(z))), self%greatest(:size(z)))
       do k = first, self%n_features(size(z))
-         f(k) = f(self%parent(k))*z(self%axis(k))
+         parent = self%parent(k)
+         axis = self%axis(k)
+         f(k) = f(parent)*within(axis)
+         tangent(k) = tangent(parent)*within(axis) + f(parent)*(z(axis) - within(axis))
       end do
    end subroutine evaluate_features
 
@@ -83,7 +90,7 @@ contains
       integer, intent(in) :: distinct
       type(whitening_type), intent(out) :: whitening
       type(error_type), allocatable :: error
-      real(wp), allocatable :: z(:, :), f(:, :), gram(:, :), rhs(:)
+      real(wp), allocatable :: z(:, :), f(:, :), gram(:, :), rhs(:), tangent(:)
       real(wp) :: axes(size(points, 1), size(points, 1)), values(size(points, 1))
       integer :: n, many, i, j, m, richness
 
@@ -114,8 +121,9 @@ contains
       whitening%least = minval(z, 2)
       whitening%greatest = maxval(z, 2)
       allocate (f(m, many), source=1.0_wp)
+      allocate (tangent(m), source=0.0_wp)
       do i = 1, many
-         call evaluate_features(whitening, z(:n - 1, i), 2, f(:, i))
+         call evaluate_features(whitening, z(:n - 1, i), 2, f(:, i), tangent)
       end do
       allocate (gram(m, m), source=0.0_wp)
       call add_gram(f, 1.0_wp, gram, transposed=.false.)
@@ -142,15 +150,16 @@ contains
       !> (dimension).
       real(wp), intent(in), contiguous :: w(:)
       real(wp), intent(out), contiguous :: u(:)
-      real(wp) :: z(self%n), f(size(self%bend, 1))
+      real(wp) :: z(self%n), f(size(self%bend, 1)), tangent(size(f))
       integer :: j, m
 
       z = matmul(self%forward, w - self%centre)
       f(1) = 1.0_wp
-      call evaluate_features(self, min(max(z(:self%n - 1), self%least(:self%n - 1)), self%greatest(:self%n - 1)), 2, f)
+      tangent(1) = 0.0_wp
+      call evaluate_features(self, z(:self%n - 1), 2, f, tangent)
       do j = 1, self%n
          m = self%n_features(j - 1)
-         u(j) = (z(j) - sum(self%bend(:m, j)*f(:m)))/self%width(j)
+         u(j) = (z(j) - sum(self%bend(:m, j)*(f(:m) + tangent(:m))))/self%width(j)
       end do
    end subroutine to_white
 
@@ -160,20 +169,20 @@ contains
       !> (dimension).
       real(wp), intent(in), contiguous :: u(:)
       real(wp), intent(out), contiguous :: w(:)
-      real(wp) :: z(self%n), within(self%n), f(size(self%bend, 1)), bent
+      real(wp) :: z(self%n), f(size(self%bend, 1)), tangent(size(f)), bent
       integer :: j, k, m
 
       f(1) = 1.0_wp
+      tangent(1) = 0.0_wp
       do j = 1, self%n
          m = self%n_features(j - 1)
          bent = 0.0_wp
          !$omp simd reduction(+:bent)
          do k = 1, m
-            bent = bent + self%bend(k, j)*f(k)
+            bent = bent + self%bend(k, j)*(f(k) + tangent(k))
          end do
          z(j) = u(j)*self%width(j) + bent
-         within(j) = min(max(z(j), self%least(j)), self%greatest(j))
-         if (j < self%n) call evaluate_features(self, within(:j), m + 1, f)
+         if (j < self%n) call evaluate_features(self, z(:j), m + 1, f, tangent)
       end do
       w = self%centre + matmul(self%backward, z)
    end subroutine from_white

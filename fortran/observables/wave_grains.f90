@@ -19,7 +19,7 @@ module wave_grains
       integer, allocatable, private :: of_moduli(:), of_waves(:)
       type(surface_type), private :: surface
    contains
-      procedure :: set_grains, evaluate_independent, evaluate_columns, expand, read_up_to
+      procedure :: set_grains, evaluate_crystals, evaluate_columns, read_up_to
    end type wave_grains_type
 
 contains
@@ -57,43 +57,28 @@ contains
       call self%moduli%set_grains(euler(:, self%of_moduli), error)
       call new_surface(euler(:, self%of_waves), paths(self%of_waves), self%surface)
       self%n_columns = self%moduli%n_columns
-      self%n_independent = self%moduli%n_independent + size(self%of_waves)
       self%has_theory = self%moduli%has_theory
       self%noise_growth = self%moduli%noise_growth
       self%field_cost = self%moduli%field_cost
       self%full_cost = self%moduli%full_cost
    end subroutine set_grains
 
-   !> Moduli, then speeds, m/s.
-   pure subroutine evaluate_independent(self, c, modulus)
+   !> Moduli, GPa, and speeds, m/s.
+   pure subroutine evaluate_crystals(self, c, modulus)
       class(wave_grains_type), intent(in) :: self
       real(wp), intent(in), contiguous :: c(:, :, :)
       real(wp), intent(out), contiguous :: modulus(:, :)
-      real(wp) :: moduli(self%moduli%n_independent, size(c, 3))
+      real(wp) :: moduli(size(self%of_moduli), size(c, 3))
       type(wave_type) :: waves(self%surface%n)
-      integer :: n, i
+      integer :: i
 
-      n = size(moduli, 1)
-      call self%moduli%evaluate_independent(c, moduli)
-      modulus(:n, :) = moduli
+      call self%moduli%evaluate_crystals(c, moduli)
+      modulus(self%of_moduli, :) = moduli
       do i = 1, size(c, 3)
          call surface_waves(self%surface, c(:, :, i:i), waves)
-         modulus(n + 1:, i) = wave_speed(waves%modulus, self%density)
+         modulus(self%of_waves, i) = wave_speed(waves%modulus, self%density)
       end do
-   end subroutine evaluate_independent
-
-   pure subroutine expand(self, independent, modulus)
-      class(wave_grains_type), intent(in) :: self
-      real(wp), intent(in), contiguous :: independent(:)
-      real(wp), intent(out), contiguous :: modulus(:)
-      real(wp) :: moduli(size(self%of_moduli))
-      integer :: n
-
-      n = self%moduli%n_independent
-      call self%moduli%expand(independent(:n), moduli)
-      modulus(self%of_moduli) = moduli
-      modulus(self%of_waves) = independent(n + 1:self%n_independent)
-   end subroutine expand
+   end subroutine evaluate_crystals
 
    !> Speeds are none of the surrogate's.
    pure subroutine evaluate_columns(self, c, columns)

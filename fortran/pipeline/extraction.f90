@@ -160,8 +160,8 @@ contains
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      integer, parameter :: checked_draws = 1000, most_attempts = 3
-      real(wp), allocatable :: some(:, :)
+      integer, parameter :: checked_draws = 1000, most_attempts = 6
+      real(wp), allocatable :: some(:, :), found(:, :)
       integer :: attempt
 
       if (.not. self%posterior%grains%has_theory) then
@@ -175,10 +175,12 @@ contains
          call choose_field_degree(self%posterior, some, error)
          if (.not. allocated(error)) call sample_posterior(problem, self%posterior, self%chains, error)
          if (allocated(error)) return
-         some = flattened(thinned(self%chains%draws, checked_draws))
-         call find_field_error(self%posterior, some, self%field_error, error)
+         found = flattened(thinned(self%chains%draws, checked_draws))
+         call find_field_error(self%posterior, found, self%field_error, error)
          if (allocated(error)) return
          if (self%field_error < allowed_error) exit
+         ! Where theory was read too roughly chains go astray; the next ones may not go back to where they were.
+         some = reshape([some, found], [size(some, 1), size(some, 2) + size(found, 2)])
       end do
       self%field_degree = self%posterior%grains%field_degree
    end subroutine sample_exactly

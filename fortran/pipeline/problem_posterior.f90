@@ -382,6 +382,9 @@ contains
             errors = field_errors(posterior, draws, exact)
             if (any(errors > reserve*allowed_error)) then
                call grains%read_up_to(0.98_wp*minval(anisotropy, mask=errors > reserve*allowed_error))
+               ! Of many grains an expansion over directions is left.
+               errors = field_errors(posterior, draws, exact)
+               if (any(errors > reserve*allowed_error) .and. i < size(degrees)) cycle
             end if
             cost = grains%field_cost + grains%full_cost*count(anisotropy > grains%full_above)/size(anisotropy)
          end associate
@@ -462,11 +465,9 @@ contains
       associate (checked => checked_grains(size(posterior%data%euler, 2)))
          allocate (exact(size(checked), size(draws, 2)))
          call posterior%new_grains(posterior%euler(:, checked), posterior%data%paths(min(checked, posterior%n_grains)), in_full, &
-            & error)
+            & error, everything=.true.)
       end associate
       if (allocated(error)) return
-      ! No anisotropy is below.
-      call in_full%read_up_to(-1.0_wp)
       do i = 1, size(draws, 2)
          call observe(posterior, in_full, draws(:, i), exact(:, i))
       end do

@@ -47,8 +47,6 @@ module abstract_basis
    type, abstract :: grain_model_type
       !> Of the factor of the covariance of y.
       integer :: n_columns = 0
-      !> How many moduli are computed: one a grain, or fewer from which those of all grains follow.
-      integer :: n_independent = 0
       !> Degree of the surface harmonics with which the theory is read, where the model has theory in it: even. Set it before the grains.
       integer :: field_degree = 12
       logical :: has_theory = .false.
@@ -60,9 +58,9 @@ module abstract_basis
       real(wp) :: field_cost = 0.0_wp, full_cost = 0.0_wp
    contains
       procedure(set_grains_interface), deferred :: set_grains
-      procedure(evaluate_independent_interface), deferred :: evaluate_independent
+      procedure(evaluate_crystals_interface), deferred :: evaluate_crystals
       procedure(evaluate_columns_interface), deferred :: evaluate_columns
-      procedure :: evaluate_moduli, expand, read_up_to
+      procedure :: evaluate_moduli, read_up_to
    end type grain_model_type
 
    abstract interface
@@ -111,15 +109,15 @@ module abstract_basis
          type(error_type), allocatable, intent(out) :: error
       end subroutine set_grains_interface
 
-      !> The moduli that are computed, of some crystals.
-      pure subroutine evaluate_independent_interface(self, c, modulus)
+      !> The moduli of the grains for some crystals.
+      pure subroutine evaluate_crystals_interface(self, c, modulus)
          import :: grain_model_type, wp
          class(grain_model_type), intent(in) :: self
          !> Stiffness in crystal axes of stable crystals, GPa, (6, 6, crystal).
          real(wp), intent(in), contiguous :: c(:, :, :)
-         !> GPa, (n_independent, crystal).
+         !> GPa, (n, crystal).
          real(wp), intent(out), contiguous :: modulus(:, :)
-      end subroutine evaluate_independent_interface
+      end subroutine evaluate_crystals_interface
 
       !> U with U Uᵀ the covariance of y between the grains, 1/beta not included. Rows of grains that were set at different times
       !> belong together: the same coefficients predict them all.
@@ -167,30 +165,20 @@ contains
       real(wp), intent(in) :: c(6, 6)
       !> GPa, (n).
       real(wp), intent(out), contiguous :: modulus(:), slope(:)
-      !> The moduli that would be computed, GPa, (n_independent), where they are known.
+      !> The moduli, where they are known.
       real(wp), intent(in), optional, contiguous :: known(:)
-      real(wp) :: independent(self%n_independent, 1)
+      real(wp), allocatable :: moduli(:, :)
 
       if (present(known)) then
-         call self%expand(known, modulus)
+         modulus = known
       else
-         call self%evaluate_independent(reshape(c, [6, 6, 1]), independent)
-         call self%expand(independent(:, 1), modulus)
+         allocate (moduli(size(modulus), 1))
+         call self%evaluate_crystals(reshape(c, [6, 6, 1]), moduli)
+         modulus = moduli(:, 1)
       end if
       ! With theory in it y is a logarithm.
       slope = merge(modulus, 1.0_wp, self%has_theory)*spread_of(self%noise_growth, c)
    end subroutine evaluate_moduli
-
-   !> The moduli of the grains from those that are computed: the same.
-   pure subroutine expand(self, independent, modulus)
-      class(grain_model_type), intent(in) :: self
-      !> GPa, (n_independent).
-      real(wp), intent(in), contiguous :: independent(:)
-      !> GPa, (n).
-      real(wp), intent(out), contiguous :: modulus(:)
-
-      modulus = independent(:self%n_independent)
-   end subroutine expand
 
    !> Let crystals of a larger log-anisotropy have theory in full.
    subroutine read_up_to(self, anisotropy)

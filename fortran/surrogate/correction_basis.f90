@@ -47,7 +47,8 @@ module correction_basis
       !> Of the grains, or of the directions of their expansion if that pays.
       type(field_type) :: field
       type(modulus_expansion_type) :: expansion
-      !> Bunge-Euler angles of the moduli that are computed, (3, n_independent), radians.
+      !> How many moduli are computed, and their Bunge-Euler angles, (3, n_independent), radians.
+      integer :: n_independent = 0
       real(wp), allocatable :: euler(:, :)
       type(axial_polynomials_type) :: polynomials
       type(log_coordinates_type) :: logarithms
@@ -60,7 +61,7 @@ module correction_basis
       type(legendre_products_type) :: own
       real(wp), allocatable :: expanded(:, :)
    contains
-      procedure :: set_grains, evaluate_independent, evaluate_columns, expand
+      procedure :: set_grains, evaluate_crystals, evaluate_columns
    end type correction_grain_model_type
 
 contains
@@ -205,7 +206,8 @@ contains
       real(wp) :: x(n_coordinates)
       integer :: i, k
 
-      call new_modulus_expansion(self%class, self%field_degree, euler, self%expansion, error)
+      self%expansion%pays = .false.
+      if (self%full_above >= 0.0_wp) call new_modulus_expansion(self%class, self%field_degree, euler, self%expansion, error)
       if (allocated(error)) return
       self%euler = euler
       if (self%expansion%pays) self%euler = self%expansion%euler
@@ -287,9 +289,26 @@ contains
       call evaluate_polynomials(self%polynomials, x, terms)
    end function terms_of_grains
 
+   pure subroutine evaluate_crystals(self, c, modulus)
+      class(correction_grain_model_type), intent(in) :: self
+      real(wp), intent(in), contiguous :: c(:, :, :)
+      real(wp), intent(out), contiguous :: modulus(:, :)
+      real(wp), allocatable :: of_directions(:, :)
+
+      if (.not. self%expansion%pays) then
+         call evaluate_independent(self, c, modulus)
+         return
+      end if
+      allocate (of_directions(self%n_independent, size(c, 3)))
+      call evaluate_independent(self, c, of_directions)
+      call self%expansion%expand(of_directions, modulus)
+   end subroutine evaluate_crystals
+
+   !> The moduli that are computed.
    pure subroutine evaluate_independent(self, c, modulus)
       class(correction_grain_model_type), intent(in) :: self
       real(wp), intent(in), contiguous :: c(:, :, :)
+      !> GPa, (n_independent, crystal).
       real(wp), intent(out), contiguous :: modulus(:, :)
       type(halfspace_type) :: theory
       type(error_type), allocatable :: error
@@ -318,25 +337,12 @@ contains
       end do
    end subroutine evaluate_independent
 
-   pure subroutine expand(self, independent, modulus)
-      class(correction_grain_model_type), intent(in) :: self
-      real(wp), intent(in), contiguous :: independent(:)
-      real(wp), intent(out), contiguous :: modulus(:)
-
-      if (self%expansion%pays) then
-         call self%expansion%expand(independent, modulus)
-      else
-         modulus = independent
-      end if
-   end subroutine expand
-
    pure subroutine evaluate_columns(self, c, columns)
       class(correction_grain_model_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
       !> (n, n_columns).
       real(wp), intent(out), contiguous :: columns(:, :)
       real(wp), allocatable :: independent(:, :)
-      integer :: j
 
       allocate (independent(self%n_independent, self%n_columns))
       if (self%own%n_products > 0) then
@@ -346,9 +352,11 @@ contains
          call multiply(terms_of_grains(self, self%logarithms%to_logarithms(c)), self%factor, independent)
       end if
       independent = independent/spread_of(self%noise_growth, c)
-      do j = 1, self%n_columns
-         call self%expand(independent(:, j), columns(:, j))
-      end do
+      if (self%expansion%pays) then
+         call self%expansion%expand(independent, columns)
+      else
+         columns = independent
+      end if
    end subroutine evaluate_columns
 
 end module correction_basis

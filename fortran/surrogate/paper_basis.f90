@@ -49,7 +49,7 @@ module paper_basis
       type(legendre_products_type) :: polynomials, squares
       real(wp), allocatable :: covariance(:, :)
    contains
-      procedure :: set_grains, evaluate_independent, evaluate_columns
+      procedure :: set_grains, evaluate_crystals, evaluate_columns
    end type paper_grain_model_type
 
 contains
@@ -154,14 +154,13 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer :: i
 
-      self%n_independent = size(euler, 2)
       self%k = reshape([real(wp) ::], [size(euler, 2), self%harmonics%n], [0.0_wp])
       do i = 1, size(euler, 2)
          call evaluate_harmonics(self%harmonics, direction_of(euler(:, i)), self%k(i, :))
       end do
    end subroutine set_grains
 
-   pure subroutine evaluate_independent(self, c, modulus)
+   pure subroutine evaluate_crystals(self, c, modulus)
       class(paper_grain_model_type), intent(in) :: self
       real(wp), intent(in), contiguous :: c(:, :, :)
       real(wp), intent(out), contiguous :: modulus(:, :)
@@ -173,7 +172,7 @@ contains
          call transposed_product(size(p), size(y, 1), self%coefficients, p, y(:, i))
       end do
       call multiply(self%k, y, modulus)
-   end subroutine evaluate_independent
+   end subroutine evaluate_crystals
 
    pure subroutine evaluate_columns(self, c, columns)
       class(paper_grain_model_type), intent(in) :: self

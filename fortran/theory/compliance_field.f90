@@ -45,7 +45,7 @@ module compliance_field
    end type field_type
 
    !> Fewer grains are computed each.
-   integer, parameter :: many_grains = 500
+   integer, parameter :: many_grains = 60
    !> By how much the degree is above that of the compliance, and directions for each harmonic.
    integer, parameter :: finer = 8
    real(wp), parameter :: directions_per_harmonic = 2.0_wp
@@ -344,15 +344,17 @@ contains
       expansion%cost = 0.0007_wp*size(expansion%reading)
    end subroutine new_modulus_expansion
 
-   !> Moduli of the grains from those of the directions, GPa.
-   pure subroutine expand(self, of_directions, moduli)
+   !> What grains have from what directions have, of some crystals or columns.
+   pure subroutine expand(self, of_directions, of_grains)
       class(modulus_expansion_type), intent(in) :: self
-      !> (direction).
-      real(wp), intent(in) :: of_directions(:)
-      !> (grain).
-      real(wp), intent(out), contiguous :: moduli(:)
+      !> (direction, n).
+      real(wp), intent(in), contiguous :: of_directions(:, :)
+      !> (grain, n).
+      real(wp), intent(out), contiguous :: of_grains(:, :)
+      real(wp) :: coefficients(size(self%fit, 1), size(of_directions, 2))
 
-      moduli = matmul(self%reading, matmul(self%fit, of_directions))
+      call multiply(self%fit, of_directions, coefficients)
+      call multiply(self%reading, coefficients, of_grains)
    end subroutine expand
 
 end module compliance_field
