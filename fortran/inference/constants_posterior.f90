@@ -284,7 +284,7 @@ contains
       real(wp), intent(in) :: x(:), c(6, 6)
       !> See `predict_measurements`.
       real(wp), intent(in), optional, contiguous :: moduli(:)
-      real(wp) :: model(self%n_grains), scales(self%n_grains), slopes(self%n_grains), tilt_slopes(self%n_grains, 2)
+      real(wp), dimension(self%n_grains) :: model, scales, slopes
       real(wp), dimension(size(self%euler, 2)) :: rows, rows_slopes
       real(wp), allocatable :: u(:, :), fewer(:, :), b(:), precision(:, :)
 
@@ -296,7 +296,7 @@ contains
          return
       end if
       if (self%n_shared == 0 .and. .not. has_own_variance(self)) then
-         call evaluate_grains(self, c, model, slopes, scales, tilt_slopes, moduli)
+         call self%grains%evaluate_moduli(c, model, slopes, moduli)
          call self%observable%to_measured(model(:self%n_moduli), slopes(:self%n_moduli))
          log_likelihood = self%errors%log_density((self%data%modulus - model)/self%scale, scale_factor(self, x)) - self%log_scales
          return

@@ -40,7 +40,7 @@ contains
       class(target_type), pointer :: other, used
       real(wp), allocatable :: points(:, :), density(:)
       real(wp) :: last_temperatures(5), warm, inverse, next
-      integer :: m, distinct, round, i
+      integer :: m, cooling, distinct, round, i
       integer(i8) :: generations
 
       ! Warm enough that a mixture fitted to the last round covers tails as long as those of the default prior, which a chain may enter
@@ -51,7 +51,8 @@ contains
       if (target%dimension >= many_dimensions) last_temperatures = warm
       step_scale = 1.0_wp
       m = 40*target%dimension
-      call draw_population(target, 16*m, stream, points, density)
+      cooling = merge(m, 4*m, target%dimension >= many_dimensions)
+      call draw_population(target, 4*cooling, stream, points, density)
       started = size(density) > 0
       if (.not. started) return
       m = min(m, size(density))
@@ -65,9 +66,9 @@ contains
          if (round < most_cooling) next = min(next, next_inverse(density, inverse))
          call resample(stream, (next - inverse)*density, points, density, distinct)
          inverse = next
-         call look_again(target, other, 1.0_wp/inverse, distinct, stream, points, density, whitening, used)
+         call look_again(target, other, 1.0_wp/inverse, min(distinct, 4*m), stream, points, density, whitening, used)
          generations = evaluations/(m*rounds)
-         call step_population(used, 1.0_wp/inverse, 4*m, generations/shorter, stream, whitening, step_scale, points, &
+         call step_population(used, 1.0_wp/inverse, cooling, generations/shorter, stream, whitening, step_scale, points, &
             & density, distinct)
          if (inverse >= 1.0_wp/last_temperatures(1) .or. stop_requested()) exit
       end do
@@ -75,7 +76,7 @@ contains
          if (stop_requested()) return
          ! Those that cool were half of the evaluations.
          call advance_progress(evaluations/(target%dimension*merge(2, rounds, round == 1)))
-         call look_again(target, other, last_temperatures(round), distinct, stream, points, density, whitening, used)
+         call look_again(target, other, last_temperatures(round), min(distinct, 4*m), stream, points, density, whitening, used)
          ! The way into a long tail is long.
          generations = evaluations/(m*rounds)*merge(tail_effort/count(last_temperatures > 1.0_wp), 1, &
             & last_temperatures(round) > 1.0_wp)
@@ -83,7 +84,7 @@ contains
             & distinct)
       end do
       ! Its polynomials hold as far as the points go.
-      call fit_whitening(points, min(distinct, size(density)), whitening)
+      if (target%dimension < many_dimensions) call fit_whitening(points, min(distinct, 4*m), whitening)
       archive = points
       do i = 1, size(points, 2)
          call whitening%to_white(points(:, i), archive(:, i))

@@ -14,6 +14,8 @@ module ridge_coordinates
    integer, parameter :: axes_with(2:most_factors, 0:richest) = reshape([0, 0, 0, 0, 0, 0, 0, 3, 0, 0, 0, 0, 0, 0, &
       & 5, 3, 0, 0, 0, 0, 0, 8, 4, 3, 1, 0, 0, 0, 20, 6, 3, 1, 1, 0, 0, 20, 8, 4, 2, 1, 1, 1, 20, 8, 4, 2, 2, 2, 1], &
       & [most_factors - 1, richest + 1])
+   !> From so many axes on, the last one not counted, products of more than four and the tangents beyond the points would be noise.
+   integer, parameter :: many_axes = 5
    !> Points for each term.
    integer, parameter :: points_a_term = 10
 
@@ -26,7 +28,7 @@ module ridge_coordinates
       integer, allocatable :: parent(:), axis(:), n_features(:)
       !> Coefficients of the features of z(1) .. z(j-1), for coordinate j.
       real(wp), allocatable :: bend(:, :)
-      !> Range of each z in which the polynomial was fitted; beyond it goes on along its tangent.
+      !> Range of each z in which the polynomial was fitted; beyond it goes on along its tangent for a while, then as it is there.
       real(wp), allocatable :: least(:), greatest(:)
    contains
       procedure :: to_white, from_white
@@ -51,7 +53,7 @@ contains
          whitening%axis = [whitening%axis, i]
          first = size(whitening%axis)
          do power = 2, most_factors
-            if (i > axes_with(power, richness)) exit
+            if (i > axes_with(power, richness) .or. (power > 4 .and. m >= many_axes)) exit
             last = size(whitening%axis)
             do k = first, last
                whitening%parent = [whitening%parent, spread(k, 1, whitening%axis(k))]
@@ -70,15 +72,15 @@ contains
       integer, intent(in) :: first
       !> Features at the nearest point of the range, and what the tangent there adds to them.
       real(wp), intent(inout) :: f(:), tangent(:)
-      real(wp) :: within(size(z))
-      integer :: k, parent, axis
+      real(wp), dimension(size(z)) :: within, further
+      integer :: k
 
       within = min(max(z, self%least(:size(z))), self%greatest(:size(z)))
+      further = merge(0.12_wp, 0.0_wp, self%n <= many_axes)*(self%greatest(:size(z)) - self%least(:size(z)))
+      further = min(max(z - within, -further), further)
       do k = first, self%n_features(size(z))
-         parent = self%parent(k)
-         axis = self%axis(k)
-         f(k) = f(parent)*within(axis)
-         tangent(k) = tangent(parent)*within(axis) + f(parent)*(z(axis) - within(axis))
+         f(k) = f(self%parent(k))*within(self%axis(k))
+         tangent(k) = tangent(self%parent(k))*within(self%axis(k)) + f(self%parent(k))*further(self%axis(k))
       end do
    end subroutine evaluate_features
 

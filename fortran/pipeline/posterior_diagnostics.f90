@@ -40,10 +40,6 @@ contains
 
       call check_table(problem, found, warnings, blamed)
       call check_limits(found, .true., warnings)
-      ! Theory that was read too roughly, after all attempts.
-      if (found%field_error > allowed_error) call warn(warnings, 'the expansion of the theory errs by ' &
-         & //fixed(100.0_wp*found%field_error, 0)//' % of the sd of a grain at one of the draws; the aim is ' &
-         & //fixed(100.0_wp*allowed_error, 0)//' %')
       if (problem%measurements%omitted > 0) call warn(warnings, to_text(problem%measurements%omitted)//' of ' &
          & //to_text(problem%velocities%n)//' velocities are left out: at crystals of the posterior their wave is within 3 % of ' &
          & //'the slowest bulk wave, or hardly moves along the normal. What is measured there is the pseudo-surface wave. ' &
@@ -68,6 +64,10 @@ contains
       call check_limits(found, .false., reasons)
       call check_mixing(found, unmixed, 1, reasons)
       if (size(reasons) > 0) return
+      ! After all attempts.
+      if (found%field_error > allowed_error) call warn(reasons, 'theory was read too roughly: it errs by ' &
+         & //fixed(100.0_wp*found%field_error, 0)//' % of the sd of a grain, or in all grains as badly (allowed up to ' &
+         & //fixed(100.0_wp*allowed_error, 0)//' %). Combine grains of like orientation, or state bounds in &prior')
       associate (knowledge => found%posterior%prior%knowledge, conflict => found%conflict%of_quantity)
          do j = 1, size(conflict)
             if (conflict(j) > furthest) call warn(reasons, known_text(knowledge, j)//' is '//fixed(conflict(j), 0) &
@@ -135,7 +135,7 @@ contains
             i = max(1, maxloc(worst%r_hat, dim=1))
             call warn(warnings, trim(found%names(i))//': the chains have not mixed, R-hat is '//fixed(worst(i)%r_hat, 3) &
                & //' (allowed up to '//to_text(greatest)//'). Increase samples and burn_in, or state what else is known in ' &
-               & //'&knowledge; method = ''ensemble'' mixes best')
+               & //'&knowledge; the default method, ''ensemble'', mixes best')
          else if (any(.not. effective >= least_size*sizes)) then
             i = max(1, minloc(effective, dim=1))
             call warn(warnings, trim(found%names(i))//': only '//fixed(effective(i), 0)//' effective samples (' &

@@ -295,10 +295,6 @@ contains
       real(wp), intent(out), contiguous :: modulus(:, :)
       real(wp), allocatable :: of_directions(:, :)
 
-      if (.not. self%expansion%pays) then
-         call evaluate_independent(self, c, modulus)
-         return
-      end if
       allocate (of_directions(self%n_independent, size(c, 3)))
       call evaluate_independent(self, c, of_directions)
       call self%expansion%expand(of_directions, modulus)
@@ -352,11 +348,7 @@ contains
          call multiply(terms_of_grains(self, self%logarithms%to_logarithms(c)), self%factor, independent)
       end if
       independent = independent/spread_of(self%noise_growth, c)
-      if (self%expansion%pays) then
-         call self%expansion%expand(independent, columns)
-      else
-         columns = independent
-      end if
+      call self%expansion%expand(independent, columns)
    end subroutine evaluate_columns
 
 end module correction_basis

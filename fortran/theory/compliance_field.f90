@@ -344,15 +344,20 @@ contains
       expansion%cost = 0.0007_wp*size(expansion%reading)
    end subroutine new_modulus_expansion
 
-   !> What grains have from what directions have, of some crystals or columns.
+   !> What grains have from what directions have, of some crystals or columns: the same where it does not pay.
    pure subroutine expand(self, of_directions, of_grains)
       class(modulus_expansion_type), intent(in) :: self
       !> (direction, n).
       real(wp), intent(in), contiguous :: of_directions(:, :)
       !> (grain, n).
       real(wp), intent(out), contiguous :: of_grains(:, :)
-      real(wp) :: coefficients(size(self%fit, 1), size(of_directions, 2))
+      real(wp), allocatable :: coefficients(:, :)
 
+      if (.not. self%pays) then
+         of_grains = of_directions
+         return
+      end if
+      allocate (coefficients(size(self%fit, 1), size(of_directions, 2)))
       call multiply(self%fit, of_directions, coefficients)
       call multiply(self%reading, coefficients, of_grains)
    end subroutine expand

@@ -327,6 +327,13 @@ def test_the_command_shows_what_is_read(tmp_path, capsys):
     # Of a class that nobody stated nothing is said.
     assert "constants that indentation determines" not in said.err
     assert main(["table", str(path), "--symmetry", "hexagonal"]) == 0
+    (tmp_path / "many.csv").write_text(
+        "phi1,Phi,phi2,Er (GPa),sd (GPa)\n" + "".join(f"{i % 360},20,30,{100 + i / 10},2\n" for i in range(101))
+    )
+    capsys.readouterr()
+    assert main(["table", str(tmp_path / "many.csv")]) == 0
+    said = capsys.readouterr().out
+    assert "The first 100 of 101 grains, --json has all (degrees, GPa):" in said and "\n100 " in said and "\n101 " not in said
     assert main(["table", str(tmp_path / "b.csv")]) == 2
 
 

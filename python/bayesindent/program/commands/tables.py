@@ -45,11 +45,12 @@ def table(arguments: argparse.Namespace) -> dict:
 
 def show_understood(document: dict) -> None:
     print("\n".join(document["words"]))
-    rows = []
-    for number, row in enumerate(document["results"], 1):
+    rows, most = [], 100
+    for number, row in enumerate(document["results"][:most], 1):
         sd = "" if row["sd_gpa"] is None else f"{row['sd_gpa']:.3g}"
         rows.append([str(row["grain"] or number), *(f"{value:.2f}" for value in (*row["euler_deg"], row["modulus_gpa"])), sd])
-    show_table("Grains (degrees, GPa)", ["grain", "phi1", "Phi", "phi2", document["modulus_kind"], "sd"], rows)
+    which = "Grains" if len(rows) == document["grains"] else f"The first {most} of {document['grains']} grains, --json has all"
+    show_table(f"{which} (degrees, GPa)", ["grain", "phi1", "Phi", "phi2", document["modulus_kind"], "sd"], rows)
 
 
 def add_table_arguments(parser: argparse.ArgumentParser) -> None:
