@@ -28,7 +28,8 @@ module ridge_coordinates
       integer, allocatable :: parent(:), axis(:), n_features(:)
       !> Coefficients of the features of z(1) .. z(j-1), for coordinate j.
       real(wp), allocatable :: bend(:, :)
-      !> Range of each z in which the polynomial was fitted; beyond it goes on along its tangent for a while, then as it is there.
+      !> Range of each z in which the polynomial was fitted; beyond it goes on along its tangent for 12 % of the range, then as it
+      !> is there.
       real(wp), allocatable :: least(:), greatest(:)
    contains
       procedure :: to_white, from_white
