@@ -28,8 +28,7 @@ module crystal_class
       character(len=83) :: constants
    end type row_type
 
-   type(row_type), parameter :: table(*) = [ &
-      & row_type('isotropic', '0 z, 0 x', 'a, a, a, 90, 90, 90', 'C11 C12'), &
+   type(row_type), parameter :: table(*) = [row_type('isotropic', '0 z, 0 x', 'a, a, a, 90, 90, 90', 'C11 C12'), &
       & row_type('cubic, m-3m, m-3, fcc, bcc', '4 z, 3 xyz', 'a, a, a, 90, 90, 90', 'C11 C12 C44'), &
       & row_type('hexagonal, 6/mmm, 6/m, hcp', '0 z', 'a, a, c, 90, 90, 120', 'C11 C12 C44 C33 C13'), &
       & row_type('tetragonal, 4/mmm', '4 z, 2 x', 'a, a, c, 90, 90, 90', 'C11 C12 C13 C33 C44 C66'), &

@@ -44,8 +44,7 @@ module logarithmic_coordinates
    real(wp), parameter :: root_2 = sqrt(2.0_wp), root_half = sqrt(0.5_wp)
    !> The numbers pp, qq, sqrt 2 pq, sqrt 2 w1*w1, sqrt 2 w2*w2 in four directions orthogonal to the trace: dilatation against shear, the
    !> two shears against each other, and what is left.
-   real(wp), parameter :: directions(5, n_axial) = reshape([ &
-      & [1.0_wp, 3.0_wp, 4.0_wp, -root_2, -root_2]/sqrt(30.0_wp), &
+   real(wp), parameter :: directions(5, n_axial) = reshape([[1.0_wp, 3.0_wp, 4.0_wp, -root_2, -root_2]/sqrt(30.0_wp), &
       & [0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, -1.0_wp]/root_2, &
       & [2.0_wp, -1.0_wp, 0.0_wp, -0.25_wp*root_2, -0.25_wp*root_2]/sqrt(5.25_wp), &
       & [1.0_wp, 3.0_wp, -3.5_wp, -root_2, -root_2]/sqrt(26.25_wp)], [5, n_axial])

@@ -181,8 +181,7 @@ contains
       real(wp), intent(in) :: r(:), factor
 
       log_density = size(r)*(log_gamma(0.5_wp*(self%dof + 1.0_wp)) - log_gamma(0.5_wp*self%dof) &
-         & - 0.5_wp*log(pi*self%dof) - log(factor)) &
-         & - 0.5_wp*(self%dof + 1.0_wp)*sum_of_logs(1.0_wp + (r/factor)**2/self%dof)
+         & - 0.5_wp*log(pi*self%dof) - log(factor)) - 0.5_wp*(self%dof + 1.0_wp)*sum_of_logs(1.0_wp + (r/factor)**2/self%dof)
    end function student_log_density
 
    pure subroutine student_weigh(self, e, weight, curvature, expected)

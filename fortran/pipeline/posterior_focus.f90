@@ -29,7 +29,8 @@ module posterior_focus
    !> What a round began with.
    type :: round_type
       integer :: simulations = 0
-      !> The surrogate's part of the variance of each constant, (n_constants).
+      !> The surrogate's part of the variance of each constant, or what leaving its uncertainty out changes of it if that is more,
+      !> (n_constants).
       real(wp), allocatable :: share(:)
       !> Root mean square of (simulated - predicted)/sd over the posterior's crystals of the round before; below 0: there is none.
       real(wp) :: z = -1.0_wp
@@ -95,9 +96,9 @@ contains
       type(focus_type), intent(inout) :: focus
       type(error_type), allocatable, intent(out) :: error
       type(surrogate_type) :: wide
-      type(posterior_type) :: posterior
+      type(posterior_type) :: posterior, certain
       type(round_type) :: round
-      real(wp), allocatable :: draws(:, :), crystals(:, :, :)
+      real(wp), allocatable :: draws(:, :), crystals(:, :, :), log_density(:), weight(:)
       type(shares_type), allocatable :: shares(:)
       integer :: i
 
@@ -114,6 +115,21 @@ contains
          & real(size(draws, 2), wp), thread_count(problem%settings%execution%workers), shares, error)
       if (allocated(error)) return
       round%share = [(shares(i)%by_source(from_surrogate), i=1, size(shares))]
+      ! In the tails of the draws the surrogate may err where its part of the variance, a mean over all of them, is small.
+      certain = posterior
+      certain%scatter = 0.0_wp
+      certain%n_shared = certain%n_shared - certain%grains%n_columns
+      certain%grains%n_columns = 0
+      allocate (log_density(size(draws, 2)), weight(size(draws, 2)))
+      call posterior%evaluate(draws, log_density)
+      call certain%evaluate(draws, weight)
+      weight = exp(weight - log_density - maxval(weight - log_density))
+      weight = weight/sum(weight)
+      do i = 1, size(shares)
+         associate (x => draws(i, :) - sum(draws(i, :))/size(weight))
+            round%share(i) = max(round%share(i), abs(1.0_wp - (sum(weight*x**2) - sum(weight*x)**2)*size(x)/sum(x**2)))
+         end associate
+      end do
       round%truncated = is_truncated(list_limits(posterior%prior, draws))
       crystals = stiffnesses(problem%class, draws)
       call hold(focus%domain, crystals)

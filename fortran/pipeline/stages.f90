@@ -40,8 +40,7 @@ module stages
       & stage_row_type('simulate', 'crystals', 'problem crystals specimen indenter simulation execution', 'simulate.json'), &
       & stage_row_type('theory', 'crystals', 'problem crystals specimen execution', 'theory.json'), &
       & stage_row_type('size', '', 'problem crystals specimen indenter simulation execution', 'size.json'), &
-      & stage_row_type('build', 'design', 'problem specimen indenter simulation domain surrogate design execution', &
-      & 'build.json'), &
+      & stage_row_type('build', 'design', 'problem specimen indenter simulation domain surrogate design execution', 'build.json'), &
       & stage_row_type('plan', 'plan', 'problem surrogate plan measurements prior knowledge sampler execution', 'plan.json'), &
       & stage_row_type('curves', 'curves', 'problem curves references execution', 'curves.json'), &
       & stage_row_type('extract', 'measurements', 'problem surrogate indenter measurements prior knowledge sampler execution', &

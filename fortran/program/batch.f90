@@ -213,8 +213,7 @@ contains
    end subroutine refuse_usage
 
    subroutine print_help()
-      character(len=*), parameter :: lines(19) = [character(len=120) :: usage, &
-         & '', &
+      character(len=*), parameter :: lines(19) = [character(len=120) :: usage, '', &
          & 'The computing stages of a namelist file, without Python:', &
          & '  &crystals      indents the crystals: campaign.sqlite, moduli.csv, curves.csv; and theory.csv', &
          & '  &design        chooses simulations, performs and learns them: campaign.sqlite, surrogate.txt, build.json', &
@@ -222,14 +221,12 @@ contains
          & '  &curves        infers moduli from measured curves: measurements.csv, shared_errors.csv, fits.csv, curves.json', &
          & '  &measurements  samples the constants: posterior.csv, posterior.bin, summary.json', &
          & '  &next          ranks the grains to measure next: next.json', &
-         & 'bayesindent report DIR makes the page of results.', &
-         & '', &
+         & 'bayesindent report DIR makes the page of results.', '', &
          & '  --stage NAME  only simulate, theory, size, build, plan, curves, extract or next', &
          & '  --output DIR  folder of the results (default runs/<stem of the file>)', &
          & '  --check       only say whether the file, and what it names, is right', &
          & '  --schema      print the page of all groups and variables', &
-         & '  --version     print the version', &
-         & '', &
+         & '  --version     print the version', '', &
          & 'exit status: 0 done, perhaps with warnings; 2 bad input; 3 done, but the result cannot be used; 1 anything else; ', &
          & '128 + N stopped by signal N (run it again to go on).']
 

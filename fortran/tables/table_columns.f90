@@ -50,23 +50,16 @@ module table_columns
       & column_type('depth_um', 'depth', um, lengths, ' um'), &
       & column_type('depth_nm', 'depth', ' nm ', 1.0e3_wp*lengths, ' nm'), &
       & column_type('contact_radius_um', '', um, lengths, ' um'), &
-      & column_type('zero_sd_nm', '', ' nm ', [0.0_wp, 1000.0_wp], ' nm'), &
-      & column_type('grain_radius_um', '', um, lengths, ' um'), &
+      & column_type('zero_sd_nm', '', ' nm ', [0.0_wp, 1000.0_wp], ' nm'), column_type('grain_radius_um', '', um, lengths, ' um'), &
       & column_type('propagation_deg', 'propagation', degrees, turns, ' degrees'), &
       & column_type('rayleigh_velocity_m_s', 'rayleigh_velocity, rayleigh_speed, saw_velocity, velocity, velocity_m_s', speed, &
       & speeds, ' m/s', ' is no speed of a wave'), &
       & column_type('sd_m_s', 'sd, std, stdev, error, uncertainty, standard_deviation', speed, [no_less, speeds(2)], ' m/s', &
       & '; a standard deviation is above 0, up to 30000.0 m/s'), &
-      & column_type('x_um', 'x', um), &
-      & column_type('y_um', 'y', um), &
-      & column_type('group', '', ''), &
-      & column_type('grain', 'grain_id, grain_number, grain_no', ''), &
-      & column_type('test', 'test_id, test_number', ''), &
-      & column_type('reference', '', ''), &
-      & column_type('session', '', ''), &
-      & column_type('time_s', 'time', ' s '), &
-      & column_type('load_mn', 'load, force', ' mn '), &
-      & column_type('stiffness_n_m', 'stiffness', ' n/m n_m '), &
+      & column_type('x_um', 'x', um), column_type('y_um', 'y', um), column_type('group', '', ''), &
+      & column_type('grain', 'grain_id, grain_number, grain_no', ''), column_type('test', 'test_id, test_number', ''), &
+      & column_type('reference', '', ''), column_type('session', '', ''), column_type('time_s', 'time', ' s '), &
+      & column_type('load_mn', 'load, force', ' mn '), column_type('stiffness_n_m', 'stiffness', ' n/m n_m '), &
       & column_type('drift_nm_s', 'drift', ' nm/s nm_s ', [-5.0_wp, 5.0_wp], ' nm/s', ' is no drift of an instrument')]
    !> The rows of the moduli; all but the first name their kind, and then the unit.
    integer, parameter :: plain = 4, last_modulus = 7
