@@ -283,7 +283,7 @@ contains
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:), c(6, 6)
       !> See `predict_measurements`.
-      real(wp), intent(in), optional, contiguous :: moduli(:)
+      real(wp), intent(in), optional :: moduli(size(self%euler, 2))
       real(wp), dimension(self%n_grains) :: model, scales, slopes
       real(wp), dimension(size(self%euler, 2)) :: rows, rows_slopes
       real(wp), allocatable :: u(:, :), fewer(:, :), b(:), precision(:, :)
@@ -335,7 +335,7 @@ contains
       real(wp), intent(out), contiguous :: modulus(:), slope(:), own_variance(:)
       !> Derivatives with respect to the tilts of the sample, GPa/rad, (grain, 2), where these are asked for.
       real(wp), intent(out) :: tilt_slopes(:, :)
-      real(wp), intent(in), optional, contiguous :: moduli(:)
+      real(wp), intent(in), optional :: moduli(size(self%euler, 2))
       real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), variance
       integer :: g
 
@@ -369,7 +369,7 @@ contains
       !> In the unit of the observable, (grain); (grain, shared error).
       real(wp), intent(out), contiguous :: model(:), scales(:), u(:, :)
       !> The moduli of the grain model, if they are known.
-      real(wp), intent(in), optional, contiguous :: moduli(:)
+      real(wp), intent(in), optional :: moduli(size(self%euler, 2))
       real(wp), dimension(self%n_grains) :: slope, own_variance, map_slope
       real(wp) :: tilt_slopes(self%n_grains, 2)
       real(wp), allocatable :: columns(:, :)

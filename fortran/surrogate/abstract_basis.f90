@@ -166,7 +166,7 @@ contains
       !> GPa, (n).
       real(wp), intent(out), contiguous :: modulus(:), slope(:)
       !> The moduli, where they are known.
-      real(wp), intent(in), optional, contiguous :: known(:)
+      real(wp), intent(in), optional :: known(size(modulus))
       real(wp), allocatable :: moduli(:, :)
 
       if (present(known)) then

@@ -87,10 +87,15 @@ def measure_start(folder: Path):
 def measure_extract(folder: Path):
     """Posteriors with the settings of the program, the table's class apart."""
     for name, (table, symmetry) in CASES.items():
-        code = (
-            f"import bayesindent as bi; bi.extract({str(REFERENCE / table) + '.csv'!r}, {symmetry!r}, modulus_kind='indentation_modulus')"
-        )
-        yield row(f"extract: {name}", [sys.executable, "-c", code])
+        yield extract(name, folder, f"{REFERENCE / table}.csv", symmetry)
+
+
+def extract(name: str, folder: Path, table: str, symmetry: str):
+    """The program's `extract` of a table of indentation moduli."""
+    (folder / "extract.nml").write_text(
+        f"&problem symmetry = '{symmetry}', synthetic = .true. /\n&measurements file = '{table}', modulus_kind = 'indentation_modulus' /\n"
+    )
+    return row(f"extract: {name}", [PROGRAM, "extract", folder / "extract.nml", "--output", folder / name])
 
 
 def measure_theory(folder: Path):
@@ -117,8 +122,7 @@ def measure_grains(folder: Path):
     moduli = bi.halfspace_modulus(np.broadcast_to(copper, (10000, 6, 6)), angles)
     rows = np.column_stack([angles, moduli * rng.normal(1, 0.02, 10000), 0.02 * moduli])
     np.savetxt(folder / "grains.csv", rows, delimiter=",", header="phi1_deg,Phi_deg,phi2_deg,indentation_modulus_gpa,sd_gpa", comments="")
-    code = "import bayesindent as bi; bi.extract('grains.csv', 'cubic')"
-    yield row("extract: 10,000 grains", [sys.executable, "-c", code], cwd=folder)
+    yield extract("10,000 grains", folder, "grains.csv", "cubic")
 
 
 def measure_quickstart(folder: Path):
