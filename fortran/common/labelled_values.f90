@@ -53,12 +53,8 @@ contains
          call self%described%put(label, value)
       else if (self%reading) then
          call take_line(self, label, line)
-         value = ''
-         if (index(line, label//' ') == 1) then
-            value = line(len(label) + 2:)
-         else
-            call self%fail(''''//label//''' is expected, not '''//printable(line)//'''')
-         end if
+         if (index(line, label//' ') /= 1) call self%fail(''''//label//''' is expected, not '''//printable(line)//'''')
+         value = line(len(label) + 2:)
       else
          call put(self, label//' '//value//newline)
       end if
@@ -74,17 +70,13 @@ contains
       character(len=:), allocatable :: line
       integer :: n, i, first
 
-      if (associated(self%described)) then
-         call self%described%put(label, value)
-         return
-      end if
+      if (associated(self%described)) call self%described%put(label, value)
+      if (associated(self%described)) return
       n = 1
       if (.not. self%reading) n = n + count([(value(i:i) == newline, i=1, len(value))])
       call self%integer(label, n)
-      if (.not. self%reading) then
-         call put(self, value//newline)
-         return
-      end if
+      if (.not. self%reading) call put(self, value//newline)
+      if (.not. self%reading) return
       first = self%position
       do i = 1, n
          call take_line(self, label, line)
@@ -102,10 +94,8 @@ contains
       character(len=:), allocatable :: text
       integer :: outcome
 
-      if (associated(self%described)) then
-         call self%described%put(label, value)
-         return
-      end if
+      if (associated(self%described)) call self%described%put(label, value)
+      if (associated(self%described)) return
       if (.not. self%reading) text = to_text(value)
       call self%text(label, text)
       if (.not. self%reading) return
@@ -121,10 +111,8 @@ contains
       real(wp), intent(inout) :: value
       character(len=:), allocatable :: text
 
-      if (associated(self%described)) then
-         call self%described%put(label, value)
-         return
-      end if
+      if (associated(self%described)) call self%described%put(label, value)
+      if (associated(self%described)) return
       if (.not. self%reading) text = to_text(value, all_digits)
       call self%text(label, text)
       if (self%reading) call parse(self, text, label, value)
@@ -141,10 +129,8 @@ contains
       character(len=:), allocatable :: line
       integer :: n, i, length
 
-      if (associated(self%described)) then
-         call self%described%put_array(label, values, shape(values))
-         return
-      end if
+      if (associated(self%described)) call self%described%put_array(label, values, shape(values))
+      if (associated(self%described)) return
       if (.not. self%reading) n = size(values)
       call self%integer(label, n)
       if (.not. self%reading) then

@@ -15,6 +15,7 @@ module problem_posterior
    use machine, only: check_memory, thread_count
    use namelist_file, only: place
    use observables, only: new_observable, observable_type
+   use point_tables, only: points_type
    use problem, only: problem_type
    use rayleigh_wave, only: new_surface, surface_type, surface_waves, wave_type
    use quantities, only: check_distinct, check_quantity, check_value, new_quantity, quantity_type
@@ -158,7 +159,8 @@ contains
          if (allocated(problem%settings%problem%density_kg_m3)) measured%density = problem%settings%problem%density_kg_m3
          measured%shared = shared_errors(problem)
       end associate
-      if (problem%settings%measurements%orientations == 'unknown') call spread_orientations(problem%class, measured)
+      if (problem%settings%measurements%orientations == 'unknown') call spread_orientations(problem%class, &
+         & problem%textured, measured)
       call read_knowledge(problem, knowledge, error)
       associate (settings => problem%settings)
          if (.not. allocated(error)) call new_observable(settings%measurements%modulus_kind, settings%measurements, observable, &
@@ -174,9 +176,10 @@ contains
       end associate
    end subroutine new_problem_posterior
 
-   !> Let each measurement be of any direction of the crystal, evenly over the sphere.
-   subroutine spread_orientations(class, measured)
+   !> Let each measurement be of any direction of the crystal, evenly over the sphere, or of any orientation of a texture.
+   subroutine spread_orientations(class, texture, measured)
       type(crystal_class_type), intent(in) :: class
+      type(points_type), allocatable, intent(in) :: texture
       type(measured_type), intent(inout) :: measured
       !> Directions, for sds of this part of the modulus or more, and at most.
       real(wp), parameter :: usual = 0.02_wp, enough = 1200.0_wp, most = 6000.0_wp
@@ -188,13 +191,19 @@ contains
       n = int(min(most, enough*max(1.0_wp, (usual/minval(measured%sd/measured%modulus))**2)))
       ! Where something is evaluated at the orientations of the measurements, there are as many.
       n = max(n, size(measured%modulus))
-      call even_directions(region, n, real(n, wp), directions)
-      n = size(directions, 2)
-      measured%probability = spread(1.0_wp, 1, n)
-      ! Over an arc angles are even, areas are not.
-      if (region%dimension == 1) measured%probability = sqrt(1.0_wp - matmul(region%axis, directions)**2)
-      measured%probability = measured%probability/sum(measured%probability)
-      measured%euler = reshape([(angles_of_direction(directions(:, i))*degree, i=1, n)], [3, n])
+      if (allocated(texture)) then
+         n = texture%n*((size(measured%modulus) - 1)/texture%n + 1)
+         measured%euler = reshape(texture%euler_deg*degree, [3, n], pad=texture%euler_deg*degree)
+         measured%probability = spread(1.0_wp/n, 1, n)
+      else
+         call even_directions(region, n, real(n, wp), directions)
+         n = size(directions, 2)
+         measured%euler = reshape([(angles_of_direction(directions(:, i))*degree, i=1, n)], [3, n])
+         measured%probability = spread(1.0_wp, 1, n)
+         ! Over an arc angles are even, areas are not.
+         if (region%dimension == 1) measured%probability = sqrt(1.0_wp - matmul(region%axis, directions)**2)
+         measured%probability = measured%probability/sum(measured%probability)
+      end if
       measured%tilt_sd = spread(0.0_wp, 1, n)
    end subroutine spread_orientations
 

@@ -170,7 +170,9 @@ contains
          end if
          if (group == 'design') call add_table(problem%candidates)
          if (group == 'next') call add_table(problem%grains)
-         if (group == 'plan') call add_table(problem%textured)
+         if (group == 'plan' .or. (group == 'measurements' .and. allocated(problem%settings%measurements%texture))) then
+            call add_table(problem%textured)
+         end if
          if (group == 'knowledge' .and. allocated(problem%stiffness)) content = content//problem%stiffness%table%digest()
          inputs = inputs//', "'//group//'": "'//checksum(content)//'"'
       end do

@@ -43,7 +43,8 @@ module problem
       logical :: are_detected = .false.
       !> Of &next: the grains to choose from; unallocated: all directions.
       type(points_type), allocatable :: grains
-      !> Of &plan: the grains whose orientations are taken; unallocated: random orientations.
+      !> Of &plan the grains whose orientations are taken, unallocated: random ones; of &measurements those that grains of unknown
+      !> orientation may have.
       type(points_type), allocatable :: textured
       !> The file of measurements that Python turns into a plain table (see `set_table`), any file where Python asks, or a spreadsheet.
       character(len=:), allocatable :: table_file
@@ -179,8 +180,11 @@ contains
             call take_stiffness(self, table, place(self%path, 'knowledge', 'stiffness_file') &
                & //printable(s%knowledge%stiffness_file)//': ', error)
          end if
-         if (.not. allocated(error) .and. allocated(s%plan%orientations)) call load_grains(self, place(self%path, 'plan', &
-            & 'orientations'), s%plan%orientations, error)
+         if (.not. allocated(error) .and. allocated(s%measurements%texture)) then
+            call load_grains(self, place(self%path, 'measurements', 'texture'), s%measurements%texture, error)
+         else if (.not. allocated(error) .and. allocated(s%plan%orientations)) then
+            call load_grains(self, place(self%path, 'plan', 'orientations'), s%plan%orientations, error)
+         end if
          call move_alloc(self%grains, self%textured)
          if (.not. allocated(error) .and. allocated(s%next%candidates)) call load_grains(self, place(self%path, 'next', &
             & 'candidates'), s%next%candidates, error)

@@ -70,6 +70,9 @@ contains
                & //'instrument, is needed')
          else if (allocated(measured%ebsd_points) .and. .not. allocated(measured%ebsd)) then
             call refuse(error, place(path, 'measurements', 'ebsd')//'the variable is missing; ebsd_points needs it')
+         else if (allocated(measured%texture) .and. measured%orientations /= 'unknown') then
+            call refuse(error, place(path, 'measurements', 'texture')//'is only for grains of unknown orientation; state ' &
+               & //'orientations = ''unknown'', or remove it')
          else if (measured%orientations == 'unknown' .and. any(excluded)) then
             call refuse(error, place(path, 'measurements', 'orientations')//'''unknown'' cannot be combined with ' &
                & //trim(unknown_excludes(findloc(excluded, .true., dim=1)))//'; remove one of them')

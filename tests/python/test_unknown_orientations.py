@@ -88,6 +88,40 @@ def test_the_likelihood_is_the_mean_over_all_directions(name, shared):
     assert posterior.evaluate(points)[1] == pytest.approx(exact, abs=0.03)
 
 
+@pytest.mark.parametrize("rows", [7, 40])
+def test_a_texture_takes_the_place_of_the_sphere(tmp_path, rows):
+    """The likelihood is the mean over its orientations, also where there are fewer than grains: each to a hundredth."""
+    rng = np.random.default_rng(rows)
+    angles = np.column_stack([rng.uniform(0, 360, rows), rng.uniform(0, 25, rows), rng.uniform(0, 360, rows)])
+    text = ["phi1_deg,Phi_deg,phi2_deg", *(",".join(map(str, row)) for row in angles)]
+    (tmp_path / "texture.csv").write_text("\n".join(text) + "\n")
+    table = measured("titanium", 12, 0.02)
+    surrogate, symmetry = bi.Surrogate.load("halfspace"), "hexagonal"
+    settings = {"orientations": "unknown", "texture": str(tmp_path / "texture.csv"), "calibration_sd": 0.03}
+    posterior = Posterior.of(table, symmetry=symmetry, surrogate=surrogate, **settings)
+    points = np.array(CRYSTALS["titanium"][1]) * np.array([[0.98], [1.0], [1.02]])
+    known = dict(zip(("phi1_deg", "Phi_deg", "phi2_deg"), np.zeros((3, 12)).tolist(), strict=True))
+    reader = Posterior.of(table | known, symmetry=symmetry, surrogate=surrogate)
+    moduli = np.vstack([reader.moduli([point], angles)[0] for point in points])
+    exact = log_likelihood(moduli, np.full(rows, 1 / rows), table, even_nodes(np.full((12, 1), 0.03), 61))
+    assert posterior.evaluate(points)[1] == pytest.approx(exact, abs=0.12)
+    del settings["texture"]
+    assert np.abs(Posterior.of(table, symmetry=symmetry, surrogate=surrogate, **settings).evaluate(points)[1] - exact).min() > 1.0
+
+
+def test_another_texture_is_another_input(tmp_path, capsys):
+    path = written(tmp_path, "texture = 'g.csv'")
+    inputs = []
+    for angle in (0, 45):
+        (tmp_path / "g.csv").write_text(f"phi1_deg,Phi_deg,phi2_deg\n0,{angle},0\n0,30,10\n")
+        assert main(["extract", str(path), "--output", str(tmp_path / "out")]) in (0, 3)
+        inputs.append(json.loads((tmp_path / "out" / "summary.json").read_text())["inputs"]["measurements"])
+    assert inputs[0] != inputs[1]
+    path.write_text(path.read_text().replace("orientations = 'unknown'", ""))
+    assert main(["run", str(path), "--check", "--output", str(tmp_path / "out")]) == 2
+    assert "&measurements texture: is only for grains of unknown orientation; state orientations = 'unknown'" in capsys.readouterr().err
+
+
 BOUNDS = {
     "copper": {"C11": (130, 210), "C12": (90, 160), "C44": (50, 100)},
     "titanium": {"C11": (130, 195), "C12": (70, 115), "C44": (30, 65), "C33": (140, 220), "C13": (50, 90)},

@@ -72,10 +72,7 @@ def inputs_summary(results: Results) -> list[tuple[str, str]]:
         scatter = f", standard deviations {sds} GPa" if sds else "; their scatter is inferred"
         if results.predicted:
             grains = with_count(len(results.predicted), "grain") + " of unknown orientation" * results.without_orientations
-            rows += [
-                ("Grains", f"{grains}, {moduli} GPa{scatter}"),
-                ("Modulus", modulus_kind(results)),
-            ]
+            rows += [("Grains", f"{grains}, {moduli} GPa{scatter}"), ("Modulus", modulus_kind(results))]
         if results.velocities:
             rows.append(("Velocities", f"{results.speed} in {with_count(len(results.velocities), 'direction')}"))
     if simulated:

@@ -50,8 +50,7 @@ def overlay(runs: Sequence[Run], names: Sequence[str]) -> Picture:
         axes.set_xlim(limits(runs, name))
     density_axes(figure, grid)
     return Picture(
-        figure,
-        f"Histograms of the posterior of each constant in {len(runs)} runs. Much wider posteriors than the narrowest are cut off.",
+        figure, f"Histograms of the posterior of each constant in {len(runs)} runs. Much wider posteriors than the narrowest are cut off."
     )
 
 
