@@ -135,7 +135,7 @@ def measure_quickstart(folder: Path):
 def measure_setup(folder: Path):
     """Without what the launcher makes; Debian packages are those of the machine."""
     tree = folder / "tree"
-    shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(".venv", "build*", "runs", ".git", ".mypy_cache", "__pycache__"))
+    shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(".venv", "build", "build-*", "runs", ".git", ".mypy_cache", "__pycache__"))
     yield row("set-up: ./bayesindent --version in a new copy", [tree / "bayesindent", "--version"])
 
 
