@@ -368,6 +368,7 @@ EFFECTS = {
         "ebsd": None,  # test_orientation_maps: orientations of a map
         "crystal_axes": None,  # test_map_axes: two makers' files of one crystal
         "orientations": None,  # test_unknown_orientations: a table without angles
+        "texture": None,  # test_unknown_orientations: another texture is another likelihood and another input
         "ebsd_points": None,  # test_map_registration: the indents of a turned stage
         "modulus_kind": (density, {}, "effective_modulus"),
         "angles": (read, {"measurements": {"file": "radians.csv", "angles": "degrees"}}, "radians"),
