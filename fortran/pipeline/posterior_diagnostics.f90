@@ -10,6 +10,7 @@ module posterior_diagnostics
    use prior_sensitivity, only: change_type, is_truncated
    use orientation_check, only: readings
    use problem, only: problem_type
+   use statistics, only: chi_square_above
    use text, only: fixed, to_text
    implicit none
    private
@@ -264,23 +265,24 @@ contains
    subroutine check_residuals(found, warnings)
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(inout) :: warnings(:)
-      !> The latter finds standard deviations of copper that are twice too large in a fifth of the cases with 12 grains, in all with 24.
       real(wp), parameter :: rare = 0.01_wp, rare_below = 0.05_wp
-      character(len=:), allocatable :: more, cause
-      real(wp) :: p
+      real(wp) :: least, below
+      integer :: freedom
 
-      p = found%checks%chi_square_p
-      if (p > rare .and. p < 1.0_wp - rare_below) return
-      more = 'larger'
-      cause = 'small, some orientations are wrong, or grains differ in more than their orientation (scatter_sd, ' &
-         & //'scale = ''inferred'', likelihood = ''student'')'
-      if (p > rare) then
-         more = 'smaller'
-         cause = 'large, or have an error in them that all grains share (calibration_sd)'
+      ! About the mean prediction: by what it is smaller, the measurements determine parameters. A fraction below 3/4 is no degree.
+      least = sum(found%checks%residuals**2)
+      freedom = int(found%posterior%n_grains - found%checks%chi_square + least + 0.25_wp)
+      below = 1.0_wp - chi_square_above(least, max(1, freedom))
+      if (found%checks%chi_square_p <= rare) then
+         call warn(warnings, 'the residuals are larger than the stated sds: chi-square is '//to_text(found%checks%chi_square, 3) &
+            & //' for '//to_text(found%posterior%n_grains)//' grains; '//fixed(100.0_wp*found%checks%chi_square_p, 1)//' % of ' &
+            & //'data sets drawn from the posterior have a larger one; the sds are too small, some orientations are wrong, or ' &
+            & //'grains differ in more than their orientation (scatter_sd, scale = ''inferred'', likelihood = ''student'')')
+      else if (freedom > 0 .and. below < rare_below) then
+         call warn(warnings, 'the residuals are smaller than the stated sds: chi-square about the mean prediction is ' &
+            & //to_text(least, 3)//' for '//to_text(freedom)//' degrees of freedom; '//fixed(100.0_wp*below, 1)//' % of data ' &
+            & //'sets have a smaller one; the sds are too large, or have an error in them that all grains share (calibration_sd)')
       end if
-      call warn(warnings, 'the residuals are '//more//' than the stated sds: chi-square is '//to_text(found%checks%chi_square, 3) &
-         & //' for '//to_text(found%posterior%n_grains)//' grains; '//fixed(100.0_wp*min(p, 1.0_wp - p), 1)//' % of data sets ' &
-         & //'drawn from the posterior have a '//more//' one; the sds are too '//cause)
    end subroutine check_residuals
 
    !> Results that depend on a limit of the prior or on its measure: of each the parameter that moves most.

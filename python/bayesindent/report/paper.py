@@ -39,8 +39,7 @@ def methods(results: Results) -> tuple[str, str]:
         version=__version__, grains=with_count(len(results.predicted), "grain"), moduli=moduli, sds=sds, specimen=specimen(results),
         prior=prior, surrogate=surrogate, indenter=indenter(results), chains=with_count(document["chains"], "chain"), r_hat=[item["r_hat"] for item in chains],
         effective=[min(item["ess_bulk"], item["ess_tail"]) for item in chains], constants=Markup(enumeration(constants)), combinations=len(combinations),
-        determined=len(with_verdict(combinations, "determined")),
-        known=known_of(results.metal) if results.metal else {},
+        determined=len(with_verdict(combinations, "determined")), known=known_of(results.metal) if results.metal else {},
     )  # fmt: skip
     works = read_data("references.bib").replace("@VERSION@", __version__).rstrip().split("\n\n")
     cited = [work for work in works if work.partition("{")[2].partition(",")[0] in text]

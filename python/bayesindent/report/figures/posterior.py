@@ -14,8 +14,7 @@ from .style import (  # isort: skip
 )  # fmt: skip
 
 __all__ = [
-    "error_budget", "expected_sds", "grain_comparison", "knowledge", "marginals", "pairs", "residuals", "shares", "traces",
-    "velocities",
+    "error_budget", "expected_sds", "grain_comparison", "knowledge", "marginals", "pairs", "residuals", "shares", "traces", "velocities",
 ]  # fmt: skip
 
 #: Samples of normal numbers behind the band of the quantiles.
