@@ -46,6 +46,7 @@ CASES: dict[str, tuple[str, int, dict]] = {
     "Student's t": ("copper", 12, {"likelihood": "student", "student_dof": 4.0}),
     "inferred scale": ("copper", 12, {"scale": "inferred"}),
     "orientation sd": ("copper", 12, {"orientation_sd_deg": 3.0}),
+    "orientation sd, few": ("copper", 6, {"orientation_sd_deg": 5.0}),
     "knowledge": ("copper", 12, {"knowledge": {"bulk_modulus": 0.1}}),
     "default prior, cubic": ("copper", 12, {"default": 2}),
     "default prior, hexagonal": ("Zn", 16, {"default": 3}),
