@@ -55,12 +55,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--figures", choices=("png", "pdf", "svg"), default="png", help="kind of the figures (default: png)")
 
 
-COMMANDS = (
-    Command(
-        "compare",
-        action=compare,
-        arguments=add_arguments,
-        show=show,
-        then=lambda arguments, document: f"look at {' and '.join(document['figures'])}; bayesindent report RUN has every figure of one run",
-    ),
-)
+def after(arguments: argparse.Namespace, document: dict) -> str:
+    return f"look at {' and '.join(document['figures'])}; bayesindent report RUN has every figure of one run"
+
+
+COMMANDS = (Command("compare", action=compare, arguments=add_arguments, show=show, then=after),)

@@ -121,12 +121,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--metal", metavar="SYMBOL", help=f"state what is known of a pure metal: {', '.join(metals())}")
 
 
-COMMANDS = (
-    Command(
-        "init",
-        action=init,
-        arguments=add_arguments,
-        show=lambda document: print("Written:", *document["files"]),
-        then=lambda arguments, document: f"fill in {document['files'][1]}, then bayesindent run {document['files'][0]}",
-    ),
-)
+def show(document: dict) -> None:
+    print("Written:", *document["files"])
+
+
+def after(arguments: argparse.Namespace, document: dict) -> str:
+    return f"fill in {document['files'][1]}, then bayesindent run {document['files'][0]}"
+
+
+COMMANDS = (Command("init", action=init, arguments=add_arguments, show=show, then=after),)

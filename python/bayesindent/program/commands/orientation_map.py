@@ -40,12 +40,12 @@ def show(document: dict) -> None:
     print(f"Map: {document['file']}, {len(document['results'])} indents in {len({row['grain'] for row in document['results']})} grains")
 
 
-COMMANDS = (
-    Command(
-        "map",
-        action=draw,
-        arguments=lambda parser: parser.add_argument("file", metavar="FILE.nml", type=Path, help="with &measurements file and ebsd"),
-        show=show,
-        then=lambda arguments, document: f"open {document['file']}",
-    ),
-)
+def after(arguments: argparse.Namespace, document: dict) -> str:
+    return f"open {document['file']}"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", metavar="FILE.nml", type=Path, help="with &measurements file and ebsd")
+
+
+COMMANDS = (Command("map", action=draw, arguments=add_arguments, show=show, then=after),)

@@ -38,14 +38,8 @@ def show(document: dict) -> None:
         print(f"For a paper: {document['paper']}, methods.tex first")
 
 
-COMMANDS = (
-    Command(
-        "report",
-        action=report,
-        arguments=add_arguments,
-        show=show,
-        then=lambda arguments, document: (
-            f"open {document['file']} in a browser" + ("" if arguments.paper else "; --paper writes what a paper takes")
-        ),
-    ),
-)
+def after(arguments: argparse.Namespace, document: dict) -> str:
+    return f"open {document['file']} in a browser" + ("" if arguments.paper else "; --paper writes what a paper takes")
+
+
+COMMANDS = (Command("report", action=report, arguments=add_arguments, show=show, then=after),)

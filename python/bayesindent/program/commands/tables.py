@@ -62,6 +62,10 @@ def add_table_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--column", action="append", metavar="'NAME = HEADER'", help="as &measurements columns; may be repeated")
 
 
+def after_table(arguments: argparse.Namespace, document: dict) -> str:
+    return f"&measurements file = '{arguments.table}' in a namelist (bayesindent init writes one)"
+
+
 def predict(arguments: argparse.Namespace) -> dict:
     """Mean and sd of the modulus for each row: predictions.csv and its rows."""
     model, table = Surrogate.load(arguments.surrogate), arguments.points
@@ -90,19 +94,11 @@ def add_predict_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--points", required=True, type=Path, metavar="points.csv", help=columns)
 
 
+def after_predict(arguments: argparse.Namespace, document: dict) -> str:
+    return f"the same rows are in {document['file']}"
+
+
 COMMANDS = (
-    Command(
-        "table",
-        action=table,
-        arguments=add_table_arguments,
-        show=show_understood,
-        then=lambda arguments, document: f"&measurements file = '{arguments.table}' in a namelist (bayesindent init writes one)",
-    ),
-    Command(
-        "predict",
-        action=predict,
-        arguments=add_predict_arguments,
-        show=show_predictions,
-        then=lambda arguments, document: f"the same rows are in {document['file']}",
-    ),
+    Command("table", action=table, arguments=add_table_arguments, show=show_understood, then=after_table),
+    Command("predict", action=predict, arguments=add_predict_arguments, show=show_predictions, then=after_predict),
 )
