@@ -21,6 +21,8 @@ module random
       procedure :: uniform
       !> Standard normal (polar method).
       procedure :: normal
+      !> So many of them.
+      procedure :: normals
       !> Uniform integer in 1..n.
       procedure :: pick
    end type random_stream_type
@@ -100,6 +102,17 @@ contains
       self%spare = v*r
       self%has_spare = .true.
    end subroutine normal
+
+   !> Each of z is standard normal, in order.
+   subroutine normals(self, z)
+      class(random_stream_type), intent(inout) :: self
+      real(wp), intent(out) :: z(:)
+      integer :: i
+
+      do i = 1, size(z)
+         call self%normal(z(i))
+      end do
+   end subroutine normals
 
    !> k is a uniform integer in 1..n.
    subroutine pick(self, n, k)

@@ -280,9 +280,7 @@ contains
          x = self%lower + x*(self%upper - self%lower)
          return
       end if
-      do j = 1, size(z)
-         call stream%normal(z(j))
-      end do
+      call stream%normals(z)
       contrast = contrast_mean + contrast_sd*z(1)
       scale = self%typical_scale + scale_sd*z(2)
       w(1) = scale + 5.0_wp/6.0_wp*contrast

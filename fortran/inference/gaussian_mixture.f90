@@ -96,9 +96,7 @@ contains
          sum_of_weights = sum_of_weights + mixture%weight(m)
          if (v < sum_of_weights) exit
       end do
-      do i = 1, mixture%n
-         call stream%normal(z(i))
-      end do
+      call stream%normals(z)
       do i = 1, mixture%n
          u(i) = mixture%mean(m, i) + sum(mixture%factor(i, :i, m)*z(:i))
       end do
@@ -175,10 +173,9 @@ contains
       real(wp), intent(in) :: covariance(:, :)
       real(wp) :: factor(size(covariance, 1), size(covariance, 1))
       integer :: j
-      logical :: definite
 
       factor = covariance
-      call factor_definite(factor, 0.0_wp, definite)
+      call factor_definite(factor, 0.0_wp)
       do j = 2, size(factor, 1)
          factor(:j - 1, j) = 0.0_wp
       end do

@@ -121,9 +121,7 @@ contains
          call posterior%errors%integrate(residuals, fewer, b, precision, value)
          call posterior%errors%leave_one_out(residuals, fewer, b, precision, log_likelihood(:, i))
          log_likelihood(:, i) = log_likelihood(:, i) - log(scales)
-         do g = 1, size(z)
-            call stream%normal(z(g))
-         end do
+         call stream%normals(z)
          call solve_upper(precision, z)
          shared = matmul(fewer, b + z)
          do g = 1, posterior%n_grains

@@ -326,9 +326,7 @@ contains
          columns(:, 1 + j) = draws(j, :) - mean
       end do
       do i = 1, size(columns, 1)
-         do j = known + 1, size(columns, 2)
-            call stream%normal(columns(i, j))
-         end do
+         call stream%normals(columns(i, known + 1:))
       end do
       if (size(columns, 1) >= 4*size(columns, 2)) then
          call orthonormalize(columns)

@@ -263,7 +263,7 @@ contains
       type(log_frame_type) :: frame
       character(len=:), allocatable :: names(:)
       real(wp) :: contrast(2), between, mean, c(6, 6), w(21)
-      integer :: i, j, k
+      integer :: i, k
 
       allocate (names, source=split_list(domain%members))
       allocate (coordinates(size(names)), constants(domain%class%n_constants, size(unit, 2)))
@@ -282,9 +282,7 @@ contains
             w(1) = mean + 5.0_wp/6.0_wp*between
             w(2) = sqrt(5.0_wp)*(mean - between/6.0_wp)
             k = space%n
-            do j = 3, k
-               call stream%normal(w(j))
-            end do
+            call stream%normals(w(3:k))
             if (k > 2) w(3:k) = domain%log_anisotropy_max*unit(2, i)*w(3:k)/norm2(w(3:k))
             call space%from_logarithms(w(:k), c, frame)
             constants(:, i) = domain%class%constants_of(c)
