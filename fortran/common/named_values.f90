@@ -172,16 +172,14 @@ contains
       call c_f_pointer(c_loc(content), self%bytes, [len(content)])
    end subroutine look_at
 
-   !> The bytes of the value of a name, not associated if it is not there, and its kind.
-   subroutine find(self, name, kind, content)
+   !> The bytes of the value of a name, not associated if it is not there, or is of none of these kinds.
+   function find(self, name, kinds) result(content)
       class(named_values_reader_type), intent(in) :: self
-      character(len=*), intent(in) :: name
-      character, intent(out) :: kind
-      character(kind=c_char), pointer, intent(out) :: content(:)
+      character(len=*), intent(in) :: name, kinds
+      character(kind=c_char), pointer :: content(:)
       integer(i8) :: at, start, n_bytes
       integer :: length, i
 
-      kind = ' '
       content => null()
       at = 0
       do while (at + header_bytes <= size(self%bytes, kind=i8))
@@ -190,34 +188,29 @@ contains
          start = at + header_bytes + padded(int(length, i8))
          if (length == len(name)) then
             if (all([(self%bytes(at + header_bytes + i) == name(i:i), i=1, length)])) then
-               kind = self%bytes(at + 1)
-               content => self%bytes(start + 1:start + n_bytes)
+               if (index(kinds, self%bytes(at + 1)) > 0) content => self%bytes(start + 1:start + n_bytes)
                return
             end if
          end if
          at = start + padded(n_bytes)
       end do
-   end subroutine find
+   end function find
 
    logical function has(self, name)
       class(named_values_reader_type), intent(in) :: self
       character(len=*), intent(in) :: name
-      character(kind=c_char), pointer :: content(:)
-      character :: kind
 
-      call find(self, name, kind, content)
-      has = associated(content)
+      has = associated(find(self, name, 'tlibr'))
    end function has
 
    integer function integer_of(self, name) result(value)
       class(named_values_reader_type), intent(inout) :: self
       character(len=*), intent(in) :: name
       character(kind=c_char), pointer :: content(:)
-      character :: kind
 
-      call find(self, name, kind, content)
+      content => find(self, name, 'ib')
       value = 0
-      if (kind == 'i' .or. kind == 'b') then
+      if (associated(content)) then
          value = int(transfer(content, 0_i8))
       else
          call refuse(self%error, 'the integer '''//name//''' is missing')
@@ -246,11 +239,10 @@ contains
       character(len=*), intent(in) :: name
       character(len=:), allocatable :: value
       character(kind=c_char), pointer :: content(:)
-      character :: kind
 
-      call find(self, name, kind, content)
+      content => find(self, name, 't')
       value = ''
-      if (kind == 't') then
+      if (associated(content)) then
          value = transfer(content, repeat(' ', size(content)))
       else
          call refuse(self%error, 'the text '''//name//''' is missing')
@@ -263,10 +255,9 @@ contains
       character(len=*), intent(in) :: name
       real(wp), pointer :: values(:)
       character(kind=c_char), pointer :: content(:)
-      character :: kind
 
-      call find(self, name, kind, content)
-      if (kind == 'r') then
+      content => find(self, name, 'r')
+      if (associated(content)) then
          call c_f_pointer(c_loc(content), values, [size(content)/8])
       else
          call refuse(self%error, 'the numbers '''//name//''' are missing')
