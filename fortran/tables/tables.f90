@@ -223,20 +223,14 @@ contains
       !> First and last byte.
       integer, intent(out) :: bounds(2)
       type(error_type), allocatable, intent(out) :: error
-      integer :: last
 
       do while (buffer(i:i) == ' ' .or. (buffer(i:i) == tab .and. delimiter /= tab))
          i = i + 1
       end do
       if (buffer(i:i) /= '"') then
          bounds(1) = i
-         do while (buffer(i:i) /= delimiter .and. buffer(i:i) /= newline)
-            i = i + 1
-         end do
-         do last = i - 1, bounds(1), -1
-            if (buffer(last:last) /= ' ' .and. buffer(last:last) /= tab .and. buffer(last:last) /= return) exit
-         end do
-         bounds(2) = last
+         i = i - 1 + scan(buffer(i:), delimiter//newline)
+         bounds(2) = bounds(1) - 1 + verify(buffer(bounds(1):i - 1), ' '//tab//return, back=.true.)
          return
       end if
       bounds = [i, i - 1]
@@ -329,13 +323,8 @@ contains
 
       find = findloc(self%given_names, name, dim=1)
       if (find > 0) return
-      do j = self%columns, 1, -1
-         if (lower(self%called(j)) == lower(name)) find = j
-      end do
-      do j = 1, self%columns
-         if (self%called(j) == name) exit
-      end do
-      if (j <= self%columns) find = j
+      find = findloc([(self%called(j) == name, j=1, self%columns)], .true., dim=1)
+      if (find == 0) find = findloc([(lower(self%called(j)) == lower(name), j=1, self%columns)], .true., dim=1)
    end function find
 
    !> The finite number `value` in a cell; a refusal names line, `column` and value.
