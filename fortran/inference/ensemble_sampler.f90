@@ -88,19 +88,6 @@ contains
       acceptance = real(accepted_in_all, wp)/max(1, drawn_in_all)
    end subroutine run
 
-   !> A step from u along the difference of two points of the burn-in.
-   subroutine add_archived(kernel, stream, u, moved)
-      type(kernel_type), intent(in) :: kernel
-      type(random_stream_type), intent(inout) :: stream
-      real(wp), intent(in) :: u(:)
-      real(wp), intent(out) :: moved(:)
-      integer :: a, b
-
-      call stream%pick(size(kernel%archive, 2), a)
-      call stream%pick(size(kernel%archive, 2), b)
-      call add_difference(stream, kernel%archive(:, a) - kernel%archive(:, b), kernel%step_scale, u, moved)
-   end subroutine add_archived
-
    !> Some steps of the chain, from u in place.
    subroutine walk(target, kernel, pool, stream, u, w, density, drawn, accepted)
       class(target_type), intent(in) :: target
@@ -112,7 +99,7 @@ contains
       !> Draws of the mixture, and how many were accepted.
       integer, intent(out) :: drawn, accepted
       real(wp) :: tried(target%dimension), tried_w(target%dimension, 1), of_tried(1), own, other, v
-      integer :: step
+      integer :: step, a, b
 
       own = log_mixture(kernel%mixture, u)
       drawn = 0
@@ -131,7 +118,10 @@ contains
             if (.not. is_accepted(stream, of_tried(1) - other, density(1) - own, 1.0_wp)) cycle
             accepted = accepted + 1
          else
-            call add_archived(kernel, stream, u, tried)
+            ! Along the difference of two points of the burn-in.
+            call stream%pick(size(kernel%archive, 2), a)
+            call stream%pick(size(kernel%archive, 2), b)
+            call add_difference(stream, kernel%archive(:, a) - kernel%archive(:, b), kernel%step_scale, u, tried)
             call kernel%whitening%from_white(tried, tried_w(:, 1))
             call target%evaluate_working(tried_w, of_tried)
             if (.not. is_accepted(stream, of_tried(1), density(1), 1.0_wp)) cycle
