@@ -77,8 +77,7 @@ contains
 
       n_bricks = size(mesh%brick, 2)
       has_hanging = [(any(hanging_index(mesh%brick(:, e)) > 0), e=1, n_bricks)]
-      allocate (assembly%constrained(n_bricks), source=0)
-      assembly%constrained = unpack([(e, e=1, count(has_hanging))], has_hanging, assembly%constrained)
+      assembly%constrained = unpack([(e, e=1, count(has_hanging))], has_hanging, 0)
       allocate (assembly%weight(8, most_nodes, count(has_hanging)), source=0.0_wp)
       allocate (assembly%dof_start(n_bricks + size(mesh%facet, 2) + 1))
       allocate (assembly%dof(24*n_bricks + 12*size(mesh%facet, 2) + 3*(most_nodes - 8)*count(has_hanging)))

@@ -45,13 +45,7 @@ contains
    pure type(variable_type) function new_variable(group, name, kind, default, allowed, unit, meaning) result(v)
       character(len=*), intent(in) :: group, name, kind, default, allowed, unit, meaning
 
-      v%group = group
-      v%name = name
-      v%kind = kind
-      v%default = default
-      v%allowed = allowed
-      v%unit = unit
-      v%meaning = meaning
+      v = variable_type(group, name, kind, default, allowed, unit, meaning)
    end function new_variable
 
    !> The texts `names`, without the blanks at their ends, as the values of a variable.

@@ -100,8 +100,7 @@ contains
       do j = 1, size(slope)
          weighted(:, j) = slope(j)*weighted(:, j)
       end do
-      allocate (gram(n, n), product(n, n), lowered(n, n), reduction(size(slope)))
-      gram = 0.0_wp
+      allocate (gram(n, n), product(n, n), lowered(n, n), reduction(size(slope)), source=0.0_wp)
       call add_gram(weighted, 1.0_wp, gram, transposed=.false.)
       deallocate (weighted)
       ! With G the Gram matrix of all candidates by their sensitivity: t C G C t.

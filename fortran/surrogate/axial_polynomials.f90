@@ -49,10 +49,8 @@ contains
          last = n_factors
          self%centre = centre
       end if
-      allocate (self%degrees(1), self%factors(greatest_degree, 1), self%weights(1))
-      self%degrees = 0
-      self%factors = 0
-      self%weights = 1.0_wp
+      allocate (self%degrees(1), self%factors(greatest_degree, 1), source=0)
+      self%weights = [1.0_wp]
       do d = 1, degree
          ! Every product of d factors in ascending order.
          chosen = 0

@@ -87,9 +87,8 @@ contains
       self%prior_degrees = self%polynomials%degrees
       self%least_noise = least_noise
       self%noise_growth = 0.0_wp
-      if (self%domain%log_anisotropy_max < huge(1.0_wp)) then
-         self%noise_growth = spread_at_end/self%domain%log_anisotropy_max**growth_power
-      end if
+      if (self%domain%log_anisotropy_max < huge(1.0_wp)) self%noise_growth = spread_at_end &
+         & /self%domain%log_anisotropy_max**growth_power
       self%first_sds = first_sds
    end subroutine set_up
 
@@ -177,7 +176,7 @@ contains
       call spread_crystals(domain, n_crystals, seed, constants, euler_deg, error)
       if (allocated(error)) return
       n = self%n_terms
-      allocate (projected(n, n_crystals), gram(n, n), values(n))
+      allocate (projected(n, n_crystals), gram(n, n), values(n), source=0.0_wp)
       call self%evaluate_crystals(constants, euler_deg, terms, scale, spread)
       root = covariance
       call cholesky_factor(root, error)
@@ -186,7 +185,6 @@ contains
          root(:j - 1, j) = 0.0_wp
       end do
       call multiply(transpose(root), terms, projected)
-      gram = 0.0_wp
       call add_gram(projected, 1.0_wp, gram, transposed=.false.)
       call symmetric_eigen(gram, values, error)
       if (allocated(error)) return
@@ -246,9 +244,7 @@ contains
       allocate (products(n, 2*n), values(self%n_independent*(1 + self%n_columns), 2*n), gram(n, n), source=0.0_wp)
       stream = new_random_stream(1, 1)
       do j = 1, 2*n
-         do k = 1, size(w)
-            call stream%normal(w(k))
-         end do
+         call stream%normals(w)
          ! The logarithm of an isotropic scale has these two coordinates.
          w(:2) = w(:2) + self%polynomials%centre*sqrt([1.0_wp, 5.0_wp]/6.0_wp)
          terms = terms_of_grains(self, w)

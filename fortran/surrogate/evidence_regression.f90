@@ -129,8 +129,7 @@ contains
       spectrum%n_data = n
       allocate (spectrum%values(m), spectrum%squares(m))
       if (n == 0) return
-      allocate (gram(m, m))
-      gram = 0.0_wp
+      allocate (gram(m, m), source=0.0_wp)
       call add_gram(regression%terms(:, :n), 1.0_wp, gram, transposed=n <= regression%n_terms)
       if (n > regression%n_terms) spectrum%gram = gram
       call symmetric_eigen(gram, spectrum%values, error)

@@ -162,8 +162,7 @@ contains
       allocate (table(0:self%degree, 0:self%degree, 0:2*self%degree))
       call linearisation_table(self%degree, table)
       squares = new_legendre_products(self%n_coordinates, 2*self%degree, self%total)
-      allocate (sums(n*(n + 1)/2, squares%n_products), pair(n*(n + 1)/2))
-      sums = 0.0_wp
+      allocate (sums(n*(n + 1)/2, squares%n_products), pair(n*(n + 1)/2), source=0.0_wp)
       do q = 1, self%n_products
          do r = 1, q
             column = 0
