@@ -148,9 +148,8 @@ contains
       do while (first <= len(list))
          comma = index(list(first:), ',')
          if (comma == 0) comma = len(list) - first + 2
-         if (len_trim(list(first:first + comma - 2)) > 0) then
-            items = [character(len=len(list)) :: items, adjustl(list(first:first + comma - 2))]
-         end if
+         if (len_trim(list(first:first + comma - 2)) > 0) items = [character(len=len(list)) :: items, &
+            & adjustl(list(first:first + comma - 2))]
          first = first + comma
       end do
    end function split_list

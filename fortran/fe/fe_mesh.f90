@@ -117,9 +117,8 @@ contains
       self%element_size = plan%half_width/n
       self%contact_limit = plan%half_width
       ! A hanging node has no displacement of its own.
-      if (plan%stages(max(1, findloc(plan%stages%layers > 0, .true., dim=1)))%coarsen) then
-         self%contact_limit = plan%half_width - self%element_size
-      end if
+      if (plan%stages(max(1, findloc(plan%stages%layers > 0, .true., dim=1)))%coarsen) self%contact_limit = plan%half_width &
+         & - self%element_size
       top = reshape(self%at, [size(self%at)])
       self%contact = pack(top, norm2(self%x(:2, top), dim=1) <= self%contact_limit*(1.0_wp + equal))
       self%nodes = 0

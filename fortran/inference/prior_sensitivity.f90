@@ -198,10 +198,8 @@ contains
       change%effective = effective
       change%shift = mean
       change%sd_ratio = sd
-      if (effective < least_draws) then
-         change%shift = nan
-         change%sd_ratio = change%shift
-      end if
+      if (effective < least_draws) change%shift = nan
+      if (effective < least_draws) change%sd_ratio = nan
       changes = [changes, change]
    end subroutine add_moments
 

@@ -357,9 +357,8 @@ contains
       integer :: left
 
       if (any(self%unused%open)) call take_unused(self, error)
-      if (allocated(self%focus) .and. self%learning%n() >= self%learning%settings%budget .and. .not. allocated(error)) then
-         call begin_round(self, error)
-      end if
+      if (allocated(error)) return
+      if (allocated(self%focus) .and. self%learning%n() >= self%learning%settings%budget) call begin_round(self, error)
       if (allocated(error)) return
       left = count(self%learning%learner%design%available)
       if (n < 1 .or. n > left) call refuse(error, '--ask '//to_text(n)//': allowed are 1 .. '//to_text(left)//', the candidates ' &

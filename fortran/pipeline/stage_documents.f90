@@ -67,9 +67,8 @@ contains
       resolved = ''
       manifest = ''
       if (file_exists(output//resolved_name)) call read_bytes(output//resolved_name, resolved, error)
-      if (file_exists(output//manifest_name) .and. .not. allocated(error)) then
-         call read_document(output//manifest_name, manifest, error)
-      end if
+      if (file_exists(output//manifest_name) .and. .not. allocated(error)) call read_document(output//manifest_name, manifest, &
+         & error)
       if (allocated(error) .or. index(manifest, '"resolved"') == 0) return
       if (index(manifest, checksum(resolved)) == 0) call refuse(error, output//resolved_name//': is not what the results beside ' &
          & //'it came from: another run replaced it, or it is damaged; run again')

@@ -358,10 +358,9 @@ contains
 
       if (.not. allocated(error)) call read_measurements(table, self%settings%measurements, self%class, &
          & self%settings%problem%lattice, measurements, error)
-      if (.not. allocated(error)) then
-         if (.not. measurements%has_angles .and. self%settings%measurements%misalignment_sd_deg > 0.0_wp) call refuse(error, &
-            & 'misalignment_sd_deg = '//to_text(self%settings%measurements%misalignment_sd_deg)//' needs Euler angles: ' &
-            & //'directions alone do not say how a turn of the sample moves them. Or state orientation_sd_deg')
+      if (.not. (allocated(error) .or. measurements%has_angles) .and. self%settings%measurements%misalignment_sd_deg > 0.0_wp) then
+         call refuse(error, 'misalignment_sd_deg = '//to_text(self%settings%measurements%misalignment_sd_deg)//' needs Euler ' &
+            & //'angles: directions alone do not say how a turn of the sample moves them. Or state orientation_sd_deg')
       end if
       if (.not. allocated(error)) call take_shared_errors(self, measurements%table, error)
       if (.not. allocated(error)) call refuse_copied_rows(measurements, error)

@@ -135,9 +135,8 @@ contains
       found%line = line
       call add_entry(parser, found)
       if (allocated(parser%error)) return
-      if (index(blanks//newline//'/!', peek(parser)) == 0) then
-         call refuse(parser, 'a blank must follow the name of a group, not '//rest_of_line(parser), line)
-      end if
+      if (index(blanks//newline//'/!', peek(parser)) == 0) call refuse(parser, 'a blank must follow the name of a group, not ' &
+         & //rest_of_line(parser), line)
       do while (.not. allocated(parser%error))
          call skip_blanks(parser)
          select case (peek(parser))
