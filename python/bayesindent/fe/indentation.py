@@ -196,12 +196,9 @@ class Indentation(NativeObject):
         u, stress = found["displacement_um"], found["values"]
         normal, shear = stress[:, :3], stress[:, 3:]
         mises = np.sqrt(0.5 * ((normal - np.roll(normal, 1, axis=1)) ** 2).sum(axis=1) + 3.0 * (shear**2).sum(axis=1))
-        meshio.Mesh(
-            found["x"],
-            [("hexahedron", found["brick"])],
-            point_data={"displacement_um": u},
-            cell_data={"stress_gpa": [stress[:, [0, 1, 2, 5, 3, 4]]], "mises_gpa": [mises]},
-        ).write(path, file_format="vtu")
+        cells = {"stress_gpa": [stress[:, [0, 1, 2, 5, 3, 4]]], "mises_gpa": [mises]}
+        mesh = meshio.Mesh(found["x"], [("hexahedron", found["brick"])], point_data={"displacement_um": u}, cell_data=cells)
+        mesh.write(path, file_format="vtu")
 
     def deck(self, stiffness: ArrayLike, euler_deg: ArrayLike, title: str = "indentation", depth_um: ArrayLike | None = None) -> str:
         """The same problem on the finest mesh as an input deck for Abaqus and CalculiX (see `deck.py`).

@@ -53,10 +53,8 @@ def ask(problem: Problem, output: str | PathLike, count: int) -> dict:
     columns."""
     found = Stage(problem, "build", Path(output))._call("look_ahead", count=count)
     header = [*found["constants"], "phi1_deg", "Phi_deg", "phi2_deg"]
-    return {
-        "points": [dict(zip(header, row, strict=True)) for row in found["values"].tolist()],
-        "warnings": [*problem.warnings, *found["warnings"]],
-    }
+    points = [dict(zip(header, row, strict=True)) for row in found["values"].tolist()]
+    return {"points": points, "warnings": [*problem.warnings, *found["warnings"]]}
 
 
 def tell(problem: Problem, output: str | PathLike, points: Points, name: str = "the table") -> dict:

@@ -76,13 +76,8 @@ def curves(
     warn_of(document)
     radius = document["tip"]["radius_um"]
     shared = [values for name, values in found["shared_errors"].items() if name != "grain"]
-    return Curves(
-        found["measurements"],
-        np.array(shared, dtype=float).reshape(len(shared), len(found["measurements"]["grain"])).T,
-        (radius["mean"], radius["sd"]),
-        found["fits"],
-        document,
-    )
+    errors = np.array(shared, dtype=float).reshape(len(shared), len(found["measurements"]["grain"])).T
+    return Curves(found["measurements"], errors, (radius["mean"], radius["sd"]), found["fits"], document)
 
 
 def references_of(references: Any, crystal_sd: float | None) -> dict | None:

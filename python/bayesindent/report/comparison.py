@@ -76,9 +76,7 @@ def read_runs(sources: Sequence) -> list[Run]:
     while len({path.parts[-depth:] for path in paths}) < len(paths):
         depth += 1
     names = iter(["/".join(path.parts[-depth:]) for path in paths])
-    return [
-        Run(source, f"result {number}" if hasattr(source, "posterior") else next(names)) for number, source in enumerate(sources, start=1)
-    ]
+    return [Run(source, f"result {n}" if hasattr(source, "posterior") else next(names)) for n, source in enumerate(sources, start=1)]
 
 
 #: Above this shape of the tail of its importance weights (Pareto's k) a grain's leave-one-out density is not to be relied on.

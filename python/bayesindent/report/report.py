@@ -22,13 +22,8 @@ def write_report(folder: Any, output: Path | None = None, kind_of_files: str = "
     if paper:
         write_paper(results)
     figures = draw_figures(results, kind_of_files, paper)
-    texts: dict = {
-        "inputs": inputs_summary(results),
-        "findings": findings(results),
-        "rows": report_rows(results),
-        "advice": advice(results),
-    }
-    texts |= dict(zip(("answer", "usability"), answer(results)))
+    page: dict = {"inputs": inputs_summary(results), "findings": findings(results), "rows": report_rows(results), "advice": advice(results)}
+    page |= dict(zip(("answer", "usability"), answer(results)))
     file = (output or results.folder) / "report.html"
-    write_text(file, render("report.html.j2", results=results, figures=figures, least_shift=LEAST_SHIFT, most_rows=MOST_ROWS, **texts))
+    write_text(file, render("report.html.j2", results=results, figures=figures, least_shift=LEAST_SHIFT, most_rows=MOST_ROWS, **page))
     return results, file

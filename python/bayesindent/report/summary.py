@@ -31,12 +31,10 @@ def answer(results: Results) -> list[str]:
         return []
     parameters = {name: document["parameters"][name] for name in results.constants}
     # Blanks that break no line.
-    constants = (
-        ", ".join(f"{subscript(name)} = {plus_minus(item)}".replace(" ", "\u00a0") for name, item in parameters.items()) + "\u00a0GPa."
-    )
+    constants = ", ".join(f"{subscript(name)} = {plus_minus(item)}".replace(" ", "\u00a0") for name, item in parameters.items())
     vague = enumeration([subscript(name) for name, item in parameters.items() if item["verdict"] == "not_determined"])
     usable = "Usable" + (f", but the measurements do not determine {vague}." if vague else ".")
-    return [constants, usable if document["usable"] else "Not usable."]
+    return [f"{constants}\u00a0GPa.", usable if document["usable"] else "Not usable."]
 
 
 def advice(results: Results) -> dict[str, list[str]]:

@@ -98,10 +98,9 @@ class LaboratoryTable:
 
     def words(self, grains: int) -> list[str]:
         """What was understood, in three lines."""
-        read = [
-            name if name == meaning else f"{name} as {meaning}" for name, meaning in zip(self.names, self.meanings, strict=True) if meaning
-        ]
-        unread = [name for name, meaning in zip(self.names, self.meanings, strict=True) if name and not meaning]
+        pairs = list(zip(self.names, self.meanings, strict=True))
+        read = [name if name == meaning else f"{name} as {meaning}" for name, meaning in pairs if meaning]
+        unread = [name for name, meaning in pairs if name and not meaning]
         left = "; ".join(f"line {line} ({reason})" for line, reason in list(self.left_out.items())[:6]) or "no row"
         where = f"sheet {self.sheet}, " if self.sheet else ""
         return [
@@ -179,9 +178,8 @@ def rows_of(text: str) -> list[tuple[int, list[str]]]:
     for cells in reader:
         whole = "".join(cells)
         if whole.strip() and not cells[0].startswith("#"):
-            rows.append(
-                (before + 1, cells if whole.split() == [whole] and "," not in whole else [tidy(cell, delimiter != ",") for cell in cells])
-            )
+            is_tidy = whole.split() == [whole] and "," not in whole
+            rows.append((before + 1, cells if is_tidy else [tidy(cell, delimiter != ",") for cell in cells]))
         before = reader.line_num
     return rows
 

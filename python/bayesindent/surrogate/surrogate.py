@@ -57,10 +57,8 @@ class Surrogate(NativeObject):
         for values in facts.values():
             if isinstance(values, np.ndarray):
                 values.flags.writeable = False
-        self.__dict__.update(
-            {"basis": basis, "symmetry": basis.symmetry, "provenance": json.loads(facts["provenance"]), "_facts": facts}
-            | {name: facts[name] for name in ("alpha", "beta", "fall", "coefficients")}
-        )
+        self.__dict__.update({name: facts[name] for name in ("alpha", "beta", "fall", "coefficients")})
+        self.__dict__.update(basis=basis, symmetry=basis.symmetry, provenance=json.loads(facts["provenance"]), _facts=facts)
 
     @classmethod
     @takes("surrogate", without=("file", "scan"))

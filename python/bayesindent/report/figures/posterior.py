@@ -157,9 +157,8 @@ def velocities(results: Results) -> Picture:
 
 def compared(items: list[dict], quantity: str, unit: str, of: str, more: str = "") -> Picture:
     """Measured against predicted values, and the residuals, in units of the stated sd where there is one."""
-    measured, error, mean, sd = np.array(
-        [[item.get(key) or 0.0 for key in ("measured", "measured_sd", "mean", "sd")] for item in present(items)]
-    ).T
+    keys = ("measured", "measured_sd", "mean", "sd")
+    measured, error, mean, sd = np.array([[item.get(key) or 0.0 for key in keys] for item in present(items)]).T
     stated = bool(np.all(error > 0))
     residual = (measured - mean) / (error if stated else 1.0)
     labels = (f"predicted {quantity} ({unit})", f"measured {quantity} ({unit})", f"measured - predicted ({'sd' if stated else unit})")

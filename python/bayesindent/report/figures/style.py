@@ -119,9 +119,8 @@ def house_style(width: float = WIDTH) -> Iterator[None]:
 
 def text_size(figure: Figure) -> float:
     """The smallest size of text that is seen, in points; indices of formulas apart."""
-    return min(
-        (text.get_fontsize() for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip()), default=STYLE["font.size"]
-    )
+    seen = (text.get_fontsize() for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip())
+    return min(seen, default=STYLE["font.size"])
 
 
 def stamp_synthetic(figure: Figure) -> None:

@@ -35,14 +35,12 @@ def young_surface(results: Results) -> Picture:
         draw(figure, axes, directions * mean[..., None], values, label)
     low, high = mean.min(), mean.max()
     text = f"Young's modulus over the directions of the crystal, from {low:.0f} to {high:.0f} GPa in the mean of the posterior"
+    rows = np.column_stack([directions.reshape(-1, 3), mean.ravel(), share.ravel()]).tolist()
     return Picture(
         figure,
         f"{text}: the distance of the surface from the centre. Colour: on the left the same, on the right its sd, at most {share.max():.1f} %. "
         "The axes are those of the crystal.",
-        (
-            ["crystal_x", "crystal_y", "crystal_z", "young_gpa", "sd_percent"],
-            np.column_stack([directions.reshape(-1, 3), mean.ravel(), share.ravel()]).tolist(),
-        ),
+        (["crystal_x", "crystal_y", "crystal_z", "young_gpa", "sd_percent"], rows),
     )
 
 
