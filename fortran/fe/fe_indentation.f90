@@ -143,14 +143,16 @@ contains
       end do
    end subroutine make_grids
 
-   !> Whether the contact radius (half-space) at each depth spans enough elements for the estimate of the modulus.
+   !> Whether the contact radius (half-space) at each depth spans enough elements for the estimate of the modulus. On finer meshes
+   !> the depths are those of the default one: the modulus of a film changes with them.
    pure function is_resolved(model)
       type(indentation_model_type), intent(in) :: model
       logical :: is_resolved(size(model%depth))
       real(wp) :: contact_radius(size(model%depth))
 
       contact_radius = model%indenter%contact_radius_of(model%depth)
-      is_resolved = contact_radius >= least_elements*model%grid(1)%mesh%element_size*(1.0_wp - 1.0e-9_wp)
+      is_resolved = contact_radius >= least_elements*max(model%grid(1)%mesh%element_size, model%specimen%element_size) &
+                   & *(1.0_wp - 1.0e-9_wp)
    end function is_resolved
 
    !> Give back what the meshes hold outside Fortran; the model is then empty.

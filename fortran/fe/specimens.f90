@@ -48,8 +48,8 @@ module specimens
       procedure :: set_up => film_set_up, check_sizes => film_check_sizes, plan => film_plan, materials => film_materials
    end type film_specimen_type
 
-   !> A film up to this thickness, in depths of the box of a half-space, ends inside the box.
-   real(wp), parameter :: thick = 1.25_wp
+   !> A film up to this thickness, in contact radii, ends inside the box: on both meshes of an extrapolation, or on none.
+   real(wp), parameter :: thick = 1.3_wp
    !> Depth of the substrate's box over half its width, and edge of a thin film's bricks there, vertical over horizontal.
    real(wp), parameter :: floor_proportion = 0.7_wp, flat = 1.5_wp
 
@@ -199,7 +199,7 @@ contains
       contact_radius = self%contact_radius*plan%widening
       edge = plan%half_width/plan%half_cells
       width = plan%half_width
-      thin = self%thickness <= thick*plan%depth
+      thin = self%thickness <= thick*self%contact_radius
       box = mesh_stage_type(growth=2.0_wp, material=2)
       allocate (plan%stages(0))
       if (thin) then

@@ -1,5 +1,6 @@
 !> The grains that were measured, and what an uncertain orientation does to a modulus.
 !>
+!> A measurement near a boundary may be of the other grain: its modulus has the mean and the variance of the mixture of both.
 !> The tilt of the indented direction is normal in each of two components. Mean and variance of the modulus are those of the product of two
 !> three-point rules with steps of sqrt 3 sds (Gauss-Hermite), exact for moments up to degree 5 in each component.
 module measured_grains
@@ -16,6 +17,8 @@ module measured_grains
       real(wp), allocatable :: euler(:, :), tilt_sd(:)
       !> Allocated, the orientations are those that any measurement may be of, with these probabilities, (orientation).
       real(wp), allocatable :: probability(:)
+      !> Allocated, the probability that a measurement is of another grain, and the angles of that, degrees, (4, n).
+      real(wp), allocatable :: other(:, :)
       !> GPa, or m/s, (n).
       real(wp), allocatable :: modulus(:), sd(:)
       !> Of the waves, (n); and the density, kg/m3.
@@ -90,23 +93,19 @@ contains
       other = euler_angles(matmul(rotation_matrix(euler), axes))
    end function tilted
 
-   !> Mean and variance of a modulus of an uncertain tilt, GPa and GPa².
-   pure subroutine tilt_moments(moduli, sd, mean, variance, slopes)
+   !> Mean and variance of a modulus of an uncertain tilt, GPa and GPa², and its slope by each component, GPa/rad.
+   pure function tilt_moments(moduli, sd) result(moments)
       !> At the grain's own direction and its tilts, GPa; sd of the tilt per component, radians.
       real(wp), intent(in) :: moduli(n_tilts), sd
-      real(wp), intent(out) :: mean, variance
-      !> GPa/rad, of each component.
-      real(wp), intent(out) :: slopes(2)
+      real(wp) :: moments(4)
       real(wp), parameter :: weights(3) = [1.0_wp, 4.0_wp, 1.0_wp]/6.0_wp
       real(wp) :: grid(n_tilts), weight(n_tilts)
 
       grid(cells) = moduli
-      slopes = [grid(6) - grid(4), grid(8) - grid(2)]/(2.0_wp*step_of(sd))
-      mean = moduli(1)
-      variance = 0.0_wp
+      moments = [moduli(1), 0.0_wp, [grid(6) - grid(4), grid(8) - grid(2)]/(2.0_wp*step_of(sd))]
       if (sd <= 0.0_wp) return
       weight = reshape(spread(weights, 2, 3)*spread(weights, 1, 3), [n_tilts])
-      mean = dot_product(weight, grid)
-      variance = dot_product(weight, (grid - mean)**2)
-   end subroutine tilt_moments
+      moments(1) = dot_product(weight, grid)
+      moments(2) = dot_product(weight, (grid - moments(1))**2)
+   end function tilt_moments
 end module measured_grains

@@ -269,7 +269,8 @@ contains
       real(wp) :: least, below
       integer :: freedom
 
-      ! About the mean prediction: by what it is smaller, the measurements determine parameters. A fraction below 3/4 is no degree.
+      ! About the mean prediction; the mean over all draws is larger by the number of parameters that the measurements determine, which
+      ! leaves as many degrees of freedom less. These are rounded up from 3/4 on.
       least = sum(found%checks%residuals**2)
       freedom = int(found%posterior%n_grains - found%checks%chi_square + least + 0.25_wp)
       below = 1.0_wp - chi_square_above(least, max(1, freedom))

@@ -45,6 +45,8 @@ module point_tables
       !> indentation and radius of the grain, um; and its group, 1, 2, .., (n).
       real(wp), allocatable :: orientation_sd_deg(:), depth_um(:), contact_radius_um(:), grain_radius_um(:)
       integer, allocatable :: group(:)
+      !> Allocated, the probability that a measurement is of another grain, and the Bunge-Euler angles of that, degrees, (4, n).
+      real(wp), allocatable :: other(:, :)
       !> The column of the points' names, 0 if there is none, and the row of the table that a point stands for, (n), and
       !> the point of each row.
       integer :: named_by = 0
@@ -57,6 +59,8 @@ module point_tables
    end type points_type
 
    character(len=*), parameter :: angle_names(3) = [character(len=8) :: 'phi1_deg', 'Phi_deg', 'phi2_deg']
+   character(len=*), parameter :: other_names(4) = [character(len=17) :: 'other_probability', 'other_phi1_deg', 'other_Phi_deg', &
+      & 'other_phi2_deg']
    !> What a stiffness can be, GPa.
    real(wp), parameter, public :: stiffness_most = 5000.0_wp
 
@@ -124,9 +128,9 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Ten for each of the grains that Step 2 takes.
       integer, parameter :: most_rows = 200000
-      real(wp), allocatable :: depth_nm(:)
+      real(wp), allocatable :: depth_nm(:), other(:)
       character(len=:), allocatable :: name
-      integer :: column
+      integer :: column, i
 
       if (table%rows > most_rows) then
          call refuse(error, to_text(table%rows)//' rows; allowed up to '//to_text(most_rows))
@@ -156,6 +160,14 @@ contains
       call add_zero_error()
       call read_column(points%table, 'grain_radius_um', .true., points%grain_radius_um, error)
       if (.not. allocated(error)) call read_groups(points)
+      if (.not. allocated(error)) call find_column(points%table, other_names(1), column, error)
+      if (allocated(error) .or. column == 0) return
+      allocate (points%other(size(other_names), points%n))
+      do i = 1, size(other_names)
+         call read_column(points%table, trim(other_names(i)), .false., other, error)
+         if (allocated(error)) return
+         points%other(i, :) = other
+      end do
 
    contains
 

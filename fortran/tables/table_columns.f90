@@ -47,6 +47,10 @@ module table_columns
       & //'standard_error, std_error, std_err, se, sem, sigma, ±', gpa, [no_less, moduli(2)], ' GPa', &
       & '; a standard deviation is above 0, up to 2000.0 GPa'), &
       & column_type('orientation_sd_deg', 'orientation_sd', degrees, [0.0_wp, 20.0_wp], ' degrees'), &
+      & column_type('other_probability', '', '', [0.0_wp, 1.0_wp], '', ' is no probability'), &
+      & column_type('other_phi1_deg', '', degrees, turns, ' degrees'), &
+      & column_type('other_Phi_deg', '', degrees, turns, ' degrees'), &
+      & column_type('other_phi2_deg', '', degrees, turns, ' degrees'), &
       & column_type('depth_um', 'depth', um, lengths, ' um'), &
       & column_type('depth_nm', 'depth', ' nm ', 1.0e3_wp*lengths, ' nm'), &
       & column_type('contact_radius_um', '', um, lengths, ' um'), &

@@ -73,6 +73,9 @@ TRUTHS = [
     Truth("zinc, 2,000 grains", "hexagonal", (161.1, 34.2, 38.3, 61.1, 50.3), 2000, 0.02),
     Truth("titanium, 1,000 grains", "hexagonal", (162.4, 92.0, 46.7, 180.7, 69.0), 1000, 0.02),
     Truth("rutile, 1,000 grains", "4/mmm", (269, 177, 146, 480, 124, 192), 1000, 0.02),
+    # What the measurements leave to a prior that lies elsewhere. A case's place in this list is in the seed of its data.
+    Truth("gold, bulk known", "cubic", (186, 157, 42), 20, 0.03, 0.02),
+    Truth("indium, bulk known", "4/mmm", (44.5, 39.5, 40.5, 44.4, 6.55, 12.2), 16, 0.02, 0.02),
 ]
 
 

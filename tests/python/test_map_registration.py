@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from test_orientation_maps import EDGE, along, measured, pixels, write
+from test_orientation_maps import EDGE, LEFT, RIGHT, along, columns, measured, pixels, write
 
 import bayesindent as bi
 from bayesindent.program.cli import main
@@ -63,7 +63,13 @@ def test_an_indent_near_a_boundary_is_named_with_its_probability(tmp_path):
     from scipy.stats import norm
 
     assert share == pytest.approx(norm.cdf(shift / sd), abs=0.06)
-    assert "rows 1" not in line and "leave these rows out, or state more ebsd_points" in line
+    assert "rows 1" not in line and "a mixture of this grain and the next most probable one" in line
+    # The other grain is that beyond the boundary, where the first indent has none but its own.
+    probability, *angles = columns(problem, "other_probability", "other_phi1_deg", "other_Phi_deg", "other_phi2_deg")
+    assert [float(value) for value in probability] == pytest.approx([0.0, 1 - share], abs=0.006)
+    other = along(np.array(angles, float).T)
+    assert other[0] == pytest.approx(along(problem.measurements.euler_deg)[0], abs=1e-6)
+    assert other[1] == pytest.approx(along([RIGHT if shift > 0 else LEFT])[0], abs=0.003)
 
 
 def test_three_points_leave_the_error_unknown(tmp_path):

@@ -3,8 +3,9 @@
 import csv
 import re
 from dataclasses import dataclass
-from functools import reduce
+from functools import cache, reduce
 from pathlib import Path
+from statistics import mode
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,8 @@ BOUNDARY_DEG = 5.0
 LEAST_PIXELS = 4
 #: Columns of homologous points: positions of the stage, and of the map.
 POINT_COLUMNS = ("x_um", "y_um", "map_x_um", "map_y_um")
+#: The grain that an indent may be in instead.
+OTHER_COLUMNS = ("other_probability", "other_phi1_deg", "other_Phi_deg", "other_phi2_deg")
 #: Errors of registration that are drawn, and the probability of its grain below which an indent is uncertain.
 SAMPLE, LEAST_SHARE = 400, 0.95
 #: No sample is larger.
@@ -41,7 +44,7 @@ class IndentedMap:
     """A map with indents at `positions` (n, 2) in its own coordinates, um, the grain of each, and what is to be said of them.
 
     `page`: a line for each indent: Bunge's angles of the mean orientation of its grain, and, where the measurements have no such
-    column, `grain`, its number in the map, `orientation_sd_deg`, the spread of the indented direction over it, and `grain_radius_um`, the distance to the nearest other grain."""
+    column, `grain`, its number in the map, `orientation_sd_deg`, the spread of the indented direction over it, and `grain_radius_um`, the distance to the nearest other grain; where an indent is near a boundary, `OTHER_COLUMNS`."""
 
     grid: "Grid"
     positions: np.ndarray
@@ -71,19 +74,29 @@ def indented_map(
     warnings += grid.compare_phase(grid.phase[pixel], symmetry)
     # Of a sample of the errors of registration the share that leads to the same grain.
     errors = np.random.default_rng(0).normal(size=(SAMPLE, 1, 2)) * sd[:, None]
-    share = np.mean(grid.grain[grid.tree.query(indents + errors)[1]] == grains, axis=0)
+    nearest = grid.tree.query(indents + errors)[1]
+    sample, same_phase = grid.grain[nearest], grid.phase[nearest] == grid.phase[pixel]
+    share = np.mean(sample == grains, axis=0)
     if doubtful := [f"{row + 1} ({share[row]:.0%})" for row in np.flatnonzero(share < LEAST_SHARE)]:
         warnings.append(
             f"{place}the grain of the indents of rows {', '.join(doubtful[:10])}{', ..' if len(doubtful) > 10 else ''} is uncertain: in brackets "
-            f"the probability that the registration, ± {sd.max():.2g} um, leads to it; leave these rows out, or state more ebsd_points"
+            f"the probability that the registration, ± {sd.max():.2g} um, leads to it. Each is taken as a mixture of this grain and the next "
+            "most probable one, which adds to its sd; more ebsd_points make the registration better"
         )
     stated = {re.sub("[ -]", "_", name.lower()).removesuffix("_id").removesuffix("_number") for name in columns}
-    orientations = {grain: grid.mean_orientation(grain) for grain in set(grains)}
+    orientation = cache(grid.mean_orientation)
     rows = []
-    for position, grain in zip(indents, grains):
-        euler, spread = orientations[grain]
-        values = {"grain": f"EBSD {grain}", "orientation_sd_deg": spread, "grain_radius_um": grid.distance_to_boundary(position, grain)}
-        angles = dict(zip(("phi1_deg", "Phi_deg", "phi2_deg"), euler))
+    for k, (position, grain) in enumerate(zip(indents, grains)):
+        others = sample[(sample[:, k] != grain) & same_phase[:, k], k].tolist() if share[k] < LEAST_SHARE else []
+        other = mode(others or [grain])
+        values = {
+            "grain": f"EBSD {grain}" + f" or {other}" * (other != grain),
+            "orientation_sd_deg": orientation(grain)[1],
+            "grain_radius_um": grid.distance_to_boundary(position, grain),
+        }
+        if doubtful:
+            values |= zip(OTHER_COLUMNS, (others.count(other) / (others.count(other) + SAMPLE * share[k]), *orientation(other)[0]))
+        angles = dict(zip(("phi1_deg", "Phi_deg", "phi2_deg"), orientation(grain)[0]))
         rows.append(angles | {name: value for name, value in values.items() if name not in stated})
     return IndentedMap(grid, indents, grains, as_csv(list(rows[0]), [list(row.values()) for row in rows]), warnings)
 

@@ -218,15 +218,16 @@ def html_details(thing: object, text: str) -> str:
 
 def spelled(value: Any, place: str = "") -> str:
     """A value as a namelist has it; `place` begins the message of a refusal."""
-    if isinstance(value, bool | np.bool_):
+    value = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+    if isinstance(value, bool):
         return ".true." if value else ".false."
-    if isinstance(value, int | float | np.integer | np.floating):
-        return repr(value.item() if isinstance(value, np.generic) else value)
+    if isinstance(value, int | float):
+        return repr(value)
     if isinstance(value, str | os.PathLike):
         return "'" + os.fspath(value).replace("'", "''") + "'"
     if isinstance(value, Mapping):
         value = [f"{key} = {item}" for key, item in value.items()]
-    if isinstance(value, list | tuple | np.ndarray) and len(value):
+    if isinstance(value, list | tuple) and value:
         return ", ".join(spelled(item, place) for item in value)
     raise InputError(f"{place}: {str(value)[:80]} is neither number nor text, nor a list of them")
 
