@@ -81,14 +81,14 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Variance of y that is none.
       real(wp), parameter :: none = 1.0e-20_wp
-      !> Work arrays of a thread are on its stack.
-      integer, parameter :: most_grains = 20000
-      integer :: columns, g
+      integer :: columns, g, most
 
       call new_observable(settings%modulus_kind, settings, posterior%observable, error)
       if (.not. allocated(error)) call new_error_model(settings, posterior%errors, error)
-      if (size(measured%modulus) > most_grains) call raise(error, to_text(size(measured%modulus))//' grains are more than the ' &
-         & //to_text(most_grains)//' that are allowed', exit_bad_input)
+      ! Work arrays of a thread are on its stack; those of mixtures of two grains are larger.
+      most = merge(5000, 20000, allocated(measured%other))
+      if (size(measured%modulus) > most) call raise(error, to_text(size(measured%modulus))//' grains are more than the ' &
+         & //to_text(most)//' that are allowed', exit_bad_input)
       if (allocated(error)) return
       posterior%prior = prior
       posterior%settings = settings
