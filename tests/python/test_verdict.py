@@ -27,11 +27,11 @@ IRON = SOURCE / "inputs" / "data" / "fe3si.csv"
     ],
 )
 def test_shares_of_iron(knowledge, measurements, known):
-    """The values are integrals over a grid of 48 x 48 x 48 crystals."""
+    """The values are integrals over a grid of 48 x 48 x 48 crystals; from seed to seed a share of C12 has an sd of 0.012."""
     result = bi.extract(IRON, symmetry="cubic", bounds=BOUNDS, knowledge=knowledge, samples=20000, **KIND)
     shares = [parameter["share"] for parameter in bi.summary(result)["parameters"].values()]
-    assert [share["measurements"] for share in shares] == pytest.approx(measurements, abs=0.02)
-    assert [share["knowledge"] for share in shares] == pytest.approx(known, abs=0.02)
+    assert [share["measurements"] for share in shares] == pytest.approx(measurements, abs=0.03)
+    assert [share["knowledge"] for share in shares] == pytest.approx(known, abs=0.03)
     for share in shares:
         assert sum(share.values()) == pytest.approx(1, abs=1e-9)
     offered = [row["name"] for row in bi.summary(result)["identifiability"] if row["kind"] == "knowledge"]
