@@ -152,7 +152,7 @@ def test_a_film_of_another_metal_than_the_domain_holds(metal, tmp_path):
             rows,
             specimen={"substrate_young_gpa": 163, "substrate_nu": 0.223},
             simulation={"simulator": "fe", "refine": 0.6},
-            design={"budget": 40 if focus == "posterior" else 20, "focus": focus},
+            design={"budget": 60 if focus == "posterior" else 20, "focus": focus},
             knowledge={"mean": bulk, "sd": 0.02 * bulk},
         )
         surrogate = bi.build(problem, tmp_path / focus)
