@@ -45,23 +45,13 @@ program test_correction
 
 contains
 
-   !> Numbers of a normal distribution.
-   subroutine draw(x)
-      real(wp), intent(out) :: x(:)
-      integer :: i
-
-      do i = 1, size(x)
-         call stream%normal(x(i))
-      end do
-   end subroutine draw
-
-   !> A symmetric matrix of them.
+   !> A symmetric matrix of normal numbers.
    function random_matrix() result(a)
       real(wp) :: a(6, 6)
       integer :: j
 
       do j = 1, 6
-         call draw(a(:, j))
+         call stream%normals(a(:, j))
       end do
       a = 0.5_wp*(a + transpose(a))
    end function random_matrix
@@ -75,7 +65,7 @@ contains
       real(wp) :: w(21)
 
       space = new_log_coordinates(class_of(trim(name)))
-      call draw(w)
+      call stream%normals(w)
       w = 0.5_wp*w/sqrt(1.0_wp + space%n)
       w(1) = w(1) + 5.8_wp
       w(2) = w(2) + 4.7_wp*sqrt(5.0_wp)
@@ -210,8 +200,8 @@ contains
       n = polynomials%n_coordinates
       call check('coordinates that count', n == n_coordinates - merge(0, 1, present(centre)))
       allocate (p(2, polynomials%n))
-      call draw(x)
-      call draw(y)
+      call stream%normals(x)
+      call stream%normals(y)
       points(1, :) = x
       points(2, :) = y
       call evaluate_polynomials(polynomials, points(:2, :n), p)
@@ -237,7 +227,7 @@ contains
       deallocate (p)
       allocate (p(n_points, n), values(n))
       do i = 1, n_points
-         call draw(points(i, :))
+         call stream%normals(points(i, :))
       end do
       call evaluate_polynomials(polynomials, points(:, :polynomials%n_coordinates), p)
       do k = 1, n
@@ -378,10 +368,10 @@ contains
       n = surrogate%basis%n_terms
       allocate (surrogate%coefficients(n), factor(n, n))
       width = 0.05_wp*0.3_wp**surrogate%basis%prior_degrees
-      call draw(surrogate%coefficients)
+      call stream%normals(surrogate%coefficients)
       surrogate%coefficients = width*surrogate%coefficients
       do j = 1, n
-         call draw(factor(:, j))
+         call stream%normals(factor(:, j))
          factor(:, j) = 0.1_wp*width*factor(:, j)
       end do
       surrogate%covariance = matmul(factor, transpose(factor))/n

@@ -192,7 +192,7 @@ def test_arviz_takes_it_as_it_is(results, symmetry):
     plain = -np.log(np.mean(np.exp(-values), axis=0))
     assert (found.elpd_i if new else found.loo_i).values == pytest.approx(plain, abs=0.3)
     # One rare draw can spoil one grain: which draws there are is a matter of the machine's rounding.
-    assert np.sort(found.pareto_k.values)[-2] < 0.7
+    assert np.sort(found.pareto_k.values)[-2] < 0.7 and found.pareto_k.values.max() < 1
     ranks = az.compare({"one": result, "other": result})
     assert ranks["elpd_diff"].abs().max() == 0.0
     assert (az.plot_ppc_dist(result) if new else az.plot_ppc(result, num_pp_samples=20, random_seed=1, show=False)) is not None

@@ -1,5 +1,6 @@
 """Who decided what, limits that end the draws, and whether a result can be used."""
 
+import bench_boundary
 import numpy as np
 import pytest
 from step_2_cases import KIND, table_of
@@ -36,6 +37,14 @@ def test_shares_of_iron(knowledge, measurements, known):
         assert sum(share.values()) == pytest.approx(1, abs=1e-9)
     offered = [row["name"] for row in bi.summary(result)["identifiability"] if row["kind"] == "knowledge"]
     assert offered == ["bulk_modulus"] * (not knowledge) + ["polycrystal_young"]
+
+
+def test_shares_of_mixtures_of_grains():
+    """The variance of a mixture changes with the crystal: the shares of C11 and C44 here summed to more than 1, and were no numbers."""
+    (mixture, *_), knowledge = bench_boundary.tables(2, 6, 0.35)
+    found = bi.summary(bi.extract(mixture, "cubic", knowledge=knowledge, seed=2))["parameters"]
+    assert [one["verdict"] for one in found.values()] == ["determined"] * 3
+    assert 0.98 < found["C44"]["share"]["measurements"] <= 1
 
 
 def test_shares_are_those_of_the_normal_model():
