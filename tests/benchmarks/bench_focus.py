@@ -36,8 +36,10 @@ CASE = """\
 &design {design} /
 &measurements file = '{data}', modulus_kind = 'indentation_modulus' /
 &knowledge quantity = 'bulk_modulus', mean = {bulk}, sd = {bulk_sd} /
-&sampler samples = 5000 /
+&sampler samples = {samples}, chains = {chains} /
 """
+#: Samples and chains of the loop, and of what is compared: a chain may stay where the polynomial has crystals of its own.
+LOOP, COMPARED = {"samples": 5000, "chains": 4}, {"samples": 10000, "chains": 12}
 WIDE = "&domain log_anisotropy_max = {}, poisson_min = -0.9, poisson_max = 0.49, stiffness_min_gpa = 5, stiffness_max_gpa = 2000 /\n"
 
 
@@ -54,12 +56,12 @@ def truth_of(metal, folder):
     return euler, np.loadtxt(file)
 
 
-def run(name, text, folder, output):
-    """The documents of a run."""
+def run(name, text, folder, output, command="run"):
+    """The documents of a command."""
     file = folder / f"{name}.nml"
     file.write_text(text)
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as said:
-        status = bayesindent(["run", str(file), "--output", str(output)])
+        status = bayesindent([command, str(file), "--output", str(output)])
     if status not in (0, 3):
         raise RuntimeError(said.getvalue())
     return tuple(json.loads((output / document).read_text()) for document in ("build.json", "summary.json"))
@@ -69,6 +71,12 @@ def draws_of(output):
     """The constants of a posterior, GPa, (draw, constant)."""
     table = np.genfromtxt(output / "posterior.csv", delimiter=",", names=True)
     return np.column_stack([table[name] for name in table.dtype.names if name.startswith("C")])
+
+
+def extract(name, text, folder, output):
+    """The draws of a posterior with the surrogate of a folder."""
+    run(name, text, folder, output, "extract")
+    return draws_of(output)
 
 
 def candidates(names, posteriors, euler, file, count=600):
@@ -82,8 +90,8 @@ def candidates(names, posteriors, euler, file, count=600):
 
 
 def widths(draws):
-    """Of each constant the sd and the width of the central interval of 95 %, which a long tail of a few draws moves less; (constant, 2)."""
-    return np.column_stack([draws.std(axis=0), np.ptp(np.quantile(draws, [0.025, 0.975], axis=0), axis=0)])
+    """Of each constant the sd and the widths of the central intervals of 95 and 68 %, which a long tail moves less; (constant, 3)."""
+    return np.column_stack([draws.std(axis=0), *(np.ptp(np.quantile(draws, [p, 1 - p], axis=0), axis=0) for p in (0.025, 0.16))])
 
 
 def main(argv=None) -> None:
@@ -115,7 +123,9 @@ def main(argv=None) -> None:
                 "bulk": bulk * (1 + 0.02 * rng.normal()),
                 "bulk_sd": 0.02 * bulk,
             }
-            build, found = run(f"{metal}_{seed}", CASE.format(design=options.design, **cases[seed]), folder, folder / f"{metal}_{seed}")
+            build, found = run(
+                f"{metal}_{seed}", CASE.format(design=options.design, **LOOP, **cases[seed]), folder, folder / f"{metal}_{seed}"
+            )
             posteriors[seed] = draws_of(folder / f"{metal}_{seed}")
             z = [(one["mean"] - true) / one["sd"] for one, true in zip(found["parameters"].values(), constants, strict=True)]
             share = max(one["surrogate"] or 0.0 for one in found["error_budget"].values())
@@ -131,15 +141,16 @@ def main(argv=None) -> None:
         farthest = max(float(re.search(r"^log_anisotropy_max (\S+)", text, flags=re.M)[1]) for text in surrogates)
         for seed, values in cases.items():
             # No farther than the loops went: beyond all simulations a polynomial has crystals of its own.
-            case = CASE.format(design=f"budget = {options.many}, focus = 'domain', candidates = '{table}'", **values) + WIDE.format(
-                farthest
-            )
-            run(f"{metal}_many_{seed}", case, folder, folder / f"{metal}_many")
+            design, wide = f"budget = {options.many}, focus = 'domain', candidates = '{table}'", WIDE.format(farthest)
+            run(f"{metal}_many_{seed}", CASE.format(design=design, **LOOP, **values) + wide, folder, folder / f"{metal}_many")
+            compared = CASE.format(design=options.design, **COMPARED, **values)
+            own = extract(f"{metal}_own_{seed}", compared, folder, folder / f"{metal}_{seed}")
+            many = extract(f"{metal}_all_{seed}", compared + wide, folder, folder / f"{metal}_many")
             # Crystals beyond those of all loops were simulated in neither: there the polynomial has crystals of its own.
-            all_draws, many = np.concatenate(list(posteriors.values())), draws_of(folder / f"{metal}_many")
+            all_draws = np.concatenate(list(posteriors.values()))
             within = ((many >= all_draws.min(axis=0)) & (many <= all_draws.max(axis=0))).all(axis=1)
-            ratios = [f"{sd:.2f} {width:.2f}" for sd, width in widths(posteriors[seed]) / widths(many[within])]
-            print(f"{metal:10} {seed}: sd, width of 95 % over those of {options.many} simulations: {'; '.join(ratios)}", end="")
+            ratios = [" ".join(f"{ratio:.2f}" for ratio in row) for row in widths(own) / widths(many[within])]
+            print(f"{metal:10} {seed}: sd, widths of 95 and 68 % over those of {options.many} simulations: {'; '.join(ratios)}", end="")
             print(f"; {1 - within.mean():.1%} of these draws lie beyond all simulations, and are left out", flush=True)
 
 
