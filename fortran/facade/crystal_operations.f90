@@ -31,7 +31,7 @@ contains
       real(wp), pointer :: given(:, :), c(:, :, :)
       type(measurements_settings_type) :: settings
       type(observable_type) :: observable
-      real(wp), allocatable :: stiffness(:, :, :), slope(:)
+      real(wp), allocatable :: stiffness(:, :, :)
       type(wave_type), allocatable :: waves(:)
       character(len=:), allocatable :: symmetry, wanted(:)
       integer :: i
@@ -117,8 +117,7 @@ contains
          call new_observable(x%in%text('kind'), settings, observable, x%error)
          if (allocated(x%error)) return
          x%values = x%in%columns('moduli', 1)
-         slope = 0.0_wp*x%values(1, :) + 1.0_wp
-         call observable%to_measured(x%values(1, :), slope)
+         call observable%to_measured(x%values(1, :))
       case default
          call x%refuse(verb)
       end select

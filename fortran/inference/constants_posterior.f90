@@ -299,8 +299,12 @@ contains
          return
       end if
       if (self%n_shared == 0 .and. .not. has_own_variance(self)) then
-         call self%grains%evaluate_moduli(c, model, slopes, moduli)
-         call self%observable%to_measured(model(:self%n_moduli), slopes(:self%n_moduli))
+         if (present(moduli)) then
+            model = moduli
+         else
+            call self%grains%evaluate_moduli(c, model, slopes)
+         end if
+         call self%observable%to_measured(model(:self%n_moduli))
          log_likelihood = self%errors%log_density((self%data%modulus - model)/self%scale, scale_factor(self, x)) - self%log_scales
          return
       end if

@@ -61,8 +61,15 @@ contains
       class(error_model_type), intent(in) :: self
       !> (measurement).
       real(wp), intent(in) :: r(:), factor
+      real(wp) :: total
+      integer :: i
 
-      log_density = -0.5_wp*sum(r**2)/factor**2 - size(r)*(log(factor) + 0.5_wp*log(2.0_wp*pi))
+      total = 0.0_wp
+      !$omp simd reduction(+: total)
+      do i = 1, size(r)
+         total = total + r(i)**2
+      end do
+      log_density = -0.5_wp*total/factor**2 - size(r)*(log(factor) + 0.5_wp*log(2.0_wp*pi))
    end function log_density
 
    !> Minus the first derivative of the log density of scale one over the residual, minus the second, and the one that is expected.

@@ -59,13 +59,11 @@ contains
    pure subroutine to_measured(self, values, slopes)
       class(observable_type), intent(in) :: self
       !> Indentation moduli, GPa, and their derivatives with respect to any variable.
-      real(wp), intent(inout) :: values(:), slopes(:)
+      real(wp), intent(inout) :: values(:)
+      real(wp), intent(inout), optional :: slopes(:)
 
-      if (self%compliance > 0.0_wp) then
-         slopes = slopes/(1.0_wp + self%compliance*values)**2
-         values = values/(1.0_wp + self%compliance*values)
-      end if
-      slopes = slopes*self%factor
+      if (present(slopes)) slopes = slopes*self%factor/(1.0_wp + self%compliance*values)**2
+      if (self%compliance > 0.0_wp) values = values/(1.0_wp + self%compliance*values)
       values = values*self%factor
    end subroutine to_measured
 

@@ -43,8 +43,9 @@ module problem_posterior
       & prior_run = run_type(5000, 2500, 4, 1000001, .false.), free_run = run_type(2000, 500, 2, 3000001), &
       & theory_run = run_type(5000, 1500, 4, 4000001), focus_run = run_type(3000, 600, 2, 5000001)
 
-   !> Of harmonics, where that is so.
-   integer, parameter :: rough_degree = 12
+   !> Of harmonics, where that is so; of many grains together a lower degree errs by more than the posterior is wide, and a higher one
+   !> hardly costs more than these grains.
+   integer, parameter :: rough_degree = 12, degree_of_many = 20, many = 2000
    !> Bytes of a number, and how often a draw is kept at a time.
    real(wp), parameter :: bytes = 8.0_wp, copies = 3.0_wp
 
@@ -116,7 +117,7 @@ contains
             end if
             if (allocated(error)) exit
          end do
-         if (.not. allocated(error)) call check_distinct(knowledge%quantities(:listed), class, error)
+         if (.not. allocated(error)) call check_distinct(knowledge%quantities, class, error)
          if (allocated(error)) then
             error%message = place(problem%path, 'knowledge', 'quantity')//error%message
          else if (all > listed) then
@@ -151,7 +152,7 @@ contains
          measured%modulus = table%modulus_gpa
          measured%sd = table%sd_gpa
          ! Only where the sds are one unknown common value may they be absent.
-         if (.not. all(measured%sd > 0.0_wp)) measured%sd = 1.0_wp
+         where (.not. measured%sd > 0.0_wp) measured%sd = 1.0_wp
          measured%tilt_sd = merge(table%orientation_sd_deg, problem%settings%measurements%orientation_sd_deg, &
             & table%orientation_sd_deg >= 0.0_wp)*degree
          if (allocated(table%other) .and. problem%settings%measurements%orientations /= 'unknown') measured%other = table%other
@@ -257,6 +258,8 @@ contains
       end do
       call append_velocities(problem%measurements, problem%velocities, kept)
       problem%are_detected = .true.
+      if (problem%measurements%n == 0) call refuse(error, place(problem%path, 'measurements', 'velocities')//'all speeds are ' &
+         & //'left out: at crystals of the posterior their wave is not the one that is measured. Choose other directions')
    end subroutine omit_weak_waves
 
    !> Whether waves are those that a measurement shows, at all but a few of some crystals.
@@ -305,7 +308,8 @@ contains
       type(chains_type), intent(out) :: chains
       type(error_type), allocatable, intent(out) :: error
 
-      if (run%is_rough .and. density%grains%has_theory) call density%set_field_degree(rough_degree, error)
+      if (run%is_rough .and. density%grains%has_theory) call density%set_field_degree(merge(degree_of_many, rough_degree, &
+         & density%n_grains > many), error)
       if (allocated(error)) return
       call run_chains(problem, density, 'ensemble', 'aside', run, chains, error)
    end subroutine sample_aside
@@ -373,7 +377,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> The draws that follow are others.
       real(wp), parameter :: reserve = 0.5_wp
-      real(wp) :: anisotropy(size(draws, 2)), errors(size(draws, 2)), cost, least
+      real(wp) :: anisotropy(size(draws, 2)), errors(size(draws, 2)), cost, least, wrong
       real(wp), allocatable :: exact(:, :)
       class(grain_model_type), allocatable :: best
       integer :: i
@@ -391,7 +395,9 @@ contains
             call grains%read_up_to(huge(least))
             errors = field_errors(posterior, draws, exact)
             if (any(errors > reserve*allowed_error)) then
-               call grains%read_up_to(0.98_wp*minval(anisotropy, mask=errors > reserve*allowed_error))
+               wrong = minval(anisotropy, mask=errors > reserve*allowed_error)
+               ! Where every draw errs, nothing shows that others may be read.
+               call grains%read_up_to(merge(0.98_wp*wrong, 0.0_wp, any(anisotropy < wrong)))
                ! Of many grains an expansion over directions is left.
                errors = field_errors(posterior, draws, exact)
                if (any(errors > reserve*allowed_error) .and. i < size(degrees)) cycle

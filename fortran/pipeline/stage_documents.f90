@@ -202,7 +202,6 @@ contains
       character(len=:), allocatable :: kinds(:), names
       type(observable_type) :: observable
       real(wp), allocatable :: moduli(:, :)
-      real(wp) :: slope(size(modulus))
       integer :: j
 
       allocate (kinds, source=split_list(moduli_of_indentation))
@@ -213,8 +212,7 @@ contains
          if (allocated(error)) return
          names = names//','//trim(kinds(j))//'_gpa'
          moduli(:, j) = modulus
-         slope = 1.0_wp
-         call observable%to_measured(moduli(:, j), slope)
+         call observable%to_measured(moduli(:, j))
       end do
       if (present(velocity)) then
          names = names//',rayleigh_velocity_m_s'

@@ -341,7 +341,7 @@ contains
          g = rotation_matrix(euler(:, i))
          call evaluate_harmonics(harmonics, g(:, 3), expansion%reading(i, :))
       end do
-      expansion%cost = 0.0007_wp*size(expansion%reading)
+      expansion%cost = 0.0002_wp*size(expansion%reading)
    end subroutine new_modulus_expansion
 
    !> What grains have from what directions have, of some crystals or columns: the same where it does not pay.
