@@ -1,7 +1,7 @@
 !> Whole files in, whole files out, the paths between them, and the checksum by which a change is seen.
 module files
    use, intrinsic :: iso_c_binding, only: c_associated, c_bool, c_char, c_int, c_null_char, c_null_ptr, c_ptr
-   use errors, only: error_type, machine_failure, raise, refuse
+   use errors, only: error_type, exit_bad_input, machine_failure, raise, refuse
    use kinds, only: i8
    use text, only: to_text
    implicit none
@@ -212,7 +212,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       call c_make_folder(path//c_null_char)
-      if (.not. is_folder(path)) call raise(error, path//': the folder cannot be made', machine_failure)
+      if (.not. is_folder(path)) call raise(error, path//': the folder cannot be made: a file has ' &
+         & //'this name, or the permission is missing', exit_bad_input)
    end subroutine make_folder
 
    !> The folder part of a path with its last slash, '' for the current folder.

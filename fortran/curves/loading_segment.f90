@@ -47,7 +47,8 @@ contains
       end associate
       means = sum(reshape(points(:, first:first + n*block - 1), [size(points, 1), block, n]), 2)/block
       if (size(air) > few) means(3, :) = means(3, :) - median(size(air), air)
-      means = means(:, pack([(i, i=1, n)], means(3, :) > first_share*peak))
+      ! A contact stiffness that is not positive is none.
+      means = means(:, pack([(i, i=1, n)], means(3, :) > first_share*peak .and. all(means(4:, :) > 0.0_wp, 1)))
       n = size(means, 2)
       if (n < fewest_points) segment%refusal = 'only '//to_text(n)//' points from contact to peak load; 12 are needed'
       if (len(segment%refusal) > 0) return

@@ -13,7 +13,7 @@ module surrogate_operations
    use labelled_values, only: labelled_values_type
    use next_stage, only: next_document
    use plan_stage, only: plan_stage_type
-   use problem_posterior, only: new_problem_posterior
+   use problem_posterior, only: new_problem_posterior, omit_weak_waves
    use stage_documents, only: end_document
    use surrogate_learner, only: add_simulations, fit_learner, learner_type, left_out, new_learner, surrogate_of
    use surrogate_model, only: exchange_surrogate, predict_crystals, save_surrogate, surrogate_type
@@ -105,7 +105,8 @@ contains
          call put_extraction(x%problem, found, end_document(page, [x%problem%warnings, warnings]), x%out)
       case ('next')
          ! The points are draws, which have the factor on the sds as it is, not its logarithm.
-         call new_problem_posterior(x%problem, surrogate, .false., density, x%error)
+         call omit_weak_waves(x%problem, surrogate, x%error)
+         if (.not. allocated(x%error)) call new_problem_posterior(x%problem, surrogate, .false., density, x%error)
          if (allocated(x%error)) return
          call page%begin_object()
          call next_document(x%problem, density, x%in%columns('points', density%dimension), page, warnings, x%error)

@@ -173,7 +173,6 @@ contains
       if (n == 0) return
       all = posterior
       all%prior%in_logarithms = .false.
-      all%prior%has_default = .false.
       call without_knowledge(all, free, error)
       if (allocated(error)) return
       point = chains%best_draw()

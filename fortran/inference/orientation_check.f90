@@ -60,7 +60,9 @@ contains
    pure logical function is_noticed(self)
       class(orientation_check_type), intent(in) :: self
 
-      is_noticed = self%better > 0 .or. (self%p < rare .and. self%power > enough_power .and. self%p_shuffled > rare)
+      ! Where all orders fit alike, they are alike.
+      is_noticed = self%better > 0 .or. (self%p < rare .and. self%power > enough_power .and. self%p_shuffled > rare &
+         & .and. self%p_shuffled < 1.0_wp)
    end function is_noticed
 
    !> Fit `rows` of harmonics (grain, harmonic), whose coefficients have no prior; all else stays with the measurement.
@@ -182,6 +184,7 @@ contains
       if (chi_square_above(fit%chi_square, check%freedom) > rare) return
       check%freedom = check%freedom + size(check%outliers)
       check%outliers = check%outliers(:0)
+      check%distances = check%distances(:0)
       fit%weights = 1.0_wp
       call fit%to_rows(rows)
 

@@ -9,6 +9,7 @@ module curves_stage
    use halfspace_theory, only: halfspace_moduli
    use json, only: json_type
    use kinds, only: wp
+   use machine, only: thread_count
    use loading_segment, only: take_loading
    use namelist_file, only: place
    use problem, only: problem_type
@@ -99,7 +100,7 @@ contains
       associate (asked => self%problem%settings%curves, s => self%found, tests => self%found%tests)
          s%mean = s%prior_mean
          do step = 1, most
-            !$omp parallel do schedule(dynamic)
+            !$omp parallel do schedule(dynamic) num_threads(thread_count(self%problem%settings%execution%workers))
             do i = 1, size(tests)
                if (tests(i)%used) call score_test(tests(i), s%mean(:n_shared), [s%prior_sd(:n_shared), zero_sd, &
                   & asked%drift_sd_nm_s, asked%load_sd_mn, asked%transient_sd_nm], asked%transient_s)

@@ -164,7 +164,7 @@ contains
          do i = 1, found%posterior%n_grains
             call page%begin_object()
             call page%put_numbers('mean, sd, measured, measured_sd', [mean(i), sd(i), found%posterior%data%modulus(i), &
-               & found%posterior%data%sd(i)])
+               & merge(table%sd_gpa(i), nan, table%sd_gpa(i) > 0.0_wp)])
             if (.not. allocated(found%posterior%unknown)) call page%put('euler_deg', table%euler_deg(:, i))
             associate (path => table%paths(i))
                if (path%wave /= no_wave) call page%put('propagation_deg', path%propagation_deg)

@@ -19,7 +19,7 @@ module next_stage
    use machine, only: thread_count
    use extraction_document, only: stored_draws
    use problem, only: problem_type
-   use problem_posterior, only: are_detected, check_target, choose_field_degree
+   use problem_posterior, only: are_detected, check_target, choose_field_degree, new_problem_posterior, omit_weak_waves
    use quantities, only: evaluate_draws, new_quantity, quantity_type
    use random, only: new_random_stream, random_stream_type
    use running_command, only: remove_files
@@ -67,6 +67,12 @@ contains
          if (allocated(error)) return
          draws = flattened(found%chains%draws)
          call remove_files(self%output, chain_prefix)
+      end if
+      if (allocated(self%problem%velocities)) then
+         ! Without the speeds that `extract` leaves out.
+         call omit_weak_waves(self%problem, self%surrogate, error)
+         if (.not. allocated(error)) call new_problem_posterior(self%problem, self%surrogate, .false., self%posterior, error)
+         if (allocated(error)) return
       end if
       call next_document(self%problem, self%posterior, draws, page, self%warnings, error)
       if (lost) call warn(self%warnings, self%output//'/posterior.bin is missing: the constants were sampled anew')
@@ -122,8 +128,8 @@ contains
             call new_quantity(wanted%target, quantity(1), error)
             call evaluate_draws(quantity, posterior%prior%class, few, values)
             candidates%target = values(1, :)
-            ! Of a product of powers its logarithm.
-            if (quantity(1)%is_product()) candidates%target = log(candidates%target)
+            ! Of a product of powers its logarithm, where it has one.
+            if (quantity(1)%is_product() .and. all(candidates%target > 0.0_wp)) candidates%target = log(candidates%target)
          end if
          if (.not. allocated(error)) call choose_measurements(candidates, wanted%count, scenarios, &
             & problem%settings%problem%seed, thread_count(problem%settings%execution%workers), suggestions)

@@ -15,11 +15,12 @@ module plan_stage
    use point_tables, only: points_type
    use problem, only: problem_type
    use problem_posterior, only: draw_aside, new_problem_posterior, run_type
+   use quantities, only: evaluate_quantities
    use random, only: new_random_stream, random_stream_type
    use rayleigh_wave, only: rayleigh_waves, wave_speed, wave_type
    use statistics, only: median, moments
    use surrogate_model, only: load_named_surrogate, predict_crystals
-   use text, only: join
+   use text, only: join, to_text
    use velocity_tables, only: append_velocities
    implicit none
    private
@@ -87,7 +88,11 @@ contains
    subroutine check_plan(self, error)
       class(plan_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
+      !> More is no chance.
+      real(wp), parameter :: far = 3.0_wp
       type(problem_type) :: used
+      real(wp), allocatable :: values(:)
+      integer :: k
 
       call make_up(self, [1, 1, 1], used, error)
       if (.not. allocated(error)) call new_problem_posterior(used, self%surrogate, .false., self%posterior, error)
@@ -96,6 +101,14 @@ contains
          if (.not. self%posterior%prior%admits(crystal, self%problem%class%stiffness(crystal))) call refuse(error, &
             & place(self%problem%path, 'plan', 'constants')//'the crystal is outside the limits of &prior, or the domain of the ' &
             & //'surrogate')
+         if (allocated(error)) return
+         associate (known => self%posterior%prior%knowledge)
+            allocate (values(size(known%mean)))
+            call evaluate_quantities(known%quantities, self%problem%class%stiffness(crystal), values)
+            k = findloc(abs(values - known%mean) > far*known%sd(), .true., dim=1)
+            if (k > 0) call refuse(error, place(self%problem%path, 'knowledge', 'mean')//to_text(known%mean(k))//' is more ' &
+               & //'than three sds from the '//known%quantities(k)%name//' of the crystal of &plan, '//to_text(values(k), 4))
+         end associate
       end associate
    end subroutine check_plan
 

@@ -51,7 +51,7 @@ contains
       call check_mixing(found, greatest_r_hat, size(found%chains%draws, 3), warnings)
       call check_determined(found, warnings)
       call check_sensitivity(found, warnings)
-      call check_scale(found, warnings)
+      if (all(problem%measurements%sd_gpa > 0.0_wp)) call check_scale(found, warnings)
       if (.not. blamed) call check_residuals(found, warnings)
    end subroutine check_extraction
 
@@ -113,7 +113,8 @@ contains
 
       n = size(found%names)
       if (.not. found%posterior%infers_scale) return
-      if (found%parameters(n)%mean > greatest) call warn(warnings, 'the residuals are '//to_text(found%parameters(n)%mean, 2) &
+      if (.not. (found%parameters(n)%mean > greatest .and. found%parameters(n)%hdi_95(1) > 1.0_wp)) return
+      call warn(warnings, 'the residuals are '//to_text(found%parameters(n)%mean, 2) &
          & //' times as large as the stated standard deviations (chi-square '//fixed(sum((found%checks%residuals &
          & *found%parameters(n)%mean)**2), 0)//' for '//to_text(found%posterior%n_grains)//' grains with them). ' &
          & //'An inferred scale hides errors of the model: check orientations, modulus_kind and &specimen')
@@ -134,7 +135,7 @@ contains
          ! One chain has no R-hat.
          if (size(found%chains%draws, 3) > 1 .and. any(.not. worst%r_hat <= greatest)) then
             i = max(1, maxloc(worst%r_hat, dim=1))
-            call warn(warnings, trim(found%names(i))//': the chains have not mixed, R-hat is '//fixed(worst(i)%r_hat, 3) &
+            call warn(warnings, trim(found%names(i))//': the chains have not mixed, R-hat is '//fixed(worst(i)%r_hat, 4) &
                & //' (allowed up to '//to_text(greatest)//'). Increase samples and burn_in, or state what else is known in ' &
                & //'&knowledge; the default method, ''ensemble'', mixes best')
          else if (any(.not. effective >= least_size*sizes)) then

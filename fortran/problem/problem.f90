@@ -355,6 +355,8 @@ contains
       type(table_type), intent(in) :: table
       type(error_type), allocatable, intent(inout) :: error
       type(points_type) :: measurements
+      real(wp), allocatable :: weight(:)
+      integer :: i
 
       if (.not. allocated(error)) call read_measurements(table, self%settings%measurements, self%class, &
          & self%settings%problem%lattice, measurements, error)
@@ -364,11 +366,18 @@ contains
       end if
       if (.not. allocated(error)) call take_shared_errors(self, measurements%table, error)
       if (.not. allocated(error)) call refuse_copied_rows(measurements, error)
+      if (.not. allocated(error)) weight = 1.0_wp/measurements%sd_gpa**2
       if (.not. allocated(error)) call combine_tests(self%class, measurements, error)
       if (allocated(error)) then
          error%message = prefix_of_table(self)//error%message
       else
          self%measurements = measurements
+         do i = 1, merge(measurements%n, 0, allocated(measurements%tests) .and. allocated(self%shared_errors))
+            ! As of the moduli the weighted mean of the tests.
+            associate (weights => merge(weight, 0.0_wp, measurements%of_row == i))
+               self%shared_errors(measurements%row(i), :) = matmul(weights, self%shared_errors)/sum(weights)
+            end associate
+         end do
          self%settings%measurements%modulus_kind = measurements%modulus_kind
          call question_measurements(self, error)
          if (allocated(self%velocities)) call append_velocities(self%measurements, self%velocities)

@@ -73,6 +73,9 @@ contains
          else if (allocated(measured%texture) .and. measured%orientations /= 'unknown') then
             call refuse(error, place(path, 'measurements', 'texture')//'is only for grains of unknown orientation; state ' &
                & //'orientations = ''unknown'', or remove it')
+         else if (abs(measured%student_dof - 4.0_wp) > 0.0_wp .and. measured%likelihood /= 'student') then
+            call refuse(error, place(path, 'measurements', 'student_dof')//'is only for likelihood = ''student''; state that, or ' &
+               & //'remove it')
          else if (measured%orientations == 'unknown' .and. any(excluded)) then
             call refuse(error, place(path, 'measurements', 'orientations')//'''unknown'' cannot be combined with ' &
                & //trim(unknown_excludes(findloc(excluded, .true., dim=1)))//'; remove one of them')

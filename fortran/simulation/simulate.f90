@@ -244,18 +244,20 @@ contains
       class(indenter_type), allocatable :: indenter
       class(specimen_type), allocatable :: specimen
       type(error_type), allocatable :: error
-      logical :: two_meshes
+      logical :: is_fe, two_meshes
       integer :: i
 
       allocate (pairs(0))
       wanted = 'simulator'
-      if (settings%simulation%simulator == 'fe') then
-         call add_pair('numerics', to_text(numerics_revision))
+      is_fe = settings%simulation%simulator == 'fe'
+      ! Those that are imported are of a specimen and an indenter, too.
+      if (is_fe .or. settings%simulation%simulator == 'import') then
+         if (is_fe) call add_pair('numerics', to_text(numerics_revision))
          wanted = common
          call new_indentation(settings, indenter, specimen, error)
          if (allocated(indenter)) wanted = wanted//', '//indenter%variables
-         if (allocated(specimen)) then
-            wanted = wanted//', '//specimen%variables
+         if (allocated(specimen)) wanted = wanted//', '//specimen%variables
+         if (allocated(specimen) .and. is_fe) then
             two_meshes = .not. allocated(settings%simulation%extrapolate)
             if (two_meshes) call add_pair('extrapolate', '"as needed"')
             if (.not. two_meshes) two_meshes = settings%simulation%extrapolate

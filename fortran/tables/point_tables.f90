@@ -279,8 +279,8 @@ contains
          call find_column(points%table, trim(angle_names(j)), column, error, needed=.true.)
          if (allocated(error)) return
          if (.not. radians) call check_unit(points%table, column, degrees, error)
-         if (allocated(error)) error%message = 'column '//points%table%name(column)//' is in radians; degrees are needed, or of ' &
-            & //'measurements angles = ''radians'''
+         if (allocated(error)) error%message = 'column '//points%table%name(column)//' is in radians; degrees are needed, or ' &
+            & //'&measurements angles = ''radians'''
          if (allocated(error)) return
          allowed = merge([0.0_wp, 180.0_wp], [-largest_turn, largest_turn], j == 2)*unit
          call read_numbers(points%table, column, allowed + [0.0_wp, merge(rounding, 0.0_wp, radians .and. j == 2)], .false., &

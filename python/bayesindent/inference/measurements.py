@@ -41,6 +41,8 @@ def problem_of(
     if bounds:
         asked["prior"] |= bounds_of(origin, symmetry, bounds)
     if knowledge:
+        if not isinstance(knowledge, Mapping):
+            raise InputError(f"{origin}: knowledge: {knowledge!r}; allowed a dictionary, such as {{'bulk_modulus': (108, 2)}}")
         named = {name: pair for name, pair in knowledge.items() if name not in ("stiffness", "source")}
         said = [(name, *pair_of(f"{origin}: knowledge: {name}", pair, "(mean, sd)")) for name, pair in named.items()]
         asked["knowledge"] = dict(zip(("quantity", "mean", "sd"), zip(*said))) | {"source": knowledge.get("source")}

@@ -3,6 +3,7 @@
 import argparse
 import logging
 import os
+import shlex
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -15,7 +16,7 @@ from ..settings.problem import Problem, schema, stages
 from ..surrogate.surrogate import places
 from ..version import __version__
 
-__all__ = ["PATIENCE_S", "Command", "namelist_command", "output_folder", "perform", "prepare", "report_of", "show_table"]
+__all__ = ["PATIENCE_S", "Command", "namelist_command", "output_folder", "perform", "prepare", "quoted", "report_of", "show_table"]
 
 log = logging.getLogger("bayesindent")
 
@@ -78,7 +79,12 @@ def prepare(arguments: argparse.Namespace, patience_s: int | None = 0) -> tuple[
 
 def report_of(arguments: argparse.Namespace, document: dict) -> str:
     """What to do after a stage that leaves only figures to be drawn."""
-    return f"bayesindent report {arguments.results}"
+    return f"bayesindent report {quoted(arguments.results)}"
+
+
+def quoted(path: Path) -> str:
+    """As a shell takes it."""
+    return shlex.quote(str(path))
 
 
 def output_folder(arguments: argparse.Namespace, source: Path, patience_s: int | None = PATIENCE_S) -> Path:

@@ -161,7 +161,7 @@ class Results:
         data = result.constant_data
         return {
             "draws": own, "prior_draws": before, "lower": bounds[:, 0], "upper": bounds[:, 1],
-            "stride": own.shape[1] // result.log_likelihood.sizes["draw"],
+            "stride": int(np.diff(result.log_likelihood["draw"][:2]).sum()) or 1,
             "log_likelihood": both(result.log_likelihood, "modulus", "velocity"), "modulus_gpa": both(result.observed_data, "modulus", "velocity"),
             "sd_gpa": both(data, "sd", "velocity_sd"), "euler_deg": both(data, "euler_deg", "velocity_euler_deg").T,
         }  # fmt: skip

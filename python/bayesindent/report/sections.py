@@ -146,7 +146,8 @@ def check_rows(results: Results) -> list[list]:
     document = results.documents["extract"]
     chi_square, worst = (document["checks"][name] for name in ("chi_square", "extreme_grain"))
     mean = f"χ² about a draw of the posterior, {number(chi_square['mean'])} on average for {len(document['predicted'])} measurements"
-    furthest = f"grain {worst['grain']}, the furthest off, by {number(worst['residual_sd'])} sds"
+    name = document["predicted"][worst["grain"] - 1].get("grain", worst["grain"])
+    furthest = f"grain {name}, the furthest off, by {number(worst['residual_sd'])} sds"
     rows: list[list] = [[text, unbroken(f"p = {item['p']:.3f}")] for text, item in ((mean, chi_square), (furthest, worst))]
     if evidence := document.get("evidence"):
         rows.append(["evidence, log Z; it depends on the bounds", " ± ".join(numbers(evidence, log_z=2, sd=2))])

@@ -15,7 +15,7 @@ from ...report.formatting import SHARES, number, numbers, region, share_cells, s
 from ...settings.problem import Problem, read_crystals
 from ...surrogate.basis import Basis
 from ...surrogate.surrogate import places
-from ..command import PATIENCE_S, namelist_command, perform, prepare, report_of, show_table
+from ..command import PATIENCE_S, namelist_command, perform, prepare, quoted, report_of, show_table
 from . import report
 
 __all__ = ["COMMANDS"]
@@ -144,10 +144,10 @@ def show_build(document: dict) -> None:
 
 def after_build(arguments: argparse.Namespace, document: dict) -> str:
     if "points" in document:
-        return f"simulate these, add a column modulus_gpa, and bayesindent build {arguments.file} --tell RESULTS.csv"
+        return f"simulate these, add a column modulus_gpa, and bayesindent build {quoted(arguments.file)} --tell RESULTS.csv"
     if "imported" in document:
-        return f"bayesindent build {arguments.file}, which trains the surrogate on them"
-    return f"bayesindent extract {arguments.file} if it has measurements, or bayesindent predict --surrogate {document['file']} --points POINTS.csv"
+        return f"bayesindent build {quoted(arguments.file)}, which trains the surrogate on them"
+    return f"bayesindent extract {quoted(arguments.file)} if it has measurements, or bayesindent predict --surrogate {document['file']} --points POINTS.csv"
 
 
 def extract(problem: Problem, output: Path) -> dict:
@@ -172,8 +172,8 @@ def show_extract(document: dict) -> None:
 
 
 def after_extract(arguments: argparse.Namespace, document: dict) -> str:
-    more = f", and bayesindent next {arguments.file} for the grain to measure next" if document["usable"] else ""
-    return f"bayesindent report {arguments.results}{more}"
+    more = f", and bayesindent next {quoted(arguments.file)} for the grain to measure next" if document["usable"] else ""
+    return f"bayesindent report {quoted(arguments.results)}{more}"
 
 
 def show_next(document: dict) -> None:
@@ -221,8 +221,8 @@ def show_run(document: dict) -> None:
 
 def after_run(arguments: argparse.Namespace, document: dict) -> str:
     if arguments.check:
-        return f"bayesindent run {arguments.file}"
-    more = f"; bayesindent report {arguments.results} --paper for a paper" if "extract" in document else ""
+        return f"bayesindent run {quoted(arguments.file)}"
+    more = f"; bayesindent report {quoted(arguments.results)} --paper for a paper" if "extract" in document else ""
     return f"open {document['report']['file']} in a browser{more}"
 
 

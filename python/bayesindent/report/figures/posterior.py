@@ -193,7 +193,7 @@ def shares(results: Results) -> Picture:
         subscript(quantity_name(row["name"], results.symmetry)) for row in quantities
     ]
     return stacked(
-        {row["name"]: row["share"] for row in combinations + quantities},
+        [row["share"] for row in combinations + quantities],
         labels,
         len(combinations),
         "Shares of variances. Above: products of powers of the constants, from the best to the worst determined. Below: the constants and "
@@ -205,13 +205,13 @@ def error_budget(results: Results) -> Picture:
     """The parts of the variance of each constant by source."""
     budget = present(results.documents["extract"].get("error_budget"))
     caption = "Error budget: the sources of the variance of each constant. Calibration: what moduli share."
-    return stacked(budget, list(map(subscript, budget)), len(budget), caption)
+    return stacked(list(budget.values()), list(map(subscript, budget)), len(budget), caption)
 
 
-def stacked(parts: dict[str, dict], labels: list[str], above: int, caption: str) -> Picture:
+def stacked(parts: list[dict], labels: list[str], above: int, caption: str) -> Picture:
     """A bar for each row, of its parts in per cent one after another; rows from `above` on stand apart."""
-    names = list(next(iter(present(parts).values())))
-    values = np.array([[part[name] for name in names] for part in parts.values()], dtype=float)
+    names = list(present(parts)[0])
+    values = np.array([[part[name] for name in names] for part in parts], dtype=float)
     shown = [j for j in range(len(names)) if np.any(values[:, j] >= LEAST_PART)]
     place = -np.arange(len(values)) - 0.6 * (np.arange(len(values)) >= above)
     figure, axes = panels(0.29 * len(values) + 1.2)
