@@ -228,7 +228,11 @@ void bayesindent_cholesky_solve(const analysis *handle, workspace *work, double 
   real *const y = work->column.get(), *const part = y + self.n;
   for (integer k = 0; k < self.n; ++k)
     y[k] = x[self.unknown_at[k]];
+  // What comes before the first load does not move it.
+  const integer loaded = static_cast<integer>(std::find_if(y, y + self.n, [](real load) { return load != 0.0; }) - y);
   for (integer k = 0; k < self.supernodes; ++k) {
+    if (self.first[k + 1] <= loaded)
+      continue;
     const integer own = self.columns_of(k), height = self.rows_of(k), rest = height - own;
     const real *block = work->arena.get() + self.block_start[k];
     const integer *below = self.rows.data() + self.row_start[k] + own;

@@ -201,7 +201,8 @@ contains
       end subroutine solve_depths
    end subroutine indent_grid
 
-   !> Displacement of every node under the nodal forces of the contact nodes: the factor is of single precision, the solution is refined.
+   !> Displacement of every node under the nodal forces of the contact nodes: the factor is of single precision, and the solution is
+   !> refined until what it leaves is a small share of the largest force.
    subroutine solve_displacement(grid, factor, values, force, u)
       type(grid_type), intent(in) :: grid
       type(c_ptr), intent(in) :: factor
@@ -209,15 +210,17 @@ contains
       real(wp), intent(in) :: values(:), force(:)
       !> um (3, nodes).
       real(wp), intent(out) :: u(:, :)
-      integer, parameter :: refinements = 2
+      integer, parameter :: most_refinements = 3
+      real(wp), parameter :: small_share = 1.0e-9_wp
       real(wp), allocatable :: x(:), residual(:)
       integer :: i, n
 
       n = grid%assembly%unknowns
       allocate (x(n), residual(n), source=0.0_wp)
-      do i = 0, refinements
-         residual = -product_with(grid%assembly, values, x)
+      do i = 0, most_refinements
+         if (i > 0) residual = -product_with(grid%assembly, values, x)
          residual(n - grid%assembly%n_contact + 1:) = residual(n - grid%assembly%n_contact + 1:) - force
+         if (maxval(abs(residual)) <= small_share*maxval(abs(force))) exit
          call solve_factored(grid%cholesky%handle, factor, residual)
          x = x + residual
       end do
