@@ -193,9 +193,8 @@ void analysis::plan_memory() {
   upper = shared[0] + alone[1] <= shared[1] + alone[0] ? 0 : 1;
   arena_size = shared[upper];
   stack_size = alone[1 - upper];
-  panel_size = static_cast<std::size_t>(tallest) * panel_width;
   column_size = static_cast<std::size_t>(n) + tallest;
-  sizes[2] = static_cast<double>(sizeof(real)) * static_cast<double>(arena_size + stack_size + panel_size + column_size);
+  sizes[2] = static_cast<double>(sizeof(real)) * static_cast<double>(arena_size + stack_size + column_size);
 }
 
 void analysis::map_entries(const integer *start, const integer *row) {

@@ -18,13 +18,13 @@ using real = float;
 // As the Fortran side has them.
 enum status : integer { ok, indefinite, no_memory, internal };
 
-// Columns that a front factors at a time.
+// Columns of a front that are factored without recursion.
 constexpr integer panel_width = 48;
 
 // The numbers of one matrix at a time, owned by one thread.
 struct workspace {
   // The factor grows from the bottom of `arena`, one stack from its top; the other stack has its own memory.
-  std::unique_ptr<real[]> arena, stack, panel;
+  std::unique_ptr<real[]> arena, stack;
   // A permuted right-hand side and the rows of one front.
   std::unique_ptr<real[]> column;
 };
@@ -59,7 +59,7 @@ struct analysis {
   std::vector<unsigned char> parity;          // of the depth of each supernode in the tree
   // Entries of the matrix that each supernode receives, and their places in its columns.
   std::vector<std::vector<std::pair<integer, integer>>> entries_of;
-  std::size_t arena_size = 0, stack_size = 0, panel_size = 0, column_size = 0;
+  std::size_t arena_size = 0, stack_size = 0, column_size = 0;
   // Entries of the factor, floating point operations of one factorisation, and bytes of one workspace.
   double sizes[3] = {0.0, 0.0, 0.0};
   int upper = 0; // parity of the stack in the arena

@@ -36,36 +36,44 @@ namespace {
 // Workspaces that are in use: each calls BLAS.
 std::atomic<integer> in_use{0};
 
-// Factor the `own` columns of a front of `height` rows, in place, block column by block column, so that nearly all the work
-// is matrix products: also the triangular solves, by the inverse of the small diagonal block. Returns the 1-based column whose
-// pivot failed, or 0.
-integer factor_columns(real *block, integer height, integer own, real *panel) {
+// Factor the first `own` columns of a front of `tall` rows, in place: one half, its products from the other half, and that one, so
+// that nearly all the work is matrix products of some size; also the triangular solves, by the inverse of the small diagonal block.
+// Returns the 1-based column whose pivot failed, or 0.
+integer factor_columns(real *block, integer height, integer tall, integer own) {
   const real one = 1.0, minus = -1.0, zero = 0.0;
-  real inverse[panel_width * panel_width];
-  for (integer j = 0; j < own; j += panel_width) {
-    const integer width = std::min(panel_width, own - j), tall = height - j, below = tall - width;
-    real *const diagonal = block + static_cast<std::size_t>(j) * height + j;
-    if (j > 0)
-      sgemm_("N", "T", &tall, &width, &j, &minus, block + j, &height, block + j, &height, &one, diagonal, &height);
-    int info = 0;
-    spotrf_("L", &width, diagonal, &height, &info);
-    for (integer i = 0; info == 0 && i < width; ++i) {
-      if (!std::isfinite(diagonal[static_cast<std::size_t>(i) * height + i]))
-        info = i + 1;
-    }
-    if (info != 0)
-      return j + std::abs(info);
-    if (below == 0)
-      continue;
-    for (integer c = 0; c < width; ++c) {
-      std::fill(inverse + c * width, inverse + c * width + c, 0.0);
-      std::copy(diagonal + static_cast<std::size_t>(c) * height + c, diagonal + static_cast<std::size_t>(c) * height + width,
-                inverse + c * width + c);
-      std::copy(diagonal + static_cast<std::size_t>(c) * height + width, diagonal + static_cast<std::size_t>(c) * height + tall,
-                panel + static_cast<std::size_t>(c) * below);
-    }
-    strtri_("L", "N", &width, inverse, &width, &info);
-    sgemm_("N", "T", &below, &width, &width, &one, panel, &below, inverse, &width, &zero, diagonal + width, &height);
+  if (own > panel_width) {
+    const integer left = (own / panel_width + 1) / 2 * panel_width, right = own - left, below = tall - own;
+    real *const diagonal = block + static_cast<std::size_t>(left) * height + left;
+    integer failed = factor_columns(block, height, tall, left);
+    if (failed != 0)
+      return failed;
+    ssyrk_("L", "N", &right, &left, &minus, block + left, &height, &one, diagonal, &height);
+    if (below > 0)
+      sgemm_("N", "T", &below, &right, &left, &minus, block + own, &height, block + left, &height, &one, diagonal + right, &height);
+    failed = factor_columns(diagonal, height, tall - left, right);
+    return failed == 0 ? 0 : left + failed;
+  }
+  // Rows that a cache holds.
+  constexpr integer piece_rows = 192;
+  real inverse[panel_width * panel_width], piece[panel_width * piece_rows];
+  int info = 0;
+  spotrf_("L", &own, block, &height, &info);
+  for (integer i = 0; info == 0 && i < own; ++i) {
+    if (!std::isfinite(block[static_cast<std::size_t>(i) * height + i]))
+      info = i + 1;
+  }
+  if (info != 0)
+    return std::abs(info);
+  for (integer c = 0; c < own; ++c) {
+    std::fill(inverse + c * own, inverse + c * own + c, 0.0);
+    std::copy_n(block + static_cast<std::size_t>(c) * height + c, own - c, inverse + c * own + c);
+  }
+  strtri_("L", "N", &own, inverse, &own, &info);
+  for (integer done = own; done < tall; done += piece_rows) {
+    const integer rows = std::min(piece_rows, tall - done);
+    for (integer c = 0; c < own; ++c)
+      std::copy_n(block + static_cast<std::size_t>(c) * height + done, rows, piece + c * rows);
+    sgemm_("N", "T", &rows, &own, &own, &one, piece, &rows, inverse, &own, &zero, block + done, &height);
   }
   return 0;
 }
@@ -145,7 +153,6 @@ workspace *bayesindent_cholesky_acquire(analysis *self, double free_bytes) {
       auto work = std::make_unique<workspace>();
       work->arena = std::make_unique<real[]>(self->arena_size);
       work->stack = std::make_unique<real[]>(self->stack_size);
-      work->panel = std::make_unique<real[]>(self->panel_size);
       work->column = std::make_unique<real[]>(self->column_size);
       ++in_use;
       return work.release();
@@ -189,7 +196,7 @@ integer bayesindent_cholesky_factor(const analysis *handle, workspace *work, con
       }
     };
     add_children(block, true);
-    const integer failed = factor_columns(block, height, own, work->panel.get());
+    const integer failed = factor_columns(block, height, height, own);
     if (failed != 0) {
       *unknown = self.unknown_at[self.first[k] + failed - 1];
       return indefinite;
