@@ -172,6 +172,7 @@ void analysis::build_tree() {
 // children's are still there. One stack lives in the memory that the last columns of the factor will fill.
 void analysis::plan_memory() {
   relative.resize(rows.size());
+  run_end.resize(rows.size());
   std::vector<integer> local(n);
   integer tallest = 0;
   std::size_t depth[2] = {0, 0}, alone[2] = {0, 0}, shared[2] = {0, 0};
@@ -185,8 +186,11 @@ void analysis::plan_memory() {
     }
     tallest = std::max(tallest, rows_of(k));
     for (const integer d : children[k]) {
-      for (std::size_t p = row_start[d] + columns_of(d); p < row_start[d + 1]; ++p)
+      for (integer m = rows_of(d) - columns_of(d), i = m; i-- > 0;) {
+        const std::size_t p = row_start[d + 1] - m + i;
         relative[p] = local[rows[p]];
+        run_end[p] = i + 1 < m && relative[p + 1] == relative[p] + 1 ? run_end[p + 1] : i + 1;
+      }
       depth[parity[d]] -= update_size(d);
     }
   }

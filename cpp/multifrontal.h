@@ -55,6 +55,7 @@ struct analysis {
   std::vector<integer> rows;                  // rows of each supernode, its own columns first
   std::vector<std::size_t> block_start;       // of each supernode's columns in the factor
   std::vector<integer> relative;              // place of each row of `rows` in the parent's rows
+  std::vector<integer> run_end;               // of the run of adjacent places that each row of an update matrix is in
   std::vector<std::vector<integer>> children; // of each supernode, in elimination order
   std::vector<unsigned char> parity;          // of the depth of each supernode in the tree
   // Entries of the matrix that each supernode receives, and their places in its columns.

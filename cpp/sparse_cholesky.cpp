@@ -78,24 +78,21 @@ integer factor_columns(real *block, integer height, integer tall, integer own) {
   return 0;
 }
 
-// Add a child's update matrix to its parent: the part in the parent's own columns, or the part in its update matrix.
-void add_child(const analysis &self, const real *update, integer d, integer k, real *into, bool columns) {
-  const integer m = self.rows_of(d) - self.columns_of(d), own = self.columns_of(k), height = self.rows_of(k), rest = height - own;
-  const integer *place = self.relative.data() + self.row_start[d] + self.columns_of(d);
-  const integer split = static_cast<integer>(std::lower_bound(place, place + m, own) - place);
-  const integer from = columns ? 0 : split, to = columns ? split : m;
-  for (integer j = from; j < to; ++j) {
-    const real *source = update + static_cast<std::size_t>(j) * m;
-    real *column =
-        columns ? into + static_cast<std::size_t>(place[j]) * height : into + static_cast<std::size_t>(place[j] - own) * rest - own;
-    integer i = j;
+// Add those columns `from` to `to` of a child's update matrix, as the parent counts, of which `into` has the first with `stride`
+// between them.
+void add_child(const analysis &self, const real *update, integer d, integer from, integer to, real *into, integer stride) {
+  const integer m = self.rows_of(d) - self.columns_of(d);
+  const std::size_t start = self.row_start[d] + self.columns_of(d);
+  const integer *const place = self.relative.data() + start, *const run_end = self.run_end.data() + start;
+  const integer *const last = std::lower_bound(place, place + m, to);
+  for (const integer *at = std::lower_bound(place, last, from); at < last; ++at) {
+    integer i = static_cast<integer>(at - place);
+    const real *const source = update + static_cast<std::size_t>(i) * m;
+    real *const column = into + static_cast<std::size_t>(*at - from) * stride - from;
     while (i < m) {
-      // Rows come in runs: add a run at a time.
-      const integer shift = place[i] - i;
-      integer end = i + 1;
-      while (end < m && place[end] - end == shift)
-        ++end;
-      real *run = column + shift;
+      // Rows come in runs.
+      const integer end = run_end[i];
+      real *const run = column + place[i] - i;
       for (; i < end; ++i)
         run[i] += source[i];
     }
@@ -176,26 +173,32 @@ void bayesindent_cholesky_release(analysis *self, workspace *work) {
 // Multifrontal: each supernode is a dense front to which its children add their updates. Big BLAS-3 calls throughout.
 integer bayesindent_cholesky_factor(const analysis *handle, workspace *work, const double *values, integer *unknown) {
   const analysis &self = *handle;
-  const real minus = -1.0, zero = 0.0;
+  const real minus = -1.0, one = 1.0;
   std::size_t depth[2] = {0, 0};
   for (integer k = 0; k < self.supernodes; ++k) {
     const integer own = self.columns_of(k), height = self.rows_of(k), rest = height - own;
     const int mine = self.parity[k], theirs = 1 - mine;
     real *const block = work->arena.get() + self.block_start[k];
-    std::fill(block, block + static_cast<std::size_t>(own) * height, 0.0);
-    for (const auto &[entry, target] : self.entries_of[k])
-      block[target] = static_cast<real>(values[entry]);
     std::size_t base = depth[theirs];
     for (const integer d : self.children[k])
       base -= self.update_size(d);
-    const auto add_children = [&](real *into, bool columns) {
-      std::size_t at = base;
-      for (const integer d : self.children[k]) {
-        add_child(self, update_matrix(self, *work, d, at), d, k, into, columns);
-        at += self.update_size(d);
+    // The sum of the children's update matrices below the diagonal, some columns at a time.
+    const auto add_children = [&](integer from, integer to, real *into, integer stride) {
+      constexpr integer some = 16;
+      for (; from < to; from += some, into += static_cast<std::size_t>(some) * stride + some) {
+        const integer end = std::min(to, from + some);
+        for (integer j = 0; j < end - from; ++j)
+          std::fill_n(into + static_cast<std::size_t>(j) * stride + j, height - from - j, 0.0);
+        std::size_t at = base;
+        for (const integer d : self.children[k]) {
+          add_child(self, update_matrix(self, *work, d, at), d, from, end, into, stride);
+          at += self.update_size(d);
+        }
       }
     };
-    add_children(block, true);
+    add_children(0, own, block, height);
+    for (const auto &[entry, target] : self.entries_of[k])
+      block[target] += static_cast<real>(values[entry]);
     const integer failed = factor_columns(block, height, height, own);
     if (failed != 0) {
       *unknown = self.unknown_at[self.first[k] + failed - 1];
@@ -203,8 +206,8 @@ integer bayesindent_cholesky_factor(const analysis *handle, workspace *work, con
     }
     if (rest > 0) {
       real *const front = update_matrix(self, *work, k, depth[mine]);
-      ssyrk_("L", "N", &rest, &own, &minus, block + own, &height, &zero, front, &rest);
-      add_children(front, false);
+      add_children(own, height, front, rest);
+      ssyrk_("L", "N", &rest, &own, &minus, block + own, &height, &one, front, &rest);
       depth[mine] += self.update_size(k);
     }
     depth[theirs] = base;
