@@ -5,7 +5,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from mpl_toolkits import mplot3d  # noqa: F401  (makes 3d axes known)
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from ..results import Results, present
 from .style import Picture, panels
@@ -48,10 +48,10 @@ def draw(figure: Figure, axes: Any, surface: np.ndarray, values: np.ndarray, lab
     """A closed surface (a, b, 3) coloured by values (a, b), with a bar of the colours."""
     norm = mpl.colors.Normalize(values.min(), max(values.max(), values.min() * (1 + 1e-6)))
     centre = (values[:-1, :-1] + values[1:, :-1] + values[:-1, 1:] + values[1:, 1:]) / 4
-    axes.plot_surface(
-        *np.moveaxis(surface, -1, 0), rcount=surface.shape[0], ccount=surface.shape[1], facecolors=mpl.colormaps["cividis"](norm(centre)),
-        shade=False, edgecolor=(0, 0, 0, 0.3), linewidth=0.15, rasterized=True,
-    )  # fmt: skip
+    corners = np.stack([surface[:-1, :-1], surface[:-1, 1:], surface[1:, 1:], surface[1:, :-1]], axis=2).reshape(-1, 4, 3)
+    # Not `plot_surface`, which converts colours one by one.
+    colours = mpl.colormaps["cividis"](norm(centre)).reshape(-1, 4)
+    axes.add_collection3d(Poly3DCollection(corners, facecolors=colours, edgecolors=(0, 0, 0, 0.3), linewidths=0.15, rasterized=True))
     extent = np.abs(surface).max()
     axes.set(xlim=(-extent, extent), ylim=(-extent, extent), zlim=(-extent, extent))
     axes.set_box_aspect((1, 1, 1), zoom=1.1)
