@@ -178,7 +178,7 @@ def draw(found: dict[str, list[dict]]) -> None:
         "campaign": ("rows", {"import, CPU s": "import", "open, CPU s": "open", "choose 16, CPU s": "choose 16"}),
     }
     with house_style():
-        figure = Figure(figsize=(9, 5))
+        figure = Figure(figsize=(9, 5), layout="constrained")
         axes = figure.subplots(2, 3, sharex="col")
         for column, (part, (unit, lines)) in enumerate(curves.items()):
             sizes = np.array([row["size"] for row in found[part]])

@@ -13,7 +13,7 @@ from matplotlib.patches import Rectangle, StepPatch
 from ..common.progress import progress_bar
 from ..common.result_files import whole_file, write_csv
 from .figures import FIGURES
-from .figures.style import COLUMN, WIDTH, Picture, house_style, letter_panels, stamp_synthetic, text_size
+from .figures.style import COLUMN, WIDTH, Picture, house_style, lay_out, letter_panels, stamp_synthetic, text_size
 from .results import NothingToShow, Results
 
 __all__ = ["draw_figures", "figure_table"]
@@ -95,11 +95,10 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str,
             if width == COLUMN:
                 letter_panels(figure)
                 write_csv(paper_folder / f"{name}.csv", *figure_table(picture), picture.caption)
+            lay_out(figure, max((dots for *_, dots in files[width]), default=SCREEN))
             for folder, kind, dots in files[width]:
                 with whole_file(folder / f"{name}.{kind}") as file:
                     figure.savefig(file, dpi=dots, metadata=UNDATED.get(kind), **FAST.get(kind, {}))
-                # Laid out once.
-                figure.set_layout_engine("none")
             if width == COLUMN:
                 return {}
             buffer = io.BytesIO()

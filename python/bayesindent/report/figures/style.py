@@ -10,13 +10,14 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from ..formatting import subscript
 
 __all__ = [
-    "COLUMN", "WIDTH", "Picture", "density_axes", "grid_of_constants", "house_style", "is_column", "legend_above", "letter_panels", "logarithmic", "new_figure", "panels", "parity_panels",
+    "COLUMN", "WIDTH", "Picture", "density_axes", "grid_of_constants", "house_style", "is_column", "lay_out", "legend_above", "letter_panels", "logarithmic", "new_figure", "panels", "parity_panels",
     "sd_axes", "stamp_synthetic", "text_size",
 ]  # fmt: skip
 
@@ -59,7 +60,7 @@ PLACE: ContextVar[Any] = ContextVar("PLACE", default=None)
 
 def new_figure(height: float) -> Figure:
     """An empty figure of this height in inches, or the `PLACE` that is set."""
-    return PLACE.get() or Figure(figsize=(mpl.rcParams["figure.figsize"][0], height))
+    return PLACE.get() or Figure(figsize=(mpl.rcParams["figure.figsize"][0], height), layout="constrained")
 
 
 def is_column() -> bool:
@@ -121,6 +122,17 @@ def text_size(figure: Figure) -> float:
     """The smallest size of text that is seen, in points; indices of formulas apart."""
     seen = (text.get_fontsize() for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip())
     return min(seen, default=STYLE["font.size"])
+
+
+def lay_out(figure: Figure, dots: float) -> None:
+    """Place the axes of a figure for so many dots per inch, and leave it without a layout: `savefig` draws figures that have one twice."""
+    FigureCanvasAgg(figure)
+    figure.set_dpi(dots)
+    for axes in figure.axes:
+        # Spines are as slow as labels, and no larger.
+        axes.spines[:].set_in_layout(False)
+    figure.get_layout_engine().execute(figure)
+    figure.set_layout_engine(None)
 
 
 def stamp_synthetic(figure: Figure) -> None:
