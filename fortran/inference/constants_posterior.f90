@@ -299,11 +299,8 @@ contains
          return
       end if
       if (self%n_shared == 0 .and. .not. has_own_variance(self)) then
-         if (present(moduli)) then
-            model = moduli
-         else
-            call self%grains%evaluate_moduli(c, model, slopes)
-         end if
+         if (present(moduli)) model = moduli
+         if (.not. present(moduli)) call self%grains%evaluate_moduli(c, model, slopes)
          call self%observable%to_measured(model(:self%n_moduli))
          log_likelihood = self%errors%log_density((self%data%modulus - model)/self%scale, scale_factor(self, x)) - self%log_scales
          return

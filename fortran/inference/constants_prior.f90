@@ -236,11 +236,8 @@ contains
 
       log_density = 0.0_wp
       if (self%has_default) then
-         if (present(w)) then
-            log_density = self%log_default(w)
-         else
-            log_density = self%log_default(self%logarithms%to_logarithms(c))
-         end if
+         if (present(w)) log_density = self%log_default(w)
+         if (.not. present(w)) log_density = self%log_default(self%logarithms%to_logarithms(c))
       end if
       if (size(values) == 0) return
       call evaluate_quantities(self%knowledge%quantities, c, values)

@@ -85,11 +85,8 @@ contains
          call read_real(power, factor%power, outcome)
          factor%power = sign*factor%power
          sign = 1.0_wp
-         if (outcome == number_ok) then
-            call read_word(piece, factor, error)
-         else
-            call refuse(error, ''''//trim(name)//''': the power '''//power//''' is not a number')
-         end if
+         if (outcome == number_ok) call read_word(piece, factor, error)
+         if (outcome /= number_ok) call refuse(error, ''''//trim(name)//''': the power '''//power//''' is not a number')
          if (allocated(error)) return
          quantity%factors = [quantity%factors, factor]
       end do

@@ -68,11 +68,8 @@ contains
 
       has_theory = .false.
       call new_indentation(settings, indenter, specimen, error)
-      if (allocated(error)) then
-         error%message = place(path, '', '')//error%message
-      else
-         has_theory = .not. specimen%has_length
-      end if
+      if (allocated(error)) error%message = place(path, '', '')//error%message
+      if (.not. allocated(error)) has_theory = .not. specimen%has_length
    end subroutine check_simulation
 
    !> The scale of what a specimen has beside the crystal, the geometric mean of the eigenvalues of its Kelvin stiffness, GPa; 0 where the

@@ -155,11 +155,8 @@ contains
 
       if (relative .neqv. basis%logarithmic) then
          slope = matmul(design%regression%mean, design%candidates)
-         if (relative) then
-            slope = 1.0_wp/max(tiny(1.0_wp), abs(slope))
-         else
-            slope = basis%to_modulus(slope, design%scale, design%spread)*design%spread
-         end if
+         if (relative) slope = 1.0_wp/max(tiny(1.0_wp), abs(slope))
+         if (.not. relative) slope = basis%to_modulus(slope, design%scale, design%spread)*design%spread
       else
          slope = merge(design%spread, design%scale, relative)
       end if

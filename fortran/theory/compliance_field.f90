@@ -253,11 +253,8 @@ contains
          do i = 1, n
             call evaluate_nodes(field, c(:, :, first + i - 1), f(:, i))
          end do
-         if (n > 1) then
-            call multiply(field%to_modes, f(:, :n), read(:, :n), transposed=.true.)
-         else
-            call transposed_product(size(f, 1), size(read, 1), field%to_modes, f(:, 1), read(:, 1))
-         end if
+         if (n > 1) call multiply(field%to_modes, f(:, :n), read(:, :n), transposed=.true.)
+         if (n == 1) call transposed_product(size(f, 1), size(read, 1), field%to_modes, f(:, 1), read(:, 1))
          do i = 1, n
             call minimise_compliance(field%n_grains, n_retained, read(:, i), moduli(:, first + i - 1))
          end do
