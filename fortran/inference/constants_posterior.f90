@@ -31,8 +31,7 @@ module constants_posterior
 
    type, extends(target_type) :: posterior_type
       type(prior_type) :: prior
-      !> Of &measurements; whether a common factor on the sds is inferred, as one more parameter, its logarithm; and whether the data are
-      !> left out: the prior alone.
+      !> Of &measurements; whether a common factor on the sds is inferred, its logarithm as a parameter; whether the data are left out.
       type(measurements_settings_type) :: settings
       logical :: infers_scale = .false., prior_only = .false.
       integer :: n_grains = 0, n_constants = 0, n_groups = 1

@@ -58,8 +58,9 @@ contains
    !> From indentation moduli to what is measured, in place.
    pure subroutine to_measured(self, values, slopes)
       class(observable_type), intent(in) :: self
-      !> Indentation moduli, GPa, and their derivatives with respect to any variable.
+      !> Indentation moduli, GPa.
       real(wp), intent(inout) :: values(:)
+      !> Their derivatives with respect to any variable.
       real(wp), intent(inout), optional :: slopes(:)
 
       if (present(slopes)) slopes = slopes*self%factor/(1.0_wp + self%compliance*values)**2

@@ -89,7 +89,8 @@ contains
    subroutine write_parameters(page, found)
       type(json_type), intent(inout) :: page
       type(extraction_type), intent(in) :: found
-      integer :: i, j
+      logical, allocatable :: same(:)
+      integer :: i, j, k
 
       call page%begin_object('parameters')
       do i = 1, size(found%names)
@@ -109,7 +110,9 @@ contains
             call page%begin_object(trim(found%names(i)))
             call page%put_numbers(join(error_sources, ', '), share%by_source)
             do j = 1, size(known)
-               call page%put(known(j)%name, share%by_quantity(j))
+               ! A list and a file may have the same one.
+               same = [(known(k)%name == known(j)%name, k=1, size(known))]
+               if (findloc(same, .true., 1) == j) call page%put(known(j)%name, sum(share%by_quantity, mask=same))
             end do
             call page%put('prior', share%prior)
             call page%end_object()

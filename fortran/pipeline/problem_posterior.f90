@@ -117,7 +117,7 @@ contains
             end if
             if (allocated(error)) exit
          end do
-         if (.not. allocated(error)) call check_distinct(knowledge%quantities, class, error)
+         if (.not. allocated(error)) call check_distinct(knowledge%quantities(:listed), class, error)
          if (allocated(error)) then
             error%message = place(problem%path, 'knowledge', 'quantity')//error%message
          else if (all > listed) then

@@ -85,10 +85,15 @@ def test_rows_moved_to_another_physics_are_refused(tmp_path):
     path = tmp_path / "campaign.sqlite"
     simulated(tmp_path)
     assert learnt(tmp_path) == 20
+    other = tmp_path / "other"
+    other.mkdir()
+    simulated(other, 1, "fe")
+    with closing(sqlite3.connect(other / "campaign.sqlite")) as file:
+        identity = file.execute("SELECT identity FROM physics").fetchone()
     with closing(sqlite3.connect(path)) as file:
-        file.execute("UPDATE physics SET identity = ?", ['{"simulator": "import"}'])
+        file.execute("UPDATE physics SET identity = ?", identity)
         file.commit()
-    (tmp_path / "a.nml").write_text((tmp_path / "a.nml").read_text().replace("'theory'", "'import'"))
+    (tmp_path / "a.nml").write_text((tmp_path / "a.nml").read_text().replace("'theory'", "'fe'"))
     with pytest.raises(InputError, match="was changed"):
         learnt(tmp_path)
 

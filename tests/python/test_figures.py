@@ -41,12 +41,12 @@ def test_a_narrow_posterior_fills_a_tenth_of_its_axis():
 
 
 def test_shares_that_are_not_numbers_have_no_bar():
-    parts = {"C11": {"noise": 0.25, "prior": 0.75, "tip": 0.001}, "C12": dict.fromkeys(("noise", "prior", "tip"))}
+    parts = [{"noise": 0.25, "prior": 0.75, "tip": 0.001}, dict.fromkeys(("noise", "prior", "tip"))]
     picture = stacked(parts, ["C11", "C12"], 2, "")
     widths = [[bar.get_width() for bar in bars] for bars in picture.figure.axes[0].containers]
     assert widths == [[25, 0], [75, 0]]
     with pytest.raises(NothingToShow):
-        stacked({"C12": parts["C12"]}, ["C12"], 1, "")
+        stacked(parts[1:], ["C12"], 1, "")
 
 
 @pytest.mark.filterwarnings("error")

@@ -12,7 +12,7 @@ from step_2_cases import KIND, default_prior, table_of
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, stiffness_rows
 from bayesindent.surrogate.surrogate import places
-from conftest import SOURCE
+from conftest import REFERENCE, SOURCE
 
 STIFFNESS = SOURCE / "inputs" / "data" / "titanium_dft.csv"
 TITANIUM = SOURCE / "inputs" / "data" / "titanium.csv"
@@ -94,6 +94,15 @@ def test_the_conflict_of_two_sources_is_their_distance_in_sds():
     assert together == pytest.approx(stats.norm.isf(stats.chi2.sf(distance**2, 6)), abs=0.1)
     assert len(told) == 2
     assert all("C44 = " in line for line in told)
+
+
+@pytest.mark.parametrize("bulk", [16.5, 1650.0])
+def test_a_bulk_modulus_that_no_crystal_with_such_moduli_has_is_told(bulk):
+    """Moduli alone hardly say it; log(3K/2G) is 1.07 ± 0.6 by the default prior, and G about 90 GPa."""
+    result = bi.extract(str(REFERENCE / "cubic_fe3si.csv"), "cubic", knowledge={"bulk_modulus": (bulk, 0.01 * bulk)}, **SHORT)
+    one, _, told = conflicts(result)
+    assert one["bulk_modulus"] == pytest.approx(abs(np.log(1.5 * bulk / 90) - 1.07) / 0.6, rel=0.35)
+    assert len(told) == 1
 
 
 @pytest.mark.long
