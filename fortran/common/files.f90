@@ -212,8 +212,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       call c_make_folder(path//c_null_char)
-      if (.not. is_folder(path)) call raise(error, path//': the folder cannot be made: a file has ' &
-         & //'this name, or the permission is missing', exit_bad_input)
+      if (.not. is_folder(path)) call raise(error, path//': the folder cannot be made; a file may have this name, or permission ' &
+         & //'or space be missing', merge(exit_bad_input, machine_failure, file_exists(path)))
    end subroutine make_folder
 
    !> The folder part of a path with its last slash, '' for the current folder.

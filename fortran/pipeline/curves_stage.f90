@@ -9,8 +9,8 @@ module curves_stage
    use halfspace_theory, only: halfspace_moduli
    use json, only: json_type
    use kinds, only: wp
-   use machine, only: thread_count
    use loading_segment, only: take_loading
+   use machine, only: thread_count
    use namelist_file, only: place
    use problem, only: problem_type
    use shared_posterior, only: curves_posterior_type, material_type

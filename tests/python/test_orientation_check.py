@@ -38,6 +38,14 @@ def checked(symmetry, table, **settings):
     return document["checks"]["orientations"], words
 
 
+def test_orientations_that_are_all_alike_have_no_order():
+    symmetry, table, _ = measured("copper", 20, 1)
+    table["euler_deg"] = np.tile([10.0, 20.0, 30.0], (20, 1))
+    found, words = checked(symmetry, table)
+    assert found["p_shuffled"] == 1
+    assert not any("order of the rows" in line for line in words)
+
+
 @pytest.mark.long_where("Ti")
 @pytest.mark.parametrize(("name", "grains"), [("copper", 20), ("Ti", 30)])
 def test_shuffled_orientations(name, grains):

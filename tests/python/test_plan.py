@@ -158,3 +158,10 @@ def test_both_programs_plan_the_same(bayesindent, batch, tmp_path):
     assert (done.returncode, done.stdout) == (0, "plan: batch/plan.json\n"), done.stderr
     one, other = (json.loads((tmp_path / name / "plan.json").read_text())["results"] for name in ("python", "batch"))
     assert one == other and len(one) == 1
+
+
+def test_knowledge_that_contradicts_the_constants_is_refused():
+    """The bulk modulus of copper is 137.1 GPa."""
+    for mean, sd in ((500.0, 3.0), (131.0, 2.0)):
+        with pytest.raises(bi.InputError, match="more than three sds from the bulk_modulus of the crystal of plan, 137.1"):
+            bi.plan("fcc", list(COPPER.values()), 10, 0.02, knowledge={"bulk_modulus": (mean, sd)})

@@ -139,3 +139,20 @@ def test_one_row_a_grain_stays_as_it_is(tmp_path):
     named = bi.Problem.from_keywords("f", problem={"symmetry": "cubic"}, measurements=asked)
     assert named.measurements.names == [str(number) for number in range(len(rows) - 1)]
     assert named.warnings == []
+
+
+def test_shared_errors_of_tests_are_their_weighted_mean():
+    """As a table of grains that states the means has the same density; which test comes first does not matter."""
+    rng = np.random.default_rng(3)
+    shared = rng.uniform(0, 0.05, (len(ROWS), 2))
+    names, sds = [row[0] for row in ROWS], np.array([row[5] for row in ROWS])
+    mine = [np.array([name == other for name in names]) for other in ("b", "a", "c")]
+    means = np.array([np.average(shared[of], axis=0, weights=sds[of] ** -2.0) for of in mine])
+    first = [ROWS[names.index(name)] for name in ("b", "a", "c")]
+    grains = [(*row[:4], *moments(row[0])[:2]) for row in first]
+    densities = []
+    for rows, columns in ((ROWS, shared), (grains, means)):
+        given = table(rows, shared_1=columns[:, 0], shared_2=columns[:, 1])
+        found = Posterior.of(given, surrogate=bi.Surrogate.load("halfspace"), symmetry="cubic")
+        densities.append(np.diff(found.evaluate(np.array([[210.0, 130, 100], [190, 140, 80], [230, 100, 60]]))[0]))
+    assert densities[0] == pytest.approx(densities[1], rel=1e-9)

@@ -18,9 +18,11 @@ def make(folder: Path, output: Path, kind_of_files: str = "", paper: bool = Fals
     # Not above: importing matplotlib is slow, and every command would.
     from ...report.report import write_report
 
-    results, page = write_report(folder, output, kind_of_files, paper)
-    gc.freeze()
-    gc.enable()
+    try:
+        results, page = write_report(folder, output, kind_of_files, paper)
+    finally:
+        gc.freeze()
+        gc.enable()
     return {"file": str(page), "warnings": results.edited} | ({"paper": str(folder / "paper")} if paper else {})
 
 
