@@ -76,9 +76,8 @@ contains
    !> Open a file for the physics of an `identity` (see `simulate`); it is made if it is not there.
    subroutine open_campaign(self, path, identity, error)
       class(campaign_type), intent(inout) :: self
-      character(len=*), intent(in) :: path
-      !> JSON, keys sorted.
-      character(len=*), intent(in) :: identity
+      !> Of the file; JSON, keys sorted.
+      character(len=*), intent(in) :: path, identity
       type(error_type), allocatable, intent(out) :: error
 
       call self%close()

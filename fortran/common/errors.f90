@@ -9,10 +9,8 @@ module errors
    private
    public :: error_type, raise, refuse, exit_failure, exit_bad_input, exit_unusable, machine_failure, warning_type, warn, suggestion
 
-   !> Exit statuses of the programs (see the README).
-   integer, parameter :: exit_failure = 1, exit_bad_input = 2
-   !> Of a process that is done, with a result that cannot be used.
-   integer, parameter :: exit_unusable = 3
+   !> Exit statuses of the programs (see the README); the last is of a process that is done, with a result that cannot be used.
+   integer, parameter :: exit_failure = 1, exit_bad_input = 2, exit_unusable = 3
 
    !> The machine could not do the work (memory, disk): no result about its subject; programs end with `exit_failure`.
    integer, parameter :: machine_failure = 3
@@ -62,10 +60,8 @@ contains
 
    !> ', did you mean X?' with the nearest of the allowed names, or nothing if none is near.
    pure function suggestion(written, allowed) result(words)
-      !> The name that is not known.
-      character(len=*), intent(in) :: written
-      !> Names, separated by ', '.
-      character(len=*), intent(in) :: allowed
+      !> The name that is not known; names, separated by ', '.
+      character(len=*), intent(in) :: written, allowed
       character(len=:), allocatable :: words, names(:)
       integer :: i, nearest
 

@@ -246,7 +246,8 @@ contains
       integer, parameter :: divisions = 60
       real(wp), parameter :: digits = 1.0e12_wp
       real(wp), allocatable :: grid(:, :), corners(:, :), nearest(:)
-      integer :: i, k
+      real(wp) :: images(3, size(region%group, 3))
+      integer :: g, k
 
       if (region%dimension < 2) then
          directions = arc(region, n)
@@ -263,7 +264,8 @@ contains
          else
             directions(:, k) = grid(:, maxloc(anint(nearest*digits), dim=1))
          end if
-         nearest = min(nearest, [(angle_between(region, directions(:, k), grid(:, i)), i=1, size(grid, 2))])
+         images = reshape([(matmul(directions(:, k), region%group(:, :, g)), g=1, size(images, 2))], shape(images))
+         nearest = min(nearest, acos(min(1.0_wp, maxval(matmul(transpose(images), grid), 1))))
       end do
    end subroutine spread_of_directions
 

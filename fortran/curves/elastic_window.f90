@@ -41,10 +41,8 @@ module elastic_window
       real(wp) :: ln_modulus = 0.0_wp, shift = 0.0_wp, slope(n_shared) = 0.0_wp, variance = 0.0_wp
       !> Means over windows: first and last load, mN; drift and its sd, nm/s; recorded depth of the surface, nm.
       real(wp) :: from_load = 0.0_wp, to_load = 0.0_wp, drift = 0.0_wp, drift_sd = 0.0_wp, zero = 0.0_wp
-      !> Share of `variance` that comes from the drift.
-      real(wp) :: drift_share = 0.0_wp
-      !> Of the noise: correlation, and sd of the steps, nm.
-      real(wp) :: correlation = 0.0_wp, noise = 0.0_wp
+      !> Share of `variance` that comes from the drift; of the noise: correlation, and sd of the steps, nm.
+      real(wp) :: drift_share = 0.0_wp, correlation = 0.0_wp, noise = 0.0_wp
       !> Depth of the elastic curve, nm, and probability that the contact is elastic there, (point).
       real(wp), allocatable :: fit(:), elastic(:)
       !> Sds of the steps for each correlation.
@@ -97,12 +95,9 @@ contains
    !> The test about shared unknowns `s` with prior sds `sds`.
    subroutine score_test(test, s, sds, transient)
       type(test_type), intent(inout) :: test
-      !> ln R (um), beta, compliance (nm/mN).
-      real(wp), intent(in) :: s(n_shared)
-      !> Of these, then of what each test has of its own: h0, nm, drift, nm/s, load zero, mN, transient, nm.
-      real(wp), intent(in) :: sds(n_columns - 1)
-      !> Time in which the transient decays, s.
-      real(wp), intent(in) :: transient
+      !> ln R (um), beta, compliance (nm/mN); of these, then of what each test has of its own: h0, nm, drift, nm/s, load zero, mN,
+      !> transient, nm; and the time in which the transient decays, s.
+      real(wp), intent(in) :: s(n_shared), sds(n_columns - 1), transient
       !> The elastic curve misses the first contact by so much of the depth.
       real(wp), parameter :: farthest = 0.15_wp
       real(wp) :: evidence, best, off

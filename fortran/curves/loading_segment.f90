@@ -23,10 +23,8 @@ contains
 
    !> Cut a curve. Loads before the contact give their zero.
    subroutine take_loading(points, drift, segment)
-      !> s, nm, mN, and perhaps N/m; (quantity, point).
-      real(wp), intent(in) :: points(:, :)
-      !> That is still in the depth, nm/s.
-      real(wp), intent(in) :: drift
+      !> s, nm, mN, and perhaps N/m; (quantity, point). What is still in the depth, nm/s.
+      real(wp), intent(in) :: points(:, :), drift
       type(segment_type), intent(out) :: segment
       !> As many points before the contact give a zero.
       integer, parameter :: few = 10

@@ -32,10 +32,8 @@ module shared_posterior
       type(warning_type), allocatable :: sessions(:)
       !> Shared: ln R, beta, compliance, then the logarithm of each session's factor.
       real(wp), allocatable :: prior_mean(:), prior_sd(:), mean(:), covariance(:, :)
-      !> Relative sds from test to test, of references and of grains.
-      real(wp) :: repeat_sd(2) = 0.0_wp
-      !> Of the drift of each test, nm/s.
-      real(wp) :: drift_prior_sd = 0.0_wp
+      !> Relative sds from test to test, of references and of grains; and of the drift of each test, nm/s.
+      real(wp) :: repeat_sd(2) = 0.0_wp, drift_prior_sd = 0.0_wp
    contains
       procedure :: infer_shared, grains
    end type curves_posterior_type

@@ -106,7 +106,7 @@ contains
       case ('next')
          ! The points are draws, which have the factor on the sds as it is, not its logarithm.
          call omit_weak_waves(x%problem, surrogate, x%error)
-         if (.not. allocated(x%error)) call new_problem_posterior(x%problem, surrogate, .false., density, x%error)
+         if (.not. allocated(x%error)) call new_problem_posterior(x%problem, surrogate, density, x%error)
          if (allocated(x%error)) return
          call page%begin_object()
          call next_document(x%problem, density, x%in%columns('points', density%dimension), page, warnings, x%error)

@@ -41,10 +41,8 @@ module basic_specimen
    type :: mesh_plan_type
       !> Cells of the box per half-width and over its depth; it is of material 1.
       integer :: half_cells = 0, depth_cells = 0
-      !> Half-width and depth of the box, um.
-      real(wp) :: half_width = 0.0_wp, depth = 0.0_wp
-      !> Its half-width over that of the default's box.
-      real(wp) :: widening = 1.0_wp
+      !> Half-width and depth of the box, um; its half-width over that of the default's box.
+      real(wp) :: half_width = 0.0_wp, depth = 0.0_wp, widening = 1.0_wp
       type(mesh_stage_type), allocatable :: stages(:)
       integer :: closing = closed_by_infinite
       !> The bottom of the box and of the layers is clamped where this depth (um) is reached: layers go on sideways only. 0: nowhere.
@@ -68,14 +66,10 @@ module basic_specimen
    real(wp), parameter :: limit_of_one_mesh = 0.005_wp
 
    type :: specimen_type
-      !> Names of the variables that only some specimens read, those that this one reads, separated by ', '.
-      character(len=:), allocatable :: variables
-      !> What its materials are, separated by ', '.
-      character(len=:), allocatable :: parts
-      !> How its modulus is read (`&specimen estimator`).
-      character(len=:), allocatable :: estimator
-      !> Brick element, 'c3d8' or 'c3d8i': as asked for, or the specimen's own.
-      character(len=:), allocatable :: element
+      !> Names of the variables that only some specimens read, those that this one reads; and what its materials are; separated by ', '.
+      character(len=:), allocatable :: variables, parts
+      !> How its modulus is read (`&specimen estimator`); brick element, 'c3d8' or 'c3d8i': as asked for, or the specimen's own.
+      character(len=:), allocatable :: estimator, element
       !> Whether it has a length of its own: then its modulus depends on the depth, and theory, which is of the half-space, does not hold.
       logical :: has_length = .true.
       !> Contact radius at the last depth (half-space), and edge of the bricks under the contact at refine = 1, um.
@@ -128,12 +122,8 @@ contains
 
    !> Layers from one half-width to another (um), which grow faster from some contact radii on.
    pure function graded_layers(from, to, contact_radius, refine, plane, material) result(stages)
-      !> um.
-      real(wp), intent(in) :: from, to, contact_radius
-      !> Layers relative to the default.
-      real(wp), intent(in) :: refine
-      !> Of the stages, um.
-      real(wp), intent(in) :: plane
+      !> um; `refine`: layers relative to the default; `plane`: of the stages, um.
+      real(wp), intent(in) :: from, to, contact_radius, refine, plane
       !> Below the plane.
       integer, intent(in) :: material
       type(mesh_stage_type), allocatable :: stages(:)

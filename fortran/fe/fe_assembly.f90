@@ -19,9 +19,8 @@ module fe_assembly
       !> Node of each unknown, numbered by first use.
       integer, allocatable :: group(:)
       !> Elements are the bricks, then the infinite elements. Unknowns of element e: `dof_start(e)` to `dof_start(e+1)-1` of `dof`.
-      integer, allocatable :: dof_start(:), dof(:)
-      !> Place in the values of each entry of the elements' packed lower triangles; 0: dropped.
-      integer, allocatable :: place(:)
+      !> `place`: place in the values of each entry of the elements' packed lower triangles; 0: dropped.
+      integer, allocatable :: dof_start(:), dof(:), place(:)
       !> Number of each brick among those with hanging nodes, or 0. These span the nodes that their own hang on, with weights.
       integer, allocatable :: constrained(:)
       real(wp), allocatable :: weight(:, :, :)
@@ -248,10 +247,8 @@ contains
    !> The matrix with these values times x.
    pure function product_with(assembly, values, x) result(y)
       type(assembly_type), intent(in) :: assembly
-      !> mN/um, in the order of `assembly%row`.
-      real(wp), intent(in) :: values(:)
-      !> (unknowns).
-      real(wp), intent(in) :: x(:)
+      !> mN/um, in the order of `assembly%row`; (unknowns).
+      real(wp), intent(in) :: values(:), x(:)
       real(wp) :: y(size(x))
       integer :: i, j, p
 

@@ -23,11 +23,10 @@ contains
 
    !> Stiffness (mN/um) of a brick with nodes `x` (um) and stiffness `c` (GPa) in the axes of `x`. Zero unless `valid`.
    pure subroutine brick_stiffness(x, c, formulation, growth, k, valid)
-      real(wp), intent(in) :: x(3, 8), c(6, 6)
+      !> The growth of the layer: see `brick_strain`.
+      real(wp), intent(in) :: x(3, 8), c(6, 6), growth
       !> One of the formulations above.
       integer, intent(in) :: formulation
-      !> Of the layer, see `brick_strain`.
-      real(wp), intent(in) :: growth
       !> mN/um.
       real(wp), intent(out) :: k(24, 24)
       !> The Jacobian is positive at all integration points.
@@ -60,12 +59,10 @@ contains
 
    !> Mean stress (GPa) of a brick from the displacements `u` (um) of its nodes.
    pure subroutine brick_stress(x, c, formulation, growth, u, stress)
-      !> Nodes (um), stiffness in the axes of the nodes (GPa), displacements.
-      real(wp), intent(in) :: x(3, 8), c(6, 6), u(3, 8)
+      !> Nodes (um), stiffness in the axes of the nodes (GPa), growth of the layer (see `brick_strain`), displacements.
+      real(wp), intent(in) :: x(3, 8), c(6, 6), growth, u(3, 8)
       !> One of the formulations above.
       integer, intent(in) :: formulation
-      !> Of the layer, see `brick_strain`.
-      real(wp), intent(in) :: growth
       real(wp), intent(out) :: stress(6)
       real(wp) :: b(6, 33, 8), volume(8), strain(6, 8)
       integer :: q
@@ -83,12 +80,10 @@ contains
    !> from face to face by 1 and 1/rho, rho = 1 to `growth`, which is how the displacements of a force decay, and have no mode in
    !> that direction. A growth of 1 is an ordinary brick.
    pure subroutine brick_strain(x, formulation, growth, b, volume)
-      !> Nodes, um.
-      real(wp), intent(in) :: x(3, 8)
+      !> Nodes, um; growth of the layer, 1 outside layers.
+      real(wp), intent(in) :: x(3, 8), growth
       !> One of the formulations above.
       integer, intent(in) :: formulation
-      !> Of the layer; 1 outside layers.
-      real(wp), intent(in) :: growth
       !> Strain by displacements (1/um) and volume (um3) at each point of integration.
       real(wp), intent(out) :: b(6, 33, 8), volume(8)
       real(wp) :: natural(3, 8), jacobian(3, 3), inverse(3, 3), determinant, centre_inverse(3, 3), centre_determinant

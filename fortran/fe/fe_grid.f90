@@ -51,10 +51,9 @@ contains
 
    !> Nodal forces at one depth by the primal-dual active set method, starting from `active`.
    subroutine solve_contact(compliance, gap, depth, active, force, error)
-      !> Normal displacement of the nodes by their normal forces, um/mN.
-      real(wp), intent(in) :: compliance(:, :)
-      !> Height of the indenter above each node at zero depth, and its depth, um.
-      real(wp), intent(in) :: gap(:), depth
+      !> Normal displacement of the nodes by their normal forces, um/mN; height of the indenter above each node at zero depth, and its
+      !> depth, um.
+      real(wp), intent(in) :: compliance(:, :), gap(:), depth
       !> In: a guess; out: the nodes in contact.
       logical, intent(inout) :: active(:)
       !> Into the material, mN.
@@ -126,12 +125,10 @@ contains
    !> last.
    subroutine indent_grid(grid, formulation, c, field_step, curve, error)
       type(grid_type), intent(in) :: grid
-      !> Of the bricks (`fe_element`).
-      integer, intent(in) :: formulation
+      !> Of the bricks (`fe_element`); number of the depth whose displacement is kept, 0: none.
+      integer, intent(in) :: formulation, field_step
       !> Stiffness of the materials in the sample frame, GPa (6, 6, materials).
       real(wp), intent(in) :: c(:, :, :)
-      !> Number of the depth whose displacement is kept; 0: none.
-      integer, intent(in) :: field_step
       !> In: its depths.
       type(curve_type), intent(inout) :: curve
       type(error_type), allocatable, intent(out) :: error

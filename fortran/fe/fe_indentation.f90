@@ -51,16 +51,12 @@ module fe_indentation
    type, extends(curve_type) :: indentation_result_type
       !> The estimate of the indentation modulus, GPa, and two diagnostics: slope with intercept, and last point.
       real(wp) :: modulus = 0.0_wp, modulus_slope = 0.0_wp, modulus_last = 0.0_wp
-      !> Of each depth alone, GPa.
-      real(wp), allocatable :: modulus_by_depth(:)
-      !> The estimate on each mesh alone, GPa, the finest first.
-      real(wp), allocatable :: modulus_of_mesh(:)
+      !> Of each depth alone, GPa; the estimate on each mesh alone, GPa, the finest first.
+      real(wp), allocatable :: modulus_by_depth(:), modulus_of_mesh(:)
       !> Of all solves.
       integer :: elements = 0
-      !> Size of the mesh's refined zone relative to the default (`new_wider_model`).
-      real(wp) :: zone = 1.0_wp
-      !> Wall time in all, s.
-      real(wp) :: seconds = 0.0_wp
+      !> Size of the mesh's refined zone relative to the default (`new_wider_model`); wall time in all, s.
+      real(wp) :: zone = 1.0_wp, seconds = 0.0_wp
    end type indentation_result_type
 
    !> A depth counts for the modulus from this many elements per contact radius on.

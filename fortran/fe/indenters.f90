@@ -19,10 +19,8 @@ module indenters
    type :: indenter_type
       !> Names of the variables of &indenter that only some indenters read, separated by ', '.
       character(len=:), allocatable :: variables
-      !> The last point of the curve: contact radius and depth, um.
-      real(wp) :: contact_radius = 0.0_wp, depth = 0.0_wp
-      !> Of a sphere, which ends there, um.
-      real(wp) :: radius = huge(1.0_wp)
+      !> The last point of the curve: contact radius and depth, um; and the radius of a sphere, which ends there, um.
+      real(wp) :: contact_radius = 0.0_wp, depth = 0.0_wp, radius = huge(1.0_wp)
       integer, private :: exponent = 2
       !> Height over r**exponent, and depth over (contact radius)**exponent; um**(1 - exponent).
       real(wp), private :: steepness = 0.0_wp, sinking = 0.0_wp

@@ -66,12 +66,9 @@ contains
 
    !> Order and analyse the pattern of a lower triangle in compressed columns, 1-based.
    subroutine analyse_pattern(column_start, row, group, retained, cholesky, error)
-      !> First entry of each column, and rows of the entries.
-      integer, intent(in) :: column_start(:), row(:)
-      !> Number of the mesh node of each unknown: unknowns of a node share their neighbours.
-      integer, intent(in) :: group(:)
-      !> The last unknowns, to be eliminated last.
-      integer, intent(in) :: retained
+      !> First entry of each column, and rows of the entries; number of the mesh node of each unknown: unknowns of a node share their
+      !> neighbours; and the last unknowns, to be eliminated last.
+      integer, intent(in) :: column_start(:), row(:), group(:), retained
       type(cholesky_type), intent(out) :: cholesky
       type(error_type), allocatable, intent(out) :: error
       real(wp) :: sizes(3)

@@ -29,10 +29,9 @@ module specimens
    real(wp), parameter :: box_width = 1.3_wp, box_cells = 10.0_wp
    !> Layers around the box at refine = 1, and the size of the block over that of its box, of the paper's block.
    real(wp), parameter :: paper_layers = 7.0_wp, paper_ratio = 4.8_wp/0.65_wp
-   !> The block is this many contact radii wide, and as high as these shares of half its width.
-   real(wp), parameter :: least_width = 4.0_wp, lowest = 0.25_wp, highest = 4.0_wp
-   !> Its half-width over that of the box under the contact, at least.
-   real(wp), parameter :: least_ratio = 1.2_wp
+   !> The block is this many contact radii wide, and as high as these shares of half its width; and its half-width over that of the box
+   !> under the contact, at least.
+   real(wp), parameter :: least_width = 4.0_wp, lowest = 0.25_wp, highest = 4.0_wp, least_ratio = 1.2_wp
 
    !> A film on a substrate: bricks of the film down to the interface, layers that go on around both, infinite elements of the substrate.
    !>
@@ -64,10 +63,8 @@ module specimens
       procedure :: set_up => grain_set_up, check_sizes => grain_check_sizes, plan => grain_plan, materials => grain_materials
    end type grain_specimen_type
 
-   !> The boundary is at least so far from the box under the contact, over the box's size.
-   real(wp), parameter :: clearance = 1.2_wp
-   !> A cylinder is so deep, in radii.
-   real(wp), parameter :: flattest = 0.5_wp, deepest = 2.0_wp
+   !> The boundary is at least so far from the box under the contact, over the box's size; a cylinder is so deep, in radii.
+   real(wp), parameter :: clearance = 1.2_wp, flattest = 0.5_wp, deepest = 2.0_wp
    !> From here on (half-width over radius) the layers turn into the shape of the boundary, growing so.
    real(wp), parameter :: turning = 0.45_wp, turning_growth = 1.25_wp
    !> Where meshes end, in contact radii and in thicknesses of a film or radii of a grain, whichever is farther.

@@ -24,7 +24,7 @@ module constants_posterior
    use wave_grains, only: add_waves, wave_grains_type
    implicit none
    private
-   public :: posterior_type, new_posterior
+   public :: posterior_type, new_posterior, has_own_variance
 
    !> Bounds of the common factor on the sds where it is inferred; its logarithm is uniform between them.
    real(wp), parameter :: least_factor = 0.05_wp, greatest_factor = 50.0_wp
@@ -41,6 +41,8 @@ module constants_posterior
       integer, private :: n_directions = 1
       !> What the surrogate gives the measured grains, then the same grains with the next tilt, and so on.
       class(grain_model_type), allocatable :: grains
+      !> The same by a theory that is read more roughly, if that is enough to find proposals.
+      class(grain_model_type), allocatable :: rough
       type(observable_type) :: observable
       class(error_model_type), allocatable :: errors
       !> Errors that the grains share: the surrogate's, then the calibration's of each group, if any, up to `n_calibrated`, then relative
@@ -56,10 +58,10 @@ module constants_posterior
       !> Bunge-Euler angles of the rows of `grains`, radians.
       real(wp), allocatable :: euler(:, :)
       !> Scales of their errors, GPa; and the variance of y that grains do not share.
-      real(wp), allocatable, private :: scale(:)
+      real(wp), allocatable :: scale(:)
       real(wp) :: scatter = 0.0_wp
       !> Sum of the logarithms of the scales.
-      real(wp), private :: log_scales = 0.0_wp
+      real(wp) :: log_scales = 0.0_wp
    contains
       procedure :: evaluate, evaluate_working, to_working, from_working, coarsen, draw_start, set_field_degree, &
          & draw_moduli, predict_measurements, infer_shared, evaluate_grains, scale_factor, place_shared, log_prior, stiffness, &
@@ -69,12 +71,12 @@ module constants_posterior
 contains
 
    !> The posterior for n grains.
-   subroutine new_posterior(surrogate, prior, settings, with_covariance, prior_only, measured, posterior, error)
+   subroutine new_posterior(surrogate, prior, settings, with_covariance, measured, posterior, error)
       type(surrogate_type), intent(in) :: surrogate
       type(prior_type), intent(in) :: prior
       type(measurements_settings_type), intent(in) :: settings
-      !> Count the surrogate's uncertainty; leave the data out.
-      logical, intent(in) :: with_covariance, prior_only
+      !> Count the surrogate's uncertainty.
+      logical, intent(in) :: with_covariance
       type(measured_type), intent(in) :: measured
       type(posterior_type), intent(out) :: posterior
       type(error_type), allocatable, intent(out) :: error
@@ -92,7 +94,6 @@ contains
       posterior%prior = prior
       posterior%settings = settings
       posterior%infers_scale = settings%scale == 'inferred'
-      posterior%prior_only = prior_only
       posterior%n_grains = size(measured%modulus)
       posterior%n_constants = prior%n_constants
       posterior%data = measured
@@ -143,10 +144,11 @@ contains
       call self%grains%set_grains(self%euler, error)
    end subroutine set_field_degree
 
-   !> Read the theory of every crystal from the field.
+   !> Read the theory of every crystal from a field.
    subroutine coarsen(self)
       class(posterior_type), intent(inout) :: self
 
+      if (allocated(self%rough)) call move_alloc(self%rough, self%grains)
       call self%grains%read_up_to(huge(1.0_wp))
    end subroutine coarsen
 
@@ -463,14 +465,11 @@ contains
       real(wp), intent(out) :: factor(:)
       real(wp) :: c(6, 6), slope(size(values)), b(self%n_shared), precision(self%n_shared, self%n_shared), z(self%n_shared)
       real(wp), allocatable :: columns(:, :)
-      integer :: i
 
       c = self%stiffness(x)
       call self%infer_shared(x, b, precision)
       call grains%evaluate_moduli(c, values, slope)
-      do i = 1, self%n_shared
-         call stream%normal(z(i))
-      end do
+      call stream%normals(z)
       call self%place_shared(z, b, precision, factor)
       allocate (columns(size(values), grains%n_columns))
       if (size(columns) > 0) call grains%evaluate_columns(c, columns)

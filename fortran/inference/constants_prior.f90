@@ -56,8 +56,9 @@ module constants_prior
       real(wp) :: typical_scale = 0.0_wp
       !> The density is stated in log K, not in the constants.
       logical :: in_logarithms = .false.
-      !> Share of the prior, without its normal factors, for which the surrogate is valid, estimated.
-      real(wp) :: share_inside = 1.0_wp
+      !> Share of the prior, without its normal factors, for which the surrogate is valid, and of what `draw_start` draws that in the
+      !> support, estimated.
+      real(wp) :: share_inside = 1.0_wp, share_drawn = 1.0_wp
       type(knowledge_type) :: knowledge
       !> Lower Cholesky factor of the covariance of what is known, (n, n).
       real(wp), allocatable, private :: factor(:, :)
@@ -66,7 +67,7 @@ module constants_prior
    contains
       procedure :: admits, log_density, measure
       procedure, private :: log_default
-      procedure :: draw_start, is_stated, set_knowledge
+      procedure :: draw_start, is_drawn, is_stated, set_knowledge
    end type prior_type
 
    !> Points of the stated domain that are tried to see how much of it the surrogate covers.
@@ -185,6 +186,7 @@ contains
       end do
       prior%domain = domain
       prior%share_inside = real(inside, wp)/max(1, n)
+      prior%share_drawn = real(inside, wp)/trials
       if (n == 0) then
          call raise(error, 'no stable crystal was found within the bounds and limits of the prior ('//to_text(trials)//' tried)', &
             & exit_bad_input)
@@ -193,6 +195,14 @@ contains
             & exit_bad_input)
       end if
    end subroutine estimate_share
+
+   !> Whether what `draw_start` draws has the density of the prior, and is often enough in its support.
+   pure logical function is_drawn(self)
+      class(prior_type), intent(in) :: self
+      real(wp), parameter :: often = 0.02_wp
+
+      is_drawn = size(self%knowledge%mean) == 0 .and. self%share_drawn > often .and. (self%has_default .eqv. self%in_logarithms)
+   end function is_drawn
 
    !> Whether the constant j has a bound.
    pure logical function is_stated(self, j)

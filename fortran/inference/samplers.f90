@@ -10,6 +10,7 @@
 !> densities and draws, and their checksum. A chain that cannot be kept, or whose file is damaged, is drawn again.
 module samplers
    use abstract_sampler, only: draw_starts, sampler_type, target_type
+   use direct_sampler, only: direct_sampler_type
    use ensemble_sampler, only: ensemble_sampler_type
    use errors, only: error_type, raise, refuse
    use files, only: checksum, read_bytes, replace_file
@@ -142,6 +143,8 @@ contains
          allocate (ensemble_sampler_type :: sampler)
       case ('scmh')
          allocate (scmh_sampler_type :: sampler)
+      case ('direct')
+         allocate (direct_sampler_type :: sampler)
       case default
          call refuse(error, 'method: '''//name//''' is unknown; allowed: '//sampler_names)
          return

@@ -34,17 +34,15 @@ module abstract_stage
    end type job_type
 
    type, abstract :: stage_type
-      !> Of the command, and of the file of its document.
-      character(len=:), allocatable :: name, document_file
-      !> The groups of the namelist that its results follow from, and those of a posterior.
-      character(len=:), allocatable :: groups, groups_of_posterior
+      !> Of the command, and of the file of its document; the groups of the namelist that its results follow from, and those of a
+      !> posterior.
+      character(len=:), allocatable :: name, document_file, groups, groups_of_posterior
       type(problem_type), pointer :: problem => null()
       !> Folder of the results, without a slash at its end; and where surrogates are looked for.
       character(len=:), allocatable :: output
       type(places_type) :: places
-      type(warning_type), allocatable :: warnings(:)
-      !> Why its result cannot be used; none: it can.
-      type(warning_type), allocatable :: reasons(:)
+      !> What a person should know; why its result cannot be used, none: it can.
+      type(warning_type), allocatable :: warnings(:), reasons(:)
       !> The specimens, indenters and simulations that are wanted.
       type(settings_type), allocatable :: physics(:)
       !> What is to be simulated now.

@@ -90,9 +90,8 @@ contains
       call domain_of(self, domain, error)
       if (allocated(error)) return
       outside = count([(.not. domain%admits(self%candidates%stiffness(:, :, i)), i=1, self%candidates%n)])
-      if (outside > 0) call warn(self%warnings, place(self%path, 'design', 'candidates')//to_text(outside)//' of ' &
-         & //to_text(self%candidates%n)//' rows of '//printable(self%settings%design%candidates) &
-         & //' lie outside &domain and are left out')
+      if (outside > 0) call warn(self%warnings, place(self%path, 'design', 'candidates')//to_text(outside)//' of '//to_text( &
+         & self%candidates%n)//' rows of '//printable(self%settings%design%candidates)//' lie outside &domain and are left out')
    end subroutine question_candidates
 
    !> What &domain and &surrogate ask for.

@@ -270,11 +270,8 @@ contains
          if (allocated(error)) return
          call set_candidates(learning%learner%design, surrogate%basis, build%candidates%constants, build%candidates%euler_deg)
          build%stopped = ''
-         if (is_accurate(focus)) then
-            build%stopped = 'the surrogate is accurate at the posterior'
-         else if (learning%n() >= design%budget) then
-            build%stopped = 'the budget is used'
-         end if
+         if (learning%n() >= design%budget) build%stopped = 'the budget is used'
+         if (is_accurate(focus)) build%stopped = 'the surrogate is accurate at the posterior'
          build%initial = [(i, i=1, tempered)]
          learning%first = learning%n()
          learning%settings%budget = min(design%budget, learning%n() + round_size)

@@ -91,9 +91,8 @@ contains
       class(curves_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       integer, parameter :: most = 8, fewest = 3
-      real(wp), parameter :: settled = 0.05_wp
-      !> Prior sd of the depth at which a test begins, nm.
-      real(wp), parameter :: zero_sd = 1.0e4_wp
+      !> And the prior sd of the depth at which a test begins, nm.
+      real(wp), parameter :: settled = 0.05_wp, zero_sd = 1.0e4_wp
       real(wp) :: before(n_shared)
       integer :: i, step
 

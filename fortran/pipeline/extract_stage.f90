@@ -41,7 +41,7 @@ contains
          if (allocated(problem%class%name)) class = problem%class%name
          call load_named_surrogate(problem%settings%surrogate%file, class, self%places, self%surrogate, error)
          if (allocated(error)) error%message = place(problem%path, 'surrogate', 'file')//error%message
-         if (.not. allocated(error)) call new_problem_posterior(problem, self%surrogate, .false., self%posterior, error)
+         if (.not. allocated(error)) call new_problem_posterior(problem, self%surrogate, self%posterior, error)
       end associate
    end subroutine begin
 

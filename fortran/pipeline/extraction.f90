@@ -88,9 +88,10 @@ contains
       real(wp) :: start
 
       call omit_weak_waves(problem, surrogate, error)
-      if (.not. allocated(error)) call new_problem_posterior(problem, surrogate, .false., self%posterior, error)
-      if (.not. allocated(error)) call new_problem_posterior(problem, surrogate, .true., prior, error)
+      if (.not. allocated(error)) call new_problem_posterior(problem, surrogate, self%posterior, error)
       if (allocated(error)) return
+      prior = self%posterior
+      prior%prior_only = .true.
       start = omp_get_wtime()
       call sample_exactly(problem, self, error)
       self%seconds = omp_get_wtime() - start
@@ -170,7 +171,7 @@ contains
       end if
       call sample_aside(problem, self%posterior, pilot_run, self%chains, error)
       if (allocated(error)) return
-      some = self%chains%draws(:, :, 1)
+      some = flattened(self%chains%draws)
       do attempt = 1, most_attempts
          call choose_field_degree(self%posterior, some, error)
          if (.not. allocated(error)) call sample_posterior(problem, self%posterior, self%chains, error)

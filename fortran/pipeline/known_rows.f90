@@ -19,10 +19,9 @@ module known_rows
       real(wp), allocatable :: constants(:, :), euler_deg(:, :), modulus(:)
       !> Simulations that failed.
       integer :: failed = 0
-      !> The candidate that a row is, 0: none.
-      integer, allocatable, private :: candidate(:)
-      !> How many rows were stored before that of each candidate, done or failed; below 0: it has none.
-      integer, allocatable, private :: earlier(:)
+      !> The candidate that a row is, 0: none; how many rows were stored before that of each candidate, done or failed, below 0: it has
+      !> none.
+      integer, allocatable, private :: candidate(:), earlier(:)
       !> Candidates that have a row which is not taken, and may be chosen once more.
       logical, allocatable :: open(:)
    contains

@@ -71,7 +71,7 @@ contains
       if (allocated(self%problem%velocities)) then
          ! Without the speeds that `extract` leaves out.
          call omit_weak_waves(self%problem, self%surrogate, error)
-         if (.not. allocated(error)) call new_problem_posterior(self%problem, self%surrogate, .false., self%posterior, error)
+         if (.not. allocated(error)) call new_problem_posterior(self%problem, self%surrogate, self%posterior, error)
          if (allocated(error)) return
       end if
       call next_document(self%problem, self%posterior, draws, page, self%warnings, error)

@@ -95,7 +95,7 @@ contains
       integer :: k
 
       call make_up(self, [1, 1, 1], used, error)
-      if (.not. allocated(error)) call new_problem_posterior(used, self%surrogate, .false., self%posterior, error)
+      if (.not. allocated(error)) call new_problem_posterior(used, self%surrogate, self%posterior, error)
       if (allocated(error)) return
       associate (crystal => self%problem%settings%plan%constants)
          if (.not. self%posterior%prior%admits(crystal, self%problem%class%stiffness(crystal))) call refuse(error, &

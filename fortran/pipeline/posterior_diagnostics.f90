@@ -370,13 +370,11 @@ contains
          if (trained > 0.0_wp) then
             ! What a film, say, adds to the theory grows with the contact radius.
             ratio = maxval(abs(contact_radius/trained - 1.0_wp))
-            if (any(depth > 0.0_wp .or. measured_radius > 0.0_wp) .and. ratio > alike) then
-               call warn(warnings, 'the measurements have contact radii of ' &
-               & //to_text(minval(contact_radius), 3)//' to '//to_text(maxval(contact_radius), 3)//' um, the surrogate is of ' &
-               & //to_text(trained, 3)//' um: the specimen correction, '//fixed(100.0_wp*addition, 1) &
+            if (any(depth > 0.0_wp .or. measured_radius > 0.0_wp) .and. ratio > alike) call warn(warnings, 'the measurements ' &
+               & //'have contact radii of '//to_text(minval(contact_radius), 3)//' to '//to_text(maxval(contact_radius), 3) &
+               & //' um, the surrogate is of '//to_text(trained, 3)//' um: the specimen correction, '//fixed(100.0_wp*addition, 1) &
                & //' % on average, grows about as the contact radius, so moduli may be off by up to ' &
                & //fixed(100.0_wp*addition*ratio, 1)//' %; build one at this depth')
-            end if
          else
             ! Neighbours are taken to be as stiff as the mean measurement.
             bias = 0.0_wp
@@ -384,9 +382,8 @@ contains
             biased = count(abs(bias) > small_bias)
             worst = maxloc(abs(bias), dim=1)
             if (biased > 0) call warn(warnings, to_text(biased)//' of '//to_text(size(bias))//' grains are so small that their ' &
-               & //'neighbours are expected to change the modulus by more than 1 % (grain '//printable(measured%name(worst)) &
-               & //': '//fixed(100.0_wp*bias(worst), 1)//' %): see the command size, or build a correction with ' &
-               & //'geometry = ''grain''')
+               & //'neighbours are expected to change the modulus by more than 1 % (grain '//printable(measured%name(worst))//': ' &
+               & //fixed(100.0_wp*bias(worst), 1)//' %): see the command size, or build a correction with geometry = ''grain''')
          end if
       end associate
    end subroutine check_sizes

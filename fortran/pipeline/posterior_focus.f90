@@ -82,7 +82,7 @@ contains
       type(posterior_type) :: posterior
 
       call new_theory_surrogate(theory, error)
-      if (.not. allocated(error)) call new_problem_posterior(problem, theory, .false., posterior, error)
+      if (.not. allocated(error)) call new_problem_posterior(problem, theory, posterior, error)
    end subroutine check_focus
 
    !> Begin a round.

@@ -3,6 +3,7 @@
 module problem_posterior
    use abstract_basis, only: grain_model_type
    use abstract_sampler, only: sampler_type
+   use condensed_posterior, only: condense
    use constants_posterior, only: new_posterior, posterior_type
    use constants_prior, only: knowledge_type, new_prior, prior_type
    use compliance_field, only: even_directions
@@ -39,7 +40,7 @@ module problem_posterior
    end type run_type
    !> To see how the posterior must be computed; the prior; the posterior without any knowledge; by the theory alone; and that at which
    !> simulations are chosen.
-   type(run_type), parameter, public :: pilot_run = run_type(5000, 400, 1, 2000001), &
+   type(run_type), parameter, public :: pilot_run = run_type(3000, 400, 2, 2000001), &
       & prior_run = run_type(5000, 2500, 4, 1000001, .false.), free_run = run_type(2000, 500, 2, 3000001), &
       & theory_run = run_type(5000, 1500, 4, 4000001), focus_run = run_type(3000, 600, 2, 5000001)
 
@@ -127,13 +128,10 @@ contains
       end associate
    end subroutine read_knowledge
 
-   !> The density of the constants given the problem's measurements, or of the prior alone: of &prior and &knowledge, cut to what the
-   !> surrogate is valid for.
-   subroutine new_problem_posterior(problem, surrogate, prior_only, posterior, error)
+   !> The density of the constants given the problem's measurements, with &prior and &knowledge, cut to what the surrogate is valid for.
+   subroutine new_problem_posterior(problem, surrogate, posterior, error)
       type(problem_type), intent(in) :: problem
       type(surrogate_type), intent(in) :: surrogate
-      !> Leave the data out.
-      logical, intent(in) :: prior_only
       type(posterior_type), intent(out) :: posterior
       type(error_type), allocatable, intent(out) :: error
       !> Poisson's ratio of the isotropic solid that the mean measurement is read as.
@@ -172,8 +170,8 @@ contains
             & (1.0_wp - typical_poisson**2)*mean_modulus(observable, measured, 1.0_wp), knowledge, prior, error)
          if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
          if (allocated(error)) return
-         call new_posterior(surrogate, prior, settings%measurements, settings%sampler%surrogate_variance == 'full', prior_only, &
-            & measured, posterior, error)
+         call new_posterior(surrogate, prior, settings%measurements, settings%sampler%surrogate_variance == 'full', measured, &
+            & posterior, error)
          if (allocated(error)) error%message = place(problem%path, 'measurements', '')//error%message
       end associate
    end subroutine new_problem_posterior
@@ -248,11 +246,11 @@ contains
       do round = 1, most_rounds
          call append_velocities(pilot%measurements, problem%velocities, kept)
          if (pilot%measurements%n == 0) exit
-         call new_problem_posterior(pilot, surrogate, .false., posterior, error)
+         call new_problem_posterior(pilot, surrogate, posterior, error)
          if (.not. allocated(error)) call sample_aside(pilot, posterior, pilot_run, chains, error)
          if (allocated(error)) return
          ! What was left out once stays out.
-         kept = kept .and. are_detected(posterior, chains%draws(:, :, 1), problem%velocities%euler_deg, problem%velocities%paths)
+         kept = kept .and. are_detected(posterior, flattened(chains%draws), problem%velocities%euler_deg, problem%velocities%paths)
          if (round > 1 .and. count(kept) == posterior%n_grains - posterior%n_moduli) exit
          pilot%settings%measurements = problem%settings%measurements
       end do
@@ -311,7 +309,8 @@ contains
       if (run%is_rough .and. density%grains%has_theory) call density%set_field_degree(merge(degree_of_many, rough_degree, &
          & density%n_grains > many), error)
       if (allocated(error)) return
-      call run_chains(problem, density, 'ensemble', 'aside', run, chains, error)
+      call run_chains(problem, density, trim(merge('direct  ', 'ensemble', density%prior_only .and. density%prior%is_drawn())), &
+         & 'aside', run, chains, error)
    end subroutine sample_aside
 
    !> The draws of such chains of the posterior with a surrogate, (parameter, draw).
@@ -327,7 +326,7 @@ contains
 
       used = problem
       call omit_weak_waves(used, surrogate, error)
-      if (.not. allocated(error)) call new_problem_posterior(used, surrogate, .false., posterior, error)
+      if (.not. allocated(error)) call new_problem_posterior(used, surrogate, posterior, error)
       if (.not. allocated(error)) call sample_aside(problem, posterior, run, chains, error)
       if (.not. allocated(error)) draws = flattened(chains%draws)
    end subroutine draw_aside
@@ -358,11 +357,16 @@ contains
       character(len=*), parameter :: groups = 'problem measurements prior knowledge'
       class(sampler_type), allocatable :: sampler
       type(checkpoint_type) :: checkpoint
+      type(posterior_type) :: condensed
 
       call new_sampler(method, run%burn_in, sampler, error)
+      ! How theory is read changes densities where the points of the checkpoint need not be.
       if (allocated(problem%kept_in)) call new_checkpoint(problem%kept_in, label//' '//to_text(run%burn_in)//' ' &
-         & //to_text(run%samples)//settings_namelist(problem%settings, groups), density, checkpoint)
-      if (.not. allocated(error)) call sample_chains(density, sampler, run_settings_type(run%samples, run%chains, &
+         & //to_text(run%samples)//' '//to_text(density%grains%full_above) &
+         & //settings_namelist(problem%settings, groups), density, checkpoint)
+      condensed = density
+      call condense(condensed)
+      if (.not. allocated(error)) call sample_chains(condensed, sampler, run_settings_type(run%samples, run%chains, &
          & thread_count(problem%settings%execution%workers), problem%settings%problem%seed, run%first_stream), chains, error, &
          & checkpoint)
       if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
@@ -375,8 +379,8 @@ contains
       !> (parameter, draw).
       real(wp), intent(in) :: draws(:, :)
       type(error_type), allocatable, intent(out) :: error
-      !> The draws that follow are others.
-      real(wp), parameter :: reserve = 0.5_wp
+      !> The draws that follow are others. To find proposals so much more may err, but for some draws.
+      real(wp), parameter :: reserve = 0.3_wp, rough_errors = 5.0_wp, most_draws = 0.8_wp
       real(wp) :: anisotropy(size(draws, 2)), errors(size(draws, 2)), cost, least, wrong
       real(wp), allocatable :: exact(:, :)
       class(grain_model_type), allocatable :: best
@@ -386,6 +390,7 @@ contains
       call exact_moduli(posterior, draws, exact, error)
       if (allocated(error)) return
       least = huge(least)
+      if (allocated(posterior%rough)) deallocate (posterior%rough)
       do i = 1, size(degrees)
          call posterior%set_field_degree(degrees(i), error)
          if (allocated(error)) return
@@ -394,6 +399,9 @@ contains
             if (grains%field_cost >= least) exit
             call grains%read_up_to(huge(least))
             errors = field_errors(posterior, draws, exact)
+            if (.not. allocated(posterior%rough) .and. count(errors < rough_errors*allowed_error) > most_draws*size(errors)) then
+               allocate (posterior%rough, source=grains)
+            end if
             if (any(errors > reserve*allowed_error)) then
                wrong = minval(anisotropy, mask=errors > reserve*allowed_error)
                ! Where every draw errs, nothing shows that others may be read.

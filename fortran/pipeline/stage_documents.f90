@@ -24,8 +24,7 @@ module stage_documents
 
    character(len=*), parameter :: manifest_name = '/inputs.json', resolved_name = '/resolved.nml'
    !> With what a document ends, and what is between it and its checksum.
-   character(len=*), parameter :: tail = newline//'}'//newline
-   character(len=*), parameter :: seal = ','//newline//' "checksum": "text:'
+   character(len=*), parameter :: tail = newline//'}'//newline, seal = ','//newline//' "checksum": "text:'
 
 contains
 
@@ -166,12 +165,11 @@ contains
                if (allocated(problem%shared_digest)) content = content//problem%shared_digest
             end if
             call add_table(problem%velocities)
+            if (allocated(problem%settings%measurements%texture)) call add_table(problem%textured)
          end if
          if (group == 'design') call add_table(problem%candidates)
          if (group == 'next') call add_table(problem%grains)
-         if (group == 'plan' .or. (group == 'measurements' .and. allocated(problem%settings%measurements%texture))) then
-            call add_table(problem%textured)
-         end if
+         if (group == 'plan') call add_table(problem%textured)
          if (group == 'knowledge' .and. allocated(problem%stiffness)) content = content//problem%stiffness%table%digest()
          inputs = inputs//', "'//group//'": "'//checksum(content)//'"'
       end do

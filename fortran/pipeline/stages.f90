@@ -11,7 +11,7 @@ module stages
    use extract_stage, only: extract_stage_type
    use files, only: printable
    use machine, only: raise_no_memory, reserve_blas
-   use namelist_file, only: entry_type, parse_namelist, place, read_namelist_file, replace_entries
+   use namelist_file, only: entry_type, find_entry, parse_namelist, place, read_namelist_file, replace_entries
    use next_stage, only: next_stage_type
    use plan_stage, only: plan_stage_type
    use problem, only: new_problem, problem_type
@@ -144,9 +144,7 @@ contains
       end if
       if (allocated(error)) return
       asked = all_stages%name == command
-      do i = 1, size(namelist)
-         if (command == 'run') asked = asked .or. all_stages%trigger == namelist(i)%group
-      end do
+      if (command == 'run') asked = [(find_entry(namelist, all_stages(i)%trigger, '') > 0, i=1, size(all_stages))]
       names = pack(all_stages%name, asked)
       if (size(names) == 0 .and. command /= 'run') then
          call refuse(error, 'no command is named '''//printable(command)//'''; allowed: run, '//join(all_stages%name, ', '))

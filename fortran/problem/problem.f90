@@ -10,7 +10,7 @@ module problem
    use kinds, only: wp
    use namelist_file, only: entry_type, place
    use orientation_questions, only: question_directions, refuse_radians
-   use point_tables, only: angles_look_like_radians, points_type, read_crystals, read_grains, read_measurements, read_positions
+   use point_tables, only: angles_look_like_radians, points_type, read_column, read_crystals, read_measurements, read_orientations
    use repeated_tests, only: combine_tests, judge_scatter, refuse_copied_rows
    use settings_schema, only: settings_type
    use settings_checks, only: check_settings
@@ -28,10 +28,9 @@ module problem
    type :: problem_type
       !> The file as the user wrote it, or the Python function whose keywords these are; the folder with a slash, or ''.
       character(len=:), allocatable :: path, folder
-      !> What the file was read for, '' for keywords, and the groups that this needs, separated by blanks.
-      character(len=:), allocatable :: command, needed
-      !> The groups of the file, separated by blanks; and the stages that it asks for, in order.
-      character(len=:), allocatable :: groups
+      !> What the file was read for, '' for keywords; the groups that this needs, and those of the file, separated by blanks.
+      character(len=:), allocatable :: command, needed, groups
+      !> The stages that it asks for, in order.
       character(len=8), allocatable :: stages(:)
       type(settings_type) :: settings
       !> Of &problem symmetry.
@@ -338,6 +337,7 @@ contains
       type(problem_type), intent(inout) :: self
       type(table_type), intent(in) :: table
       type(error_type), allocatable, intent(inout) :: error
+      real(wp), allocatable :: x(:), y(:)
 
       if (.not. allocated(self%map)) then
          call set_measurements(self, table, error)
@@ -345,7 +345,9 @@ contains
       end if
       self%indents = table
       if (.not. allocated(error)) call name_columns(self%indents, self%settings%measurements%columns, error)
-      if (.not. allocated(error)) call read_positions(self%indents, self%positions, error)
+      call read_column(self%indents, 'x_um', .false., x, error)
+      call read_column(self%indents, 'y_um', .false., y, error)
+      if (.not. allocated(error)) self%positions = reshape([x, y], [table%rows, 2])
       if (allocated(error)) error%message = prefix_of_table(self)//error%message
    end subroutine take_measurements
 
@@ -419,13 +421,13 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Of each the moduli of 2000 draws are kept.
       integer, parameter :: most_grains = 2000
-      type(table_type) :: table
       logical :: radians
 
       radians = self%settings%measurements%angles == 'radians'
       allocate (self%grains)
-      call read_table(resolve_path(self%folder, name), table, error)
-      if (.not. allocated(error)) call read_grains(table, radians, self%class, self%settings%problem%lattice, self%grains, error)
+      call read_table(resolve_path(self%folder, name), self%grains%table, error)
+      if (.not. allocated(error)) call read_orientations(self%grains, radians, self%class, self%settings%problem%lattice, error)
+      if (.not. allocated(error)) call find_column(self%grains%table, 'grain', self%grains%named_by, error)
       if (.not. allocated(error) .and. self%grains%n > most_grains) then
          call refuse(error, to_text(self%grains%n)//' grains; allowed up to '//to_text(most_grains))
       else if (.not. (allocated(error) .or. radians)) then

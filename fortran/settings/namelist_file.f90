@@ -32,10 +32,9 @@ module namelist_file
 
    character(len=*), parameter :: blanks = ' '//achar(9)//achar(13)
    character(len=*), parameter :: letters = 'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_'
-   !> More repetitions and values than any array of ours has elements are refused before they are made.
-   integer, parameter :: most_repeats = 10000, most_values = most_repeats
-   !> Of groups and variables: more are no input of ours.
-   integer, parameter :: most_names = 2000
+   !> More repetitions and values than any array of ours has elements are refused before they are made; and more groups and variables,
+   !> which are no input of ours.
+   integer, parameter :: most_repeats = 10000, most_values = most_repeats, most_names = 2000
 
 contains
 

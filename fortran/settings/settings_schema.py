@@ -22,13 +22,9 @@ TYPES = {
     "integer": "integer",
     "logical": "logical",
     "real": REAL,
-    "real for each constant": REALS,
-    "list of reals": REALS,
     "list of texts": TEXTS,
-    "text": TEXT,
-    "choice": TEXT,
-    "file": TEXT,
-    "choice or file": TEXT,
+    **dict.fromkeys(("real for each constant", "list of reals"), REALS),
+    **dict.fromkeys(("text", "choice", "file", "choice or file"), TEXT),
 }
 
 MODULE = """\

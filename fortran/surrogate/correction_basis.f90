@@ -26,7 +26,7 @@ module correction_basis
    use text, only: to_text
    implicit none
    private
-   public :: correction_basis_type
+   public :: correction_basis_type, correction_grain_model_type
 
    !> Relative: least sd of the noise, and sds of a coefficient of degree 1 and of the noise before the first regression.
    real(wp), parameter :: least_noise = 1.7e-4_wp, first_sds(2) = [0.017_wp, 1.0e-3_wp]
@@ -46,7 +46,7 @@ module correction_basis
       type(crystal_class_type) :: class
       !> Of the grains, or of the directions of their expansion if that pays.
       type(field_type) :: field
-      type(modulus_expansion_type) :: expansion
+      type(modulus_expansion_type), public :: expansion
       !> How many moduli are computed, and their Bunge-Euler angles, (3, n_independent), radians.
       integer :: n_independent = 0
       real(wp), allocatable :: euler(:, :)

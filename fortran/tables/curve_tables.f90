@@ -42,8 +42,7 @@ contains
    !> Read curves, and the file of their tests; `prefix` and `tests_prefix` begin the messages on them.
    subroutine read_curves(content, tests_path, prefix, tests_prefix, set, error)
       !> The neutral CSV; the path of the table of tests.
-      character(len=*), intent(in) :: content, tests_path
-      character(len=*), intent(in) :: prefix, tests_prefix
+      character(len=*), intent(in) :: content, tests_path, prefix, tests_prefix
       type(curve_set_type), intent(out) :: set
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: table

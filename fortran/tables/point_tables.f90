@@ -14,7 +14,7 @@ module point_tables
    use text, only: join, to_text
    implicit none
    private
-   public :: points_type, read_crystals, read_grains, read_measurements, read_positions, first_rows, angles_look_like_radians, &
+   public :: points_type, read_crystals, read_measurements, read_orientations, first_rows, angles_look_like_radians, &
       & read_angles, read_groups, read_column
 
    !> One row a point. What a table has not is NaN.
@@ -25,10 +25,8 @@ module point_tables
       !> The crystal classes that rows have, and the number of each row's, (n); none in measurements.
       type(crystal_class_type), allocatable :: classes(:)
       integer, allocatable :: class(:)
-      !> In the order of the class, padded with NaN, GPa, (21, n).
-      real(wp), allocatable :: constants(:, :)
-      !> Crystal frame, GPa, (6, 6, n).
-      real(wp), allocatable :: stiffness(:, :, :)
+      !> In the order of the class, padded with NaN, GPa, (21, n); crystal frame, GPa, (6, 6, n).
+      real(wp), allocatable :: constants(:, :), stiffness(:, :, :)
       !> Bunge-Euler angles, degrees, (3, n); whether the table has them, or only the indented direction of each.
       real(wp), allocatable :: euler_deg(:, :)
       logical :: has_angles = .true.
@@ -189,41 +187,14 @@ contains
       end subroutine add_zero_error
    end subroutine read_measurements
 
-   !> The columns x_um and y_um.
-   subroutine read_positions(table, positions, error)
-      type(table_type), intent(in) :: table
-      !> um, (n, 2).
-      real(wp), allocatable, intent(out) :: positions(:, :)
-      type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: x(:), y(:)
-
-      call read_column(table, 'x_um', .false., x, error)
-      call read_column(table, 'y_um', .false., y, error)
-      if (.not. allocated(error)) positions = reshape([x, y], [table%rows, 2])
-   end subroutine read_positions
-
-   !> Orientations of grains that may be measured, with their names.
-   subroutine read_grains(table, radians, crystal, parameters, points, error)
-      type(table_type), intent(in) :: table
-      !> The unit of the angles in the table.
-      logical, intent(in) :: radians
-      type(crystal_class_type), intent(in) :: crystal
-      !> See `read_measurements`.
-      real(wp), allocatable, intent(in) :: parameters(:)
-      type(points_type), intent(out) :: points
-      type(error_type), allocatable, intent(out) :: error
-
-      points%table = table
-      call read_orientations(points, radians, crystal, parameters, error)
-      if (.not. allocated(error)) call find_column(points%table, 'grain', points%named_by, error)
-   end subroutine read_grains
-
    !> The angles of every row, or angles for the direction that is stated in another way.
    subroutine read_orientations(points, radians, crystal, parameters, error)
+      !> Their table is there.
       type(points_type), intent(inout) :: points
       !> The unit of the angles in the table.
       logical, intent(in) :: radians
       type(crystal_class_type), intent(in) :: crystal
+      !> See `read_measurements`.
       real(wp), allocatable, intent(in) :: parameters(:)
       type(error_type), allocatable, intent(out) :: error
       integer, allocatable :: columns(:)

@@ -27,6 +27,7 @@ contains
       type(points_type), intent(in) :: points
       type(error_type), allocatable, intent(out) :: error
       integer, parameter :: least = 3
+      character(len=*), parameter :: count_twice = 'Rows that count twice make the sds of the constants too small: remove them'
       integer :: first(points%n), copies(points%n), i, begin, grain
 
       first = number_equal(reshape([(points%euler_deg(:, i), points%modulus_gpa(i), points%sd_gpa(i), real(points%group(i), wp), &
@@ -39,10 +40,9 @@ contains
       end do
       ! Of rounded tests some are alike by chance, but not all of them as often.
       i = maxval(copies)
-      if (grain == 0 .and. i > 1 .and. count(copies > 0) >= least .and. all(copies == 0 .or. copies == i) .and. &
-         & any(abs(points%euler_deg - spread(points%euler_deg(:, 1), 2, points%n)) > 0.0_wp)) call refuse(error, 'each row is ' &
-         & //'there '//to_text(i)//' times with the same angles, modulus and sd. Rows that count twice make the sds of the ' &
-         & //'constants too small: remove them')
+      if (grain == 0 .and. i > 1 .and. count(copies > 0) >= least .and. all(copies == 0 .or. copies == i) .and. any(abs( &
+         & points%euler_deg - spread(points%euler_deg(:, 1), 2, points%n)) > 0.0_wp)) call refuse(error, 'each row is there ' &
+         & //to_text(i)//' times with the same angles, modulus and sd. '//count_twice)
       if (allocated(error)) return
       begin = 1
       do i = 2, points%n + 1
@@ -54,7 +54,7 @@ contains
             associate (line => points%table%line)
                call refuse(error, 'lines '//to_text(line(begin))//' to '//to_text(line(i - 1))//' repeat lines ' &
                   & //to_text(line(first(begin)))//' to '//to_text(line(first(i - 1)))//' with the same angles, moduli and sds. ' &
-                  & //'Rows that count twice make the sds of the constants too small: remove them')
+                  & //count_twice)
             end associate
             return
          end if
@@ -75,11 +75,9 @@ contains
 
       call find_column(points%table, 'grain', column, error)
       if (allocated(error) .or. column == 0) return
-      do i = 1, points%n
-         if (points%table%is_empty(column, i)) call refuse(error, points%table%place(column, i)//'the cell is empty; the name or ' &
-            & //'number of the grain is needed')
-         if (allocated(error)) return
-      end do
+      i = findloc([(points%table%is_empty(column, i), i=1, points%n)], .true., dim=1)
+      if (i > 0) call refuse(error, points%table%place(column, i)//'the cell is empty; the name or number of the grain is needed')
+      if (allocated(error)) return
       points%named_by = column
       key(1, :) = points%group
       key(2, :) = first_rows(points%table, column)

@@ -88,11 +88,9 @@ contains
          real(wp) :: correlation(class%n_constants, class%n_constants)
 
          associate (c => self%covariance, names => class%constants)
-            do i = 1, class%n_constants
-               if (.not. c(i, i) > 0.0_wp) call refuse(error, 'the variance of '//names(i)//' is '//to_text(c(i, i)) &
-                  & //' GPa^2; above 0 is allowed')
-               if (allocated(error)) return
-            end do
+            i = findloc([(c(i, i) > 0.0_wp, i=1, class%n_constants)], .false., dim=1)
+            if (i > 0) call refuse(error, 'the variance of '//names(i)//' is '//to_text(c(i, i))//' GPa^2; above 0 is allowed')
+            if (allocated(error)) return
             do j = 1, class%n_constants
                do i = 1, class%n_constants
                   correlation(i, j) = c(i, j)/sqrt(c(i, i))/sqrt(c(j, j))

@@ -50,8 +50,7 @@ module table_columns
       & column_type('other_probability', '', '', [0.0_wp, 1.0_wp], '', ' is no probability'), &
       & column_type('other_phi1_deg', '', degrees, turns, ' degrees'), &
       & column_type('other_Phi_deg', '', degrees, turns, ' degrees'), &
-      & column_type('other_phi2_deg', '', degrees, turns, ' degrees'), &
-      & column_type('depth_um', 'depth', um, lengths, ' um'), &
+      & column_type('other_phi2_deg', '', degrees, turns, ' degrees'), column_type('depth_um', 'depth', um, lengths, ' um'), &
       & column_type('depth_nm', 'depth', ' nm ', 1.0e3_wp*lengths, ' nm'), &
       & column_type('contact_radius_um', '', um, lengths, ' um'), &
       & column_type('zero_sd_nm', '', ' nm ', [0.0_wp, 1000.0_wp], ' nm'), column_type('grain_radius_um', '', um, lengths, ' um'), &
@@ -318,13 +317,11 @@ contains
          name = trim(adjustl(said(i)(:max(1, equals) - 1)))
          header = trim(adjustl(said(i)(equals + 1:)))
          place = 'columns: '''//printable(trim(said(i)))//''': '
-         do k = 1, size(known)
-            if (lower(known(k)) == lower(name)) exit
-         end do
+         k = findloc([(lower(known(k)) == lower(name), k=1, size(known))], .true., dim=1)
          column = table%find(header)
          if (len(name) == 0 .or. len(header) == 0) then
             call refuse(error, place//'a name, = and the header of its column are needed, such as ''modulus_gpa = E (raw)''')
-         else if (k > size(known)) then
+         else if (k == 0) then
             call refuse(error, place//'no column '//printable(name)//' is read'//suggestion(name, names)//'; allowed '//names)
          else if (column == 0) then
             call refuse(error, place//'the table has no column '//printable(header)//suggestion(header, column_list(table)) &

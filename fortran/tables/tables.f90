@@ -12,11 +12,10 @@ module tables
    private
    public :: table_type, read_table, parse_table, write_table, csv_cell, longest_name
 
-   !> Bytes of a name that a program gives to a column.
-   integer, parameter :: longest_name = 32
-   !> Words of a row of units; the longest has so many bytes.
+   !> Bytes of a name that a program gives to a column, and of the longest word of a row of units.
+   integer, parameter :: longest_name = 32, longest_unit = 7
+   !> Words of a row of units.
    character(len=*), parameter :: known_units = ' deg degrees degree ° rad radians gpa mpa kpa pa um µm μm nm mm n mn % - '
-   integer, parameter :: longest_unit = 7
    character, parameter :: return = achar(13), tab = achar(9)
    character(len=*), parameter :: delimiters = ',;'//tab
 
@@ -255,9 +254,8 @@ contains
    !> The cell in a `column` and `row`.
    pure function cell(self, column, row) result(string)
       class(table_type), intent(in) :: self
-      integer, intent(in) :: column
-      !> 0 is the header.
-      integer, intent(in) :: row
+      !> From 1; from 0, the header.
+      integer, intent(in) :: column, row
       character(len=:), allocatable :: string
 
       string = self%buffer(self%bounds(1, column, row):self%bounds(2, column, row))

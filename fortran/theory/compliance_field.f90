@@ -22,7 +22,8 @@ module compliance_field
    use distinct_directions, only: group_rotations, new_region, region_type, representative, spread_of_directions
    use errors, only: error_type
    use kinds, only: pi, wp
-   use linear_algebra, only: add_gram, cholesky_factor, cholesky_solve, multiply, symmetric_eigen, transposed_product
+   use linear_algebra, only: add_gram, cholesky_factor, cholesky_solve, multiply, multiply_by_factor, transposed_product
+   use small_matrices, only: solve_lower
    use symmetric_harmonics, only: evaluate_harmonics, harmonics_type, largest_degree, new_harmonics
    implicit none
    private
@@ -60,7 +61,7 @@ module compliance_field
       !> From their moduli to coefficients, (harmonic, direction), and from these to grains, (grain, harmonic).
       real(wp), allocatable, private :: fit(:, :), reading(:, :)
    contains
-      procedure :: expand
+      procedure :: expand, condense
    end type modulus_expansion_type
 
 contains
@@ -77,7 +78,8 @@ contains
       type(harmonics_type) :: harmonics
       type(region_type) :: region
       real(wp), allocatable :: rotations(:, :, :), fit(:, :)
-      real(wp) :: nodes_least, least_weight
+      real(wp) :: nodes_least
+      logical :: is_good
 
       call new_region(class, region)
       rotations = group_rotations(class, 2*degree + 2)
@@ -86,9 +88,9 @@ contains
       nodes_least = oversampling*harmonics%n/size(rotations, 3)
       do
          call even_directions(region, degree/2 + 3, nodes_least, field%nodes)
-         call fit_images(harmonics, rotations, field%nodes, fit, least_weight, error)
+         call fit_images(harmonics, rotations, field%nodes, fit, is_good, error)
          if (allocated(error)) return
-         if (least_weight > well_determined) exit
+         if (is_good) exit
          nodes_least = size(field%nodes, 2) + 0.5_wp
       end do
       field%n_grains = size(euler, 2)
@@ -159,19 +161,20 @@ contains
    end subroutine set_planes
 
    !> Least squares: coefficients of the harmonics from the values at all images of the nodes.
-   subroutine fit_images(harmonics, rotations, nodes, fit, least_weight, error)
+   subroutine fit_images(harmonics, rotations, nodes, fit, is_good, error)
       type(harmonics_type), intent(in) :: harmonics
       !> The group, (3, 3, m), and unit vectors in crystal axes, (3, n).
       real(wp), intent(in) :: rotations(:, :, :), nodes(:, :)
       !> (harmonics, images); images of a node follow each other. Only if they are well determined.
       real(wp), allocatable, intent(out) :: fit(:, :)
       !> See `well_determined`.
-      real(wp), intent(out) :: least_weight
+      logical, intent(out) :: is_good
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: gram(:, :), vectors(:, :), values(:)
+      type(error_type), allocatable :: poor
+      real(wp), allocatable :: gram(:, :), less(:, :)
       integer :: g, i, image
 
-      allocate (fit(harmonics%n, size(nodes, 2)*size(rotations, 3)), gram(harmonics%n, harmonics%n), values(harmonics%n))
+      allocate (fit(harmonics%n, size(nodes, 2)*size(rotations, 3)), gram(harmonics%n, harmonics%n))
       image = 0
       do i = 1, size(nodes, 2)
          do g = 1, size(rotations, 3)
@@ -181,10 +184,14 @@ contains
       end do
       gram = 0.0_wp
       call add_gram(fit, 1.0_wp, gram, transposed=.false.)
-      vectors = gram/image
-      call symmetric_eigen(vectors, values, error)
-      least_weight = values(1)
-      if (allocated(error) .or. least_weight <= well_determined) return
+      ! Positive definite if the least eigenvalue is so large.
+      less = gram/image
+      do i = 1, harmonics%n
+         less(i, i) = less(i, i) - well_determined
+      end do
+      call cholesky_factor(less, poor)
+      is_good = .not. allocated(poor)
+      if (.not. is_good) return
       call cholesky_factor(gram, error)
       if (.not. allocated(error)) call cholesky_solve(gram, fit)
    end subroutine fit_images
@@ -340,6 +347,33 @@ contains
       end do
       expansion%cost = 0.0002_wp*size(expansion%reading)
    end subroutine new_modulus_expansion
+
+   !> Read few values in place of those of many grains: |values - W reading a|^2 = |condensed - reading' a|^2 + rest for all a.
+   subroutine condense(self, weights, values, condensed, rest)
+      class(modulus_expansion_type), intent(inout) :: self
+      !> W is diagonal, (grain).
+      real(wp), intent(in) :: weights(:), values(:)
+      !> (harmonic); unallocated where there is no expansion or the grains do not determine it.
+      real(wp), allocatable, intent(out) :: condensed(:)
+      real(wp), intent(out) :: rest
+      type(error_type), allocatable :: error
+      real(wp), allocatable :: weighted(:, :), gram(:, :)
+      integer :: j, n
+
+      rest = 0.0_wp
+      if (.not. self%pays) return
+      n = size(self%reading, 2)
+      weighted = self%reading*spread(weights, 2, n)
+      allocate (gram(n, n), source=0.0_wp)
+      call add_gram(weighted, 1.0_wp, gram, transposed=.true.)
+      call cholesky_factor(gram, error)
+      if (allocated(error)) return
+      condensed = matmul(values, weighted)
+      call solve_lower(gram, condensed)
+      rest = sum(values**2) - sum(condensed**2)
+      self%reading = reshape([1.0_wp, (spread(0.0_wp, 1, n), 1.0_wp, j=2, n)], [n, n])
+      call multiply_by_factor(gram, self%reading)
+   end subroutine condense
 
    !> What grains have from what directions have, of some crystals or columns: the same where it does not pay.
    pure subroutine expand(self, of_directions, of_grains)

@@ -127,7 +127,8 @@ contains
       if (.not. known) return
       allocate (density)
       call x%give(density, 'posterior')
-      call new_problem_posterior(x%problem, surrogate, name == 'surrogate.prior', density, x%error)
+      call new_problem_posterior(x%problem, surrogate, density, x%error)
+      density%prior_only = name == 'surrogate.prior'
       if (allocated(x%error)) return
       call x%out%put('grains', density%n_grains)
       call x%out%put('groups', density%n_groups)

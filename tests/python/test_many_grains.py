@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from densities import Posterior
 from learner import spread_of, terms_of
-from scipy.stats import multivariate_normal
+from scipy.stats import multivariate_normal, norm
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
@@ -68,6 +68,27 @@ def test_the_likelihood_of_many_grains_by_brute_force(name, n):
             )
         expected.append(multivariate_normal(mean, covariance).logpdf(moduli))
     assert posterior.evaluate(points)[1] == pytest.approx(expected, abs=0.1)
+
+
+@pytest.mark.parametrize("kind", ["indentation_modulus", "sample_modulus"])
+def test_chains_of_many_grains_have_the_density_of_all_of_them(kind):
+    """They sample it from as many numbers as the moduli of the grains have coefficients."""
+    angles, moduli = measured(600, seed=6)
+    factor = 1.0 if kind == "indentation_modulus" else 1 - 0.3**2
+    sd = np.random.default_rng(1).uniform(1, 6, 600)
+    bounds = {"C11": (120, 260), "C12": (80, 220), "C44": (60, 95)}
+    table = table_of(angles, factor * moduli, 3.0) | {"sd_gpa": sd}
+    found = bi.extract(table, symmetry="cubic", bounds=bounds, samples=60, burn_in=300, chains=2, modulus_kind=kind)
+    draws = np.stack([found.posterior[name].values.ravel() for name in COPPER], axis=1)
+    predicted = found.predictions["modulus"].values.reshape(-1, 600)
+    expected = norm(predicted, sd).logpdf(factor * moduli).sum(axis=1)
+    # The density is uniform within bounds, so that there is no other term than its constant.
+    difference = found.sample_stats["lp"].values.ravel() - expected
+    assert np.ptp(difference) < 1e-5
+    assert np.ptp(expected) > 2
+    # What is read is that of the theory but for what the table's sds do not see.
+    exact = factor * bi.halfspace_modulus(stiffness_rows("cubic", draws)[:, None], angles)
+    assert np.sqrt((((predicted - exact) / sd) ** 2).sum(axis=1)).max() < 0.2
 
 
 @pytest.mark.long

@@ -129,9 +129,7 @@ def oriented_crystals(stiffness: ArrayLike, euler_deg: ArrayLike) -> tuple[np.nd
 
 def angles_of(orientations: Any) -> np.ndarray:
     """Bunge-Euler angles in degrees, as an array or as orix' Orientation, which rotates from sample to crystal too."""
-    if hasattr(orientations, "to_euler"):
-        return np.asarray(orientations.to_euler(degrees=True), dtype=float)
-    return np.asarray(orientations, dtype=float)
+    return np.asarray(orientations.to_euler(degrees=True) if hasattr(orientations, "to_euler") else orientations, dtype=float)
 
 
 def crystal_rows(stiffness: ArrayLike, euler_deg: ArrayLike, **numbers: ArrayLike) -> tuple[dict[str, np.ndarray], tuple[int, ...]]:

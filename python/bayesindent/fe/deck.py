@@ -25,16 +25,14 @@ def write_deck(mesh: SimpleNamespace, depths: Iterable[float], element: str, tit
     The header says what each material is, by the `parts` of the specimen. Contact is unilateral gaps between each contact node and one node that stands for the indenter; infinite elements
     are networks of springs with the same stiffness matrix; hanging nodes are equations.
     """
-    nodes = len(mesh.x)
-    indenter = nodes + 1
+    indenter = len(mesh.x) + 1
     used = MATERIALS[: 1 + mesh.material.max()]
     lines = ["*HEADING", title, "** Units: um, mN, GPa; the axes of the sample, material below z = 0"]
     for name, part, matrix in zip(used, parts, mesh.materials, strict=False):
         lines += [f"** Material {name}: {part}, {description(matrix)}"]
     if len(mesh.facet):
         lines += ["** Springs: infinite elements, beyond the mesh"]
-    lines += ["*NODE, NSET=ALL"]
-    lines += [f"{i}, {x:.10g}, {y:.10g}, {z:.10g}" for i, (x, y, z) in enumerate(mesh.x, start=1)]
+    lines += ["*NODE, NSET=ALL"] + [f"{i}, {x:.10g}, {y:.10g}, {z:.10g}" for i, (x, y, z) in enumerate(mesh.x, start=1)]
     lines += ["*NODE, NSET=INDENTER", f"{indenter}, 0, 0, 0"]
     for material, name in enumerate(used):
         lines += [f"*ELEMENT, TYPE={element}, ELSET={name}"]

@@ -48,11 +48,8 @@ def changed_inputs(folder: Path) -> list[str]:
         return []
     # These may have been options.
     used = {name: digest for name, digest in manifest["inputs"].items() if name not in ("problem", "sampler", "surrogate_file")}
-    return [
-        f"&{name} of {manifest['namelist']}, or a table that it names, was edited after these results: bayesindent run makes new ones"
-        for name, digest in used.items()
-        if now.get(name, digest) != digest
-    ]
+    words = f"of {manifest['namelist']}, or a table that it names, was edited after these results: bayesindent run makes new ones"
+    return [f"&{name} {words}" for name, digest in used.items() if now.get(name, digest) != digest]
 
 
 def belongs(document: dict, manifest: dict) -> bool:

@@ -55,11 +55,8 @@ def numbers(item: Mapping, **digits: int) -> list[str]:
 def suggested_grains(items: Sequence[Mapping]) -> list[str]:
     """The grain of each suggestion, with the direction of a speed; 'new' where any grain will do, or all ranks."""
     named = any("grain" in item for item in items)
-    names = [item.get("grain", "new" if named else rank) for rank, item in enumerate(items, 1)]
-    return [
-        f"{name}, speed at {item['propagation_deg']:g}°" if "propagation_deg" in item else str(name)
-        for name, item in zip(names, items, strict=True)
-    ]
+    speeds = [f", speed at {item['propagation_deg']:g}°" if "propagation_deg" in item else "" for item in items]
+    return [f"{item.get('grain', 'new' if named else rank)}{speed}" for rank, (item, speed) in enumerate(zip(items, speeds), 1)]
 
 
 def region(item: Mapping, direction: str) -> str:

@@ -14,7 +14,7 @@ from ..fe.deck import elastic_constants
 from ..version import __version__
 from .formatting import SHARE_HEADER, enumeration, latex, number, numbers, share_cells
 from .results import Results
-from .sections import angles_of, identifiability_cells, report_rows
+from .sections import grain_cells, identifiability_cells, report_rows
 from .summary import indenter, measured_ranges, specimen, with_count, with_verdict
 from .templates import read_data, render
 
@@ -83,18 +83,13 @@ def mark(results: Results) -> str:
 
 def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]]:
     """Caption, header and rows of the tables that have rows, by the name of their files."""
-    document = results.documents["extract"]
-    rows = report_rows(results)
-    digits = dict.fromkeys(("measured", "measured_sd", "mean", "sd"), 1)
+    parameters, rows = results.documents["extract"]["parameters"], report_rows(results)
     found = {
         "constants": (
             "Elastic constants in GPa: mean and standard deviation (sd) of the posterior, its 95 % interval of highest density, and the "
             "shares of its variance that are due to the measurements, to what else was known and to the prior.",
             ["constant", "mean", "sd", "95 % from", "to", *SHARE_HEADER],
-            [
-                [name, *numbers(item, mean=1, sd=1), *map(number, item["hdi_95"]), *share_cells(item)]
-                for name, item in document["parameters"].items()
-            ],
+            [[name, *numbers(item, mean=1, sd=1), *map(number, item["hdi_95"]), *share_cells(item)] for name, item in parameters.items()],
         ),
         "quantities": (
             "Quantities of the crystal that follow from its constants: mean and sd of the posterior, sd of the prior, shares.",
@@ -109,7 +104,7 @@ def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]
                 for row in results.identifiability("combination")
             ],
         ),
-        "correlation": ("Correlation of the constants in the posterior.", ["", *document["parameters"]], rows["correlation"]),
+        "correlation": ("Correlation of the constants in the posterior.", ["", *parameters], rows["correlation"]),
         "grains": (
             f"The {results.kind} of each grain in GPa: Bunge's angles, as measured, and as the posterior predicts it without the noise.",
             ["grain", *ANGLES, "measured", "sd measured", "predicted", "sd predicted", "residual (sd)"],
@@ -121,11 +116,10 @@ def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]
             ["grain", *ANGLES, "direction", "wave", "measured", "sd measured", "predicted", "sd predicted"],
             [
                 [
-                    str(item.get("grain", row)),
-                    *angles_of(item),
+                    *grain_cells(row, item),
                     *("normal" if "inclination_deg" in item else cell for cell in numbers(item, propagation_deg=1)),
                     item.get("wave", "rayleigh").replace("_", " "),
-                    *numbers(item, **digits),
+                    *numbers(item, measured=1, measured_sd=1, mean=1, sd=1),
                 ]
                 for row, item in enumerate(results.velocities, start=1)
             ],
@@ -144,10 +138,9 @@ def latex_table(label: str, caption: str, header: Sequence[str], rows: Sequence[
 
 def write_posterior(results: Results, file: Path) -> None:
     """Every draw: chain, draw, constants in GPa."""
-    places = np.ndindex(next(iter(results.samples.values())).shape)
-    values = np.stack([chains.ravel() for chains in results.samples.values()], axis=1).tolist()
+    draws = results.posterior["draws"][..., : len(results.constants)]
     header = ["chain", "draw", *(f"{name}_gpa" for name in results.constants)]
-    rows = ([*place, *row] for place, row in zip(places, values))
+    rows = ([*place, *draws[place].tolist()] for place in np.ndindex(draws.shape[:2]))
     write_csv(file, header, rows, mark(results) + f"Draws of the posterior of a {results.symmetry} crystal")
 
 

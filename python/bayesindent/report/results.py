@@ -154,9 +154,8 @@ class Results:
         own, before = (np.stack([item.values for item in group.data_vars.values()], axis=-1) for group in (result.posterior, result.prior))
 
         def both(group: Any, *names: str) -> np.ndarray:
-            return np.concatenate(
-                [group[name].transpose("angle", ..., missing_dims="ignore").values for name in names if name in group], axis=-1
-            )
+            parts = [group[name].transpose("angle", ..., missing_dims="ignore").values for name in names if name in group]
+            return np.concatenate(parts, axis=-1)
 
         data = result.constant_data
         return {

@@ -15,7 +15,7 @@ from .formatting import (  # isort: skip
 )  # fmt: skip
 from .results import Results
 
-__all__ = ["LEAST_SHIFT", "MOST_ROWS", "identifiability_cells", "report_rows"]
+__all__ = ["LEAST_SHIFT", "MOST_ROWS", "grain_cells", "identifiability_cells", "report_rows"]
 
 #: Shift of a mean, in sds, from which on it is reported.
 LEAST_SHIFT = 0.1
@@ -33,11 +33,7 @@ def report_rows(results: Results) -> dict[str, list[list]]:
     return {
         "constants": [constant_row(name, item, results.reference[1]) for name, item in parameters],
         "predicted": [
-            [
-                str(item.get("grain", row)),
-                *angles_of(item),
-                *numbers(item | {"off": off(item)}, measured=1, measured_sd=1, mean=1, sd=1, off=1),
-            ]
+            [*grain_cells(row, item), *numbers(item | {"off": off(item)}, measured=1, measured_sd=1, mean=1, sd=1, off=1)]
             for row, item in enumerate(results.predicted, start=1)
         ],
         "compliances": compliance_rows(results) if results.samples else [],
@@ -69,6 +65,11 @@ def report_rows(results: Results) -> dict[str, list[list]]:
 def angles_of(item: dict) -> list[str]:
     """Bunge's angles as cells."""
     return [number(angle) for angle in item.get("euler_deg", [None] * 3)]
+
+
+def grain_cells(row: int, item: dict) -> list[str]:
+    """The name of a grain, or its row, and its angles."""
+    return [str(item.get("grain", row)), *angles_of(item)]
 
 
 def off(item: dict) -> float | None:

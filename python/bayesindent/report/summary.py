@@ -138,13 +138,9 @@ def findings(results: Results) -> list[str | Markup]:
     sentences: list[str | Markup] = [start.format(len(found), len(combinations), ": " * bool(found), Markup(", ").join(products))]
     quantities = [row for row in results.identifiability("quantity") if row["mean"] and row["name"] not in constants]
     derived = sorted(quantities, key=lambda row: row["sd"] / abs(row["mean"]))
-    for words, rows in {
-        "Determined, too": with_verdict(derived, "determined")[:MOST],
-        "Not determined": with_verdict(derived, "not_determined"),
-    }.items():
-        if rows:
-            sentences.append(f"{words}: {enumeration([with_sd(row, results.symmetry) for row in rows])}.")
-    return sentences
+    rest = {"Determined, too": with_verdict(derived, "determined")[:MOST], "Not determined": with_verdict(derived, "not_determined")}
+    named = {words: enumeration([with_sd(row, results.symmetry) for row in rows]) for words, rows in rest.items() if rows}
+    return sentences + [f"{words}: {names}." for words, names in named.items()]
 
 
 def with_verdict(rows: list[dict], verdict: str) -> list[dict]:

@@ -7,7 +7,7 @@ import sys
 import textwrap
 import warnings
 from collections.abc import Callable, Collection
-from functools import cache, wraps
+from functools import cache, partial, wraps
 from typing import Any
 
 from ..core import BayesindentWarning, InputError, MachineError
@@ -33,10 +33,8 @@ def takes(*groups: str, without: Collection[str] = ()) -> Callable[[Any], Any]:
         stated = [parameter for parameter in own.parameters.values() if parameter.kind is not parameter.VAR_KEYWORD]
         names = {parameter.name for parameter in stated}
         listed = [variable for name, variable in variables.items() if name not in names]
-        more = [
-            inspect.Parameter(variable.name, inspect.Parameter.KEYWORD_ONLY, default=default_of(variable), annotation=type_of(variable))
-            for variable in listed
-        ]
+        keyword = partial(inspect.Parameter, kind=inspect.Parameter.KEYWORD_ONLY)
+        more = [keyword(variable.name, default=default_of(variable), annotation=type_of(variable)) for variable in listed]
         known = {*names, *variables}
 
         @wraps(function)
@@ -86,15 +84,11 @@ def explained(variable: Variable) -> str:
     return f"{variable.name} : {kind}, default {default!r}\n{textwrap.indent(textwrap.fill(words, 96), '    ')}"
 
 
-@cache
-def _names() -> set[str]:
-    return {variable.name for variable in schema()} | {"stiffness"}
-
-
 def in_python(text: str) -> str:
     """A message of the core in the words of keywords: without the groups of namelists."""
+    known = {variable.name for variable in schema()} | {"stiffness"}
     text = re.sub(r"&knowledge (mean|sd)\b", r"knowledge \1", text)
-    text = re.sub(r"&\w+ (\w+)", lambda found: KEYWORDS.get(found[1], found[1]) if found[1] in _names() else found[0], text)
+    text = re.sub(r"&\w+ (\w+)", lambda found: KEYWORDS.get(found[1], found[1]) if found[1] in known else found[0], text)
     text = re.sub(r"&(\w+)", lambda found: KEYWORDS.get(found[1], found[1]), text)
     return text.replace(".true.", "True").replace(".false.", "False")
 

@@ -319,11 +319,10 @@ def clean(table: LaboratoryTable, short: dict[int, int]) -> None:
         table.is_plain &= table.units[0][1] == row
     if not any(meaning in ANGLES or len(meaning) in (1, 2) for meaning in table.meanings):
         split_indices(table)
-    table.leave_out(
-        # A single letter is the name of a grain, if nothing is missing.
-        (i for i, row in enumerate(table.rows) if STATISTICS.match(name := next(filter(None, row), "")) and (len(name) > 1 or "" in row)),
-        "statistics of the table",
-    )
+    first = [next(filter(None, row), "") for row in table.rows]
+    # A single letter is the name of a grain, if nothing is missing.
+    of_statistics = (i for i, name in enumerate(first) if STATISTICS.match(name) and (len(name) > 1 or "" in table.rows[i]))
+    table.leave_out(of_statistics, "statistics of the table")
     table.leave_out((i for i, row in enumerate(table.rows) if row.count("") == len(row) - 1 and not is_number("".join(row))), "a remark")
     if line := next((line for line in table.lines if line in short), 0):
         raise InputError(f"{table.place}line {line}: {short[line]} cells where the header has {len(table.names)}")
@@ -418,12 +417,9 @@ def indices_of(cell: str) -> list[str]:
 def refuse_words(table: LaboratoryTable) -> None:
     """Refuse what is no number where one is needed, all lines at once."""
     numbers = dressed_columns(table)
-    wrong = [
-        f"line {line}, column {table.names[j]}: {row[j][:30]!r}"
-        for line, row in zip(table.lines, table.rows, strict=True)
-        for j in numbers
-        if not is_missing(row[j]) and not is_plain_number(row[j])
-    ]
+    cells = ((line, j, row[j]) for line, row in zip(table.lines, table.rows, strict=True) for j in numbers)
+    words = [(line, j, cell) for line, j, cell in cells if not is_missing(cell) and not is_plain_number(cell)]
+    wrong = [f"line {line}, column {table.names[j]}: {cell[:30]!r}" for line, j, cell in words]
     if len(wrong) > 1:
         raise InputError(f"{table.place}{len(wrong)} cells are no numbers: {'; '.join(wrong[:12])}{'; ..' if len(wrong) > 12 else ''}")
 

@@ -89,14 +89,11 @@ def indented_map(
     for k, (position, grain) in enumerate(zip(indents, grains)):
         others = sample[(sample[:, k] != grain) & same_phase[:, k], k].tolist() if share[k] < LEAST_SHARE else []
         other = mode(others or [grain])
-        values = {
-            "grain": f"EBSD {grain}" + f" or {other}" * (other != grain),
-            "orientation_sd_deg": orientation(grain)[1],
-            "grain_radius_um": grid.distance_to_boundary(position, grain),
-        }
+        name, (euler_deg, spread) = f"EBSD {grain}" + f" or {other}" * (other != grain), orientation(grain)
+        values = {"grain": name, "orientation_sd_deg": spread, "grain_radius_um": grid.distance_to_boundary(position, grain)}
         if doubtful:
             values |= zip(OTHER_COLUMNS, (others.count(other) / (others.count(other) + SAMPLE * share[k]), *orientation(other)[0]))
-        angles = dict(zip(("phi1_deg", "Phi_deg", "phi2_deg"), orientation(grain)[0]))
+        angles = dict(zip(("phi1_deg", "Phi_deg", "phi2_deg"), euler_deg))
         rows.append(angles | {name: value for name, value in values.items() if name not in stated})
     return IndentedMap(grid, indents, grains, as_csv(list(rows[0]), [list(row.values()) for row in rows]), warnings)
 
@@ -222,9 +219,8 @@ class Grid:
         found = np.zeros((len(self.phase), 3))
         for number, group in self.groups.items():
             own = self.phase == number
-            found[own] = IPFColorKeyTSL(group).orientation2color(
-                Orientation((from_standard(group) * self.rotations[own]).as_quat(scalar_first=True), symmetry=group)
-            )
+            turned = (from_standard(group) * self.rotations[own]).as_quat(scalar_first=True)
+            found[own] = IPFColorKeyTSL(group).orientation2color(Orientation(turned, symmetry=group))
         return found
 
     def mean_orientation(self, grain: int) -> tuple[list[float], float]:

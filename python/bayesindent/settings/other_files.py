@@ -56,12 +56,8 @@ def decoded(content: bytes) -> tuple[str, str]:
 def refuse_formulas(place: str, openpyxl: ModuleType, path: Path, sheet: str, values: list) -> None:
     """Refuse formulas whose values were never computed."""
     with closing(openpyxl.load_workbook(path, read_only=True)) as book:
-        found = [
-            cell.coordinate
-            for row, known in zip(book[sheet].iter_rows(), values, strict=False)
-            for cell, value in zip(row, known, strict=False)
-            if value is None and isinstance(cell.value, str) and cell.value.startswith("=")
-        ]
+        cells = (pair for rows in zip(book[sheet].iter_rows(), values) for pair in zip(*rows) if pair[1] is None)
+        found = [cell.coordinate for cell, _ in cells if isinstance(cell.value, str) and cell.value.startswith("=")]
     if found:
         raise InputError(
             f"{place}the sheet {sheet} has formulas without a stored value ({', '.join(found[:10])}{', ..' if len(found) > 10 else ''}): "

@@ -33,12 +33,9 @@ def show(document: dict) -> None:
     show_table("Elastic constants (GPa), and by how many sds of the difference they are from the first", header, rows)
     if document["same_data"]:
         print("The runs share their measurements, and with them the errors of these: differences come from the models and the priors.")
-    if document["models"]:
+    if models := document["models"]:
         columns = ("elpd_difference", "log_z", "log_z_difference")
-        rows = [
-            [row["run"], number(row["elpd"], 2), *(with_sd(row[name], row[f"{name}_sd"], 2) for name in columns)]
-            for row in document["models"]
-        ]
+        rows = [[row["run"], number(row["elpd"], 2), *(with_sd(row[name], row[f"{name}_sd"], 2) for name in columns)] for row in models]
         header = ["run", "leave-one-out", "less the first's", "log evidence", "less the first's"]
         show_table("Which model predicts these measurements best: larger is better", header, rows)
         print(

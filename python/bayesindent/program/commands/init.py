@@ -54,16 +54,9 @@ def template(symmetry: str | None, metal: str | None) -> dict[str, str]:
         "! What starts with ! is a comment: take the ! away where you want another value than the default.",
     ]
     # The variables that are set; the others of these groups stand in the file as comments with their defaults.
-    groups: dict[str, dict[str, str]] = {
-        "problem": {"symmetry": word, "title": known.name.capitalize() if known else ""},
-        "surrogate": {"file": "halfspace"},
-        "measurements": {"file": TABLE},
-        "prior": {},
-        "knowledge": {},
-        "sampler": {},
-        "next": {"count": "3"},
-    }
-    for group, values in groups.items():
+    problem = {"symmetry": word, "title": known.name.capitalize() if known else ""}
+    stated_of = {"problem": problem, "surrogate": {"file": "halfspace"}, "measurements": {"file": TABLE}, "next": {"count": "3"}}
+    for group in ("problem", "surrogate", "measurements", "prior", "knowledge", "sampler", "next"):
         variables = [variable for variable in schema() if variable.group == group and variable.name not in FOR_BUILDING]
         lines += ["", f"! {variables[0].group_meaning}"]
         order = [f"! The constants are in the order {constants}."] if group == "prior" else []
@@ -72,7 +65,7 @@ def template(symmetry: str | None, metal: str | None) -> dict[str, str]:
             lines += knowledge(known)
             variables = [variable for variable in variables if variable.name not in ("quantity", "mean", "sd")]
         for variable in variables:
-            lines += KINDS if variable.name == "modulus_kind" else explained(variable, values.get(variable.name))
+            lines += KINDS if variable.name == "modulus_kind" else explained(variable, stated_of.get(group, {}).get(variable.name))
         lines += ["/"]
     return {NAMELIST: "\n".join(lines) + "\n", TABLE: Path(__file__).with_name(TABLE).read_text(encoding="utf-8")}
 

@@ -159,10 +159,8 @@ def extract(problem: Problem, output: Path) -> dict:
 
 def show_extract(document: dict) -> None:
     """The constants, and what they follow from."""
-    rows = [
-        [name, *numbers(item, mean=1, sd=1), " .. ".join(map(number, item["hdi_95"])), *share_cells(item)]
-        for name, item in document["parameters"].items()
-    ]
+    parameters = document["parameters"].items()
+    rows = [[name, *numbers(item, mean=1, sd=1), " .. ".join(map(number, item["hdi_95"])), *share_cells(item)] for name, item in parameters]
     print("Measurements, prior and surrogate:", *document["prior"]["words"], sep="\n  ")
     if beside := document.get("theory_alone"):
         constants = ", ".join(f"{name} {' ± '.join(numbers(item, mean=1, sd=1))}" for name, item in beside.items())

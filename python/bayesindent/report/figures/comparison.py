@@ -12,6 +12,7 @@ __all__ = ["forest", "limits", "overlay"]
 
 #: The axes are at most so many times as wide as the narrowest posterior.
 WIDEST = 9.0
+CUT_OFF = "Much wider posteriors than the narrowest are cut off"
 
 
 def forest(runs: Sequence[Run], names: Sequence[str]) -> Picture:
@@ -31,13 +32,9 @@ def forest(runs: Sequence[Run], names: Sequence[str]) -> Picture:
         axes.set(xlabel=f"{subscript(name)} (GPa)", xlim=ends[name], ylim=(0.6 - len(runs), 0.6))
         axes.grid(axis="y")
     values = [[f"{name} {item['mean']:.0f} ± {item['sd']:.0f}" for name, item in run.parameters.items()] for run in runs]
-    text = "; ".join(f"{run.label}: {', '.join(constants)}" for run, constants in zip(runs, values))
-    return Picture(
-        figure,
-        "Each constant in every run: mean (circle), ± sd (thick) and the interval that holds 95 % of the posterior (thin). Much "
-        "wider posteriors than the narrowest are cut off; a triangle points to a mean outside.",
-        values=f"In GPa: {text}.",
-    )
+    found = "; ".join(f"{run.label}: {', '.join(constants)}" for run, constants in zip(runs, values))
+    text = "Each constant in every run: mean (circle), ± sd (thick) and the interval that holds 95 % of the posterior (thin)."
+    return Picture(figure, f"{text} {CUT_OFF}; a triangle points to a mean outside.", values=f"In GPa: {found}.")
 
 
 def overlay(runs: Sequence[Run], names: Sequence[str]) -> Picture:
@@ -49,9 +46,7 @@ def overlay(runs: Sequence[Run], names: Sequence[str]) -> Picture:
                 axes.hist(run.samples[name].ravel(), bins=48, density=True, histtype="step", color=colour, label=run.label, lw=1.4)
         axes.set_xlim(limits(runs, name))
     density_axes(figure, grid)
-    return Picture(
-        figure, f"Histograms of the posterior of each constant in {len(runs)} runs. Much wider posteriors than the narrowest are cut off."
-    )
+    return Picture(figure, f"Histograms of the posterior of each constant in {len(runs)} runs. {CUT_OFF}.")
 
 
 def limits(runs: Sequence[Run], name: str) -> tuple[float, float]:

@@ -13,17 +13,12 @@ __all__ = ["learning_curve", "parity", "truncations", "validation"]
 MANY = 400
 
 
-def history_of(results: Results) -> dict[str, list]:
-    """Each number of the history of a build, one for each update."""
-    history = results.documents["build"].get("history", [])
-    if len(history) < 2:
-        raise NothingToShow
-    return {name: [entry[name] for entry in history] for name in history[0]}
-
-
 def learning_curve(results: Results) -> Picture:
     """Error against the number of simulations."""
-    history, baselines = history_of(results), results.documents["build"].get("baselines", {})
+    updates, baselines = (results.documents["build"].get(name, {}) for name in ("history", "baselines"))
+    if len(updates) < 2:
+        raise NothingToShow
+    history = {name: [update[name] for update in updates] for name in updates[0]}
     figure, axes = panels(3.4)
     curves = {"leave_crystal_out_gpa": "a crystal left out", "next_gpa": "next simulations"}
     for (name, label), colour, marker in zip(curves.items(), CYCLE, MARKERS):
@@ -37,14 +32,10 @@ def learning_curve(results: Results) -> Picture:
     logarithmic(axes)
     axes.xaxis.get_major_locator().set_params(integer=True)
     legend_above(figure, columns=2)
-    last = number(history["leave_crystal_out_gpa"][-1], 2)
+    values = f"The error of a crystal left out ends at {number(history['leave_crystal_out_gpa'][-1], 2)} GPa."
     beside = " Lines: the half-space theory without a surrogate." if any(map(baselines.get, lines)) else ""
-    return Picture(
-        figure,
-        "Mean absolute error of the surrogate against the number of simulations. Of crystals left out of the fit, and of the next simulations before "
-        f"the surrogate is trained on them.{beside}",
-        values=f"The error of a crystal left out ends at {last} GPa.",
-    )
+    of_which = "Of crystals left out of the fit, and of the next simulations before the surrogate is trained on them."
+    return Picture(figure, f"Mean absolute error of the surrogate against the number of simulations. {of_which}{beside}", values=values)
 
 
 def parity(results: Results) -> Picture:
@@ -56,22 +47,19 @@ def parity(results: Results) -> Picture:
     predicted, z = surrogate.leave_out(np.unique(data["constants"], axis=0, return_inverse=True)[1])
     simulated = data["modulus_gpa"]
     error = number(np.abs(predicted - simulated).mean(), 2)
-    return Picture(
-        against_simulated(simulated, predicted, z),
-        f"Leave-one-out: the {len(simulated)} simulations as the surrogate predicts them from those of other crystals. The mean absolute error "
-        f"is {error} GPa. Right: the errors in units of their predicted sd; bands of 1 and 2 sd.",
-    )
+    text = f"Leave-one-out: the {len(simulated)} simulations as the surrogate predicts them from those of other crystals."
+    right = "Right: the errors in units of their predicted sd; bands of 1 and 2 sd."
+    return Picture(against_simulated(simulated, predicted, z), f"{text} The mean absolute error is {error} GPa. {right}")
 
 
 def validation(results: Results) -> Picture:
     """The surrogate on simulations that it has not seen."""
     unseen = present(results.documents["build"].get("validation"))
     simulated, predicted, sd = (np.array(unseen[name], dtype=float) for name in ("simulated", "predicted", "sd"))
-    return Picture(
-        against_simulated(simulated, predicted, (predicted - simulated) / sd, sd),
-        f"The surrogate on {unseen['points']} simulations that it was not trained on, those of largest variance. The mean absolute error is "
-        f"{number(unseen['mean_absolute_gpa'], 2)} GPa; {100 * unseen['within_1_sd']:.0f} % within 1 sd and {100 * unseen['within_2_sd']:.0f} % within 2.",
-    )
+    text = f"The surrogate on {unseen['points']} simulations that it was not trained on, those of largest variance."
+    within = f"{100 * unseen['within_1_sd']:.0f} % within 1 sd and {100 * unseen['within_2_sd']:.0f} % within 2."
+    figure = against_simulated(simulated, predicted, (predicted - simulated) / sd, sd)
+    return Picture(figure, f"{text} The mean absolute error is {number(unseen['mean_absolute_gpa'], 2)} GPa; {within}")
 
 
 def against_simulated(simulated: np.ndarray, predicted: np.ndarray, z: np.ndarray, sd: np.ndarray | None = None) -> Figure:
@@ -97,8 +85,5 @@ def truncations(results: Results) -> Picture:
     logarithmic(axes)
     legend_above(figure, columns=2)
     best = max(scan, key=lambda entry: entry["log_evidence"])
-    return Picture(
-        figure,
-        "Leave-one-out error of several truncations against the number of simulations, which are the same. The evidence is largest with degree "
-        f"{best['degree']} and bandlimit {best['bandlimit']}.",
-    )
+    text = "Leave-one-out error of several truncations against the number of simulations, which are the same."
+    return Picture(figure, f"{text} The evidence is largest with degree {best['degree']} and bandlimit {best['bandlimit']}.")

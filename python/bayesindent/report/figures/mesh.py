@@ -36,8 +36,6 @@ def mesh(results: Results) -> Picture:
     legend_above(figure, columns=2, corner="lower right")
     text = f"The mesh of {indentation.bricks} bricks ({indentation.settings.specimen.geometry})"
     text += f"; {infinite} infinite elements outside stand for the rest of the half-space" * (infinite > 0)
-    return Picture(
-        figure,
-        f"{text}. Greys are materials. On the right its surface under the indenter, with the circle of contact on an isotropic half-space at the last depth.",
-        (["node", "x_um", "y_um", "z_um"], [[number, *place] for number, place in enumerate(arrays.x.tolist(), start=1)]),
-    )
+    right_side = "On the right its surface under the indenter, with the circle of contact on an isotropic half-space at the last depth."
+    table = ["node", "x_um", "y_um", "z_um"], [[number, *place] for number, place in enumerate(arrays.x.tolist(), start=1)]
+    return Picture(figure, f"{text}. Greys are materials. {right_side}", table)

@@ -81,11 +81,8 @@ def next_grains(results: Results) -> Picture:
     over = "over the declination of the c axis" if arc else "among the crystal directions that differ"
     speeds = " A speed is drawn at the normal of its grain." * any("propagation_deg" in item for item in suggestions)
     rows = labelled("candidate", everywhere, gain) + labelled("suggested", suggested, gain_suggested)
-    return Picture(
-        figure,
-        f"The {len(suggested)} orientations that are expected to bring most information, ranked, {over}. Each is chosen given those before it.{speeds}",
-        (["kind", "crystal_x", "crystal_y", "crystal_z", "gain"], rows),
-    )
+    text = f"The {len(suggested)} orientations that are expected to bring most information, ranked, {over}. Each is chosen given those before it."
+    return Picture(figure, text + speeds, (["kind", "crystal_x", "crystal_y", "crystal_z", "gain"], rows))
 
 
 def directions_of(results: Results, items: list[dict]) -> np.ndarray:
@@ -133,11 +130,9 @@ def draw_map(
     for indices in CORNERS:
         near = np.flatnonzero(directions @ np.array(indices) / np.linalg.norm(indices) > 1 - 1e-9)
         if len(near) and near[0] in outline:
-            place = places[near[0]]
+            name, place = direction_name(indices, four), places[near[0]]
             offset = 18 * (place - centre) / np.linalg.norm(place - centre)
-            axes.annotate(
-                direction_name(indices, four), place, offset, textcoords="offset points", ha="center", va="center", annotation_clip=False
-            )
+            axes.annotate(name, place, offset, textcoords="offset points", ha="center", va="center", annotation_clip=False)
     axes.set(aspect="equal")
     axes.margins(0.08)
     axes.axis("off")

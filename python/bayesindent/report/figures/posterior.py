@@ -37,11 +37,8 @@ def residuals(results: Results) -> Picture:
     axes.plot(quantiles, values, "o", color=BLUE, ms=3 if count > MANY else 4)
     axes.set(xlabel="quantile of a normal distribution", ylabel="residual / sd, in order")
     axes.legend(loc="upper left")
-    return Picture(
-        figure,
-        "Residuals of the grains in order of size, in units of the stated sd, beside the quantiles of a normal distribution. "
-        f"Their sum of squares is {number(np.sum(values**2))}.",
-    )
+    text = "Residuals of the grains in order of size, in units of the stated sd, beside the quantiles of a normal distribution."
+    return Picture(figure, f"{text} Their sum of squares is {number(np.sum(values**2))}.")
 
 
 def knowledge(results: Results) -> Picture:
@@ -63,11 +60,8 @@ def knowledge(results: Results) -> Picture:
     axes.set_yticks(place, [subscript(name) for name in names])
     axes.set(xlabel="sd (GPa)", xlim=(0, 1.05 * now.max()), ylim=(place[-1] - 0.6, 0.6))
     legend_above(figure, columns=1)
-    return Picture(
-        figure,
-        "What else to measure or to look up: the sd of each constant now (black), and the sd that is expected with one further quantity known.",
-        (["known", "relative_sd", "constant", "sd_now_gpa", "sd_then_gpa"], table),
-    )
+    text = "What else to measure or to look up: the sd of each constant now (black), and the sd that is expected with one further quantity known."
+    return Picture(figure, text, (["known", "relative_sd", "constant", "sd_now_gpa", "sd_then_gpa"], table))
 
 
 #: Points of the posterior that are drawn at most.
@@ -94,12 +88,10 @@ def marginals(results: Results) -> Picture:
                 axes.axvline(value, color=colour, ls="--", lw=1, label=words)
         axes.set(ylim=(0, 1.05), title=f"{plus_minus(parameters[name])} GPa")
     density_axes(figure, grid)
-    return Picture(
-        figure,
-        "Each constant before the measurements (grey: the prior with what else was known) and after them (blue). Above each: mean ± sd. All histograms are "
-        "drawn to the same height. A posterior that ends abruptly is truncated by a limit of the prior.",
-        values="; ".join(f"{name} {plus_minus(item)} GPa" for name, item in parameters.items()),
-    )
+    values = "; ".join(f"{name} {plus_minus(item)} GPa" for name, item in parameters.items())
+    text = "Each constant before the measurements (grey: the prior with what else was known) and after them (blue). Above each: mean ± sd."
+    more = "All histograms are drawn to the same height. A posterior that ends abruptly is truncated by a limit of the prior."
+    return Picture(figure, f"{text} {more}", values=values)
 
 
 def pairs(results: Results) -> Picture:
@@ -136,12 +128,9 @@ def pairs(results: Results) -> Picture:
             cell.set_ylabel(labels[i])
         elif j > 0:
             cell.set_yticklabels([])
-    marked = f" Red: {about}." if reference else ""
-    return Picture(
-        figure,
-        f"Pairs of constants: points of the posterior, and their correlations.{marked} A long thin cloud is a combination that the measurements do not determine.",
-        ([f"{name}_gpa" for name in samples], table.T.tolist()),
-    )
+    text = "Pairs of constants: points of the posterior, and their correlations." + (f" Red: {about}." if reference else "")
+    thin = "A long thin cloud is a combination that the measurements do not determine."
+    return Picture(figure, f"{text} {thin}", ([f"{name}_gpa" for name in samples], table.T.tolist()))
 
 
 def grain_comparison(results: Results) -> Picture:
@@ -189,16 +178,11 @@ def traces(results: Results) -> Picture:
 def shares(results: Results) -> Picture:
     """Shares of the measurements, of what else was known and of the prior: of combinations of the constants, and of quantities."""
     combinations, quantities = (results.identifiability(kind) for kind in ("combination", "quantity"))
-    labels = [product_label(row["exponents"]) for row in combinations] + [
-        subscript(quantity_name(row["name"], results.symmetry)) for row in quantities
-    ]
-    return stacked(
-        [row["share"] for row in combinations + quantities],
-        labels,
-        len(combinations),
-        "Shares of variances. Above: products of powers of the constants, from the best to the worst determined. Below: the constants and "
-        "quantities that follow from them.",
-    )
+    labels = [product_label(row["exponents"]) for row in combinations]
+    labels += [subscript(quantity_name(row["name"], results.symmetry)) for row in quantities]
+    above = "Above: products of powers of the constants, from the best to the worst determined."
+    caption = f"Shares of variances. {above} Below: the constants and quantities that follow from them."
+    return stacked([row["share"] for row in combinations + quantities], labels, len(combinations), caption)
 
 
 def error_budget(results: Results) -> Picture:

@@ -16,11 +16,8 @@ def specimen_size(results: Results) -> Picture:
     """The bias against thickness or radius."""
     document = present(results.documents["size"])
     text = f"Bias of the indentation modulus against the half-space, by {document['variable'].removesuffix('_um').replace('_', ' ')}."
-    return Picture(
-        draw_bias(document),
-        f"{text} Each colour is a crystal; full lines: the surroundings as stated; dashed: half as stiff, dotted: twice. "
-        f"Grey: within {100 * document['limit']:g} %.",
-    )
+    lines = "Each colour is a crystal; full lines: the surroundings as stated; dashed: half as stiff, dotted: twice."
+    return Picture(draw_bias(document), f"{text} {lines} Grey: within {100 * document['limit']:g} %.")
 
 
 def draw_bias(document: dict) -> Figure:
@@ -65,13 +62,11 @@ def load_depth(results: Results) -> Picture:
     left.legend(title="(φ₁, Φ, φ₂): modulus", loc="upper left")
     right.set(xlabel="depth h (nm)", ylabel="modulus of each depth alone (GPa)", xlim=(0, None))
     shape = results.group("indenter").get("shape", "paraboloid")
-    return Picture(
-        figure,
-        f"Simulated indentations. Left: force under a rigid {shape} against the force over modulus, P/M, of an isotropic half-space at the same depths by "
-        f"Sneddon's closed form{' (4/3 √R h^1.5)' if shape == 'paraboloid' else ''}. The slope of the fit through the origin is the "
-        "indentation modulus. Right: the modulus of each depth alone, with the fit as a line. The fit leaves out the first depths, where the contact spans less "
-        "than five elements.",
-    )
+    text = f"Left: force under a rigid {shape} against the force over modulus, P/M, of an isotropic half-space at the same depths by"
+    form = f"Sneddon's closed form{' (4/3 √R h^1.5)' if shape == 'paraboloid' else ''}."
+    fit = "The slope of the fit through the origin is the indentation modulus. Right: the modulus of each depth alone, with the fit as a line."
+    left_out = "The fit leaves out the first depths, where the contact spans less than five elements."
+    return Picture(figure, f"Simulated indentations. {text} {form} {fit} {left_out}")
 
 
 def theory(results: Results) -> Picture:
@@ -86,6 +81,5 @@ def theory(results: Results) -> Picture:
     right.axhline(0, color=BLACK, lw=0.8)
     # Limits that show the line of zero and all values.
     limit = 1.25 * max(np.max(np.abs(values)), 0.1)
-    ends = min(-0.25 * limit, 1.25 * np.min(values)), max(0.25 * limit, 1.25 * np.max(values))
-    right.set(ylim=ends)
+    right.set(ylim=(min(-0.25 * limit, 1.25 * np.min(values)), max(0.25 * limit, 1.25 * np.max(values))))
     return Picture(figure, text)

@@ -1,0 +1,35 @@
+!> Independent draws, of a target whose starts have its density: a prior without knowledge.
+module direct_sampler
+   use abstract_sampler, only: draw_starts, sampler_type, target_type
+   use kinds, only: i8, wp
+   use random, only: random_stream_type
+   use running_command, only: advance_progress
+   implicit none
+   private
+   public :: direct_sampler_type
+
+   type, extends(sampler_type) :: direct_sampler_type
+   contains
+      procedure :: run
+   end type direct_sampler_type
+
+contains
+
+   subroutine run(self, target, stream, draws, log_density, acceptance, started)
+      class(direct_sampler_type), intent(in) :: self
+      class(target_type), intent(in) :: target
+      type(random_stream_type), intent(inout) :: stream
+      !> (parameter, sample), (sample).
+      real(wp), intent(out) :: draws(:, :), log_density(:)
+      !> 1: all draws count.
+      real(wp), intent(out) :: acceptance
+      !> Whether enough points of the support were found.
+      logical, intent(out) :: started
+      integer :: found
+
+      call draw_starts(target, stream, draws, log_density, found)
+      acceptance = 1.0_wp
+      started = found == size(log_density)
+      call advance_progress(int(self%burn_in + size(log_density), i8))
+   end subroutine run
+end module direct_sampler
