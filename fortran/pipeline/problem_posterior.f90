@@ -250,7 +250,7 @@ contains
          if (.not. allocated(error)) call sample_aside(pilot, posterior, pilot_run, chains, error)
          if (allocated(error)) return
          ! What was left out once stays out.
-         kept = kept .and. are_detected(posterior, flattened(chains%draws), problem%velocities%euler_deg, problem%velocities%paths)
+         kept = kept .and. are_detected(posterior, chains%draws(:, :, 1), problem%velocities%euler_deg, problem%velocities%paths)
          if (round > 1 .and. count(kept) == posterior%n_grains - posterior%n_moduli) exit
          pilot%settings%measurements = problem%settings%measurements
       end do

@@ -12,7 +12,7 @@ module test_operations
    use exchange, only: exchange_type, find_object, register_object, release_object
    use kinds, only: degree, wp
    use operations, only: perform
-   use problem_posterior, only: new_problem_posterior
+   use problem_posterior, only: choose_field_degree, new_problem_posterior
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, checkpoint_type, new_sampler, run_settings_type, sample_chains
    use sequential_design, only: compute_variances, set_candidates, update_posterior_mean
@@ -165,6 +165,9 @@ contains
             x%values(i, 2) = x%values(i, 1) - density%log_prior(density%stiffness(points(:, i)))
          end do
          where (spread(.not. x%values(:, 1) > -huge(0.0_wp), 2, 2)) x%values = ieee_value(1.0_wp, ieee_negative_inf)
+      case ('posterior.read_theory')
+         ! From now on as finely as Step 2 does for these draws.
+         call choose_field_degree(density, points, x%error)
       case ('posterior.moduli')
          ! Indentation moduli (GPa) of any grains, with the surrogate's error drawn given the data, and one plus the calibration error of
          ! each group, drawn likewise.

@@ -211,6 +211,7 @@ def test_a_standard_deviation_of_n_tests(tmp_path):
     path.write_text(text([(*row, 9) for row in ROWS], [*NAMES[:5], "Standard deviation (GPa)", "N"]))
     points = read_measurements(path, "cubic")
     assert points.sd_gpa == pytest.approx([row[5] / 3 for row in ROWS]) and "the standard error of the mean" in points.problem.warnings[0]
+    assert points.problem.table.words(3)[1].endswith("N as number of tests")
     path.write_text(text([(*row, 9) for row in ROWS], [*NAMES[:5], "Standard error (GPa)", "N"]))
     assert read_measurements(path, "cubic").sd_gpa == pytest.approx([row[5] for row in ROWS])
 

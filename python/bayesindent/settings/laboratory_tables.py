@@ -454,6 +454,7 @@ def standard_errors(table: LaboratoryTable, grain: int) -> None:
         for row in table.rows:
             row[sd] = repr(value_of(row[sd]) / float(np.sqrt(float(row[number]))))
         table.note(f"column {table.names[sd]}: divided by the root of {table.names[number]} tests: the standard error of the mean")
+        table.meanings[number] = "number of tests"
     if sd >= 0 or grain < 0 or modulus < 0 or not plain_numbers([row[modulus] for row in table.rows]):
         return
     tests: dict[str, list[float]] = {}
