@@ -196,7 +196,8 @@ contains
       end if
    end subroutine estimate_share
 
-   !> Whether what `draw_start` draws has the density of the prior, and is often enough in its support.
+   !> Whether what `draw_start` draws has the density of the prior, and is often enough in its support: the default prior is stated in
+   !> log K, and what is uniform between bounds in the constants.
    pure logical function is_drawn(self)
       class(prior_type), intent(in) :: self
       real(wp), parameter :: often = 0.02_wp
