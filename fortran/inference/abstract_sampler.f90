@@ -14,6 +14,8 @@ module abstract_sampler
    type, abstract :: target_type
       !> Number of parameters.
       integer :: dimension = 0
+      !> Whether it is another density's near one, see `coarsen`, at a small part of the cost.
+      logical :: is_near = .false.
    contains
       !> A point that may be in the support, to begin with: widely spread, and in it often enough.
       procedure(draw_start_interface), deferred :: draw_start
@@ -98,11 +100,13 @@ contains
       w = x(:self%dimension, :)
    end subroutine to_working
 
-   !> Be cheaper, if that can be at all, where that costs accuracy in tails: to find proposals there is good enough.
-   subroutine coarsen(self)
+   !> Be cheaper near some points, if that can be at all, where that costs accuracy: to find proposals it is good enough.
+   subroutine coarsen(self, points)
       class(target_type), intent(inout) :: self
+      !> Working coordinates of the support, (dimension, point).
+      real(wp), intent(in), contiguous :: points(:, :)
 
-      associate (unused => self)
+      associate (unused => self, none => points)
       end associate
    end subroutine coarsen
 

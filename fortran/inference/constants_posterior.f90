@@ -12,6 +12,7 @@ module constants_posterior
    use errors, only: error_type, exit_bad_input, raise, refuse
    use kinds, only: degree, wp
    use logarithmic_coordinates, only: log_frame_type
+   use near_moduli, only: near_moduli_type, new_near_moduli
    use measured_grains, only: all_tilts, measured_type, n_tilts, tilt_moments
    use observables, only: new_observable, observable_type
    use random, only: random_stream_type
@@ -41,8 +42,8 @@ module constants_posterior
       integer, private :: n_directions = 1
       !> What the surrogate gives the measured grains, then the same grains with the next tilt, and so on.
       class(grain_model_type), allocatable :: grains
-      !> The same by a theory that is read more roughly, if that is enough to find proposals.
-      class(grain_model_type), allocatable :: rough
+      !> Near some crystals, if that is enough: to find proposals.
+      type(near_moduli_type), allocatable :: near
       type(observable_type) :: observable
       class(error_model_type), allocatable :: errors
       !> Errors that the grains share: the surrogate's, then the calibration's of each group, if any, up to `n_calibrated`, then relative
@@ -64,7 +65,7 @@ module constants_posterior
       real(wp) :: log_scales = 0.0_wp
    contains
       procedure :: evaluate, evaluate_working, to_working, from_working, coarsen, draw_start, set_field_degree, &
-         & draw_moduli, predict_measurements, infer_shared, evaluate_grains, scale_factor, place_shared, log_prior, stiffness, &
+         & moduli_at, predict_measurements, infer_shared, evaluate_grains, scale_factor, place_shared, log_prior, stiffness, &
          & new_grains
    end type posterior_type
 
@@ -144,12 +145,22 @@ contains
       call self%grains%set_grains(self%euler, error)
    end subroutine set_field_degree
 
-   !> Read the theory of every crystal from a field.
-   subroutine coarsen(self)
+   !> Moduli are polynomials; those of unknown orientations, which are many, have theory that is read for every crystal.
+   subroutine coarsen(self, points)
       class(posterior_type), intent(inout) :: self
+      real(wp), intent(in), contiguous :: points(:, :)
+      type(error_type), allocatable :: error
 
-      if (allocated(self%rough)) call move_alloc(self%rough, self%grains)
-      call self%grains%read_up_to(huge(1.0_wp))
+      if (allocated(self%near)) deallocate (self%near)
+      self%is_near = .false.
+      if (allocated(self%unknown) .or. self%prior_only) then
+         call self%grains%read_up_to(huge(1.0_wp))
+         return
+      end if
+      allocate (self%near)
+      call new_near_moduli(self%grains, size(self%euler, 2), self%prior%logarithms, points(:self%n_constants, :), self%near, error)
+      self%is_near = .not. allocated(error)
+      if (.not. self%is_near) deallocate (self%near)
    end subroutine coarsen
 
    pure subroutine evaluate(self, points, log_density)
@@ -187,7 +198,7 @@ contains
       !> Points whose moduli are computed together.
       integer, parameter :: at_once = 64
       type(log_frame_type) :: frame
-      real(wp) :: c(6, 6, at_once), log_volume(at_once)
+      real(wp) :: c(6, 6, at_once), log_volume(at_once), x(self%n_constants, at_once)
       !> Of many grains they are large for the stack of a thread.
       real(wp), allocatable :: moduli(:, :)
       integer :: in_support(at_once), n, i, k
@@ -207,13 +218,18 @@ contains
          call self%prior%logarithms%from_logarithms(w(:k, i), c(:, :, n), frame)
          if (.not. (self%prior%admits(self%prior%class%constants_of(c(:, :, n)), c(:, :, n), norm2(w(3:k, i))) &
             & .and. scale_is_admitted(self, w(:, i)))) cycle
+         if (allocated(self%near)) x(:, n) = self%prior%logarithms%compliances(frame)
          if (.not. self%prior%in_logarithms) log_volume(n) = self%prior%logarithms%log_volume(frame)
          in_support(n) = i
          n = n + 1
       end do
       n = n - 1
       allocate (moduli(size(self%euler, 2), n))
-      if (.not. self%prior_only) call self%grains%evaluate_crystals(c(:, :, :n), moduli)
+      if (allocated(self%near)) then
+         call self%near%evaluate(x(:, :n), moduli)
+      else if (.not. self%prior_only) then
+         call self%grains%evaluate_crystals(c(:, :, :n), moduli)
+      end if
       do i = 1, n
          associate (point => w(:, in_support(i)))
             ! A factor on the sds is the same in both coordinates.
@@ -221,6 +237,7 @@ contains
                & + likelihood_of_crystal(self, point, c(:, :, i), moduli(:, i))
          end associate
       end do
+      if (self%is_near) where (.not. log_density > outside) log_density = outside
    end subroutine evaluate_working
 
    pure subroutine from_working(self, points, log_density)
@@ -427,7 +444,7 @@ contains
       call self%errors%integrate((self%data%modulus - model)/scales, u, b, precision, value)
    end subroutine infer_shared
 
-   !> What the surrogate gives other grains, for `draw_moduli` and predictions of measurements.
+   !> What the surrogate gives other grains, for predictions of moduli and measurements.
    subroutine new_grains(self, euler, paths, grains, error, everything)
       class(posterior_type), intent(in) :: self
       !> Bunge-Euler angles (radians), (3, n).
@@ -451,30 +468,21 @@ contains
       end select
    end subroutine new_grains
 
-   !> Indentation moduli (GPa) of any grains at a point, with the surrogate's error drawn given the data; `factor` is one plus the
-   !> calibration error of each group drawn likewise. Without these uncertainties the moduli are the mean surrogate's and the factors 1.
-   subroutine draw_moduli(self, x, grains, stream, values, factor)
+   !> What the grain model gives all rows at some points, GPa, (row, point).
+   pure function moduli_at(self, points) result(moduli)
       class(posterior_type), intent(in) :: self
-      !> (dimension).
-      real(wp), intent(in) :: x(:)
-      class(grain_model_type), intent(in) :: grains
-      type(random_stream_type), intent(inout) :: stream
-      !> (grain).
-      real(wp), intent(out), contiguous :: values(:)
-      !> (group).
-      real(wp), intent(out) :: factor(:)
-      real(wp) :: c(6, 6), slope(size(values)), b(self%n_shared), precision(self%n_shared, self%n_shared), z(self%n_shared)
-      real(wp), allocatable :: columns(:, :)
+      !> (parameter, point).
+      real(wp), intent(in) :: points(:, :)
+      real(wp), allocatable :: moduli(:, :)
+      real(wp) :: c(6, 6, size(points, 2))
+      integer :: i
 
-      c = self%stiffness(x)
-      call self%infer_shared(x, b, precision)
-      call grains%evaluate_moduli(c, values, slope)
-      call stream%normals(z)
-      call self%place_shared(z, b, precision, factor)
-      allocate (columns(size(values), grains%n_columns))
-      if (size(columns) > 0) call grains%evaluate_columns(c, columns)
-      values = values + slope*matmul(columns, b(:grains%n_columns))
-   end subroutine draw_moduli
+      do i = 1, size(points, 2)
+         c(:, :, i) = self%stiffness(points(:, i))
+      end do
+      allocate (moduli(size(self%euler, 2), size(points, 2)))
+      call self%grains%evaluate_crystals(c, moduli)
+   end function moduli_at
 
    !> Shared errors from their mean and precision and standard normal numbers, in place, and one plus the calibration error of each
    !> group.

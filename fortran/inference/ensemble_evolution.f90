@@ -22,7 +22,7 @@ contains
 
    !> A population from the target's starts, in rounds that cool, then some at the density itself, and warmer ones for the tails.
    !> The archive is what the last one visited, thinned, in whitened coordinates.
-   subroutine evolve_population(target, evaluations, stream, whitening, step_scale, archive, started)
+   subroutine evolve_population(target, evaluations, stream, whitening, step_scale, archive, coarse, started)
       class(target_type), intent(in), target :: target
       !> Of the density, about.
       integer(i8), intent(in) :: evaluations
@@ -32,13 +32,14 @@ contains
       real(wp), intent(out) :: step_scale
       !> (dimension, point).
       real(wp), allocatable, intent(out) :: archive(:, :)
+      !> A density that is about the same at the archive and costs less, if there is one.
+      class(target_type), allocatable, target, intent(out) :: coarse
       !> Whether a point of the support was found; if so, and no stop is requested, there is an archive.
       logical, intent(out) :: started
       !> Rounds among which the evaluations are divided, those that cool, which are shorter, counting as five; and most that cool.
       integer, parameter :: rounds = 10, shorter = 4, most_cooling = 40, tail_effort = 20
-      class(target_type), allocatable, target :: coarse
-      class(target_type), pointer :: other, used
-      real(wp), allocatable :: points(:, :), density(:)
+      class(target_type), pointer :: used
+      real(wp), allocatable :: points(:, :), density(:), before(:)
       real(wp) :: last_temperatures(5), warm, inverse, next
       integer :: m, cooling, distinct, round, i
       integer(i8) :: generations
@@ -57,16 +58,14 @@ contains
       if (.not. started) return
       m = min(m, size(density))
       allocate (coarse, source=target)
-      call coarse%coarsen()
       used => target
-      other => coarse
       inverse = 0.0_wp
       do round = 1, most_cooling
          next = 1.0_wp/last_temperatures(1)
          if (round < most_cooling) next = min(next, next_inverse(density, inverse))
          call resample(stream, (next - inverse)*density, points, density, distinct)
          inverse = next
-         call look_again(target, other, 1.0_wp/inverse, min(distinct, 4*m), stream, points, density, whitening, used)
+         call look_again(target, coarse, 1.0_wp/inverse, min(distinct, 4*m), stream, points, density, whitening, used)
          generations = evaluations/(m*rounds)
          call step_population(used, 1.0_wp/inverse, cooling, generations/shorter, stream, whitening, step_scale, points, &
             & density, distinct)
@@ -76,7 +75,7 @@ contains
          if (stop_requested()) return
          ! Those that cool were half of the evaluations.
          call advance_progress(evaluations/(target%dimension*merge(2, rounds, round == 1)))
-         call look_again(target, other, last_temperatures(round), min(distinct, 4*m), stream, points, density, whitening, used)
+         call look_again(target, coarse, last_temperatures(round), min(distinct, 4*m), stream, points, density, whitening, used)
          ! The way into a long tail is long.
          generations = evaluations/(m*rounds)*merge(tail_effort/count(last_temperatures > 1.0_wp), 1, &
             & last_temperatures(round) > 1.0_wp)
@@ -84,11 +83,19 @@ contains
             & distinct)
       end do
       ! Its polynomials hold as far as the points go.
+      if (associated(used, coarse)) then
+         before = density
+         call target%evaluate_working(points, density)
+         call resample(stream, (density - before)/warm, points, density, distinct)
+      end if
       if (target%dimension < many_dimensions) call fit_whitening(points, min(distinct, 4*m), whitening)
       archive = points
       do i = 1, size(points, 2)
          call whitening%to_white(points(:, i), archive(:, i))
       end do
+      call coarse%coarsen(points)
+      if (coarse%is_near) coarse%is_near = agree(target, coarse, points, 1.0_wp)
+      if (.not. coarse%is_near) deallocate (coarse)
    end subroutine evolve_population
 
    !> Points of the support from the target's starts, in working coordinates.
@@ -112,7 +119,8 @@ contains
    !> coarse one was wrong, some have gone astray.
    subroutine look_again(target, coarse, temperature, distinct, stream, points, density, whitening, used)
       !> The density; and one that costs less, for where it is about the same.
-      class(target_type), intent(in), target :: target, coarse
+      class(target_type), intent(in), target :: target
+      class(target_type), intent(inout), target :: coarse
       !> Divides the logarithm of the density.
       real(wp), intent(in) :: temperature
       !> How many of the points are not copies.
@@ -125,13 +133,11 @@ contains
       class(target_type), pointer, intent(inout) :: used
       real(wp) :: before(size(density))
       integer :: left
-      logical :: was_exact
 
-      was_exact = associated(used, target)
+      call coarse%coarsen(points(:, ::max(1, size(points, 2)/(60*target%dimension))))
       used => target
       if (agree(target, coarse, points, temperature)) used => coarse
       call fit_whitening(points, min(distinct, size(density)), whitening)
-      if (was_exact .or. associated(used, coarse)) return
       before = density
       call used%evaluate_working(points, density)
       call resample(stream, (density - before)/temperature, points, density, left)

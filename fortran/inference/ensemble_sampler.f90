@@ -35,7 +35,20 @@ module ensemble_sampler
       !> Working and whitened coordinates, (dimension, point), and the logarithms of the density.
       real(wp), allocatable :: w(:, :), u(:, :), log_density(:)
       integer :: left = 0
+      !> Of all draws that a chain tried how many it accepted.
+      integer :: drawn = 0, accepted = 0
    end type pool_type
+
+   !> Where a chain is.
+   type :: state_type
+      !> Whitened coordinates, (dimension); working ones, (dimension, 1).
+      real(wp), allocatable :: u(:), w(:, :)
+      !> Logarithms of the density and of the one that is near it, (1).
+      real(wp) :: density(1), near(1)
+   end type state_type
+
+   !> Samples that are proposed in advance.
+   integer, parameter :: most_ahead = 8
 
    type, extends(sampler_type) :: ensemble_sampler_type
    contains
@@ -55,81 +68,136 @@ contains
       real(wp), intent(out) :: acceptance
       !> Whether a point of the support was found.
       logical, intent(out) :: started
-      type(kernel_type) :: kernel
-      type(pool_type) :: pool
-      real(wp) :: u(target%dimension), w(target%dimension, 1), current(1), quality
-      integer :: i, drawn, accepted, accepted_in_all, drawn_in_all
+      class(target_type), allocatable :: near
+      type(kernel_type) :: kernel, own
+      type(pool_type) :: pool, own_pool
+      type(state_type) :: state
+      real(wp) :: quality
+      integer :: i, ahead, done
 
       acceptance = 0.0_wp
       call evolve_population(target, int(self%burn_in, i8)*target%dimension, stream, kernel%whitening, &
-         & kernel%step_scale, kernel%archive, started)
+         & kernel%step_scale, kernel%archive, near, started)
       if (.not. started .or. stop_requested()) return
-      call fit_proposal(target, kernel%whitening, kernel%archive, size(log_density), stream, kernel%mixture, quality)
+      quality = 0.0_wp
+      if (allocated(near)) call fit_proposal(near, kernel%whitening, kernel%archive, size(log_density), stream, kernel%mixture, &
+         & quality)
+      ! Where the near one is wrong, it may have one draw that outweighs all others.
+      if (.not. quality > 0.0_wp) call fit_proposal(target, kernel%whitening, kernel%archive, size(log_density), stream, &
+         & kernel%mixture, quality)
       if (stop_requested()) return
       ! Differences lead along tails that the mixture leaves out; where it fits badly, more of the steps are such.
       if (quality > 0.0_wp) kernel%share = min(0.6_wp, max(0.2_wp, quality))
+      own = kernel
       kernel%steps = 2 + nint(2.0_wp*target%dimension*max(0.0_wp, 0.7_wp - quality))
       call stream%pick(size(kernel%archive, 2), i)
-      u = kernel%archive(:, i)
-      call kernel%whitening%from_white(u, w(:, 1))
-      call target%evaluate_working(w, current)
-      accepted_in_all = 0
-      drawn_in_all = 0
-      do i = 1, size(log_density)
-         if (stop_requested()) return
-         call advance_progress(1_i8)
-         call walk(target, kernel, pool, stream, u, w, current, drawn, accepted)
-         drawn_in_all = drawn_in_all + drawn
-         accepted_in_all = accepted_in_all + accepted
-         draws(:, i) = w(:, 1)
-         log_density(i) = current(1)
+      state%u = kernel%archive(:, i)
+      allocate (state%w(target%dimension, 1))
+      call kernel%whitening%from_white(state%u, state%w(:, 1))
+      call target%evaluate_working(state%w, state%density)
+      i = 0
+      ahead = 1
+      do while (i < size(log_density) .and. .not. stop_requested())
+         if (.not. allocated(near)) then
+            call walk(target, kernel, pool, stream, state)
+            draws(:, i + 1) = state%w(:, 1)
+            log_density(i + 1) = state%density(1)
+            done = 1
+         else
+            if (mod(i, most_ahead) == 0) then
+               ! Of its own steps, so that it leaves tails where the near one is wrong.
+               call walk(target, own, own_pool, stream, state)
+               call near%evaluate_working(state%w, state%near)
+            end if
+            done = min(ahead, most_ahead - mod(i, most_ahead), size(log_density) - i)
+            call walk_ahead(target, near, kernel, pool, stream, state, draws(:, i + 1:i + done), log_density(i + 1:i + done), done)
+            ahead = min(2*done, most_ahead)
+         end if
+         i = i + done
+         call advance_progress(int(done, i8))
       end do
+      if (stop_requested()) return
       call target%from_working(draws, log_density)
-      acceptance = real(accepted_in_all, wp)/max(1, drawn_in_all)
+      acceptance = real(pool%accepted, wp)/max(1, pool%drawn)
    end subroutine run
 
-   !> Some steps of the chain, from u in place.
-   subroutine walk(target, kernel, pool, stream, u, w, density, drawn, accepted)
+   !> Samples, each of which is some steps of a chain of the near density, taken as a whole or not by how both densities changed (the
+   !> surrogate transition method, Liu, Monte Carlo Strategies in Scientific Computing, Springer 2001, section 9.4.3). Almost all
+   !> are taken, so that those to come are proposed in advance and evaluated at once; what follows one that is not taken is void.
+   subroutine walk_ahead(target, near, kernel, pool, stream, state, draws, log_density, done)
+      class(target_type), intent(in) :: target, near
+      type(kernel_type), intent(in) :: kernel
+      type(pool_type), intent(inout) :: pool
+      type(random_stream_type), intent(inout) :: stream
+      type(state_type), intent(inout) :: state
+      !> Working coordinates, (dimension, sample), (sample).
+      real(wp), intent(inout) :: draws(:, :), log_density(:)
+      !> How many samples there are.
+      integer, intent(out) :: done
+      type(state_type) :: ahead(size(log_density))
+      real(wp) :: w(target%dimension, size(log_density)), density(size(log_density))
+      logical :: is_taken
+      integer :: k
+
+      do k = 1, size(ahead)
+         ahead(k) = state
+         if (k > 1) ahead(k) = ahead(k - 1)
+         ahead(k)%density = ahead(k)%near
+         call walk(near, kernel, pool, stream, ahead(k))
+         ahead(k)%near = ahead(k)%density
+         w(:, k) = ahead(k)%w(:, 1)
+      end do
+      call target%evaluate_working(w, density)
+      do k = 1, size(ahead)
+         done = k
+         is_taken = is_accepted(stream, density(k) - ahead(k)%near(1), state%density(1) - state%near(1), 1.0_wp)
+         if (is_taken) then
+            state = ahead(k)
+            state%density = density(k)
+         end if
+         draws(:, k) = state%w(:, 1)
+         log_density(k) = state%density(1)
+         if (.not. is_taken) return
+      end do
+   end subroutine walk_ahead
+
+   !> Some steps of a chain.
+   subroutine walk(target, kernel, pool, stream, state)
       class(target_type), intent(in) :: target
       type(kernel_type), intent(in) :: kernel
       type(pool_type), intent(inout) :: pool
       type(random_stream_type), intent(inout) :: stream
-      !> Whitened coordinates, (dimension); working ones, (dimension, 1), and the logarithm of their density, (1).
-      real(wp), intent(inout) :: u(:), w(:, :), density(:)
-      !> Draws of the mixture, and how many were accepted.
-      integer, intent(out) :: drawn, accepted
-      real(wp) :: tried(target%dimension), tried_w(target%dimension, 1), of_tried(1), own, other, v
+      type(state_type), intent(inout) :: state
+      real(wp) :: u(target%dimension), w(target%dimension, 1), density(1), own, other, v
       integer :: step, a, b
 
-      own = log_mixture(kernel%mixture, u)
-      drawn = 0
-      accepted = 0
+      own = log_mixture(kernel%mixture, state%u)
       do step = 1, kernel%steps
          call stream%uniform(v)
          if (v < kernel%share) then
-            drawn = drawn + 1
+            pool%drawn = pool%drawn + 1
             if (pool%left == 0) call fill(target, kernel%whitening, kernel%mixture, stream, pool)
             if (pool%left == 0) cycle
-            tried = pool%u(:, pool%left)
+            u = pool%u(:, pool%left)
+            w(:, 1) = pool%w(:, pool%left)
+            density = pool%log_density(pool%left)
             pool%left = pool%left - 1
-            tried_w(:, 1) = pool%w(:, pool%left + 1)
-            of_tried = pool%log_density(pool%left + 1)
-            other = log_mixture(kernel%mixture, tried)
-            if (.not. is_accepted(stream, of_tried(1) - other, density(1) - own, 1.0_wp)) cycle
-            accepted = accepted + 1
+            other = log_mixture(kernel%mixture, u)
+            if (.not. is_accepted(stream, density(1) - other, state%density(1) - own, 1.0_wp)) cycle
+            pool%accepted = pool%accepted + 1
          else
             ! Along the difference of two points of the burn-in.
             call stream%pick(size(kernel%archive, 2), a)
             call stream%pick(size(kernel%archive, 2), b)
-            call add_difference(stream, kernel%archive(:, a) - kernel%archive(:, b), kernel%step_scale, u, tried)
-            call kernel%whitening%from_white(tried, tried_w(:, 1))
-            call target%evaluate_working(tried_w, of_tried)
-            if (.not. is_accepted(stream, of_tried(1), density(1), 1.0_wp)) cycle
-            other = log_mixture(kernel%mixture, tried)
+            call add_difference(stream, kernel%archive(:, a) - kernel%archive(:, b), kernel%step_scale, state%u, u)
+            call kernel%whitening%from_white(u, w(:, 1))
+            call target%evaluate_working(w, density)
+            if (.not. is_accepted(stream, density(1), state%density(1), 1.0_wp)) cycle
+            other = log_mixture(kernel%mixture, u)
          end if
-         u = tried
-         w = tried_w
-         density = of_tried
+         state%u = u
+         state%w = w
+         state%density = density
          own = other
       end do
    end subroutine walk

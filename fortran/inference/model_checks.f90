@@ -100,7 +100,9 @@ contains
       !> worst grain that is further off.
       real(wp), intent(out) :: sums(:)
       type(random_stream_type) :: stream
-      real(wp), allocatable :: u(:, :), fewer(:, :), b(:), z(:), precision(:, :)
+      !> Crystals at once.
+      integer, parameter :: at_once = 16
+      real(wp), allocatable :: moduli(:, :), u(:, :), fewer(:, :), b(:), z(:), precision(:, :)
       real(wp), dimension(posterior%n_grains) :: model, scales, residuals, shared, noise
       real(wp) :: c(6, 6), value
       integer :: i, g
@@ -111,7 +113,8 @@ contains
       do i = 1, size(draws, 2)
          c = posterior%stiffness(draws(:, i))
          log_prior(i) = posterior%log_prior(c)
-         call posterior%predict_measurements(draws(:, i), c, model, scales, u)
+         if (mod(i, at_once) == 1) moduli = posterior%moduli_at(draws(:, i:min(size(draws, 2), i + at_once - 1)))
+         call posterior%predict_measurements(draws(:, i), c, model, scales, u, moduli(:, 1 + mod(i - 1, at_once)))
          residuals = (posterior%data%modulus - model)/scales
          call factor_columns(u, fewer)
          ! Sizes: their rank is that of the point.

@@ -18,7 +18,7 @@ module posterior_summary
    use statistics, only: covariance_of, flattened, moments, sort_order, sorted_values
    implicit none
    private
-   public :: parameter_type, combination_type, predictions_type, summarise_parameters, correlate, find_combinations, &
+   public :: add_shared, parameter_type, combination_type, predictions_type, summarise_parameters, correlate, find_combinations, &
       & predict_grains, thinning, climb
 
    !> Draws for derived quantities and predictions; more say nothing new. Of many grains fewer, so that there are about so many
@@ -210,18 +210,23 @@ contains
    end function thinning
 
    !> The moduli of the measured grains, and quantities of the crystal, for some of the draws.
-   subroutine predict_grains(posterior, chains, quantities, predictions, error)
+   subroutine predict_grains(posterior, chains, threads, quantities, predictions, error)
       type(posterior_type), intent(in) :: posterior
       type(chains_type), intent(in) :: chains
+      !> OpenMP threads at most.
+      integer, intent(in) :: threads
       type(quantity_type), intent(in) :: quantities(:)
       type(predictions_type), intent(out) :: predictions
       type(error_type), allocatable, intent(out) :: error
+      !> Crystals at once.
+      integer, parameter :: at_once = 16
       type(random_stream_type) :: stream
       class(grain_model_type), allocatable :: grains
       real(wp), dimension(posterior%n_grains) :: mean, slope, variance
+      real(wp) :: crystals(6, 6, at_once)
       real(wp) :: tilt_slopes(posterior%n_grains, 2)
       logical :: is_mean(posterior%n_grains)
-      integer :: samples, n, i, c, s
+      integer :: samples, n, i, j, last, c, s
 
       samples = size(chains%draws, 2)
       predictions%stride = thinning(chains, posterior%n_grains)
@@ -231,11 +236,22 @@ contains
       allocate (predictions%quantities(size(quantities), n, size(chains%draws, 3)))
       call posterior%new_grains(posterior%euler(:, :posterior%n_grains), posterior%data%paths, grains, error)
       if (allocated(error)) return
+      !$omp parallel do num_threads(max(1, threads)) schedule(dynamic) collapse(2) private(crystals, last, j)
+      do c = 1, size(chains%draws, 3)
+         do i = 1, n, at_once
+            last = min(n, i + at_once - 1)
+            do j = i, last
+               crystals(:, :, j - i + 1) = posterior%stiffness(chains%draws(:, 1 + (j - 1)*predictions%stride, c))
+            end do
+            call grains%evaluate_crystals(crystals(:, :, :last - i + 1), predictions%moduli(:, i:last, c))
+         end do
+      end do
+      !$omp end parallel do
       stream = new_random_stream(0, 0)
       do c = 1, size(chains%draws, 3)
          do i = 1, n
             s = 1 + (i - 1)*predictions%stride
-            call posterior%draw_moduli(chains%draws(:, s, c), grains, stream, predictions%moduli(:, i, c), &
+            call add_shared(posterior, chains%draws(:, s, c), grains, stream, predictions%moduli(:, i, c), &
                & predictions%factor(:, i, c))
             if (allocated(posterior%unknown) .or. allocated(posterior%data%other)) then
                call posterior%evaluate_grains(posterior%stiffness(chains%draws(:, s, c)), mean, slope, variance, tilt_slopes)
@@ -248,6 +264,31 @@ contains
          end do
       end do
    end subroutine predict_grains
+
+   !> The surrogate's error, drawn given the data, added to moduli at a point; `factor` is one plus the calibration error of each group drawn
+   !> likewise. Without these uncertainties nothing is added and the factors are 1.
+   subroutine add_shared(posterior, x, grains, stream, moduli, factor)
+      type(posterior_type), intent(in) :: posterior
+      !> (dimension).
+      real(wp), intent(in) :: x(:)
+      class(grain_model_type), intent(in) :: grains
+      type(random_stream_type), intent(inout) :: stream
+      !> (grain).
+      real(wp), intent(inout), contiguous :: moduli(:)
+      !> (group).
+      real(wp), intent(out) :: factor(:)
+      real(wp), dimension(posterior%n_shared) :: b, z
+      real(wp) :: precision(posterior%n_shared, posterior%n_shared), values(size(moduli)), slope(size(moduli))
+      real(wp) :: columns(size(moduli), grains%n_columns)
+
+      call posterior%infer_shared(x, b, precision)
+      call stream%normals(z)
+      call posterior%place_shared(z, b, precision, factor)
+      if (grains%n_columns == 0) return
+      call grains%evaluate_moduli(posterior%stiffness(x), values, slope, moduli)
+      call grains%evaluate_columns(posterior%stiffness(x), columns)
+      moduli = moduli + slope*matmul(columns, b(:grains%n_columns))
+   end subroutine add_shared
 
    !> From a point `x` of the support to a maximum of the density nearby. The corners of the first simplex are a tenth of the sds of the
    !> parameters in `chains` apart.

@@ -53,20 +53,23 @@ contains
       type(shares_type), allocatable, intent(out) :: shares(:)
       type(error_type), allocatable, intent(out) :: error
       !> Draws for the variances of the errors, which hardly vary.
-      integer, parameter :: few = 200
-      real(wp), allocatable :: scores(:, :), known(:, :), centred(:, :), weights(:, :), parts(:, :), pulls(:, :), factor(:, :)
+      integer, parameter :: few = 200, at_once = 16
+      real(wp), allocatable, dimension(:, :) :: moduli, scores, known, centred, weights, parts, pulls, factor
       real(wp), dimension(size(values, 1)) :: variance, total
       real(wp), dimension(posterior%n_grains) :: scales, residual, weight
       real(wp) :: shared(posterior%n_grains, posterior%n_shared), greatest
-      integer :: i, n, q
+      integer :: i, j, n, q
 
       n = size(draws, 2)
       allocate (scores(posterior%n_grains, n), parts(n_error_sources, size(values, 1)))
-      !$omp parallel do num_threads(max(1, threads)) schedule(static) private(scales, shared, residual, weight)
-      do i = 1, n
-         call find_residuals(posterior, draws(:, i), scales, shared, residual, weight)
-         ! Derivatives of the log likelihood with respect to the measurements, 1/GPa.
-         scores(:, i) = -weight*residual/scales
+      !$omp parallel do num_threads(max(1, threads)) schedule(dynamic) private(scales, shared, residual, weight, moduli, j)
+      do i = 1, n, at_once
+         moduli = posterior%moduli_at(draws(:, i:min(n, i + at_once - 1)))
+         do j = 1, size(moduli, 2)
+            call find_residuals(posterior, draws(:, i + j - 1), moduli(:, j), scales, shared, residual, weight)
+            ! Derivatives of the log likelihood with respect to the measurements, 1/GPa.
+            scores(:, i + j - 1) = -weight*residual/scales
+         end do
       end do
       !$omp end parallel do
       call evaluate_draws(posterior%prior%knowledge%quantities, posterior%prior%class, draws, known)
@@ -111,7 +114,7 @@ contains
       real(wp), intent(out) :: parts(:, :)
       real(wp), dimension(posterior%n_grains, n_error_sources) :: own, own_mean
       real(wp), dimension(posterior%n_grains) :: precision, precision_mean, scales, modulus, slope, variance, value, map_slope
-      real(wp), allocatable :: shared(:, :), pull(:, :)
+      real(wp), allocatable :: shared(:, :), pull(:, :), moduli(:, :)
       real(wp) :: tilt_slopes(posterior%n_grains, 2)
       integer :: i, j, m, n, source
 
@@ -122,7 +125,8 @@ contains
       parts = 0.0_wp
       allocate (shared(posterior%n_grains, posterior%n_shared))
       do i = 1, size(draws, 2)
-         call find_residuals(posterior, draws(:, i), scales, shared, value, precision)
+         moduli = posterior%moduli_at(draws(:, i:i))
+         call find_residuals(posterior, draws(:, i), moduli(:, 1), scales, shared, value, precision)
          precision_mean = precision_mean + precision/scales**2/size(draws, 2)
          pull = matmul(transpose(shared*spread(scales, 2, posterior%n_shared)), weights)
          do j = 1, posterior%n_shared
@@ -133,7 +137,7 @@ contains
             parts(source, :) = parts(source, :) + pull(j, :)**2/size(draws, 2)
          end do
          ! Variances of the errors that grains do not share.
-         call posterior%evaluate_grains(posterior%stiffness(draws(:, i)), modulus, slope, variance, tilt_slopes)
+         call posterior%evaluate_grains(posterior%stiffness(draws(:, i)), modulus, slope, variance, tilt_slopes, moduli(:, 1))
          value = modulus
          map_slope = 1.0_wp
          call posterior%observable%to_measured(value(:m), map_slope(:m))
@@ -152,10 +156,10 @@ contains
    end subroutine add_up_sources
 
    !> Residuals at a point in units of their scales, less the shared errors given the data, and the weight that the likelihood gives each.
-   subroutine find_residuals(posterior, x, scales, shared, residual, weight)
+   subroutine find_residuals(posterior, x, moduli, scales, shared, residual, weight)
       type(posterior_type), intent(in) :: posterior
-      !> (dimension).
-      real(wp), intent(in) :: x(:)
+      !> (dimension), and what the grain model gives there.
+      real(wp), intent(in) :: x(:), moduli(:)
       !> GPa, (grain); columns of the shared errors in these units, (grain, shared error).
       real(wp), intent(out), contiguous :: scales(:), shared(:, :)
       !> (grain).
@@ -163,7 +167,7 @@ contains
       real(wp), allocatable :: fewer(:, :), b(:), precision(:, :)
       real(wp) :: model(size(scales)), value
 
-      call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, shared)
+      call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, shared, moduli)
       residual = (posterior%data%modulus - model)/scales
       call factor_columns(shared, fewer)
       allocate (b(size(fewer, 2)), precision(size(fewer, 2), size(fewer, 2)))

@@ -163,8 +163,9 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer, parameter :: checked_draws = 1000, most_attempts = 6
       real(wp), allocatable :: some(:, :), found(:, :)
-      integer :: attempt
+      integer :: attempt, threads
 
+      threads = thread_count(problem%settings%execution%workers)
       if (.not. self%posterior%grains%has_theory) then
          call sample_posterior(problem, self%posterior, self%chains, error)
          return
@@ -173,11 +174,11 @@ contains
       if (allocated(error)) return
       some = flattened(self%chains%draws)
       do attempt = 1, most_attempts
-         call choose_field_degree(self%posterior, some, error)
+         call choose_field_degree(self%posterior, some, threads, error)
          if (.not. allocated(error)) call sample_posterior(problem, self%posterior, self%chains, error)
          if (allocated(error)) return
          found = flattened(thinned(self%chains%draws, checked_draws))
-         call find_field_error(self%posterior, found, self%field_error, error)
+         call find_field_error(self%posterior, found, threads, self%field_error, error)
          if (allocated(error)) return
          if (self%field_error < allowed_error) exit
          ! Where theory was read too roughly chains go astray; the next ones may not go back to where they were.
@@ -199,7 +200,7 @@ contains
       self%names = [character(len=9) :: self%posterior%prior%class%constants, spread('sd_factor', 1, n - k)]
       call reported_quantities(self%posterior%prior%class, self%quantities, error)
       if (allocated(error)) return
-      call predict_grains(self%posterior, self%chains, self%quantities, self%predictions, error)
+      call predict_grains(self%posterior, self%chains, threads, self%quantities, self%predictions, error)
       if (allocated(error)) return
       call check_model(self%posterior, self%chains, threads, self%checks)
       self%most_probable = self%chains%best_draw()

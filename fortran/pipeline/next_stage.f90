@@ -119,7 +119,8 @@ contains
          end if
          if (allocated(error)) return
          if (posterior%dimension > posterior%n_constants) few(posterior%dimension, :) = log(few(posterior%dimension, :))
-         if (posterior%grains%has_theory) call choose_field_degree(posterior, few(:, ::degree_stride), error)
+         if (posterior%grains%has_theory) call choose_field_degree(posterior, few(:, ::degree_stride), &
+            & thread_count(problem%settings%execution%workers), error)
          if (allocated(error)) return
          call place_moduli(problem, posterior%prior%class, candidates)
          if (allocated(wanted%velocity_cost)) call place_speeds(problem, posterior, few(:, ::degree_stride), candidates, error)

@@ -12,6 +12,7 @@ module test_operations
    use exchange, only: exchange_type, find_object, register_object, release_object
    use kinds, only: degree, wp
    use operations, only: perform
+   use posterior_summary, only: add_shared
    use problem_posterior, only: choose_field_degree, new_problem_posterior
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, checkpoint_type, new_sampler, run_settings_type, sample_chains
@@ -167,7 +168,7 @@ contains
          where (spread(.not. x%values(:, 1) > -huge(0.0_wp), 2, 2)) x%values = ieee_value(1.0_wp, ieee_negative_inf)
       case ('posterior.read_theory')
          ! From now on as finely as Step 2 does for these draws.
-         call choose_field_degree(density, points, x%error)
+         call choose_field_degree(density, points, x%threads(), x%error)
       case ('posterior.moduli')
          ! Indentation moduli (GPa) of any grains, with the surrogate's error drawn given the data, and one plus the calibration error of
          ! each group, drawn likewise.
@@ -177,7 +178,8 @@ contains
          allocate (x%values(size(paths), size(points, 2)), factor(density%n_groups, size(points, 2)))
          stream = new_random_stream(x%in%integer('seed'), 0)
          do i = 1, size(points, 2)
-            call density%draw_moduli(points(:, i), grains, stream, x%values(:, i), factor(:, i))
+            call grains%evaluate_crystals(reshape(density%stiffness(points(:, i)), [6, 6, 1]), x%values(:, i:i))
+            call add_shared(density, points(:, i), grains, stream, x%values(:, i), factor(:, i))
          end do
          call x%out%put_array('factor', factor, shape(factor))
       case default
