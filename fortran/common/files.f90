@@ -279,10 +279,9 @@ contains
    end function printable
 
    !> Fowler, Noll and Vo's hash of 64 bits (FNV-1a) of some bytes, in hexadecimal digits; products wrap around.
-   pure function checksum(bytes) result(digits)
+   pure character(len=16) function checksum(bytes) result(digits)
       !> Of any number.
       character(len=*), intent(in) :: bytes
-      character(len=16) :: digits
 
       write (digits, '(z16.16)') hash_of(bytes)
    end function checksum

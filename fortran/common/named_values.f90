@@ -186,11 +186,9 @@ contains
          length = transfer(self%bytes(at + 5:at + 8), length)
          n_bytes = transfer(self%bytes(at + 9:at + 16), n_bytes)
          start = at + header_bytes + padded(int(length, i8))
-         if (length == len(name)) then
-            if (all([(self%bytes(at + header_bytes + i) == name(i:i), i=1, length)])) then
-               if (index(kinds, self%bytes(at + 1)) > 0) content => self%bytes(start + 1:start + n_bytes)
-               return
-            end if
+         if (length == len(name) .and. all([(self%bytes(at + header_bytes + i) == name(i:i), i=1, min(length, len(name)))])) then
+            if (index(kinds, self%bytes(at + 1)) > 0) content => self%bytes(start + 1:start + n_bytes)
+            return
          end if
          at = start + padded(n_bytes)
       end do
@@ -210,11 +208,8 @@ contains
 
       content => find(self, name, 'ib')
       value = 0
-      if (associated(content)) then
-         value = int(transfer(content, 0_i8))
-      else
-         call refuse(self%error, 'the integer '''//name//''' is missing')
-      end if
+      if (associated(content)) value = int(transfer(content, 0_i8))
+      if (.not. associated(content)) call refuse(self%error, 'the integer '''//name//''' is missing')
    end function integer_of
 
    logical function logical_of(self, name) result(value)
@@ -242,11 +237,8 @@ contains
 
       content => find(self, name, 't')
       value = ''
-      if (associated(content)) then
-         value = transfer(content, repeat(' ', size(content)))
-      else
-         call refuse(self%error, 'the text '''//name//''' is missing')
-      end if
+      if (associated(content)) value = transfer(content, repeat(' ', size(content)))
+      if (.not. associated(content)) call refuse(self%error, 'the text '''//name//''' is missing')
    end function text_of
 
    !> The reals of an array of any shape, in Fortran's order, where they are.

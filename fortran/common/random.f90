@@ -35,8 +35,7 @@ contains
       integer(i8) :: state
       integer :: i
 
-      state = ieor(int(seed, i8), ishft(int(stream, i8), 32))
-      state = mixed(state + golden)
+      state = mixed(ieor(int(seed, i8), ishft(int(stream, i8), 32)) + golden)
       do i = 1, 4
          state = state + golden
          self%s(i) = mixed(state)
@@ -47,8 +46,7 @@ contains
       integer(i8), intent(in) :: state
       integer(i8) :: z
 
-      z = state
-      z = ieor(z, ishft(z, -30))*ior(ishft(int(z'BF58476D', i8), 32), int(z'1CE4E5B9', i8))
+      z = ieor(state, ishft(state, -30))*ior(ishft(int(z'BF58476D', i8), 32), int(z'1CE4E5B9', i8))
       z = ieor(z, ishft(z, -27))*ior(ishft(int(z'94D049BB', i8), 32), int(z'133111EB', i8))
       mixed = ieor(z, ishft(z, -31))
    end function mixed

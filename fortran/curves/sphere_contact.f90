@@ -16,10 +16,9 @@ module sphere_contact
 contains
 
    !> The contact at a `load`, mN. A tip flattens no further than where the load stops to grow with a.
-   pure elemental function contact_at(load, modulus, radius, beta) result(contact)
+   pure elemental type(contact_type) function contact_at(load, modulus, radius, beta) result(contact)
       !> mN; GPa; um; none.
       real(wp), intent(in) :: load, modulus, radius, beta
-      type(contact_type) :: contact
       integer, parameter :: most_steps = 60
       real(wp) :: q, x, slope, depth_slope, limit, step
       integer :: i

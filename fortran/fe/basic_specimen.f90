@@ -166,10 +166,9 @@ contains
    end subroutine set_up
 
    !> The mesh with `refine` times the default's elements per contact radius.
-   pure function plan(self, refine)
+   pure type(mesh_plan_type) function plan(self, refine)
       class(specimen_type), intent(in) :: self
       real(wp), intent(in) :: refine
-      type(mesh_plan_type) :: plan
 
       plan = core_of_contact(refine, self%contact_radius, self%zone)
       plan%stages = [layers_of_ratio(self%outer*self%contact_radius*plan%widening/plan%half_width, self%growth, refine)]
@@ -195,9 +194,8 @@ contains
                nx = nx/2
                nz = nz/2
             end if
-            bricks = bricks + stage%floor_levels*nx**2
             nz = nz + stage%floor_levels
-            bricks = bricks + stage%layers*surface_facets(nx, nz)
+            bricks = bricks + stage%floor_levels*nx**2 + stage%layers*surface_facets(nx, nz)
          end associate
       end do
       if (bricks > most_bricks) call refuse(error, 'a mesh of '//to_text(bricks)//' elements is too large; allowed: up to ' &

@@ -118,9 +118,7 @@ contains
          end do
          n = max(n, k)
          node(k) = master
-         associate (total => assembly%weight(a, k, assembly%constrained(e)))
-            total = total + weight
-         end associate
+         assembly%weight(a, k, assembly%constrained(e)) = assembly%weight(a, k, assembly%constrained(e)) + weight
       end subroutine add
    end subroutine list_dofs
 

@@ -87,7 +87,7 @@ contains
       !> Strain by displacements (1/um) and volume (um3) at each point of integration.
       real(wp), intent(out) :: b(6, 33, 8), volume(8)
       real(wp) :: natural(3, 8), jacobian(3, 3), inverse(3, 3), determinant, centre_inverse(3, 3), centre_determinant
-      real(wp) :: gradient(3, 8, 8), mean(24), shift(24), mode(3), xi(3), weight, rho
+      real(wp) :: gradient(3, 8, 8), mean(24), mode(3), xi(3), weight, rho
       integer :: a, i, q
 
       b = 0.0_wp
@@ -113,8 +113,7 @@ contains
       if (formulation == brick_selective) then
          mean = matmul(reshape(gradient, [24, 8]), volume)/sum(volume)
          do q = 1, 8
-            shift = (mean - reshape(gradient(:, :, q), [24]))/3.0_wp
-            b(:3, :24, q) = b(:3, :24, q) + spread(shift, 1, 3)
+            b(:3, :24, q) = b(:3, :24, q) + spread((mean - reshape(gradient(:, :, q), [24]))/3.0_wp, 1, 3)
          end do
       else if (formulation == brick_incompatible) then
          natural = natural_gradient([0.0_wp, 0.0_wp, 0.0_wp], 1.0_wp)

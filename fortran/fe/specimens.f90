@@ -136,11 +136,10 @@ contains
    end subroutine block_check_sizes
 
    !> The box under the contact has the proportions of the block.
-   pure function block_plan(self, refine) result(plan)
+   pure type(mesh_plan_type) function block_plan(self, refine) result(plan)
       class(block_specimen_type), intent(in) :: self
       real(wp), intent(in) :: refine
-      type(mesh_plan_type) :: plan
-      real(wp) :: proportion, ratio
+      real(wp) :: proportion
       integer :: default_cells
 
       proportion = self%height/(0.5_wp*self%width)
@@ -149,8 +148,7 @@ contains
       plan%depth_cells = max(2, nint(proportion*plan%half_cells))
       plan%half_width = box_width*self%contact_radius*(real(plan%half_cells, wp)/default_cells)
       plan%depth = proportion*plan%half_width
-      ratio = 0.5_wp*self%width/plan%half_width
-      plan%stages = [layers_of_ratio(ratio, exp(log(paper_ratio)/paper_layers), refine)]
+      plan%stages = [layers_of_ratio(0.5_wp*self%width/plan%half_width, exp(log(paper_ratio)/paper_layers), refine)]
       plan%closing = clamped_bottom
    end function block_plan
 
@@ -183,10 +181,9 @@ contains
          & //to_text(2.0_wp*self%element_size, 3)//' um, or indent less deeply')
    end subroutine film_check_sizes
 
-   pure function film_plan(self, refine) result(plan)
+   pure type(mesh_plan_type) function film_plan(self, refine) result(plan)
       class(film_specimen_type), intent(in) :: self
       real(wp), intent(in) :: refine
-      type(mesh_plan_type) :: plan
       type(mesh_stage_type) :: box
       real(wp) :: edge, width, cell, contact_radius
       logical :: thin
@@ -290,10 +287,9 @@ contains
       end subroutine refuse_below
    end subroutine grain_check_sizes
 
-   pure function grain_plan(self, refine) result(plan)
+   pure type(mesh_plan_type) function grain_plan(self, refine) result(plan)
       class(grain_specimen_type), intent(in) :: self
       real(wp), intent(in) :: refine
-      type(mesh_plan_type) :: plan
       type(mesh_stage_type) :: turn
       real(wp) :: width
 

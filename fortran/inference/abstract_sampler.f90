@@ -14,7 +14,7 @@ module abstract_sampler
    type, abstract :: target_type
       !> Number of parameters.
       integer :: dimension = 0
-      !> Whether it is another density's near one, see `coarsen`, at a small part of the cost.
+      !> Whether it is near another density, see `coarsen`; if not, a copy is that density.
       logical :: is_near = .false.
    contains
       !> A point that may be in the support, to begin with: widely spread, and in it often enough.
@@ -100,7 +100,7 @@ contains
       w = x(:self%dimension, :)
    end subroutine to_working
 
-   !> Be cheaper near some points, if that can be at all, where that costs accuracy: to find proposals it is good enough.
+   !> Be a near density, good enough to find proposals at some points and much cheaper, if there is one.
    subroutine coarsen(self, points)
       class(target_type), intent(inout) :: self
       !> Working coordinates of the support, (dimension, point).

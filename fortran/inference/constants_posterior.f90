@@ -42,8 +42,8 @@ module constants_posterior
       integer, private :: n_directions = 1
       !> What the surrogate gives the measured grains, then the same grains with the next tilt, and so on.
       class(grain_model_type), allocatable :: grains
-      !> Near some crystals, if that is enough: to find proposals.
-      type(near_moduli_type), allocatable :: near
+      !> Of `coarsen`, if `is_near`.
+      type(near_moduli_type) :: near
       type(observable_type) :: observable
       class(error_model_type), allocatable :: errors
       !> Errors that the grains share: the surrogate's, then the calibration's of each group, if any, up to `n_calibrated`, then relative
@@ -145,22 +145,15 @@ contains
       call self%grains%set_grains(self%euler, error)
    end subroutine set_field_degree
 
-   !> Moduli are polynomials; those of unknown orientations, which are many, have theory that is read for every crystal.
+   !> Moduli are polynomials, but those of unknown orientations, which are many.
    subroutine coarsen(self, points)
       class(posterior_type), intent(inout) :: self
       real(wp), intent(in), contiguous :: points(:, :)
       type(error_type), allocatable :: error
 
-      if (allocated(self%near)) deallocate (self%near)
-      self%is_near = .false.
-      if (allocated(self%unknown) .or. self%prior_only) then
-         call self%grains%read_up_to(huge(1.0_wp))
-         return
-      end if
-      allocate (self%near)
+      if (allocated(self%unknown) .or. self%prior_only) return
       call new_near_moduli(self%grains, size(self%euler, 2), self%prior%logarithms, points(:self%n_constants, :), self%near, error)
       self%is_near = .not. allocated(error)
-      if (.not. self%is_near) deallocate (self%near)
    end subroutine coarsen
 
    pure subroutine evaluate(self, points, log_density)
@@ -179,7 +172,7 @@ contains
       end do
    end subroutine evaluate
 
-   !> Logarithm of the density of the constants without the measurements, at a crystal of the support, up to a constant.
+   !> Logarithm of the prior density of the constants, at a crystal of the support, up to a constant.
    pure real(wp) function log_prior(self, c)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
@@ -218,14 +211,14 @@ contains
          call self%prior%logarithms%from_logarithms(w(:k, i), c(:, :, n), frame)
          if (.not. (self%prior%admits(self%prior%class%constants_of(c(:, :, n)), c(:, :, n), norm2(w(3:k, i))) &
             & .and. scale_is_admitted(self, w(:, i)))) cycle
-         if (allocated(self%near)) x(:, n) = self%prior%logarithms%compliances(frame)
+         if (self%is_near) x(:, n) = self%prior%logarithms%compliances(frame)
          if (.not. self%prior%in_logarithms) log_volume(n) = self%prior%logarithms%log_volume(frame)
          in_support(n) = i
          n = n + 1
       end do
       n = n - 1
       allocate (moduli(size(self%euler, 2), n))
-      if (allocated(self%near)) then
+      if (self%is_near) then
          call self%near%evaluate(x(:, :n), moduli)
       else if (.not. self%prior_only) then
          call self%grains%evaluate_crystals(c(:, :, :n), moduli)
@@ -348,8 +341,7 @@ contains
    end function scale_factor
 
    !> Of each measured grain the mean of what the grain model gives, its derivative with respect to y, and the variance that it does not
-   !> share with others: the surrogate's, that of its orientation, and that of grains as such. Of unknown
-   !> orientations mean and variance are those of all directions.
+   !> share: the surrogate's, its orientation's, and that of grains as such. Of unknown orientations they are those of all directions.
    pure subroutine evaluate_grains(self, c, modulus, slope, own_variance, tilt_slopes, moduli)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
@@ -390,8 +382,7 @@ contains
       end do
    end subroutine evaluate_grains
 
-   !> At a point the mean of what is measured, `model`, scales of the errors that grains do not share, and over them the columns of U: the
-   !> surrogate's shared errors, the calibration's of each group, the tilts of the sample.
+   !> At a point the mean of what is measured, `model`, scales of the errors that grains do not share, and over them the columns of U.
    pure subroutine predict_measurements(self, x, c, model, scales, u, moduli)
       class(posterior_type), intent(in) :: self
       !> (dimension), and the stiffness there, GPa.
@@ -412,7 +403,8 @@ contains
       if (has_own_variance(self)) scales = sqrt(scales**2 + own_variance*(self%errors%scale*map_slope)**2)
       if (self%grains%n_columns > 0) then
          allocate (columns(size(self%euler, 2), self%grains%n_columns))
-         call self%grains%evaluate_columns(c, columns)
+         if (self%is_near) columns = self%near%columns
+         if (.not. self%is_near) call self%grains%evaluate_columns(c, columns)
          slope = slope*map_slope/scales
          do g = 1, self%grains%n_columns
             u(:, g) = columns(:self%n_grains, g)*slope
@@ -474,14 +466,11 @@ contains
       !> (parameter, point).
       real(wp), intent(in) :: points(:, :)
       real(wp), allocatable :: moduli(:, :)
-      real(wp) :: c(6, 6, size(points, 2))
-      integer :: i
+      integer :: i, n
 
-      do i = 1, size(points, 2)
-         c(:, :, i) = self%stiffness(points(:, i))
-      end do
-      allocate (moduli(size(self%euler, 2), size(points, 2)))
-      call self%grains%evaluate_crystals(c, moduli)
+      n = size(points, 2)
+      allocate (moduli(size(self%euler, 2), n))
+      call self%grains%evaluate_crystals(reshape([(self%stiffness(points(:, i)), i=1, n)], [6, 6, n]), moduli)
    end function moduli_at
 
    !> Shared errors from their mean and precision and standard normal numbers, in place, and one plus the calibration error of each

@@ -22,8 +22,8 @@ contains
 
    !> A population from the target's starts, in rounds that cool, then some at the density itself, and warmer ones for the tails.
    !> The archive is what the last one visited, thinned, in whitened coordinates.
-   subroutine evolve_population(target, evaluations, stream, whitening, step_scale, archive, coarse, started)
-      class(target_type), intent(in), target :: target
+   subroutine evolve_population(target, evaluations, stream, whitening, step_scale, archive, near, started)
+      class(target_type), intent(in) :: target
       !> Of the density, about.
       integer(i8), intent(in) :: evaluations
       type(random_stream_type), intent(inout) :: stream
@@ -32,13 +32,12 @@ contains
       real(wp), intent(out) :: step_scale
       !> (dimension, point).
       real(wp), allocatable, intent(out) :: archive(:, :)
-      !> A density that is about the same at the archive and costs less, if there is one.
-      class(target_type), allocatable, target, intent(out) :: coarse
+      !> About the same density at the archive at a small part of the cost, or the density itself.
+      class(target_type), allocatable, intent(out) :: near
       !> Whether a point of the support was found; if so, and no stop is requested, there is an archive.
       logical, intent(out) :: started
       !> Rounds among which the evaluations are divided, those that cool, which are shorter, counting as five; and most that cool.
       integer, parameter :: rounds = 10, shorter = 4, most_cooling = 40, tail_effort = 20
-      class(target_type), pointer :: used
       real(wp), allocatable :: points(:, :), density(:), before(:)
       real(wp) :: last_temperatures(5), warm, inverse, next
       integer :: m, cooling, distinct, round, i
@@ -57,17 +56,16 @@ contains
       started = size(density) > 0
       if (.not. started) return
       m = min(m, size(density))
-      allocate (coarse, source=target)
-      used => target
+      allocate (near, source=target)
       inverse = 0.0_wp
       do round = 1, most_cooling
          next = 1.0_wp/last_temperatures(1)
          if (round < most_cooling) next = min(next, next_inverse(density, inverse))
          call resample(stream, (next - inverse)*density, points, density, distinct)
          inverse = next
-         call look_again(target, coarse, 1.0_wp/inverse, min(distinct, 4*m), stream, points, density, whitening, used)
+         call look_again(target, near, 1.0_wp/inverse, min(distinct, 4*m), stream, points, density, whitening)
          generations = evaluations/(m*rounds)
-         call step_population(used, 1.0_wp/inverse, cooling, generations/shorter, stream, whitening, step_scale, points, &
+         call step_population(near, 1.0_wp/inverse, cooling, generations/shorter, stream, whitening, step_scale, points, &
             & density, distinct)
          if (inverse >= 1.0_wp/last_temperatures(1) .or. stop_requested()) exit
       end do
@@ -75,15 +73,15 @@ contains
          if (stop_requested()) return
          ! Those that cool were half of the evaluations.
          call advance_progress(evaluations/(target%dimension*merge(2, rounds, round == 1)))
-         call look_again(target, coarse, last_temperatures(round), min(distinct, 4*m), stream, points, density, whitening, used)
+         call look_again(target, near, last_temperatures(round), min(distinct, 4*m), stream, points, density, whitening)
          ! The way into a long tail is long.
          generations = evaluations/(m*rounds)*merge(tail_effort/count(last_temperatures > 1.0_wp), 1, &
             & last_temperatures(round) > 1.0_wp)
-         call step_population(used, last_temperatures(round), m, generations, stream, whitening, step_scale, points, density, &
+         call step_population(near, last_temperatures(round), m, generations, stream, whitening, step_scale, points, density, &
             & distinct)
       end do
       ! Its polynomials hold as far as the points go.
-      if (associated(used, coarse)) then
+      if (near%is_near) then
          before = density
          call target%evaluate_working(points, density)
          call resample(stream, (density - before)/warm, points, density, distinct)
@@ -93,9 +91,7 @@ contains
       do i = 1, size(points, 2)
          call whitening%to_white(points(:, i), archive(:, i))
       end do
-      call coarse%coarsen(points)
-      if (coarse%is_near) coarse%is_near = agree(target, coarse, points, 1.0_wp)
-      if (.not. coarse%is_near) deallocate (coarse)
+      call approach(target, near, points, 1.0_wp)
    end subroutine evolve_population
 
    !> Points of the support from the target's starts, in working coordinates.
@@ -115,12 +111,11 @@ contains
       call target%evaluate_working(points, density)
    end subroutine draw_population
 
-   !> The density that is used and the whitened coordinates from points, and these drawn anew where that changes their density: where the
-   !> coarse one was wrong, some have gone astray.
-   subroutine look_again(target, coarse, temperature, distinct, stream, points, density, whitening, used)
-      !> The density; and one that costs less, for where it is about the same.
-      class(target_type), intent(in), target :: target
-      class(target_type), intent(inout), target :: coarse
+   !> The near density and the whitened coordinates from points, and these drawn anew where that changes their density.
+   subroutine look_again(target, near, temperature, distinct, stream, points, density, whitening)
+      class(target_type), intent(in) :: target
+      !> Of the points before, and of these: the density itself where none is near.
+      class(target_type), intent(inout) :: near
       !> Divides the logarithm of the density.
       real(wp), intent(in) :: temperature
       !> How many of the points are not copies.
@@ -129,37 +124,39 @@ contains
       !> Working coordinates (dimension, point), and the logarithms of the density that was used, then of that which is.
       real(wp), intent(inout) :: points(:, :), density(:)
       type(whitening_type), intent(inout) :: whitening
-      !> One of the two.
-      class(target_type), pointer, intent(inout) :: used
       real(wp) :: before(size(density))
       integer :: left
+      logical :: was_exact
 
-      call coarse%coarsen(points(:, ::max(1, size(points, 2)/(60*target%dimension))))
-      used => target
-      if (agree(target, coarse, points, temperature)) used => coarse
+      was_exact = .not. near%is_near
+      call approach(target, near, points(:, ::max(1, size(points, 2)/(60*target%dimension))), temperature)
       call fit_whitening(points, min(distinct, size(density)), whitening)
+      if (was_exact .and. .not. near%is_near) return
       before = density
-      call used%evaluate_working(points, density)
+      call near%evaluate_working(points, density)
       call resample(stream, (density - before)/temperature, points, density, left)
    end subroutine look_again
 
-   !> Whether the logarithm of another density hardly errs by two temperatures at some of the points.
-   logical function agree(target, other, points, temperature)
-      class(target_type), intent(in) :: target, other
-      !> (dimension, point).
-      real(wp), intent(in) :: points(:, :)
+   !> Make a copy of the target a near density, if there is one whose logarithm hardly errs by two temperatures at some of the points.
+   subroutine approach(target, near, points, temperature)
+      class(target_type), intent(in) :: target
+      class(target_type), intent(inout) :: near
+      !> Working coordinates, (dimension, point).
+      real(wp), intent(in), contiguous :: points(:, :)
       real(wp), intent(in) :: temperature
       !> Points of the test, and the share of them that agrees.
       integer, parameter :: tests = 50
       real(wp), parameter :: least_good = 0.7_wp
-      real(wp) :: w(size(points, 1), tests), exact(tests), near(tests)
+      real(wp) :: w(size(points, 1), tests), exact(tests), other(tests)
       integer :: k
 
+      call near%coarsen(points)
+      if (.not. near%is_near) return
       w = points(:, [(1 + (k - 1)*(size(points, 2) - 1)/tests, k=1, tests)])
       call target%evaluate_working(w, exact)
-      call other%evaluate_working(w, near)
-      agree = count(abs(exact - near) < 2.0_wp*temperature) >= least_good*tests
-   end function agree
+      call near%evaluate_working(w, other)
+      near%is_near = count(abs(exact - other) < 2.0_wp*temperature) >= least_good*tests
+   end subroutine approach
 
    !> Differential evolution of walkers that begin at some of the points; in the end these are what was visited in the second half.
    subroutine step_population(target, temperature, m, wanted, stream, whitening, step_scale, points, density, distinct)

@@ -79,16 +79,16 @@ contains
       call evolve_population(target, int(self%burn_in, i8)*target%dimension, stream, kernel%whitening, &
          & kernel%step_scale, kernel%archive, near, started)
       if (.not. started .or. stop_requested()) return
-      quality = 0.0_wp
-      if (allocated(near)) call fit_proposal(near, kernel%whitening, kernel%archive, size(log_density), stream, kernel%mixture, &
+      call fit_proposal(near, kernel%whitening, kernel%archive, size(log_density), stream, kernel%mixture, &
          & quality)
       ! Where the near one is wrong, it may have one draw that outweighs all others.
-      if (.not. quality > 0.0_wp) call fit_proposal(target, kernel%whitening, kernel%archive, size(log_density), stream, &
-         & kernel%mixture, quality)
+      if (near%is_near .and. .not. quality > 0.0_wp) call fit_proposal(target, kernel%whitening, kernel%archive, &
+         & size(log_density), stream, kernel%mixture, quality)
       if (stop_requested()) return
       ! Differences lead along tails that the mixture leaves out; where it fits badly, more of the steps are such.
       if (quality > 0.0_wp) kernel%share = min(0.6_wp, max(0.2_wp, quality))
       own = kernel
+      own%steps = 2
       kernel%steps = 2 + nint(2.0_wp*target%dimension*max(0.0_wp, 0.7_wp - quality))
       call stream%pick(size(kernel%archive, 2), i)
       state%u = kernel%archive(:, i)
@@ -98,7 +98,7 @@ contains
       i = 0
       ahead = 1
       do while (i < size(log_density) .and. .not. stop_requested())
-         if (.not. allocated(near)) then
+         if (.not. near%is_near) then
             call walk(target, kernel, pool, stream, state)
             draws(:, i + 1) = state%w(:, 1)
             log_density(i + 1) = state%density(1)

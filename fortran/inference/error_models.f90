@@ -2,6 +2,7 @@
 module error_models
    use errors, only: error_type, refuse
    use kinds, only: pi, wp
+   use linear_algebra, only: dot
    use random, only: random_stream_type
    use settings_schema, only: measurements_settings_type
    use small_matrices, only: factor_definite, fit_columns, solve_lower, sum_of_logs, weighted_gram
@@ -61,15 +62,8 @@ contains
       class(error_model_type), intent(in) :: self
       !> (measurement).
       real(wp), intent(in) :: r(:), factor
-      real(wp) :: total
-      integer :: i
 
-      total = 0.0_wp
-      !$omp simd reduction(+: total)
-      do i = 1, size(r)
-         total = total + r(i)**2
-      end do
-      log_density = -0.5_wp*total/factor**2 - size(r)*(log(factor) + 0.5_wp*log(2.0_wp*pi))
+      log_density = -0.5_wp*dot(r, r)/factor**2 - size(r)*(log(factor) + 0.5_wp*log(2.0_wp*pi))
    end function log_density
 
    !> Minus the first derivative of the log density of scale one over the residual, minus the second, and the one that is expected.

@@ -20,6 +20,8 @@ module near_moduli
       real(wp), allocatable :: centre(:), to_cube(:, :)
       !> Of the inverse moduli, or of the moduli if some are negative, (product, row of the grain model).
       real(wp), allocatable :: coefficients(:, :)
+      !> The columns of the grain model at the crystal in the middle, (row, column).
+      real(wp), allocatable, public :: columns(:, :)
       logical :: are_inverse = .false.
    contains
       procedure :: evaluate
@@ -58,6 +60,9 @@ contains
          x(:, i) = logarithms%compliances(frame)
       end do
       call grains%evaluate_crystals(c, moduli)
+      allocate (near%columns(n_rows, grains%n_columns))
+      call logarithms%from_logarithms(sum(points, 2)/size(points, 2), c(:, :, 1), frame)
+      if (grains%n_columns > 0) call grains%evaluate_columns(c(:, :, 1), near%columns)
       near%are_inverse = all(moduli > 0.0_wp)
       if (near%are_inverse) moduli = 1.0_wp/moduli
       near%centre = sum(x, 2)/n

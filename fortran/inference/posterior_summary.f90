@@ -223,7 +223,6 @@ contains
       type(random_stream_type) :: stream
       class(grain_model_type), allocatable :: grains
       real(wp), dimension(posterior%n_grains) :: mean, slope, variance
-      real(wp) :: crystals(6, 6, at_once)
       real(wp) :: tilt_slopes(posterior%n_grains, 2)
       logical :: is_mean(posterior%n_grains)
       integer :: samples, n, i, j, last, c, s
@@ -236,14 +235,12 @@ contains
       allocate (predictions%quantities(size(quantities), n, size(chains%draws, 3)))
       call posterior%new_grains(posterior%euler(:, :posterior%n_grains), posterior%data%paths, grains, error)
       if (allocated(error)) return
-      !$omp parallel do num_threads(max(1, threads)) schedule(dynamic) collapse(2) private(crystals, last, j)
+      !$omp parallel do num_threads(max(1, threads)) schedule(dynamic) collapse(2) private(last, j)
       do c = 1, size(chains%draws, 3)
          do i = 1, n, at_once
             last = min(n, i + at_once - 1)
-            do j = i, last
-               crystals(:, :, j - i + 1) = posterior%stiffness(chains%draws(:, 1 + (j - 1)*predictions%stride, c))
-            end do
-            call grains%evaluate_crystals(crystals(:, :, :last - i + 1), predictions%moduli(:, i:last, c))
+            call grains%evaluate_crystals(reshape([(posterior%stiffness(chains%draws(:, 1 + (j - 1)*predictions%stride, c)), &
+               & j=i, last)], [6, 6, last - i + 1]), predictions%moduli(:, i:last, c))
          end do
       end do
       !$omp end parallel do

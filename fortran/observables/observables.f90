@@ -36,11 +36,10 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       associate (young => settings%indenter_modulus_gpa, nu => settings%indenter_nu, sample_nu => settings%sample_nu)
-         if (.not. (young > 0.0_wp .and. abs(nu) < 1.0_wp .and. abs(sample_nu) < 1.0_wp)) then
-            call raise(error, 'the indenter''s modulus ('//to_text(young)//' GPa) must be positive, Poisson''s ratios (' &
-               & //to_text(nu)//', '//to_text(sample_nu)//') within -1 .. 1', exit_bad_input)
-            return
-         end if
+         if (.not. (young > 0.0_wp .and. abs(nu) < 1.0_wp .and. abs(sample_nu) < 1.0_wp)) call raise(error, 'the indenter''s ' &
+            & //'modulus ('//to_text(young)//' GPa) must be positive, Poisson''s ratios ('//to_text(nu)//', '//to_text(sample_nu) &
+            & //') within -1 .. 1', exit_bad_input)
+         if (allocated(error)) return
          select case (name)
          case ('indentation_modulus')
          case ('effective_modulus')

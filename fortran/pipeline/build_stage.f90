@@ -264,18 +264,15 @@ contains
       type(surrogate_type), intent(in) :: surrogate
       type(error_type), allocatable, intent(out) :: error
       real(wp), dimension(size(build%unseen_modulus)) :: mean, sd, miss
-      integer :: n
-
-      n = size(mean)
       call predict_crystals(surrogate, stiffnesses(surrogate%basis%domain%class, build%unseen_constants), &
          & degree*build%unseen_euler_deg, 1, mean, sd, error)
       miss = abs(mean - build%unseen_modulus)
       call page%begin_object('validation')
-      call page%put('points', n)
+      call page%put('points', size(mean))
       call page%put('constants', transpose(build%unseen_constants))
       call page%put('euler_deg', transpose(build%unseen_euler_deg))
       call page%put_numbers('mean_absolute_gpa, within_1_sd, within_2_sd', [sum(miss), real(count(miss <= sd), wp), &
-         & real(count(miss <= 2*sd), wp)]/max(1, n))
+         & real(count(miss <= 2*sd), wp)]/max(1, size(mean)))
       call page%put('simulated', build%unseen_modulus)
       call page%put('predicted', mean)
       call page%put('sd', sd)

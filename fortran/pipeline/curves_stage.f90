@@ -241,12 +241,10 @@ contains
                sd = r%crystal_sd
             end do
          end if
-         if (.not. modulus(1) > 0.0_wp) then
-            if (len(names) == 0) names = ', none'
-            call refuse(error, place(problem%path, 'references', 'name')//'the tests have the reference ' &
-               & //printable(material%name)//', whose modulus is not stated; stated: '//names(3:))
-            return
-         end if
+         if (len(names) == 0) names = ', none'
+         if (.not. modulus(1) > 0.0_wp) call refuse(error, place(problem%path, 'references', 'name')//'the tests have the ' &
+            & //'reference '//printable(material%name)//', whose modulus is not stated; stated: '//names(3:))
+         if (allocated(error)) return
          effective = 1.0_wp/(1.0_wp/modulus(1) + (1.0_wp - indenter%indenter_nu**2)/indenter%indenter_modulus_gpa)
          material%prior_mean = log(effective)
          material%prior_sd = max(1.0e-4_wp, sd*effective/modulus(1))

@@ -430,15 +430,12 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(named_values_reader_type) :: values
       character(kind=c_char, len=:), allocatable, target :: content
-      real(wp), pointer :: found(:, :)
-
       if (.not. file_exists(folder//name)) return
       call read_posterior(folder, content, error)
       if (allocated(error)) return
       call values%look_at(content)
       if (values%text('inputs') /= inputs) return
-      found => values%columns('draws', dimension)
-      draws = found
+      draws = values%columns('draws', dimension)
    end subroutine stored_draws
 
 end module extraction_document

@@ -97,18 +97,16 @@ contains
       call make_up(self, [1, 1, 1], used, error)
       if (.not. allocated(error)) call new_problem_posterior(used, self%surrogate, self%posterior, error)
       if (allocated(error)) return
-      associate (crystal => self%problem%settings%plan%constants)
+      associate (crystal => self%problem%settings%plan%constants, known => self%posterior%prior%knowledge)
          if (.not. self%posterior%prior%admits(crystal, self%problem%class%stiffness(crystal))) call refuse(error, &
             & place(self%problem%path, 'plan', 'constants')//'the crystal is outside the limits of &prior, or the domain of the ' &
             & //'surrogate')
          if (allocated(error)) return
-         associate (known => self%posterior%prior%knowledge)
-            allocate (values(size(known%mean)))
-            call evaluate_quantities(known%quantities, self%problem%class%stiffness(crystal), values)
-            k = findloc(abs(values - known%mean) > far*known%sd(), .true., dim=1)
-            if (k > 0) call refuse(error, place(self%problem%path, 'knowledge', 'mean')//to_text(known%mean(k))//' is more ' &
-               & //'than three sds from the '//known%quantities(k)%name//' of the crystal of &plan, '//to_text(values(k), 4))
-         end associate
+         allocate (values(size(known%mean)))
+         call evaluate_quantities(known%quantities, self%problem%class%stiffness(crystal), values)
+         k = findloc(abs(values - known%mean) > far*known%sd(), .true., dim=1)
+         if (k > 0) call refuse(error, place(self%problem%path, 'knowledge', 'mean')//to_text(known%mean(k))//' is more ' &
+            & //'than three sds from the '//known%quantities(k)%name//' of the crystal of &plan, '//to_text(values(k), 4))
       end associate
    end subroutine check_plan
 

@@ -121,7 +121,7 @@ contains
       type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
       !> GPa, 0 where there is none.
-      real(wp) :: all_moduli(size(self%rows)), bias(n_sizes), smallest
+      real(wp) :: all_moduli(size(self%rows)), bias(n_sizes)
       logical :: known(n_sizes)
       integer :: i, lacking
 
@@ -138,14 +138,13 @@ contains
             bias = 0.0_wp
             where (known) bias = moduli/ideal - 1.0_wp
             if (.not. all(known)) lacking = lacking + 1
-            smallest = smallest_size(pack(self%sizes, known), pack(bias, known))
             call begin_crystal(page, self%problem%crystals, one%crystal)
             call page%put('surroundings', trim(one%name))
             call page%put('young_gpa', merge(one%young, nan, one%young > 0.0_wp))
             call page%put('halfspace_gpa', merge(ideal, nan, ideal > 0.0_wp))
             call page%put('size_um', pack(self%sizes, known))
             call page%put('bias', pack(bias, known))
-            call page%put('smallest_um', merge(smallest, nan, any(known)))
+            call page%put('smallest_um', merge(smallest_size(pack(self%sizes, known), pack(bias, known)), nan, any(known)))
             call page%end_object()
          end associate
       end do

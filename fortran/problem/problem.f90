@@ -273,10 +273,8 @@ contains
       type(table_type) :: parsed
       integer :: i
 
-      if (table == 'warning') then
-         call warn(self%warnings, page)
-         return
-      end if
+      if (table == 'warning') call warn(self%warnings, page)
+      if (table == 'warning') return
       if (table == 'measurements' .and. len(page) == 0) then
          call read_table(self%table_file, parsed, error)
       else if (table /= 'curves') then
@@ -339,10 +337,8 @@ contains
       type(error_type), allocatable, intent(inout) :: error
       real(wp), allocatable :: x(:), y(:)
 
-      if (.not. allocated(self%map)) then
-         call set_measurements(self, table, error)
-         return
-      end if
+      if (.not. allocated(self%map)) call set_measurements(self, table, error)
+      if (.not. allocated(self%map)) return
       self%indents = table
       if (.not. allocated(error)) call name_columns(self%indents, self%settings%measurements%columns, error)
       call read_column(self%indents, 'x_um', .false., x, error)
@@ -407,9 +403,7 @@ contains
       allocate (self%candidates)
       call read_crystals(resolve_path(self%folder, name), prefix, self%class, self%candidates, error)
       if (allocated(error) .or. .not. allocated(self%class%name)) return
-      associate (classes => self%candidates%classes, class => self%candidates%class)
-         i = findloc([(classes(class(i))%name == self%class%name, i=1, size(class))], .false., 1)
-      end associate
+      i = findloc([(self%candidates%classes(self%candidates%class(i))%name == self%class%name, i=1, self%candidates%n)], .false., 1)
       if (i > 0) call refuse(error, prefix//'line '//to_text(self%candidates%table%line(i))//': the crystal is not of the ' &
          & //'symmetry of &problem')
    end subroutine load_candidates

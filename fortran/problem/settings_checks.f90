@@ -115,22 +115,18 @@ contains
       real(wp), allocatable, intent(in) :: low(:), high(:)
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: best(:)
-      character(len=3), allocatable :: names(:)
       integer :: i
 
       call check_count(place(path, group, 'c_min'), class, low, error)
       if (.not. allocated(error)) call check_count(place(path, group, 'c_max'), class, high, error)
       if (allocated(error) .or. .not. (allocated(low) .and. allocated(high))) return
-      names = class%constants
       ! A prior whose bounds are equal fixes a constant.
       i = findloc(low > high .or. (group == 'domain' .and. .not. low < high), .true., dim=1)
-      if (i > 0) then
-         call refuse(error, place(path, group, 'c_min')//'the lower bound of '//names(i)//', '//to_text(low(i))//' GPa, is not ' &
-            & //'below the upper one, '//to_text(high(i))//' GPa')
-         return
-      end if
+      if (i > 0) call refuse(error, place(path, group, 'c_min')//'the lower bound of '//class%constants(i)//', ' &
+         & //to_text(low(i))//' GPa, is not below the upper one, '//to_text(high(i))//' GPa')
+      if (allocated(error)) return
       ! The most stable crystal of the box: large on the diagonal, small off it.
-      best = merge(high, max(low, min(high, 0.0_wp)), names(:)(2:2) == names(:)(3:3))
+      best = merge(high, max(low, min(high, 0.0_wp)), class%constants(:)(2:2) == class%constants(:)(3:3))
       if (.not. is_stable(class%stiffness(best))) call refuse(error, place(path, group, 'c_max')//'no crystal between c_min and ' &
          & //'c_max is elastically stable; the stiffness must be positive definite')
    end subroutine check_bounds

@@ -328,9 +328,8 @@ contains
    end subroutine skip_blanks
 
    !> The character here; a blank at the end of the text.
-   pure function peek(parser) result(here)
+   pure character function peek(parser) result(here)
       type(parser_type), intent(in) :: parser
-      character :: here
 
       here = ' '
       if (parser%at <= len(parser%text)) here = parser%text(parser%at:parser%at)

@@ -173,9 +173,11 @@ contains
       real(wp), intent(out) :: largest(:)
       !> One line.
       character(len=:), allocatable, intent(out) :: warning
+      !> From this error on a result is warned of.
+      real(wp), parameter :: limit = 0.01_wp
       class(specimen_type), allocatable :: specimen
       logical :: two_meshes
-      integer :: i
+      integer :: i, percent(2)
 
       largest = 0.0_wp
       warning = ''
@@ -189,19 +191,6 @@ contains
             largest(i) = specimen%mesh_error(asked%refine, stiffness(:, :, i), two_meshes)
          end do
       end associate
-      warning = resolution_warning(largest)
-   end subroutine simulation_error
-
-   !> A warning of crystals whose remaining error is large; '' if there are none. Crystals are counted from 1.
-   pure function resolution_warning(largest) result(warning)
-      !> The error that remains for each crystal, relative (crystals).
-      real(wp), intent(in) :: largest(:)
-      character(len=:), allocatable :: warning
-      !> From this error on a result is warned of.
-      real(wp), parameter :: limit = 0.01_wp
-      integer :: percent(2)
-
-      warning = ''
       if (.not. any(largest > limit)) return
       percent = nint(100.0_wp*[minval(largest, largest > limit), maxval(largest)])
       warning = 'the crystal is'
@@ -209,7 +198,7 @@ contains
       warning = warning//' so near instability that the error of the mesh may reach about '//to_text(percent(1))
       if (percent(2) > percent(1)) warning = warning//' to '//to_text(percent(2))
       warning = warning//' %: refine, extrapolate, or compare with the theory'//rows_of(largest > limit)
-   end function resolution_warning
+   end subroutine simulation_error
 
    !> The numbers of those that are chosen from several, in brackets.
    pure function rows_of(chosen) result(words)

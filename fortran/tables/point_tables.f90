@@ -130,10 +130,8 @@ contains
       character(len=:), allocatable :: name
       integer :: column, i
 
-      if (table%rows > most_rows) then
-         call refuse(error, to_text(table%rows)//' rows; allowed up to '//to_text(most_rows))
-         return
-      end if
+      if (table%rows > most_rows) call refuse(error, to_text(table%rows)//' rows; allowed up to '//to_text(most_rows))
+      if (allocated(error)) return
       points%table = table
       call name_columns(points%table, asked%columns, error)
       if (asked%orientations == 'unknown') then
@@ -284,12 +282,7 @@ contains
          if (allocated(error)) return
          points%constants(j, :) = values
       end do
-      ! All 21 columns and no word on the symmetry: the crystals are given whole.
-      if (all(column > 0) .and. points%table%find('symmetry') == 0) then
-         call read_classes(general)
-      else
-         call read_classes(default_class)
-      end if
+      call read_classes()
       if (allocated(error)) return
       do i = 1, points%n
          call take_constants()
@@ -332,9 +325,7 @@ contains
       end subroutine take_constants
 
       !> The class of each row, which may say it.
-      subroutine read_classes(usual)
-         !> Of the rows that do not.
-         type(crystal_class_type), intent(in) :: usual
+      subroutine read_classes()
          type(crystal_class_type) :: class
          integer, allocatable :: first(:)
          character(len=:), allocatable :: cell
@@ -350,15 +341,15 @@ contains
             end if
             cell = ''
             if (named > 0) cell = points%table%cell(named, i)
-            class = usual
+            class = default_class
+            ! All 21 columns and no word on the symmetry: the crystals are given whole.
+            if (all(column > 0) .and. named == 0) class = general
             if (len(cell) > 0) call new_crystal_class(cell, class, error)
             if (allocated(error)) error%message = points%table%place(named, i)//error%message
             if (allocated(error)) return
-            do j = 1, size(points%classes)
-               if (points%classes(j)%name == class%name) exit
-            end do
-            if (j > size(points%classes)) points%classes = [points%classes, class]
-            points%class(i) = j
+            j = findloc([(points%classes(j)%name == class%name, j=1, size(points%classes))], .true., dim=1)
+            if (j == 0) points%classes = [points%classes, class]
+            points%class(i) = merge(size(points%classes), j, j == 0)
          end do
       end subroutine read_classes
    end subroutine read_constants
@@ -447,9 +438,8 @@ contains
    !> No angle above a full turn in radians, and not all zero.
    pure logical function angles_look_like_radians(points)
       type(points_type), intent(in) :: points
-      real(wp) :: largest
 
-      largest = maxval(abs(points%euler_deg))
-      angles_look_like_radians = points%has_angles .and. largest > 0.0_wp .and. largest <= 2.0_wp*pi + 1.0e-6_wp
+      angles_look_like_radians = points%has_angles .and. any(abs(points%euler_deg) > 0.0_wp) &
+         & .and. all(abs(points%euler_deg) <= 2.0_wp*pi + 1.0e-6_wp)
    end function angles_look_like_radians
 end module point_tables

@@ -43,10 +43,9 @@ contains
          & //join(headers, ', '))
       if (allocated(error)) return
       do j = 1, table%columns
-         if (any(column == j)) cycle
-         call refuse(error, 'the column '//printable(table%name(j))//' is none of '//join(headers, ', ')//', the constants of a ' &
-            & //class%name//' crystal')
-         return
+         if (all(column /= j)) call refuse(error, 'the column '//printable(table%name(j))//' is none of '//join(headers, ', ') &
+            & //', the constants of a '//class%name//' crystal')
+         if (allocated(error)) return
       end do
       row = 0
       do i = 1, table%rows

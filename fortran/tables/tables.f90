@@ -86,7 +86,10 @@ contains
          integer :: j
 
          do j = 1, table%columns
-            word = bare_unit(table%buffer(bounds(1, j):bounds(2, j)))
+            ! 'gpa' of '[GPa]'.
+            word = lower(table%buffer(bounds(1, j):bounds(2, j)))
+            if (scan(word, '([') == 1 .and. scan(word, ')]') == len(word)) word = word(2:len(word) - 1)
+            word = trim(adjustl(word))
             if (len(word) > 0 .and. index(known_units, ' '//word//' ') == 0) return
             units(j) = word
          end do
@@ -114,16 +117,6 @@ contains
          end do
       end subroutine check_header
    end subroutine parse_table
-
-   !> 'gpa' of '[GPa]'.
-   pure function bare_unit(string) result(word)
-      character(len=*), intent(in) :: string
-      character(len=:), allocatable :: word
-
-      word = lower(string)
-      if (scan(word, '([') == 1 .and. scan(word, ')]') == len(word)) word = word(2:len(word) - 1)
-      word = trim(adjustl(word))
-   end function bare_unit
 
    !> What separates the cells: of comma, semicolon and tab that which the header has most of, outside quotes.
    pure character function delimiter_of(header)
@@ -279,10 +272,9 @@ contains
       integer :: j
 
       do j = 1, other%columns
-         if (self%find(other%name(j)) == 0) cycle
-         call refuse(error, 'the column '//printable(self%name(self%find(other%name(j))))//' is there, and follows from the ' &
-            & //'other table; leave it out')
-         return
+         if (self%find(other%name(j)) > 0) call refuse(error, 'the column '//printable(self%name(self%find(other%name(j)))) &
+            & //' is there, and follows from the other table; leave it out')
+         if (allocated(error)) return
       end do
       allocate (bounds(2, self%columns + other%columns, 0:self%rows))
       bounds(:, :self%columns, :) = self%bounds
