@@ -4,7 +4,8 @@
 !> has visited, in the coordinates in which that is straight, and improved by importance sampling.
 !>
 !> What follows is a plain Markov chain with a fixed kernel: independent draws from the mixture, redrawn until they are in the support,
-!> and steps along the difference of two points of the burn-in. One sample is two steps, or more where the mixture fits badly.
+!> and steps along the difference of two points of the burn-in. One sample is two steps, or more where the mixture fits badly; or such steps
+!> in a near density, as one proposal.
 module ensemble_sampler
    use abstract_sampler, only: outside, sampler_type, target_type
    use ensemble_evolution, only: add_difference, evolve_population, is_accepted
@@ -28,6 +29,9 @@ module ensemble_sampler
       !> Of the steps that are draws of the mixture, and steps for a sample.
       real(wp) :: share = 0.0_wp
       integer :: steps = 1
+      !> The near density is no lower than the mixture times this, of which it is the logarithm: where it is far too low, chains would
+      !> hardly leave.
+      real(wp) :: floor = outside
    end type kernel_type
 
    !> Draws of the mixture in the support that no step has used yet: they do not depend on where the chain is.
@@ -49,6 +53,8 @@ module ensemble_sampler
 
    !> Samples that are proposed in advance.
    integer, parameter :: most_ahead = 8
+   !> Least part of the mixture in the near density.
+   real(wp), parameter :: defence = 0.05_wp
 
    type, extends(sampler_type) :: ensemble_sampler_type
    contains
@@ -72,23 +78,23 @@ contains
       type(kernel_type) :: kernel, own
       type(pool_type) :: pool, own_pool
       type(state_type) :: state
-      real(wp) :: quality
+      real(wp) :: quality, log_volume
       integer :: i, ahead, done
 
       acceptance = 0.0_wp
       call evolve_population(target, int(self%burn_in, i8)*target%dimension, stream, kernel%whitening, &
          & kernel%step_scale, kernel%archive, near, started)
       if (.not. started .or. stop_requested()) return
-      call fit_proposal(near, kernel%whitening, kernel%archive, size(log_density), stream, kernel%mixture, &
-         & quality)
+      call fit_proposal(near, kernel%whitening, kernel%archive, size(log_density), stream, kernel%mixture, quality, log_volume)
       ! Where the near one is wrong, it may have one draw that outweighs all others.
       if (near%is_near .and. .not. quality > 0.0_wp) call fit_proposal(target, kernel%whitening, kernel%archive, &
-         & size(log_density), stream, kernel%mixture, quality)
+         & size(log_density), stream, kernel%mixture, quality, log_volume)
       if (stop_requested()) return
       ! Differences lead along tails that the mixture leaves out; where it fits badly, more of the steps are such.
       if (quality > 0.0_wp) kernel%share = min(0.6_wp, max(0.2_wp, quality))
       own = kernel
       own%steps = 2
+      if (near%is_near .and. quality > 0.0_wp) kernel%floor = log(defence) + log_volume
       kernel%steps = 2 + nint(2.0_wp*target%dimension*max(0.0_wp, 0.7_wp - quality))
       call stream%pick(size(kernel%archive, 2), i)
       state%u = kernel%archive(:, i)
@@ -108,6 +114,7 @@ contains
                ! Of its own steps, so that it leaves tails where the near one is wrong.
                call walk(target, own, own_pool, stream, state)
                call near%evaluate_working(state%w, state%near)
+               if (state%near(1) > outside) state%near = max(state%near, kernel%floor + log_mixture(kernel%mixture, state%u))
             end if
             done = min(ahead, most_ahead - mod(i, most_ahead), size(log_density) - i)
             call walk_ahead(target, near, kernel, pool, stream, state, draws(:, i + 1:i + done), log_density(i + 1:i + done), done)
@@ -170,11 +177,13 @@ contains
       type(state_type), intent(inout) :: state
       real(wp) :: u(target%dimension), w(target%dimension, 1), density(1), own, other, v
       integer :: step, a, b
+      logical :: is_draw
 
       own = log_mixture(kernel%mixture, state%u)
       do step = 1, kernel%steps
          call stream%uniform(v)
-         if (v < kernel%share) then
+         is_draw = v < kernel%share
+         if (is_draw) then
             pool%drawn = pool%drawn + 1
             if (pool%left == 0) call fill(target, kernel%whitening, kernel%mixture, stream, pool)
             if (pool%left == 0) cycle
@@ -182,9 +191,6 @@ contains
             w(:, 1) = pool%w(:, pool%left)
             density = pool%log_density(pool%left)
             pool%left = pool%left - 1
-            other = log_mixture(kernel%mixture, u)
-            if (.not. is_accepted(stream, density(1) - other, state%density(1) - own, 1.0_wp)) cycle
-            pool%accepted = pool%accepted + 1
          else
             ! Along the difference of two points of the burn-in.
             call stream%pick(size(kernel%archive, 2), a)
@@ -192,9 +198,12 @@ contains
             call add_difference(stream, kernel%archive(:, a) - kernel%archive(:, b), kernel%step_scale, state%u, u)
             call kernel%whitening%from_white(u, w(:, 1))
             call target%evaluate_working(w, density)
-            if (.not. is_accepted(stream, density(1), state%density(1), 1.0_wp)) cycle
-            other = log_mixture(kernel%mixture, u)
          end if
+         other = log_mixture(kernel%mixture, u)
+         if (density(1) > outside) density = max(density, kernel%floor + other)
+         if (.not. is_accepted(stream, density(1) - merge(other, 0.0_wp, is_draw), &
+            & state%density(1) - merge(own, 0.0_wp, is_draw), 1.0_wp)) cycle
+         if (is_draw) pool%accepted = pool%accepted + 1
          state%u = u
          state%w = w
          state%density = density
@@ -246,7 +255,7 @@ contains
    !> Fit the mixture to the archive, then improve it by importance sampling. Points that the mixture puts outside the support
    !> count as data of their own, so that it does not shy away from the bounds; the archive stays among the data, so that a tail
    !> that the mixture has lost comes back. `quality` estimates the effective share of its draws; 0 if they are of no use.
-   subroutine fit_proposal(target, whitening, archive, samples, stream, mixture, quality)
+   subroutine fit_proposal(target, whitening, archive, samples, stream, mixture, quality, log_volume)
       class(target_type), intent(in) :: target
       type(whitening_type), intent(in) :: whitening
       real(wp), intent(in), contiguous :: archive(:, :)
@@ -255,6 +264,8 @@ contains
       type(random_stream_type), intent(inout) :: stream
       type(mixture_type), intent(out) :: mixture
       real(wp), intent(out) :: quality
+      !> Logarithm of the integral of the density over whitened coordinates, if there is a quality.
+      real(wp), intent(out) :: log_volume
       integer, parameter :: components = 16, least_draws = 600, most_draws = 3000, most_outside = 3000, least_rounds = 4, &
          & most_rounds = 12
       !> A smaller share of good draws is not worth the search: differences alone do better.
@@ -273,6 +284,7 @@ contains
       call new_mixture(archive, components, fitted)
       call fit_mixture(archive, weights(:archived), 15, fitted)
       quality = 0.0_wp
+      log_volume = 0.0_wp
       do round = 1, most_rounds
          if (stop_requested()) return
          call widen_mixture(fitted, mixture)
@@ -294,7 +306,9 @@ contains
          end do
          quality = 0.0_wp
          if (inside == 0) return
-         log_weights(:inside) = exp(log_weights(:inside) - maxval(log_weights(:inside)))
+         log_volume = maxval(log_weights(:inside))
+         log_weights(:inside) = exp(log_weights(:inside) - log_volume)
+         log_volume = log_volume + log(sum(log_weights(:inside))/(inside + out))
          quality = sum(log_weights(:inside))**2/sum(log_weights(:inside)**2)/inside
          ! Not before the mixture that is kept has shown that it is good: its draws may have found a tail.
          if (round == most_rounds .or. (round >= least_rounds .and. quality > 0.5_wp)) exit

@@ -46,13 +46,11 @@ contains
       type(log_frame_type) :: frame
       real(wp), allocatable :: p(:, :), gram(:, :), moduli(:, :), x(:, :), c(:, :, :)
       real(wp) :: covariance(size(points, 1), size(points, 1))
-      integer :: degree, i, n, m
+      integer :: i, n, m
 
       m = size(points, 1)
-      do degree = highest, 1, -1
-         if (count_products(m, degree, .true.) <= min(most, size(points, 2)/least_points)) exit
-      end do
-      near%products = new_legendre_products(m, degree, .true.)
+      n = min(most, size(points, 2)/least_points)
+      near%products = new_legendre_products(m, count([(count_products(m, i, .true.) <= n, i=1, highest)]), .true.)
       n = min(size(points, 2), enough_points*near%products%n_products)
       allocate (x(m, n), c(6, 6, n), moduli(n_rows, n), p(near%products%n_products, n))
       do i = 1, n

@@ -262,8 +262,8 @@ contains
       end do
    end subroutine predict_grains
 
-   !> The surrogate's error, drawn given the data, added to moduli at a point; `factor` is one plus the calibration error of each group drawn
-   !> likewise. Without these uncertainties nothing is added and the factors are 1.
+   !> The surrogate's error, drawn given the data, added to moduli at a point; `factor` is one plus the calibration error of each group
+   !> drawn likewise. Without these uncertainties nothing is added and the factors are 1.
    subroutine add_shared(posterior, x, grains, stream, moduli, factor)
       type(posterior_type), intent(in) :: posterior
       !> (dimension).

@@ -285,45 +285,35 @@ contains
       class(correction_grain_model_type), intent(in) :: self
       real(wp), intent(in), contiguous :: c(:, :, :)
       real(wp), intent(out), contiguous :: modulus(:, :)
-      real(wp), allocatable :: of_directions(:, :)
-
-      allocate (of_directions(self%n_independent, size(c, 3)))
-      call evaluate_independent(self, c, of_directions)
-      call self%expansion%expand(of_directions, modulus)
-   end subroutine evaluate_crystals
-
-   !> The moduli that are computed.
-   pure subroutine evaluate_independent(self, c, modulus)
-      class(correction_grain_model_type), intent(in) :: self
-      real(wp), intent(in), contiguous :: c(:, :, :)
-      !> GPa, (n_independent, crystal).
-      real(wp), intent(out), contiguous :: modulus(:, :)
+      !> The moduli that are computed, (n_independent, crystal).
+      real(wp), allocatable :: independent(:, :)
       type(halfspace_type) :: theory
       type(error_type), allocatable :: error
       real(wp) :: w(self%logarithms%n), y(self%n_independent)
       integer :: i, k
 
+      allocate (independent(self%n_independent, size(c, 3)))
       ! A negative limit: none is read.
-      if (self%full_above >= 0.0_wp) call field_moduli(self%field, c, modulus)
+      if (self%full_above >= 0.0_wp) call field_moduli(self%field, c, independent)
       do i = 1, size(c, 3)
          if (self%full_above >= huge(1.0_wp)) exit
          if (log_anisotropy(c(:, :, i)) <= self%full_above) cycle
-         do k = 1, size(modulus, 1)
+         do k = 1, self%n_independent
             call halfspace_modulus(c(:, :, i), self%euler(:, k), theory, error)
-            modulus(k, i) = theory%modulus
+            independent(k, i) = theory%modulus
          end do
       end do
-      if (self%polynomials%n == 0) return
-      do i = 1, size(c, 3)
+      do i = 1, merge(size(c, 3), 0, self%polynomials%n > 0)
          w = self%logarithms%to_logarithms(c(:, :, i))
          if (self%own%n_products > 0) then
             call transposed_product(self%own%n_products, size(y), self%expanded, own_products(self, w), y)
          else
             y = matmul(terms_of_grains(self, w), self%coefficients)
          end if
-         modulus(:, i) = modulus(:, i)*exp(y)
+         independent(:, i) = independent(:, i)*exp(y)
       end do
-   end subroutine evaluate_independent
+      call self%expansion%expand(independent, modulus)
+   end subroutine evaluate_crystals
 
    pure subroutine evaluate_columns(self, c, columns)
       class(correction_grain_model_type), intent(in) :: self
