@@ -145,13 +145,14 @@ contains
       call self%grains%set_grains(self%euler, error)
    end subroutine set_field_degree
 
-   !> Moduli are polynomials, but those of unknown orientations, which are many.
+   !> Moduli are polynomials, unless there are so many that these cost more than the moduli.
    subroutine coarsen(self, points)
       class(posterior_type), intent(inout) :: self
       real(wp), intent(in), contiguous :: points(:, :)
+      integer, parameter :: most_rows = 1000
       type(error_type), allocatable :: error
 
-      if (allocated(self%unknown) .or. self%prior_only) return
+      if (size(self%euler, 2) > most_rows .or. allocated(self%unknown) .or. self%prior_only) return
       call new_near_moduli(self%grains, size(self%euler, 2), self%prior%logarithms, points(:self%n_constants, :), self%near, error)
       self%is_near = .not. allocated(error)
    end subroutine coarsen

@@ -125,11 +125,13 @@ contains
       real(wp), intent(inout) :: points(:, :), density(:)
       type(whitening_type), intent(inout) :: whitening
       real(wp) :: before(size(density))
-      integer :: left
+      integer :: left, few
       logical :: was_exact
 
       was_exact = .not. near%is_near
-      call approach(target, near, points(:, ::max(1, size(points, 2)/(60*target%dimension))), temperature)
+      few = 60*target%dimension
+      if (temperature < 4.0_wp) few = size(points, 2)
+      call approach(target, near, points(:, ::max(1, size(points, 2)/few)), temperature)
       call fit_whitening(points, min(distinct, size(density)), whitening)
       if (was_exact .and. .not. near%is_near) return
       before = density

@@ -86,6 +86,10 @@ contains
          & kernel%step_scale, kernel%archive, near, started)
       if (.not. started .or. stop_requested()) return
       call fit_proposal(near, kernel%whitening, kernel%archive, size(log_density), stream, kernel%mixture, quality, log_volume)
+      if (near%is_near .and. quality > 0.0_wp) then
+         call correct(near, kernel, stream)
+         call fit_proposal(near, kernel%whitening, kernel%archive, size(log_density), stream, kernel%mixture, quality, log_volume)
+      end if
       ! Where the near one is wrong, it may have one draw that outweighs all others.
       if (near%is_near .and. .not. quality > 0.0_wp) call fit_proposal(target, kernel%whitening, kernel%archive, &
          & size(log_density), stream, kernel%mixture, quality, log_volume)
@@ -210,6 +214,24 @@ contains
          own = other
       end do
    end subroutine walk
+
+   !> A near density from draws of the mixture too, some of which are where it was far too high.
+   subroutine correct(near, kernel, stream)
+      class(target_type), intent(inout) :: near
+      type(kernel_type), intent(in) :: kernel
+      type(random_stream_type), intent(inout) :: stream
+      integer, parameter :: draws = 2000
+      real(wp), dimension(near%dimension, draws + size(kernel%archive, 2)) :: u, w
+      real(wp) :: density(size(u, 2))
+      integer :: i
+
+      call draw_points(near, kernel%whitening, kernel%mixture, stream, u(:, :draws), w(:, :draws), density(:draws))
+      density(draws + 1:) = 0.0_wp
+      do i = draws + 1, size(u, 2)
+         call kernel%whitening%from_white(kernel%archive(:, i - draws), w(:, i))
+      end do
+      call near%coarsen(w(:, pack([(i, i=1, size(density))], density > outside)))
+   end subroutine correct
 
    !> Draw points of the mixture in the support; none are left if a thousand were all outside.
    subroutine fill(target, whitening, mixture, stream, pool)

@@ -40,7 +40,7 @@ contains
       type(near_moduli_type), intent(out) :: near
       type(error_type), allocatable, intent(out) :: error
       !> Points for each product, those that must be there and those that are taken.
-      integer, parameter :: highest = 8, most = 800, least_points = 4, enough_points = 5
+      integer, parameter :: highest = 8, most = 260, least_points = 4, enough_points = 12
       !> Of the diagonal, so that rounding does not matter.
       real(wp), parameter :: ridge = 1.0e-11_wp
       type(log_frame_type) :: frame
