@@ -274,9 +274,11 @@ contains
       call read_real(cell(12)%text, row%outcome%seconds, outcome)
       good(5) = cell(13)%text == row_checksum(self%identity, cell(2:1 + n_texts), row%outcome%modulus, row%outcome%elements, &
          & row%outcome%seconds)
-      good(2) = good(2) .and. size(angles) == size(row%euler_deg)
-      if (all(good)) row%euler_deg = angles
-      if (.not. all(good)) call raise_damaged(self%path, 'the row of position '//to_text(row%position)//' was changed', error)
+      if (all(good) .and. size(angles) == size(row%euler_deg)) then
+         row%euler_deg = angles
+      else
+         call raise_damaged(self%path, 'the row of position '//to_text(row%position)//' was changed', error)
+      end if
    end subroutine read_row
 
    !> The numbers of a JSON list, none of an empty text.
@@ -302,12 +304,13 @@ contains
    end subroutine read_list
 
    !> The checksum of a row: of the identity of its physics, its texts, and its numbers, to the last bit.
-   pure character(len=16) function row_checksum(identity, texts, modulus, elements, seconds) result(digits)
+   pure function row_checksum(identity, texts, modulus, elements, seconds) result(digits)
       character(len=*), intent(in) :: identity
       type(warning_type), intent(in) :: texts(:)
       !> GPa; number; s. Each is 0 where there is none.
       real(wp), intent(in) :: modulus, seconds
       integer, intent(in) :: elements
+      character(len=16) :: digits
       character(len=:), allocatable :: words
       integer :: i
 

@@ -146,8 +146,11 @@ contains
       code = iand(code, 255)
       if (code == full) cells = 'the disk is full'
       if (code == read_only) cells = 'there is no permission to write it'
-      if (any(of_the_machine == code)) call raise(error, self%path//': the campaign cannot be used: '//cells, machine_failure)
-      if (all(of_the_machine /= code)) call raise_damaged(self%path, cells, error)
+      if (any(of_the_machine == code)) then
+         call raise(error, self%path//': the campaign cannot be used: '//cells, machine_failure)
+      else
+         call raise_damaged(self%path, cells, error)
+      end if
       cells = ''
    end subroutine query
 

@@ -139,7 +139,9 @@ contains
       call dgeqrf(size(a, 1), size(a, 2), a, max(1, size(a, 1)), tau, work, size(work), info)
       reversed = [(a(j, j) < 0.0_wp, j=1, size(a, 2))]
       call dorgqr(size(a, 1), size(a, 2), size(a, 2), a, max(1, size(a, 1)), tau, work, size(work), info)
-      where (spread(reversed, 1, size(a, 1))) a = -a
+      do j = 1, size(a, 2)
+         if (reversed(j)) a(:, j) = -a(:, j)
+      end do
    end subroutine orthonormalize
 
    !> `a`ᵀ b, summed in the order that is fastest.

@@ -186,9 +186,11 @@ contains
          length = transfer(self%bytes(at + 5:at + 8), length)
          n_bytes = transfer(self%bytes(at + 9:at + 16), n_bytes)
          start = at + header_bytes + padded(int(length, i8))
-         if (length == len(name) .and. all([(self%bytes(at + header_bytes + i) == name(i:i), i=1, min(length, len(name)))])) then
-            if (index(kinds, self%bytes(at + 1)) > 0) content => self%bytes(start + 1:start + n_bytes)
-            return
+         if (length == len(name)) then
+            if (all([(self%bytes(at + header_bytes + i) == name(i:i), i=1, length)])) then
+               if (index(kinds, self%bytes(at + 1)) > 0) content => self%bytes(start + 1:start + n_bytes)
+               return
+            end if
          end if
          at = start + padded(n_bytes)
       end do
@@ -208,8 +210,11 @@ contains
 
       content => find(self, name, 'ib')
       value = 0
-      if (associated(content)) value = int(transfer(content, 0_i8))
-      if (.not. associated(content)) call refuse(self%error, 'the integer '''//name//''' is missing')
+      if (associated(content)) then
+         value = int(transfer(content, 0_i8))
+      else
+         call refuse(self%error, 'the integer '''//name//''' is missing')
+      end if
    end function integer_of
 
    logical function logical_of(self, name) result(value)
@@ -237,8 +242,11 @@ contains
 
       content => find(self, name, 't')
       value = ''
-      if (associated(content)) value = transfer(content, repeat(' ', size(content)))
-      if (.not. associated(content)) call refuse(self%error, 'the text '''//name//''' is missing')
+      if (associated(content)) then
+         value = transfer(content, repeat(' ', size(content)))
+      else
+         call refuse(self%error, 'the text '''//name//''' is missing')
+      end if
    end function text_of
 
    !> The reals of an array of any shape, in Fortran's order, where they are.

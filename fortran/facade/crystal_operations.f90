@@ -63,9 +63,11 @@ contains
       case ('directions')
          ! A number that are far apart over the region that the class tells apart, or of 0 an even lattice.
          call new_region(class, region)
-         i = x%in%integer('count')
-         if (i > 0) call spread_of_directions(region, i, x%values)
-         if (i <= 0) call lattice_of_directions(region, x%values)
+         if (x%in%integer('count') > 0) then
+            call spread_of_directions(region, x%in%integer('count'), x%values)
+         else
+            call lattice_of_directions(region, x%values)
+         end if
       case ('representatives')
          ! Of directions (3, n) the images in that region.
          call new_region(class, region)

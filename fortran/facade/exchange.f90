@@ -97,10 +97,12 @@ contains
       if (found == kind) object => entries(i)%object
       !$omp end critical (object_registry)
       if (associated(object)) return
-      found = 'handle '//to_text(handle)//' stands for a '//found//', not a '//kind
-      if (i == 0) found = 'the '//kind//' does not exist any more (handle '//to_text(handle)//' was freed, or is of another ' &
-         & //'process)'
-      call raise(error, found, exit_bad_input)
+      if (len(found) > 0) then
+         call raise(error, 'handle '//to_text(handle)//' stands for a '//found//', not a '//kind, exit_bad_input)
+      else
+         call raise(error, 'the '//kind//' does not exist any more (handle '//to_text(handle)//' was freed, or is of ' &
+            & //'another process)', exit_bad_input)
+      end if
    end subroutine find_object
 
    !> Free the object of a handle; one that is not there is no error, so that freeing twice does no harm.
@@ -173,8 +175,9 @@ contains
    end subroutine close
 
    !> Where surrogates are looked for.
-   type(places_type) function places(self)
+   function places(self)
       class(exchange_type), intent(inout) :: self
+      type(places_type) :: places
 
       ! A function of deferred length in a structure constructor makes gfortran 12 allocate one byte for it.
       places%output = self%in%text('output')

@@ -249,8 +249,10 @@ contains
       if (allocated(error)) return
       result%modulus_of_mesh = [modulus_of(model, result%curve_type)]
       if (.not. two_meshes) return
-      if (size(model%grid) == 2) call extrapolate_curve(model%grid(2))
-      if (size(model%grid) == 2) return
+      if (size(model%grid) == 2) then
+         call extrapolate_curve(model%grid(2))
+         return
+      end if
       call new_grid(model%specimen, model%indenter, model%refine(2), coarse, error)
       if (allocated(error)) return
       result%elements = result%elements + size(coarse%mesh%brick, 2) + size(coarse%mesh%facet, 2)

@@ -12,8 +12,8 @@ module constants_posterior
    use errors, only: error_type, exit_bad_input, raise, refuse
    use kinds, only: degree, wp
    use logarithmic_coordinates, only: log_frame_type
-   use near_moduli, only: near_moduli_type, new_near_moduli
    use measured_grains, only: all_tilts, measured_type, n_tilts, tilt_moments
+   use near_moduli, only: near_moduli_type, new_near_moduli
    use observables, only: new_observable, observable_type
    use random, only: random_stream_type
    use abstract_sampler, only: outside, target_type
@@ -42,7 +42,7 @@ module constants_posterior
       integer, private :: n_directions = 1
       !> What the surrogate gives the measured grains, then the same grains with the next tilt, and so on.
       class(grain_model_type), allocatable :: grains
-      !> Of `coarsen`, if `is_near`.
+      !> Of `become_near`, if `is_near`.
       type(near_moduli_type) :: near
       type(observable_type) :: observable
       class(error_model_type), allocatable :: errors
@@ -64,7 +64,7 @@ module constants_posterior
       !> Sum of the logarithms of the scales.
       real(wp) :: log_scales = 0.0_wp
    contains
-      procedure :: evaluate, evaluate_working, to_working, from_working, coarsen, draw_start, set_field_degree, &
+      procedure :: evaluate, evaluate_working, to_working, from_working, become_near, draw_start, set_field_degree, &
          & moduli_at, predict_measurements, infer_shared, evaluate_grains, scale_factor, place_shared, log_prior, stiffness, &
          & new_grains
    end type posterior_type
@@ -146,7 +146,7 @@ contains
    end subroutine set_field_degree
 
    !> Moduli are polynomials, unless there are so many that these cost more than the moduli.
-   subroutine coarsen(self, points)
+   subroutine become_near(self, points)
       class(posterior_type), intent(inout) :: self
       real(wp), intent(in), contiguous :: points(:, :)
       integer, parameter :: most_rows = 1000
@@ -155,7 +155,7 @@ contains
       if (size(self%euler, 2) > most_rows .or. allocated(self%unknown) .or. self%prior_only) return
       call new_near_moduli(self%grains, size(self%euler, 2), self%prior%logarithms, points(:self%n_constants, :), self%near, error)
       self%is_near = .not. allocated(error)
-   end subroutine coarsen
+   end subroutine become_near
 
    pure subroutine evaluate(self, points, log_density)
       class(posterior_type), intent(in) :: self

@@ -125,13 +125,14 @@ contains
       real(wp), intent(inout) :: points(:, :), density(:)
       type(whitening_type), intent(inout) :: whitening
       real(wp) :: before(size(density))
-      integer :: left, few
+      integer :: left, stride
       logical :: was_exact
 
       was_exact = .not. near%is_near
-      few = 60*target%dimension
-      if (temperature < 4.0_wp) few = size(points, 2)
-      call approach(target, near, points(:, ::max(1, size(points, 2)/few)), temperature)
+      ! While it cools a few points do; then all, for the tails.
+      stride = max(1, size(points, 2)/(60*target%dimension))
+      if (temperature < 4.0_wp) stride = 1
+      call approach(target, near, points(:, ::stride), temperature)
       call fit_whitening(points, min(distinct, size(density)), whitening)
       if (was_exact .and. .not. near%is_near) return
       before = density
@@ -152,7 +153,7 @@ contains
       real(wp) :: w(size(points, 1), tests), exact(tests), other(tests)
       integer :: k
 
-      call near%coarsen(points)
+      call near%become_near(points)
       if (.not. near%is_near) return
       w = points(:, [(1 + (k - 1)*(size(points, 2) - 1)/tests, k=1, tests)])
       call target%evaluate_working(w, exact)

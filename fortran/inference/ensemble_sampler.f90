@@ -230,7 +230,7 @@ contains
       do i = draws + 1, size(u, 2)
          call kernel%whitening%from_white(kernel%archive(:, i - draws), w(:, i))
       end do
-      call near%coarsen(w(:, pack([(i, i=1, size(density))], density > outside)))
+      call near%become_near(w(:, pack([(i, i=1, size(density))], density > outside)))
    end subroutine correct
 
    !> Draw points of the mixture in the support; none are left if a thousand were all outside.

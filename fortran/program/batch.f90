@@ -127,8 +127,10 @@ contains
       places%shipped = shipped_surrogates
       call check_stages(self, places, check_only, error)
       call stop_on(error)
-      if (check_only) call say(path//' is right; it asks for: '//join(self%stages, ' '), output_stream)
-      if (check_only) return
+      if (check_only) then
+         call say(path//' is right; it asks for: '//join(self%stages, ' '), output_stream)
+         return
+      end if
       call take_folder(output, 0, .true., error)
       if (.not. allocated(error)) call begin_results(self, groups_of(self%stages), places, error)
       call stop_on(error)

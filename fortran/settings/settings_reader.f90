@@ -114,16 +114,21 @@ contains
 
       if (allocated(variable%values)) deallocate (variable%values)
       i = find_entry(file, variable%group, variable%name)
-      if (i == 0 .and. variable%default /= '*' .and. variable%default /= 'unset') variable%values = text_values([variable%default])
-      if (i == 0) return
+      if (i == 0) then
+         if (variable%default /= '*' .and. variable%default /= 'unset') variable%values = text_values([variable%default])
+         return
+      end if
       variable%values = file(i)%values
       message = ''
       if (index(variable%kind, 'list') + index(variable%kind, 'each') == 0 .and. size(variable%values) > 1) message = &
          & to_text(size(variable%values))//' values; one is needed'//allowed_part(variable)
       do j = 1, size(variable%values)
          if (len(message) > 0) exit
-         if (is_text(variable)) call check_text(variable, variable%values(j), message)
-         if (.not. is_text(variable)) call check_number(variable, variable%values(j), message)
+         if (is_text(variable)) then
+            call check_text(variable, variable%values(j), message)
+         else
+            call check_number(variable, variable%values(j), message)
+         end if
       end do
       if (len(message) > 0) call refuse(error, place(path, variable%group, variable%name)//message)
    end subroutine read_variable
@@ -243,8 +248,10 @@ contains
       character(len=:), allocatable :: line
       integer :: i
 
-      line = '  ! '//variable%name//' is unset'
-      if (.not. allocated(variable%values)) return
+      if (.not. allocated(variable%values)) then
+         line = '  ! '//variable%name//' is unset'
+         return
+      end if
       line = '  '//variable%name//' = '
       do i = 1, size(variable%values)
          if (i > 1) line = line//', '

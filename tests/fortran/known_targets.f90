@@ -19,7 +19,7 @@ module known_targets
    !> The same, with a near density that errs.
    type, extends(banana_type) :: misjudged_type
    contains
-      procedure :: coarsen => misjudge
+      procedure :: become_near => misjudge
       procedure :: evaluate => evaluate_misjudged
    end type misjudged_type
 
