@@ -14,7 +14,7 @@ CASE = f"""&problem symmetry = 'cubic' /
 &measurements file = '{SOURCE / "inputs" / "data" / "fe3si.csv"}', modulus_kind = 'indentation_modulus' /
 &prior c_min = 50, 40, 15, c_max = 250, 150, 150, anisotropy_cap = 7.2 /
 &knowledge quantity = 'bulk_modulus', mean = KNOWN, sd = 3.3 /
-&sampler samples = 400, burn_in = 1500, chains = 2 /
+&sampler samples = 1000, burn_in = 1500, chains = 2 /
 """
 PRIOR = [
     "measured: indentation_modulus of 11 grains",

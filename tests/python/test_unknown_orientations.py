@@ -141,12 +141,13 @@ def test_the_posterior_is_that_of_importance_sampling(name, calibration):
     rng = np.random.default_rng(1)
     # Uniform for a quarter: the posterior ends at bounds.
     proposal = stats.multivariate_t(draws.mean(axis=0), 1.2 * np.cov(draws.T), df=6, seed=2)
-    x = np.vstack([proposal.rvs(24000), rng.uniform(low, high, (8000, len(names)))])
+    n = {"copper": 4000, "titanium": 8000}[name]
+    x = np.vstack([proposal.rvs(3 * n), rng.uniform(low, high, (n, len(names)))])
     x = x[np.all((x > low) & (x < high), axis=1)]
     x = x[np.linalg.eigvalsh(stiffness_rows(symmetry, x))[:, 0] > 0]
     angles, weights = sphere(symmetry, 16)
     rows = np.array([bi.halfspace_modulus(one, angles) for one in stiffness_rows(symmetry, x)])
-    shared = even_nodes(np.full((20, 1), calibration), 31 if calibration else 1)
+    shared = even_nodes(np.full((20, 1), calibration), 25 if calibration else 1)
     logs = np.concatenate([log_likelihood(part, weights, table, shared) for part in np.array_split(rows, 200)])
     logs -= np.log(0.75 * proposal.pdf(x) + 0.25 / np.prod(high - low))
     p = np.exp(logs - logs.max())
