@@ -45,7 +45,7 @@ module campaign
       integer, private :: n_waiting = 0
       integer(i8), private :: since = 0
    contains
-      procedure :: open => open_campaign, close => close_campaign, rows, find, add, add_soon, flush, next_position, other_physics
+      procedure :: open => open_campaign, rows, find, add, add_soon, flush, next_position, other_physics
       procedure, private :: read_row
       final :: finalize_campaign
    end type campaign_type
@@ -80,7 +80,7 @@ contains
       character(len=*), intent(in) :: path, identity
       type(error_type), allocatable, intent(out) :: error
 
-      call self%close()
+      call self%file%close()
       self%path = path
       self%identity = identity
       call open_campaign_file(path, self%file, error)
@@ -88,20 +88,13 @@ contains
          & //quoted(identity, '''')//')', error)
       if (.not. allocated(error)) call self%file%value('SELECT id FROM physics WHERE identity = '//quoted(identity, ''''), &
          & self%physics, error)
-      if (allocated(error)) call self%close()
+      if (allocated(error)) call self%file%close()
    end subroutine open_campaign
-
-   !> Close the file; a closed campaign may be closed again.
-   subroutine close_campaign(self)
-      class(campaign_type), intent(inout) :: self
-
-      call self%file%close()
-   end subroutine close_campaign
 
    subroutine finalize_campaign(self)
       type(campaign_type), intent(inout) :: self
 
-      call self%close()
+      call self%file%close()
    end subroutine finalize_campaign
 
    !> All rows of this physics, of one symmetry or, of '', of all, in order of choice.

@@ -63,10 +63,8 @@ module campaign_file
       & '    status TEXT NOT NULL CHECK (status IN (''done'', ''failed'')),'//newline// &
       & '    message TEXT NOT NULL,                  -- why it failed'//newline// &
       & '    indentation_modulus_gpa REAL,'//newline// &
-      & '    elements INTEGER,'//newline// &
-      & '    seconds REAL,'//newline// &
-      & '    depth_um TEXT,                          -- JSON list'//newline// &
-      & '    force_mn TEXT,                          -- JSON list'//newline// &
+      & '    elements INTEGER, seconds REAL,'//newline// &
+      & '    depth_um TEXT, force_mn TEXT,           -- JSON lists'//newline// &
       & '    created TEXT NOT NULL,                  -- UTC'//newline// &
       & '    checksum TEXT,                          -- of all before but id, position, created'//newline// &
       & '    UNIQUE (physics_id, symmetry, constants, euler_deg)'//newline// &

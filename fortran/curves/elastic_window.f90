@@ -101,7 +101,7 @@ contains
       !> The elastic curve misses the first contact by so much of the depth.
       real(wp), parameter :: farthest = 0.15_wp
       real(wp) :: evidence, best, off
-      real(wp), allocatable :: before(:), after(:), score(:, :), weight(:, :)
+      real(wp), allocatable :: before(:), after(:), score(:, :), weight(:, :), r(:)
       type(linear_type) :: l
       type(window_type) :: window
       real(wp) :: variances(n_columns, 2*size(beginnings))
@@ -132,7 +132,11 @@ contains
          end do
          if (window%last == 0) cycle
          evidence = window%score + log(sum(exp(score - window%score)))
-         call renew_noise(l%residual - matmul(window%mean, l%columns), correlations(i), window, test%sigma(i))
+         ! The sd of the steps in the windows, drawn to what it was by the weight of two points.
+         r = l%residual - matmul(window%mean, l%columns)
+         associate (e => r(window%first + 1:window%last) - correlations(i)*r(window%first:window%last - 1), sigma => test%sigma(i))
+            sigma = sqrt((sum(e**2) + 2.0_wp*sigma**2)/(max(1, size(e) - 3) + 2))
+         end associate
          if (evidence <= best) cycle
          best = evidence
          chosen = i
@@ -260,17 +264,6 @@ contains
          end associate
       end subroutine learn
    end subroutine score_windows
-
-   !> The sd of the steps in a window from its residuals `r`, drawn to what it was by the weight of two points.
-   pure subroutine renew_noise(r, correlation, window, sigma)
-      real(wp), intent(in) :: r(:), correlation
-      type(window_type), intent(in) :: window
-      real(wp), intent(inout) :: sigma
-
-      associate (e => r(window%first + 1:window%last) - correlation*r(window%first:window%last - 1))
-         sigma = sqrt((sum(e**2) + 2.0_wp*sigma**2)/(max(1, size(e) - 3) + 2))
-      end associate
-   end subroutine renew_noise
 
    !> Means over the windows, and the modulus given the shared unknowns.
    subroutine sum_windows(test, s, l, first, variances, weight)

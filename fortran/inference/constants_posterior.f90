@@ -179,9 +179,8 @@ contains
       real(wp), intent(in) :: c(6, 6)
 
       log_prior = self%prior%log_density(c)
-      associate (logarithms => self%prior%logarithms)
-         if (self%prior%in_logarithms) log_prior = log_prior - logarithms%log_volume_at(logarithms%to_logarithms(c))
-      end associate
+      if (self%prior%in_logarithms) log_prior = log_prior &
+         & - self%prior%logarithms%log_volume_at(self%prior%logarithms%to_logarithms(c))
    end function log_prior
 
    pure recursive subroutine evaluate_working(self, w, log_density)
@@ -225,11 +224,9 @@ contains
          call self%grains%evaluate_crystals(c(:, :, :n), moduli)
       end if
       do i = 1, n
-         associate (point => w(:, in_support(i)))
-            ! A factor on the sds is the same in both coordinates.
-            log_density(in_support(i)) = self%prior%log_density(c(:, :, i), point(:k)) + log_volume(i) &
-               & + likelihood_of_crystal(self, point, c(:, :, i), moduli(:, i))
-         end associate
+         ! A factor on the sds is the same in both coordinates.
+         log_density(in_support(i)) = self%prior%log_density(c(:, :, i), w(:k, in_support(i))) + log_volume(i) &
+            & + likelihood_of_crystal(self, w(:, in_support(i)), c(:, :, i), moduli(:, i))
       end do
       if (self%is_near) where (.not. log_density > outside) log_density = outside
    end subroutine evaluate_working

@@ -246,15 +246,14 @@ contains
 
       do attempt = 1, most_attempts
          call draw_points(target, whitening, mixture, stream, u, w, log_density)
-         associate (inside => pack([(i, i=1, at_once)], log_density > outside))
-            pool%left = size(inside)
-            if (pool%left == 0) cycle
-            pool%u = u(:, inside)
-            pool%w = w(:, inside)
-            pool%log_density = log_density(inside)
-         end associate
-         return
+         if (any(log_density > outside)) exit
       end do
+      associate (inside => pack([(i, i=1, at_once)], log_density > outside))
+         pool%left = size(inside)
+         pool%u = u(:, inside)
+         pool%w = w(:, inside)
+         pool%log_density = log_density(inside)
+      end associate
    end subroutine fill
 
    !> Points of the mixture, evaluated.

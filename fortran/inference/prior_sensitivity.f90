@@ -78,11 +78,10 @@ contains
          call move_limits(standard, limits(i), changes)
       end do
       if (posterior%prior%has_default) return
-      associate (logarithms => posterior%prior%logarithms)
-         do i = 1, size(log_weights)
-            log_weights(i) = logarithms%log_volume_at(logarithms%to_logarithms(posterior%stiffness(draws(:, i))))
-         end do
-      end associate
+      do i = 1, size(log_weights)
+         log_weights(i) = posterior%prior%logarithms%log_volume_at(posterior%prior%logarithms%to_logarithms( &
+            & posterior%stiffness(draws(:, i))))
+      end do
       if (.not. posterior%prior%in_logarithms) log_weights = -log_weights
       call add_change(standard, change_type('measure'), exp(log_weights - maxval(log_weights)), changes)
    end subroutine measure_sensitivity

@@ -204,7 +204,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(json_type) :: page
 
-      call self%campaign%close()
+      call self%campaign%file%close()
       call page%begin_object()
       call self%finish(page, error)
       if (allocated(error)) return

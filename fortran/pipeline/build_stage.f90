@@ -36,7 +36,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(surrogate_type) :: surrogate
       character(len=:), allocatable :: file, words
-      real(wp), allocatable :: stiffness(:, :, :), largest(:)
+      real(wp), allocatable :: stiffness(:, :, :), largest(:), moduli(:), circular(:)
       integer :: i
 
       associate (learning => self%learning, settings => self%problem%settings, known => self%learning%learner%simulations)
@@ -61,8 +61,14 @@ contains
          call page%put('terms', surrogate%basis%n_terms)
          call put_state(page, learning%history(size(learning%history)))
          call page%put('stopped', self%stopped)
-         call put_baselines(page, stiffness, known%euler_deg, known%modulus, error)
+         allocate (moduli(learning%n()), circular(learning%n()))
+         call halfspace_moduli(stiffness, known%euler_deg, 1, moduli, circular, error)
          if (allocated(error)) return
+         ! Mean absolute errors on the same simulations of the theory alone and of the theory times one ratio.
+         associate (ratio => exp(sum(log(known%modulus/moduli))/learning%n()))
+            call page%put_numbers('theory_gpa, ratio, theory_times_ratio_gpa', [sum(abs(moduli - known%modulus))/learning%n(), &
+               & ratio, sum(abs(ratio*moduli - known%modulus))/learning%n()], 'baselines')
+         end associate
          call put_domain(page, self, surrogate, stiffness, error)
          if (allocated(error)) return
          if (allocated(self%focus)) call put_focus(page, self)
@@ -114,21 +120,6 @@ contains
       call page%put_numbers('alpha, beta, fall, log_evidence, norm, angle_deg', [state%alpha, state%beta, state%decay_rate, &
          & state%log_evidence, state%norm, state%angle_deg])
    end subroutine put_state
-
-   !> Mean absolute errors on the same simulations of the theory alone and of the theory times one ratio.
-   subroutine put_baselines(page, stiffness, euler_deg, modulus, error)
-      type(json_type), intent(inout) :: page
-      !> GPa (6, 6, n), degrees (3, n), GPa (n).
-      real(wp), intent(in) :: stiffness(:, :, :), euler_deg(:, :), modulus(:)
-      type(error_type), allocatable, intent(out) :: error
-      real(wp) :: moduli(size(modulus)), circular(size(modulus)), ratio
-
-      call halfspace_moduli(stiffness, euler_deg, 1, moduli, circular, error)
-      if (allocated(error)) return
-      ratio = exp(sum(log(modulus/moduli))/size(modulus))
-      call page%put_numbers('theory_gpa, ratio, theory_times_ratio_gpa', [sum(abs(moduli - modulus))/size(modulus), ratio, &
-         & sum(abs(ratio*moduli - modulus))/size(modulus)], 'baselines')
-   end subroutine put_baselines
 
    !> How well the candidates, which stand for the domain, are predicted; and in words what of it no simulation has come near.
    subroutine put_domain(page, build, surrogate, stiffness, error)

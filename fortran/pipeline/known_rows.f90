@@ -68,8 +68,7 @@ contains
       end do
       first = number_equal(points)
       do i = 1, size(rows)
-         if (.not. basis%domain%is_of_class(c(:, :, i))) cycle
-         if (chosen_only .and. .not. rows(i)%imported) cycle
+         if (.not. basis%domain%is_of_class(c(:, :, i)) .or. (chosen_only .and. .not. rows(i)%imported)) cycle
          same = pack([(j, j=1, m)], first(:m) == first(m + i))
          if (candidates_only .and. size(same) == 0 .and. .not. rows(i)%imported) cycle
          known%earlier(same) = n
@@ -124,8 +123,7 @@ contains
       integer :: i
 
       self%open(numbers) = .false.
-      associate (rows => [(i, i=1, size(self%modulus))])
-         call keep(self, pack(rows, [(i <= self%taken .or. all(self%candidate(i) /= numbers), i=1, size(rows))]))
-      end associate
+      call keep(self, pack([(i, i=1, size(self%modulus))], [(i <= self%taken .or. all(self%candidate(i) /= numbers), i=1, &
+         & size(self%modulus))]))
    end subroutine choose
 end module known_rows

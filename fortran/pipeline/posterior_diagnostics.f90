@@ -112,8 +112,8 @@ contains
       integer :: n
 
       n = size(found%names)
-      if (.not. found%posterior%infers_scale) return
-      if (.not. (found%parameters(n)%mean > greatest .and. found%parameters(n)%hdi_95(1) > 1.0_wp)) return
+      if (.not. (found%posterior%infers_scale .and. found%parameters(n)%mean > greatest &
+         & .and. found%parameters(n)%hdi_95(1) > 1.0_wp)) return
       call warn(warnings, 'the residuals are '//to_text(found%parameters(n)%mean, 2) &
          & //' times as large as the stated standard deviations (chi-square '//fixed(sum((found%checks%residuals &
          & *found%parameters(n)%mean)**2), 0)//' for '//to_text(found%posterior%n_grains)//' grains with them). ' &

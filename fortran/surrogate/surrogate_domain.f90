@@ -133,8 +133,7 @@ contains
       real(wp), parameter :: rounding = 1.0e-9_wp
 
       admits = .false.
-      if (.not. self%is_of_class(c)) return
-      if (.not. is_stable(c)) return
+      if (.not. (self%is_of_class(c) .and. is_stable(c))) return
       if (self%anisotropy_cap < huge(1.0_wp)) then
          if (anisotropy_index(c) > self%anisotropy_cap) return
       end if

@@ -102,9 +102,8 @@ contains
       first = huge(first)
       !$omp parallel do num_threads(threads) schedule(static) reduction(min: first)
       do i = 1, size(stiffness, 3)
-         associate (c => stiffness(:, :, i))
-            if (.not. (is_stable(c) .and. surrogate%basis%domain%is_of_class(c))) first = min(first, i)
-         end associate
+         if (is_stable(stiffness(:, :, i)) .and. surrogate%basis%domain%is_of_class(stiffness(:, :, i))) cycle
+         first = min(first, i)
       end do
       !$omp end parallel do
       if (first < huge(first)) then

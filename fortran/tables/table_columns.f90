@@ -389,7 +389,10 @@ contains
          if (way == quaternions) then
             if (abs(norm2(row) - 1.0_wp) > rounding) call table%refuse(columns(1), i, ' is of no unit quaternion: q0^2 + q1^2 + ' &
                & //'q2^2 + q3^2 = '//to_text(sum(row**2))//', and 1 is needed', error)
-            v = direction_of_quaternion(row/norm2(row))
+            ! The sample's z in crystal axes, the third column of the matrix of the rotation from sample to crystal axes.
+            associate (q => row/norm2(row))
+               v = [2.0_wp*(q(2)*q(4) + q(1)*q(3)), 2.0_wp*(q(3)*q(4) - q(1)*q(2)), q(1)**2 - q(2)**2 - q(3)**2 + q(4)**2]
+            end associate
          else
             if (maxval(abs(row)) <= 0.0_wp) call table%refuse(columns(1), i, ' and all other indices are 0: no direction', error)
             if (size(columns) == 4) then
@@ -425,15 +428,6 @@ contains
             & //' crystal has three')
       end subroutine find_lattice
    end subroutine read_directions
-
-   !> The sample's z in crystal axes: the third column of the matrix of the rotation from sample to crystal axes.
-   pure function direction_of_quaternion(q) result(v)
-      !> Of norm 1, the scalar first.
-      real(wp), intent(in) :: q(4)
-      real(wp) :: v(3)
-
-      v = [2.0_wp*(q(2)*q(4) + q(1)*q(3)), 2.0_wp*(q(3)*q(4) - q(1)*q(2)), q(1)**2 - q(2)**2 - q(3)**2 + q(4)**2]
-   end function direction_of_quaternion
 
    !> Bunge-Euler angles, degrees, whose g takes the sample's z to a direction.
    pure function angles_of_direction(v) result(euler_deg)

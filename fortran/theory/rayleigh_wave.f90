@@ -99,7 +99,7 @@ contains
       type(wave_type), intent(out) :: waves(:)
       type(wave_type) :: found(lanes)
       real(wp) :: one(9, 9), both(6, 6), mm(lanes, 6), mn(lanes, 9), nn(lanes, 6)
-      integer :: block, first, lane
+      integer :: block, first, lane, wave
 
       call contraction_maps(c(:, :, 1), one, both)
       do block = 1, size(surface%mn, 3)
@@ -115,9 +115,8 @@ contains
          end do
          call find_waves(mm, mn, nn, surface%normal(:, :, block), found)
          do lane = 1, min(lanes, surface%n - first)
-            associate (wave => surface%wave(first + lane))
-               if (wave > rayleigh) found(lane) = wave_type(eigenvalue(mm(lane, :), wave - longitudinal), huge(1.0_wp), 1.0_wp)
-            end associate
+            wave = surface%wave(first + lane)
+            if (wave > rayleigh) found(lane) = wave_type(eigenvalue(mm(lane, :), wave - longitudinal), huge(1.0_wp), 1.0_wp)
          end do
          waves(first + 1:min(first + lanes, surface%n)) = found(:min(lanes, surface%n - first))
       end do

@@ -6,6 +6,8 @@ It is a core of its own, with its own handles. `inside` lets Python's objects be
 import ctypes
 import gc
 import os
+import subprocess
+import sys
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -23,8 +25,14 @@ class _Core:
     """What the compiled core has for Python, by the library of the tests."""
 
     def __init__(self):
+        library = BUILD / "tests" / "fortran" / "test_operations.so"
+        if not library.exists():
+            # Set-up does not build what only tests need.
+            subprocess.run(
+                [Path(sys.executable).with_name("ninja"), "-C", BUILD, "meson-test-prereq"], check=True, stdout=subprocess.DEVNULL
+            )
         # Python's lock is kept: gfortran's texts are not safe on two threads.
-        self.library = ctypes.PyDLL(BUILD / "tests" / "fortran" / "test_operations.so")
+        self.library = ctypes.PyDLL(library)
 
     def core_do(self, operation: bytes, handle: int, request: np.ndarray) -> tuple[int, int, int, int]:
         """See fortran/facade/core.f90."""

@@ -17,9 +17,7 @@ import numpy as np
 
 from ..core import call
 
-__all__ = [
-    "as_csv", "plain", "read_json", "whole_file", "write_csv", "write_groups", "write_json", "write_text",
-]  # fmt: skip
+__all__ = ["as_csv", "plain", "read_json", "whole_file", "write_csv", "write_groups", "write_json", "write_text"]
 
 
 @contextmanager

@@ -71,16 +71,14 @@ def stiffness(symmetry: str, *values: ArrayLike, **constants: ArrayLike) -> np.n
     if set(given) != set(names) or len(given) < len(values) + len(constants):
         stated = [*[f"{len(values)} values"] * bool(values), *constants]
         raise InputError(f"a {symmetry} crystal takes the constants {', '.join(names)}, not {', '.join(stated) or 'none'}")
-    arrays = np.broadcast_arrays(*(np.asarray(given[name], dtype=float) for name in names))
-    return stiffness_rows(symmetry, np.stack(arrays, axis=-1))
+    return stiffness_rows(symmetry, np.stack(np.broadcast_arrays(*(np.asarray(given[name], dtype=float) for name in names)), axis=-1))
 
 
 def stiffness_rows(symmetry: str, constants: ArrayLike) -> np.ndarray:
     """Stiffness (..., 6, 6) in GPa of constants (..., k) in the order of `constant_names`."""
     k = len(constant_names(symmetry))
     values = finite_rows(f"a {symmetry} crystal", "constant", constants, k)
-    found = call("crystal.stiffness", symmetry=symmetry, constants=values.reshape(-1, k))
-    return found["stiffness"].reshape(*values.shape[:-1], 6, 6)
+    return call("crystal.stiffness", symmetry=symmetry, constants=values.reshape(-1, k))["stiffness"].reshape(*values.shape[:-1], 6, 6)
 
 
 def anisotropy_index(stiffness: ArrayLike) -> np.ndarray:
@@ -95,15 +93,13 @@ def log_anisotropy(stiffness: ArrayLike) -> np.ndarray:
 
 def polycrystal_averages(stiffness: ArrayLike) -> dict[str, np.ndarray]:
     """Voigt's and Reuss's bulk and shear moduli (GPa) of `stiffness` (..., 6, 6) in GPa; Reuss's NaN where not Born-stable."""
-    names = ("bulk_voigt", "shear_voigt", "bulk_reuss", "shear_reuss")
-    return dict(zip(names, _averages(stiffness)[2:], strict=True))
+    return dict(zip(("bulk_voigt", "shear_voigt", "bulk_reuss", "shear_reuss"), _averages(stiffness)[2:], strict=True))
 
 
 def _averages(stiffness: ArrayLike) -> np.ndarray:
     """Eq. 14, log-anisotropy and the four averages (6, ...)."""
     matrices = np.asarray(stiffness, dtype=float)
-    found = call("crystal.averages", stiffness=matrices.reshape(-1, 6, 6))["values"]
-    return found.T.reshape(6, *matrices.shape[:-2])
+    return call("crystal.averages", stiffness=matrices.reshape(-1, 6, 6))["values"].T.reshape(6, *matrices.shape[:-2])
 
 
 def finite_rows(crystal: str, what: str, values: ArrayLike, n: int) -> np.ndarray:

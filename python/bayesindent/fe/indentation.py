@@ -128,15 +128,9 @@ class Indentation(NativeObject):
 
     @takes()
     def run_many(
-        self,
-        stiffness: ArrayLike,
-        euler_deg: ArrayLike,
-        workers: int = 0,
-        *,
-        engine: str = "local",
-        scheduler: str = "local",
+        self, stiffness: ArrayLike, euler_deg: ArrayLike, workers: int = 0, *, engine: str = "local", scheduler: str = "local",
         errors: str = "raise",
-    ) -> list[IndentationResult | BayesindentError]:
+    ) -> list[IndentationResult | BayesindentError]:  # fmt: skip
         """Indent n crystals, stiffness (n, 6, 6) and angles (n, 3), on `workers` threads (0: all cores), or by the `engine` 'dask' and
         its `scheduler`: 'local', 'slurm' or an address.
 

@@ -52,8 +52,7 @@ def ask(problem: Problem, output: str | PathLike, count: int) -> dict:
     """The next `count` crystals before the moduli of the first are known: the document of `build --ask`, whose points are rows by the names of
     columns."""
     found = Stage(problem, "build", Path(output))._call("look_ahead", count=count)
-    header = [*found["constants"], "phi1_deg", "Phi_deg", "phi2_deg"]
-    points = [dict(zip(header, row, strict=True)) for row in found["values"].tolist()]
+    points = [dict(zip([*found["constants"], "phi1_deg", "Phi_deg", "phi2_deg"], row, strict=True)) for row in found["values"].tolist()]
     return {"points": points, "warnings": [*problem.warnings, *found["warnings"]]}
 
 

@@ -72,8 +72,7 @@ def prepare(arguments: argparse.Namespace, patience_s: int | None = 0) -> tuple[
     log.setLevel(logging.INFO)
     log.info("bayesindent %s: %s %s", __version__, arguments.command.name, arguments.file)
     log.info("kernels of BLAS: %s", os.environ.get("OPENBLAS_CORETYPE", "its own choice"))
-    groups = " ".join(arguments.command.groups)
-    problem._call("begin_results", groups=groups, **places(output, problem.folder))
+    problem._call("begin_results", groups=" ".join(arguments.command.groups), **places(output, problem.folder))
     return problem, output
 
 

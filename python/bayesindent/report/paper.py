@@ -69,8 +69,7 @@ def write_paper(results: Results) -> Path:
         write_csv(folder / f"{name}.csv", header, rows, caption)
         write_text(folder / f"{name}.tex", latex_table(name, caption, header, rows))
     write_posterior(results, folder / "posterior.csv")
-    mean = [results.documents["extract"]["parameters"][name]["mean"] for name in results.constants]
-    matrix = stiffness_rows(results.symmetry, [mean])[0]
+    matrix = stiffness_rows(results.symmetry, [[results.documents["extract"]["parameters"][name]["mean"] for name in results.constants]])[0]
     for solver in SOLVERS:
         write_text(folder / f"stiffness_{solver}.inp", card(results, matrix, solver))
     return folder

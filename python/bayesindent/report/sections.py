@@ -128,8 +128,7 @@ def identifiability_cells(row: dict) -> list[str]:
     """Mean of a quantity, its sds in posterior and prior, and shares; of a combination, which has no mean, the sds are in per cent."""
     digits = quantity_format(row)[1] if row["kind"] == "quantity" else 0
     relative = [number(100 * row[name], 2) for name in ("sd", "prior_sd")]
-    values = numbers(row, mean=digits, sd=digits, prior_sd=digits) if digits else relative
-    return [*values, *share_cells(row)]
+    return [*(numbers(row, mean=digits, sd=digits, prior_sd=digits) if digits else relative), *share_cells(row)]
 
 
 def prior_rows(results: Results) -> list[list[str]]:

@@ -89,8 +89,7 @@ def with_count(count: int, word: str) -> str:
 def measured_ranges(results: Results) -> list[str]:
     """The ranges of the measured moduli and of their sds in GPa, each '' where there is none."""
     values = [[item[name] for item in results.predicted if item.get(name)] for name in ("measured", "measured_sd")]
-    ranges = [dict.fromkeys(map(number, (min(found), max(found)))) if found else {} for found in values]
-    return [" to ".join(ends) for ends in ranges]
+    return [" to ".join(dict.fromkeys(map(number, (min(found), max(found)))) if found else {}) for found in values]
 
 
 def modulus_kind(results: Results) -> str:

@@ -73,8 +73,7 @@ def indented_map(
     grains = grid.grain[pixel].tolist()
     warnings += grid.compare_phase(grid.phase[pixel], symmetry)
     # Of a sample of the errors of registration the share that leads to the same grain.
-    errors = np.random.default_rng(0).normal(size=(SAMPLE, 1, 2)) * sd[:, None]
-    nearest = grid.tree.query(indents + errors)[1]
+    nearest = grid.tree.query(indents + np.random.default_rng(0).normal(size=(SAMPLE, 1, 2)) * sd[:, None])[1]
     sample, same_phase = grid.grain[nearest], grid.phase[nearest] == grid.phase[pixel]
     share = np.mean(sample == grains, axis=0)
     if doubtful := [f"{row + 1} ({share[row]:.0%})" for row in np.flatnonzero(share < LEAST_SHARE)]:

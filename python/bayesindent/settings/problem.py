@@ -147,8 +147,7 @@ class Problem(NativeObject):
             # Neither this nor what follows is above: they take time to import.
             from .instruments import curves_of_files
 
-            columns = curves_of_files(f"{path}: &curves files: ", path.parent, names, facts["curves.drift_removed"])
-            self._set_table("curves", columns)
+            self._set_table("curves", curves_of_files(f"{path}: &curves files: ", path.parent, names, facts["curves.drift_removed"]))
         #: The file of measurements as it was understood, or None.
         self.table: LaboratoryTable | None = None
         if "table_file" in facts:

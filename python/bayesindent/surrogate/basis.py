@@ -32,8 +32,7 @@ class Basis(NativeObject):
 
     def __init__(self, source: Problem | NativeObject):
         self._hold(source._call("basis")["handle"])
-        arrays = dict.fromkeys(("c_min", "c_max", "poisson", "stiffness"), np.zeros(0))
-        self.__dict__.update(arrays | self._call("describe"))
+        self.__dict__.update(dict.fromkeys(("c_min", "c_max", "poisson", "stiffness"), np.zeros(0)) | self._call("describe"))
 
     @classmethod
     def from_keywords(cls, symmetry: str | None = None, domain: dict | None = None, **surrogate: Any) -> "Basis":

@@ -19,5 +19,4 @@ SUMMARIES = {name: (module, summary) for name, module, summary, _ in PARTS if mo
 
 def command_of(name: str) -> "Command":
     """The command of a name."""
-    module = import_module(f".{SUMMARIES[name][0]}", __name__)
-    return next(command for command in module.COMMANDS if command.name == name)
+    return next(command for command in import_module(f".{SUMMARIES[name][0]}", __name__).COMMANDS if command.name == name)

@@ -59,8 +59,7 @@ def template(symmetry: str | None, metal: str | None) -> dict[str, str]:
     for group in ("problem", "surrogate", "measurements", "prior", "knowledge", "sampler", "next"):
         variables = [variable for variable in schema() if variable.group == group and variable.name not in FOR_BUILDING]
         lines += ["", f"! {variables[0].group_meaning}"]
-        order = [f"! The constants are in the order {constants}."] if group == "prior" else []
-        lines += [*order, f"&{group}"]
+        lines += [*([f"! The constants are in the order {constants}."] if group == "prior" else []), f"&{group}"]
         if group == "knowledge" and known:
             lines += knowledge(known)
             variables = [variable for variable in variables if variable.name not in ("quantity", "mean", "sd")]

@@ -74,8 +74,7 @@ def predict(arguments: argparse.Namespace) -> dict:
     file = output_folder(arguments, table) / "predictions.csv"
     points.write(file, {"modulus_gpa": mean, "sd_gpa": sd})
     # Many rows in a document take much more memory than in a file.
-    wanted = range(len(points) if arguments.json else 0)
-    crystals = [{"constants": points.constants[i], "euler_deg": points.euler_deg[i]} for i in wanted]
+    crystals = [{"constants": points.constants[i], "euler_deg": points.euler_deg[i]} for i in range(len(points) if arguments.json else 0)]
     results = [crystal | {"modulus_gpa": mean[i], "sd_gpa": sd[i]} for i, crystal in enumerate(crystals)]
     return {"results": results, "file": str(file), "warnings": [f"{table}: {outside}"] if outside else []}
 

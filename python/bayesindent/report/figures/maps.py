@@ -29,8 +29,7 @@ def orientation_map(results: Results) -> Picture:
         problem = Problem(Path(results.manifest["namelist"]), "extract")
     except (InputError, KeyError):
         raise NothingToShow from None
-    grains = results.predicted
-    residuals = [(item["measured"] - item["mean"]) / item["measured_sd"] for item in grains if item.get("measured_sd")]
+    residuals = [(item["measured"] - item["mean"]) / item["measured_sd"] for item in results.predicted if item.get("measured_sd")]
     return draw_map(problem.map, problem.measurements.names, residuals if len(residuals) == len(problem.map.positions) else None)
 
 

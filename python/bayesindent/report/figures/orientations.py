@@ -87,8 +87,7 @@ def next_grains(results: Results) -> Picture:
 
 def directions_of(results: Results, items: list[dict]) -> np.ndarray:
     """The indented directions (n, 3) of grains in the region that the class tells apart."""
-    angles = np.array([item["euler_deg"] for item in items]).reshape(-1, 3)
-    return representative(results.symmetry, indentation_direction(angles))
+    return representative(results.symmetry, indentation_direction(np.array([item["euler_deg"] for item in items]).reshape(-1, 3)))
 
 
 def labelled(kind: str, directions: np.ndarray, *columns: Any) -> list[list]:

@@ -202,8 +202,7 @@ def stacked(parts: list[dict], labels: list[str], above: int, caption: str) -> P
     left = np.zeros(len(values))
     for j, colour in zip(present(shown), np.resize(CYCLE, len(shown))):
         width = 100 * np.nan_to_num(values[:, j])
-        last = names[j] == "prior"
-        axes.barh(place, width, left=left, color="0.75" if last else colour, height=0.7, label=quantity_name(names[j]))
+        axes.barh(place, width, left=left, color="0.75" if names[j] == "prior" else colour, height=0.7, label=quantity_name(names[j]))
         left += width
     axes.set_yticks(place, labels)
     axes.set(xlim=(0, 100), ylim=(place.min() - 0.6, 0.6), xlabel="share of the variance (%)")
