@@ -56,7 +56,7 @@ contains
       call store%add(row, error)
       call store%next_position(position, error)
       call check('positions go on', position == 2, to_text(position))
-      call store%close()
+      call store%file%close()
 
       call store%open(path, theory, error)
       call store%find('cubic', copper/3.0_wp, angles, back, found, error)
@@ -82,8 +82,8 @@ contains
       call check('physics are kept apart', size(rows) == 0)
       call second%other_physics(others, error)
       call check('and named', others == theory, others)
-      call second%close()
-      call store%close()
+      call second%file%close()
+      call store%file%close()
       call store%next_position(position, error)
       call check_refused('a closed campaign says so', error, 'the database is not open')
    end subroutine test_rows
@@ -171,7 +171,7 @@ contains
       call check_refused('a database of others', error, path//': is a database, but not a campaign of bayesindent; ')
       call remove(path)
       call store%open(path, theory, error)
-      call store%close()
+      call store%file%close()
       call database%open(path, error)
       call database%run('PRAGMA user_version = 3', error)
       call database%close()
