@@ -74,9 +74,9 @@ def draws_of(output):
 
 
 def extract(name, text, folder, output):
-    """The draws of a posterior with the surrogate of a folder."""
-    run(name, text, folder, output, "extract")
-    return draws_of(output)
+    """The draws of a posterior with the surrogate of a folder, and why they cannot be used."""
+    reasons = run(name, text, folder, output, "extract")[1]["reasons"]
+    return draws_of(output), reasons
 
 
 def candidates(names, posteriors, euler, file, count=600):
@@ -144,14 +144,15 @@ def main(argv=None) -> None:
             design, wide = f"budget = {options.many}, focus = 'domain', candidates = '{table}'", WIDE.format(farthest)
             run(f"{metal}_many_{seed}", CASE.format(design=design, **LOOP, **values) + wide, folder, folder / f"{metal}_many")
             compared = CASE.format(design=options.design, **COMPARED, **values)
-            own = extract(f"{metal}_own_{seed}", compared, folder, folder / f"{metal}_{seed}")
-            many = extract(f"{metal}_all_{seed}", compared + wide, folder, folder / f"{metal}_many")
+            own, _ = extract(f"{metal}_own_{seed}", compared, folder, folder / f"{metal}_{seed}")
+            many, reasons = extract(f"{metal}_all_{seed}", compared + wide, folder, folder / f"{metal}_many")
             # Crystals beyond those of all loops were simulated in neither: there the polynomial has crystals of its own.
             all_draws = np.concatenate(list(posteriors.values()))
             within = ((many >= all_draws.min(axis=0)) & (many <= all_draws.max(axis=0))).all(axis=1)
             ratios = [" ".join(f"{ratio:.2f}" for ratio in row) for row in widths(own) / widths(many[within])]
             print(f"{metal:10} {seed}: sd, widths of 95 and 68 % over those of {options.many} simulations: {'; '.join(ratios)}", end="")
-            print(f"; {1 - within.mean():.1%} of these draws lie beyond all simulations, and are left out", flush=True)
+            print(f"; {1 - within.mean():.1%} of these draws lie beyond all simulations, and are left out", end="")
+            print(f"; these cannot be used: {reasons[0]}" if reasons else "", flush=True)
 
 
 if __name__ == "__main__":
