@@ -43,9 +43,9 @@ def main(argv=None) -> int:
 
 
 def identified_exponents(case: Case, arguments) -> dict[str, np.ndarray]:
-    """The combinations of log constants that the reference data identify."""
-    result = extract(case.surrogate, case.table, seed=1, workers=arguments.threads, **case.settings)
-    rows = [row for row in summary(result)["identifiability"] if row["kind"] == "combination" and row["share"]["measurements"] > 0.9]
+    """The combinations of log constants that the reference data determine, if weakly."""
+    result = extract(case.table, surrogate=case.surrogate, seed=1, workers=arguments.threads, **case.settings)
+    rows = [row for row in summary(result)["identifiability"] if row["kind"] == "combination" and row["verdict"] != "not_determined"]
     return {row["name"]: np.array(list(row["exponents"].values())) for row in rows}
 
 
