@@ -62,7 +62,7 @@ class Posterior(Held):
 
     def read_theory(self, x: ArrayLike) -> None:
         """From now on as finely as Step 2 reads it where draws (n, dimension) are."""
-        self._call("read_theory", points=np.atleast_2d(x))
+        self._call("read_theory", points=np.atleast_2d(x), threads=1)
 
     def moduli(self, x: ArrayLike, euler_deg: ArrayLike, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Indentation moduli (m, n) in GPa of n grains at points x (m, dimension), the surrogate's error drawn given the data, and one
