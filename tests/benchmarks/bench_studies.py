@@ -52,7 +52,9 @@ def identified_exponents(case: Case, arguments) -> dict[str, np.ndarray]:
 def sample(case: Case, euler_deg, measured, sd, seed: int, threads: int, samples: int = 5000, **settings):
     """The posterior of one data set and its draws (chains, samples, k)."""
     table = {"euler_deg": euler_deg, "modulus_gpa": measured, "sd_gpa": sd}
-    posterior = Posterior.of(table, surrogate=case.surrogate, seed=seed, workers=threads, **case.settings, **settings)
+    # The measurements are drawn without the error of the series.
+    asked = {"seed": seed, "workers": threads, "surrogate_variance": "none", **case.settings, **settings}
+    posterior = Posterior.of(table, surrogate=case.surrogate, **asked)
     draws, _, _ = posterior.sample(method="ensemble", samples=samples, burn_in=8000, chains=4, threads=threads, seed=seed)
     return posterior, draws
 
