@@ -52,9 +52,7 @@ def identified_exponents(case: Case, arguments) -> dict[str, np.ndarray]:
 def sample(case: Case, euler_deg, measured, sd, seed: int, threads: int, samples: int = 5000, **settings):
     """The posterior of one data set and its draws (chains, samples, k)."""
     table = {"euler_deg": euler_deg, "modulus_gpa": measured, "sd_gpa": sd}
-    # The measurements are drawn without the error of the series.
-    asked = {"seed": seed, "workers": threads, "surrogate_variance": "none", **case.settings, **settings}
-    posterior = Posterior.of(table, surrogate=case.surrogate, **asked)
+    posterior = Posterior.of(table, surrogate=case.surrogate, seed=seed, workers=threads, **case.settings, **settings)
     draws, _, _ = posterior.sample(method="ensemble", samples=samples, burn_in=8000, chains=4, threads=threads, seed=seed)
     return posterior, draws
 
@@ -86,7 +84,9 @@ def study_sbc(cases, arguments) -> int:
         for k, truth in enumerate(prior_draws(case, repeats, arguments.seed)):
             moduli, _ = case.surrogate.predict(stiffness_rows(case.symmetry, [truth])[0], case.euler_deg)
             measured = moduli + case.sd_gpa * rng.normal(size=len(moduli))
-            posterior, draws = sample(case, case.euler_deg, measured, case.sd_gpa, 1000 * arguments.seed + k, arguments.threads)
+            # The measurements are drawn without the error of the series.
+            asked = {"seed": 1000 * arguments.seed + k, "threads": arguments.threads, "surrogate_variance": "none"}
+            posterior, draws = sample(case, case.euler_deg, measured, case.sd_gpa, **asked)
             size = effective_size(draws)
             least = min(least, size)
             flat = draws.reshape(-1, len(truth))
