@@ -141,7 +141,7 @@ def test_the_posterior_is_that_of_importance_sampling(name, calibration):
     rng = np.random.default_rng(1)
     # Uniform for a quarter: the posterior ends at bounds.
     proposal = stats.multivariate_t(draws.mean(axis=0), 1.2 * np.cov(draws.T), df=6, seed=2)
-    n = {"copper": 4000, "titanium": 8000}[name]
+    n = {"copper": 1000, "titanium": 8000}[name]
     x = np.vstack([proposal.rvs(3 * n), rng.uniform(low, high, (n, len(names)))])
     x = x[np.all((x > low) & (x < high), axis=1)]
     x = x[np.linalg.eigvalsh(stiffness_rows(symmetry, x))[:, 0] > 0]
