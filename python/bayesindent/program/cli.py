@@ -101,7 +101,8 @@ def fail_by_file(error: OSError) -> int:
     """Say which file could not be read or written, and why; the exit status."""
     if not isinstance(error, BrokenPipeError):
         log.error("%s", error)
-        tell(f"{error.filename or 'standard output'}: {REASONS.get(error.errno or 0) or error.strerror}")
+        # A library that cannot be loaded has no number.
+        tell(f"{error.filename or 'standard output'}: {REASONS.get(error.errno) or error.strerror}" if error.errno else str(error))
     if error.filename is None:
         with suppress(OSError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
