@@ -33,7 +33,7 @@ module logarithmic_coordinates
       !> Its constants are coordinates in another, sparse basis of the same space.
       type(crystal_class_type), private :: class
    contains
-      procedure :: to_logarithms, from_logarithms, compliances, log_volume, log_volume_at
+      procedure :: to_logarithms, from_logarithms, log_volume, log_volume_at
    end type log_coordinates_type
 
    integer, parameter :: n_axial = 4, n_waves = 8
@@ -142,15 +142,6 @@ contains
       call diagonalise(logarithm, frame%values, frame%vectors)
       c = stiffness_of_kelvin(composed(exp(frame%values), frame%vectors))
    end subroutine from_logarithms
-
-   !> Where a class has its constants, the entries of K^-1, 1/GPa.
-   pure function compliances(self, frame) result(s)
-      class(log_coordinates_type), intent(in) :: self
-      type(log_frame_type), intent(in) :: frame
-      real(wp) :: s(self%n)
-
-      s = self%class%constants_of(composed(exp(-frame%values), frame%vectors))
-   end function compliances
 
    !> `log_volume` at coordinates w.
    pure real(wp) function log_volume_at(self, w)

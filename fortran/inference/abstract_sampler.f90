@@ -14,15 +14,13 @@ module abstract_sampler
    type, abstract :: target_type
       !> Number of parameters.
       integer :: dimension = 0
-      !> Whether it is near another density, see `become_near`; if not, a copy is that density.
-      logical :: is_near = .false.
    contains
       !> A point that may be in the support, to begin with: widely spread, and in it often enough.
       procedure(draw_start_interface), deferred :: draw_start
       !> Logarithm of the density of the parameters, up to a constant.
       procedure(evaluate_interface), deferred :: evaluate
       !> The same of coordinates in which the density is smoother; by default these are the parameters themselves.
-      procedure :: evaluate_working, to_working, from_working, become_near
+      procedure :: evaluate_working, to_working, from_working, coarsen
    end type target_type
 
    abstract interface
@@ -100,15 +98,13 @@ contains
       w = x(:self%dimension, :)
    end subroutine to_working
 
-   !> Be a near density, good enough to find proposals at some points and much cheaper, if there is one.
-   subroutine become_near(self, points)
+   !> Be cheaper, if that can be at all, where that costs accuracy in tails: to find proposals there is good enough.
+   subroutine coarsen(self)
       class(target_type), intent(inout) :: self
-      !> Working coordinates of the support, (dimension, point).
-      real(wp), intent(in), contiguous :: points(:, :)
 
-      associate (unused => self, none => points)
+      associate (unused => self)
       end associate
-   end subroutine become_near
+   end subroutine coarsen
 
    !> Points of the support from the target's starts, with their log densities; `found` may be fewer than asked for.
    subroutine draw_starts(target, stream, points, density, found)

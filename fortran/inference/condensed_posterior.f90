@@ -33,5 +33,6 @@ contains
       posterior%n_grains = n
       posterior%n_moduli = n
       posterior%euler = posterior%euler(:, :n)
+      if (allocated(posterior%rough)) deallocate (posterior%rough)
    end subroutine condense
 end module condensed_posterior

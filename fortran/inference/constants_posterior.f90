@@ -13,7 +13,6 @@ module constants_posterior
    use kinds, only: degree, wp
    use logarithmic_coordinates, only: log_frame_type
    use measured_grains, only: all_tilts, measured_type, n_tilts, tilt_moments
-   use near_moduli, only: near_moduli_type, new_near_moduli
    use observables, only: new_observable, observable_type
    use random, only: random_stream_type
    use abstract_sampler, only: outside, target_type
@@ -42,8 +41,8 @@ module constants_posterior
       integer, private :: n_directions = 1
       !> What the surrogate gives the measured grains, then the same grains with the next tilt, and so on.
       class(grain_model_type), allocatable :: grains
-      !> Of `become_near`, if `is_near`.
-      type(near_moduli_type) :: near
+      !> The same by a theory that is read more roughly, if that is enough to find proposals.
+      class(grain_model_type), allocatable :: rough
       type(observable_type) :: observable
       class(error_model_type), allocatable :: errors
       !> Errors that the grains share: the surrogate's, then the calibration's of each group, if any, up to `n_calibrated`, then relative
@@ -64,7 +63,7 @@ module constants_posterior
       !> Sum of the logarithms of the scales.
       real(wp) :: log_scales = 0.0_wp
    contains
-      procedure :: evaluate, evaluate_working, to_working, from_working, become_near, draw_start, set_field_degree, &
+      procedure :: evaluate, evaluate_working, to_working, from_working, coarsen, draw_start, set_field_degree, &
          & moduli_at, predict_measurements, infer_shared, evaluate_grains, scale_factor, place_shared, log_prior, stiffness, &
          & new_grains
    end type posterior_type
@@ -145,17 +144,13 @@ contains
       call self%grains%set_grains(self%euler, error)
    end subroutine set_field_degree
 
-   !> Moduli are polynomials, unless there are so many that these cost more than the moduli.
-   subroutine become_near(self, points)
+   !> Read the theory of every crystal from a field.
+   subroutine coarsen(self)
       class(posterior_type), intent(inout) :: self
-      real(wp), intent(in), contiguous :: points(:, :)
-      integer, parameter :: most_rows = 1000
-      type(error_type), allocatable :: error
 
-      if (size(self%euler, 2) > most_rows .or. allocated(self%unknown) .or. self%prior_only) return
-      call new_near_moduli(self%grains, size(self%euler, 2), self%prior%logarithms, points(:self%n_constants, :), self%near, error)
-      self%is_near = .not. allocated(error)
-   end subroutine become_near
+      if (allocated(self%rough)) call move_alloc(self%rough, self%grains)
+      call self%grains%read_up_to(huge(1.0_wp))
+   end subroutine coarsen
 
    pure subroutine evaluate(self, points, log_density)
       class(posterior_type), intent(in) :: self
@@ -191,7 +186,7 @@ contains
       !> Points whose moduli are computed together.
       integer, parameter :: at_once = 64
       type(log_frame_type) :: frame
-      real(wp) :: c(6, 6, at_once), log_volume(at_once), x(self%n_constants, at_once)
+      real(wp) :: c(6, 6, at_once), log_volume(at_once)
       !> Of many grains they are large for the stack of a thread.
       real(wp), allocatable :: moduli(:, :)
       integer :: in_support(at_once), n, i, k
@@ -211,24 +206,19 @@ contains
          call self%prior%logarithms%from_logarithms(w(:k, i), c(:, :, n), frame)
          if (.not. (self%prior%admits(self%prior%class%constants_of(c(:, :, n)), c(:, :, n), norm2(w(3:k, i))) &
             & .and. scale_is_admitted(self, w(:, i)))) cycle
-         if (self%is_near) x(:, n) = self%prior%logarithms%compliances(frame)
          if (.not. self%prior%in_logarithms) log_volume(n) = self%prior%logarithms%log_volume(frame)
          in_support(n) = i
          n = n + 1
       end do
       n = n - 1
       allocate (moduli(size(self%euler, 2), n))
-      if (self%is_near) then
-         call self%near%evaluate(x(:, :n), moduli)
-      else if (.not. self%prior_only) then
-         call self%grains%evaluate_crystals(c(:, :, :n), moduli)
-      end if
+      if (.not. self%prior_only) call self%grains%evaluate_crystals(c(:, :, :n), moduli)
       do i = 1, n
          ! A factor on the sds is the same in both coordinates.
          log_density(in_support(i)) = self%prior%log_density(c(:, :, i), w(:k, in_support(i))) + log_volume(i) &
             & + likelihood_of_crystal(self, w(:, in_support(i)), c(:, :, i), moduli(:, i))
       end do
-      if (self%is_near) where (.not. log_density > outside) log_density = outside
+      where (.not. log_density > outside) log_density = outside
    end subroutine evaluate_working
 
    pure subroutine from_working(self, points, log_density)
@@ -401,8 +391,7 @@ contains
       if (has_own_variance(self)) scales = sqrt(scales**2 + own_variance*(self%errors%scale*map_slope)**2)
       if (self%grains%n_columns > 0) then
          allocate (columns(size(self%euler, 2), self%grains%n_columns))
-         if (self%is_near) columns = self%near%columns
-         if (.not. self%is_near) call self%grains%evaluate_columns(c, columns)
+         call self%grains%evaluate_columns(c, columns)
          slope = slope*map_slope/scales
          do g = 1, self%grains%n_columns
             u(:, g) = columns(:self%n_grains, g)*slope

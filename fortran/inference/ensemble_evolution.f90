@@ -22,8 +22,8 @@ contains
 
    !> A population from the target's starts, in rounds that cool, then some at the density itself, and warmer ones for the tails.
    !> The archive is what the last one visited, thinned, in whitened coordinates.
-   subroutine evolve_population(target, evaluations, stream, whitening, step_scale, archive, near, started)
-      class(target_type), intent(in) :: target
+   subroutine evolve_population(target, evaluations, stream, whitening, step_scale, archive, started)
+      class(target_type), intent(in), target :: target
       !> Of the density, about.
       integer(i8), intent(in) :: evaluations
       type(random_stream_type), intent(inout) :: stream
@@ -32,13 +32,13 @@ contains
       real(wp), intent(out) :: step_scale
       !> (dimension, point).
       real(wp), allocatable, intent(out) :: archive(:, :)
-      !> About the same density at the archive at a small part of the cost, or the density itself.
-      class(target_type), allocatable, intent(out) :: near
       !> Whether a point of the support was found; if so, and no stop is requested, there is an archive.
       logical, intent(out) :: started
       !> Rounds among which the evaluations are divided, those that cool, which are shorter, counting as five; and most that cool.
       integer, parameter :: rounds = 10, shorter = 4, most_cooling = 40, tail_effort = 20
-      real(wp), allocatable :: points(:, :), density(:), before(:)
+      class(target_type), allocatable, target :: coarse
+      class(target_type), pointer :: other, used
+      real(wp), allocatable :: points(:, :), density(:)
       real(wp) :: last_temperatures(5), warm, inverse, next
       integer :: m, cooling, distinct, round, i
       integer(i8) :: generations
@@ -56,16 +56,19 @@ contains
       started = size(density) > 0
       if (.not. started) return
       m = min(m, size(density))
-      allocate (near, source=target)
+      allocate (coarse, source=target)
+      call coarse%coarsen()
+      used => target
+      other => coarse
       inverse = 0.0_wp
       do round = 1, most_cooling
          next = 1.0_wp/last_temperatures(1)
          if (round < most_cooling) next = min(next, next_inverse(density, inverse))
          call resample(stream, (next - inverse)*density, points, density, distinct)
          inverse = next
-         call look_again(target, near, 1.0_wp/inverse, min(distinct, 4*m), stream, points, density, whitening)
+         call look_again(target, other, 1.0_wp/inverse, min(distinct, 4*m), stream, points, density, whitening, used)
          generations = evaluations/(m*rounds)
-         call step_population(near, 1.0_wp/inverse, cooling, generations/shorter, stream, whitening, step_scale, points, &
+         call step_population(used, 1.0_wp/inverse, cooling, generations/shorter, stream, whitening, step_scale, points, &
             & density, distinct)
          if (inverse >= 1.0_wp/last_temperatures(1) .or. stop_requested()) exit
       end do
@@ -73,25 +76,19 @@ contains
          if (stop_requested()) return
          ! Those that cool were half of the evaluations.
          call advance_progress(evaluations/(target%dimension*merge(2, rounds, round == 1)))
-         call look_again(target, near, last_temperatures(round), min(distinct, 4*m), stream, points, density, whitening)
+         call look_again(target, other, last_temperatures(round), min(distinct, 4*m), stream, points, density, whitening, used)
          ! The way into a long tail is long.
          generations = evaluations/(m*rounds)*merge(tail_effort/count(last_temperatures > 1.0_wp), 1, &
             & last_temperatures(round) > 1.0_wp)
-         call step_population(near, last_temperatures(round), m, generations, stream, whitening, step_scale, points, density, &
+         call step_population(used, last_temperatures(round), m, generations, stream, whitening, step_scale, points, density, &
             & distinct)
       end do
       ! Its polynomials hold as far as the points go.
-      if (near%is_near) then
-         before = density
-         call target%evaluate_working(points, density)
-         call resample(stream, (density - before)/warm, points, density, distinct)
-      end if
       if (target%dimension < many_dimensions) call fit_whitening(points, min(distinct, 4*m), whitening)
       archive = points
       do i = 1, size(points, 2)
          call whitening%to_white(points(:, i), archive(:, i))
       end do
-      call approach(target, near, points, 1.0_wp)
    end subroutine evolve_population
 
    !> Points of the support from the target's starts, in working coordinates.
@@ -111,11 +108,11 @@ contains
       call target%evaluate_working(points, density)
    end subroutine draw_population
 
-   !> The near density and the whitened coordinates from points, and these drawn anew where that changes their density.
-   subroutine look_again(target, near, temperature, distinct, stream, points, density, whitening)
-      class(target_type), intent(in) :: target
-      !> Of the points before, and of these: the density itself where none is near.
-      class(target_type), intent(inout) :: near
+   !> The density that is used and the whitened coordinates from points, and these drawn anew where that changes their density: where the
+   !> coarse one was wrong, some have gone astray.
+   subroutine look_again(target, coarse, temperature, distinct, stream, points, density, whitening, used)
+      !> The density; and one that costs less, for where it is about the same.
+      class(target_type), intent(in), target :: target, coarse
       !> Divides the logarithm of the density.
       real(wp), intent(in) :: temperature
       !> How many of the points are not copies.
@@ -124,42 +121,39 @@ contains
       !> Working coordinates (dimension, point), and the logarithms of the density that was used, then of that which is.
       real(wp), intent(inout) :: points(:, :), density(:)
       type(whitening_type), intent(inout) :: whitening
+      !> One of the two.
+      class(target_type), pointer, intent(inout) :: used
       real(wp) :: before(size(density))
-      integer :: left, stride
+      integer :: left
       logical :: was_exact
 
-      was_exact = .not. near%is_near
-      ! While it cools a few points do; then all, for the tails.
-      stride = max(1, size(points, 2)/(60*target%dimension))
-      if (temperature < 4.0_wp) stride = 1
-      call approach(target, near, points(:, ::stride), temperature)
+      was_exact = associated(used, target)
+      used => target
+      if (agree(target, coarse, points, temperature)) used => coarse
       call fit_whitening(points, min(distinct, size(density)), whitening)
-      if (was_exact .and. .not. near%is_near) return
+      if (was_exact .or. associated(used, coarse)) return
       before = density
-      call near%evaluate_working(points, density)
+      call used%evaluate_working(points, density)
       call resample(stream, (density - before)/temperature, points, density, left)
    end subroutine look_again
 
-   !> Make a copy of the target a near density, if there is one whose logarithm hardly errs by two temperatures at some of the points.
-   subroutine approach(target, near, points, temperature)
-      class(target_type), intent(in) :: target
-      class(target_type), intent(inout) :: near
-      !> Working coordinates, (dimension, point).
-      real(wp), intent(in), contiguous :: points(:, :)
+   !> Whether the logarithm of another density hardly errs by two temperatures at some of the points.
+   logical function agree(target, other, points, temperature)
+      class(target_type), intent(in) :: target, other
+      !> (dimension, point).
+      real(wp), intent(in) :: points(:, :)
       real(wp), intent(in) :: temperature
       !> Points of the test, and the share of them that agrees.
       integer, parameter :: tests = 50
       real(wp), parameter :: least_good = 0.7_wp
-      real(wp) :: w(size(points, 1), tests), exact(tests), other(tests)
+      real(wp) :: w(size(points, 1), tests), exact(tests), near(tests)
       integer :: k
 
-      call near%become_near(points)
-      if (.not. near%is_near) return
       w = points(:, [(1 + (k - 1)*(size(points, 2) - 1)/tests, k=1, tests)])
       call target%evaluate_working(w, exact)
-      call near%evaluate_working(w, other)
-      near%is_near = count(abs(exact - other) < 2.0_wp*temperature) >= least_good*tests
-   end subroutine approach
+      call other%evaluate_working(w, near)
+      agree = count(abs(exact - near) < 2.0_wp*temperature) >= least_good*tests
+   end function agree
 
    !> Differential evolution of walkers that begin at some of the points; in the end these are what was visited in the second half.
    subroutine step_population(target, temperature, m, wanted, stream, whitening, step_scale, points, density, distinct)

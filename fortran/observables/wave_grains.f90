@@ -59,6 +59,8 @@ contains
       self%n_columns = self%moduli%n_columns
       self%has_theory = self%moduli%has_theory
       self%noise_growth = self%moduli%noise_growth
+      self%field_cost = self%moduli%field_cost
+      self%full_cost = self%moduli%full_cost
    end subroutine set_grains
 
    !> Moduli, GPa, and speeds, m/s.

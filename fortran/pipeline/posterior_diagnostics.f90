@@ -37,8 +37,10 @@ contains
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(inout) :: warnings(:)
+      type(warning_type), allocatable :: reasons(:)
       logical :: blamed
 
+      allocate (reasons(0))
       call check_table(problem, found, warnings, blamed)
       call check_limits(found, .true., warnings)
       if (problem%measurements%omitted > 0) call warn(warnings, to_text(problem%measurements%omitted)//' of ' &
@@ -48,7 +50,8 @@ contains
       call check_sizes(problem, found, warnings)
       blamed = blamed .or. is_truncated(found%limits)
       if (.not. blamed) call check_knowledge(found, warnings)
-      call check_mixing(found, greatest_r_hat, size(found%chains%draws, 3), warnings)
+      call check_mixing(found, unmixed, 1, reasons)
+      if (size(reasons) == 0) call check_mixing(found, greatest_r_hat, size(found%chains%draws, 3), warnings)
       call check_determined(found, warnings)
       call check_sensitivity(found, warnings)
       if (all(problem%measurements%sd_gpa > 0.0_wp)) call check_scale(found, warnings)
@@ -63,19 +66,18 @@ contains
 
       allocate (reasons(0))
       call check_limits(found, .false., reasons)
-      call check_mixing(found, unmixed, 1, reasons)
-      if (size(reasons) > 0) return
-      ! After all attempts.
-      if (found%field_error > allowed_error) call warn(reasons, 'theory was read too roughly: it errs by ' &
-         & //fixed(100.0_wp*found%field_error, 0)//' % of the sd of a grain, or in all grains as badly (allowed up to ' &
-         & //fixed(100.0_wp*allowed_error, 0)//' %). Combine grains of like orientation, or state bounds in &prior')
       associate (knowledge => found%posterior%prior%knowledge, conflict => found%conflict%of_quantity)
-         do j = 1, size(conflict)
+         do j = 1, merge(size(conflict), 0, size(reasons) == 0)
             if (conflict(j) > furthest) call warn(reasons, known_text(knowledge, j)//' is '//fixed(conflict(j), 0) &
                & //' sd away from what all else gives (allowed up to '//fixed(furthest, 0)//'). Check its value and unit in ' &
                & //'&knowledge, and modulus_kind')
          end do
       end associate
+      call check_mixing(found, unmixed, 1, reasons)
+      ! After all attempts.
+      if (size(reasons) == 0 .and. found%field_error > allowed_error) call warn(reasons, 'theory was read too roughly: it errs ' &
+         & //'by '//fixed(100.0_wp*found%field_error, 0)//' % of the sd of a grain, or in all grains as badly (allowed up to ' &
+         & //fixed(100.0_wp*allowed_error, 0)//' %). Combine grains of like orientation, or state bounds in &prior')
    end subroutine find_reasons
 
    !> The limits that end the draws, either the stated ones or the others.
@@ -159,8 +161,10 @@ contains
       do i = 1, found%posterior%n_constants
          if (found%verdict(i) /= 'not_determined') cycle
          names = names//', '//trim(found%names(i))
-         if (found%parameter_shares(i)%prior > 0.0_wp) names = names//' (prior ' &
-            & //fixed(100.0_wp*found%parameter_shares(i)%prior, 0)//' %)'
+         associate (prior => found%parameter_shares(i)%prior, constant => found%parameters(i))
+            if (prior >= 0.5_wp) names = names//' (prior '//fixed(100.0_wp*prior, 0)//' %)'
+            if (prior < 0.5_wp) names = names//' (sd '//fixed(100.0_wp*abs(constant%sd/constant%mean), 0)//' %)'
+         end associate
       end do
       if (len(names) == 0) return
       advice = ''
@@ -175,6 +179,7 @@ contains
          end associate
       end do
       if (len(advice) > 0) advice = '. State in &knowledge what else is known: '//advice(3:)
+      if (len(advice) == 0) advice = '. Measure more grains, or more precisely'
       call warn(warnings, 'not determined by the measurements: '//names(3:)//advice)
    end subroutine check_determined
 
@@ -241,7 +246,7 @@ contains
       character(len=:), allocatable :: advice
       integer :: i
 
-      associate (check => found%orientations)
+      associate (check => found%orientations, student => problem%settings%measurements%likelihood)
          blamed = check%is_noticed() .or. size(check%outliers) > 0
          if (check%is_noticed()) then
             advice = 'Check the order of the rows, whether the map is flipped, and the convention of the angles (Bunge, from ' &
@@ -256,8 +261,8 @@ contains
             call warn(warnings, 'grain '//printable(problem%measurements%name(check%outliers(i)))//' disagrees with the others: ' &
                & //'its modulus is '//fixed(abs(check%distances(i)), 1)//' sd '//trim(merge('above', 'below', &
                & check%distances(i) > 0.0_wp))//' what they predict, and without it they agree. Check its value (' &
-               & //to_text(found%posterior%data%modulus(check%outliers(i)), 4)//' GPa) and orientation, remove it, or state ' &
-               & //'likelihood = ''student'', which admits outliers')
+               & //to_text(found%posterior%data%modulus(check%outliers(i)), 4)//' GPa) and orientation, or remove it' &
+               & //trim(merge('; likelihood = ''student'' admits outliers', repeat(' ', 40), student /= 'student')))
          end do
       end associate
    end subroutine check_table

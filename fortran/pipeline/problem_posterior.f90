@@ -372,8 +372,8 @@ contains
       if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
    end subroutine run_chains
 
-   !> The lowest degree, and the log-anisotropy above which theory is computed in full, with which no grain errs by more than is allowed
-   !> at some draws, and few of them have theory in full. `error` is not about the choice.
+   !> The degree, and the log-anisotropy above which theory is computed in full, with which no grain errs by more than is allowed at
+   !> some draws: of those that do, what is cheapest. `error` is not about the choice.
    subroutine choose_field_degree(posterior, draws, threads, error)
       type(posterior_type), intent(inout) :: posterior
       !> (parameter, draw).
@@ -381,29 +381,46 @@ contains
       !> OpenMP threads at most.
       integer, intent(in) :: threads
       type(error_type), allocatable, intent(out) :: error
-      !> The draws that follow are others. Of the draws that may have theory in full.
-      real(wp), parameter :: reserve = 0.3_wp, few = 0.03_wp
-      real(wp) :: anisotropy(size(draws, 2)), errors(size(draws, 2)), wrong
+      !> The draws that follow are others. To find proposals so much more may err, but for some draws.
+      real(wp), parameter :: reserve = 0.3_wp, rough_errors = 5.0_wp, most_draws = 0.8_wp
+      real(wp) :: anisotropy(size(draws, 2)), errors(size(draws, 2)), cost, least, wrong
       real(wp), allocatable :: exact(:, :)
+      class(grain_model_type), allocatable :: best
       integer :: i
 
       anisotropy = [(log_anisotropy(posterior%stiffness(draws(:, i))), i=1, size(draws, 2))]
       call exact_moduli(posterior, draws, threads, exact, error)
       if (allocated(error)) return
+      least = huge(least)
+      if (allocated(posterior%rough)) deallocate (posterior%rough)
       do i = 1, size(degrees)
          call posterior%set_field_degree(degrees(i), error)
          if (allocated(error)) return
-         call posterior%grains%read_up_to(huge(wrong))
-         errors = field_errors(posterior, draws, exact, threads)
-         wrong = minval(anisotropy, mask=errors > reserve*allowed_error)
-         if (.not. any(errors > reserve*allowed_error)) return
-         if (count(anisotropy >= wrong) > few*size(anisotropy) .and. i < size(degrees)) cycle
-         ! Where every draw errs, nothing shows that others may be read.
-         call posterior%grains%read_up_to(merge(0.98_wp*wrong, 0.0_wp, any(anisotropy < wrong)))
-         ! Of many grains an expansion over directions is left.
-         errors = field_errors(posterior, draws, exact, threads)
-         if (.not. any(errors > reserve*allowed_error)) return
+         associate (grains => posterior%grains)
+            ! What follows costs more than the best so far.
+            if (grains%field_cost >= least) exit
+            call grains%read_up_to(huge(least))
+            errors = field_errors(posterior, draws, exact, threads)
+            if (.not. allocated(posterior%rough) .and. count(errors < rough_errors*allowed_error) > most_draws*size(errors)) then
+               allocate (posterior%rough, source=grains)
+            end if
+            if (any(errors > reserve*allowed_error)) then
+               wrong = minval(anisotropy, mask=errors > reserve*allowed_error)
+               ! Where every draw errs, nothing shows that others may be read.
+               call grains%read_up_to(merge(0.98_wp*wrong, 0.0_wp, any(anisotropy < wrong)))
+               ! Of many grains an expansion over directions is left.
+               errors = field_errors(posterior, draws, exact, threads)
+               if (any(errors > reserve*allowed_error) .and. i < size(degrees)) cycle
+            end if
+            cost = grains%field_cost + grains%full_cost*count(anisotropy > grains%full_above)/size(anisotropy)
+         end associate
+         if (cost >= least) cycle
+         least = cost
+         ! An assignment would leave the old components of `best` to nobody.
+         if (allocated(best)) deallocate (best)
+         allocate (best, source=posterior%grains)
       end do
+      call move_alloc(best, posterior%grains)
    end subroutine choose_field_degree
 
    !> The largest difference of a grain's modulus from the exact theory's, in sds of its measurement.

@@ -70,6 +70,9 @@ contains
                & //'instrument, is needed')
          else if (allocated(measured%ebsd_points) .and. .not. allocated(measured%ebsd)) then
             call refuse(error, place(path, 'measurements', 'ebsd')//'the variable is missing; ebsd_points needs it')
+         else if (allocated(measured%crystal_axes) .and. .not. allocated(measured%ebsd)) then
+            call refuse(error, place(path, 'measurements', 'crystal_axes')//'is only for ebsd, an orientation map; remove it. ' &
+               & //'docs/measurements.md has the axes that the angles of a table refer to')
          else if (allocated(measured%texture) .and. measured%orientations /= 'unknown') then
             call refuse(error, place(path, 'measurements', 'texture')//'is only for grains of unknown orientation; state ' &
                & //'orientations = ''unknown'', or remove it')

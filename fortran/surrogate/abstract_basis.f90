@@ -54,6 +54,8 @@ module abstract_basis
       real(wp) :: noise_growth = 0.0_wp
       !> Crystals of a larger log-anisotropy have theory in full.
       real(wp) :: full_above = huge(1.0_wp)
+      !> About what a crystal costs, microseconds, with theory read and with theory in full.
+      real(wp) :: field_cost = 0.0_wp, full_cost = 0.0_wp
    contains
       procedure(set_grains_interface), deferred :: set_grains
       procedure(evaluate_crystals_interface), deferred :: evaluate_crystals

@@ -209,9 +209,13 @@ contains
       if (allocated(error)) return
       self%euler = euler
       if (self%expansion%pays) self%euler = self%expansion%euler
+      self%field_cost = self%expansion%cost
       self%n_independent = size(self%euler, 2)
       call new_field(self%class, self%field_degree, self%euler, self%field, error)
       if (allocated(error)) return
+      self%full_cost = self%field_cost + 2.6_wp*self%n_independent
+      self%field_cost = self%field_cost + 0.07_wp*self%n_independent
+      self%field_cost = self%field_cost + size(self%field%nodes, 2)*(0.09_wp + 0.004_wp*self%n_independent)
       self%maps = reshape([real(wp) ::], [self%n_independent, self%polynomials%n_coordinates, self%logarithms%n], [0.0_wp])
       do i = 1, self%n_independent
          do k = 1, self%logarithms%n

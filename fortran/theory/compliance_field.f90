@@ -54,6 +54,8 @@ module compliance_field
    type :: modulus_expansion_type
       !> Whether there are so many grains that it is worth it; only then there is what follows.
       logical :: pays = .false.
+      !> Microseconds of `expand`, about.
+      real(wp) :: cost = 0.0_wp
       !> Bunge-Euler angles of the directions that are computed, (3, direction), radians.
       real(wp), allocatable :: euler(:, :)
       !> From their moduli to coefficients, (harmonic, direction), and from these to grains, (grain, harmonic).
@@ -343,6 +345,7 @@ contains
          g = rotation_matrix(euler(:, i))
          call evaluate_harmonics(harmonics, g(:, 3), expansion%reading(i, :))
       end do
+      expansion%cost = 0.0002_wp*size(expansion%reading)
    end subroutine new_modulus_expansion
 
    !> Read few values in place of those of many grains: |values - W reading a|^2 = |condensed - reading' a|^2 + rest for all a.

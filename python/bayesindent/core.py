@@ -32,8 +32,6 @@ _MODULE = _choose_kernels()
 
 import numpy as np  # noqa: E402
 
-__all__ = ["BayesindentError", "BayesindentWarning", "InputError", "MachineError", "NativeObject", "call"]
-
 #: The compiled core: an operation on named values, and what it gave, as bytes.
 native = import_module(_MODULE, __package__)
 

@@ -199,7 +199,7 @@ class Study:
         while True:
             truth = self.truth()
             table, drawn = self.measure(truth)
-            if not self.visible or (table["modulus_gpa"].min() > PLAUSIBLE[0] and table["modulus_gpa"].max() < PLAUSIBLE[1]):
+            if PLAUSIBLE[0] < table["modulus_gpa"].min() and table["modulus_gpa"].max() < PLAUSIBLE[1]:
                 break
         posterior = Posterior.of(table, seed=seed, workers=threads, **self.settings)
         draws, _, _ = posterior.sample(method="ensemble", samples=samples, burn_in=burn_in, chains=chains, threads=threads, seed=seed)

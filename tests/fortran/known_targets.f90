@@ -5,7 +5,7 @@ module known_targets
    use abstract_sampler, only: outside, target_type
    implicit none
    private
-   public :: banana_type, misjudged_type, wavy_type
+   public :: banana_type, wavy_type
 
    !> x is normal within -1.5 .. 2, and y is normal about x² with sd 0.1.
    type, extends(target_type) :: banana_type
@@ -15,13 +15,6 @@ module known_targets
       procedure :: draw_start
       procedure :: evaluate
    end type banana_type
-
-   !> The same, with a near density that errs.
-   type, extends(banana_type) :: misjudged_type
-   contains
-      procedure :: become_near => misjudge
-      procedure :: evaluate => evaluate_misjudged
-   end type misjudged_type
 
    !> (x1, x2 + 0.8 sin 2 x1, x3 + 0.3 x1², x4, ..) are standard normal, and x1 > -1. No polynomial makes it straight.
    type, extends(target_type) :: wavy_type
@@ -59,22 +52,6 @@ contains
          end associate
       end do
    end subroutine evaluate
-
-   subroutine misjudge(self, points)
-      class(misjudged_type), intent(inout) :: self
-      real(wp), intent(in), contiguous :: points(:, :)
-
-      self%is_near = size(points) > 0
-   end subroutine misjudge
-
-   pure subroutine evaluate_misjudged(self, points, log_density)
-      class(misjudged_type), intent(in) :: self
-      real(wp), intent(in) :: points(:, :)
-      real(wp), intent(out) :: log_density(:)
-
-      call self%banana_type%evaluate(points, log_density)
-      if (self%is_near) where (log_density > outside) log_density = log_density + 0.5_wp*points(1, :) - sin(2.0_wp*points(3, :))
-   end subroutine evaluate_misjudged
 
    subroutine draw_wavy_start(self, stream, x)
       class(wavy_type), intent(in) :: self

@@ -5,8 +5,6 @@ from contextlib import contextmanager
 
 from ..core import call
 
-__all__ = ["progress_bar", "show_progress"]
-
 
 def show_progress(wanted: bool) -> None:
     """Show from now on how far loops are, or do not; the library is silent."""

@@ -17,8 +17,6 @@ import numpy as np
 
 from ..core import call
 
-__all__ = ["as_csv", "plain", "read_json", "whole_file", "write_csv", "write_groups", "write_json", "write_text"]
-
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:

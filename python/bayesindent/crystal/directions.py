@@ -5,8 +5,6 @@ from numpy.typing import ArrayLike
 
 from ..core import call
 
-__all__ = ["euler_of", "indentation_direction", "representative", "spread_of_directions"]
-
 
 def indentation_direction(euler_deg: ArrayLike) -> np.ndarray:
     """The direction of indentation (n, 3) in crystal axes at Bunge-Euler angles (n, 3) in degrees."""

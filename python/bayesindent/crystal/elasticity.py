@@ -11,11 +11,6 @@ from numpy.typing import ArrayLike
 
 from ..core import InputError, call
 
-__all__ = [
-    "angles_of", "anisotropy_index", "class_name", "constant_names", "finite_rows", "halfspace_modulus", "log_anisotropy", "polycrystal_averages",
-    "quantities", "quantity_names", "rayleigh_velocity", "stiffness", "stiffness_rows",
-]  # fmt: skip
-
 
 def quantity_names(symmetry: str) -> dict[str, str]:
     """Quantities that are reported of a crystal and their units ('GPa', or '1' for ratios); the constants come first, all where the symmetry is ''."""

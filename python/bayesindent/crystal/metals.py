@@ -10,8 +10,6 @@ import numpy as np
 
 from .elasticity import constant_names, quantities
 
-__all__ = ["SPREAD", "known_of", "metals"]
-
 #: What pressure tells of a crystal: the bulk modulus, and by it alone where these are equal.
 COMPRESSIBILITIES = ("compressibility[100]", "compressibility[001]")
 

@@ -6,8 +6,6 @@ from contextlib import AbstractContextManager, nullcontext
 from .dask import DaskEngine
 from .local import LocalEngine
 
-__all__ = ["ENGINES", "DaskEngine", "LocalEngine"]
-
 #: By the word of &execution: from its workers and scheduler the engine, for a `with` statement.
 ENGINES: dict[str, Callable[[int, str], AbstractContextManager]] = {
     "local": lambda workers, scheduler: nullcontext(LocalEngine(workers)),

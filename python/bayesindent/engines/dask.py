@@ -9,8 +9,6 @@ from typing import Any
 from ..core import InputError, MachineError
 from .local import complete
 
-__all__ = ["DaskEngine"]
-
 #: How long a scheduler may take to answer, s.
 PATIENCE_S = 10
 

@@ -6,8 +6,6 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from functools import partial
 from itertools import islice
 
-__all__ = ["LocalEngine", "complete"]
-
 
 def complete(submit: Callable[..., Future], workers: Callable[[], int], items: Sequence, collect: Callable[[int, object], None]) -> None:
     """Submit all items, one for each of the workers that are there at the time, and collect(number, result) in this thread for each as it is

@@ -6,8 +6,6 @@ from types import SimpleNamespace
 
 import numpy as np
 
-__all__ = ["write_deck"]
-
 #: Voigt index (order 11,22,33,23,13,12) of the pairs in the order 11,22,33,12,13,23 of *ELASTIC, TYPE=ANISO.
 ABAQUS_ORDER = (0, 1, 2, 5, 4, 3)
 

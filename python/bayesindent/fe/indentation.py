@@ -17,8 +17,6 @@ from ..settings.keywords import takes
 from ..settings.problem import Problem, grouped
 from .deck import write_deck
 
-__all__ = ["Indentation", "IndentationResult"]
-
 #: Groups whose variables say what a simulation is, but for those that say what a command does with it.
 GROUPS = ("specimen", "indenter", "simulation")
 NOT_OURS = ("simulator", "vtu", "inp")

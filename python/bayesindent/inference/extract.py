@@ -17,8 +17,6 @@ from ..settings.problem import Problem, grouped
 from ..surrogate.surrogate import Surrogate
 from .measurements import GROUPS, problem_of
 
-__all__ = ["extract", "groups_of", "inference_data", "next_grain", "plan", "summary"]
-
 #: Variables that other keywords stand for.
 LEFT_OUT = ("symmetry", "title", "synthetic", "file", "c_min", "c_max", "engine", "scheduler")
 

@@ -12,8 +12,6 @@ from ..crystal.elasticity import angles_of, constant_names
 from ..settings.problem import Problem, grouped
 from ..surrogate.surrogate import Surrogate
 
-__all__ = ["GROUPS", "measurements_of", "problem_of"]
-
 #: Groups whose variables are keywords.
 GROUPS = ("problem", "indenter", "measurements", "prior", "sampler", "execution")
 

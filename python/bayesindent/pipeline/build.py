@@ -15,8 +15,6 @@ from ..settings.problem import Points, Problem
 from ..surrogate.surrogate import Surrogate, places
 from .stage import Job, Stage, run_stage
 
-__all__ = ["ask", "build_surrogate", "tell"]
-
 
 def build_surrogate(problem: Problem | str | PathLike, output: str | PathLike, *, simulate: Callable | None = None) -> Surrogate:
     """Step 1: the surrogate that `problem`, a namelist file or a `Problem`, asks for. Simulations are kept in the folder `output`; call it again to go on.

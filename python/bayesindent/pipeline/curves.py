@@ -15,8 +15,6 @@ from ..settings.keywords import takes, warn_of
 from ..settings.problem import Problem
 from .stage import run_stage
 
-__all__ = ["Curves", "curves"]
-
 
 @dataclass(frozen=True)
 class Curves:

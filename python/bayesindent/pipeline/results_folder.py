@@ -9,8 +9,6 @@ from ..core import InputError, call
 from ..settings.problem import Problem, stages
 from ..surrogate.surrogate import places
 
-__all__ = ["DOCUMENTS", "MANIFEST", "belongs", "changed_inputs", "read_posterior", "read_resolved", "surrogate_digest"]
-
 #: The file of each stage's document.
 DOCUMENTS = {stage.name: stage.document for stage in stages() if stage.document}
 #: The namelist and the inputs last used in a folder.

@@ -16,8 +16,6 @@ from ..core import MachineError, NativeObject
 from ..settings.problem import Problem
 from ..surrogate.surrogate import places
 
-__all__ = ["Job", "Simulations", "Simulator", "Stage", "run_stage"]
-
 #: What became of a simulation: the machine could not make it, or it is done, or failed.
 WAITING, DONE, FAILED = 0, 1, 2
 #: What is left out of what became of a simulation; its `status` follows from whether there is a modulus.

@@ -117,6 +117,8 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, *args: Any, **kwargs: Any):
         super().__init__(*args, **(kwargs | {"formatter_class": argparse.RawDescriptionHelpFormatter}))
+        # Classes like -3m are no options.
+        self._negative_number_matcher = re.compile("-[1346]")
 
     def format_help(self) -> str:
         short = f"\ngroups of the namelist ('{self.prog} --all' explains every variable):\n" if self.groups and not self.full else ""

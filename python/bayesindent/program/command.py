@@ -16,8 +16,6 @@ from ..settings.problem import Problem, schema, stages
 from ..surrogate.surrogate import places
 from ..version import __version__
 
-__all__ = ["PATIENCE_S", "Command", "namelist_command", "output_folder", "perform", "prepare", "quoted", "report_of", "show_table"]
-
 log = logging.getLogger("bayesindent")
 
 #: How long a command that is soon done waits for another process to leave a folder, s.

@@ -17,8 +17,6 @@ from ..settings.keywords import warn_of
 from .formatting import number
 from .results import Results
 
-__all__ = ["Run", "compare", "compare_runs", "read_runs"]
-
 
 class Run(Results):
     """Results with a posterior of their present inputs, under a name that differs from those of the others."""

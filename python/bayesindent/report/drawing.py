@@ -16,8 +16,6 @@ from .figures import FIGURES
 from .figures.style import COLUMN, WIDTH, Picture, house_style, lay_out, letter_panels, stamp_synthetic, text_size
 from .results import NothingToShow, Results
 
-__all__ = ["draw_figures", "figure_table"]
-
 #: The panel by its number, what its axes show, kind and label of the series, the number of the point in it; of bars also their extent.
 HEADER = ("panel", "x_axis", "y_axis", "kind", "series", "point", "x", "y", "width", "height")
 

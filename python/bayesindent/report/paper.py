@@ -18,8 +18,6 @@ from .sections import grain_cells, identifiability_cells, report_rows
 from .summary import indenter, measured_ranges, specimen, with_count, with_verdict
 from .templates import read_data, render
 
-__all__ = ["methods", "write_paper"]
-
 
 def methods(results: Results) -> tuple[str, str]:
     """The paragraph in LaTeX, and the works that it cites in BibTeX."""

@@ -11,8 +11,6 @@ from .sections import LEAST_SHIFT, MOST_ROWS, report_rows
 from .summary import advice, answer, findings, inputs_summary
 from .templates import render
 
-__all__ = ["write_report"]
-
 
 def write_report(folder: Any, output: Path | None = None, kind_of_files: str = "", paper: bool = False) -> tuple[Results, Path]:
     """Write the page as `bi.report` says, whose `figures` are here `kind_of_files`; return the results and its path."""

@@ -19,8 +19,6 @@ from ..pipeline.results_folder import DOCUMENTS, MANIFEST, belongs, changed_inpu
 from ..settings.problem import typed
 from ..surrogate.surrogate import Surrogate
 
-__all__ = ["NothingToShow", "Results", "present"]
-
 T = TypeVar("T", bound=Sized)
 
 
@@ -54,6 +52,8 @@ class Results:
             # A build that was killed may have left a new surrogate beside the documents of the last one.
             self.manifest["inputs"] = self.manifest.get("inputs", {}) | surrogate_digest(name, folder, self.namelist_folder)
         found = {stage: {} if facts else read_json(folder / file) for stage, file in DOCUMENTS.items()}
+        if not (facts or self.resolved or any(found.values())):
+            raise InputError(f"{folder}: there are no results in this folder; name the output folder of another command")
         #: Stages whose documents are of other inputs.
         self.outdated = [stage for stage, document in found.items() if document and not belongs(document, self.manifest)]
         self.documents = {stage: {} if stage in self.outdated else document for stage, document in found.items()}

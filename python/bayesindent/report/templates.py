@@ -8,8 +8,6 @@ from markupsafe import Markup
 
 from . import formatting
 
-__all__ = ["read_data", "render"]
-
 
 def read_data(name: str) -> str:
     """The text of a file beside this module."""

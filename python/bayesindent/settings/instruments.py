@@ -10,8 +10,6 @@ import numpy as np
 from ..core import InputError
 from .other_files import reader_of, reading
 
-__all__ = ["curves_of_files", "tdm_settings"]
-
 #: The last where the stiffness was measured.
 COLUMNS = ("time_s", "depth_nm", "load_mn", "stiffness_n_m")
 #: Numbers above this are none: instruments write 1.797e308.

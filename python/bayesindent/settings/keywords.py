@@ -13,8 +13,6 @@ from typing import Any
 from ..core import BayesindentWarning, InputError, MachineError
 from .problem import Variable, schema
 
-__all__ = ["in_python", "takes", "warn_of"]
-
 #: Names that ArviZ' and PyMC's users know, and the variables that they are.
 ALIASES = {"draws": "samples", "random_seed": "seed"}
 TYPES = {"logical": bool, "integer": int, "real": float}

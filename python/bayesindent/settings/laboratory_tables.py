@@ -20,8 +20,6 @@ import numpy as np
 from ..core import InputError, call
 from .other_files import decoded, reader_of, reading, refuse_formulas
 
-__all__ = ["LaboratoryTable", "laboratory_table", "meanings_of"]
-
 #: Moduli, most specific first; an sd; what says which test of which grain a row is.
 MODULI = ("indentation_modulus_gpa", "effective_modulus_gpa", "sample_modulus_gpa", "modulus_gpa")
 ANGLES = ("phi1_deg", "Phi_deg", "phi2_deg")

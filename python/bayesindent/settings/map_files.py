@@ -14,8 +14,6 @@ from ..crystal.directions import representative
 from ..crystal.elasticity import class_name
 from .other_files import reader_of, reading
 
-__all__ = ["AXES", "axes_of_file", "from_standard", "load_map", "turn_of_axes"]
-
 #: Where the axes of the crystal lie in its cell, by the words of `crystal_axes`.
 AXES = {"a": "x along a, z along c*", "a*": "x along a*, z along c"}
 

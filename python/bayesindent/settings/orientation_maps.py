@@ -21,8 +21,6 @@ from ..crystal.elasticity import class_name
 from .map_files import axes_of_file, from_standard, load_map, turn_of_axes
 from .other_files import reading
 
-__all__ = ["IndentedMap", "indented_map"]
-
 #: Neighbours that differ by more are of two grains, degrees.
 BOUNDARY_DEG = 5.0
 #: Grains of fewer pixels are noise, and no neighbours.

@@ -10,8 +10,6 @@ from types import ModuleType
 
 from ..core import InputError
 
-__all__ = ["decoded", "reader_of", "reading", "refuse_formulas"]
-
 
 def reader_of(place: str, path: Path, kind: str, module: str, otherwise: str = "") -> ModuleType:
     """The `module` of another package that reads a file of this `kind`. `place` begins a refusal; `otherwise`: what to do other than install it."""

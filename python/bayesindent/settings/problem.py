@@ -17,8 +17,6 @@ from ..crystal.elasticity import constant_names
 if TYPE_CHECKING:
     from .laboratory_tables import LaboratoryTable
 
-__all__ = ["Points", "Problem", "Stage", "Variable", "grouped", "html_details", "read_crystals", "schema", "spelled", "stages", "typed"]
-
 
 #: From texts of a namelist.
 CONVERSIONS: dict[str, Callable] = {"logical": ".true.".__eq__, "integer": int, "real": float}

@@ -9,8 +9,6 @@ from ..core import InputError, NativeObject
 from ..crystal.elasticity import constant_names, finite_rows
 from ..settings.problem import Problem
 
-__all__ = ["Basis"]
-
 
 class Basis(NativeObject):
     """Terms of a crystal and its orientation over a domain, as &domain and &surrogate of a problem say, or those of a surrogate; see docs/surrogate.md.

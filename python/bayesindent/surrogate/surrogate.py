@@ -20,8 +20,6 @@ from ..settings.keywords import takes
 from ..settings.problem import Points, html_details
 from ..surrogate.basis import Basis
 
-__all__ = ["SHIPPED", "Surrogate", "places"]
-
 #: The folder of the surrogates that come with the package, and their names.
 DATA = Path(os.environ.get("BAYESINDENT_DATA") or Path(__file__).parents[1] / "data")
 SHIPPED = tuple(sorted(path.stem for path in DATA.glob("*.txt")))

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from ..command import Command
 
-__all__ = ["HELP", "SUMMARIES", "command_of"]
-
 #: Of each part of the page of help: its name, of a command the module and one line on it, and its text.
 PAGE = (Path(__file__).parents[1] / "help.txt").read_text(encoding="utf-8")
 PARTS = re.findall(r"^== (\w+)(?: (\w+): (.*))?\n((?:(?!== ).*\n?)*)", PAGE, re.MULTILINE)

@@ -9,8 +9,6 @@ from pathlib import Path
 from ...core import BayesindentError
 from ..command import Command
 
-__all__ = ["COMMANDS"]
-
 
 def take_all(parser: argparse.ArgumentParser) -> None:
     """Whatever follows, options too, is the tool's."""

@@ -2,8 +2,6 @@
 
 from . import curves, learning, maps, mesh, orientations, posterior, simulations, young
 
-__all__ = ["FIGURES"]
-
 #: Figures by section of the report, in the order in which they are shown. A figure's file bears the name of its function.
 SECTIONS = {
     "next": (posterior.knowledge, orientations.next_grains),

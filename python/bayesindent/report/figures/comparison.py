@@ -8,8 +8,6 @@ from ..comparison import Run
 from ..formatting import subscript
 from .style import CYCLE, Picture, density_axes, grid_of_constants
 
-__all__ = ["forest", "limits", "overlay"]
-
 #: The axes are at most so many times as wide as the narrowest posterior.
 WIDEST = 9.0
 CUT_OFF = "Much wider posteriors than the narrowest are cut off"

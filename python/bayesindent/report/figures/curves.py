@@ -6,8 +6,6 @@ from ...pipeline.curves import read_columns
 from ..results import NothingToShow, Results, present
 from .style import BLACK, BLUE, CYCLE, GREEN, ORANGE, RED, SKY, Picture, is_column, panels
 
-__all__ = ["curve_fits", "curve_moduli", "moduli_errors", "tip_radius"]
-
 #: Tests that are shown at most, evenly over all that were used.
 SHOWN = 4
 

@@ -7,8 +7,6 @@ from ..formatting import number
 from ..results import NothingToShow, Results, present
 from .style import BLACK, CYCLE, MARKERS, SKY, Picture, legend_above, logarithmic, panels, parity_panels, sd_axes
 
-__all__ = ["learning_curve", "parity", "truncations", "validation"]
-
 #: More points than that are drawn small.
 MANY = 400
 

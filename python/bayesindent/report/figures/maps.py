@@ -15,8 +15,6 @@ from .style import BLACK, Picture, panels
 if TYPE_CHECKING:
     from ...settings.orientation_maps import IndentedMap
 
-__all__ = ["draw_map", "orientation_map"]
-
 #: Pixels of the picture along its longer side.
 PIXELS = 700
 

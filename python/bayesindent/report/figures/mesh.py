@@ -7,8 +7,6 @@ from ...fe.indentation import GROUPS, NOT_OURS, Indentation
 from ..results import Results, present
 from .style import BLUE, ORANGE, Picture, legend_above, panels
 
-__all__ = ["mesh"]
-
 #: Nodes of a brick's faces, in Abaqus' order of nodes.
 BRICK_FACES = ([0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7])
 

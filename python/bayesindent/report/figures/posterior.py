@@ -13,10 +13,6 @@ from .style import (  # isort: skip
     parity_panels, sd_axes,
 )  # fmt: skip
 
-__all__ = [
-    "error_budget", "expected_sds", "grain_comparison", "knowledge", "marginals", "pairs", "residuals", "shares", "traces", "velocities",
-]  # fmt: skip
-
 #: Samples of normal numbers behind the band of the quantiles.
 SAMPLES = 2000
 #: More grains than that are drawn small.

@@ -7,8 +7,6 @@ from ..formatting import orientation
 from ..results import NothingToShow, Results, present
 from .style import BLACK, CYCLE, MARKERS, Picture, panels, parity_panels
 
-__all__ = ["draw_bias", "load_depth", "specimen_size", "theory"]
-
 LINES = {"softer": "--", "stiffer": ":"}
 
 

@@ -16,11 +16,6 @@ from matplotlib.text import Text
 
 from ..formatting import subscript
 
-__all__ = [
-    "COLUMN", "WIDTH", "Picture", "density_axes", "grid_of_constants", "house_style", "is_column", "lay_out", "legend_above", "letter_panels", "logarithmic", "new_figure", "panels", "parity_panels",
-    "sd_axes", "stamp_synthetic", "text_size",
-]  # fmt: skip
-
 # The palette of Okabe and Ito, which colour-blind readers can tell apart.
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PURPLE = (
     "#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7",

@@ -10,8 +10,6 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from ..results import Results, present
 from .style import Picture, panels
 
-__all__ = ["young_surface", "youngs_modulus"]
-
 #: Draws of the posterior, and steps of declination; of azimuth twice as many.
 DRAWS, STEPS = 100, 32
 
