@@ -54,6 +54,7 @@ def test_the_first_warnings_are_shown_and_all_are_in_the_document(capsys):
         (["a.nml"], "Did you mean 'run a.nml'?"),
         (["run", "a.nml", "--chek"], "unrecognized arguments: --chek. Did you mean '--check'?"),
         (["extract", "a.nml", "--sample5", "5"], "Did you mean '--samples'?"),
+        (["report", "."], ".: there are no results in this folder; name the output folder of another command"),
         (["init", "Ti"], "init: Ti is a metal, not a crystal class; bayesindent init --metal Ti"),
     ],
 )
@@ -61,6 +62,11 @@ def test_what_was_meant(bayesindent, words, meant):
     done = bayesindent(*words)
     assert (done.returncode, done.stdout) == (2, "")
     assert meant in done.stderr
+
+
+def test_a_class_that_begins_with_a_minus_is_no_option(bayesindent, tmp_path):
+    assert bayesindent("init", "-3m", "--output", tmp_path / "quartz").returncode == 0
+    assert "a trigonal crystal (C11, C12, C13, C14, C33, C44)" in (tmp_path / "quartz" / "grains.nml").read_text()
 
 
 def test_help_and_version_are_commands(bayesindent):

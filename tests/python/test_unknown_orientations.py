@@ -120,6 +120,9 @@ def test_another_texture_is_another_input(tmp_path, capsys):
     path.write_text(path.read_text().replace("orientations = 'unknown'", ""))
     assert main(["run", str(path), "--check", "--output", str(tmp_path / "out")]) == 2
     assert "&measurements texture: is only for grains of unknown orientation; state orientations = 'unknown'" in capsys.readouterr().err
+    path.write_text(path.read_text().replace("texture = 'g.csv'", "crystal_axes = 'a*'"))
+    assert main(["run", str(path), "--check", "--output", str(tmp_path / "out")]) == 2
+    assert "&measurements crystal_axes: is only for ebsd, an orientation map; remove it" in capsys.readouterr().err
 
 
 BOUNDS = {
