@@ -13,8 +13,9 @@ module extraction
       & summarise_parameters, thinning
    use prior_sensitivity, only: change_type, limit_type, list_limits, measure_sensitivity
    use problem, only: problem_type
-   use problem_posterior, only: allowed_error, choose_field_degree, draw_aside, find_field_error, free_run, &
-      & new_problem_posterior, omit_weak_waves, pilot_run, prior_run, sample_aside, sample_posterior, stiffnesses, theory_run
+   use field_reading, only: allowed_error, choose_field_degree, find_field_error
+   use problem_posterior, only: draw_aside, free_run, new_problem_posterior, omit_weak_waves, pilot_run, prior_run, &
+      & sample_aside, sample_posterior, stiffnesses, theory_run
    use quantities, only: evaluate_draws, quantity_type, reported_quantities
    use samplers, only: chains_type
    use statistics, only: flattened, moments, thinned

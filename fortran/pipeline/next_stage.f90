@@ -19,7 +19,8 @@ module next_stage
    use machine, only: thread_count
    use extraction_document, only: stored_draws
    use problem, only: problem_type
-   use problem_posterior, only: are_detected, check_target, choose_field_degree, new_problem_posterior, omit_weak_waves
+   use field_reading, only: choose_field_degree
+   use problem_posterior, only: are_detected, check_target, new_problem_posterior, omit_weak_waves
    use quantities, only: evaluate_draws, new_quantity, quantity_type
    use random, only: new_random_stream, random_stream_type
    use running_command, only: remove_files

@@ -3,7 +3,7 @@ module posterior_diagnostics
    use constants_prior, only: knowledge_type
    use errors, only: error_type, warn, warning_type
    use extraction, only: extraction_type, unmixed
-   use problem_posterior, only: allowed_error
+   use field_reading, only: allowed_error
    use files, only: printable
    use indenters, only: indenter_type, new_indenter
    use kinds, only: pi, wp

@@ -346,9 +346,11 @@ contains
             if (all(column > 0) .and. named == 0) class = general
             if (len(cell) > 0) call new_crystal_class(cell, class, error)
             if (allocated(error)) error%message = points%table%place(named, i)//error%message
-            if (class%n_constants == 0) call refuse(error, 'the class of the crystals is missing; state &problem symmetry, or ' &
-               & //'add a column symmetry')
             if (allocated(error)) return
+            if (class%n_constants == 0) then
+               call refuse(error, 'the class of the crystals is missing; state &problem symmetry, or add a column symmetry')
+               return
+            end if
             j = findloc([(points%classes(j)%name == class%name, j=1, size(points%classes))], .true., dim=1)
             if (j == 0) points%classes = [points%classes, class]
             points%class(i) = merge(size(points%classes), j, j == 0)

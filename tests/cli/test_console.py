@@ -54,7 +54,6 @@ def test_the_first_warnings_are_shown_and_all_are_in_the_document(capsys):
         (["a.nml"], "Did you mean 'run a.nml'?"),
         (["run", "a.nml", "--chek"], "unrecognized arguments: --chek. Did you mean '--check'?"),
         (["extract", "a.nml", "--sample5", "5"], "Did you mean '--samples'?"),
-        (["report", "."], ".: there are no results in this folder; name the output folder of another command"),
         (["init", "Ti"], "init: Ti is a metal, not a crystal class; bayesindent init --metal Ti"),
     ],
 )

@@ -13,7 +13,8 @@ module test_operations
    use kinds, only: degree, wp
    use operations, only: perform
    use posterior_summary, only: add_shared
-   use problem_posterior, only: choose_field_degree, new_problem_posterior
+   use field_reading, only: choose_field_degree
+   use problem_posterior, only: new_problem_posterior
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, checkpoint_type, new_sampler, run_settings_type, sample_chains
    use sequential_design, only: compute_variances, set_candidates, update_posterior_mean

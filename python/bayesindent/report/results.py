@@ -52,8 +52,6 @@ class Results:
             # A build that was killed may have left a new surrogate beside the documents of the last one.
             self.manifest["inputs"] = self.manifest.get("inputs", {}) | surrogate_digest(name, folder, self.namelist_folder)
         found = {stage: {} if facts else read_json(folder / file) for stage, file in DOCUMENTS.items()}
-        if not (facts or self.resolved or any(found.values())):
-            raise InputError(f"{folder}: there are no results in this folder; name the output folder of another command")
         #: Stages whose documents are of other inputs.
         self.outdated = [stage for stage, document in found.items() if document and not belongs(document, self.manifest)]
         self.documents = {stage: {} if stage in self.outdated else document for stage, document in found.items()}
