@@ -246,7 +246,7 @@ contains
       character(len=:), allocatable :: advice
       integer :: i
 
-      associate (check => found%orientations, student => problem%settings%measurements%likelihood)
+      associate (check => found%orientations, likelihood => problem%settings%measurements%likelihood)
          blamed = check%is_noticed() .or. size(check%outliers) > 0
          if (check%is_noticed()) then
             advice = 'Check the order of the rows, whether the map is flipped, and the convention of the angles (Bunge, from ' &
@@ -262,7 +262,7 @@ contains
                & //'its modulus is '//fixed(abs(check%distances(i)), 1)//' sd '//trim(merge('above', 'below', &
                & check%distances(i) > 0.0_wp))//' what they predict, and without it they agree. Check its value (' &
                & //to_text(found%posterior%data%modulus(check%outliers(i)), 4)//' GPa) and orientation, or remove it' &
-               & //trim(merge('; likelihood = ''student'' admits outliers', repeat(' ', 40), student /= 'student')))
+               & //trim(merge('; likelihood = ''student'' admits outliers', repeat(' ', 40), likelihood /= 'student')))
          end do
       end associate
    end subroutine check_table

@@ -83,7 +83,9 @@ def test_poor_chains_are_told_of(surrogates):
     result = bi.extract(
         REFERENCE / "hex_titanium.csv", surrogate=surrogates["hexagonal"], method="scmh", samples=500, burn_in=500, **settings
     )
-    assert any("have not mixed" in line for line in bi.summary(result)["warnings"])
+    document = bi.summary(result)
+    assert any("have not mixed" in line for line in document["reasons"]) and not document["usable"]
+    assert not any("have not mixed" in line for line in document["warnings"])
 
 
 @pytest.mark.long
