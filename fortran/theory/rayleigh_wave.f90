@@ -98,7 +98,7 @@ contains
       !> (n).
       type(wave_type), intent(out) :: waves(:)
       type(wave_type) :: found(lanes)
-      real(wp) :: one(9, 9), both(6, 6), mm(lanes, 6), mn(lanes, 9), nn(lanes, 6)
+      real(wp) :: one(9, 9), both(6, 6), mm(lanes, 6), mn(lanes, 9), nn(lanes, 6), bulk(lanes)
       integer :: block, first, lane, wave
 
       call contraction_maps(c(:, :, 1), one, both)
@@ -116,7 +116,10 @@ contains
          call find_waves(mm, mn, nn, surface%normal(:, :, block), found)
          do lane = 1, min(lanes, surface%n - first)
             wave = surface%wave(first + lane)
-            if (wave > rayleigh) found(lane) = wave_type(eigenvalue(mm(lane, :), wave - longitudinal), huge(1.0_wp), 1.0_wp)
+            if (wave > rayleigh) then
+               bulk = eigenvalues(mm, wave - longitudinal)
+               found(lane) = wave_type(bulk(lane), huge(1.0_wp), 1.0_wp)
+            end if
          end do
          waves(first + 1:min(first + lanes, surface%n)) = found(:min(lanes, surface%n - first))
       end do
@@ -152,11 +155,15 @@ contains
       real(wp), parameter :: guesses(2) = [0.35_wp, 0.45_wp]
       integer, parameter :: most_steps = 60
       real(wp), dimension(lanes) :: low, high, s, before, value, last, further, limiting
+      real(wp) :: a(lanes, 9), d(lanes, 6), e(lanes, 6)
       integer :: i, step
 
-      do i = 1, lanes
-         call bulk_moduli(mm(i, :), mn(i, :), nn(i, :), limiting(i), waves(i)%bulk)
-      end do
+      call bulk_moduli(mm, mn, nn, limiting, waves%bulk)
+      call invert(nn, d)
+      call multiply(d, mn(:, transposed), a)
+      call multiply_transposed(a, mn(:, transposed), e)
+      a = -a
+      e = e - mm
       low = least
       high = 1.0_wp
       s = guesses(1)
@@ -195,31 +202,28 @@ contains
          !> The error left is about the square of the change.
          real(wp), parameter :: tolerance = 1.0e-7_wp
          integer, parameter :: most_doublings = 40
-         real(wp) :: a(lanes, 9), d(lanes, 6), e(lanes, 6), p(lanes, 6), x(lanes, 9), w(lanes, 3), change
+         real(wp) :: turned_a(lanes, 9), turned_d(lanes, 6), turned_e(lanes, 6), p(lanes, 6), x(lanes, 9), w(lanes, 3), change
          integer :: k
 
-         x = mn(:, transposed)
-         call invert(nn, d)
-         call multiply(d, x, a)
-         call multiply_transposed(a, x, e)
-         a = -a
-         e = e - mm
+         turned_a = a
+         turned_d = d
+         turned_e = e
          do k = 1, 3
-            e(:, k) = e(:, k) + limiting*(1.0_wp - at**2)
+            turned_e(:, k) = e(:, k) + limiting*(1.0_wp - at**2)
          end do
          do k = 1, most_doublings
-            call double_angles(a, d, e, change)
+            call double_angles(turned_a, turned_d, turned_e, change)
             if (change <= tolerance) exit
          end do
-         call invert(d, p)
-         call multiply(p, a, x)
+         call invert(turned_d, p)
+         call multiply(p, turned_a, x)
          w = 0.5_wp*(x(:, [6, 7, 2]) - x(:, [8, 3, 4]))
          ! The adjugate of P is D det P.
-         x(:, 1) = 1.0_wp/(d(:, 1)*(d(:, 2)*d(:, 3) - d(:, 4)**2) - d(:, 6)*(d(:, 6)*d(:, 3) - d(:, 4)*d(:, 5)) &
-            & + d(:, 5)*(d(:, 6)*d(:, 4) - d(:, 2)*d(:, 5)))
+         x(:, 1) = p(:, 1)*(p(:, 2)*p(:, 3) - p(:, 4)**2) - p(:, 6)*(p(:, 6)*p(:, 3) - p(:, 4)*p(:, 5)) &
+            & + p(:, 5)*(p(:, 6)*p(:, 4) - p(:, 2)*p(:, 5))
          found = x(:, 1) - along(p, w)
-         if (present(normal_share)) normal_share = (x(:, 1)*along(d, normal) - sum(w*normal, 2)**2) &
-            & /(x(:, 1)*sum(d(:, :3), 2) - sum(w**2, 2))
+         if (present(normal_share)) normal_share = (x(:, 1)*along(turned_d, normal) - sum(w*normal, 2)**2) &
+            & /(x(:, 1)*sum(turned_d(:, :3), 2) - sum(w**2, 2))
       end subroutine determinant
 
       !> x.S.x of symmetric matrices.
@@ -232,34 +236,51 @@ contains
       end function along
    end subroutine find_waves
 
-   !> Moduli of bulk waves, GPa: of the slowest along m, and the limiting one, which is, over directions in the plane of m and n at the
-   !> angle phi to m, the least eigenvalue of the acoustic tensor over cos^2 phi.
+   !> Moduli of bulk waves, GPa: of the slowest along m, and the limiting one, which is, over directions in the plane of m and n of the
+   !> slope p to m, the least eigenvalue of the acoustic tensor times 1 + p^2.
    pure subroutine bulk_moduli(mm, mn, nn, limiting, along)
-      !> Of one direction, as in `find_waves`.
-      real(wp), intent(in) :: mm(6), mn(9), nn(6)
-      real(wp), intent(out) :: limiting, along
+      !> As in `find_waves`.
+      real(wp), intent(in) :: mm(lanes, 6), mn(lanes, 9), nn(lanes, 6)
+      real(wp), intent(out) :: limiting(lanes), along(lanes)
       !> Angles that are tried; each minimum among them is then refined by parabolas, ever smaller.
       integer, parameter :: n = 30, refinements = 4
       real(wp), parameter :: step = pi/n, shrink = 0.1_wp
-      integer :: i, k
+      integer :: i, k, start(lanes)
       real(wp), parameter :: slopes(0:n - 1) = [(tan(step*(k + 0.5_wp) - 0.5_wp*pi), k=0, n - 1)]
-      real(wp) :: values(-1:n), sides(2), phi, width, value, bend
+      real(wp) :: values(lanes, -1:n), both(lanes, 6)
+      real(wp), dimension(lanes) :: p, width, value, left, right, bend
+      logical :: open(0:n - 1, lanes)
 
+      both = mn(:, [1, 5, 9, 6, 3, 2]) + mn(:, [1, 5, 9, 8, 7, 4])
       values = huge(1.0_wp)
-      values(0:n - 1) = [(least_eigenvalue(slopes(k)), k=0, n - 1)]
-      along = least_eigenvalue(0.0_wp)
-      limiting = min(along, minval(values))
+      p = 0.0_wp
+      along = least_eigenvalues(p)
+      limiting = along
       do k = 0, n - 1
-         if (values(k) > min(values(k - 1), values(k + 1))) cycle
-         phi = step*(k + 0.5_wp) - 0.5_wp*pi
-         width = step
-         value = values(k)
+         p = slopes(k)
+         values(:, k) = least_eigenvalues(p)
+         limiting = min(limiting, values(:, k))
+      end do
+      do k = 0, n - 1
+         open(k, :) = .not. values(:, k) > min(values(:, k - 1), values(:, k + 1))
+      end do
+      ! The first minima of all lanes, then the second ones; a lane that has no more repeats its last.
+      do while (any(open))
+         do i = 1, lanes
+            k = findloc(open(:, i), .true., dim=1) - 1
+            if (k >= 0) start(i) = k
+            open(start(i), i) = .false.
+            p(i) = slopes(start(i))
+            value(i) = values(i, start(i))
+         end do
+         width = step*(1.0_wp + p**2)
          do i = 1, refinements
-            sides = [least_eigenvalue(tan(phi - width)), least_eigenvalue(tan(phi + width))]
-            bend = sum(sides) - 2.0_wp*value
-            if (bend > 0.0_wp) phi = phi - width*max(-1.0_wp, min(1.0_wp, 0.5_wp*(sides(2) - sides(1))/bend))
-            value = least_eigenvalue(tan(phi))
-            limiting = min(limiting, value, sides(1), sides(2))
+            left = least_eigenvalues(p - width)
+            right = least_eigenvalues(p + width)
+            bend = max(left + right - 2.0_wp*value, tiny(1.0_wp))
+            p = p - width*max(-1.0_wp, min(1.0_wp, 0.5_wp*(right - left)/bend))
+            value = least_eigenvalues(p)
+            limiting = min(limiting, value, left, right)
             width = shrink*width
          end do
       end do
@@ -267,28 +288,54 @@ contains
    contains
 
       !> Of (mm) + p ((mn) + (nm)) + p^2 (nn).
-      pure real(wp) function least_eigenvalue(p)
-         real(wp), intent(in) :: p
+      pure function least_eigenvalues(p) result(least)
+         real(wp), intent(in) :: p(lanes)
+         real(wp) :: least(lanes), matrix(lanes, 6)
+         integer :: i, j
 
-         least_eigenvalue = eigenvalue(mm + p*([mn(1), mn(5), mn(9), mn(6), mn(3), mn(2)] &
-            & + [mn(1), mn(5), mn(9), mn(8), mn(7), mn(4)]) + p**2*nn, 1)
-      end function least_eigenvalue
+         do j = 1, 6
+            !$omp simd simdlen(8)
+            do i = 1, lanes
+               matrix(i, j) = mm(i, j) + p(i)*(both(i, j) + p(i)*nn(i, j))
+            end do
+         end do
+         least = eigenvalues(matrix, 1)
+      end function least_eigenvalues
    end subroutine bulk_moduli
 
-   !> The greatest (0), the least (1) or the other (2) eigenvalue of a symmetric matrix, in the order of `wave_names`: twice the deviator's
-   !> length over sqrt 6 times a cosine, from the mean.
-   pure real(wp) function eigenvalue(matrix, which)
-      !> 11, 22, 33, 23, 13, 12.
-      real(wp), intent(in) :: matrix(6)
+   !> The greatest (0), the least (1) or the other (2) eigenvalues of symmetric matrices, in the order of `wave_names`. The greatest is
+   !> mean + 2 r cos(alpha/3), with r the length of the deviator over sqrt 6 and cos(alpha) half its determinant over r^3; the least is
+   !> that of the negative matrix. Vector units have no arc cosine: y = cos(acos(x)/3) is a root of (2 y - 1) sqrt((1 + y)/2) = sqrt((1 + x)/2).
+   pure recursive function eigenvalues(matrix, which) result(values)
+      !> Components 11, 22, 33, 23, 13, 12.
+      real(wp), intent(in) :: matrix(lanes, 6)
       integer, intent(in) :: which
-      real(wp) :: x(6), mean, length, third
+      real(wp) :: values(lanes), side, mean, r, x1, x2, x3, x4, x5, x6, goal, y
+      integer :: i, k
 
-      mean = sum(matrix(:3))/3.0_wp
-      x = matrix
-      x(:3) = x(:3) - mean
-      length = sqrt((sum(x(:3)**2) + 2.0_wp*sum(x(4:)**2))/6.0_wp)
-      third = x(1)*(x(2)*x(3) - x(4)**2) - x(6)*(x(6)*x(3) - x(4)*x(5)) + x(5)*(x(6)*x(4) - x(2)*x(5))
-      third = max(-1.0_wp, min(1.0_wp, 0.5_wp*third/max(length, tiny(1.0_wp)**0.25_wp)**3))
-      eigenvalue = mean + 2.0_wp*length*cos((acos(third) + 2.0_wp*pi*which)/3.0_wp)
-   end function eigenvalue
+      if (which == 2) then
+         values = matrix(:, 1) + matrix(:, 2) + matrix(:, 3) - eigenvalues(matrix, 0) - eigenvalues(matrix, 1)
+         return
+      end if
+      side = merge(1.0_wp, -1.0_wp, which == 0)
+      !$omp simd simdlen(8)
+      do i = 1, lanes
+         mean = (matrix(i, 1) + matrix(i, 2) + matrix(i, 3))/3.0_wp
+         x1 = matrix(i, 1) - mean
+         x2 = matrix(i, 2) - mean
+         x3 = matrix(i, 3) - mean
+         x4 = matrix(i, 4)
+         x5 = matrix(i, 5)
+         x6 = matrix(i, 6)
+         r = sqrt((x1**2 + x2**2 + x3**2 + 2.0_wp*(x4**2 + x5**2 + x6**2))/6.0_wp)
+         y = 0.5_wp*(x1*(x2*x3 - x4**2) - x6*(x6*x3 - x4*x5) + x5*(x6*x4 - x2*x5))/max(r, tiny(1.0_wp)**0.25_wp)**3
+         goal = sqrt(0.5_wp*(1.0_wp + max(-1.0_wp, min(1.0_wp, side*y))))
+         ! Near to it, and two steps of Newton's.
+         y = 0.5_wp + goal*(0.56416_wp - 0.06416_wp*goal)
+         do k = 1, 2
+            y = y - (2.0_wp*(1.0_wp + y)*(2.0_wp*y - 1.0_wp) - 4.0_wp*goal*sqrt(0.5_wp*(1.0_wp + y)))/(6.0_wp*y + 3.0_wp)
+         end do
+         values(i) = mean + side*2.0_wp*r*y
+      end do
+   end function eigenvalues
 end module rayleigh_wave

@@ -216,6 +216,13 @@ def test_a_standard_deviation_of_n_tests(tmp_path):
     assert read_measurements(path, "cubic").sd_gpa == pytest.approx([row[5] for row in ROWS])
 
 
+def test_a_column_that_numbers_the_rows_is_no_number_of_tests(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(text([(*row, number) for number, row in enumerate(ROWS, 1)], [*NAMES[:5], "Standard deviation (GPa)", "N"]))
+    points = read_measurements(path, "cubic")
+    assert points.sd_gpa == pytest.approx([row[5] for row in ROWS]) and "column N: numbers the rows" in points.problem.warnings[0]
+
+
 @pytest.mark.parametrize("name", ["# indents", "Number of indentations", "N (tests)", "n_tests"])
 def test_names_of_the_number_of_tests(tmp_path, name):
     path = tmp_path / "a.csv"

@@ -231,7 +231,7 @@ def test_the_posterior_is_that_of_an_independent_sampler():
         return -0.5 * (first**2).sum() - 0.5 * (((speeds - waves["rayleigh_velocity_m_s"]) / waves["sd_m_s"]) ** 2).sum()
 
     sampler = dynesty.NestedSampler(
-        log_likelihood, lambda u: constants + width * (2 * u - 1), 3, nlive=300, rstate=np.random.default_rng(1)
+        log_likelihood, lambda u: constants + width * (2 * u - 1), 3, nlive=150, rstate=np.random.default_rng(1)
     )
     sampler.run_nested(print_progress=False, dlogz=0.05)
     draws = sampler.results.samples_equal(rstate=np.random.default_rng(2))

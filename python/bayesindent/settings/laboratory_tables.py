@@ -443,6 +443,9 @@ def standard_errors(table: LaboratoryTable, grain: int) -> None:
     """Sds of means: of a standard deviation of N tests, or of repeated tests that have none, a pooled one where they are few."""
     modulus, sd = table.column(*MODULI), table.column("sd_gpa")
     number = next((j for j, name in enumerate(table.names) if COUNT.fullmatch(name)), -1)
+    if number >= 0 and len(table.rows) > 2 and [row[number] for row in table.rows] == [str(1 + i) for i in range(len(table.rows))]:
+        table.note(f"column {table.names[number]}: numbers the rows; not taken for numbers of tests")
+        number = -1
     if sd >= 0 and number >= 0 and DEVIATION.search(table.names[sd]) and plain_numbers([row[sd] for row in table.rows]):
         whole = re.compile(r"0*[1-9]\d{0,8}(\.0*)?").fullmatch
         if wrong := [line for line, row in zip(table.lines, table.rows, strict=True) if not whole(row[number])]:
