@@ -291,13 +291,10 @@ contains
       pure function least_eigenvalues(p) result(least)
          real(wp), intent(in) :: p(lanes)
          real(wp) :: least(lanes), matrix(lanes, 6)
-         integer :: i, j
+         integer :: j
 
          do j = 1, 6
-            !$omp simd simdlen(8)
-            do i = 1, lanes
-               matrix(i, j) = mm(i, j) + p(i)*(both(i, j) + p(i)*nn(i, j))
-            end do
+            matrix(:, j) = mm(:, j) + p*(both(:, j) + p*nn(:, j))
          end do
          least = eigenvalues(matrix, 1)
       end function least_eigenvalues
@@ -305,7 +302,8 @@ contains
 
    !> The greatest (0), the least (1) or the other (2) eigenvalues of symmetric matrices, in the order of `wave_names`. The greatest is
    !> mean + 2 r cos(alpha/3), with r the length of the deviator over sqrt 6 and cos(alpha) half its determinant over r^3; the least is
-   !> that of the negative matrix. Vector units have no arc cosine: y = cos(acos(x)/3) is a root of (2 y - 1) sqrt((1 + y)/2) = sqrt((1 + x)/2).
+   !> that of the negative matrix. Vector units have no arc cosine: y = cos(acos(x)/3) is a root of
+   !> (2 y - 1) sqrt((1 + y)/2) = sqrt((1 + x)/2).
    pure recursive function eigenvalues(matrix, which) result(values)
       !> Components 11, 22, 33, 23, 13, 12.
       real(wp), intent(in) :: matrix(lanes, 6)
