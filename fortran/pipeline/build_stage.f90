@@ -188,8 +188,8 @@ contains
             call page%end_object()
             if (i < size(build%focus%rounds)) cycle
             worst = maxloc(round%share, 1)
-            if (round%share(worst) > accurate_share) call warn(build%warnings, 'the surrogate contributes ' &
-               & //to_text(nint(100.0_wp*round%share(worst)))//' % of the variance of '//trim(names(worst))//'; allowed: ' &
+            if (round%share(worst) > accurate_share) call warn(build%warnings, 'errors of the surrogate may change ' &
+               & //'the variance of '//trim(names(worst))//' by '//to_text(nint(100.0_wp*round%share(worst)))//' %; allowed: ' &
                & //to_text(nint(100.0_wp*accurate_share))//' %'//advice)
             if (round%z > accurate_z) call warn(build%warnings, 'new simulations at the posterior differ from the surrogate by ' &
                & //fixed(round%z, 1)//' sds (root mean square); allowed: '//to_text(accurate_z)//advice)

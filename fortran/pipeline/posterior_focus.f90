@@ -13,6 +13,8 @@ module posterior_focus
    use problem, only: problem_type
    use problem_posterior, only: draw_aside, focus_run, new_problem_posterior, stiffnesses
    use prior_sensitivity, only: is_truncated, list_limits
+   use random, only: new_random_stream, random_stream_type
+   use small_matrices, only: factor_definite, solve_lower
    use surrogate_domain, only: domain_type
    use surrogate_model, only: new_theory_surrogate, predict_crystals, surrogate_type
    use variance_shares, only: find_shares, from_surrogate, shares_type
@@ -22,15 +24,14 @@ module posterior_focus
 
    !> Simulations over the domain before the posterior chooses; of each round those at draws of the theory alone, and all.
    integer, parameter, public :: simulations_before = 15, tempered = 2, round_size = 7
-   !> Of the variance of each constant the surrogate's part is at most this, and the root mean square of the errors of new simulations
-   !> over their sds at most that.
+   !> Of the variance of each constant the surrogate's part, and what its errors may change, is at most this, and the root mean square of
+   !> the errors of new simulations over their sds at most that.
    real(wp), parameter, public :: accurate_share = 0.10_wp, accurate_z = 1.5_wp
 
    !> What a round began with.
    type :: round_type
       integer :: simulations = 0
-      !> The surrogate's part of the variance of each constant, or what leaving its uncertainty out changes of it if that is more,
-      !> (n_constants).
+      !> The surrogate's part of the variance of each constant, or what its errors may change of it if that is more, (n_constants).
       real(wp), allocatable :: share(:)
       !> Root mean square of (simulated - predicted)/sd over the posterior's crystals of the round before; below 0: there is none.
       real(wp) :: z = -1.0_wp
@@ -96,9 +97,9 @@ contains
       type(focus_type), intent(inout) :: focus
       type(error_type), allocatable, intent(out) :: error
       type(surrogate_type) :: wide
-      type(posterior_type) :: posterior, certain
+      type(posterior_type) :: posterior
       type(round_type) :: round
-      real(wp), allocatable :: draws(:, :), crystals(:, :, :), log_density(:), weight(:)
+      real(wp), allocatable :: draws(:, :), crystals(:, :, :)
       type(shares_type), allocatable :: shares(:)
       integer :: i
 
@@ -111,32 +112,21 @@ contains
       focus%domain = wide%basis%domain
       call widen(wide%basis%domain)
       call draw_aside(problem, wide, focus_run, posterior, draws, error)
-      if (.not. allocated(error)) call find_shares(posterior, draws, draws(:posterior%n_constants, :), &
-         & real(size(draws, 2), wp), thread_count(problem%settings%execution%workers), shares, error)
+      if (allocated(error)) return
+      call find_shares(posterior, draws, draws(:posterior%n_constants, :), real(size(draws, 2), wp), &
+         & thread_count(problem%settings%execution%workers), shares, error)
       if (allocated(error)) return
       round%share = [(shares(i)%by_source(from_surrogate), i=1, size(shares))]
       ! In the tails of the draws the surrogate may err where its part of the variance, a mean over all of them, is small.
-      certain = posterior
-      certain%scatter = 0.0_wp
-      certain%n_shared = certain%n_shared - certain%grains%n_columns
-      certain%grains%n_columns = 0
-      allocate (log_density(size(draws, 2)), weight(size(draws, 2)))
-      call posterior%evaluate(draws, log_density)
-      call certain%evaluate(draws, weight)
-      weight = exp(weight - log_density - maxval(weight - log_density))
-      weight = weight/sum(weight)
-      do i = 1, size(shares)
-         associate (x => draws(i, :) - sum(draws(i, :))/size(weight))
-            round%share(i) = max(round%share(i), abs(1.0_wp - (sum(weight*x**2) - sum(weight*x)**2)*size(x)/sum(x**2)))
-         end associate
-      end do
+      round%share = max(round%share, changes_of_variance(posterior, draws, size(shares), &
+         & thread_count(problem%settings%execution%workers)))
       round%truncated = is_truncated(list_limits(posterior%prior, draws))
       crystals = stiffnesses(problem%class, draws)
       call hold(focus%domain, crystals)
       ! Of the rough ones others in each round.
       associate (stride => size(focus%rough, 3)/tempered)
          i = 1 + modulo(round%simulations, stride)
-         associate (rough => focus%rough(:, :, i::stride), others => crystals(:, :, ::max(1, size(crystals, 3)/n_candidates)))
+         associate (rough => focus%rough(:, :, i::stride), others => crystals(:, :, spread_out(draws(:posterior%n_constants, :))))
             focus%candidates = candidates_of(problem, focus%domain, reshape([rough, others], &
                & [6, 6, size(rough, 3) + size(others, 3)]))
          end associate
@@ -144,6 +134,94 @@ contains
       focus%surrogate = surrogate
       focus%rounds = [focus%rounds, round]
    end subroutine find_focus
+
+   !> By how much a better surrogate is likely to change the variance of each constant: relative root mean square over surrogates that are
+   !> drawn from what simulations and measurements leave open, or the change if this one were exact, where that is more. The weight of a
+   !> draw is the density of that surrogate's errors there, given the data.
+   function changes_of_variance(posterior, draws, n_constants, threads) result(change)
+      type(posterior_type), intent(in) :: posterior
+      !> (parameter, draw).
+      real(wp), intent(in) :: draws(:, :)
+      integer, intent(in) :: n_constants, threads
+      real(wp) :: change(n_constants)
+      integer, parameter :: n_surrogates = 30
+      !> Errors of surrogates, in sds, and logarithms of weights; the first is exact.
+      real(wp) :: errors(posterior%grains%n_columns, 0:n_surrogates), weight(size(draws, 2), 0:n_surrogates)
+      real(wp) :: z(size(errors, 1)), mean(size(errors, 1)), factor(size(errors, 1), size(errors, 1))
+      real(wp) :: relative(n_constants, 0:n_surrogates)
+      type(random_stream_type) :: stream
+      integer :: i, j, k
+
+      stream = new_random_stream(1, 0)
+      errors = 0.0_wp
+      do j = 1, n_surrogates
+         call errors_at(draws(:, 1 + (j - 1)*size(draws, 2)/n_surrogates), mean, factor)
+         call stream%normals(z)
+         errors(:, j) = mean + [(sum(factor(i, :i)*z(:i)), i=1, size(z))]
+      end do
+      !$omp parallel do num_threads(max(1, threads)) schedule(dynamic) private(mean, factor, z, j, k)
+      do i = 1, size(draws, 2)
+         call errors_at(draws(:, i), mean, factor)
+         do j = 0, n_surrogates
+            z = errors(:, j) - mean
+            call solve_lower(factor, z)
+            weight(i, j) = -0.5_wp*sum(z**2) - sum([(log(factor(k, k)), k=1, size(z))])
+         end do
+      end do
+      !$omp end parallel do
+      do j = 0, n_surrogates
+         weight(:, j) = exp(weight(:, j) - maxval(weight(:, j)))
+         weight(:, j) = weight(:, j)/sum(weight(:, j))
+         do i = 1, n_constants
+            associate (x => draws(i, :) - sum(draws(i, :))/size(draws, 2))
+               relative(i, j) = (sum(weight(:, j)*x**2) - sum(weight(:, j)*x)**2)*size(x)/sum(x**2) - 1.0_wp
+            end associate
+         end do
+      end do
+      change = max(abs(relative(:, 0)), norm2(relative(:, 1:), 2)/sqrt(real(n_surrogates, wp)))
+
+   contains
+
+      !> Mean and lower factor of the covariance of the surrogate's errors at a point, given the data.
+      pure subroutine errors_at(x, mean, factor)
+         real(wp), intent(in) :: x(:)
+         real(wp), intent(out) :: mean(:), factor(:, :)
+         real(wp), dimension(posterior%n_shared, posterior%n_shared) :: precision, inverse
+         real(wp) :: all_means(posterior%n_shared)
+         integer :: i
+
+         call posterior%infer_shared(x, all_means, precision)
+         mean = all_means(:size(mean))
+         inverse = 0.0_wp
+         do i = 1, size(mean)
+            inverse(i, i) = 1.0_wp
+            call solve_lower(precision, inverse(:, i))
+         end do
+         factor = matmul(transpose(inverse(:, :size(mean))), inverse(:, :size(mean)))
+         call factor_definite(factor, epsilon(1.0_wp))
+      end subroutine errors_at
+   end function changes_of_variance
+
+   !> Numbers of draws that are candidates: as many of the middle as of the tails, where squared deviations are large.
+   function spread_out(draws) result(numbers)
+      !> (constant, draw).
+      real(wp), intent(in) :: draws(:, :)
+      integer :: numbers(n_candidates), i, j
+      real(wp) :: squares(size(draws, 1), size(draws, 2)), weight(size(draws, 2)), total
+
+      squares = (draws - spread(sum(draws, 2)/size(draws, 2), 2, size(draws, 2)))**2
+      ! One on average.
+      weight = 0.5_wp + 0.5_wp*size(draws, 2)/size(draws, 1)*matmul(1.0_wp/sum(squares, 2), squares)
+      j = 0
+      total = 0.0_wp
+      do i = 1, n_candidates
+         do while (total < (i - 0.5_wp)*size(draws, 2)/n_candidates .and. j < size(draws, 2))
+            j = j + 1
+            total = total + weight(j)
+         end do
+         numbers(i) = j
+      end do
+   end function spread_out
 
    !> Crystals by the theory of the half-space, loosened where the specimen is another.
    subroutine draw_roughly(problem, crystals, error)

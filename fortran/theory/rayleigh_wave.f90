@@ -249,7 +249,7 @@ contains
       real(wp), parameter :: slopes(0:n - 1) = [(tan(step*(k + 0.5_wp) - 0.5_wp*pi), k=0, n - 1)]
       real(wp) :: values(lanes, -1:n), both(lanes, 6)
       real(wp), dimension(lanes) :: p, width, value, left, right, bend
-      logical :: open(0:n - 1, lanes)
+      logical :: minima(0:n - 1, lanes)
 
       both = mn(:, [1, 5, 9, 6, 3, 2]) + mn(:, [1, 5, 9, 8, 7, 4])
       values = huge(1.0_wp)
@@ -262,14 +262,14 @@ contains
          limiting = min(limiting, values(:, k))
       end do
       do k = 0, n - 1
-         open(k, :) = .not. values(:, k) > min(values(:, k - 1), values(:, k + 1))
+         minima(k, :) = .not. values(:, k) > min(values(:, k - 1), values(:, k + 1))
       end do
       ! The first minima of all lanes, then the second ones; a lane that has no more repeats its last.
-      do while (any(open))
+      do while (any(minima))
          do i = 1, lanes
-            k = findloc(open(:, i), .true., dim=1) - 1
+            k = findloc(minima(:, i), .true., dim=1) - 1
             if (k >= 0) start(i) = k
-            open(start(i), i) = .false.
+            minima(start(i), i) = .false.
             p(i) = slopes(start(i))
             value(i) = values(i, start(i))
          end do
@@ -288,15 +288,15 @@ contains
    contains
 
       !> Of (mm) + p ((mn) + (nm)) + p^2 (nn).
-      pure function least_eigenvalues(p) result(least)
+      pure function least_eigenvalues(p)
          real(wp), intent(in) :: p(lanes)
-         real(wp) :: least(lanes), matrix(lanes, 6)
-         integer :: j
+         real(wp) :: least_eigenvalues(lanes), matrix(lanes, 6)
+         integer :: i
 
-         do j = 1, 6
-            matrix(:, j) = mm(:, j) + p*(both(:, j) + p*nn(:, j))
+         do i = 1, 6
+            matrix(:, i) = mm(:, i) + p*(both(:, i) + p*nn(:, i))
          end do
-         least = eigenvalues(matrix, 1)
+         least_eigenvalues = eigenvalues(matrix, 1)
       end function least_eigenvalues
    end subroutine bulk_moduli
 

@@ -3,7 +3,8 @@
     ./bayesindent bench focus [--metals iridium,lead] [--seeds 5] [--many 200] [--output DIR]
 
 Synthetic moduli of eleven grains, by finer simulations than those of the loop, with a noise of 2 GPa or 1.5 % and the bulk modulus known to
-2 %. Each is inferred by `run` with its defaults, and once more with a surrogate of `--many` simulations at the posterior (0: not).
+2 %. Each is inferred by `run` with its defaults. Then the draws are weighted by what a surrogate of `--many` simulations at the posterior
+makes of their density (0: not): chains of that surrogate may stay where its polynomial has crystals of its own, beyond all simulations.
 """
 
 import argparse
@@ -15,6 +16,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from densities import Posterior
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
@@ -38,8 +40,10 @@ CASE = """\
 &knowledge quantity = 'bulk_modulus', mean = {bulk}, sd = {bulk_sd} /
 &sampler samples = {samples}, chains = {chains} /
 """
-#: Samples and chains of the loop, and of what is compared: a chain may stay where the polynomial has crystals of its own.
+#: Samples and chains of the loop, and of what is compared.
 LOOP, COMPARED = {"samples": 5000, "chains": 4}, {"samples": 10000, "chains": 12}
+#: Every so many draws are weighted.
+STRIDE = 12
 WIDE = "&domain log_anisotropy_max = {}, poisson_min = -0.9, poisson_max = 0.49, stiffness_min_gpa = 5, stiffness_max_gpa = 2000 /\n"
 
 
@@ -57,14 +61,13 @@ def truth_of(metal, folder):
 
 
 def run(name, text, folder, output, command="run"):
-    """The documents of a command."""
+    """A command with its standard streams aside."""
     file = folder / f"{name}.nml"
     file.write_text(text)
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as said:
         status = bayesindent([command, str(file), "--output", str(output)])
     if status not in (0, 3):
         raise RuntimeError(said.getvalue())
-    return tuple(json.loads((output / document).read_text()) for document in ("build.json", "summary.json"))
 
 
 def draws_of(output):
@@ -73,25 +76,28 @@ def draws_of(output):
     return np.column_stack([table[name] for name in table.dtype.names if name.startswith("C")])
 
 
-def extract(name, text, folder, output):
-    """The draws of a posterior with the surrogate of a folder, and why they cannot be used."""
-    reasons = run(name, text, folder, output, "extract")[1]["reasons"]
-    return draws_of(output), reasons
-
-
 def candidates(names, posteriors, euler, file, count=600):
     """Crystals of some posteriors of the same metal in the directions of the grains, as a table."""
-    share = count // len(posteriors)
-    some = np.concatenate([draws[:: max(1, len(draws) // share)][:share] for draws in posteriors])
+    some = []
+    for draws in posteriors:
+        far = np.argsort(np.abs((draws - draws.mean(axis=0)) / draws.std(axis=0)).max(axis=1))
+        # Half of them from the outermost twentieth, where few draws are and much of the variance comes from.
+        for one in (draws, draws[far[-len(draws) // 20 :]]):
+            some += list(one[:: max(1, len(one) * 2 * len(posteriors) // count)])
     with file.open("w") as page:
         print(*names, "phi1_deg", "Phi_deg", "phi2_deg", sep=",", file=page)
         for i, row in enumerate(some):
             print(*(f"{value:.6f}" for value in row), *(f"{angle:.4f}" for angle in euler[i % len(euler)]), sep=",", file=page)
 
 
-def widths(draws):
+def widths(draws, weight):
     """Of each constant the sd and the widths of the central intervals of 95 and 68 %, which a long tail moves less; (constant, 3)."""
-    return np.column_stack([draws.std(axis=0), *(np.ptp(np.quantile(draws, [p, 1 - p], axis=0), axis=0) for p in (0.025, 0.16))])
+    rows = []
+    for x in draws.T:
+        order = np.argsort(x)
+        ends = np.interp([0.025, 0.975, 0.16, 0.84], np.cumsum(weight[order]), x[order])
+        rows.append([np.sqrt(weight @ (x - weight @ x) ** 2), *np.diff(ends)[::2]])
+    return np.array(rows)
 
 
 def main(argv=None) -> None:
@@ -123,10 +129,10 @@ def main(argv=None) -> None:
                 "bulk": bulk * (1 + 0.02 * rng.normal()),
                 "bulk_sd": 0.02 * bulk,
             }
-            build, found = run(
-                f"{metal}_{seed}", CASE.format(design=options.design, **LOOP, **cases[seed]), folder, folder / f"{metal}_{seed}"
-            )
-            posteriors[seed] = draws_of(folder / f"{metal}_{seed}")
+            output = folder / f"{metal}_{seed}"
+            run(f"{metal}_{seed}", CASE.format(design=options.design, **LOOP, **cases[seed]), folder, output)
+            build, found = (json.loads((output / document).read_text()) for document in ("build.json", "summary.json"))
+            posteriors[seed] = draws_of(output)
             z = [(one["mean"] - true) / one["sd"] for one, true in zip(found["parameters"].values(), constants, strict=True)]
             share = max(one["surrogate"] or 0.0 for one in found["error_budget"].values())
             line = f"{metal:10} {seed}: {build['simulations']} simulations, {build['failed']} failed; surrogate's share {share:.2f}; z"
@@ -139,20 +145,24 @@ def main(argv=None) -> None:
             candidates(bi.constants(symmetry), list(posteriors.values()), euler, table)
         surrogates = ((folder / f"{metal}_{seed}" / "surrogate.txt").read_text() for seed in cases)
         farthest = max(float(re.search(r"^log_anisotropy_max (\S+)", text, flags=re.M)[1]) for text in surrogates)
+        design = f"budget = {options.many}, focus = 'domain', candidates = '{table}'"
+        many = CASE.format(design=design, **LOOP, **cases[1]) + WIDE.format(farthest)
+        run(f"{metal}_many", many, folder, folder / f"{metal}_many", "build")
         for seed, values in cases.items():
-            # No farther than the loops went: beyond all simulations a polynomial has crystals of its own.
-            design, wide = f"budget = {options.many}, focus = 'domain', candidates = '{table}'", WIDE.format(farthest)
-            run(f"{metal}_many_{seed}", CASE.format(design=design, **LOOP, **values) + wide, folder, folder / f"{metal}_many")
-            compared = CASE.format(design=options.design, **COMPARED, **values)
-            own, _ = extract(f"{metal}_own_{seed}", compared, folder, folder / f"{metal}_{seed}")
-            many, reasons = extract(f"{metal}_all_{seed}", compared + wide, folder, folder / f"{metal}_many")
-            # Crystals beyond those of all loops were simulated in neither: there the polynomial has crystals of its own.
-            all_draws = np.concatenate(list(posteriors.values()))
-            within = ((many >= all_draws.min(axis=0)) & (many <= all_draws.max(axis=0))).all(axis=1)
-            ratios = [" ".join(f"{ratio:.2f}" for ratio in row) for row in widths(own) / widths(many[within])]
-            print(f"{metal:10} {seed}: sd, widths of 95 and 68 % over those of {options.many} simulations: {'; '.join(ratios)}", end="")
-            print(f"; {1 - within.mean():.1%} of these draws lie beyond all simulations, and are left out", end="")
-            print(f"; these cannot be used: {reasons[0]}" if reasons else "", flush=True)
+            own = folder / f"{metal}_{seed}"
+            run(f"{metal}_own_{seed}", CASE.format(design=options.design, **COMPARED, **values), folder, own, "extract")
+            draws, table_of = draws_of(own)[::STRIDE], np.genfromtxt(values["data"], delimiter=",", skip_header=2)
+            asked = {"modulus_kind": "indentation_modulus", "knowledge": {"bulk_modulus": (values["bulk"], values["bulk_sd"])}}
+            density, other = (
+                Posterior.of(table_of, surrogate=bi.Surrogate.load(place / "surrogate.txt"), symmetry=symmetry, **asked).evaluate(draws)[0]
+                for place in (own, folder / f"{metal}_many")
+            )
+            weight = np.exp(other - density - (other - density).max())
+            weight /= weight.sum()
+            ratios = widths(draws, np.full(len(draws), 1 / len(draws))) / widths(draws, weight)
+            words = "; ".join(" ".join(f"{ratio:.2f}" for ratio in row) for row in ratios)
+            print(f"{metal:10} {seed}: sd, widths of 95 and 68 % over those of {options.many} simulations: {words}", end="")
+            print(f"; {1 / (weight @ weight):.0f} of {len(draws)} draws effective", flush=True)
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ def test_the_driver_gives_the_numbers_of_the_namelist(driver, tmp_path, capsys):
         text = text.replace(old, new)
     (tmp_path / "quick.nml").write_text(text)
     assert main(["run", str(tmp_path / "quick.nml"), "--output", str(tmp_path / "run")]) == 0
-    with pytest.warns(bi.BayesindentWarning, match="the surrogate contributes"):
+    with pytest.warns(bi.BayesindentWarning, match="errors of the surrogate may change the variance"):
         surrogate, posterior, suggestions = driver.main(tmp_path / "drive", driver.simulator(refine=0.6), budget=8, samples=1000)
     expected, found = json.loads((tmp_path / "run" / "summary.json").read_text()), bi.summary(posterior)
     assert found["parameters"] == expected["parameters"]

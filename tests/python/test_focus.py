@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from densities import Posterior
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
@@ -126,7 +127,8 @@ def test_without_measurements_or_with_the_papers_model_the_domain_is_simulated(t
 @pytest.mark.filterwarnings("ignore")
 def test_what_the_budget_left_is_a_warning(tmp_path):
     with pytest.warns(
-        bi.BayesindentWarning, match=r"the surrogate contributes \d+ % of the variance of C\d\d; allowed: 10 %. Increase &design budget, 15"
+        bi.BayesindentWarning,
+        match=r"errors of the surrogate may change the variance of C\d\d by \d+ %; allowed: 10 %. Increase &design budget, 15",
     ):
         bi.build(problem_of(tmp_path, table(noise=0.002), design={"budget": 15}), tmp_path / "out", simulate=specimen)
 
@@ -156,25 +158,21 @@ def test_a_film_of_another_metal_than_the_domain_holds(metal, tmp_path):
             knowledge={"mean": bulk, "sd": 0.02 * bulk},
         )
         surrogate = bi.build(problem, tmp_path / focus)
-        found, certain = (
-            bi.summary(
-                bi.extract(
-                    tmp_path / "grains.csv",
-                    symmetry="cubic",
-                    surrogate=surrogate,
-                    modulus_kind="indentation_modulus",
-                    knowledge={"bulk_modulus": (bulk, 0.02 * bulk)},
-                    surrogate_variance=variance,
-                    samples=2000,
-                )
-            )
-            for variance in ("full", "none")
-        )
+        asked = {"modulus_kind": "indentation_modulus", "knowledge": {"bulk_modulus": (bulk, 0.02 * bulk)}, "symmetry": "cubic"}
+        found = bi.summary(bi.extract(tmp_path / "grains.csv", surrogate=surrogate, samples=2000, **asked))
         z = [(one["mean"] - true) / one["sd"] for one, true in zip(found["parameters"].values(), OUTSIDE[metal], strict=True)]
         if focus == "domain":
             assert not found["usable"] and "the domain of the surrogate" in found["reasons"][0], (found["reasons"], z)
         else:
             assert found["usable"] and max(np.abs(z)) < 3, (found["reasons"], z)
-            # So accurate is the surrogate wherever the posterior is, its tails included: its uncertainty makes no difference.
-            for name, one in found["parameters"].items():
-                assert one["sd"] == pytest.approx(certain["parameters"][name]["sd"], rel=0.15), name
+            # So accurate is the surrogate wherever the posterior is, its tails included: its uncertainty makes no difference. Of chains of
+            # their own with 20,000 samples each the sds differ by 20 %, so that the same draws are weighted.
+            exact, whole = (
+                Posterior.of(tmp_path / "grains.csv", surrogate=surrogate, surrogate_variance=variance, **asked)
+                for variance in ("none", "full")
+            )
+            draws = whole.sample(method="ensemble", samples=5000, burn_in=4000, chains=4, threads=2, seed=1)[0].reshape(-1, 3)
+            change = exact.evaluate(draws)[0] - whole.evaluate(draws)[0]
+            weight = np.exp(change - change.max()) / np.exp(change - change.max()).sum()
+            sd = np.sqrt(weight @ (draws - weight @ draws) ** 2)
+            assert draws.std(axis=0) == pytest.approx(sd, rel=0.15)
