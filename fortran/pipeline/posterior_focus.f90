@@ -174,7 +174,9 @@ contains
          weight(:, j) = weight(:, j)/sum(weight(:, j))
          do i = 1, n_constants
             associate (x => draws(i, :) - sum(draws(i, :))/size(draws, 2))
-               relative(i, j) = (sum(weight(:, j)*x**2) - sum(weight(:, j)*x)**2)*size(x)/sum(x**2) - 1.0_wp
+               ! A constant that is fixed has rounding alone.
+               relative(i, j) = (size(x)*(sum(weight(:, j)*x**2) - sum(weight(:, j)*x)**2) - sum(x**2)) &
+                  & /max(sum(x**2), size(x)*(1.0e-9_wp*maxval(abs(draws(i, :))))**2)
             end associate
          end do
       end do
@@ -211,7 +213,7 @@ contains
 
       squares = (draws - spread(sum(draws, 2)/size(draws, 2), 2, size(draws, 2)))**2
       ! One on average.
-      weight = 0.5_wp + 0.5_wp*size(draws, 2)/size(draws, 1)*matmul(1.0_wp/sum(squares, 2), squares)
+      weight = 0.5_wp + 0.5_wp*size(draws, 2)/size(draws, 1)*matmul(1.0_wp/max(tiny(1.0_wp), sum(squares, 2)), squares)
       j = 0
       total = 0.0_wp
       do i = 1, n_candidates
