@@ -66,6 +66,8 @@ contains
 
       allocate (reasons(0))
       call check_limits(found, .false., reasons)
+      if (found%orientations%better > 0) call warn(reasons, misread_text(found, 'What explains them: ' &
+         & //trim(readings(found%orientations%better))//'. Correct the table or the map'))
       associate (knowledge => found%posterior%prior%knowledge, conflict => found%conflict%of_quantity)
          do j = 1, merge(size(conflict), 0, size(reasons) == 0)
             if (conflict(j) > furthest) call warn(reasons, known_text(knowledge, j)//' is '//fixed(conflict(j), 0) &
@@ -243,18 +245,14 @@ contains
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(inout) :: warnings(:)
       logical, intent(out) :: blamed
-      character(len=:), allocatable :: advice
       integer :: i
 
       associate (check => found%orientations, likelihood => problem%settings%measurements%likelihood)
          blamed = check%is_noticed() .or. size(check%outliers) > 0
          if (check%is_noticed()) then
-            advice = 'Check the order of the rows, whether the map is flipped, and the convention of the angles (Bunge, from ' &
-               & //'sample to crystal axes); or whether the sds are too small'
-            if (check%better > 0) advice = 'What would explain them: '//trim(readings(check%better))
-            call warn(warnings, 'the orientations do not explain the moduli: chi-square is '//fixed(check%chi_square, 0)//' for ' &
-               & //to_text(found%posterior%n_grains)//' grains, '//fixed(check%constant, 0)//' without orientations; ' &
-               & //fixed(100.0_wp*check%p_shuffled, 1)//' % of random orders of the grains fit as well. '//advice)
+            if (check%better == 0) call warn(warnings, misread_text(found, 'Check the order of the rows, whether the map is ' &
+               & //'flipped, and the convention of the angles (Bunge, from sample to crystal axes); or whether the sds are too ' &
+               & //'small'))
             return
          end if
          do i = 1, size(check%outliers)
@@ -266,6 +264,19 @@ contains
          end do
       end associate
    end subroutine check_table
+
+   !> That the orientations do not explain the moduli, and what to do.
+   function misread_text(found, advice) result(text)
+      type(extraction_type), intent(in) :: found
+      character(len=*), intent(in) :: advice
+      character(len=:), allocatable :: text
+
+      associate (check => found%orientations)
+         text = 'the orientations do not explain the moduli: chi-square is '//fixed(check%chi_square, 0)//' for ' &
+            & //to_text(found%posterior%n_grains)//' grains, '//fixed(check%constant, 0)//' without orientations; ' &
+            & //fixed(100.0_wp*check%p_shuffled, 1)//' % of random orders of the grains fit as well. '//advice
+      end associate
+   end function misread_text
 
    !> Measurements that the model could hardly have given.
    subroutine check_residuals(found, warnings)

@@ -88,6 +88,17 @@ def test_two_first_domains_give_one_posterior(tmp_path):
 
 @pytest.mark.long
 @pytest.mark.filterwarnings("ignore")
+def test_a_constant_that_is_known_does_not_keep_the_loop_from_ending(tmp_path):
+    problem = problem_of(tmp_path, table(), prior={"c_min": [10, COPPER[1], 10], "c_max": [900, COPPER[1], 500]}, design={"budget": 40})
+    bi.build(problem, tmp_path / "out", simulate=specimen)
+    document = json.loads((tmp_path / "out" / "build.json").read_text())
+    assert document["stopped"] == "the surrogate is accurate at the posterior"
+    # Of what rounding leaves of its variance.
+    assert document["focus"][-1]["surrogate_share"]["C12"] < 0.01
+
+
+@pytest.mark.long
+@pytest.mark.filterwarnings("ignore")
 def test_an_interrupted_loop_goes_on_as_if_it_were_not(tmp_path):
     """Stopped over the domain, inside a round, and between two."""
     rows, calls = table(), []

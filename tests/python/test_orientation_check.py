@@ -34,7 +34,10 @@ def measured(name, grains, seed, noise=0.02):
 def checked(symmetry, table, **settings):
     """What the document says of orientations, and the warnings on them and on grains."""
     document = bi.summary(bi.extract(table, symmetry=symmetry, **SHORT | settings))
-    words = [line for line in document["warnings"] if any(word in line for word in ("orientations", "disagree", "scatter"))]
+    lines = document["reasons"] + document["warnings"]
+    words = [line for line in lines if any(word in line for word in ("orientations", "disagree", "scatter"))]
+    # What is named cannot be used as it is.
+    assert bool(document["checks"]["orientations"]["better_reading"]) == any("What explains them" in line for line in document["reasons"])
     return document["checks"]["orientations"], words
 
 
@@ -81,12 +84,12 @@ def test_right_orientations(name, grains):
 def test_other_readings_of_a_table_are_tried():
     symmetry, table, _ = measured("Ti", 30, 2)
     found, words = checked(symmetry, table | {"euler_deg": np.roll(table["euler_deg"], 1, axis=0)})
-    assert len(words) == 1 and words[0].endswith("What would explain them: the orientations one row further up")
+    assert len(words) == 1 and words[0].endswith("What explains them: the orientations one row further up. Correct the table or the map")
     symmetry, table, _ = measured("iron", 20, 2, noise=0.01)
     phi1, phi, phi2 = table["euler_deg"].T
     found, words = checked(symmetry, table | {"euler_deg": np.column_stack([180 - phi2, phi, 180 - phi1])})
     assert found["better_reading"] == "rotations from crystal to sample axes (the inverse)"
-    assert words[0].endswith(found["better_reading"])
+    assert words[0].endswith(f"{found['better_reading']}. Correct the table or the map")
 
 
 def map_of(path, name, grains, seed, way):
@@ -127,7 +130,7 @@ def test_a_flipped_map_is_named(tmp_path, name, grains, way, told):
     found, words = checked(*map_of(path, name, grains, {"copper": 7, "Ti": 8}[name], way), ebsd=path)
     assert found["better_reading"] == told
     # Indents that a flipped map puts into one grain are taken for tests of it, which scatter.
-    explained = [line.partition("What would explain them: ")[2] for line in words if "explain" in line]
+    explained = [line.partition("What explains them: ")[2].partition(".")[0] for line in words if "explain" in line]
     assert explained == [told] * bool(told)
 
 
