@@ -1,6 +1,6 @@
 """Whether the loop closes: films of metals for which the quickstart's first fifteen simulations are wrong, and simulations at the posterior.
 
-    ./bayesindent bench focus [--metals iridium,lead] [--seeds 5] [--many 200] [--output DIR]
+    ./bayesindent bench focus [--metals iridium,lead] [--film 1.0,163,0.223] [--seeds 5] [--many 200] [--output DIR]
 
 Synthetic moduli of eleven grains, by finer simulations than those of the loop, with a noise of 2 GPa or 1.5 % and the bulk modulus known to
 2 %. Each is inferred by `run` with its defaults. Then the draws are weighted by what a surrogate of `--many` simulations at the posterior
@@ -30,11 +30,18 @@ METALS = {
     "zinc": ("hexagonal", (161.1, 34.2, 38.3, 61.1, 50.3)),
     "graphite": ("hexagonal", (1060.0, 180.0, 4.5, 36.5, 15.0)),
 }
-FILM = {"geometry": "film", "thickness_um": 1.0, "estimator": "curve", "substrate_young_gpa": 163, "substrate_nu": 0.223}
+#: On which nothing of the loop was chosen.
+OTHERS = {
+    "chromium": ("cubic", (350.0, 67.8, 100.8)),
+    "silver": ("cubic", (124.0, 93.4, 46.1)),
+    "cobalt": ("hexagonal", (307.0, 165.0, 75.5, 358.1, 103.0)),
+    "magnesium": ("hexagonal", (59.7, 26.2, 16.4, 61.7, 21.7)),
+}
+FILM = {"geometry": "film", "estimator": "curve"}
 GRAINS = 11
 CASE = """\
 &problem symmetry = '{symmetry}', synthetic = .true., seed = {seed} /
-&specimen geometry = 'film', thickness_um = 1.0, estimator = 'curve', substrate_young_gpa = 163, substrate_nu = 0.223 /
+&specimen geometry = 'film', estimator = 'curve', {film} /
 &design {design} /
 &measurements file = '{data}', modulus_kind = 'indentation_modulus' /
 &knowledge quantity = 'bulk_modulus', mean = {bulk}, sd = {bulk_sd} /
@@ -47,14 +54,14 @@ STRIDE = 12
 WIDE = "&domain log_anisotropy_max = {}, poisson_min = -0.9, poisson_max = 0.49, stiffness_min_gpa = 5, stiffness_max_gpa = 2000 /\n"
 
 
-def truth_of(metal, folder):
+def truth_of(metal, folder, film):
     """Moduli of the grains, kept from call to call."""
-    symmetry, constants = METALS[metal]
+    symmetry, constants = (METALS | OTHERS)[metal]
     rng = np.random.default_rng(7)
     euler = np.column_stack([rng.uniform(0, 360, GRAINS), np.degrees(np.arccos(rng.uniform(-1, 1, GRAINS))), rng.uniform(0, 360, GRAINS)])
     file = folder / f"{metal}.txt"
     if not file.exists():
-        indentation = bi.Indentation(**FILM, refine=1.5, extrapolate=True)
+        indentation = bi.Indentation(**FILM, **film, refine=1.5, extrapolate=True)
         outcomes = indentation.run_many(stiffness_rows(symmetry, [constants] * GRAINS), euler)
         np.savetxt(file, [outcome.indentation_modulus_gpa for outcome in outcomes])
     return euler, np.loadtxt(file)
@@ -102,7 +109,10 @@ def widths(draws, weight):
 
 def main(argv=None) -> None:
     parser = argparse.ArgumentParser(prog="bayesindent bench focus", description=__doc__.splitlines()[0])
-    parser.add_argument("--metals", default=",".join(METALS))
+    parser.add_argument("--metals", default=",".join(METALS), help=f"also {', '.join(OTHERS)}")
+    parser.add_argument(
+        "--film", default="1.0,163,0.223", help="its thickness in um; Young's modulus in GPa and Poisson's ratio of the substrate"
+    )
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--many", type=int, default=200)
     parser.add_argument("--design", default="")
@@ -110,9 +120,10 @@ def main(argv=None) -> None:
     options = parser.parse_args(argv)
     folder = options.output or Path(tempfile.mkdtemp())
     folder.mkdir(parents=True, exist_ok=True)
+    film = dict(zip(("thickness_um", "substrate_young_gpa", "substrate_nu"), map(float, options.film.split(",")), strict=True))
     for metal in options.metals.split(","):
-        symmetry, constants = METALS[metal]
-        euler, moduli = truth_of(metal, folder)
+        symmetry, constants = (METALS | OTHERS)[metal]
+        euler, moduli = truth_of(metal, folder, film)
         bulk = bi.quantities(symmetry, constants, names=["bulk_modulus"])["bulk_modulus"]
         cases, posteriors = {}, {}
         for seed in range(1, options.seeds + 1):
@@ -124,6 +135,7 @@ def main(argv=None) -> None:
             np.savetxt(data, rows, delimiter=",", header=header, comments="# synthetic\n", fmt="%.6f")
             cases[seed] = {
                 "symmetry": symmetry,
+                "film": ", ".join(f"{name} = {value}" for name, value in film.items()),
                 "seed": seed,
                 "data": data,
                 "bulk": bulk * (1 + 0.02 * rng.normal()),
