@@ -216,7 +216,7 @@ contains
       call parse_namelist('f', '&execution /', file, error)
       call read_settings('f', file, '', '', s, error)
       call check('defaults', s%specimen%geometry == 'halfspace' .and. nint(s%indenter%radius_um) == 16 &
-         & .and. .not. s%simulation%given .and. s%design%budget == 60)
+         & .and. .not. s%simulation%given .and. s%design%budget == 40)
       call check('unset without default', .not. allocated(s%prior%c_min) .and. .not. allocated(s%problem%symmetry))
       call parse_namelist('f', '&problem symmetry = ''Cubic'' / &prior c_max = 3*250 / &knowledge quantity = ''C11'', ' &
          & //'''C12/C11'' mean = 2*1.5 sd = 1 2 / &simulation vtu = t extrapolate = .f. depths = 3 /', file, error)

@@ -82,7 +82,7 @@ def test_keywords_are_resolved_as_files_are():
     assert (settings.simulation.depths, settings.simulation.refine, settings.simulation.vtu) == (3, 0.5, True)
     assert (settings.prior.c_min, settings.prior.c_max.tolist()) == (None, [300.0, 200.0, 100.0])
     assert (settings.knowledge.quantity, settings.knowledge.sd.tolist()) == (("C12", "C11"), [1.0, 2.0])
-    assert settings.design.budget == 60
+    assert settings.design.budget == 40
     assert not settings.design.given
     # What is not given is the default.
     assert bi.Problem.from_keywords("f", specimen={"geometry": None}).settings.specimen.geometry == "halfspace"
