@@ -14,7 +14,7 @@ module ensemble_evolution
    use statistics, only: sort_order
    implicit none
    private
-   public :: evolve_population, is_accepted, add_difference
+   public :: evolve_population, is_accepted, add_difference, next_inverse
 
    !> From here on ensembles are larger.
    integer, parameter :: many_dimensions = 6

@@ -5,13 +5,12 @@ import copy
 import arviz as az
 import numpy as np
 import pytest
-from bench_studies import effective_size, prior_draws, sample
 from densities import EXTRACTION, PRIOR, Posterior
 from learner import spread_of, surrogate_of, terms_of
 from scipy import stats
 from scipy.linalg import block_diag
 from step_2_cases import KIND, columns, crystal, reference, rough_correction, table_of
-from theory_cases import SIZES, Case, theory_surrogate
+from theory_cases import SIZES, theory_surrogate
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, stiffness_rows
@@ -52,17 +51,6 @@ def test_the_papers_sampler_agrees(symmetry, least, mean, sd):
         assert az.ess(draws[:, ::35, j]) > least
         assert draws[..., j].mean() == pytest.approx(expected[..., j].mean(), abs=mean * expected[..., j].std())
         assert draws[..., j].std() == pytest.approx(expected[..., j].std(), rel=sd)
-
-
-@pytest.mark.long
-def test_a_walker_that_stays_does_not_take_over_the_burn_in():
-    """A data set of calibration with 12 effective samples of 20,000 while the copies of a point passed for many points."""
-    case, number = Case("hexagonal"), 137
-    moduli, _ = case.surrogate.predict(stiffness_rows("hexagonal", [prior_draws(case, 200, 1)[number]])[0], case.euler_deg)
-    noise = np.random.default_rng(1).normal(size=(number + 1, len(moduli)))[number]
-    asked = {"seed": 1000 + number, "threads": 2, "surrogate_variance": "none"}
-    _, draws = sample(case, case.euler_deg, moduli + case.sd_gpa * noise, case.sd_gpa, **asked)
-    assert effective_size(draws) > 200
 
 
 @pytest.mark.long_where("hexagonal")
