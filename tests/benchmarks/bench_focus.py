@@ -118,7 +118,8 @@ def main(argv=None) -> None:
     parser.add_argument("--design", default="")
     parser.add_argument("--output", type=Path)
     options = parser.parse_args(argv)
-    folder = options.output or Path(tempfile.mkdtemp())
+    # What is kept there belongs to one film.
+    folder = (options.output or Path(tempfile.mkdtemp())) / options.film.replace(",", "_")
     folder.mkdir(parents=True, exist_ok=True)
     film = dict(zip(("thickness_um", "substrate_young_gpa", "substrate_nu"), map(float, options.film.split(",")), strict=True))
     for metal in options.metals.split(","):
