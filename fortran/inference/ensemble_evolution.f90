@@ -11,9 +11,10 @@ module ensemble_evolution
    use kinds, only: i8, wp
    use random, only: random_stream_type
    use ridge_coordinates, only: fit_whitening, whitening_type
+   use statistics, only: sort_order
    implicit none
    private
-   public :: evolve_population, is_accepted, add_difference
+   public :: evolve_population, is_accepted, add_difference, next_inverse
 
    !> From here on ensembles are larger.
    integer, parameter :: many_dimensions = 6
@@ -243,17 +244,28 @@ contains
       !> Logarithms.
       real(wp), intent(in) :: density(:)
       real(wp), intent(in) :: inverse
-      !> Effective share of the points.
+      !> Effective share of the points, copies counted once: those of one point would pass for many, and it would take over.
       real(wp), parameter :: share = 0.25_wp
-      real(wp) :: least, step, weights(size(density))
-      integer :: i
+      real(wp), dimension(size(density)) :: values, copies, weights
+      real(wp) :: least, step
+      integer :: order(size(density)), i, n
 
+      call sort_order(density, order)
+      n = 0
+      do i = 1, size(density)
+         if (i == 1 .or. density(order(i)) > density(order(max(1, i - 1)))) then
+            n = n + 1
+            values(n) = density(order(i))
+            copies(n) = 0.0_wp
+         end if
+         copies(n) = copies(n) + 1.0_wp
+      end do
       least = log(1.0e-12_wp)
       step = log(1.0_wp - inverse)
       next = 1.0_wp
       do i = 1, 40
-         weights = exp((next - inverse)*(density - maxval(density)))
-         if (sum(weights)**2 >= share*size(weights)*sum(weights**2)) then
+         weights(:n) = copies(:n)*exp((next - inverse)*(values(:n) - values(n)))
+         if (sum(weights(:n))**2 >= share*n*sum(weights(:n)**2)) then
             if (i == 1) return
             least = log(next - inverse)
          else

@@ -4,6 +4,7 @@ program test_inference
    use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
    use chain_diagnostics, only: diagnose_chains, diagnostics_type, normal_quantile
    use error_models, only: error_model_type, new_error_model
+   use ensemble_evolution, only: next_inverse
    use errors, only: error_type
    use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture
    use kinds, only: pi, wp
@@ -23,6 +24,7 @@ program test_inference
       call test_wavy_density(21, 2000, 3000, 0.11_wp)
    else
       call test_kernels()
+      call test_cooling()
       call test_factor_columns()
       call test_error_models()
       call test_mixture()
@@ -51,6 +53,17 @@ contains
       call transposed_product(37, 6, a, x, z)
       call check('transposed_product', maxval(abs(z - matmul(transpose(a), x))) < 1.0e-11_wp)
    end subroutine test_kernels
+
+   !> A hundred points, then sixty more copies of the most probable one: with these alone any temperature would do.
+   subroutine test_cooling()
+      integer :: i
+      real(wp) :: weights(100)
+      real(wp), parameter :: density(100) = [(-0.1_wp*i, i=1, 99), 5.0_wp]
+
+      weights = exp(next_inverse(density, 0.0_wp)*density)
+      call check_close('a quarter of the points is of use', sum(weights)**2/sum(weights**2), 25.0_wp, 0.01_wp)
+      call check('copies are one point', next_inverse(density([(min(i, 100), i=1, 160)]), 0.0_wp) < 1.0e-6_wp)
+   end subroutine test_cooling
 
    !> The same covariance by no more columns than it has directions, whatever their order, and none where nothing matters.
    subroutine test_factor_columns()

@@ -67,7 +67,7 @@ class References(dict):
     """The posteriors of the reference data sets by symmetry, each sampled when it is first asked for."""
 
     def __missing__(self, symmetry):
-        self[symmetry] = bi.extract(REFERENCE / f"{FILES[symmetry]}.csv", samples=20000, **reference(symmetry)[1])
+        self[symmetry] = bi.extract(REFERENCE / f"{FILES[symmetry]}.csv", samples=40000, **reference(symmetry)[1])
         return self[symmetry]
 
 
