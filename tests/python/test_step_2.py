@@ -238,7 +238,7 @@ def test_kinds_of_modulus_agree(surrogates):
     means = []
     for kind, (values, sds) in tables.items():
         table = {"euler_deg": angles, "modulus_gpa": values, "sd_gpa": sds}
-        result = bi.extract(table, surrogate=surrogates["cubic"], samples=5000, **settings | {"modulus_kind": kind})
+        result = bi.extract(table, surrogate=surrogates["cubic"], samples=20000, **settings | {"modulus_kind": kind})
         means.append([result.posterior[name].values.mean() for name in constant_names("cubic")])
     assert np.ptp(means, axis=0) == pytest.approx([0, 0, 0], abs=1.0)
 
