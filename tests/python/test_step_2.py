@@ -240,7 +240,8 @@ def test_kinds_of_modulus_agree(surrogates):
         table = {"euler_deg": angles, "modulus_gpa": values, "sd_gpa": sds}
         result = bi.extract(table, surrogate=surrogates["cubic"], samples=20000, **settings | {"modulus_kind": kind})
         means.append([result.posterior[name].values.mean() for name in constant_names("cubic")])
-    assert np.ptp(means, axis=0) == pytest.approx([0, 0, 0], abs=1.0)
+    # Some 33,000 effective samples of C12, whose sd is 27 GPa: four sds of a difference are 0.84.
+    assert np.ptp(means, axis=0) == pytest.approx([0, 0, 0], abs=0.84)
 
 
 # Next grain
