@@ -1,15 +1,12 @@
-"""The site of the documentation: `./bayesindent docs`."""
+"""The site of the documentation. `./bayesindent docs` puts docs/ and tests/ on the path of Python."""
 
-import sys
 from pathlib import Path
 
 from bayesindent.version import __version__
 
+from tools import house
+
 ROOT = Path(__file__).parents[1]
-sys.path += [str(ROOT / "docs"), str(ROOT / "tests" / "tools")]
-
-import house  # noqa: E402
-
 house.draw(ROOT, ROOT / "docs" / "figures" / "house.svg")
 
 project = "bayesindent"

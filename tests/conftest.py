@@ -4,30 +4,15 @@ A case marked `long` is left out of `./bayesindent test` and run by `./bayesinde
 looks at another case looks at in a smaller way; or it needs another program.
 """
 
-import os
-import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-SOURCE = Path(os.environ.get("BAYESINDENT_SOURCE", Path(__file__).parents[1]))
-REFERENCE = SOURCE / "tests" / "reference"
-#: Whether the compiled core checks itself: AddressSanitizer reserves 20 TB of addresses.
-SANITIZED = "libasan" in os.environ.get("LD_PRELOAD", "")
-#: After which a process hangs, s: ten times what the longest takes on a slow machine.
-HANGS_S = 1200
+from support.programs import BATCH, runner
 
-#: The paper's domains as namelist groups.
-DOMAIN = {
-    "cubic": "&domain c_min = 50, 40, 15, c_max = 250, 150, 120, anisotropy_cap = 7.2 /\n",
-    "hexagonal": "&domain c_min = 80, 40, 30, 70, 40, c_max = 240, 120, 90, 210, 90, anisotropy_cap = 66.2 /\n",
-}
-
-# Modules that tests share with each other and with the benchmarks.
-sys.path += [str(SOURCE / "tests" / "benchmarks"), str(SOURCE / "tests" / "python"), str(SOURCE / "tests" / "tools")]
-pytest_plugins = ["step_2_cases"]
+pytest_plugins = ["support.step_2_cases"]
 
 
 @pytest.fixture
@@ -60,19 +45,7 @@ def process(tmp_path):
 @pytest.fixture
 def batch(tmp_path):
     """The same of `bayesindent-batch`."""
-    from programs import BATCH
-
     return runner([BATCH], tmp_path)
-
-
-def runner(program, folder):
-    """`run(*arguments)` of a program in a folder."""
-
-    def run(*arguments, **options) -> subprocess.CompletedProcess:
-        options = {"cwd": folder, "capture_output": True, "text": True, "stdin": subprocess.DEVNULL, "timeout": HANGS_S} | options
-        return subprocess.run([*program, *map(str, arguments)], **options)
-
-    return run
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -19,12 +19,12 @@ import time
 from contextlib import nullcontext
 
 import numpy as np
-from learner import Learner, spread_crystals, terms_of, to_y
-from paper_domains import DOMAINS
 from scipy.linalg import cho_factor, solve_triangular
 
 from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
 from bayesindent.surrogate.basis import Basis
+from support.learner import Learner, spread_crystals, terms_of, to_y
+from support.paper_domains import DOMAINS
 
 #: Candidates of which scikit-learn predicts at a time.
 BLOCK = 4000

@@ -22,17 +22,17 @@ import time
 from pathlib import Path
 
 import numpy as np
-from bench_studies import BINS, DRAWS, effective_size, holm
-from densities import PRIOR, Posterior
-from learner import terms_of
-from reference_density import LogPosterior
-from reference_posteriors import SYNONYMS
 from scipy import stats
 
 from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, quantities, rayleigh_velocity, stiffness_rows
 from bayesindent.surrogate.surrogate import Surrogate
+from benchmarks.bench_studies import BINS, DRAWS, effective_size, holm
+from benchmarks.reference_density import LogPosterior
+from benchmarks.reference_posteriors import SYNONYMS
+from support.densities import PRIOR, Posterior
+from support.learner import terms_of
+from support.tree import REFERENCE
 
-REFERENCE = Path(__file__).parents[1] / "reference"
 #: Errors of speeds that they share.
 SPEEDS = {"velocity_calibration_sd": 0.01, "density_kg_m3": 5000.0, "density_sd_kg_m3": 100.0}
 #: Name of the case: crystal of crystals.csv, grains, and what is added to a normal likelihood.

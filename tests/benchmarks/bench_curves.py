@@ -1,6 +1,6 @@
 """How often the intervals of Step 0 cover the truth, on synthetic curves, and beside the least squares of the field.
 
-Each data set: 12 grains with three tests, ten tests of fused quartz, nuisances from the priors that the program is given (tests/python/synthetic_curves.py).
+Each data set: 12 grains with three tests, ten tests of fused quartz, nuisances from the priors that the program is given (tests/support/synthetic_curves.py).
 Least squares: P = k (h - h0)^1.5 up to 10 mN in every test, one radius from the quartz, the sd from the scatter of a grain's tests.
 
     ./bayesindent bench curves
@@ -23,9 +23,7 @@ import numpy as np
 from scipy.optimize import curve_fit
 
 import bayesindent as bi
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "python"))
-from synthetic_curves import NAMELIST, QUARTZ, QUARTZ_NU, Truth, effective, write
+from support.synthetic_curves import NAMELIST, QUARTZ, QUARTZ_NU, Truth, effective, write
 
 COPPER = (168.4, 121.4, 75.4)
 #: What differs from the model.

@@ -19,12 +19,12 @@ import time
 
 import arviz as az
 import numpy as np
-from densities import EXTRACTION, PRIOR, Posterior
-from measured_tables import read_measurements
-from theory_cases import FILES, REFERENCE
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness_rows
+from support.densities import EXTRACTION, PRIOR, Posterior
+from support.measured_tables import read_measurements
+from support.theory_cases import FILES, REFERENCE
 
 CASES = {**FILES, "trigonal": "trigonal_quartz", "orthorhombic": "orthorhombic_forsterite"}
 MOVES = {"stretch": "StretchMove", "evolution": "DEMove"}

@@ -7,8 +7,7 @@ import argparse
 import tempfile
 from pathlib import Path
 
-import fault_files
-import fault_kills
+from support import fault_files, fault_kills
 
 PROGRAMS = tuple(fault_kills.PROGRAMS)
 

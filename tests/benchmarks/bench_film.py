@@ -11,14 +11,14 @@ from pathlib import Path
 
 import f90nml
 import numpy as np
-from learner import build
-from measured_tables import read_measurements
 
 import bayesindent as bi
 from bayesindent.common.progress import progress_bar, show_progress
 from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
 from bayesindent.fe.indentation import Indentation
 from bayesindent.settings.problem import Problem
+from support.learner import build
+from support.measured_tables import read_measurements
 
 QUICKSTART = Path(__file__).parents[2] / "inputs" / "quickstart.nml"
 TRUTH = [168.4, 121.4, 75.4]

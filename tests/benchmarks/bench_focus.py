@@ -16,11 +16,11 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from densities import Posterior
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
 from bayesindent.program.cli import main as bayesindent
+from support.densities import Posterior
 
 #: GPa, in the order of their class.
 METALS = {

@@ -13,8 +13,6 @@ from pathlib import Path
 
 import f90nml
 import numpy as np
-from learner import build, spread_crystals
-from paper_domains import DOMAINS
 from scipy.linalg import expm
 
 from bayesindent.common.progress import show_progress
@@ -24,6 +22,8 @@ from bayesindent.pipeline.stage import run_stage
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
+from support.learner import build, spread_crystals
+from support.paper_domains import DOMAINS
 
 CRYSTALS = Path(__file__).parents[1] / "reference" / "crystals.csv"
 CASE_STUDIES = Path(__file__).parents[2] / "inputs" / "case_studies"

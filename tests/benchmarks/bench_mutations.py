@@ -23,14 +23,13 @@ from pathlib import Path
 
 import openpyxl
 import orix.io
-from programs import BATCH
 
 from bayesindent.core import BayesindentError
 from bayesindent.pipeline.stage import run_stage
 from bayesindent.settings.problem import Problem, stages
 from bayesindent.surrogate.surrogate import Surrogate
-
-SOURCE = Path(__file__).parents[2]
+from support.programs import BATCH
+from support.tree import SOURCE
 
 
 def contents(*patterns: str) -> list[bytes]:

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import f90nml
 import numpy as np
-from paper_step_2 import FIGURES, Study
 
 from bayesindent.common.progress import show_progress
 from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
@@ -23,6 +22,7 @@ from bayesindent.report.figures.style import house_style, panels
 from bayesindent.report.results import Results
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.surrogate import Surrogate
+from benchmarks.paper_step_2 import FIGURES, Study
 
 INPUTS = Path(__file__).parents[2] / "inputs" / "case_studies"
 

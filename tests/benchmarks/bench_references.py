@@ -6,10 +6,10 @@ import time
 import warnings
 
 import numpy as np
-from theory_cases import REFERENCE
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names
+from support.theory_cases import REFERENCE
 
 COLUMNS = "reference | grains | samples | s | CPU s | R-hat | bulk ESS | means, sd | quantiles, half 90 % | sds, % | correlations | predicted means, GPa"
 

@@ -16,7 +16,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-from learner import spread_crystals
 
 import bayesindent as bi
 from bayesindent.common.result_files import write_csv
@@ -25,6 +24,7 @@ from bayesindent.pipeline.build import tell
 from bayesindent.pipeline.stage import Stage
 from bayesindent.settings.problem import Problem, read_crystals
 from bayesindent.surrogate.basis import Basis
+from support.learner import spread_crystals
 
 SIZES = {"predict": (1000, 10000, 100000, 1000000), "extract": (10, 100, 1000, 10000), "campaign": (100, 1000, 10000, 100000)}
 FIGURE = Path(__file__).parents[2] / "docs" / "figures" / "scale.png"
@@ -115,7 +115,7 @@ def measure_extract(size: int, folder: Path) -> dict:
 
 def measure_campaign(size: int, folder: Path) -> dict:
     """The steps, with the peak of the process that does them all."""
-    whole = process([__file__, "--campaign", size, folder], folder)
+    whole = process(["-m", "benchmarks.bench_scale", "--campaign", size, folder], folder)
     return json.loads((folder / "printed").read_text()) | {"MB": whole["MB"]}
 
 

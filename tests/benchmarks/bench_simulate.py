@@ -32,10 +32,10 @@ import time
 from pathlib import Path
 
 import numpy as np
-import simulate_specimens as specimens
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, log_anisotropy
+from benchmarks import simulate_specimens as specimens
 
 SECTIONS = ("accuracy", "indenters", "films", "pairs", "alike", "specimens", "random", "soft", "convergence", "cost", "ccx", "memory", "workers",
             "size")  # fmt: skip

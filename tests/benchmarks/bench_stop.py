@@ -6,7 +6,6 @@ in words, and what went wrong.
 """
 
 import argparse
-import os
 import random
 import signal
 import sqlite3
@@ -17,9 +16,9 @@ import time
 from contextlib import closing
 from pathlib import Path
 
-from programs import BATCH
+from support.programs import BATCH
+from support.tree import SOURCE
 
-SOURCE = Path(os.environ.get("BAYESINDENT_SOURCE", Path(__file__).parents[2]))
 PROGRAMS = {"bayesindent": lambda stage: [sys.executable, "-m", "bayesindent", stage], "bayesindent-batch": lambda stage: [BATCH]}
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 

@@ -12,12 +12,12 @@ import time
 from pathlib import Path
 
 import numpy as np
-from densities import PRIOR, Posterior
 from scipy import stats
-from theory_cases import SYMMETRIES, Case
 
 from bayesindent.crystal.elasticity import stiffness_rows
 from bayesindent.inference.extract import extract, summary
+from support.densities import PRIOR, Posterior
+from support.theory_cases import SYMMETRIES, Case
 
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"
 

@@ -10,15 +10,14 @@ are CPU seconds of the process, the best of several repeats.
 import argparse
 import csv
 import time
-from pathlib import Path
 
 import numpy as np
-from densities import Posterior
 
 from bayesindent.crystal.elasticity import anisotropy_index, constant_names, halfspace_modulus, stiffness, stiffness_rows
 from bayesindent.surrogate.surrogate import Surrogate
+from support.densities import Posterior
+from support.tree import REFERENCE
 
-REFERENCE = Path(__file__).parents[1] / "reference"
 #: Crystals whose density is timed.
 MEASURED = ("copper", "Zn", "albite")
 GRAINS = 50

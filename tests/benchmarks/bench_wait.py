@@ -22,12 +22,11 @@ import time
 from pathlib import Path
 
 import numpy as np
-from bench_simulate import ZINC, sgemm_rate, timed
 
 import bayesindent as bi
+from benchmarks.bench_simulate import ZINC, sgemm_rate, timed
+from support.tree import REFERENCE, SOURCE
 
-ROOT = Path(os.environ.get("BAYESINDENT_SOURCE", Path(__file__).parents[2]))
-REFERENCE = ROOT / "tests" / "reference"
 PROGRAM = str(Path(sys.executable).with_name("bayesindent"))
 PARTS = ("start", "extract", "theory", "curve", "grains", "quickstart")
 #: Table and class of each case of extract.
@@ -128,7 +127,7 @@ def measure_grains(folder: Path):
 
 def measure_quickstart(folder: Path):
     """Everything, then reports of its folder."""
-    yield row("run inputs/quickstart.nml", [PROGRAM, "run", ROOT / "inputs" / "quickstart.nml", "--output", folder])
+    yield row("run inputs/quickstart.nml", [PROGRAM, "run", SOURCE / "inputs" / "quickstart.nml", "--output", folder])
     yield row("report", [PROGRAM, "report", folder], 3)
     yield row("report --paper", [PROGRAM, "report", folder, "--paper"], 3)
 
@@ -136,7 +135,7 @@ def measure_quickstart(folder: Path):
 def measure_setup(folder: Path):
     """Without what the launcher makes; Debian packages are those of the machine."""
     tree = folder / "tree"
-    shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(".venv", "build", "build-*", "runs", ".git", ".mypy_cache", "__pycache__"))
+    shutil.copytree(SOURCE, tree, ignore=shutil.ignore_patterns(".venv", "build", "build-*", "runs", ".git", ".mypy_cache", "__pycache__"))
     yield row("set-up: ./bayesindent --version in a new copy", [tree / "bayesindent", "--version"])
 
 

@@ -10,14 +10,13 @@ of 5 %; singular values of both; the speeds that the rule of docs/waves.md leave
 import argparse
 import csv
 import time
-from pathlib import Path
 
 import numpy as np
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import rayleigh_modes
+from support.tree import REFERENCE
 
-REFERENCE = Path(__file__).parents[1] / "reference"
 ROOTS = np.sqrt([1, 1, 1, 2, 2, 2])
 KELVIN = np.outer(ROOTS, ROOTS)
 STEP, PRIOR = 1e-4, 0.3

@@ -13,7 +13,8 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-REFERENCE = Path(__file__).parents[1] / "reference"
+from support.tree import REFERENCE
+
 #: What is measured, and how a number of seconds is shown.
 ROWS = {
     "theory": ("exact theory, µs a modulus (copper)", 1e6),

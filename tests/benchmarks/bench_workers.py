@@ -15,8 +15,6 @@ from pathlib import Path
 
 import distributed
 import numpy as np
-from bench_learning import kinds, simulated, unseen_crystals
-from learner import build
 
 from bayesindent.common.progress import show_progress
 from bayesindent.crystal.elasticity import halfspace_modulus
@@ -24,6 +22,8 @@ from bayesindent.engines import ENGINES
 from bayesindent.pipeline.stage import Job, Stage
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.surrogate import Surrogate
+from benchmarks.bench_learning import kinds, simulated, unseen_crystals
+from support.learner import build
 
 WORKERS = 8
 #: Seconds of a simulation by the fastest worker, and by how much simulations differ.

@@ -14,12 +14,12 @@ from bayesindent.report.figures.style import BLACK, BLUE, GREEN, ORANGE, RED, SK
 from bayesindent.report.formatting import subscript
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.surrogate import Surrogate
+from support.tree import REFERENCE, SOURCE
 
 __all__ = ["Study"]
 
-TESTS = Path(__file__).parents[1]
-INPUTS = TESTS.parent / "inputs" / "case_studies"
-FIGURES = TESTS.parent / "docs" / "verification" / "figures"
+INPUTS = SOURCE / "inputs" / "case_studies"
+FIGURES = SOURCE / "docs" / "verification" / "figures"
 
 #: What was published, GPa: the paper's means and, where its text has them, sds; and what it compares them with.
 PAPER = {"cubic": ((222.88, 130.88, 114.13), (4.15, 4.55, 4.11)), "hexagonal": ((155, 89, 49, 174, 55), None)}
@@ -53,7 +53,7 @@ class Study:
     def __init__(self, symmetry: str, folder: Path, simulator: str | None, workers: int):
         self.symmetry, self.folder, self.names = symmetry, folder, constant_names(symmetry)
         self.workers, self.metal = workers, METALS[symmetry]
-        reference = json.loads((TESTS / "reference" / f"{REFERENCES[symmetry]}.json").read_text())
+        reference = json.loads((REFERENCE / f"{REFERENCES[symmetry]}.json").read_text())
         self.truth, self.bounds = np.array(reference["truth"]), dict(zip(self.names, zip(*reference["bounds"], strict=True), strict=True))
         self.namelist = f90nml.read(INPUTS / f"{self.metal}_paper.nml")
         self.namelist["measurements"]["file"] = str((INPUTS / self.namelist["measurements"]["file"]).resolve())

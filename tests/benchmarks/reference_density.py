@@ -3,9 +3,10 @@
 import math
 
 import numpy as np
-from reference_theory import FieldTheory, orthonormal_space
 from scipy import stats
 from scipy.linalg import logm
+
+from support.reference_theory import FieldTheory, orthonormal_space
 
 #: The default prior as documented: contrast log(3K/2G), anisotropic coordinates, scale tr log K/6.
 PRIOR = {

@@ -21,10 +21,10 @@ belongs and leaves a wrong distribution (variances of a normal in ten dimensions
 
     pip install emcee scikit-learn
     export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
-    python tests/benchmarks/reference_posteriors.py check          # theory and prior; a minute
-    python tests/benchmarks/reference_posteriors.py trigonal       # tests/reference/trigonal_quartz.csv and .json
-    python tests/benchmarks/reference_posteriors.py orthorhombic   # tests/reference/orthorhombic_forsterite.csv and .json
-    python tests/benchmarks/reference_posteriors.py triclinic --minutes 60 --checkpoint albite.npz   # goes on from the checkpoint
+    PYTHONPATH=tests python -m benchmarks.reference_posteriors check          # theory and prior; a minute
+    PYTHONPATH=tests python -m benchmarks.reference_posteriors trigonal       # tests/reference/trigonal_quartz.csv and .json
+    PYTHONPATH=tests python -m benchmarks.reference_posteriors orthorhombic   # tests/reference/orthorhombic_forsterite.csv and .json
+    PYTHONPATH=tests python -m benchmarks.reference_posteriors triclinic --minutes 60 --checkpoint albite.npz   # goes on from the checkpoint
 """
 
 import argparse
@@ -37,10 +37,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from reference_density import PRIOR, LogPosterior, plain_log_prior
-from reference_theory import NAMES, FieldTheory, direct_modulus, kelvin, rotations, stiffness
 
-REFERENCE = Path(__file__).parents[1] / "reference"
+from benchmarks.reference_density import PRIOR, LogPosterior, plain_log_prior
+from support.reference_theory import NAMES, FieldTheory, direct_modulus, kelvin, rotations, stiffness
+from support.tree import REFERENCE
+
 #: Words of crystals.csv for the classes.
 SYNONYMS = {
     "4/mmm": "tetragonal", "4/m": "tetragonal 4/m", "-3m": "trigonal", "-3": "trigonal -3", "mmm": "orthorhombic", "2/m": "monoclinic",

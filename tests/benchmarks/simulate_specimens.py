@@ -1,18 +1,14 @@
 """Films and embedded grains for `bench simulate`: against exact values, against the half-space, and what they cost."""
 
 import csv
-import sys
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 
 import bayesindent as bi
-
-TESTS = Path(__file__).parents[1]
-sys.path.insert(0, str(TESTS / "python"))
-from layered_halfspace import LayeredContact, random_pairs, thick_layer  # noqa: E402
+from support.layered_halfspace import LayeredContact, random_pairs, thick_layer
+from support.tree import REFERENCE
 
 __all__ = ["CRYSTALS", "SPECIMENS", "alike", "around", "coated", "costs", "large", "pairs", "unlike"]
 
@@ -53,7 +49,7 @@ def around(settings: dict, young: float, nu: float) -> dict:
 
 def reference_rows(name: str) -> list[dict]:
     """Rows of a table of tests/reference."""
-    with (TESTS / "reference" / name).open() as stream:
+    with (REFERENCE / name).open() as stream:
         return list(csv.DictReader(line for line in stream if not line.startswith("#")))
 
 

@@ -5,33 +5,12 @@ import io
 import json
 
 import bayesindent as bi
-
-NAMELIST = """\
-&problem
-  symmetry = 'cubic'
-/
-&simulation
-  simulator = 'import'
-/
-&domain
-  c_min = 50, 40, 15
-  c_max = 250, 150, 120
-  anisotropy_cap = 7.2
-/
-&surrogate
-  degree = 2
-  bandlimit = 4
-/
-&design
-  n_candidates = 100
-  budget = 10
-/
-"""
+from support.small_builds import IMPORTED
 
 
 def test_ask_and_tell(bayesindent, tmp_path):
     file = tmp_path / "mine.nml"
-    file.write_text(NAMELIST)
+    file.write_text(IMPORTED)
     asked = bayesindent("build", file, "--ask", "10")
     assert asked.returncode == 0, asked.stderr
     header, *rows = csv.reader(io.StringIO(asked.stdout))

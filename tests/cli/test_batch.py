@@ -4,21 +4,21 @@ import csv
 import json
 import os
 import re
-import sqlite3
-from contextlib import closing
 from pathlib import Path
 
 import arviz
 import numpy as np
 import pytest
 import xarray
-from densities import EXTRACTION, Posterior
-from theory_cases import theory_surrogate
 
 from bayesindent import Problem
 from bayesindent.inference.extract import groups_of, inference_data, summary
 from bayesindent.surrogate.surrogate import SHIPPED, Surrogate
-from conftest import DOMAIN, SOURCE
+from support.densities import EXTRACTION, Posterior
+from support.paper_domains import DOMAIN
+from support.small_builds import HEADER, PAPER, WIDE, small, stored
+from support.theory_cases import theory_surrogate
+from support.tree import SOURCE
 
 BAD = [path for path in sorted((SOURCE / "inputs" / "bad").glob("*.nml")) if "\n! command: " not in path.read_text()]
 
@@ -75,21 +75,6 @@ def table(path):
         return list(csv.DictReader(line for line in stream if not line.startswith("#")))
 
 
-HEADER = "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg"
-
-
-def stored(folder) -> list:
-    """The rows of the campaign in a folder, in order of position, which Python's own SQLite finds whole; none if there is no file."""
-    path = folder / "campaign.sqlite"
-    if not path.exists():
-        return []
-    with closing(sqlite3.connect(path, timeout=60)) as file:
-        assert file.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
-        if not file.execute("SELECT * FROM sqlite_master").fetchall():
-            return []
-        return file.execute("SELECT * FROM simulation ORDER BY position").fetchall()
-
-
 @pytest.mark.long_where("fe")
 @pytest.mark.parametrize("simulation", ["refine = 0.6", "simulator = 'theory'"], ids=["fe", "theory"])
 def test_each_program_continues_the_campaign_of_the_other(batch, bayesindent, tmp_path, simulation):
@@ -127,23 +112,6 @@ def test_each_program_continues_the_campaign_of_the_other(batch, bayesindent, tm
         assert by_program[0] == by_program[1] == by_program[2]
     assert [row["note"] for row in table(tmp_path / "python first" / "moduli.csv")] == ["iron", "a, b", "again", ""]
     assert (len(by_program[0].splitlines()) > 1) == simulation.startswith("refine")
-
-
-SMALL = """
-&problem symmetry = '{symmetry}', seed = 3 /
-{domain}&simulation simulator = '{simulator}', refine = 0.6 /
-{surrogate}
-&design n_candidates = 300, budget = {budget}, batch = 2, validation = 2 /
-"""
-CORRECTION = "&surrogate degree = 2 /"
-PAPER = "&surrogate model = 'paper', degree = 1, bandlimit = 4 /"
-WIDE = "&domain log_anisotropy_max = 1.0 /\n"
-
-
-def small(tmp_path, **words):
-    """A small build of a correction of cubic crystals with the theory, or as the words say."""
-    words = {"symmetry": "cubic", "domain": DOMAIN["cubic"], "simulator": "theory", "budget": 20, "surrogate": CORRECTION} | words
-    (tmp_path / "small.nml").write_text(SMALL.format(**words))
 
 
 BUILDS = {"fe": {"simulator": "fe", "budget": 4}, "theory": {}, "all crystals": {"domain": WIDE}, "paper": {"surrogate": PAPER}}

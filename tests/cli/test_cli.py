@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from conftest import SOURCE
+from support.tree import SOURCE
 
 COMMANDS = (
     "init",

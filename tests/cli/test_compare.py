@@ -10,7 +10,7 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.common.result_files import read_json
-from conftest import SOURCE
+from support.tree import SOURCE
 
 CASE = f"""&problem symmetry = 'cubic', title = 'TITLE', synthetic = .true. /
 &measurements file = '{SOURCE / "tests" / "reference" / "cubic_fe3si.csv"}', modulus_kind = 'KIND', calibration_sd = CALIBRATION /

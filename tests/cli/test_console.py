@@ -7,7 +7,7 @@ import pytest
 
 from bayesindent.program import cli
 from bayesindent.program.commands.stages import show_extract
-from conftest import SOURCE
+from support.tree import SOURCE
 
 IRON = "&problem symmetry = 'bcc' /\n&measurements file = 'grains.csv' /\n&knowledge quantity = 'bulk_modulus', mean = 165, sd = 3 /\n&sampler samples = {} burn_in = 300 /\n"
 

@@ -6,9 +6,9 @@ import re
 import subprocess
 
 import pytest
-from programs import BATCH
 
-from conftest import SOURCE
+from support.programs import BATCH
+from support.tree import SOURCE
 
 CASE = f"""&problem symmetry = 'cubic' /
 &measurements file = '{SOURCE / "inputs" / "data" / "fe3si.csv"}', modulus_kind = 'indentation_modulus' /

@@ -1,8 +1,9 @@
 """Kills, damaged files, a full disk, no permission: nothing is lost, and what is wrong is told in one line. `bench faults` is the long form."""
 
 import pytest
-from fault_files import damaged, full_disk, killed, no_permission
-from fault_kills import disturbed
+
+from support.fault_files import damaged, full_disk, killed, no_permission
+from support.fault_kills import disturbed
 
 PROGRAMS = ("bayesindent", "bayesindent-batch")
 

@@ -9,7 +9,7 @@ import pytest
 import bayesindent as bi
 from bayesindent.crystal.metals import SPREAD, known_of, metals
 from bayesindent.program.commands.init import template
-from conftest import SOURCE
+from support.tree import SOURCE
 
 #: Bulk moduli in GPa as another table of Kittel's Introduction to Solid State Physics lists them.
 BULK = {

@@ -5,7 +5,7 @@ import json
 
 import pytest
 
-from conftest import REFERENCE, SOURCE
+from support.tree import REFERENCE, SOURCE
 
 INPUTS = sorted(SOURCE.glob("inputs/*.nml")) + sorted(SOURCE.glob("inputs/case_studies/*.nml"))
 ROWS = REFERENCE / "halfspace_moduli.csv"

@@ -4,10 +4,9 @@ import subprocess
 import time
 
 import pytest
-from programs import BATCH
-from test_batch import HEADER, small, stored
 
-from conftest import HANGS_S
+from support.programs import BATCH, HANGS_S
+from support.small_builds import HEADER, small, stored
 
 pytestmark = pytest.mark.long
 

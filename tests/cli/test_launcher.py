@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from conftest import SOURCE
+from support.tree import SOURCE
 
 TOOLS = ("bash", "cat", "date", "dirname", "env", "find", "flock", "grep", "mkdir", "mv", "readlink", "rm", "sed", "sh", "tail", "touch")
 

@@ -9,11 +9,10 @@ import subprocess
 import sys
 
 import pytest
-from bench_mutations import MAPS, prepare, write
-from programs import BATCH
 
 from bayesindent.report.templates import render
-from conftest import SANITIZED
+from benchmarks.bench_mutations import MAPS, prepare, write
+from support.programs import BATCH, SANITIZED
 
 PROGRAMS = {"bayesindent": [sys.executable, "-m", "bayesindent", "run"], "bayesindent-batch": [str(BATCH)]}
 TABLE = "phi1_deg,Phi_deg,phi2_deg,indentation_modulus_gpa,sd_gpa\n0,0,0,130.1,2\n0,45,0,141.9,2\n0,54.7,45,144.2,2\n10,20,30,138.0,2\n"

@@ -12,9 +12,10 @@ import time
 from contextlib import closing, contextmanager
 
 import pytest
-from campaigns import rows as stored
-from programs import BATCH
-from test_ask_and_tell import NAMELIST
+
+from support.campaigns import rows as stored
+from support.programs import BATCH
+from support.small_builds import IMPORTED
 
 PYTHON = [sys.executable, "-m", "bayesindent"]
 PROGRAMS = {"python": [*PYTHON, "theory"], "batch": [BATCH]}
@@ -116,7 +117,7 @@ def test_of_many_that_begin_at_once_one_works_and_none_spoils_the_folder(small):
 
 
 def test_asking_and_telling_wait_for_each_other(bayesindent, tmp_path):
-    (tmp_path / "mine.nml").write_text(NAMELIST)
+    (tmp_path / "mine.nml").write_text(IMPORTED)
     build = [*PYTHON, "build", "mine.nml", "--output", "out"]
     asked = subprocess.run([*build, "--ask", "4"], cwd=tmp_path, capture_output=True, text=True, check=True)
     header, *rows = csv.reader(io.StringIO(asked.stdout))
@@ -140,7 +141,7 @@ time.sleep(max(0, float(sys.argv[2]) - time.time()))
 for n in range(5):
     tell(problem, str(n), points)
 """
-    (tmp_path / "mine.nml").write_text(NAMELIST)
+    (tmp_path / "mine.nml").write_text(IMPORTED)
     for i in range(6):
         (tmp_path / f"{i}.csv").write_text(f"{POINTS.splitlines()[0]},modulus_gpa\n{200 + i},100,50,0,0,0,150\n")
     at = time.time() + 3

@@ -6,15 +6,14 @@ import subprocess
 import sys
 
 import pytest
-from programs import BATCH
 
-from conftest import HANGS_S, SANITIZED
+from support.programs import BATCH, HANGS_S, SANITIZED, with_tests
 
 SCRIPT = """
 import resource, sys
 import numpy as np
 import bayesindent as bi
-from campaigns import rows
+from support.campaigns import rows
 from bayesindent.pipeline.stage import Simulator, run_stage
 
 folder = sys.argv[1]
@@ -62,8 +61,7 @@ for name, more in (("none fits", 0.5 * workspace), ("again", None)):
 
 @pytest.mark.long
 def test_too_little_memory_is_retried_and_never_stored(tmp_path):
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    done = subprocess.run([sys.executable, "-c", SCRIPT, str(tmp_path)], capture_output=True, text=True, env=environment)
+    done = subprocess.run([sys.executable, "-c", SCRIPT, str(tmp_path)], capture_output=True, text=True, env=with_tests())
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert lines[0].startswith("finest mesh MachineError bi.Indentation: simulation: too little memory for a mesh of")

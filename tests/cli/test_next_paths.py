@@ -7,7 +7,7 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
-from conftest import SOURCE
+from support.tree import SOURCE
 
 IRON = SOURCE / "inputs" / "data" / "fe3si.csv"
 BOUNDS = {"C11": (200, 270), "C12": (100, 170), "C44": (80, 140)}

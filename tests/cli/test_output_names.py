@@ -6,7 +6,8 @@ import subprocess
 import sys
 
 import pytest
-from test_run import stored
+
+from support.campaigns import count_rows
 
 NAMELIST = """\
 &problem symmetry = 'cubic' /
@@ -55,7 +56,7 @@ def test_a_surrogate_replaces_nothing_else(bayesindent, built, name):
         assert done.returncode == 2
         (line,) = done.stderr.splitlines()
         assert line.startswith("a.nml: &surrogate file: ")
-        assert stored(built / "out" / "campaign.sqlite") == stored(built / "other" / "file") == 9
+        assert count_rows(built / "out" / "campaign.sqlite") == count_rows(built / "other" / "file") == 9
         kept = {path: path.read_bytes() for path in built.rglob("*") if path.name not in ("a.nml", "run.log") and path.is_file()}
         assert {path for path in before.keys() | kept.keys() if before.get(path) != kept.get(path)} <= {
             built / "out" / name for name in ("resolved.nml", "inputs.json")
@@ -75,4 +76,4 @@ def test_its_own_surrogate_is_replaced(bayesindent, built):
     (built / "a.nml").write_text(NAMELIST.format("mine.txt").replace("budget = 9", "budget = 11"))
     done = bayesindent("build", "a.nml", "--output", "out")
     assert done.returncode == 0, done.stderr
-    assert stored(built / "out" / "campaign.sqlite") == 11
+    assert count_rows(built / "out" / "campaign.sqlite") == 11

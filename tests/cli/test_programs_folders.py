@@ -9,12 +9,13 @@ import sys
 
 import numpy as np
 import pytest
-from programs import BATCH
 
 from bayesindent.pipeline.results_folder import read_posterior
 from bayesindent.program.cli import parser
 from bayesindent.program.commands import HELP
-from conftest import DOMAIN, REFERENCE, SOURCE, runner
+from support.paper_domains import DOMAIN
+from support.programs import BATCH, runner
+from support.tree import REFERENCE, SOURCE
 
 NAMELIST = f"""
 &problem symmetry = 'cubic', seed = 3, title = 'Both' /

@@ -4,9 +4,9 @@ import json
 import subprocess
 
 import pytest
-from programs import BATCH
 
-from conftest import SOURCE
+from support.programs import BATCH
+from support.tree import SOURCE
 
 CASE = "&problem symmetry = 'cubic' /\n&measurements file = 'grains.xlsx' /\n&sampler samples = 3000, burn_in = 1000, chains = 2 /\n"
 

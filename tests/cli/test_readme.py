@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from conftest import SOURCE
+from support.tree import SOURCE
 
 pytestmark = pytest.mark.long
 

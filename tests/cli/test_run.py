@@ -11,7 +11,9 @@ import time
 import pytest
 
 from bayesindent.common.result_files import read_json
-from conftest import HANGS_S, REFERENCE, SOURCE
+from support.campaigns import count_rows
+from support.programs import HANGS_S
+from support.tree import REFERENCE, SOURCE
 
 FILES = [
     "build.json",
@@ -156,25 +158,12 @@ def test_killed_in_the_middle_and_resumed(process, tmp_path):
     killed = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=os.environ)
     campaign = tmp_path / "runs" / "reduced" / "campaign.sqlite"
     deadline = time.monotonic() + HANGS_S
-    while stored(campaign) < 2 and time.monotonic() < deadline and killed.poll() is None:
+    while count_rows(campaign) < 2 and time.monotonic() < deadline and killed.poll() is None:
         time.sleep(0.05)
     killed.send_signal(signal.SIGKILL)
     killed.wait()
-    kept = stored(campaign)
+    kept = count_rows(campaign)
     assert kept >= 2
     document = json.loads(process("build", file, "--json").stdout)
     assert document["simulations"] == 10
     assert document["new_simulations"] == 10 - kept
-
-
-def stored(campaign) -> int:
-    """Simulations in a campaign, which may not be there yet."""
-    import sqlite3
-
-    if not campaign.exists():
-        return 0
-    try:
-        with sqlite3.connect(f"file:{campaign}?mode=ro", uri=True) as file:
-            return file.execute("SELECT count(*) FROM simulation").fetchone()[0]
-    except sqlite3.OperationalError:
-        return 0

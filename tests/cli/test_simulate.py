@@ -7,10 +7,10 @@ import subprocess
 import meshio
 import numpy as np
 import pytest
-from programs import BATCH
 
 import bayesindent as bi
-from conftest import SOURCE
+from support.programs import BATCH
+from support.tree import SOURCE
 
 ZINC = [161.1, 34.2, 38.3, 61.1, 50.3]
 

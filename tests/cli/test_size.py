@@ -6,7 +6,7 @@ import pytest
 
 from bayesindent.pipeline.stage import run_stage
 from bayesindent.settings.problem import Problem
-from conftest import SOURCE
+from support.tree import SOURCE
 
 FILE = """
 &problem symmetry = 'cubic' /

@@ -14,10 +14,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
-from bench_stop import BATCH, POINTS, PROGRAMS, STAGES, start, stored
-from test_ask_and_tell import NAMELIST
 
-from conftest import HANGS_S, SOURCE
+from benchmarks.bench_stop import BATCH, POINTS, PROGRAMS, STAGES, start, stored
+from support.programs import HANGS_S
+from support.small_builds import IMPORTED
+from support.tree import SOURCE
 
 
 def wait_for(condition, process):
@@ -84,7 +85,7 @@ def test_signals_that_are_ignored_stay_so(program, tmp_path):
 
 def test_while_it_waits_for_another_process(tmp_path):
     (tmp_path / "out").mkdir()
-    (tmp_path / "mine.nml").write_text(NAMELIST)
+    (tmp_path / "mine.nml").write_text(IMPORTED)
     command = [*PROGRAMS["bayesindent"]("build"), "mine.nml", "--output", "out", "--ask", "2"]
     with open(tmp_path / "out" / ".lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

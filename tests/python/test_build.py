@@ -3,15 +3,10 @@
 import itertools
 import json
 import re
-import sqlite3
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
-from learner import Learner, build, spread_crystals
-from paper_domains import DOMAINS
-from test_surrogate import specimen
 
 import bayesindent as bi
 from bayesindent.common.result_files import as_csv
@@ -19,31 +14,13 @@ from bayesindent.crystal.elasticity import stiffness_rows
 from bayesindent.pipeline.build import ask, tell
 from bayesindent.pipeline.stage import Simulations
 from bayesindent.program.cli import main
-from bayesindent.settings.problem import Problem, read_crystals
+from bayesindent.settings.problem import read_crystals
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
-
-#: The paper's model of cubic crystals, 16 terms; and a correction of all crystals with 29.
-PAPER = {
-    "problem": {"symmetry": "'cubic'"},
-    "domain": {"c_min": "50, 40, 15", "c_max": "250, 150, 120", "anisotropy_cap": "7.2"},
-    "surrogate": {"model": "'paper'", "degree": 1, "bandlimit": 4},
-}
-CORRECTION = {"problem": {"title": "'all crystals'"}, "domain": {"log_anisotropy_max": "1.2"}, "surrogate": {"degree": 2}}
-
-
-def make_problem(folder: Path, *, model=PAPER, **groups) -> Problem:
-    groups = model | {
-        "simulation": {"simulator": "'theory'"},
-        "design": {"n_candidates": 200, "budget": 16},
-        "execution": {"workers": 1},
-        **groups,
-    }
-    lines = [f"&{group}\n" + "".join(f"  {name} = {value}\n" for name, value in values.items()) + "/\n" for group, values in groups.items()]
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / "problem.nml"
-    path.write_text("".join(lines))
-    return Problem(path, "build")
+from support.build_problems import CORRECTION, PAPER, make_problem, numbers_of, posterior_of, stored
+from support.learner import Learner, build, spread_crystals
+from support.paper_domains import DOMAINS
+from support.specimen_factor import specimen
 
 
 @pytest.fixture
@@ -67,14 +44,6 @@ def before_each_simulation(monkeypatch, act) -> None:
     """Call act() before each simulation; what it returns, if anything, stands for the simulation's result."""
     simulate = Simulations.__call__
     monkeypatch.setattr(Simulations, "__call__", lambda self, job: act() or simulate(self, job))
-
-
-def stored(output: Path) -> list:
-    return (
-        sqlite3.connect(output / "campaign.sqlite")
-        .execute("SELECT position, constants, euler_deg, indentation_modulus_gpa FROM simulation ORDER BY position")
-        .fetchall()
-    )
 
 
 def test_build_writes_what_it_promises(tmp_path, specimens, model):
@@ -144,16 +113,6 @@ def test_an_interrupted_build_goes_on_where_it_was(tmp_path, monkeypatch, model,
     assert build(problem(tmp_path / "b", 32), tmp_path / "b")["new_simulations"] == 8
     build(problem(tmp_path / "c", 32), tmp_path / "c")
     assert {row[1:] for row in stored(tmp_path / "b")} == {row[1:] for row in stored(tmp_path / "c")}
-
-
-def numbers_of(document: dict) -> dict:
-    """Of a build, without what depends on how often it was begun, and where."""
-    return {name: value for name, value in document.items() if name not in ("file", "new_simulations", "inputs")}
-
-
-def posterior_of(folder: Path) -> list:
-    surrogate = Surrogate.load(folder / "surrogate.txt")
-    return [surrogate.coefficients.tolist(), surrogate.covariance.tolist(), surrogate.alpha, surrogate.beta, surrogate.fall]
 
 
 def test_an_interrupt_starts_no_more_and_keeps_what_is_done(tmp_path, monkeypatch):

@@ -4,13 +4,13 @@ import warnings
 
 import numpy as np
 import pytest
-from densities import Posterior
-from step_2_cases import crystal
-from stroh import acoustic, bunge, tensor
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
 from bayesindent.report.results import Results
+from support.densities import Posterior
+from support.step_2_cases import crystal
+from support.stroh import acoustic, bunge, tensor
 
 DENSITY = 5000.0
 #: Of a speed, m/s: the log-likelihood then shows differences of 1e-5 m/s.

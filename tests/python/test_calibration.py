@@ -7,9 +7,10 @@ sum of squares.
 
 import numpy as np
 import pytest
-from bench_calibration import CASES, Study
-from bench_studies import holm
 from scipy import stats
+
+from benchmarks.bench_calibration import CASES, Study
+from benchmarks.bench_studies import holm
 
 #: Data sets of a case, by crystal: those of more constants take longer.
 DATA_SETS = {"copper": 10, "Zn": 10, "quartz": 6, "rutile": 6, "forsterite": 4}

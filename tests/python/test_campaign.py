@@ -4,7 +4,6 @@ tests/fortran/test_campaign.f90 looks at the module itself.
 """
 
 import json
-import os
 import re
 import sqlite3
 import subprocess
@@ -14,25 +13,15 @@ from contextlib import closing
 
 import numpy as np
 import pytest
-from campaigns import rows
 
 import bayesindent as bi
-from bayesindent.pipeline.build import ask, tell
+from bayesindent.pipeline.build import ask
 from bayesindent.pipeline.stage import run_stage
-from bayesindent.settings.problem import Problem, read_crystals
+from bayesindent.settings.problem import Problem
+from support.campaigns import rows, table, told
+from support.programs import with_tests
 
-HEADER = ("C11", "C12", "C44", "phi1_deg", "Phi_deg", "phi2_deg")
 COPPER, ANGLES = (168.4, 121.4, 75.4), (10.0, 20.0, 30.0)
-
-
-def table(folder, points, name="points.csv", moduli=None):
-    """A table of cubic crystals, to the last bit."""
-    lines = [",".join(HEADER + ("modulus_gpa",) * (moduli is not None))]
-    lines += [",".join(map(repr, [float(value) for value in point])) for point in points]
-    if moduli is not None:
-        lines[1:] = [f"{line},{modulus!r}" for line, modulus in zip(lines[1:], moduli, strict=True)]
-    (folder / name).write_text("\n".join(lines) + "\n")
-    return folder / name
 
 
 def simulated(folder, points, simulate=None, simulator="theory"):
@@ -42,15 +31,6 @@ def simulated(folder, points, simulate=None, simulator="theory"):
     text = f"&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&simulation simulator = '{simulator}', refine = 0.6 /\n"
     (folder / "a.nml").write_text(text + "&execution workers = 1 /\n")
     return run_stage(Problem(folder / "a.nml", "simulate"), "simulate", folder, simulate=simulate)
-
-
-def told(folder, points, moduli):
-    """What `build --tell` says of these moduli of others; its physics is the theory's."""
-    folder.mkdir(exist_ok=True)
-    text = "&problem symmetry = 'cubic' /\n&simulation simulator = 'theory' /\n&domain log_anisotropy_max = 3 /\n&design budget = 8 /\n"
-    (folder / "b.nml").write_text(text)
-    path = table(folder, points, "told.csv", moduli)
-    return tell(Problem(folder / "b.nml", "build"), folder, read_crystals(path, "cubic"), "told.csv")
 
 
 def crystals(n, seed=1):
@@ -127,7 +107,7 @@ def test_many_rows_are_found(tmp_path):
 WRITER = """
 import sys
 from pathlib import Path
-from test_campaign import told
+from support.campaigns import told
 folder = Path(sys.argv[1])
 k = float(sys.argv[2])
 sys.stdin.readline()
@@ -147,8 +127,7 @@ def test_processes_share_a_file(tmp_path):
     told(tmp_path / "campaign", [(*COPPER, *ANGLES)], [134.0])
     for k in range(3):
         command = [sys.executable, "-c", WRITER, tmp_path / str(k), str(k)]
-        environment = {"PYTHONPATH": ":".join(sys.path)}
-        writers.append(subprocess.Popen(command, stdin=subprocess.PIPE, text=True, env=os.environ | environment))
+        writers.append(subprocess.Popen(command, stdin=subprocess.PIPE, text=True, env=with_tests()))
     for writer in writers:
         writer.stdin.write("\n")
         writer.stdin.flush()

@@ -4,11 +4,11 @@ import csv
 
 import numpy as np
 import pytest
-from reference_theory import direct_modulus
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, stiffness_rows
-from conftest import REFERENCE
+from support.reference_theory import direct_modulus
+from support.tree import REFERENCE
 
 
 def reference_rows():

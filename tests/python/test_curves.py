@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 from scipy.stats import chi2
-from synthetic_curves import KNOWN, NAMELIST, Truth, effective, one_curve, sneddon, table, write
 
 import bayesindent as bi
-from conftest import SOURCE
+from support.synthetic_curves import KNOWN, NAMELIST, Truth, effective, one_curve, sneddon, table, write
+from support.tree import SOURCE
 
 STUDY, DATA = SOURCE / "inputs" / "case_studies", SOURCE / "inputs" / "data"
 QUARTZ_GPA = 69.64

@@ -8,10 +8,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from synthetic_curves import KNOWN, NAMELIST, one_curve, table
 
 import bayesindent as bi
 from bayesindent.settings.instruments import read_file, tdm_settings
+from support.synthetic_curves import KNOWN, NAMELIST, one_curve, table
 
 QUARTZ_GPA = 69.64
 

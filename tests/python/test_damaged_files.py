@@ -10,7 +10,6 @@ from contextlib import closing
 
 import numpy as np
 import pytest
-from campaigns import rows
 
 import bayesindent as bi
 from bayesindent.common.result_files import read_json, whole_file, write_json
@@ -21,7 +20,8 @@ from bayesindent.pipeline.stage import Stage, run_stage
 from bayesindent.program.cli import main
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.surrogate import Surrogate
-from conftest import REFERENCE, SOURCE
+from support.campaigns import rows
+from support.tree import REFERENCE, SOURCE
 
 #: Identity of the physics.
 THEORY = '{"simulator": "theory"}'

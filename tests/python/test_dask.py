@@ -1,23 +1,22 @@
 """Simulations on the workers of a real Dask scheduler: the same numbers, with a worker killed on the way."""
 
 import json
-import os
 import signal
 import sqlite3
 import subprocess
 import sys
 import time
 from contextlib import contextmanager, nullcontext
-from pathlib import Path
 
 import pytest
-from learner import build
 
 import bayesindent as bi
 from bayesindent.engines import DaskEngine
 from bayesindent.pipeline.stage import run_stage
 from bayesindent.settings.problem import Problem
-from conftest import HANGS_S
+from support.counted_job import Counted
+from support.learner import build
+from support.programs import HANGS_S, with_tests
 
 pytest.importorskip("distributed", reason="the extra dask is not installed")
 
@@ -32,10 +31,8 @@ def cluster(tmp_path_factory):
 
     def start(kind: str, *arguments: str) -> subprocess.Popen:
         command = [sys.executable, "-c", START.format(kind), "--scheduler-file", str(file), *arguments]
-        # Workers find this file too, for the job below.
-        environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
         with open(folder / f"{kind}.log", "a") as log:
-            return subprocess.Popen(command, cwd=folder, env=environment, stdout=log, stderr=log)
+            return subprocess.Popen(command, cwd=folder, env=with_tests(), stdout=log, stderr=log)
 
     processes = [start("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")]
     end = time.monotonic() + HANGS_S
@@ -46,24 +43,6 @@ def cluster(tmp_path_factory):
     for process in workers + processes:
         process.kill()
         process.wait()
-
-
-class Counted:
-    """A job that leaves a line in a file wherever it is made from its pickle."""
-
-    def __init__(self, file: Path):
-        self.file = file
-
-    def __setstate__(self, state):
-        self.__dict__.update(state)
-        with open(self.file, "a") as stream:
-            stream.write(f"{os.getpid()}\n")
-
-    def __call__(self, item: int) -> tuple[int, int]:
-        if item < 0:
-            raise bi.InputError("less than nothing")
-        time.sleep(0.05)
-        return os.getpid(), item**2
 
 
 @contextmanager

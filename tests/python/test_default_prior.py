@@ -5,11 +5,11 @@ import csv
 import numpy as np
 import pytest
 from scipy import stats
-from step_2_cases import KIND, parts_of, table_of
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, stiffness_rows
-from conftest import REFERENCE
+from support.step_2_cases import KIND, parts_of, table_of
+from support.tree import REFERENCE
 
 ANGLES = np.array([[0.0, 10.0, 0.0], [20.0, 50.0, 40.0], [10.0, 85.0, 5.0]])
 #: GPa, in the order of their class: none of them is in the reference table.

@@ -1,14 +1,11 @@
 """What the documents name is there: links, files, modules, benchmarks."""
 
 import re
-import sys
 
 import pytest
 
-from conftest import SOURCE
-
-sys.path.insert(0, str(SOURCE / "tests" / "benchmarks"))
-import bench_simulate
+from benchmarks import bench_simulate
+from support.tree import SOURCE
 
 PAGES = [*sorted(SOURCE.glob("*.md")), *sorted((SOURCE / "docs").rglob("*.md"))]
 #: Drawn where the site is made.

@@ -8,7 +8,7 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.program.cli import main
-from conftest import SOURCE
+from support.tree import SOURCE
 
 
 @pytest.fixture

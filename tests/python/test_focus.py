@@ -4,10 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from densities import Posterior
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
+from support.densities import Posterior
 
 COPPER = (168.4, 121.4, 75.4)
 #: What a specimen does to the exact modulus of a half-space: a made-up one, smooth in the crystal, by up to 30 %.

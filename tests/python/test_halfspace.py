@@ -5,15 +5,15 @@ import re
 
 import numpy as np
 import pytest
-from bench_truths import TRUTHS, Seeds
-from densities import PRIOR, Posterior
-from reference_theory import FieldTheory
 from scipy import stats
-from step_2_cases import KIND, crystal, default_prior, table_of
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness_rows
-from conftest import REFERENCE
+from benchmarks.bench_truths import TRUTHS, Seeds
+from support.densities import PRIOR, Posterior
+from support.reference_theory import FieldTheory
+from support.step_2_cases import KIND, crystal, default_prior, table_of
+from support.tree import REFERENCE
 
 THEORY = bi.Surrogate.load("halfspace")
 

@@ -11,7 +11,7 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.core import native
-from conftest import SOURCE
+from support.tree import SOURCE
 
 ZINC = bi.stiffness("hexagonal", C11=161.1, C12=34.2, C44=38.3, C33=61.1, C13=50.3)
 COPPER = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)

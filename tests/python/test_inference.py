@@ -5,16 +5,16 @@ import copy
 import arviz as az
 import numpy as np
 import pytest
-from densities import EXTRACTION, PRIOR, Posterior
-from learner import spread_of, surrogate_of, terms_of
 from scipy import stats
 from scipy.linalg import block_diag
-from step_2_cases import KIND, columns, crystal, reference, rough_correction, table_of
-from theory_cases import SIZES, theory_surrogate
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, stiffness_rows
-from conftest import REFERENCE
+from support.densities import EXTRACTION, PRIOR, Posterior
+from support.learner import spread_of, surrogate_of, terms_of
+from support.step_2_cases import KIND, columns, crystal, reference, rough_correction, table_of
+from support.theory_cases import SIZES, theory_surrogate
+from support.tree import REFERENCE
 
 # The reference posteriors
 

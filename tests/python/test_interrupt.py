@@ -7,7 +7,8 @@ import time
 
 import pytest
 
-from conftest import HANGS_S, SOURCE
+from support.programs import HANGS_S
+from support.tree import SOURCE
 
 pytestmark = pytest.mark.long
 

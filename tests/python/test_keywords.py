@@ -11,7 +11,7 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.settings.problem import schema
-from conftest import SOURCE
+from support.tree import SOURCE
 
 IRON = SOURCE / "inputs" / "data" / "fe3si.csv"
 FEW = {"draws": 300, "burn_in": 300, "chains": 2}

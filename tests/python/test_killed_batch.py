@@ -4,8 +4,9 @@ import sqlite3
 from contextlib import closing
 
 import pytest
-from learner import build
-from test_build import CORRECTION, PAPER, make_problem, numbers_of, posterior_of, stored
+
+from support.build_problems import CORRECTION, PAPER, make_problem, numbers_of, posterior_of, stored
+from support.learner import build
 
 #: Positions that are missing: of the initial set, of the batches that follow (six each), of what validates.
 MISSING = [{1, 4, *range(6, 31)}, {17, 18, 20, *range(22, 31)}, {22, 25, *range(28, 31)}, {28, 30}, {29}]

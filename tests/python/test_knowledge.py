@@ -5,14 +5,14 @@ import pickle
 
 import numpy as np
 import pytest
-from densities import PRIOR, Posterior
 from scipy import optimize, stats
-from step_2_cases import KIND, default_prior, log_volume, table_of
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, stiffness_rows
 from bayesindent.surrogate.surrogate import places
-from conftest import REFERENCE, SOURCE
+from support.densities import PRIOR, Posterior
+from support.step_2_cases import KIND, default_prior, log_volume, table_of
+from support.tree import REFERENCE, SOURCE
 
 STIFFNESS = SOURCE / "inputs" / "data" / "titanium_dft.csv"
 TITANIUM = SOURCE / "inputs" / "data" / "titanium.csv"

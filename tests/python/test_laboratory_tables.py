@@ -5,11 +5,11 @@ import re
 
 import numpy as np
 import pytest
-from measured_tables import read_measurements
 
 import bayesindent as bi
 from bayesindent.program.cli import main
 from bayesindent.settings.problem import Problem
+from support.measured_tables import read_measurements
 
 #: Grain, Bunge's angles, modulus, sd: what each of the tables says.
 ROWS = [("g1", 10.5, 20.25, 30.125, 210.5, 4.5), ("g2", 40.0, 50.0, 60.0, 220.1, 4.25), ("g3", 70.0, 80.0, 15.0, 198.0, 5.0)]

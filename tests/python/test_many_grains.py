@@ -4,13 +4,13 @@ import csv
 
 import numpy as np
 import pytest
-from densities import Posterior
-from learner import spread_of, terms_of
 from scipy.stats import multivariate_normal, norm
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
-from conftest import REFERENCE
+from support.densities import Posterior
+from support.learner import spread_of, terms_of
+from support.tree import REFERENCE
 
 COPPER = {"C11": 168.4, "C12": 121.4, "C44": 75.4}
 ALUMINIUM = {"C11": 107.3, "C12": 60.9, "C44": 28.3}

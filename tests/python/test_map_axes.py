@@ -4,9 +4,9 @@ import h5py
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from test_orientation_maps import along, measured, pixels, write
 
 import bayesindent as bi
+from support.orientation_maps import along, measured, pixels, write
 
 orix_io = pytest.importorskip("orix.io")
 

@@ -4,11 +4,11 @@ import json
 
 import numpy as np
 import pytest
-from test_orientation_maps import EDGE, LEFT, RIGHT, along, columns, measured, pixels, write
 
 import bayesindent as bi
 from bayesindent.program.cli import main
 from bayesindent.report.figures.maps import draw_map
+from support.orientation_maps import EDGE, LEFT, RIGHT, along, columns, measured, pixels, write
 
 pytest.importorskip("orix.io")
 

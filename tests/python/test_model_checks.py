@@ -3,13 +3,13 @@
 import arviz as az
 import numpy as np
 import pytest
-from densities import Posterior
-from learner import terms_of
 from scipy import stats
-from step_2_cases import KIND, columns, reference, rough_correction, table_of
-from theory_cases import theory_surrogate
 
 import bayesindent as bi
+from support.densities import Posterior
+from support.learner import terms_of
+from support.step_2_cases import KIND, columns, reference, rough_correction, table_of
+from support.theory_cases import theory_surrogate
 
 #: Short chains: what is compared are numbers of single draws.
 SHORT = {"samples": 25, "burn_in": 300, "chains": 2, "method": "scmh"}

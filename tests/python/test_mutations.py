@@ -3,9 +3,9 @@
 import random
 
 import pytest
-from bench_mutations import MAPS, SEEDS, exported, mutated, prepare, read, text, try_in_process, write
 
 import bayesindent as bi
+from benchmarks.bench_mutations import MAPS, SEEDS, exported, mutated, prepare, read, text, try_in_process, write
 
 WHOLE = '"' + 200_000 * "a"
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from densities import Posterior
-from step_2_cases import KIND
-from stroh import Waves, bunge, rayleigh, slowest_bulk
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
 from bayesindent.inference.measurements import problem_of
+from support.densities import Posterior
+from support.step_2_cases import KIND
+from support.stroh import Waves, bunge, rayleigh, slowest_bulk
 
 TITANIUM = np.array([162.4, 92.0, 46.7, 180.7, 69.0])
 DENSITY = 4506.0

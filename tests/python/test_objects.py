@@ -6,10 +6,10 @@ import pickle
 
 import numpy as np
 import pytest
-from theory_cases import theory_surrogate
 
 import bayesindent as bi
 from bayesindent.core import NativeObject
+from support.theory_cases import theory_surrogate
 
 CRYSTAL, ANGLES = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4), np.array([10.0, 20.0, 30.0])
 COPIES = {"copy": copy.copy, "deepcopy": copy.deepcopy, "pickle": lambda thing: pickle.loads(pickle.dumps(thing))}

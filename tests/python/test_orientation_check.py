@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from bench_orientations import RARE, harmonics, misfits
-from densities import Posterior
 from scipy import stats
 from scipy.spatial.transform import Rotation
-from step_2_cases import KIND, crystal
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness_rows
+from benchmarks.bench_orientations import RARE, harmonics, misfits
+from support.densities import Posterior
+from support.step_2_cases import KIND, crystal
 
 SHORT = {"samples": 25, "burn_in": 400, "chains": 2} | KIND
 #: Beside those of the reference files: constants of other crystals, GPa.
@@ -95,7 +95,7 @@ def test_other_readings_of_a_table_are_tried():
 def map_of(path, name, grains, seed, way):
     """A square map of Voronoi grains in which the ways of the check name the way back, and indents in the middle of some of them."""
     pytest.importorskip("orix.io")
-    from test_orientation_maps import write
+    from support.orientation_maps import write
 
     symmetry, table, rng = measured(name, 3 * grains, seed)
     y, x = (part.ravel().astype(float) for part in np.mgrid[:49, :49])

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import bayesindent as bi
-from conftest import SOURCE
+from support.tree import SOURCE
 
 #: Edges and angles of a cell of each class as &problem lattice has them, and all six.
 CELLS = {

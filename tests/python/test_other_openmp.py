@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from conftest import SOURCE
+from support.tree import SOURCE
 
 pytestmark = pytest.mark.long
 

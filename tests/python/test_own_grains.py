@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from step_2_cases import KIND
 
 import bayesindent as bi
-from conftest import SOURCE
+from support.step_2_cases import KIND
+from support.tree import SOURCE
 
 DATA = SOURCE / "inputs" / "data" / "fe3si.csv"
 SETTINGS = {"symmetry": "cubic", "samples": 500, "burn_in": 2000, "chains": 2, "knowledge": {"bulk_modulus": (165, 3)}, **KIND}

@@ -2,7 +2,6 @@
 
 import importlib.util
 import json
-import os
 import re
 import shutil
 import subprocess
@@ -10,11 +9,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from bayesindent.version import __version__
 
 import bayesindent
 from bayesindent import core
-from bayesindent.version import __version__
-from conftest import SOURCE
+from support.tree import BUILD, SOURCE
 
 tomllib = pytest.importorskip("tomllib")
 yaml = pytest.importorskip("yaml")
@@ -59,9 +58,6 @@ def test_hosted_tests_run_what_is_there():
 def test_types_are_for_others_too():
     assert (Path(bayesindent.__file__).parent / "py.typed").exists()
     assert importlib.util.find_spec("bayesindent")
-
-
-BUILD = os.environ.get("BAYESINDENT_BUILD")
 
 
 @pytest.mark.skipif(not BUILD, reason="the package is installed already, and was not built here")

@@ -15,7 +15,8 @@ from bayesindent.common.progress import progress_bar
 from bayesindent.program.cli import main
 from bayesindent.report import drawing
 from bayesindent.report.paper import card
-from conftest import HANGS_S, SOURCE
+from support.programs import HANGS_S
+from support.tree import SOURCE
 
 CCX = shutil.which("ccx")
 #: The order of the constants of *ELASTIC, TYPE=ANISO in the manuals of Abaqus and CalculiX.

@@ -4,12 +4,12 @@ import json
 
 import numpy as np
 import pytest
-from densities import Posterior
-from step_2_cases import KIND
-from stroh import rayleigh, slowest_bulk
 
 import bayesindent as bi
-from conftest import SOURCE
+from support.densities import Posterior
+from support.step_2_cases import KIND
+from support.stroh import rayleigh, slowest_bulk
+from support.tree import SOURCE
 
 COPPER = {"C11": 168.4, "C12": 121.4, "C44": 75.4}
 

@@ -3,7 +3,8 @@
 import subprocess
 
 import pytest
-from programs import BATCH
+
+from support.programs import BATCH
 
 HEADER = "grain,phi1_deg,Phi_deg,phi2_deg,effective_modulus_gpa,sd_gpa\n"
 ROWS = ["a,1,2,3,200,4", "b,9,30,7,210,4", "c,20,50,31,220,4", "d,33,41,3,213.5,4", "e,75,88,12,190,4"]

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from measured_tables import read_measurements
-from step_2_cases import KIND
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names
 from bayesindent.settings.problem import read_crystals, schema
-from conftest import DOMAIN, REFERENCE, SOURCE
+from support.measured_tables import read_measurements
+from support.paper_domains import DOMAIN
+from support.step_2_cases import KIND
+from support.tree import REFERENCE, SOURCE
 
 #: The head of a file that asks for a surrogate.
 HEAD = "&problem symmetry = 'cubic' /\n" + DOMAIN["cubic"]

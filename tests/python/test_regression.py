@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from learner import Learner, spread_crystals, spread_of, terms_of, to_modulus, to_y
-from paper_domains import DOMAINS
 from scipy.optimize import minimize
 from scipy.stats import multivariate_normal, norm
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
 from bayesindent.surrogate.basis import Basis
+from support.learner import Learner, spread_crystals, spread_of, terms_of, to_modulus, to_y
+from support.paper_domains import DOMAINS
 
 #: The paper's model: 8 products x 2 harmonics; corrections: 29 and 141 terms.
 BASES = {

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from densities import Posterior
 from scipy import stats
 
 import bayesindent as bi
-from conftest import SOURCE
+from support.densities import Posterior
+from support.tree import SOURCE
 
 #: Three grains of four, two and one tests, not in order; phi1 does not matter to the indented direction.
 ROWS = [

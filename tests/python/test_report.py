@@ -7,7 +7,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from theory_cases import theory_surrogate
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import quantity_names
@@ -26,6 +25,7 @@ from bayesindent.report.formatting import (
 from bayesindent.report.sections import compliance_rows, sensitivity_row
 from bayesindent.report.summary import advice
 from bayesindent.report.templates import read_data
+from support.theory_cases import theory_surrogate
 
 COPPER, TUNGSTEN = {"C11": 168.4, "C12": 121.4, "C44": 75.4}, {"C11": 198.0, "C12": 140.0, "C44": 110.0}
 ANGLES = [(0, 0, 0), (0, 30, 10), (0, 45, 0), (0, 54.7, 45), (10, 20, 30), (0, 40, 45)]

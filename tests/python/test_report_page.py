@@ -15,7 +15,8 @@ import subprocess
 import pytest
 
 from bayesindent.program.cli import main
-from conftest import HANGS_S, SOURCE
+from support.programs import HANGS_S
+from support.tree import SOURCE
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = [

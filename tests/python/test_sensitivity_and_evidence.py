@@ -5,11 +5,11 @@ import json
 import dynesty
 import numpy as np
 import pytest
-from densities import DENSITY, PRIOR, Posterior
-from step_2_cases import KIND, columns, reference, table_of
-from theory_cases import theory_surrogate
 
 import bayesindent as bi
+from support.densities import DENSITY, PRIOR, Posterior
+from support.step_2_cases import KIND, columns, reference, table_of
+from support.theory_cases import theory_surrogate
 
 NAMES = ("C11", "C12", "C44")
 

@@ -8,7 +8,7 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.settings.problem import schema, stages
-from conftest import DOMAIN
+from support.paper_domains import DOMAIN
 
 #: What is wrong with a group.
 WRONG = {

@@ -1,6 +1,5 @@
 """The tool that runs the tests: what it counts, and what is left of a run that is killed."""
 
-import importlib.util
 import json
 import os
 import signal
@@ -10,11 +9,9 @@ import time
 
 import pytest
 
-from conftest import HANGS_S, SOURCE
-
-SPECIFICATION = importlib.util.spec_from_file_location("test_tool", SOURCE / "tests" / "tools" / "test.py")
-tool = importlib.util.module_from_spec(SPECIFICATION)
-SPECIFICATION.loader.exec_module(tool)
+from support.programs import HANGS_S, with_tests
+from support.tree import SOURCE
+from tools import test as tool
 
 
 def counted(cases) -> tuple[int, int, int]:
@@ -63,9 +60,9 @@ def test_that_takes_for_ever(): time.sleep(3600)
 
 def test_a_run_that_is_killed_leaves_its_results(tmp_path):
     (tmp_path / "test_example.py").write_text(EXAMPLE)
-    (tmp_path / "conftest.py").write_text((SOURCE / "tests" / "conftest.py").read_text().replace('pytest_plugins = ["step_2_cases"]', ""))
+    (tmp_path / "conftest.py").write_text((SOURCE / "tests" / "conftest.py").read_text())
     command = [sys.executable, "-m", "pytest", "-n", "1", "-p", "no:cacheprovider", "--cases=cases.txt", "."]
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST")}
+    environment = {name: value for name, value in with_tests().items() if not name.startswith("PYTEST")}
     process = subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL, start_new_session=True)
     file, deadline = tmp_path / "cases.txt", time.monotonic() + HANGS_S
     while not (file.exists() and file.read_text().count("\n") == 3) and time.monotonic() < deadline:

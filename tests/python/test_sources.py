@@ -5,13 +5,11 @@ import dataclasses
 import inspect
 import re
 
-import arguments
-import lines
-import prose
 import pytest
 
 import bayesindent
-from conftest import SOURCE
+from support.tree import SOURCE
+from tools import arguments, lines, prose
 
 FORTRAN = sorted((SOURCE / "fortran").rglob("*.f90"))
 LIBRARY = [path for path in FORTRAN if path.parent.name != "program"]

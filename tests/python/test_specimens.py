@@ -1,18 +1,15 @@
 """Films and embedded grains against exact values, against the half-space where they are none, and near each other where they must be."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from layered_halfspace import LayeredContact, random_pairs, thick_layer
-from paper_domains import DOMAINS
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import anisotropy_index
+from support.layered_halfspace import LayeredContact, random_pairs, thick_layer
+from support.paper_domains import DOMAINS
+from support.tree import REFERENCE
 
-COATED = np.genfromtxt(
-    Path(__file__).parents[1] / "reference" / "coated_halfspace.csv", delimiter=",", names=True, comments="#", skip_header=2
-)
+COATED = np.genfromtxt(REFERENCE / "coated_halfspace.csv", delimiter=",", names=True, comments="#", skip_header=2)
 ZINC = bi.stiffness("hexagonal", C11=161.1, C12=34.2, C44=38.3, C33=61.1, C13=50.3)
 COPPER = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)
 

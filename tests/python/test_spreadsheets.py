@@ -5,9 +5,9 @@ import sys
 
 import numpy as np
 import pytest
-from measured_tables import read_measurements
 
 import bayesindent as bi
+from support.measured_tables import read_measurements
 
 openpyxl = pytest.importorskip("openpyxl")
 

@@ -3,11 +3,8 @@
 import arviz as az
 import numpy as np
 import pytest
-from densities import EXTRACTION, Posterior
 from scipy import stats
 from scipy.linalg import eigh
-from step_2_cases import KIND, columns, reference, rough_correction, table_of
-from theory_cases import FILES, theory_surrogate
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, quantity_names, stiffness_rows
@@ -15,7 +12,10 @@ from bayesindent.inference.measurements import measurements_of
 from bayesindent.pipeline.results_folder import read_posterior
 from bayesindent.pipeline.stage import run_stage
 from bayesindent.program.cli import main
-from conftest import REFERENCE
+from support.densities import EXTRACTION, Posterior
+from support.step_2_cases import KIND, columns, reference, rough_correction, table_of
+from support.theory_cases import FILES, theory_surrogate
+from support.tree import REFERENCE
 
 # What the results say
 

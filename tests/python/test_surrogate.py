@@ -5,13 +5,14 @@ import pickle
 
 import numpy as np
 import pytest
-from learner import Learner, spread_crystals, terms_of
-from paper_domains import DOMAINS
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import log_anisotropy, stiffness_rows
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
+from support.learner import Learner, spread_crystals, terms_of
+from support.paper_domains import DOMAINS
+from support.specimen_factor import rotations, specimen, stresses
 
 PAPER = {"model": "paper", "truncation": "tensor"}
 
@@ -25,32 +26,6 @@ def sample(basis, n, seed, factor=lambda stiffness, angles: 1.0):
     constants, angles = spread_crystals(basis, n, seed)
     stiffness = stiffness_rows(basis.symmetry, constants)
     return constants, angles, bi.halfspace_modulus(stiffness, angles) * factor(stiffness, angles)
-
-
-def specimen(stiffness, angles):
-    """What a specimen with axial symmetry might add: a function of the stiffness in its frame, which is no polynomial of its logarithm."""
-    stress = stresses(rotations(angles)[:, :, 2])
-    strain = stress * [1, 1, 1, 2, 2, 2]
-    c33 = np.einsum("ni,nij,nj->n", strain, stiffness, strain)
-    s33 = np.einsum("ni,nij,nj->n", stress, np.linalg.inv(stiffness), stress)
-    return 1.1 * (c33 * s33) ** 0.05
-
-
-def rotations(angles):
-    """Bunge's g: v_crystal = g v_sample."""
-    (c1, c, c2), (s1, s, s2) = np.cos(np.radians(angles.T)), np.sin(np.radians(angles.T))
-    rows = [
-        [c1 * c2 - s1 * s2 * c, s1 * c2 + c1 * s2 * c, s2 * s],
-        [-c1 * s2 - s1 * c2 * c, -s1 * s2 + c1 * c2 * c, c2 * s],
-        [s1 * s, -c1 * s, c],
-    ]
-    return np.moveaxis(np.array(rows), -1, 0)
-
-
-def stresses(n):
-    """n n in Voigt's order."""
-    x, y, z = n.T
-    return np.stack([x * x, y * y, z * z, y * z, x * z, x * y], axis=1)
 
 
 @pytest.fixture(scope="module", params=["paper", "correction"])

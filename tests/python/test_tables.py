@@ -5,11 +5,11 @@ import re
 
 import numpy as np
 import pytest
-from measured_tables import read_measurements
 
 import bayesindent as bi
 from bayesindent.settings.problem import read_crystals
-from conftest import SOURCE
+from support.measured_tables import read_measurements
+from support.tree import SOURCE
 
 ROWS = [(10.5, 20.25, 30.125, 210.5, 4.5), (40.0, 50.0, 60.0, 220.1, 4.25)]
 HEADER = ["phi1_deg", "Phi_deg", "phi2_deg", "indentation_modulus_gpa", "sd_gpa"]

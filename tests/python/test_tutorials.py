@@ -8,9 +8,9 @@ import subprocess
 import sys
 
 import pytest
-from notebooks import cells
 
-from conftest import SOURCE
+from support.tree import SOURCE
+from tools.notebooks import cells
 
 pytestmark = pytest.mark.long
 

@@ -4,13 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from bench_distribution import compare_glaucophane
-from densities import Posterior
 from scipy import special, stats
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, stiffness_rows
 from bayesindent.program.cli import main
+from benchmarks.bench_distribution import compare_glaucophane
+from support.densities import Posterior
 
 CRYSTALS = {
     "copper": ("cubic", (168.4, 121.4, 75.4)),

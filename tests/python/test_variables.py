@@ -5,11 +5,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from densities import Posterior
-from learner import build
-from step_2_cases import rough_correction
-from synthetic_curves import sneddon
-from theory_cases import theory_surrogate
 
 import bayesindent as bi
 from bayesindent.engines import ENGINES
@@ -17,6 +12,11 @@ from bayesindent.pipeline.stage import run_stage
 from bayesindent.program.cli import main
 from bayesindent.report.results import Results
 from bayesindent.settings.problem import schema
+from support.densities import Posterior
+from support.learner import build
+from support.step_2_cases import rough_correction
+from support.synthetic_curves import sneddon
+from support.theory_cases import theory_surrogate
 
 #: In one process, which looks at each default once.
 pytestmark = pytest.mark.xdist_group("variables")

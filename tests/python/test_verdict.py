@@ -1,13 +1,13 @@
 """Who decided what, limits that end the draws, and whether a result can be used."""
 
-import bench_boundary
 import numpy as np
 import pytest
-from step_2_cases import KIND, table_of
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
-from conftest import SOURCE
+from benchmarks import bench_boundary
+from support.step_2_cases import KIND, table_of
+from support.tree import SOURCE
 
 BOUNDS = {"C11": (150, 300), "C12": (80, 200), "C44": (60, 160)}
 

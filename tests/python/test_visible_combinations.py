@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
-from conftest import REFERENCE
+from support.tree import REFERENCE
 
 #: Combinations of the constants that are visible: as many as the class has harmonics of degree 4 or less.
 VISIBLE = {"isotropic": 1, "cubic": 2, "hexagonal": 3, "4/mmm": 4, "4/m": 5, "-3m": 4, "-3": 5, "mmm": 6, "2/m": 9, "-1": 15}

@@ -5,15 +5,15 @@ import warnings
 import dynesty
 import numpy as np
 import pytest
-from densities import Posterior
-from reference_theory import FieldTheory
-from reference_theory import stiffness as stiffness_of
 from scipy import stats
-from step_2_cases import crystal
-from stroh import Waves, rayleigh, slowest_bulk
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import rayleigh_modes, stiffness_rows
+from support.densities import Posterior
+from support.reference_theory import FieldTheory
+from support.reference_theory import stiffness as stiffness_of
+from support.step_2_cases import crystal
+from support.stroh import Waves, rayleigh, slowest_bulk
 
 #: Speeds are then roots of rho v^2 in GPa.
 UNIT = 1e9

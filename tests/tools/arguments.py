@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lines import FORTRAN_PROCEDURE, statements
+from tools.lines import FORTRAN_PROCEDURE, statements
 
 #: One entity of a declaration: its name, its shape.
 ENTITY = re.compile(r"(\w+)\s*((?:\((?:[^()]|\([^()]*\))*\))?)\s*(?:=[^,]*)?(?:,|$)")

@@ -15,5 +15,8 @@ def main(argv=None) -> int:
     parser.add_argument("name", metavar="NAME", choices=known, help=f"one of {', '.join(known)}; NAME --help says more")
     parser.add_argument("arguments", nargs=argparse.REMAINDER, help="what the benchmark takes")
     arguments = parser.parse_args(argv)
-    sys.path.insert(0, str(FOLDER))
-    return int(importlib.import_module(f"bench_{arguments.name}").main(arguments.arguments) or 0)
+    return int(importlib.import_module(f"benchmarks.bench_{arguments.name}").main(arguments.arguments) or 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

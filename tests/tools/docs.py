@@ -1,6 +1,7 @@
 """The documentation as a site in build-docs/, from docs/ and the comments of the sources; any warning is a failure."""
 
 import argparse
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -12,8 +13,19 @@ SITE = ROOT / "build-docs"
 def main(argv=None) -> int:
     """Build the site; an exit status."""
     argparse.ArgumentParser(prog="bayesindent docs", description=__doc__).parse_args(argv)
-    command = [sys.executable, "-m", "sphinx", "--fail-on-warning", "--keep-going", "--quiet", "--builder", "html"]
-    done = subprocess.run([*command, str(ROOT / "docs"), str(SITE)])
+    done = build(SITE)
     if done.returncode == 0:
         print(SITE / "index.html", flush=True)
     return done.returncode
+
+
+def build(folder: Path, **options) -> subprocess.CompletedProcess:
+    """Run Sphinx; docs/conf.py imports from docs/ and tests/."""
+    command = [sys.executable, "-m", "sphinx", "--fail-on-warning", "--keep-going", "--quiet"]
+    paths = [str(ROOT / "docs"), str(ROOT / "tests"), os.environ.get("PYTHONPATH", "")]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+    return subprocess.run([*command, ROOT / "docs", folder], env=environment, **options)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -5,7 +5,7 @@ import re
 from collections import Counter
 from pathlib import Path
 
-from lines import statements
+from tools.lines import statements
 
 #: Each folder uses only those before it.
 LAYERS = (

@@ -7,6 +7,7 @@ are no arguments; procedures that interfaces declare are not counted.
 import argparse
 import ast
 import re
+import sys
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -143,3 +144,7 @@ def cpp_parts(text: str, file: str) -> Iterator[Part]:
         else:
             arguments = [name for name in found["arguments"].split(",") if name.strip()]
             yield Part("procedure", found["function"], file, lines, len(arguments))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -9,7 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import prose
+from tools import prose
 
 ROOT = Path(__file__).parents[2]
 SHELL = ("bayesindent", ".ci/run")
@@ -85,3 +85,7 @@ def passes(name: str, command: list[str], silent: bool) -> bool:
     if not good:
         print(f"== {name}\n{said}")
     return good
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,6 +1,6 @@
 """Tutorials as executed notebooks: the cells of a page, what they print, and the pictures that they draw.
 
-python tests/tools/notebooks.py own_table curves        writes docs/tutorials/own_table.ipynb and curves.ipynb
+PYTHONPATH=tests python -m tools.notebooks own_table curves        writes docs/tutorials/own_table.ipynb and curves.ipynb
 """
 
 import base64

@@ -6,7 +6,7 @@ from math import ceil
 from pathlib import Path
 from statistics import median
 
-import lines
+from tools import lines
 
 #: Words of README.md, and of its sentences the most and the most in the middle.
 README_WORDS, LONGEST, MIDDLE = (500, 700), 30, 15

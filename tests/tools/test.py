@@ -120,3 +120,7 @@ def meson(*arguments: str | Path, **options) -> subprocess.CompletedProcess:
     tools = Path(sys.executable).parent
     environment = os.environ | {"PATH": f"{tools}:{os.environ['PATH']}"}
     return subprocess.run([tools / "meson", *arguments], env=environment, stdin=subprocess.DEVNULL, text=True, **options)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -13,7 +13,7 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-import bare_system
+from tools import bare_system
 
 ROOT = Path(__file__).parents[2]
 DIST = ROOT / "dist"
@@ -136,3 +136,7 @@ def installed_size(wheel: Path) -> int:
     """Bytes of all its files."""
     with zipfile.ZipFile(wheel) as archive:
         return sum(entry.file_size for entry in archive.infolist())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,29 +1,34 @@
-"""`bench`, `test`, `lint`, `wheel`, `docs` and `lines`: what only a source tree can do, by its tests/tools/NAME.py."""
+"""Commands that only a source tree has: each runs the module tests/tools/NAME.py."""
 
 import argparse
 import os
 import sys
-from importlib import import_module
 from pathlib import Path
+from typing import NoReturn
 
 from ...core import BayesindentError
 from ..command import Command
 
 
 def take_all(parser: argparse.ArgumentParser) -> None:
-    """Whatever follows, options too, is the tool's."""
+    """Leave all arguments, options included, to the tool."""
     parser.prefix_chars = "\0"
     parser.add_argument("arguments", nargs="*", help="--help says more")
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Run the `main(arguments)` of a tool. The launcher says where the source tree is; otherwise the current folder must be it."""
-    root = Path(os.environ.get("BAYESINDENT_SOURCE", "."))
-    tools = root / "tests" / "tools"
-    if not tools.is_dir():
-        raise BayesindentError(f"{root.resolve()} is no source tree of bayesindent; use ./bayesindent in one")
-    sys.path.insert(0, str(tools))
-    return import_module(arguments.command.name).main(arguments.arguments)
+def run(arguments: argparse.Namespace) -> NoReturn:
+    """Run a tool in place of this process, with tests/ on the path of Python.
+
+    The launcher names the source tree. Otherwise the current folder must be one.
+    """
+    tests = Path(os.environ.get("BAYESINDENT_SOURCE", ".")).resolve() / "tests"
+    if not (tests / "tools").is_dir():
+        raise BayesindentError(f"{tests.parent} is no source tree of bayesindent; use ./bayesindent in one")
+    paths = filter(None, [str(tests), os.environ.get("PYTHONPATH")])
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
+    command = [sys.executable, "-m", f"tools.{arguments.command.name}", *arguments.arguments]
+    os.execve(sys.executable, command, environment)
 
 
-COMMANDS = tuple(Command(name, action=run, arguments=take_all) for name in ("bench", "test", "lint", "wheel", "docs", "lines"))
+NAMES = ("bench", "test", "lint", "wheel", "docs", "lines")
+COMMANDS = tuple(Command(name, action=run, arguments=take_all) for name in NAMES)

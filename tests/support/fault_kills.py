@@ -12,13 +12,13 @@ from contextlib import closing, suppress
 from pathlib import Path
 
 import numpy as np
-from programs import BATCH
 
 from bayesindent.core import InputError
 from bayesindent.pipeline.results_folder import read_posterior
 from bayesindent.surrogate.surrogate import Surrogate
+from support.programs import BATCH
+from support.tree import SOURCE
 
-SOURCE = Path(os.environ.get("BAYESINDENT_SOURCE", Path(__file__).parents[2]))
 #: Both programs.
 PROGRAMS = {
     "bayesindent": [sys.executable, "-m", "bayesindent"],

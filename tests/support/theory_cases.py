@@ -1,22 +1,21 @@
 """The two reference data sets, and the paper's model fitted to the half-space theory that they were made with."""
 
 import json
-from pathlib import Path
 
 import numpy as np
-from learner import spread_crystals, surrogate_of, terms_of
-from measured_tables import read_measurements
-from paper_domains import DOMAINS
 
 from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness, stiffness_rows
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
+from support.learner import spread_crystals, surrogate_of, terms_of
+from support.measured_tables import read_measurements
+from support.paper_domains import DOMAINS
+from support.tree import REFERENCE
 
 __all__ = ["FILES", "SIZES", "SYMMETRIES", "Case", "theory_surrogate"]
 
 SYMMETRIES = ("cubic", "hexagonal")
 
-REFERENCE = Path(__file__).parents[1] / "reference"
 FILES = {"cubic": "cubic_fe3si", "hexagonal": "hex_titanium"}
 #: Degree and bandlimit of the paper.
 SIZES = {"cubic": (2, 10), "hexagonal": (2, 4)}

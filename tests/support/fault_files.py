@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-from fault_kills import PROGRAMS, SOURCE, half_written, kill_after, posterior_of, words_for
+from support.fault_kills import PROGRAMS, SOURCE, half_written, kill_after, posterior_of, words_for
 
 #: A campaign of the theory, the constants from its surrogate, and what to measure next: seconds in Python, a tenth in Fortran.
 QUICK = """\

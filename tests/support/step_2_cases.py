@@ -5,15 +5,15 @@ import json
 
 import numpy as np
 import pytest
-from learner import spread_crystals, surrogate_of, terms_of
-from measured_tables import read_measurements
 from scipy import stats
-from theory_cases import FILES, SYMMETRIES, theory_surrogate
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, stiffness_rows
 from bayesindent.surrogate.basis import Basis
-from conftest import REFERENCE
+from support.learner import spread_crystals, surrogate_of, terms_of
+from support.measured_tables import read_measurements
+from support.theory_cases import FILES, SYMMETRIES, theory_surrogate
+from support.tree import REFERENCE
 
 __all__ = ["KIND", "columns", "crystal", "default_prior", "parts_of", "reference", "rough_correction", "table_of"]
 

@@ -5,7 +5,6 @@ It is a core of its own, with its own handles. `inside` lets Python's objects be
 
 import ctypes
 import gc
-import os
 import subprocess
 import sys
 from contextlib import contextmanager
@@ -14,22 +13,23 @@ from pathlib import Path
 import numpy as np
 
 from bayesindent import core
+from support import tree
 
 __all__ = ["Held", "inside"]
 
-SOURCE = Path(os.environ.get("BAYESINDENT_SOURCE", Path(__file__).parents[2]))
-BUILD = Path(os.environ.get("BAYESINDENT_BUILD", SOURCE / "build"))
+#: An installed package is tested with the operations of the build in the source tree.
+FOLDER = tree.BUILD or tree.SOURCE / "build"
 
 
 class _Core:
     """What the compiled core has for Python, by the library of the tests."""
 
     def __init__(self):
-        library = BUILD / "tests" / "fortran" / "test_operations.so"
+        library = FOLDER / "tests" / "fortran" / "test_operations.so"
         if not library.exists():
             # Set-up does not build what only tests need.
             subprocess.run(
-                [Path(sys.executable).with_name("ninja"), "-C", BUILD, "meson-test-prereq"], check=True, stdout=subprocess.DEVNULL
+                [Path(sys.executable).with_name("ninja"), "-C", FOLDER, "meson-test-prereq"], check=True, stdout=subprocess.DEVNULL
             )
         # Python's lock is kept: gfortran's texts are not safe on two threads.
         self.library = ctypes.PyDLL(library)

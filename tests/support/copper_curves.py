@@ -1,16 +1,15 @@
-"""Makes the data of inputs/copper_curves.nml: synthetic curves of grains of copper and of fused quartz (see tests/python/synthetic_curves.py).
+"""Makes the data of inputs/copper_curves.nml: synthetic curves of grains of copper and of fused quartz (see tests/support/synthetic_curves.py).
 
-PYTHONPATH=tests/python .venv/bin/python tests/python/copper_curves.py
+PYTHONPATH=tests .venv/bin/python -m support.copper_curves
 """
 
-from pathlib import Path
-
 import numpy as np
-from synthetic_curves import Truth
 
 import bayesindent as bi
+from support.synthetic_curves import Truth
+from support.tree import SOURCE
 
-DATA = Path(__file__).resolve().parents[2] / "inputs" / "data"
+DATA = SOURCE / "inputs" / "data"
 COPPER = bi.stiffness("cubic", 168.4, 121.4, 75.4)
 GRAINS, POINTS = 14, 140
 
@@ -24,7 +23,7 @@ def main() -> None:
     moduli = bi.halfspace_modulus(np.repeat(COPPER[None], GRAINS, axis=0), angles)
     truth = Truth(rng, grains=GRAINS, repeats=2, references=8, points=POINTS, moduli=np.asarray(moduli))
     curves, tests = truth.draw()
-    note = "# Synthetic: made by tests/python/copper_curves.py.\n"
+    note = "# Synthetic: made by tests/support/copper_curves.py.\n"
     rows = [f"{name},{time:.3f},{depth:.2f},{load:.4f}\n" for name, time, depth, load in curves]
     (DATA / "copper_curves.csv").write_text(f"{note}test,time_s,depth_nm,load_mn\n{''.join(rows)}")
     of_grain = {f"g{number}": ",".join(f"{angle:g}" for angle in row) for number, row in enumerate(angles, 1)}

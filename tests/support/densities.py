@@ -4,12 +4,12 @@ import json
 
 import numpy as np
 from numpy.typing import ArrayLike
-from testing_core import Held, inside
 
 from bayesindent.crystal.elasticity import class_name, constant_names
 from bayesindent.inference.measurements import problem_of
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.surrogate import Surrogate
+from support.testing_core import Held, inside
 
 __all__ = ["DENSITY", "EXTRACTION", "PRIOR", "Posterior"]
 

@@ -1,15 +1,17 @@
 """A synthetic orientation map of copper with indents, for the tutorial: grains of a Voronoi diagram, exact half-space theory and noise.
 
-PYTHONPATH=tests/benchmarks python tests/python/synthetic_map.py inputs/data    writes copper_map.ctf, copper_map_indents.csv and copper_map_points.csv
+PYTHONPATH=tests .venv/bin/python -m support.synthetic_map inputs/data
+writes copper_map.ctf, copper_map_indents.csv and copper_map_points.csv.
 """
 
 import sys
 from pathlib import Path
 
 import numpy as np
-from reference_theory import direct_modulus, stiffness
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
+
+from support.reference_theory import direct_modulus, stiffness
 
 #: C11, C12, C44 of copper, GPa; noise of a modulus, GPa; spread of the orientations within a grain, degrees.
 COPPER, NOISE, SPREAD_DEG = (168.4, 121.4, 75.4), 2.0, 0.3

@@ -8,12 +8,12 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import ArrayLike
-from testing_core import Held, inside
 
 from bayesindent.pipeline.stage import Job, run_stage
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
+from support.testing_core import Held, inside
 
 __all__ = ["Learner", "build", "spread_crystals", "spread_of", "surrogate_of", "terms_of", "to_modulus", "to_y"]
 

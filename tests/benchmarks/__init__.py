@@ -1,0 +1,1 @@
+"""Benchmarks: `./bayesindent bench NAME` runs `bench_NAME.py`; other modules here serve benchmarks only."""

@@ -1,0 +1,1 @@
+"""Helpers that tests, benchmarks and tools share; pyproject.toml puts `tests/` on pytest's path."""

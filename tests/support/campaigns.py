@@ -1,0 +1,66 @@
+"""Rows of campaign.sqlite as Python's sqlite3 reads them, and a campaign with moduli from elsewhere."""
+
+import json
+import sqlite3
+from collections import namedtuple
+from contextlib import closing
+from pathlib import Path
+
+from bayesindent.pipeline.build import tell
+from bayesindent.settings.problem import Problem, read_crystals
+
+__all__ = ["Row", "count_rows", "rows", "table", "told"]
+
+Row = namedtuple(
+    "Row", "position symmetry constants euler_deg imported message modulus_gpa seconds elements depth_um force_mn"
+)  # fmt: skip
+
+STORED = """SELECT position, symmetry, constants, euler_deg, origin, message, indentation_modulus_gpa, seconds, elements, depth_um, force_mn
+FROM simulation JOIN physics ON physics.id = physics_id WHERE identity LIKE ? ORDER BY physics_id, position"""
+
+
+def rows(path: Path, physics: str = "%") -> list[Row]:
+    """The rows of a campaign in order of choice: constants and angles are tuples, curves lists, and None is what the file has not.
+
+    `physics`: only those of an identity like this pattern of SQL.
+    """
+    with closing(sqlite3.connect(path)) as file:
+        found = []
+        for position, symmetry, constants, euler_deg, origin, message, *numbers, depth, force in file.execute(STORED, [physics]):
+            lists = tuple(json.loads(constants)), tuple(json.loads(euler_deg))
+            curve = [values and json.loads(values) for values in (depth, force)]
+            found.append(Row(position, symmetry, *lists, origin == "told", message, *numbers, *curve))
+        return found
+
+
+def count_rows(campaign) -> int:
+    """Simulations in a campaign, which may not be there yet."""
+    if not campaign.exists():
+        return 0
+    try:
+        with sqlite3.connect(f"file:{campaign}?mode=ro", uri=True) as file:
+            return file.execute("SELECT count(*) FROM simulation").fetchone()[0]
+    except sqlite3.OperationalError:
+        return 0
+
+
+HEADER = ("C11", "C12", "C44", "phi1_deg", "Phi_deg", "phi2_deg")
+
+
+def table(folder, points, name="points.csv", moduli=None):
+    """A table of cubic crystals, to the last bit."""
+    lines = [",".join(HEADER + ("modulus_gpa",) * (moduli is not None))]
+    lines += [",".join(map(repr, [float(value) for value in point])) for point in points]
+    if moduli is not None:
+        lines[1:] = [f"{line},{modulus!r}" for line, modulus in zip(lines[1:], moduli, strict=True)]
+    (folder / name).write_text("\n".join(lines) + "\n")
+    return folder / name
+
+
+def told(folder, points, moduli):
+    """What `build --tell` says of these moduli of others; its physics is the theory's."""
+    folder.mkdir(exist_ok=True)
+    text = "&problem symmetry = 'cubic' /\n&simulation simulator = 'theory' /\n&domain log_anisotropy_max = 3 /\n&design budget = 8 /\n"
+    (folder / "b.nml").write_text(text)
+    path = table(folder, points, "told.csv", moduli)
+    return tell(Problem(folder / "b.nml", "build"), folder, read_crystals(path, "cubic"), "told.csv")
