@@ -2,8 +2,7 @@
 
 Nothing here imports bayesindent: the theory is that of reference_theory.py, the density that of reference_density.py, and emcee samples.
 
-Data: a trigonal, an orthorhombic and a triclinic crystal of `crystals.csv` in random orientations, theory by direct quadrature (no
-expansion) plus normal noise of 2 %.
+Data: a trigonal, an orthorhombic and a triclinic crystal of `crystals.csv` in random orientations, direct quadrature plus normal noise of 2 %.
 Prior: that of Step 2 where no bounds are stated, from its documentation (docs/inference.md), by SciPy's densities.
 Sampling: coordinates of log K in an orthonormal basis. The posteriors are ridges that bend, since
 the data leave 2, 3 and 6 axes open; so a pilot run is followed by a triangular map that straightens the ridge, fitted after some of the

@@ -1,4 +1,7 @@
-"""The command line: what it says, where, and its exit status."""
+"""The command line: what it says, where, and its exit status.
+
+Modules: __main__.py, command.py.
+"""
 
 import os
 import re

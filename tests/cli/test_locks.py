@@ -1,4 +1,7 @@
-"""One command at a time in an output folder: others wait, or are refused in a line that names who has it."""
+"""One command at a time in an output folder: others wait, or are refused in a line that names who has it.
+
+Modules: running_command.cpp, running_command.f90.
+"""
 
 import csv
 import fcntl

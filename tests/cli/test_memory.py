@@ -1,4 +1,7 @@
-"""Too little memory is a failure of the machine: nothing crashes, nothing is stored, and another attempt succeeds."""
+"""Too little memory is a failure of the machine: nothing crashes, nothing is stored, and another attempt succeeds.
+
+Modules: system.cpp, machine.f90.
+"""
 
 import os
 import resource

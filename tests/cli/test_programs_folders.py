@@ -1,4 +1,7 @@
-"""Both programs leave the same folder, and what reads a folder reads either."""
+"""Both programs leave the same folder, and what reads a folder reads either.
+
+Modules: stages.f90, abstract_stage.f90.
+"""
 
 import csv
 import json

@@ -1,4 +1,7 @@
-"""Stopped by a signal, in any stage, both programs end at once: what was finished is kept, and how to go on is said."""
+"""Stopped by a signal, in any stage, both programs end at once: what was finished is kept, and how to go on is said.
+
+Modules: running_command.cpp, running_command.f90.
+"""
 
 import fcntl
 import os

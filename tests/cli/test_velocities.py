@@ -1,4 +1,7 @@
-"""Speeds of surface waves in both programs, from the namelist to the report."""
+"""Speeds of surface waves in both programs, from the namelist to the report.
+
+Modules: velocity_tables.f90.
+"""
 
 import json
 

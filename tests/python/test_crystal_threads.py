@@ -1,4 +1,7 @@
-"""Threads may ask for crystals at the same time."""
+"""Threads may ask for crystals at the same time.
+
+Modules: core.py, core.f90.
+"""
 
 import sys
 from concurrent.futures import ThreadPoolExecutor

@@ -1,4 +1,7 @@
-"""What the figures of the report compute, against closed forms."""
+"""What the figures of the report compute, against closed forms.
+
+Modules: plots.py.
+"""
 
 from types import SimpleNamespace
 

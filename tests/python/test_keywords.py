@@ -1,4 +1,7 @@
-"""The library as a notebook's user types it: keywords that help lists, names that others know, results in memory."""
+"""The library as a notebook's user types it: keywords that help lists, names that others know, results in memory.
+
+Modules: interface.py.
+"""
 
 import inspect
 import pickle

@@ -9,7 +9,7 @@ import pytest
 
 import bayesindent
 from support.tree import SOURCE
-from tools import arguments, lines, prose
+from tools import arguments, lines, prose, tokens, where
 
 FORTRAN = sorted((SOURCE / "fortran").rglob("*.f90"))
 LIBRARY = [path for path in FORTRAN if path.parent.name != "program"]
@@ -172,8 +172,8 @@ def test_finds_what_is_too_large(tmp_path):
     assert [part.name for part in too_large(list(lines.parts(tmp_path, "python")))] == ["longer", "many"]
 
 
-def test_counts_the_lines_and_parts_of_each_language(tmp_path):
-    """The counter itself: what it takes for code, a class, a procedure and an argument."""
+def test_counts_the_parts_of_each_language(tmp_path):
+    """What counts as a class, a procedure and an argument."""
     for folder in ("fortran/a", "cpp", "python"):
         (tmp_path / folder).mkdir(parents=True)
     (tmp_path / "fortran/a/m.f90").write_text(
@@ -187,7 +187,6 @@ def test_counts_the_lines_and_parts_of_each_language(tmp_path):
     (tmp_path / "python/p.py").write_text(
         '"""Text."""\n\n# comment\nclass C:\n    @staticmethod\n    def f(self, a, *, b=1):\n        return a\n'
     )
-    assert lines.count_lines(tmp_path) == {"fortran/a": 15, "cpp": 9, "python": 5}
     found = {(part.kind, part.name, part.lines, part.arguments) for part in lines.parts(tmp_path) if part.kind != "file"}
     assert found == {
         ("class", "t_type", 4, 0),
@@ -198,6 +197,72 @@ def test_counts_the_lines_and_parts_of_each_language(tmp_path):
         ("class", "C", 4, 0),
         ("procedure", "f", 3, 2),
     }
+
+
+FORTRAN_SAMPLE = """
+module m ! a comment counts nothing
+   if (x == 'a ! in a text') & ! hidden
+      & y = 1
+   if (x == 1 .and. &
+      & y == 2) then
+   end if
+"""
+CPP_SAMPLE = """// comment
+/* another
+   comment */
+f("text // of more than sixty characters, which therefore counts as two tokens");
+"""
+PYTHON_SAMPLE = """'Docstring.'
+
+
+def f(a):
+    'Docstring.'
+    return [[f"{b}" for b in c] for c in a]
+"""
+LONG_STATEMENT = "   y = " + " &\n      & ".join(["+ a_long_name"] * 20) + "\n"
+
+
+def test_counts_tokens_and_packed_code(tmp_path):
+    """The count of `bayesindent lines` on a source tree of one file for each language."""
+    for name, text in {
+        "fortran/a/m.f90": FORTRAN_SAMPLE + LONG_STATEMENT,
+        "cpp/c.cpp": CPP_SAMPLE,
+        "python/p.py": PYTHON_SAMPLE + "#" + 100 * "x" + "\n",
+        "python/t.html.j2": "<p>{{ two }}</p>\n",
+        "python/p.txt": "left out\n",
+    }.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    found = tokens.count(tmp_path, *tokens.SOURCES)
+    fortran = 33 + 80
+    assert found.kinds == {".f90": fortran, ".cpp": 6, ".py": 20, ".j2": 12}
+    assert found.folders == {"fortran/a": fortran, "cpp/c.cpp": 6, "python/p.py": 20, "python/t.html.j2": 12}
+    assert (found.wide, found.hidden_ifs, found.long_statements, found.nested) == (1, 1, 1, 1)
+
+
+def test_tests_have_few_nested_comprehensions():
+    assert tokens.count(SOURCE, "tests").nested <= 10
+
+
+def test_the_build_runs_and_reads_nothing_that_the_count_leaves_out():
+    """Of files beside fortran/, cpp/ and python/ the build reads the page of variables alone."""
+    builds = [path for top in tokens.SOURCES for path in sorted((SOURCE / top).rglob("meson.build"))]
+    outside = set()
+    for path in builds:
+        text = path.read_text()
+        assert "source_root()" not in text
+        for name in re.findall(r"'(\.\./[^']*)'", text):
+            outside.add(relative((path.parent / name).resolve()))
+    assert {name for name in outside if not name.startswith(tokens.SOURCES)} == {"docs/namelists.md"}
+
+
+def test_every_module_has_its_tests():
+    """By its name, or by a row of tests/where.md; `PYTHONPATH=tests python -m tools.where` writes that page."""
+    rows = where.written_rows(SOURCE / "tests" / "where.md")
+    lacking = [module for module in where.nameless(SOURCE) if not rows.get(module)]
+    assert not lacking, lacking
+    named = {*rows, *(test for tests in rows.values() for test in tests)}
+    assert not [name for name in named if not (SOURCE / name).exists()]
 
 
 def glossary():

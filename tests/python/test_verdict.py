@@ -1,4 +1,7 @@
-"""Who decided what, limits that end the draws, and whether a result can be used."""
+"""Who decided what, limits that end the draws, and whether a result can be used.
+
+Modules: posterior_diagnostics.f90.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,7 @@
-"""Surface waves: their speeds against Stroh's eigenvalue problem and closed forms, and what Step 2 makes of measured ones."""
+"""Surface waves: their speeds against Stroh's eigenvalue problem and closed forms, and what Step 2 makes of measured ones.
+
+Modules: wave_grains.f90.
+"""
 
 import warnings
 

@@ -10,7 +10,11 @@ from support.tree import BUILD
 __all__ = ["BATCH", "HANGS_S", "SANITIZED", "runner", "with_tests"]
 
 #: The batch program of the build, or the one beside this Python, where pip puts it.
-BATCH = BUILD / "fortran" / "bayesindent-batch" if BUILD else Path(sys.executable).with_name("bayesindent-batch")
+BATCH = (
+    BUILD / "fortran" / "bayesindent-batch"
+    if BUILD
+    else Path(sys.executable).with_name("bayesindent-batch")
+)
 #: Whether the compiled core checks itself: AddressSanitizer reserves 20 TB of addresses.
 SANITIZED = "libasan" in os.environ.get("LD_PRELOAD", "")
 #: Seconds after which a process counts as hung: ten times what the longest takes on a slow machine.

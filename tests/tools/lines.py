@@ -1,20 +1,23 @@
-"""Code lines (without blanks and comments) by folder, and the largest file, class, procedure and list of arguments.
+"""How much there is to read, by folder: lexer tokens, packed code, and the largest parts of fortran/, cpp/ and python/.
 
-Counted are fortran/, cpp/ and python/. Docstrings count as code; sizes of files, classes and procedures count every line; `self` and `cls`
-are no arguments; procedures that interfaces declare are not counted.
+Comments and docstrings count no tokens. A text is one token, and one more for each 60 characters. Templates count
+by their words. Sizes of files, classes and procedures count every line; `self` and `cls` are no arguments;
+procedures that interfaces declare are left out.
 """
 
 import argparse
 import ast
 import re
 import sys
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from tools import tokens
+
 ROOT = Path(__file__).parents[2]
-COMMENT = {".f90": "!", ".cpp": "//", ".h": "//", ".py": "#"}
+#: Endings of the files whose parts are known.
+READABLE = (".f90", ".cpp", ".h", ".py")
 
 FORTRAN_NAME = r"(?:[\w()=, *:]*\s)?(?:subroutine|function)\s+(?P<name>\w+)\s*(?:\((?P<arguments>[^)]*)\))?"
 FORTRAN_PROCEDURE = re.compile(rf"^{FORTRAN_NAME}", re.IGNORECASE)
@@ -39,38 +42,54 @@ class Part:
 
 
 def main(argv=None) -> int:
-    """Print the table of one source tree, or of several side by side."""
-    parser = argparse.ArgumentParser(prog="bayesindent lines", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    """Print the counts of one source tree, or of several side by side, and the largest parts of each."""
+    layout = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(prog="bayesindent lines", description=__doc__, formatter_class=layout)
     parser.add_argument("roots", nargs="*", type=Path, metavar="ROOT", help="source trees (this one)")
     roots = parser.parse_args(argv).roots or [ROOT]
-    counts = [count_lines(root) for root in roots]
-    for folder in sorted(set().union(*counts)):
-        print(f"{folder:<28}" + "".join(f"{count[folder] or '':>8}" for count in counts))
-    print(f"{'all':<28}" + "".join(f"{sum(count.values()):>8}" for count in counts))
+    sources = [tokens.count(root, *tokens.SOURCES) for root in roots]
+    tests = [tokens.count(root, "tests") for root in roots]
+    for folder in sorted(set().union(*(count.folders for count in sources))):
+        print_row(folder, [count.folders[folder] for count in sources])
+    for kind in sorted(set().union(*(count.kinds for count in sources))):
+        print_row(f"tokens of {kind}", [count.kinds[kind] for count in sources])
+    print_packing("", sources)
+    print_packing("tests: ", tests)
     for root in roots:
-        found = list(parts(root))
-        for kind in ("file", "class", "procedure"):
-            largest = max((part for part in found if part.kind == kind), key=lambda part: part.lines)
-            print(f"largest {kind}: {largest.lines} lines, {largest.name} ({largest.file})")
-        longest = max(found, key=lambda part: part.arguments)
-        print(f"most arguments: {longest.arguments}, {longest.name} ({longest.file})")
+        print_largest(root)
     return 0
+
+
+def print_row(name: str, numbers: list[int]) -> None:
+    """Print a name and the numbers of each source tree."""
+    print(f"{name:<40}" + "".join(f"{number:>8}" for number in numbers))
+
+
+def print_packing(of: str, counts: list[tokens.Count]) -> None:
+    """Print the sum of the tokens, and how many places of a source tree are packed."""
+    print_row(f"{of}tokens", [count.tokens for count in counts])
+    print_row(f"{of}lines", [count.lines for count in counts])
+    print_row(f"{of}lines beyond 100 columns", [count.wide for count in counts])
+    print_row(f"{of}statements beyond 200 characters", [count.long_statements for count in counts])
+    print_row(f"{of}one-line ifs over several lines", [count.hidden_ifs for count in counts])
+    print_row(f"{of}nested comprehensions", [count.nested for count in counts])
+
+
+def print_largest(root: Path) -> None:
+    """Print the largest file, class and procedure of a source tree, and the procedure with the most arguments."""
+    found = list(parts(root))
+    for kind in ("file", "class", "procedure"):
+        largest = max((part for part in found if part.kind == kind), key=lambda part: part.lines)
+        print(f"largest {kind}: {largest.lines} lines, {largest.name} ({largest.file})")
+    longest = max(found, key=lambda part: part.arguments)
+    print(f"most arguments: {longest.arguments}, {longest.name} ({longest.file})")
 
 
 def files(root: Path, *folders: str) -> list[Path]:
     """The source files in these folders (fortran, cpp, python)."""
-    return sorted(
-        path for folder in folders or ("fortran", "cpp", "python") for path in (root / folder).rglob("*") if path.suffix in COMMENT
-    )
-
-
-def count_lines(root: Path) -> Counter:
-    """Code lines of each folder."""
-    count: Counter = Counter()
-    for path in files(root):
-        lines = [line.strip() for line in path.read_text().splitlines()]
-        count[str(path.relative_to(root).parent)] += sum(bool(line) and not line.startswith(COMMENT[path.suffix]) for line in lines)
-    return count
+    folders = folders or tokens.SOURCES
+    paths = [path for folder in folders for path in (root / folder).rglob("*")]
+    return sorted(path for path in paths if path.suffix in READABLE)
 
 
 def parts(root: Path, *folders: str) -> Iterator[Part]:
