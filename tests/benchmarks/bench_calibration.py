@@ -29,6 +29,7 @@ from bayesindent.surrogate.surrogate import Surrogate
 from benchmarks.bench_studies import BINS, DRAWS, effective_size, holm
 from benchmarks.reference_density import LogPosterior
 from benchmarks.reference_posteriors import SYNONYMS
+from support.csv_tables import row_named
 from support.densities import PRIOR, Posterior
 from support.learner import terms_of
 from support.tree import REFERENCE
@@ -74,8 +75,7 @@ class Study:
 
     def __init__(self, name: str, seed: int):
         crystal, self.grains, extra = CASES[name]
-        with (REFERENCE / "crystals.csv").open(encoding="utf-8") as file:
-            row = next(row for row in csv.DictReader(line for line in file if not line.startswith("#")) if row["name"] == crystal)
+        row = row_named(REFERENCE / "crystals.csv", crystal)
         self.symmetry = row["symmetry"]
         self.names = constant_names(self.symmetry)
         self.typical = np.array([float(row[constant]) for constant in self.names])

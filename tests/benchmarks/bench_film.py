@@ -52,7 +52,8 @@ def main(argv=None) -> int:
             advance(1)
     print(f"{len(rows)} draws\n| | " + " | ".join(DIRECTIONS) + " |\n|---|---|---|")
     for name in ("correction", "theory"):
-        low, high, mean, sd = (np.array([[entry[k] for entry in row[name]] for row in rows]) for k in range(4))
+        # Bounds, mean and sd of each constant in each draw.
+        low, high, mean, sd = np.moveaxis(np.array([row[name] for row in rows]), -1, 0)
         covered = np.mean((low <= truth) & (truth <= high), axis=0)
         print(f"| {name}: in the 90 % interval | " + " | ".join(f"{100 * share:.1f} %" for share in covered) + " |")
         print(f"| {name}: mean bias, sds | " + " | ".join(f"{value:+.2f}" for value in np.mean((mean - truth) / sd, axis=0)) + " |")

@@ -173,7 +173,7 @@ def main(argv=None) -> None:
             weight = np.exp(other - density - (other - density).max())
             weight /= weight.sum()
             ratios = widths(draws, np.full(len(draws), 1 / len(draws))) / widths(draws, weight)
-            words = "; ".join(" ".join(f"{ratio:.2f}" for ratio in row) for row in ratios)
+            words = "; ".join(" ".join(map("{:.2f}".format, row)) for row in ratios)
             print(f"{metal:10} {seed}: sd, widths of 95 and 68 % over those of {options.many} simulations: {words}", end="")
             print(f"; {1 / (weight @ weight):.0f} of {len(draws)} draws effective", flush=True)
 

@@ -22,6 +22,7 @@ from bayesindent.pipeline.stage import run_stage
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
+from support.csv_tables import named_numbers, read_rows
 from support.learner import build, spread_crystals
 from support.paper_domains import DOMAINS
 
@@ -107,9 +108,10 @@ def unseen_crystals(arguments) -> dict[str, list[tuple]]:
     if arguments.specimen != "block":
         return {name: spread_over_domain(arguments.specimen, name, n, seed) for name in ("cubic", "hexagonal", "orthorhombic")}
     rng = np.random.default_rng(seed)
-    with open(CRYSTALS) as stream:
-        table = list(csv.DictReader(line for line in stream if not line.startswith("#")))
-    known = [(row["symmetry"], tuple(float(row[name]) for name in constant_names(row["symmetry"]))) for row in table]
+    known = []
+    for row in read_rows(CRYSTALS):
+        constants = named_numbers(row, constant_names(row["symmetry"]))
+        known.append((row["symmetry"], tuple(constants.values())))
     found = {"literature": in_directions([point for point in known for _ in range(n // 16)], rng)}
     for symmetry, domain in DOMAINS.items():
         points: list[tuple] = []
@@ -172,7 +174,8 @@ def simulated(arguments, name: str, points: list[tuple]) -> tuple[np.ndarray, np
         {"symmetry": symmetry} | dict(zip(constant_names(symmetry), constants)) | dict(zip(angles, e)) for symmetry, constants, e in points
     ]
     header = ["symmetry", *names, *angles]
-    write_csv(folder / "points.csv", header, [[crystal.get(column, "") for column in header] for crystal in crystals])
+    empty = dict.fromkeys(header, "")
+    write_csv(folder / "points.csv", header, [list((empty | crystal).values()) for crystal in crystals])
     (folder / "unseen.nml").write_text(
         f"&problem symmetry = 'triclinic' /\n&crystals points = 'points.csv' /\n&specimen {specimen} /\n"
         f"&execution workers = {arguments.workers} /\n"

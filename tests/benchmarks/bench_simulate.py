@@ -20,7 +20,6 @@
 """
 
 import argparse
-import csv
 import ctypes
 import os
 import resource
@@ -36,6 +35,7 @@ import numpy as np
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, log_anisotropy
 from benchmarks import simulate_specimens as specimens
+from support.csv_tables import ANGLES, named_numbers, numbers, read_rows
 
 SECTIONS = ("accuracy", "indenters", "films", "pairs", "alike", "specimens", "random", "soft", "convergence", "cost", "ccx", "memory", "workers",
             "size")  # fmt: skip
@@ -78,12 +78,13 @@ def table(header, rows) -> None:
 
 def reference_crystals():
     """Names, stiffness, angles and exact moduli of the reference table."""
-    with REFERENCE.open() as stream:
-        rows = [row for row in csv.DictReader(stream) if row["material"] in ("Zn", "Cu", "Fe-3%Si")]
+    rows = [row for row in read_rows(REFERENCE) if row["material"] in ("Zn", "Cu", "Fe-3%Si")]
     names = [f"{row['material']} {row['orientation']}" for row in rows]
-    matrices = [bi.stiffness(row["symmetry"], **{c: float(row[c]) for c in constant_names(row["symmetry"])}) for row in rows]
-    angles = [[float(row[angle]) for angle in ("phi1_deg", "Phi_deg", "phi2_deg")] for row in rows]
-    return names, np.array(matrices), np.array(angles), np.array([float(row["M_elliptic"]) for row in rows])
+    matrices = []
+    for row in rows:
+        constants = named_numbers(row, constant_names(row["symmetry"]))
+        matrices.append(bi.stiffness(row["symmetry"], **constants))
+    return names, np.array(matrices), numbers(rows, ANGLES), numbers(rows, ["M_elliptic"])[:, 0]
 
 
 def run_accuracy(arguments) -> None:
@@ -97,7 +98,9 @@ def run_accuracy(arguments) -> None:
         kkt, balance = max(r.contact_residual for r in results), max(r.equilibrium_residual for r in results)
         print(f"{label}: {model.elements} elements, contact residual {kkt:.1e}, equilibrium residual {balance:.1e}")
     print()
-    rows = [(name, f"{m:.3f}", *(f"{errors[label][i]:+.3f}" for label in models)) for i, (name, m) in enumerate(zip(names, exact))]
+    rows = []
+    for name, modulus, *of_models in zip(names, exact, *errors.values(), strict=True):
+        rows.append((name, f"{modulus:.3f}", *(f"{error:+.3f}" for error in of_models)))
     rows.append(("largest error", "", *(f"{np.abs(errors[label]).max():.3f}" for label in models)))
     table(("crystal", "exact M, GPa", *(f"{label}, %" for label in models)), rows)
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import bayesindent as bi
+from support.csv_tables import numbers
 
 STUDY = Path(__file__).resolve().parents[2] / "inputs" / "case_studies"
 #: Effective modulus of fused quartz with diamond, GPa.
@@ -68,7 +69,7 @@ def grains(quartz: Curves, curves: Curves, label: str, section: str = "section")
         "session": ["quartz"] * len(quartz) + [section] * len(curves),
     }
     document = infer({**quartz, **curves}, tests)
-    modulus, own, sd = (np.array([row[name] for row in document["grains"]]) for name in ("effective_modulus_gpa", "own_sd_gpa", "sd_gpa"))
+    modulus, own, sd = numbers(document["grains"], ["effective_modulus_gpa", "own_sd_gpa", "sd_gpa"]).T
     agreement = document["agreement"]
     print(
         f"| {label} | {modulus.min():.0f} to {modulus.max():.0f} GPa | {100 * np.median(own / modulus):.1f}, {100 * np.median(sd / modulus):.1f} % | "
@@ -98,7 +99,8 @@ def hysteresis(curves: Curves) -> None:
         )
         cells = []
         for share in (0.2, 0.5):
-            (start, up), (end, down) = ([np.interp(share * load, part[:, 2], part[:, k]) for k in (0, 1)] for part in parts)
+            at = share * load
+            (start, up), (end, down) = ((np.interp(at, *part.T[[2, 0]]), np.interp(at, *part.T[[2, 1]])) for part in parts)
             cells.append(f"{down - up:.1f} nm in {end - start:.1f} s")
         print(f"| {load:.0f} mN | {' | '.join(cells)} |")
 

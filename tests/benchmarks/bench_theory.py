@@ -8,13 +8,13 @@ are CPU seconds of the process, the best of several repeats.
 """
 
 import argparse
-import csv
 import time
 
 import numpy as np
 
 from bayesindent.crystal.elasticity import anisotropy_index, constant_names, halfspace_modulus, stiffness, stiffness_rows
 from bayesindent.surrogate.surrogate import Surrogate
+from support.csv_tables import numbers, read_rows
 from support.densities import Posterior
 from support.tree import REFERENCE
 
@@ -39,9 +39,10 @@ def main(argv=None) -> int:
 
 def reference_crystals() -> dict[str, tuple[str, np.ndarray]]:
     """Class and constants of each by its name."""
-    with open(REFERENCE / "crystals.csv", newline="") as file:
-        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
-    return {row["name"]: (row["symmetry"], np.array([float(row[name]) for name in constant_names(row["symmetry"])])) for row in rows}
+    found = {}
+    for row in read_rows(REFERENCE / "crystals.csv"):
+        found[row["name"]] = (row["symmetry"], numbers([row], constant_names(row["symmetry"]))[0])
+    return found
 
 
 def random_angles(n: int, rng) -> np.ndarray:

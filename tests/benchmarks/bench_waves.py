@@ -32,7 +32,7 @@ def function_of(matrices, function):
 def neighbours(symmetry, stiffness):
     """Crystals a step up and a step down along each coordinate of log K, (2, k, 6, 6)."""
     names = bi.constants(symmetry)
-    units = [bi.stiffness(symmetry, **{name: float(name == one) for name in names}) * KELVIN for one in names]
+    units = [bi.stiffness(symmetry, **dict(zip(names, row, strict=True))) * KELVIN for row in np.eye(len(names))]
     basis = np.linalg.qr(np.reshape(units, (len(names), 36)).T)[0].T.reshape(-1, 6, 6)
     centre = function_of(stiffness * KELVIN, np.log)
     return np.array([function_of(centre + step * basis, np.exp) / KELVIN for step in (STEP, -STEP)])

@@ -48,6 +48,11 @@ print(json.dumps([seconds, {name: float(value) for name, value in numbers.items(
 """
 
 
+def least(found: list[tuple[dict, dict]], key: str) -> float:
+    """The least of these seconds of several runs."""
+    return min(seconds[key] for seconds, _ in found)
+
+
 def main(argv=None) -> int:
     """Print both tables."""
     parser = argparse.ArgumentParser(prog="bench wheel", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -60,11 +65,14 @@ def main(argv=None) -> int:
             with zipfile.ZipFile(arguments.wheel) as archive:
                 archive.extractall(place)
         shutil.rmtree(places["any"] / "bayesindent" / "x86_64_v3")
-        runs = {name: [run(place) for _ in range(arguments.repeats)] for name, place in places.items()}
+        runs = {}
+        for name, place in places.items():
+            runs[name] = [run(place) for _ in range(arguments.repeats)]
         kernels = {name: run(places["x86-64-v3"], OPENBLAS_CORETYPE=name)[1] for name in ("PRESCOTT", "HASWELL", "SKYLAKEX")}
     print(f"| | {' | '.join(places)} |\n|---|---|---|---|")
     for key, (words, scale) in ROWS.items():
-        print(f"| {words} | {' | '.join(f'{scale * min(seconds[key] for seconds, _ in found):.2f}' for found in runs.values())} |")
+        cells = [f"{scale * least(found, key):.2f}" for found in runs.values()]
+        print(f"| {words} | {' | '.join(cells)} |")
     moduli = {name: found[0][1] for name, found in runs.items()} | kernels
     print(f"\n| modulus, GPa | {' | '.join(moduli['any'])} |\n|---|---|---|---|")
     for name, values in moduli.items():

@@ -14,6 +14,7 @@ from bayesindent.report.figures.style import BLACK, BLUE, GREEN, ORANGE, RED, SK
 from bayesindent.report.formatting import subscript
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.surrogate import Surrogate
+from support.csv_tables import column
 from support.tree import REFERENCE, SOURCE
 
 __all__ = ["Study"]
@@ -112,7 +113,7 @@ class Study:
         self.row("truth of the synthetic moduli", self.truth)
         for label, document in self.documents.items():
             found = list(document["parameters"].values())
-            self.row(label, *([item[key] for item in found] for key in ("mean", "sd")))
+            self.row(label, column(found, "mean"), column(found, "sd"))
             of_chains = self.draws[label].mean(axis=1)
             if label == METHOD:
                 print(f"{'  means of its chains':32}" + "".join(f"{low:8.1f} to {high:6.1f}" for low, high in
@@ -143,7 +144,8 @@ class Study:
             for label, model in (("exact", "halfspace"), ("the paper's surrogate", self.surrogate)):
                 found = extract(table, surrogate=model, symmetry=self.symmetry, bounds=self.bounds, anisotropy_cap=cap,
                                 modulus_kind="indentation_modulus", surrogate_variance="none", seed=1, workers=self.workers)  # fmt: skip
-                self.row(f"{sd:g}, {label}", *([item[key] for item in summary(found)["parameters"].values()] for key in ("mean", "sd")))
+                constants = summary(found)["parameters"].values()
+                self.row(f"{sd:g}, {label}", column(constants, "mean"), column(constants, "sd"))
 
     def moduli(self, label: str, declinations) -> np.ndarray:
         """Moduli (draws, angles) of draws of a posterior by the model that it has, over declinations in degrees."""

@@ -27,7 +27,6 @@ belongs and leaves a wrong distribution (variances of a normal in ten dimensions
 """
 
 import argparse
-import csv
 import json
 import math
 import time
@@ -38,6 +37,7 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.reference_density import PRIOR, LogPosterior, plain_log_prior
+from support.csv_tables import ANGLES, numbers, read_rows, row_named
 from support.reference_theory import NAMES, FieldTheory, direct_modulus, kelvin, rotations, stiffness
 from support.tree import REFERENCE
 
@@ -96,15 +96,9 @@ NOISE = 0.02
 SHARES = (0.05, 0.16, 0.5, 0.84, 0.95)
 
 
-def read_csv(path: Path) -> list[dict]:
-    """Rows of a CSV file with comment lines."""
-    with path.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(line for line in file if not line.startswith("#")))
-
-
 def literature(crystal: str) -> tuple[str, np.ndarray]:
     """Class and constants of a crystal of crystals.csv."""
-    row = next(row for row in read_csv(REFERENCE / "crystals.csv") if row["name"] == crystal)
+    row = row_named(REFERENCE / "crystals.csv", crystal)
     symmetry = SYNONYMS.get(row["symmetry"], row["symmetry"])
     return symmetry, np.array([float(row[name] or 0) for name in NAMES[symmetry]])
 
@@ -131,7 +125,8 @@ def make_data(symmetry: str) -> str:
 
 def posterior_of(symmetry: str, data: Path, **settings) -> LogPosterior:
     """The density of a data set."""
-    table = np.array([[float(value) for value in row.values()] for row in read_csv(data)])
+    rows = read_rows(data)
+    table = numbers(rows, rows[0])
     degree, nodes = settings.pop("degree", CASES[symmetry].degree), settings.pop("nodes", CASES[symmetry].nodes)
     return LogPosterior(symmetry, FieldTheory(symmetry, table[:, :3], degree, nodes, **settings), table[:, 3], table[:, 4])
 
@@ -442,11 +437,11 @@ def document_of(symmetry: str, posterior: LogPosterior, run: Run, draws: np.ndar
 
 def check() -> None:
     """Theory against the table of moduli and itself, the Jacobian against finite differences, the prior against its definition."""
-    table = read_csv(REFERENCE / "crystal_moduli.csv")
+    table = read_rows(REFERENCE / "crystal_moduli.csv")
     print(f"{'largest relative difference':32}{'direct, table':>15}{'field, direct':>15}")
     for crystal in dict.fromkeys(row["name"] for row in table):
         rows = [row for row in table if row["name"] == crystal]
-        euler = np.array([[float(row[key]) for key in ("phi1_deg", "Phi_deg", "phi2_deg")] for row in rows])
+        euler = numbers(rows, ANGLES)
         expected = np.array([float(row["M_elliptic"]) for row in rows])
         symmetry, constants = literature(crystal)
         direct = direct_modulus(stiffness(symmetry, constants), euler)

@@ -4,7 +4,10 @@ import csv
 import io
 import json
 
+import numpy as np
+
 import bayesindent as bi
+from support.csv_tables import numbers
 from support.small_builds import IMPORTED
 
 
@@ -16,7 +19,7 @@ def test_ask_and_tell(bayesindent, tmp_path):
     header, *rows = csv.reader(io.StringIO(asked.stdout))
     assert (header, len(rows)) == (["C11", "C12", "C44", "phi1_deg", "Phi_deg", "phi2_deg"], 10)
     document = json.loads(bayesindent("build", file, "--ask", "10", "--json").stdout)
-    assert [[point[name] for name in header] for point in document["points"]] == [[float(cell) for cell in row] for row in rows]
+    assert numbers(document["points"], header).tolist() == np.array(rows, float).tolist()
     results = tmp_path / "results.csv"
     with open(results, "w", newline="") as stream:
         writer = csv.writer(stream)

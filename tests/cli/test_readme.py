@@ -64,12 +64,17 @@ def check_suggestions(values, wanted):
     assert abs(np.degrees(first - shown)) < 8
 
 
+def numbers_by_name(lines):
+    """The numbers of each line by its first word."""
+    return {line.split()[0]: numbers(line) for line in lines}
+
+
 def test_the_quickstart_prints_this(process):
     done = process("run", SOURCE / "inputs" / "quickstart.nml")
     assert done.returncode == 0, done.stderr
     shown, printed = block("Elastic constants (GPa)", FILM).strip().splitlines(), done.stdout.strip().splitlines()
     assert [words(line) for line in printed] == [words(line) for line in shown]
-    values, wanted = ({line.split()[0]: numbers(line) for line in lines} for lines in (printed, shown))
+    values, wanted = numbers_by_name(printed), numbers_by_name(shown)
     for name in ("C11", "C12", "C44"):
         check_constant(values[name], wanted[name])
     # Chains of the theory alone, whose sd is some 4 GPa, with thousands of effective samples.
@@ -81,7 +86,8 @@ def test_the_quickstart_prints_this(process):
     # The crystal of that largest sd is one of the posterior's: copper's log-anisotropy is 1.17.
     assert 0.5 < anisotropy < 2.5 and 0.25 < poisson < 0.45 and 40 < scale < 460
     begin = next(number for number, line in enumerate(shown) if line.startswith("phi1")) + 1
-    check_suggestions(*([numbers(line) for line in lines[begin : begin + 5]] for lines in (printed, shown)))
+    suggestions = slice(begin, begin + 5)
+    check_suggestions(list(map(numbers, printed[suggestions])), list(map(numbers, shown[suggestions])))
 
 
 def test_the_table_of_grains_gives_these_constants(process, tmp_path, monkeypatch):

@@ -327,7 +327,7 @@ def test_ask_and_tell(tmp_path):
     )
     points = ask(problem, tmp_path, 12)["points"]
     text = as_csv(list(points[0]), [list(point.values()) for point in points])
-    rows = np.array([[float(v) for v in line.split(",")] for line in text.splitlines()[1:]])
+    rows = np.loadtxt(text.splitlines()[1:], delimiter=",")
     assert text.splitlines()[0] == "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg"
     assert len(np.unique(rows, axis=0)) == 12
     modulus = bi.halfspace_modulus(stiffness_rows("cubic", rows[:, :3]), rows[:, 3:])

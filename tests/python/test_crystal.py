@@ -1,26 +1,27 @@
 """The crystal functions against the reference moduli and against each other."""
 
-import csv
-
 import numpy as np
 import pytest
 
 import bayesindent as bi
-from bayesindent.crystal.elasticity import constant_names, stiffness_rows
+from bayesindent.crystal.elasticity import stiffness_rows
+from support.csv_tables import ANGLES, named_numbers, numbers, read_rows
 from support.reference_theory import direct_modulus
 from support.tree import REFERENCE
 
 
+def stiffness_of(row):
+    return bi.stiffness(row["symmetry"], **named_numbers(row, bi.constants(row["symmetry"])))
+
+
 def reference_rows():
-    with open(REFERENCE / "halfspace_moduli.csv", newline="") as file:
-        return list(csv.DictReader(file))
+    return read_rows(REFERENCE / "halfspace_moduli.csv")
 
 
 @pytest.mark.parametrize("row", reference_rows(), ids=lambda row: f"{row['material']}-{row['orientation']}")
 def test_theory_meets_reference(row):
-    names = constant_names(row["symmetry"])
-    stiffness = bi.stiffness(row["symmetry"], **{name: float(row[name]) for name in names})
-    euler = [float(row[angle]) for angle in ("phi1_deg", "Phi_deg", "phi2_deg")]
+    stiffness = stiffness_of(row)
+    euler = numbers([row], ANGLES)[0]
     assert bi.halfspace_modulus(stiffness, euler) == pytest.approx(float(row["M_elliptic"]), rel=2e-6)
     assert bi.halfspace_modulus(stiffness, euler, circular=True) == pytest.approx(float(row["M_vn"]), rel=2e-6)
     assert bi.anisotropy_index(stiffness) == pytest.approx(float(row["A_U"]), abs=1e-6)
@@ -28,16 +29,13 @@ def test_theory_meets_reference(row):
 
 def crystals():
     """Rows of moduli with the crystal that each is of."""
-    with open(REFERENCE / "crystals.csv", newline="") as file:
-        of = {row["name"]: row for row in csv.DictReader(line for line in file if not line.startswith("#"))}
-    with open(REFERENCE / "crystal_moduli.csv", newline="") as file:
-        return [row | of[row["name"]] for row in csv.DictReader(line for line in file if not line.startswith("#"))]
+    of = {row["name"]: row for row in read_rows(REFERENCE / "crystals.csv")}
+    return [row | of[row["name"]] for row in read_rows(REFERENCE / "crystal_moduli.csv")]
 
 
 @pytest.mark.parametrize("row", crystals(), ids=lambda row: f"{row['name']}-{row['phi1_deg']}")
 def test_theory_of_every_class(row):
-    stiffness = bi.stiffness(row["symmetry"], **{name: float(row[name]) for name in bi.constants(row["symmetry"])})
-    modulus = bi.halfspace_modulus(stiffness, [float(row[angle]) for angle in ("phi1_deg", "Phi_deg", "phi2_deg")])
+    modulus = bi.halfspace_modulus(stiffness_of(row), numbers([row], ANGLES)[0])
     assert modulus == pytest.approx(float(row["M_elliptic"]), rel=1e-6)
 
 
@@ -53,10 +51,8 @@ def test_theory_of_very_anisotropic_crystals(symmetry, constants):
 
 def test_rows_of_an_array_do_not_depend_on_each_other():
     rows = crystals()
-    stiffness = np.array(
-        [bi.stiffness(row["symmetry"], **{name: float(row[name]) for name in bi.constants(row["symmetry"])}) for row in rows]
-    )
-    angles = np.array([[float(row[angle]) for angle in ("phi1_deg", "Phi_deg", "phi2_deg")] for row in rows])
+    stiffness = np.array([stiffness_of(row) for row in rows])
+    angles = numbers(rows, ANGLES)
     moduli = bi.halfspace_modulus(stiffness, angles)
     assert (moduli == [bi.halfspace_modulus(*row) for row in zip(stiffness, angles, strict=True)]).all()
     assert (moduli[::-1] == bi.halfspace_modulus(stiffness[::-1], angles[::-1], threads=2)).all()

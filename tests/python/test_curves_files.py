@@ -185,7 +185,10 @@ def test_a_spreadsheet_of_continuous_stiffness():
     words = ("Time On", "Displacement Into", "Load On", "Harmonic Contact Stiffness")
     for name, curve in tests.items():
         sheet = pandas.read_excel(file, sheet_name=name)
-        columns = [pandas.to_numeric(sheet[next(c for c in sheet if c.startswith(word))], errors="coerce").to_numpy() for word in words]
+        columns = []
+        for word in words:
+            name_of_column = next(column for column in sheet if column.startswith(word))
+            columns.append(pandas.to_numeric(sheet[name_of_column], errors="coerce").to_numpy())
         rows = np.column_stack(columns)[np.isfinite(columns).all(axis=0)]
         at = np.searchsorted(rows[:, 0], curve[0])
         assert len(at) > 1000 and np.all(np.diff(curve[0]) > 0)

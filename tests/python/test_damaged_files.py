@@ -1,6 +1,5 @@
 """Files that were damaged are refused in one line that names them; rows of a campaign know when they were changed."""
 
-import csv
 import json
 import random
 import re
@@ -21,6 +20,7 @@ from bayesindent.program.cli import main
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.surrogate import Surrogate
 from support.campaigns import rows
+from support.csv_tables import numbers, read_rows
 from support.tree import REFERENCE, SOURCE
 
 #: Identity of the physics.
@@ -165,9 +165,8 @@ def test_bits_of_a_posterior(sampled, tmp_path, capsys):
     folder = shutil.copytree(sampled, tmp_path / "out")
     path = folder / "posterior.bin"
     content, values = path.read_bytes(), read_posterior(folder)
-    with open(folder / "posterior.csv") as table:
-        drawn = [[float(row[name]) for name in ("C11", "C12", "C44")] for row in csv.DictReader(table)]
-    assert values["draws"].reshape(-1, 3).tolist() == drawn
+    drawn = numbers(read_rows(folder / "posterior.csv"), ["C11", "C12", "C44"])
+    assert values["draws"].reshape(-1, 3).tolist() == drawn.tolist()
     for bad in [b"", content[:-1], content[:100], content + b"\n", bytes(1000), *bits_changed(content, 80)]:
         path.write_bytes(bad)
         with pytest.raises(InputError, match="posterior.bin: is damaged"):

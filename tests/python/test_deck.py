@@ -93,8 +93,8 @@ def bond_rotated(stiffness, angles):
     g = turn(c) @ tilt @ turn(a)
     voigt = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
     tensor = np.einsum("pi,qj,rk,sl,pqrs->ijkl", g, g, g, g, np.asarray(stiffness)[voigt[:, :, None, None], voigt[None, None]])
-    pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
-    return np.array([[tensor[p + q] for q in pairs] for p in pairs])
+    i, j = np.array([(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]).T
+    return tensor[i[:, None], j[:, None], i, j]
 
 
 def test_vtu_holds_displacement_and_stress(block, tmp_path):

@@ -67,12 +67,17 @@ def test_a_table_of_numbers_says_where_they_come_from(page):
 
 def test_modules_of_the_architecture_exist():
     text = (SOURCE / "docs" / "architecture.md").read_text().split("## Contracts")[0]
-    rows = [[re.findall(r"`([\w./]+)`", cell) for cell in row.split("|")[1:-1]] for row in text.splitlines() if row.startswith("|")]
     package = SOURCE / "python" / "bayesindent"
     checked = 0
-    for folders, *_, modules in rows:
-        # The first table names folders of the tree, the second those of the package; its first row is of the package itself.
-        places = [next(place for place in (SOURCE / name, package / name) if place.is_dir()) for name in folders] or [package]
+    for row in text.splitlines():
+        if not row.startswith("|"):
+            continue
+        folders, *_, modules = (re.findall(r"`([\w./]+)`", cell) for cell in row.split("|")[1:-1])
+        # The first table names folders of the tree, the second those of the package.
+        places = [SOURCE / name if (SOURCE / name).is_dir() else package / name for name in folders]
+        assert all(place.is_dir() for place in places), folders
+        # The first row of the second table is of the package itself.
+        places = places or [package]
         for module in modules:
             assert any((place / module).exists() or [*place.glob(f"{module}.*")] for place in (*places, SOURCE)), f"{folders}: {module}"
             checked += 1

@@ -1,7 +1,6 @@
 """Simulated indentations against the exact theory, their reproducibility, and what is refused."""
 
 import copy
-import csv
 import os
 import pickle
 import signal
@@ -11,6 +10,7 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.core import native
+from support.csv_tables import read_rows
 from support.tree import SOURCE
 
 ZINC = bi.stiffness("hexagonal", C11=161.1, C12=34.2, C44=38.3, C33=61.1, C13=50.3)
@@ -253,11 +253,13 @@ def test_crystals_near_instability_are_warned_of(halfspace, stiffness, angles):
 
 @pytest.mark.long
 def test_real_crystals_are_resolved_without_a_word(halfspace):
-    with (SOURCE / "tests" / "reference" / "crystals.csv").open() as stream:
-        rows = list(csv.DictReader(line for line in stream if not line.startswith("#")))
+    rows = read_rows(SOURCE / "tests" / "reference" / "crystals.csv")
     assert len(rows) > 15
     names = [name for name in rows[0] if name.startswith("C") and name[1:].isdigit()]
-    crystals = [bi.stiffness(row["symmetry"], **{n: float(row[n]) for n in names if row[n]}) for row in rows]
+    crystals = []
+    for row in rows:
+        constants = {name: float(row[name]) for name in names if row[name]}
+        crystals.append(bi.stiffness(row["symmetry"], **constants))
     assert halfspace.largest_error(np.array(crystals)).max() < 0.01
     for stiffness in crystals[::6]:
         result = halfspace.run(stiffness, (20, 40, 60))

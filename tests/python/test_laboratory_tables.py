@@ -26,7 +26,10 @@ def text(*args, **more):
 
 def changed(column, function, **more):
     """The table with a function of one of its columns as the text of its cells."""
-    return text([[function(value) if k == column else value for k, value in enumerate(row)] for row in ROWS], **more)
+    rows = [list(row) for row in ROWS]
+    for row in rows:
+        row[column] = function(row[column])
+    return text(rows, **more)
 
 
 PLAIN = lines()

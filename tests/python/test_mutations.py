@@ -13,7 +13,7 @@ WHOLE = '"' + 200_000 * "a"
 def test_changed_inputs_are_read_or_refused(tmp_path):
     counted, failures = try_in_process(250, 7, tmp_path)
     assert failures == []
-    assert min(sum(count for (changed, _), count in counted.items() if changed == kind) for kind in SEEDS) > 0
+    assert {kind for (kind, _), count in counted.items() if count > 0} >= {*SEEDS}
     # Neither is all refused nor all read: the changes are small, and they matter.
     assert counted["table", "read"] > 0 and counted["namelist", "refused"] > 0
 

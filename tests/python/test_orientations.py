@@ -123,7 +123,8 @@ def test_the_modulus_is_that_of_the_direction():
     ],
 )  # fmt: skip
 def test_refusals(columns, symmetry, lattice, words):
-    columns = {name: [int(value) if value == int(value) else value for value in values] for name, values in columns.items()}
+    # Whole numbers as integers.
+    columns = {name: [int(v) if v == int(v) else v for v in values] for name, values in columns.items()}
     with pytest.raises(bi.InputError) as error:
         directions(columns, symmetry, lattice)
     assert words in str(error.value)

@@ -19,8 +19,10 @@ KINDS = ("indentation_modulus", "effective_modulus", "sample_modulus")
 
 
 def page(delimiter=",", header=HEADER, decimal=".", end="\n", rows=ROWS):
-    lines = [delimiter.join(header), *(delimiter.join(repr(value).replace(".", decimal) for value in row) for row in rows)]
-    return end.join(lines) + end
+    def cells(row):
+        return delimiter.join(repr(value).replace(".", decimal) for value in row)
+
+    return end.join([delimiter.join(header), *map(cells, rows)]) + end
 
 
 def named(*names):

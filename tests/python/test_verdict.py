@@ -52,12 +52,9 @@ def test_shares_of_mixtures_of_grains():
     assert 0.98 < found["C44"]["share"]["measurements"] <= 1
     # What is predicted of such an indent is the mean of the two grains.
     some = np.column_stack([result.posterior[name].values.ravel()[::100] for name in bi.constants("cubic")])
-    own, other = (
-        bi.halfspace_modulus(
-            stiffness_rows("cubic", some)[:, None], np.column_stack([mixture[which + name] for name in bench_boundary.ANGLES])
-        )
-        for which in ("", "other_")
-    )
+    crystals = stiffness_rows("cubic", some)[:, None]
+    own = bi.halfspace_modulus(crystals, np.column_stack([mixture[name] for name in bench_boundary.ANGLES]))
+    other = bi.halfspace_modulus(crystals, np.column_stack([mixture[f"other_{name}"] for name in bench_boundary.ANGLES]))
     p = mixture["other_probability"]
     assert [one["mean"] for one in document["predicted"]] == pytest.approx(((1 - p) * own + p * other).mean(axis=0), abs=0.5)
 

@@ -38,7 +38,8 @@ def function_of(matrices, function):
 def neighbours(row):
     """Crystals a step up and a step down along each coordinate of log K, (k, 6, 6) each."""
     names = bi.constants(row["symmetry"])
-    units = [bi.stiffness(row["symmetry"], **{name: float(name == one) for name in names}) * KELVIN for one in names]
+    one_each = [dict(zip(names, values, strict=True)) for values in np.eye(len(names))]
+    units = [bi.stiffness(row["symmetry"], **constants) * KELVIN for constants in one_each]
     basis = np.linalg.qr(np.reshape(units, (len(names), 36)).T)[0].T.reshape(-1, 6, 6)
     centre = function_of(bi.stiffness(row["symmetry"], **{name: float(row[name] or 0) for name in names}) * KELVIN, np.log)
     return tuple(function_of(centre + step * basis, np.exp) / KELVIN for step in (STEP, -STEP))

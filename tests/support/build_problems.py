@@ -24,7 +24,9 @@ def make_problem(folder: Path, *, model=PAPER, **groups) -> Problem:
         "execution": {"workers": 1},
         **groups,
     }
-    lines = [f"&{group}\n" + "".join(f"  {name} = {value}\n" for name, value in values.items()) + "/\n" for group, values in groups.items()]
+    lines = []
+    for group, values in groups.items():
+        lines += [f"&{group}\n", *(f"  {name} = {value}\n" for name, value in values.items()), "/\n"]
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "problem.nml"
     path.write_text("".join(lines))

@@ -50,7 +50,7 @@ HEADER = ("C11", "C12", "C44", "phi1_deg", "Phi_deg", "phi2_deg")
 def table(folder, points, name="points.csv", moduli=None):
     """A table of cubic crystals, to the last bit."""
     lines = [",".join(HEADER + ("modulus_gpa",) * (moduli is not None))]
-    lines += [",".join(map(repr, [float(value) for value in point])) for point in points]
+    lines += [",".join(map(repr, map(float, point))) for point in points]
     if moduli is not None:
         lines[1:] = [f"{line},{modulus!r}" for line, modulus in zip(lines[1:], moduli, strict=True)]
     (folder / name).write_text("\n".join(lines) + "\n")

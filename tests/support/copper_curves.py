@@ -26,7 +26,7 @@ def main() -> None:
     note = "# Synthetic: made by tests/support/copper_curves.py.\n"
     rows = [f"{name},{time:.3f},{depth:.2f},{load:.4f}\n" for name, time, depth, load in curves]
     (DATA / "copper_curves.csv").write_text(f"{note}test,time_s,depth_nm,load_mn\n{''.join(rows)}")
-    of_grain = {f"g{number}": ",".join(f"{angle:g}" for angle in row) for number, row in enumerate(angles, 1)}
+    of_grain = {f"g{number}": "{:g},{:g},{:g}".format(*row) for number, row in enumerate(angles, 1)}
     rows = [f"{name},{reference},{grain},{session},{of_grain.get(grain, ',,')}\n" for name, reference, grain, session in tests]
     (DATA / "copper_tests.csv").write_text(f"{note}test,reference,grain,session,phi1_deg,Phi_deg,phi2_deg\n{''.join(rows)}")
     print(f"radius {truth.radius:.3f} um, beta {truth.shape:.2f}, compliance {truth.compliance:.4f} nm/mN")

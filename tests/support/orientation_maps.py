@@ -66,4 +66,5 @@ def along(euler_deg):
 def columns(problem, *names):
     """What the map added."""
     header = problem.measurements.columns
-    return [[row[header.index(name)] for row in problem.measurements.rows] for name in names]
+    of_each = list(zip(*problem.measurements.rows, strict=True))
+    return [list(of_each[header.index(name)]) for name in names]

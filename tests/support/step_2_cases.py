@@ -1,6 +1,5 @@
 """What the tests of Step 2 share: the reference data sets, the exact theory, and surrogates of which little is known."""
 
-import csv
 import json
 
 import numpy as np
@@ -10,6 +9,7 @@ from scipy import stats
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, stiffness_rows
 from bayesindent.surrogate.basis import Basis
+from support.csv_tables import numbers, row_named
 from support.learner import spread_crystals, surrogate_of, terms_of
 from support.measured_tables import read_measurements
 from support.theory_cases import FILES, SYMMETRIES, theory_surrogate
@@ -95,9 +95,8 @@ def documents(results):
 
 def crystal(name):
     """Class and constants of a real crystal."""
-    with (REFERENCE / "crystals.csv").open() as file:
-        row = next(row for row in csv.DictReader(line for line in file if not line.startswith("#")) if row["name"] == name)
-    return row["symmetry"], np.array([float(row[constant]) for constant in constant_names(row["symmetry"])])
+    row = row_named(REFERENCE / "crystals.csv", name)
+    return row["symmetry"], numbers([row], constant_names(row["symmetry"]))[0]
 
 
 def columns(symmetry):

@@ -64,7 +64,9 @@ def pages_of_users(root: Path) -> list[Path]:
 def of_pages(texts: dict[str, str]) -> list[str]:
     """Whether these pages, by name, are as long as they may be together, and their sentences."""
     counts = {name: len(text.split()) for name, text in texts.items()}
-    lengths = {name: sorted(len(sentence.split()) for sentence in sentences(text)) for name, text in texts.items()}
+    lengths = {}
+    for name, text in texts.items():
+        lengths[name] = sorted(len(sentence.split()) for sentence in sentences(text))
     every = sorted(n for found in lengths.values() for n in found)
     found = []
     if (total := sum(counts.values())) > PAGES_WORDS:
@@ -73,7 +75,9 @@ def of_pages(texts: dict[str, str]) -> list[str]:
         medians = {name: median(of_page) for name, of_page in lengths.items() if of_page}
         found.append(f"pages of users: the median sentence has {middle:g} words; allowed {PAGES_MIDDLE}; most in {worst(medians)}")
     if (most := every[ceil(0.9 * len(every)) - 1]) > PAGES_MOST:
-        long = {name: sum(n > PAGES_MOST for n in of_page) for name, of_page in lengths.items()}
+        long = {}
+        for name, of_page in lengths.items():
+            long[name] = sum(n > PAGES_MOST for n in of_page)
         found.append(f"pages of users: 90 % of the sentences have up to {most} words; allowed {PAGES_MOST}; longer ones: {worst(long)}")
     return found
 

@@ -53,7 +53,10 @@ def main(argv=None) -> int:
 def run_tests(build: Path, names: list[str]) -> int:
     """Run the tests of these names in a build and return an exit status."""
     known = {test["name"]: test for test in json.loads(meson("introspect", "--tests", build, stdout=subprocess.PIPE).stdout)}
-    suites = {name: {suite.rpartition(":")[-1] for suite in test["suite"]} for name, test in known.items()}
+    suites = {}
+    for name, test in known.items():
+        # With the name of the project before a colon.
+        suites[name] = {suite.rpartition(":")[-1] for suite in test["suite"]}
     runners = ("python", "long")
     programs = [name for name in known if name not in runners and ({name} | suites[name]) & set(names)]
     words = [name for name in names if name not in known and name not in ("unit", "unit-long")]
@@ -64,7 +67,8 @@ def run_tests(build: Path, names: list[str]) -> int:
     cases: list[Case] = []
     if programs:
         # Suites that are named are run, even if a plain `meson test` leaves them out.
-        chosen = [f"--suite={suite}" for suite in sorted(set().union(*(suites[name] for name in programs)))]
+        named = set().union(*(suites[name] for name in programs))
+        chosen = [f"--suite={suite}" for suite in sorted(named)]
         good = meson("test", "-C", build, "--no-rebuild", "--print-errorlogs", *chosen, *programs).returncode == 0
         cases += unit_cases(logs / "testlog.json")
     runs: list[tuple[str, list[str]]] = [(name, []) for name in runners if name in names]
@@ -82,7 +86,8 @@ def run_tests(build: Path, names: list[str]) -> int:
 
 def conclude(cases: list[Case], good: bool) -> int:
     """Print the slowest cases and the count, and return an exit status."""
-    count = {outcome: sum(case.outcome == outcome for case in cases) for outcome in ("passed", "failed", "skipped")}
+    outcomes = [case.outcome for case in cases]
+    count = {outcome: outcomes.count(outcome) for outcome in ("passed", "failed", "skipped")}
     if not good and not count["failed"]:
         print("the tests did not end as they should", file=sys.stderr)
         count["failed"] = 1

@@ -38,10 +38,7 @@ COMMANDS = f"{PACKAGE}/program/commands"
 def main() -> int:
     """Write the page; name the modules to which no test leads."""
     rows = table(ROOT)
-    lines = [
-        f"| `{module}` | {', '.join(f'`{test}`' for test in tests)} |\n"
-        for module, tests in rows.items()
-    ]
+    lines = [f"| `{module}` | {quoted(tests)} |\n" for module, tests in rows.items()]
     PAGE.write_text(HEAD + "".join(lines), encoding="utf-8")
     lacking = [module for module, tests in rows.items() if not tests]
     print(
