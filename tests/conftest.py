@@ -1,7 +1,7 @@
-"""Where the tests find the source tree and its reference values; both programs as a user runs them; what becomes of each case.
+"""Fixtures that run both programs as a user does, the order of the cases, and the record of their outcomes.
 
-A case marked `long` is left out of `./bayesindent test` and run by `./bayesindent test --long`: it takes more than some seconds, and what it
-looks at another case looks at in a smaller way; or it needs another program.
+`./bayesindent test` leaves out the cases marked `long`, and `./bayesindent test --long` runs them. Such a case takes more
+than some seconds, or needs another program. A case that is not long checks the same in a smaller way.
 """
 
 import sys
@@ -17,9 +17,9 @@ pytest_plugins = ["support.step_2_cases"]
 
 @pytest.fixture
 def bayesindent(tmp_path, monkeypatch, capsys):
-    """`bayesindent(*arguments)` in an empty folder: exit status and what was printed, as a finished process has them.
+    """`bayesindent(*arguments)` in an empty folder; it returns the exit status and what was printed.
 
-    It is the program's main in this process, which has the libraries that take seconds to import; `process` is one of its own.
+    It calls the `main` of the program in this process, where the large libraries are imported already.
     """
     from bayesindent.program.cli import main
 
@@ -38,21 +38,21 @@ def bayesindent(tmp_path, monkeypatch, capsys):
 
 @pytest.fixture
 def process(tmp_path):
-    """The same as a process of its own, as a user has it."""
+    """The same in a process of its own."""
     return runner([sys.executable, "-m", "bayesindent"], tmp_path)
 
 
 @pytest.fixture
 def batch(tmp_path):
-    """The same of `bayesindent-batch`."""
+    """The same for `bayesindent-batch`."""
     return runner([BATCH], tmp_path)
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Cases that share something costly run in one process: a fixture of their file, or the posteriors of the reference data sets.
+    """Keep cases in one process that share a fixture of their file or the posteriors of the reference data sets.
 
-    `long_where(words)`: of the cases of a function those are long whose parameters have one of these names.
+    `long_where(words)` marks those cases of a function as long whose parameters have one of these names.
     """
     for item in items:
         partly = item.get_closest_marker("long_where")
@@ -67,7 +67,7 @@ def pytest_collection_modifyitems(items):
 
 
 class Cases:
-    """Keeps what became of each case in a file as soon as it has ended: outcome, seconds, name."""
+    """Writes the outcome, the seconds and the name of each case to a file as soon as the case has ended."""
 
     def __init__(self, file: Path):
         self.file, self.seconds, self.outcome = file, {}, {}

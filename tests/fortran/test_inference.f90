@@ -223,7 +223,7 @@ contains
       class(sampler_type), allocatable :: sampler
       type(chains_type) :: chains, other
       type(error_type), allocatable :: error
-      real(wp) :: mass, mean, square
+      real(wp) :: mass, mean, square, acceptance
       real(wp), parameter :: a = -1.5_wp, b = 2.0_wp
       integer :: threads
 
@@ -243,8 +243,10 @@ contains
       call check_close(name//': variance across it', average((chains%draws(2, :, :) - chains%draws(1, :, :)**2)**2), &
          & 0.01_wp, 0.0005_wp)
       call check_close(name//': the third parameter', average(chains%draws(3, :, :)**2), 1.0_wp, tolerance)
-      if (name == 'scmh') call check_close(name//': acceptance', average(reshape(chains%acceptance, [4, 1])), 0.23_wp, &
-         & 0.03_wp)
+      if (name == 'scmh') then
+         acceptance = average(reshape(chains%acceptance, [4, 1]))
+         call check_close(name//': acceptance', acceptance, 0.23_wp, 0.03_wp)
+      end if
       do threads = 2, 4, 2
          call sample_chains(banana, sampler, run_settings_type(samples, 4, threads, 7), other, error, checkpoint_type())
          call check(name//': the same to the bit on more threads', all(other%draws == chains%draws) .and. &

@@ -142,6 +142,7 @@ contains
       type(exchange_type), intent(inout) :: x
       class(sampler_type), allocatable :: sampler
       type(chains_type) :: chains
+      type(run_settings_type) :: run
       type(random_stream_type) :: stream
       class(grain_model_type), allocatable :: grains
       type(path_type), allocatable :: paths(:)
@@ -153,8 +154,9 @@ contains
       select case (name)
       case ('posterior.sample')
          call new_sampler(x%in%text('method'), x%in%integer('burn_in'), sampler, x%error)
-         if (.not. allocated(x%error)) call sample_chains(density, sampler, run_settings_type(x%in%integer('samples'), &
-            & x%in%integer('chains'), x%threads(), x%in%integer('seed')), chains, x%error, checkpoint_type())
+         if (allocated(x%error)) return
+         run = run_settings_type(x%in%integer('samples'), x%in%integer('chains'), x%threads(), x%in%integer('seed'))
+         call sample_chains(density, sampler, run, chains, x%error, checkpoint_type())
          if (allocated(x%error)) return
          call x%out%put_array('draws', chains%draws, shape(chains%draws))
          call x%out%put_array('log_density', chains%log_density, shape(chains%log_density))

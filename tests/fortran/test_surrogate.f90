@@ -433,9 +433,10 @@ contains
 
       call write_file(path, content)
       call load_surrogate(path, surrogate, error)
-      is_refused = allocated(error)
-      if (is_refused) is_refused = index(error%message, path//': ') == 1 .and. error%status == exit_bad_input &
-         & .and. index(error%message, newline) == 0
+      is_refused = .false.
+      if (.not. allocated(error)) return
+      if (error%status /= exit_bad_input) return
+      is_refused = index(error%message, path//': ') == 1 .and. index(error%message, newline) == 0
    end function is_refused
 
    subroutine write_file(name, content)

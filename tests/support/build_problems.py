@@ -1,4 +1,4 @@
-"""Small problems of Step 1 with the theory in place of simulations, and what two builds are compared by."""
+"""Small problems of Step 1 with the theory in place of simulations, and the values by which two builds are compared."""
 
 import sqlite3
 from pathlib import Path
@@ -42,7 +42,7 @@ def stored(output: Path) -> list:
 
 
 def numbers_of(document: dict) -> dict:
-    """Of a build, without what depends on how often it was begun, and where."""
+    """The document of a build without the values that depend on its folder and on interruptions."""
     return {name: value for name, value in document.items() if name not in ("file", "new_simulations", "inputs")}
 
 

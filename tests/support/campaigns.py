@@ -20,9 +20,9 @@ FROM simulation JOIN physics ON physics.id = physics_id WHERE identity LIKE ? OR
 
 
 def rows(path: Path, physics: str = "%") -> list[Row]:
-    """The rows of a campaign in order of choice: constants and angles are tuples, curves lists, and None is what the file has not.
+    """The rows of a campaign in order of choice, with constants and angles as tuples and curves as lists.
 
-    `physics`: only those of an identity like this pattern of SQL.
+    A value that the file does not have is None. `physics` restricts the rows to identities like this pattern of SQL.
     """
     with closing(sqlite3.connect(path)) as file:
         found = []
@@ -34,7 +34,7 @@ def rows(path: Path, physics: str = "%") -> list[Row]:
 
 
 def count_rows(campaign) -> int:
-    """Simulations in a campaign, which may not be there yet."""
+    """The number of simulations in a campaign; 0 before its file exists."""
     if not campaign.exists():
         return 0
     try:
@@ -48,7 +48,7 @@ HEADER = ("C11", "C12", "C44", "phi1_deg", "Phi_deg", "phi2_deg")
 
 
 def table(folder, points, name="points.csv", moduli=None):
-    """A table of cubic crystals, to the last bit."""
+    """Write a table of cubic crystals whose numbers keep all bits."""
     lines = [",".join(HEADER + ("modulus_gpa",) * (moduli is not None))]
     lines += [",".join(map(repr, map(float, point))) for point in points]
     if moduli is not None:
@@ -58,7 +58,7 @@ def table(folder, points, name="points.csv", moduli=None):
 
 
 def told(folder, points, moduli):
-    """What `build --tell` says of these moduli of others; its physics is the theory's."""
+    """Import these moduli by `build --tell` into a campaign with the physics of the theory; return its document."""
     folder.mkdir(exist_ok=True)
     text = "&problem symmetry = 'cubic' /\n&simulation simulator = 'theory' /\n&domain log_anisotropy_max = 3 /\n&design budget = 8 /\n"
     (folder / "b.nml").write_text(text)

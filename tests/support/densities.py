@@ -13,7 +13,7 @@ from support.testing_core import Held, inside
 
 __all__ = ["DENSITY", "EXTRACTION", "PRIOR", "Posterior"]
 
-#: What is made of a problem and a surrogate.
+#: What the core makes from a problem and a surrogate.
 DENSITY, PRIOR, EXTRACTION = "density", "prior", "extract"
 
 
@@ -32,7 +32,7 @@ class Posterior(Held):
         if what == EXTRACTION:
             self.values = surrogate._call(what, problem=problem.handle)
             return
-        # The same two in the core of the tests.
+        # Copies of both in the core of the tests.
         (make, asked), (load, content) = problem.__reduce__(), surrogate.__reduce__()
         with inside():
             twins = make(*asked), load(*content)
@@ -61,7 +61,7 @@ class Posterior(Held):
         return density, likelihood
 
     def read_theory(self, x: ArrayLike) -> None:
-        """From now on as finely as Step 2 reads it where draws (n, dimension) are."""
+        """Read the theory from now on as finely as Step 2 does near draws (n, dimension)."""
         self._call("read_theory", points=np.atleast_2d(x), threads=1)
 
     def moduli(self, x: ArrayLike, euler_deg: ArrayLike, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Damage the files of a campaign, fill the disk under it, take the permissions away; see what both programs make of it.
+"""Damage the files of a campaign, fill the disk under it, take the permissions away; check how both programs respond.
 
 A fault is met well if the program ends as it should without one, with the same numbers, or with one line that names the file and the
 cause, and with an exit status that says whose fault it is. All else is told in words.
@@ -39,7 +39,7 @@ PATIENCE = 60
 
 
 def write_quick(folder: Path) -> Path:
-    """The namelist of the campaign in a folder that is made."""
+    """Make a folder with the namelist of the campaign; return the namelist."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "grains.csv").write_text((SOURCE / "tests" / "reference" / "cubic_fe3si.csv").read_text())
     path = folder / "quick.nml"
@@ -88,7 +88,7 @@ def damages(content: bytes, others: dict[str, bytes], seed: int) -> Iterator[tup
 
 
 def others(folder: Path) -> dict[str, bytes]:
-    """Files of other kinds."""
+    """Contents of files of other kinds."""
     database = folder / "other.sqlite"
     with closing(sqlite3.connect(database)) as connection:
         connection.execute("CREATE TABLE IF NOT EXISTS recipes (name TEXT)")
@@ -98,7 +98,7 @@ def others(folder: Path) -> dict[str, bytes]:
 
 
 def words_of(done: subprocess.CompletedProcess, file: str, status: int) -> str:
-    """What is wrong with how a program met a fault of a file; '' if nothing is."""
+    """What is wrong in the response of a program to a damaged file; '' if nothing is."""
     lines = [line for line in done.stderr.splitlines() if not re.match(r"warning: |[a-z ]+: \d+(/\d+ in| simulations of) ", line)]
     if "Traceback" in done.stderr or done.returncode < 0 or done.returncode > 2:
         return f"crashed with exit status {done.returncode}: {done.stderr[-300:]}"
@@ -110,7 +110,7 @@ def words_of(done: subprocess.CompletedProcess, file: str, status: int) -> str:
 
 
 def numbers_of(folder: Path) -> list:
-    """What must be the same to the last bit if a damaged file was accepted."""
+    """The results that must have the same bits if a program accepts a damaged file."""
     numbers: list = [(folder / "surrogate.txt").read_text(), posterior_of(folder)]
     with closing(sqlite3.connect(folder / "campaign.sqlite")) as connection:
         columns = "symmetry, constants, euler_deg, status, message, indentation_modulus_gpa, elements, depth_um, force_mn"
@@ -168,7 +168,7 @@ def damaged(program: str, folder: Path, file: str, seeds: range) -> dict:
             shutil.copytree(kept, results)
             (results / file).write_bytes(bad)
             if file == "surrogate.txt":
-                # Else it would be made anew.
+                # Otherwise the program would write it again.
                 namelist.write_text("\n".join(line for line in QUICK.splitlines() if not line.startswith("&design")) + "\n")
             outcome["tries"] += 1
             try:
@@ -187,7 +187,7 @@ def damaged(program: str, folder: Path, file: str, seeds: range) -> dict:
 
 @contextmanager
 def small_disk(kilobytes: int) -> Iterator[Path | None]:
-    """A disk of this size; None where this user may not mount one."""
+    """Mount a disk of this size; None if this user may not mount one."""
     import tempfile
 
     with tempfile.TemporaryDirectory() as name:
@@ -258,7 +258,7 @@ def broken_files(folder: Path, before: dict[str, bytes]) -> str:
 
 
 def heed_permissions() -> None:
-    """Permissions of files hold for this process and what it starts, also where it is root's."""
+    """Make permissions of files hold for this process and its children, even for root."""
     drop_from_bounding_set, override_permissions = 24, 1
     if os.geteuid() == 0 and ctypes.CDLL(None, use_errno=True).prctl(drop_from_bounding_set, override_permissions, 0, 0, 0):
         raise OSError(ctypes.get_errno(), "root's right to write everything cannot be dropped")

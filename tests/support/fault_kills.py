@@ -1,4 +1,4 @@
-"""Kill a campaign at random moments and inside writes, start it again, and compare what comes out with a run that nobody disturbed."""
+"""Kill a campaign at random moments and inside writes, start it again, and compare the results with those of an undisturbed run."""
 
 import json
 import os
@@ -64,7 +64,7 @@ def start(program: str, namelist: Path, command: str) -> subprocess.Popen:
 
 
 def finish(program: str, namelist: Path, command: str) -> None:
-    """A command to its end, which must be a good one."""
+    """Run a command to its end; its exit status must be 0."""
     process = start(program, namelist, command)
     _, err = process.communicate()
     if process.returncode != 0:
@@ -72,7 +72,7 @@ def finish(program: str, namelist: Path, command: str) -> None:
 
 
 def kill(process: subprocess.Popen) -> bool:
-    """End the group at once; whether it was still at work."""
+    """Kill the process group at once; return whether it was still running."""
     was_alive = process.poll() is None
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
@@ -81,7 +81,7 @@ def kill(process: subprocess.Popen) -> bool:
 
 
 def kill_after(process: subprocess.Popen, seconds: float) -> bool:
-    """End the group after so long, unless it has ended; whether it was still at work."""
+    """Kill the process group after some seconds; return whether it was still running."""
     with suppress(subprocess.TimeoutExpired):
         process.wait(seconds)
     return kill(process)
@@ -101,7 +101,7 @@ def kill_inside_a_write(process: subprocess.Popen, folder: Path, number: int) ->
 
 
 def rows_of(folder: Path) -> list[tuple]:
-    """What the campaign of a folder has, in order; the file must be whole."""
+    """The rows of the campaign in a folder, in order; the file must be intact."""
     file = folder / "campaign.sqlite"
     if not file.exists():
         return []
@@ -114,7 +114,7 @@ def rows_of(folder: Path) -> list[tuple]:
 
 
 def half_written(folder: Path) -> list[str]:
-    """Files that bear their final name and are not whole."""
+    """Files that have their final name and are incomplete."""
     bad = []
     for file in folder.glob("[!.]*"):
         try:
@@ -139,7 +139,7 @@ def posterior_of(folder: Path) -> list:
 
 
 def results_of(folder: Path) -> dict:
-    """What two runs must have in common to the last bit."""
+    """The results that must have the same bits in two runs."""
     document = json.loads((folder / "build.json").read_text())
     return {
         "rows": rows_of(folder),
@@ -175,7 +175,7 @@ def disturbed(program: str, folder: Path, kills: int, seed: int, command="run", 
                 earliest, latest = earliest / 2, latest / 2
         met += was_met
         after = rows_of(broken.parent / "out")
-        # What was there is there, unchanged.
+        # Rows that were stored before are unchanged.
         lost += len([row for row in before if row not in after])
         before = after
         halves += half_written(broken.parent / "out")

@@ -1,4 +1,4 @@
-"""What trains a surrogate, step by step: the operations of the core, for tests and benchmarks of the choice of simulations."""
+"""The training of a surrogate, step by step, by operations of the core; tests and benchmarks of the choice of simulations use it."""
 
 import json
 import re
@@ -122,7 +122,7 @@ class Learner(Held):
         self._call("set_candidates", rule=variance_of, **self.basis.rows(constants, euler_deg))
 
     def add(self, constants: ArrayLike, euler_deg: ArrayLike, modulus_gpa: ArrayLike, *, chosen: bool = False) -> None:
-        """Learn moduli (n,) in GPa. If the choice asked for them the posterior follows with `fit` or `update`; else it is updated here."""
+        """Train on moduli (n,) in GPa. If the choice asked for them the posterior follows with `fit` or `update`; else it is updated here."""
         if np.size(modulus_gpa):
             self._call("add", modulus_gpa=modulus_gpa, chosen=chosen, **self.basis.rows(constants, euler_deg))
 
@@ -161,7 +161,7 @@ class Learner(Held):
         return self.values("variances")
 
     def surrogate(self, **provenance) -> Surrogate:
-        """The surrogate of what was learnt."""
+        """The trained surrogate."""
         handle = self._call("surrogate", provenance=json.dumps(provenance, indent=1))["handle"]
         with TemporaryDirectory() as folder:
             path = Path(folder, "surrogate.txt")

@@ -14,7 +14,7 @@ SD_DEG = 0.4
 
 
 def bunge(euler_deg):
-    """From sample to crystal axes."""
+    """The rotation from sample to crystal axes."""
     return Rotation.from_euler("ZXZ", euler_deg, degrees=True).inv()
 
 
@@ -29,7 +29,7 @@ def pixels(equivalents=False, sd=SD_DEG):
 
 
 def write(path, x, y, euler, point_group="m-3m", phases=None):
-    """The map in the format of the file's ending."""
+    """Write the map in the format of the file's ending; return its path."""
     if path.suffix == ".ctf":
         lines = ["Channel Text File", "Prj\tmade by hand", "Author\t[Unknown]", "JobMode\tGrid", "XCells\t30", "YCells\t20", f"XStep\t{STEP}",
                  f"YStep\t{STEP}", "AcqE1\t0", "AcqE2\t0", "AcqE3\t0", "Euler angles refer to Sample Coordinate system (CS0)!\tMag\t100",
@@ -64,7 +64,7 @@ def along(euler_deg):
 
 
 def columns(problem, *names):
-    """What the map added."""
+    """The values that the map added to the table, for each of these columns."""
     header = problem.measurements.columns
     of_each = list(zip(*problem.measurements.rows, strict=True))
     return [list(of_each[header.index(name)]) for name in names]

@@ -127,7 +127,7 @@ NAMELIST = """&curves
 /
 """
 
-#: So well known that nothing is left to infer but the modulus.
+#: Priors so narrow that only the modulus is inferred.
 KNOWN = {"radius_sd_um": 1e-4, "tip_beta_sd": 1e-4, "compliance_sd_nm_mn": 1e-5, "session_sd": 1e-5}
 
 

@@ -16,12 +16,12 @@ from support.reference_theory import direct_modulus, stiffness
 #: C11, C12, C44 of copper, GPa; noise of a modulus, GPa; spread of the orientations within a grain, degrees.
 COPPER, NOISE, SPREAD_DEG = (168.4, 121.4, 75.4), 2.0, 0.3
 COLUMNS, ROWS, GRAINS, STEP_UM = 44, 32, 14, 2.0
-#: Stage = TURN map + OFFSET: the sample lay a little turned under the indenter.
+#: Stage = TURN map + OFFSET: the sample is rotated slightly under the indenter.
 TURN, OFFSET_UM = np.array([[0.999, 0.035], [-0.035, 0.999]]), np.array([12040.0, 8310.0])
 
 
 def write(folder: Path) -> None:
-    """The three files."""
+    """Write the three files."""
     rng = np.random.default_rng(21)
     size = np.array([COLUMNS, ROWS]) * STEP_UM
     seeds = np.array([[(k % 5 + 0.5) / 5, (k // 5 + 0.5) / 3] for k in range(GRAINS)]) * size + rng.uniform(-4, 4, (GRAINS, 2))

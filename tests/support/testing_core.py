@@ -22,7 +22,7 @@ FOLDER = tree.BUILD or tree.SOURCE / "build"
 
 
 class _Core:
-    """What the compiled core has for Python, by the library of the tests."""
+    """The interface of the compiled core, offered by the library of the tests."""
 
     def __init__(self):
         library = FOLDER / "tests" / "fortran" / "test_operations.so"
@@ -55,10 +55,10 @@ _cores: list[_Core] = []
 
 @contextmanager
 def inside():
-    """Let the core be that of the tests. What is made meanwhile is to be freed meanwhile, but for what is `Held`."""
+    """Use the core of the tests within this context. All objects made in it must be freed in it, except those that are `Held`."""
     if not _cores:
         _cores.append(_Core())
-    # An object of the other core must not be freed meanwhile.
+    # An object of the other core must not be freed within the context.
     collects, before = gc.isenabled(), core.native
     gc.disable()
     core.native = _cores[0]

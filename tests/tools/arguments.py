@@ -13,7 +13,7 @@ ENTITY = re.compile(r"(\w+)\s*((?:\((?:[^()]|\([^()]*\))*\))?)\s*(?:=[^,]*)?(?:,
 
 @dataclass
 class Procedure:
-    """A procedure with its comment, and of each argument: type with attributes, shape, comment."""
+    """A procedure with its comment; for each argument its type with attributes, its shape and its comment."""
 
     name: str
     comment: str
@@ -30,8 +30,8 @@ def unexplained(path: Path, glossary: dict[str, str]) -> Iterator[str]:
             continue
         for name, (kind, shape, comment) in procedure.arguments.items():
             named = re.search(rf"\b{name}\b" if name != "a" else "`a`", procedure.comment, re.IGNORECASE)
-            told = comment or kind.startswith(("type(", "class(")) or named
-            if not told and name not in of_module and glossary.get(name) != shape.replace(" ", ""):
+            explained = comment or kind.startswith(("type(", "class(")) or named
+            if not explained and name not in of_module and glossary.get(name) != shape.replace(" ", ""):
                 yield f"{procedure.name}: {name}{shape}"
 
 

@@ -12,11 +12,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 SUITE = "bookworm"
-#: So that pip trusts what this machine trusts.
+#: pip on the bare system trusts the same certificates as this machine.
 CERTIFICATES = Path("/etc/ssl/certs/ca-certificates.crt")
 
 PATH = f"{os.environ['PATH']}:/usr/sbin:/sbin"
-#: What must not be needed there.
+#: Programs and libraries that the wheel must not need.
 LACKING = ("gcc", "gfortran", "libopenblas", "libcholmod", "libgfortran", "libgomp")
 
 DOMAIN = "&domain c_min = 50, 40, 15, c_max = 250, 150, 120, anisotropy_cap = 7.2 /\n"
@@ -40,7 +40,7 @@ STEPS = {
 
 
 def try_wheel(wheel: Path, made: Path | None) -> int:
-    """Install the wheel on a copy of the system `made`, or on a new one, run STEPS, and print their seconds and what was found there and here."""
+    """Install the wheel on a copy of the system `made` or on a new one, run STEPS there and here, and print seconds and results."""
     if os.geteuid() != 0 or not shutil.which("debootstrap", path=PATH):
         sys.exit("wheel --try makes a bare Debian, which takes root and debootstrap (apt-get install debootstrap)")
     with tempfile.TemporaryDirectory(prefix="bare-") as folder:
@@ -84,7 +84,7 @@ def run_inside(system: Path, command: str) -> tuple[float, float]:
         'PATH=/home/venv/bin:/usr/bin:/bin sh -c "cd /home && $1"'
     )
     started, used = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN)
-    # Its mounts are seen by it alone, and end with it.
+    # The mounts are private to this process and end with it.
     done = subprocess.run(["unshare", "--mount", "sh", "-c", script, "sh", command], capture_output=True, text=True)
     if done.returncode:
         sys.exit(f"failed on the bare system: {command}\n{done.stdout}{done.stderr}")
@@ -93,7 +93,7 @@ def run_inside(system: Path, command: str) -> tuple[float, float]:
 
 
 def results(folder: Path) -> dict[str, float]:
-    """What the programs found in a folder."""
+    """The numbers that the programs computed in a folder."""
     extracted = json.loads((folder / "extract.json").read_text())["parameters"]
     batch = json.loads((folder / "batch" / "summary.json").read_text())["parameters"]
     return {

@@ -11,7 +11,7 @@ SITE = ROOT / "build-docs"
 
 
 def main(argv=None) -> int:
-    """Build the site; an exit status."""
+    """Build the site; return an exit status."""
     argparse.ArgumentParser(prog="bayesindent docs", description=__doc__).parse_args(argv)
     done = build(SITE)
     if done.returncode == 0:

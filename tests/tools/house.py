@@ -1,4 +1,4 @@
-"""The map of the house: which folder of fortran/ and of python/bayesindent/ uses which, with the number of modules behind each arrow."""
+"""The map of the folders of fortran/ and python/bayesindent/: arrows lead to the folders that a folder uses."""
 
 import ast
 import re
@@ -39,7 +39,7 @@ def fortran_graph(folder: Path) -> tuple[Counter, Counter]:
 
 
 def python_graph(package: Path) -> tuple[Counter, Counter]:
-    """The same of the sub-packages."""
+    """The same for the sub-packages."""
     sizes: Counter = Counter()
     uses: Counter = Counter()
     for path in package.rglob("*.py"):

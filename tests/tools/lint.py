@@ -1,4 +1,4 @@
-"""Formatters, linters, the type checker and the rules of prose over the whole source tree: `lint` says what is wrong, `lint --fix` formats first.
+"""Formatters, linters, the type checker and the rules of prose over the whole source tree: `lint` reports faults, `lint --fix` formats first.
 
 All of them are Python wheels of the development extra `dev`; their settings are in pyproject.toml, .clang-format and fortitude.toml.
 """
@@ -16,9 +16,9 @@ SHELL = ("bayesindent", ".ci/run")
 
 
 def main(argv=None) -> int:
-    """Run every tool, show what those that complain say, and return 1 if one does."""
+    """Run every tool, show the output of those that report faults, and return 1 if one does."""
     parser = argparse.ArgumentParser(prog="bayesindent lint", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--fix", action="store_true", help="format, and mend what the linters can mend, before checking")
+    parser.add_argument("--fix", action="store_true", help="format, and correct what the linters can correct, before checking")
     arguments = parser.parse_args(argv)
     if arguments.fix:
         for command in fixes():
@@ -54,7 +54,7 @@ def fixes() -> list[list[str]]:
 
 
 def checks() -> list[tuple[str, list[str], bool]]:
-    """Name of each tool, its command, and whether any output is a complaint (fprettify reports by a diff alone)."""
+    """Name of each tool, its command, and whether any output means a fault (fprettify reports by a diff alone)."""
     return [
         ("fprettify", fprettify("--diff"), True),
         ("fortitude", ["fortitude", "check", "--quiet", "fortran", "tests"], False),
@@ -78,7 +78,7 @@ def run(command: list[str]) -> subprocess.CompletedProcess:
 
 
 def passes(name: str, command: list[str], silent: bool) -> bool:
-    """Whether this tool has nothing to complain of; what it says is shown otherwise."""
+    """Whether this tool reports no fault; otherwise its output is shown."""
     done = run(command)
     said = (done.stdout + done.stderr).strip()
     good = done.returncode == 0 and not (silent and said)

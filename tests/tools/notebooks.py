@@ -30,7 +30,7 @@ def cells(text: str) -> list[tuple[str, str]]:
 
 
 def executed(page: Path) -> dict:
-    """The notebook of a page, run in the present folder."""
+    """Run a page in the current folder; return its notebook."""
     names: dict = {"__name__": "tutorial"}
     made: list[dict] = []
     for number, (kind, text) in enumerate(cells(page.read_text(encoding="utf-8"))):

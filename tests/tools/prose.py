@@ -1,4 +1,4 @@
-"""How pages and messages are written: the length of the front page and of all pages of users, their sentences, and phrases for which the field has a term."""
+"""Rules of prose: the length of pages and of their sentences, and phrases for which the field has a term."""
 
 import re
 from collections.abc import Mapping
@@ -8,12 +8,12 @@ from statistics import median
 
 from tools import lines
 
-#: Words of README.md, and of its sentences the most and the most in the middle.
+#: Limits of README.md: its words, the words of its longest sentence, and of its median sentence.
 README_WORDS, LONGEST, MIDDLE = (500, 700), 30, 15
-#: Of all pages of users together the most words, and of their sentences the most words of the median and of 90 %.
+#: Limits of all pages of users together: words, words of the median sentence, and of 90 % of the sentences.
 PAGES_WORDS, PAGES_MIDDLE, PAGES_MOST = 24000, 17, 30
 
-#: Phrases, and what to write in their place.
+#: Phrases (patterns), and the terms to write instead.
 PHRASES = {
     r"\b(is|are|was|were) told of\b": "is reported, warns",
     r"\b(has|have|had) a say\b": "the result depends on the prior",
@@ -31,7 +31,7 @@ PHRASES = {
 
 
 def complaints(root: Path) -> list[str]:
-    """What is wrong with the prose of a source tree."""
+    """All faults in the prose of a source tree."""
     readme = (root / "README.md").read_text(encoding="utf-8")
     found = [f"README.md: {words}" for words in of_readme(readme)]
     found += of_pages({str(page.relative_to(root)): page.read_text(encoding="utf-8") for page in pages_of_users(root)})
@@ -45,7 +45,7 @@ def complaints(root: Path) -> list[str]:
 
 
 def of_readme(text: str) -> list[str]:
-    """Whether the front page is as long as it may be, and its sentences."""
+    """Faults in the length of the front page and of its sentences."""
     count, low, high = len(text.split()), *README_WORDS
     found = [] if low <= count <= high else [f"{count} words; allowed {low} to {high}"]
     lengths = [(len(sentence.split()), sentence) for sentence in sentences(text)]
@@ -55,14 +55,14 @@ def of_readme(text: str) -> list[str]:
 
 
 def pages_of_users(root: Path) -> list[Path]:
-    """The site without its list of variables, its tables of measurements and the record of changes."""
+    """All pages except the list of variables, the tables of measurements and the record of changes."""
     left_out = {"verification", "namelists.md"}
     docs = [page for page in sorted((root / "docs").rglob("*.md")) if not left_out & {*page.relative_to(root).parts}]
     return [root / "README.md", root / "CONTRIBUTING.md", *docs]
 
 
 def of_pages(texts: dict[str, str]) -> list[str]:
-    """Whether these pages, by name, are as long as they may be together, and their sentences."""
+    """Faults in the length of these pages (text by name) together and of their sentences."""
     counts = {name: len(text.split()) for name, text in texts.items()}
     lengths = {}
     for name, text in texts.items():
@@ -100,6 +100,6 @@ def sentences(text: str) -> list[str]:
 
 
 def of_phrases(text: str) -> list[tuple[str, str]]:
-    """Phrases of a text that have a better one, and that."""
+    """Phrases of a text that have a better term, each with the term."""
     text = " ".join(text.split())
     return [(found[0], term) for pattern, term in PHRASES.items() for found in re.finditer(pattern, text, flags=re.IGNORECASE)]

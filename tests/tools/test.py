@@ -1,7 +1,7 @@
 """Build and run the tests: those of every day, in some three minutes on two cores; with --long all others, in some twenty.
 
-The last lines are the ten slowest cases and the count. Each case that has ended is in build/meson-logs/*.txt at once, so that a run
-that is killed leaves its results.
+The last lines are the ten slowest cases and the count. Each case is written to build/meson-logs/*.txt as soon as it has ended, so
+that a run that is killed leaves its results.
 """
 
 import argparse
@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
-#: What a build that checks itself is made with.
+#: Options of a build that checks addresses, undefined behaviour and bounds.
 SANITIZERS = (
     "-Db_sanitize=address,undefined",
     "-Db_lundef=false",
@@ -78,7 +78,7 @@ def run_tests(build: Path, names: list[str]) -> int:
         test = known[name]
         status = subprocess.run([*test["cmd"], *more], env=os.environ | test["env"], stdin=subprocess.DEVNULL).returncode
         found = pytest_cases(logs / f"cases-{name}.txt")
-        # 5: nothing was collected. A crash of pytest itself is no failed case.
+        # Status 5 means that no case was collected. A crash of pytest itself appears as no failed case.
         good &= status in (0, 5)
         cases += found
     return conclude(cases, good)
@@ -89,7 +89,7 @@ def conclude(cases: list[Case], good: bool) -> int:
     outcomes = [case.outcome for case in cases]
     count = {outcome: outcomes.count(outcome) for outcome in ("passed", "failed", "skipped")}
     if not good and not count["failed"]:
-        print("the tests did not end as they should", file=sys.stderr)
+        print("the tests ended abnormally", file=sys.stderr)
         count["failed"] = 1
     print("The slowest:")
     for case in sorted(cases, key=lambda case: -case.seconds)[:10]:
@@ -104,17 +104,17 @@ def unit_cases(log: Path) -> Iterator[Case]:
     for line in log.read_text().splitlines() if log.exists() else []:
         entry = json.loads(line)
         name, seconds = entry["name"].rpartition(":")[-1].strip(), entry["duration"]
-        told = [text for text in entry.get("stdout", "").splitlines() if text.startswith(("ok", "not ok"))]
-        for text in told or ["ok" if entry["result"] == "OK" else "not ok"]:
+        reported = [text for text in entry.get("stdout", "").splitlines() if text.startswith(("ok", "not ok"))]
+        for text in reported or ["ok" if entry["result"] == "OK" else "not ok"]:
             outcome = "failed" if text.startswith("not") else "skipped" if "# SKIP" in text.upper() else "passed"
             yield Case(outcome, seconds, f"unit {name}")
             seconds = 0.0
-        if entry["result"] != "OK" and told and not any(text.startswith("not") for text in told):
+        if entry["result"] != "OK" and reported and not any(text.startswith("not") for text in reported):
             yield Case("failed", 0.0, f"unit {name}: {entry['result']}")
 
 
 def pytest_cases(log: Path) -> Iterator[Case]:
-    """The cases that tests/conftest.py has kept."""
+    """The cases that tests/conftest.py has recorded."""
     for line in log.read_text().splitlines() if log.exists() else []:
         outcome, seconds, name = line.split(maxsplit=2)
         yield Case(outcome, float(seconds), name)

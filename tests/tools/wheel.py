@@ -17,10 +17,10 @@ from tools import bare_system
 
 ROOT = Path(__file__).parents[2]
 DIST = ROOT / "dist"
-#: Where pip puts programs of this environment.
+#: The folder in which pip installs programs of this environment.
 TOOLS = Path(sys.executable).parent
 
-#: Of the kernels of OpenBLAS those that are kept, and for which other processors each stands in: 6 MB in place of 36.
+#: Kernels of OpenBLAS that are retained, and the processors that each one serves as well: 6 MB instead of 36.
 KERNELS = {
     "PRESCOTT": "ATHLON KATMAI COPPERMINE NORTHWOOD BANIAS CORE2 PENRYN DUNNINGTON NEHALEM ATOM NANO OPTERON OPTERON_SSE3 BARCELONA BOBCAT "
     "SANDYBRIDGE BULLDOZER PILEDRIVER STEAMROLLER EXCAVATOR",
@@ -70,17 +70,17 @@ def merged(plain: Path, wide: Path, folder: Path) -> Path:
             archive.extractall(part)
     folder_of_wide = contents / "bayesindent" / "x86_64_v3"
     folder_of_wide.mkdir()
-    # What the record does not list auditwheel does not see.
+    # auditwheel handles only files that the record lists.
     with open(next(contents.glob("*.dist-info")) / "RECORD", "a") as record:
         for file in programs(folder / "wide-contents"):
-            # Which of the two is used is asked of the first.
+            # The processor module of the first wheel chooses between the two.
             if file.name.startswith("_processor"):
                 continue
             shutil.copy(file, folder_of_wide)
             record.write(f"bayesindent/x86_64_v3/{file.name},,\n")
     for file in programs(contents):
         file.chmod(0o755)
-        # Or auditwheel would take the libraries from where they were linked.
+        # With these paths auditwheel would copy the libraries that were linked at build time.
         subprocess.run([TOOLS / "patchelf", "--remove-rpath", file], check=True)
     return Path(shutil.make_archive(str(folder / plain.stem), "zip", contents)).rename(folder / plain.name)
 
@@ -91,7 +91,7 @@ def programs(folder: Path) -> list[Path]:
 
 
 def repaired(wheel: Path, folder: Path) -> Path:
-    """The same wheel with its libraries inside: those of this machine, but of OpenBLAS what is called."""
+    """The same wheel with the libraries of this machine inside; of OpenBLAS it has only the procedures that are called."""
     search = {"LD_LIBRARY_PATH": str(slim_blas(folder)), "PATH": f"{TOOLS}:{os.environ['PATH']}"}
     command: list[str | Path] = [sys.executable, "-m", "auditwheel", "repair", "--strip", "--wheel-dir", folder / "repaired", wheel]
     subprocess.run(command, check=True, env=os.environ | search)
@@ -128,12 +128,12 @@ def symbols(which: str, file: str | Path) -> set[str]:
 
 
 def output(*command: str | Path) -> str:
-    """What a command prints."""
+    """The output of a command."""
     return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout.strip()
 
 
 def installed_size(wheel: Path) -> int:
-    """Bytes of all its files."""
+    """The bytes of all files of a wheel."""
     with zipfile.ZipFile(wheel) as archive:
         return sum(entry.file_size for entry in archive.infolist())
 
