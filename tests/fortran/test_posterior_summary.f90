@@ -1,5 +1,5 @@
 !> What chains say: intervals, combinations, the point of largest density, and the gain of a further measurement.
-program test_summary
+program test_posterior_summary
    use constants_prior, only: prior_type
    use crystal_class, only: new_crystal_class
    use errors, only: error_type
@@ -218,4 +218,4 @@ contains
       call check_close('information about the constants alone', gain_of(candidates), 0.5_wp*log(1.0_wp + v/(shared + sd**2)), &
          & 0.02_wp)
    end subroutine test_shared_errors
-end program test_summary
+end program test_posterior_summary

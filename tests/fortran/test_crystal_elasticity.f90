@@ -1,5 +1,5 @@
 !> Crystal elasticity and half-space theory against closed forms.
-program test_crystal
+program test_crystal_elasticity
    use crystal_elasticity, only: anisotropy_index, averages_type, check_stiffness, is_stable, &
       & log_anisotropy, polycrystal_averages, rotate_stiffness, rotation_matrix, voigt_index
    use errors, only: error_type
@@ -149,4 +149,4 @@ contains
          end do
       end do
    end function stiffness_tensor
-end program test_crystal
+end program test_crystal_elasticity

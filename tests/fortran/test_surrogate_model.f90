@@ -1,6 +1,6 @@
 !> The paper's domain, basis and surrogate: membership, orthonormality, counts, predictions, the model of grains; and the file of any
 !> surrogate with all its damages.
-program test_surrogate
+program test_surrogate_model
    use abstract_basis, only: basis_type, grain_model_type
    use bases, only: new_basis
    use crystal_elasticity, only: anisotropy_index, is_stable, isotropic_stiffness
@@ -455,4 +455,4 @@ contains
       open (newunit=unit, file=name, status='old')
       close (unit, status='delete')
    end subroutine remove
-end program test_surrogate
+end program test_surrogate_model

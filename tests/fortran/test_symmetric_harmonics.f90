@@ -1,5 +1,5 @@
 !> Symmetrised harmonics: counts of the eleven Laue groups, invariance, orthonormality, known functions.
-program test_harmonics
+program test_symmetric_harmonics
    use crystal_class, only: crystal_class_names, crystal_class_type, rotations_about
    use errors, only: error_type
    use kinds, only: pi, wp
@@ -185,4 +185,4 @@ contains
       class = class_of(name)
       call new_harmonics(class%generators, bandlimit, harmonics, error)
    end subroutine harmonics_of
-end program test_harmonics
+end program test_symmetric_harmonics

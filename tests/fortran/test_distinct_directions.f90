@@ -1,5 +1,5 @@
 !> Regions of distinct directions: what they cover, what they hold, and today's points for cubic and hexagonal crystals.
-program test_directions
+program test_distinct_directions
    use crystal_class, only: crystal_class_names, crystal_class_type
    use distinct_directions, only: all_alike, angle_between, lattice_of_directions, new_region, region_type, representative, &
       & spread_of_directions
@@ -171,4 +171,4 @@ contains
       call new_region(class_of('hexagonal'), region)
       call check('not for a hexagonal crystal', .not. all_alike(region, three, 5.0_wp*degree))
    end subroutine test_alike
-end program test_directions
+end program test_distinct_directions

@@ -1,5 +1,5 @@
 !> The domain of a correction: its limits, and crystals spread over it.
-program test_domain
+program test_surrogate_domain
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: kelvin_form, logarithmic_mean
    use errors, only: error_type
@@ -150,4 +150,4 @@ contains
       end do
       call check('classes take turns', taken)
    end subroutine test_hypercube
-end program test_domain
+end program test_surrogate_domain

@@ -1,5 +1,5 @@
 !> The specimen correction: coordinates and polynomials about the indenter's axis, the basis, its model of grains, and its file.
-program test_correction
+program test_correction_basis
    use abstract_basis, only: basis_type, grain_model_type, spread_of
    use axial_polynomials, only: axial_polynomials_type, evaluate_polynomials, greatest_degree, new_axial_polynomials
    use bases, only: new_basis
@@ -487,4 +487,4 @@ contains
          & .and. copy%basis%n_terms == merge(176, 141, present(stiffness)) &
          & .and. all(copy%basis%prior_degrees == surrogate%basis%prior_degrees))
    end subroutine test_file
-end program test_correction
+end program test_correction_basis

@@ -1,5 +1,5 @@
 !> The half-space theory, in full and read from a field, and the coordinates of Step 2.
-program test_theory
+program test_halfspace_theory
    use compliance_field, only: field_moduli, field_type, new_field
    use crystal_class, only: crystal_class_type, new_crystal_class
    use crystal_elasticity, only: anisotropy_index, is_stable, log_anisotropy, path_type, rayleigh, voigt_index
@@ -363,4 +363,4 @@ contains
       call check(name//': moduli', all(largest < allowed))
       call check(name//': better with every degree', all(largest(2:) < 0.5_wp*largest(:2) .or. largest(2:) < 1.0e-7_wp))
    end subroutine test_field
-end program test_theory
+end program test_halfspace_theory

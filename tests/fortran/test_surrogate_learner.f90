@@ -1,5 +1,5 @@
 !> The fit of a surrogate, and the choice of the next simulation.
-program test_fit
+program test_surrogate_learner
    use abstract_basis, only: basis_type
    use acquisitions, only: new_acquisition
    use bases, only: new_basis
@@ -163,4 +163,4 @@ contains
       call learner%rule%choose(learner%design, basis, 1, chosen(:2), variance(:2))
       call check('what is excluded is not chosen', all(chosen(:2) <= 2))
    end subroutine test_choice
-end program test_fit
+end program test_surrogate_learner

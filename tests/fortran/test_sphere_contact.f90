@@ -1,5 +1,5 @@
 !> The contact of a tip with a half-space: closed forms, and Sneddon's integrals by quadrature.
-program test_curves
+program test_sphere_contact
    use kinds, only: pi, wp
    use sphere_contact, only: contact_at, contact_type
    use testing, only: check, check_close, finish
@@ -127,4 +127,4 @@ contains
       end do
       integral = integral*pi/(6.0_wp*n)
    end function integral
-end program test_curves
+end program test_sphere_contact

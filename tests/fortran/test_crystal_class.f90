@@ -1,5 +1,5 @@
 !> The table of crystal classes: names, and the stiffnesses that follow from the generators.
-program test_class
+program test_crystal_class
    use crystal_class, only: crystal_class_names, crystal_class_type, general_class, new_crystal_class
    use crystal_elasticity, only: rotate_stiffness
    use errors, only: error_type
@@ -121,4 +121,4 @@ contains
       call new_crystal_class('hexagonal', large, error)
       call check('neither of cubic and hexagonal the other', .not. (small%includes(large) .or. large%includes(small)))
    end subroutine test_inclusion
-end program test_class
+end program test_crystal_class
