@@ -222,7 +222,7 @@ contains
          & '  &measurements  samples the constants: posterior.csv, posterior.bin, summary.json', &
          & '  &next          ranks the grains to measure next: next.json', &
          & 'bayesindent report DIR makes the page of results.', '', &
-         & '  --stage NAME  only simulate, theory, size, build, plan, curves, extract or next', &
+         & '  --stage NAME  only simulate, theory, build, plan, curves, extract or next', &
          & '  --output DIR  folder of the results (default runs/<stem of the file>)', &
          & '  --check       only say whether the file, and what it names, is right', &
          & '  --schema      print the page of all groups and variables', &

@@ -14,7 +14,6 @@ COMMANDS = (
     "run",
     "simulate",
     "theory",
-    "size",
     "build",
     "plan",
     "curves",
