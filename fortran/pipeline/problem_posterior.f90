@@ -148,7 +148,7 @@ contains
          measured%shared = shared_errors(problem)
       end associate
       if (problem%settings%measurements%orientations == 'unknown') call spread_orientations(problem%class, &
-         & problem%textured, measured)
+         & problem%texture, measured)
       call read_knowledge(problem, knowledge, error)
       associate (settings => problem%settings)
          if (.not. allocated(error)) call new_observable(settings%measurements%modulus_kind, settings%measurements, observable, &

@@ -42,9 +42,8 @@ module problem
       logical :: are_detected = .false.
       !> Of &next: the grains to choose from; unallocated: all directions.
       type(points_type), allocatable :: grains
-      !> Of &plan the grains whose orientations are taken, unallocated: random ones; of &measurements those that grains of unknown
-      !> orientation may have.
-      type(points_type), allocatable :: textured
+      !> Of &measurements: the orientations that grains of unknown orientation may have; unallocated: all.
+      type(points_type), allocatable :: texture
       !> The file of measurements that Python turns into a plain table (see `set_table`), any file where Python asks, or a spreadsheet.
       character(len=:), allocatable :: table_file
       !> Measurements that wait for the orientations that Python takes from a map, the paths of the map and of its homologous points, and
@@ -181,10 +180,8 @@ contains
          end if
          if (.not. allocated(error) .and. allocated(s%measurements%texture)) then
             call load_grains(self, place(self%path, 'measurements', 'texture'), s%measurements%texture, error)
-         else if (.not. allocated(error) .and. allocated(s%plan%orientations)) then
-            call load_grains(self, place(self%path, 'plan', 'orientations'), s%plan%orientations, error)
+            call move_alloc(self%grains, self%texture)
          end if
-         call move_alloc(self%grains, self%textured)
          if (.not. allocated(error) .and. allocated(s%next%candidates)) call load_grains(self, place(self%path, 'next', &
             & 'candidates'), s%next%candidates, error)
          if (allocated(error) .or. any(['latin    ', 'factorial'] == s%design%candidates)) return
