@@ -5,7 +5,7 @@ module simulation_loop
    use kinds, only: degree, i8
    use namelist_file, only: place
    use machine, only: thread_count
-   use running_command, only: advance_progress, begin_progress, end_progress
+   use progress, only: advance_progress, begin_progress, end_progress
    use simulate, only: new_simulator, outcome_type, simulator_type
    implicit none
    private
