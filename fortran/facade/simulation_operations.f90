@@ -229,7 +229,10 @@ contains
          ! A table that is no file: a page of CSV.
          call self%set_table(x%in%text('table'), x%in%text('page'), x%error)
       case ('misread')
-         self%misread = reshape(x%in%columns('directions', 3), [3, size(self%positions, 1), 7])
+         self%misread = reshape(x%in%columns('directions', 3), [3, self%indents%rows, 7])
+      case ('retain_indents')
+         ! Rows from 1.
+         call self%retain_indents(nint(x%in%reals('rows')))
       case ('write_crystals')
          ! The table of the crystals with columns of numbers (n, m) added.
          call write_table(self%crystals%table, x%in%text('path'), x%in%text('names'), &

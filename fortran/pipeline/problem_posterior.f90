@@ -141,7 +141,6 @@ contains
          where (.not. measured%sd > 0.0_wp) measured%sd = 1.0_wp
          measured%tilt_sd = merge(table%orientation_sd_deg, problem%settings%measurements%orientation_sd_deg, &
             & table%orientation_sd_deg >= 0.0_wp)*degree
-         if (allocated(table%other) .and. problem%settings%measurements%orientations /= 'unknown') measured%other = table%other
          measured%group = table%group
          measured%paths = table%paths
          if (allocated(problem%settings%problem%density_kg_m3)) measured%density = problem%settings%problem%density_kg_m3

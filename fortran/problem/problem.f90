@@ -51,6 +51,8 @@ module problem
       type(table_type), allocatable :: indents
       character(len=:), allocatable :: map, map_points
       real(wp), allocatable :: positions(:, :)
+      !> The rows that `retain_indents` leaves; unallocated: all.
+      integer, allocatable :: retained(:)
       !> Indented directions in crystal axes where the axes of the map are mistaken, (3, measurement, way); see `orientation_check`.
       real(wp), allocatable :: misread(:, :, :)
       !> Of &curves, and the crystals of &references.
@@ -65,7 +67,7 @@ module problem
       !> Folder, without its last slash, that keeps finished chains until Step 2 is done; unallocated: they are not kept.
       character(len=:), allocatable :: kept_in
    contains
-      procedure :: curves_place, resolved_text, set_table, take_curves, take_curve_results
+      procedure :: curves_place, resolved_text, retain_indents, set_table, take_curves, take_curve_results
    end type problem_type
 
    !> Contact radius of the paper's indentations at the last depth, um.
@@ -239,6 +241,9 @@ contains
 
       source = table
       if (allocated(self%shared_file)) call read_table(self%shared_file, source, error)
+      if (.not. allocated(error) .and. allocated(self%shared_file) .and. allocated(self%retained)) then
+         if (source%rows == size(self%positions, 1)) call source%retain(self%retained)
+      end if
       if (.not. allocated(error) .and. source%rows /= table%rows) call refuse(error, to_text(source%rows)//' rows for ' &
          & //to_text(table%rows)//' of the measurements; each row has the errors of one of them')
       if (allocated(error)) source%columns = 0
@@ -260,8 +265,18 @@ contains
          & //error%message
    end subroutine take_shared_errors
 
+   !> Leave out all indents but those of these `rows`. It precedes the table 'ebsd' of `set_table`.
+   subroutine retain_indents(self, rows)
+      class(problem_type), intent(inout) :: self
+      !> From 1, growing.
+      integer, intent(in) :: rows(:)
+
+      self%retained = rows
+      call self%indents%retain(rows)
+   end subroutine retain_indents
+
    !> A table that is no file; of measurements in one the plain table that was made of it, or nothing where it is plain; of 'ebsd' a row
-   !> for each measurement. Of 'warning' what is to be said of a table.
+   !> for each indent that is retained. Of 'warning' what is to be said of a table.
    subroutine set_table(self, table, page, error)
       class(problem_type), intent(inout) :: self
       !> 'measurements', 'curves', 'velocities', 'ebsd' or 'stiffness'; CSV, as a file has it. Or 'warning' and its line.
