@@ -237,15 +237,15 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: source
       logical, allocatable :: chosen(:)
-      integer :: i, j
+      integer :: rows, i, j
 
       source = table
       if (allocated(self%shared_file)) call read_table(self%shared_file, source, error)
-      if (.not. allocated(error) .and. allocated(self%shared_file) .and. allocated(self%retained)) then
-         if (source%rows == size(self%positions, 1)) call source%retain(self%retained)
-      end if
-      if (.not. allocated(error) .and. source%rows /= table%rows) call refuse(error, to_text(source%rows)//' rows for ' &
-         & //to_text(table%rows)//' of the measurements; each row has the errors of one of them')
+      rows = table%rows
+      if (allocated(self%shared_file) .and. allocated(self%retained)) rows = size(self%positions, 1)
+      if (.not. allocated(error) .and. source%rows /= rows) call refuse(error, to_text(source%rows)//' rows for ' &
+         & //to_text(rows)//' of the measurements; each row has the errors of one of them')
+      if (.not. allocated(error) .and. rows > table%rows) call source%retain(self%retained)
       if (allocated(error)) source%columns = 0
       chosen = [(index(source%name(j), 'shared_') == 1 .or. (allocated(self%shared_file) .and. source%name(j) /= 'grain'), j=1, &
          & source%columns)]

@@ -30,12 +30,15 @@ def points_file(path, places=CORNERS, errors=0.0):
     return path
 
 
-def registered(tmp_path, places, points, **further):
+def registered(tmp_path, places, points, settings=None, **further):
     path = write(tmp_path / "map.h5", *pixels())
     stage = dict(zip(("x_um", "y_um"), stage_of(places).T.tolist(), strict=True))
     table = stage | {"Er": [200.0 + k for k in range(len(places))], "sd": len(places) * [4.0]} | further
     return bi.Problem.from_keywords(
-        "f", {"measurements": table}, problem={"symmetry": "cubic"}, measurements={"ebsd": path, "ebsd_points": points}
+        "f",
+        {"measurements": table},
+        problem={"symmetry": "cubic"},
+        measurements={"ebsd": path, "ebsd_points": points} | (settings or {}),
     )
 
 
@@ -69,6 +72,17 @@ def test_an_indent_near_a_boundary_is_named_and_left_out(tmp_path):
     assert along(problem.measurements.euler_deg)[0] == pytest.approx(along([LEFT])[0], abs=0.003)
     with pytest.raises(bi.InputError, match=r"rows 1 \(.*are left out"):
         registered(tmp_path, [(EDGE - 0.6, 5.0)], path)
+
+
+def test_shared_errors_have_a_row_for_indents_that_are_left_out_too(tmp_path):
+    errors = 0.4 * np.array([[1, -1], [-1, 0.5], [0.5, 1], [-0.5, -0.5], [0, 0]])
+    path, shared = points_file(tmp_path / "points.csv", errors=errors), tmp_path / "shared.csv"
+    places, settings = [(EDGE - 0.6, 5.0), (2.0, 5.0), (2.5, 4.0)], {"shared_errors": str(shared)}
+    shared.write_text("radius\n0.5\n0.01\n0.02\n")
+    assert registered(tmp_path, places, path, settings).map.rows == [1, 2]
+    shared.write_text("radius\n0.01\n0.02\n")
+    with pytest.raises(bi.InputError, match="2 rows for 3 of the measurements"):
+        registered(tmp_path, places, path, settings)
 
 
 def test_three_points_leave_the_error_unknown(tmp_path):
