@@ -67,7 +67,8 @@ std::filesystem::path own_folder() {
 // The package's data in the newest Python beside this program; '' if none has them. Debian's Python
 // installs into other folders than it reports when the package is built.
 std::string newest_packages() {
-  const std::string pattern = (own_folder() / "../lib*/python3*/{site,dist}-packages/bayesindent/data/").string();
+  const char *const places = "../lib*/python3*/{site,dist}-packages/bayesindent/data/";
+  const std::string pattern = (own_folder() / places).string();
   std::string newest;
   long highest = -1;
   glob_t found = {};
@@ -199,7 +200,9 @@ std::int32_t bayesindent_reserve_blas(std::int32_t callers) {
 void bayesindent_data_folder(const char *installed, char *folder, std::int32_t size) {
   const char *const stated = std::getenv("BAYESINDENT_DATA");
   std::string found = stated != nullptr && *stated != '\0' ? std::string(stated) + "/" : "";
-  for (const char *const place : {installed, "../bayesindent/data/", "../data/", "../python/bayesindent/data/"}) {
+  const char *const places[] = {installed, "../bayesindent/data/", "../data/",
+                                "../python/bayesindent/data/"};
+  for (const char *const place : places) {
     std::error_code failed;
     if (found.empty() && std::filesystem::is_directory(own_folder() / place, failed))
       found = (own_folder() / place).string();

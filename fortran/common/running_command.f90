@@ -14,8 +14,8 @@ module running_command
    use text, only: to_text
    implicit none
    private
-   public :: watch_signals, take_folder, remove_files, end_command, listen, stop_listening, stop_requested
-   public :: print_line, output_stream, error_stream
+   public :: watch_signals, take_folder, remove_files, end_command
+   public :: listen, stop_listening, stop_requested, print_line, output_stream, error_stream
 
    !> Where `print_line` writes.
    integer(c_int), parameter :: output_stream = 1, error_stream = 2
@@ -82,7 +82,8 @@ contains
       end if
    end subroutine take_folder
 
-   !> Print a `line` at once. A standard output that cannot be written ends the program with status 1.
+   !> Print a `line` at once. A standard output that cannot be written ends the program with
+   !> status 1.
    subroutine print_line(stream, line)
       !> `output_stream` or `error_stream`.
       integer(c_int), intent(in) :: stream

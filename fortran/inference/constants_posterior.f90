@@ -103,7 +103,8 @@ contains
       posterior%calibration(maxval([0, measured%group(:posterior%n_moduli)]) + 1:) = settings%velocity_calibration_sd
       posterior%scale = posterior%errors%scale*measured%sd
       posterior%log_scales = sum(log(posterior%scale))
-      posterior%n_directions = merge(n_tilts, 1, settings%misalignment_sd_deg > 0.0_wp .or. any(measured%tilt_sd > 0.0_wp))
+      posterior%n_directions = merge(n_tilts, 1, settings%misalignment_sd_deg > 0.0_wp &
+         & .or. any(measured%tilt_sd > 0.0_wp))
       posterior%euler = measured%euler
       if (posterior%n_directions > 1) posterior%euler = all_tilts(measured%euler, measured%tilt_sd)
       call new_grain_model(surrogate, prior%class, posterior%euler, with_covariance, posterior%grains, error)

@@ -32,7 +32,8 @@ module variance_shares
       real(wp), allocatable :: by_source(:), by_quantity(:)
    end type shares_type
 
-   !> The greatest sum of shares, and how many of its Monte Carlo errors it may be above: else covariances do not describe the draws.
+   !> The greatest sum of shares, and how many of its Monte Carlo errors it may be above: else
+   !> covariances do not describe the draws.
    real(wp), parameter :: greatest_sum = 1.05_wp, errors_above = 2.0_wp
    !> A quantity is determined if its sd is below the first part of its value and the prior's share below the second; it is not determined
    !> if either is above those of the other pair.

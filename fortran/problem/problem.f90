@@ -42,7 +42,8 @@ module problem
       logical :: are_detected = .false.
       !> Of &next: the grains to choose from; unallocated: all directions.
       type(points_type), allocatable :: grains
-      !> Of &measurements: the orientations that grains of unknown orientation may have; unallocated: all.
+      !> Of &measurements: the orientations that grains of unknown orientation may have;
+      !> unallocated: all.
       type(points_type), allocatable :: texture
       !> The file of measurements that Python turns into a plain table (see `set_table`), any file where Python asks, or a spreadsheet.
       character(len=:), allocatable :: table_file
@@ -67,7 +68,8 @@ module problem
       !> Folder, without its last slash, that keeps finished chains until Step 2 is done; unallocated: they are not kept.
       character(len=:), allocatable :: kept_in
    contains
-      procedure :: curves_place, resolved_text, retain_indents, set_table, take_curves, take_curve_results
+      procedure :: curves_place, resolved_text, set_table, take_curves, take_curve_results
+      procedure :: retain_indents
    end type problem_type
 
    !> Contact radius of the paper's indentations at the last depth, um.
@@ -243,8 +245,10 @@ contains
       if (allocated(self%shared_file)) call read_table(self%shared_file, source, error)
       rows = table%rows
       if (allocated(self%shared_file) .and. allocated(self%retained)) rows = size(self%positions, 1)
-      if (.not. allocated(error) .and. source%rows /= rows) call refuse(error, to_text(source%rows)//' rows for ' &
-         & //to_text(rows)//' of the measurements; each row has the errors of one of them')
+      if (.not. allocated(error) .and. source%rows /= rows) then
+         call refuse(error, to_text(source%rows)//' rows for '//to_text(rows) &
+            & //' of the measurements; each row has the errors of one of them')
+      end if
       if (.not. allocated(error) .and. rows > table%rows) call source%retain(self%retained)
       if (allocated(error)) source%columns = 0
       chosen = [(index(source%name(j), 'shared_') == 1 .or. (allocated(self%shared_file) .and. source%name(j) /= 'grain'), j=1, &

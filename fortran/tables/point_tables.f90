@@ -132,8 +132,8 @@ contains
       call name_columns(points%table, asked%columns, error)
       do i = 1, points%table%columns
          if (allocated(error) .or. standard_name(points%table%called(i)) /= refused_column) cycle
-         call refuse(error, 'the column '//printable(points%table%name(i))//' is not allowed; leave out ' &
-            & //'the rows with other_probability above 0.05, and the columns other_*')
+         call refuse(error, 'the column '//printable(points%table%name(i))//' is not allowed; ' &
+            & //'leave out the rows with other_probability above 0.05, and the columns other_*')
       end do
       if (asked%orientations == 'unknown') then
          call set_size(points)

@@ -35,7 +35,7 @@ module table_columns
    !> What a modulus of a metal can be, GPa; a depth or the size of a grain, um; the speed of a surface wave, m/s; and a direction, degrees.
    real(wp), parameter :: moduli(2) = [1.0_wp, 2000.0_wp], lengths(2) = [1.0e-6_wp, 1.0e6_wp], speeds(2) = [100.0_wp, 30000.0_wp], &
       & turns(2) = [-360.0_wp, 360.0_wp], no_less = tiny(1.0_wp)
-   !> The columns of an indent that may lie in another grain; measurements with one of them are refused.
+   !> The columns of an indent that may lie in another grain. Measurements with one are refused.
    character(len=*), parameter :: refused_column = 'other_probability'
    type(column_type), parameter :: known_columns(*) = [ &
       & column_type('phi1_deg', 'phi1, phi_1, φ1, euler1, euler_1, euler_angle_1', angle_units), &

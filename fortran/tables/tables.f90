@@ -33,7 +33,8 @@ module tables
       integer, allocatable, private :: bounds(:, :, :)
       logical, private :: decimal_comma = .false.
    contains
-      procedure :: cell, is_empty, name, called, find, number, place, refuse => refuse_cell, join, retain, digest
+      procedure :: cell, is_empty, name, called, find, number, place, refuse => refuse_cell
+      procedure :: join, retain, digest
    end type table_type
 
 contains

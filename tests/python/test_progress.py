@@ -28,6 +28,6 @@ def test_silent_by_default(capfd):
 
 
 def test_the_share_and_the_time_left():
-    """Nothing in the first two seconds; then one plain line, and none within the next five seconds."""
+    """Nothing in two seconds; then one plain line, and none within the next five seconds."""
     done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("", "outer: 75 %, about 0 s left\n")

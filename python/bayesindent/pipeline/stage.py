@@ -40,7 +40,7 @@ class Simulator(NativeObject):
 
 
 class Simulations:
-    """Simulations by one simulator, made for the first job. Threads share it; a process makes its own."""
+    """Simulations by one simulator, made for the first job; each process makes its own."""
 
     def __init__(self, origin: str, physics: str):
         self.origin, self.physics, self._lock = origin, physics, Lock()

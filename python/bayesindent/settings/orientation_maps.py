@@ -26,7 +26,7 @@ BOUNDARY_DEG = 5.0
 LEAST_PIXELS = 4
 #: Columns of homologous points: positions of the stage, and of the map.
 POINT_COLUMNS = ("x_um", "y_um", "map_x_um", "map_y_um")
-#: Errors of registration that are drawn, and the probability of its grain below which an indent is left out.
+#: Errors of registration that are drawn, and the probability of its grain that an indent needs.
 SAMPLE, LEAST_SHARE = 400, 0.95
 #: No sample is larger.
 FARTHEST_UM = 1e9
@@ -36,12 +36,13 @@ NORMAL = (0.0, 0.0, 1.0)
 
 @dataclass
 class IndentedMap:
-    """A map with indents at `positions` (n, 2) in its own coordinates, um, the grain of each, and warnings.
+    """A map with indents at `positions` (n, 2) in its own coordinates, um, and the grain of each.
 
-    `rows`: their rows in the measurements, from 0; the others are left out, since their grain is uncertain.
-    `page`: a line for each indent: Bunge's angles of the mean orientation of its grain, and, where the
-    measurements have no such column, `grain`, its number in the map, `orientation_sd_deg`, the spread of the
-    indented direction over it, and `grain_radius_um`, the distance to the nearest other grain."""
+    `rows`: their rows in the measurements, from 0; the grain of the others is uncertain.
+    `page`: a line for each indent: Bunge's angles of the mean orientation of its grain, and, where
+    the measurements have no such column, `grain`, its number in the map, `orientation_sd_deg`, the
+    spread of the indented direction over it, and `grain_radius_um`, the distance to the nearest
+    other grain."""
 
     grid: "Grid"
     rows: list[int]
@@ -77,9 +78,9 @@ def indented_map(
     if doubtful := [f"{row + 1} ({share[row]:.0%})" for row in np.flatnonzero(share < LEAST_SHARE)]:
         named = f"{', '.join(doubtful[:10])}{', ..' if len(doubtful) > 10 else ''}"
         warnings.append(
-            f"{place}the indents of rows {named} are left out: their grain is uncertain. In brackets: the "
-            f"probability of the grain, with a registration of ± {sd.max():.2g} um; {LEAST_SHARE:.0%} is "
-            "needed. State more ebsd_points"
+            f"{place}the indents of rows {named} are left out: their grain is uncertain. In brackets: "
+            f"the probability of the grain, with a registration of ± {sd.max():.2g} um; "
+            f"{LEAST_SHARE:.0%} is needed. State more ebsd_points"
         )
     if not retained:
         raise InputError(warnings[-1])
@@ -93,7 +94,8 @@ def indented_map(
         values = {"grain": f"EBSD {grain}", "orientation_sd_deg": spread, "grain_radius_um": radius}
         angles = dict(zip(("phi1_deg", "Phi_deg", "phi2_deg"), euler_deg))
         rows.append(angles | {name: value for name, value in values.items() if name not in stated})
-    return IndentedMap(grid, retained, indents, grains, as_csv(list(rows[0]), [list(row.values()) for row in rows]), warnings)
+    page = as_csv(list(rows[0]), [list(row.values()) for row in rows])
+    return IndentedMap(grid, retained, indents, grains, page, warnings)
 
 
 def registered(place: str, path: Path, stage: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[str]]:
