@@ -1,6 +1,5 @@
 // What a running command has of the operating system: an output folder to itself, and an end at once on a signal. A C interface,
 // for Fortran.
-#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <chrono>
@@ -32,7 +31,6 @@ constexpr std::size_t longest = 8192;
 char words[2][longest], log_file[2][longest];
 std::atomic<int> current{0};
 std::atomic<bool> ending{false};
-bool on_terminal = false;
 long seconds_east = 0;
 
 int descriptor = -1;
@@ -112,8 +110,6 @@ void end_at_once(int signal) {
   // Nobody may be reading any more.
   std::signal(SIGPIPE, SIG_IGN);
   line_buffer line;
-  // A bar of progress has hidden the cursor.
-  line.add(on_terminal ? "\r\033[?25h\n" : "");
   add_reason(line, signal);
   line.send(STDERR_FILENO);
   _exit(128 + signal);
@@ -132,17 +128,6 @@ void note(int signal, siginfo_t *information, void *context) {
   else
     handler_before.sa_handler(signal);
 }
-
-// Loops under way, each within the one before: how much is done, and when that is next shown, ms from the begin.
-struct counted_loop {
-  char name[64];
-  std::int64_t steps = 1;
-  std::atomic<std::int64_t> done{0}, next_line{0};
-  std::chrono::steady_clock::time_point begun;
-};
-counted_loop loops[8];
-std::atomic<int> innermost{0};
-std::atomic<bool> progress_wanted{false}, line_stands{false};
 
 // Remove the files of a folder that begin with a prefix, if so says a question about the rest of the name.
 template <typename question> void remove_files(const char *folder, const std::string &prefix, question removed) {
@@ -166,7 +151,6 @@ void watch(const std::string &folder, bool resumes) {
   std::tm local;
   if (localtime_r(&now, &local) != nullptr)
     seconds_east = local.tm_gmtoff;
-  on_terminal = isatty(STDERR_FILENO) != 0;
   current = other;
   struct sigaction action = {};
   action.sa_handler = end_at_once;
@@ -281,49 +265,6 @@ void bayesindent_stop_listening() {
   if (sigaction(SIGINT, nullptr, &present) == 0 && (present.sa_flags & SA_SIGINFO) != 0 && present.sa_sigaction == note)
     sigaction(SIGINT, &handler_before, nullptr);
   listens = false;
-}
-
-// From now on long loops show on standard error how much is done and an estimate of the time that is left; or they do not.
-void bayesindent_show_progress(std::int32_t wanted) {
-  progress_wanted = wanted != 0;
-  on_terminal = isatty(STDERR_FILENO) != 0;
-}
-
-// A loop of so many steps begins. What is done in a second is not shown.
-void bayesindent_begin_progress(const char *name, std::int64_t steps) {
-  counted_loop &loop = loops[innermost = std::min(innermost + 1, 7)];
-  std::snprintf(loop.name, sizeof loop.name, "%s", name);
-  loop.steps = std::max<std::int64_t>(1, steps);
-  loop.done = 0;
-  loop.begun = std::chrono::steady_clock::now();
-  loop.next_line = on_terminal ? 1000 : 10000;
-}
-
-// So many more are done; threads may say so at the same time.
-void bayesindent_advance_progress(std::int64_t steps) {
-  counted_loop &loop = loops[innermost];
-  const std::int64_t done = loop.done += steps;
-  if (!progress_wanted || done <= 0)
-    return;
-  const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::steady_clock::now() - loop.begun).count();
-  std::int64_t due = loop.next_line;
-  if (ms < due || !loop.next_line.compare_exchange_strong(due, ms + (on_terminal ? 500 : 10000)))
-    return;
-  const long share = static_cast<long>(100 * done / loop.steps);
-  const long left = static_cast<long>(ms * std::max<std::int64_t>(0, loop.steps - done) / done / 1000);
-  line_stands = on_terminal;
-  std::fprintf(stderr, "%s%s: %ld %%, about %ld s left%s", on_terminal ? "\r\033[K" : "", loop.name, share, left,
-               on_terminal ? "" : "\n");
-  std::fflush(stderr);
-}
-
-// The innermost loop is at its end, and so is its line on a terminal.
-void bayesindent_end_progress() {
-  if (line_stands.exchange(false)) {
-    std::fputs("\r\033[K", stderr);
-    std::fflush(stderr);
-  }
-  innermost = std::max(innermost - 1, 0);
 }
 
 bool bayesindent_stop_requested() { return requested; }

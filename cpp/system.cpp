@@ -9,6 +9,7 @@
 #include <fcntl.h>
 #include <filesystem>
 #include <fstream>
+#include <glob.h>
 #include <limits>
 #include <memory>
 #include <mutex>
@@ -61,6 +62,28 @@ const char *reason_of(int error) {
 std::filesystem::path own_folder() {
   std::error_code failed;
   return std::filesystem::read_symlink("/proc/self/exe", failed).parent_path();
+}
+
+// The package's data in the newest Python beside this program; '' if none has them. Debian's Python
+// installs into other folders than it reports when the package is built.
+std::string newest_packages() {
+  const char *const places = "../lib*/python3*/{site,dist}-packages/bayesindent/data/";
+  const std::string pattern = (own_folder() / places).string();
+  std::string newest;
+  long highest = -1;
+  glob_t found = {};
+  glob(pattern.c_str(), GLOB_BRACE | GLOB_ONLYDIR, nullptr, &found);
+  for (std::size_t i = 0; i < found.gl_pathc; ++i) {
+    const std::string path = found.gl_pathv[i];
+    // The number after 'python3.'
+    const std::size_t after = path.rfind("/python3") + std::strlen("/python3.");
+    const long minor = std::atol(path.substr(after).c_str());
+    if (minor > highest)
+      newest = path;
+    highest = std::max(highest, minor);
+  }
+  globfree(&found);
+  return newest;
 }
 
 // Start the program of this file with the arguments of this one; return where that is not possible.
@@ -172,27 +195,19 @@ std::int32_t bayesindent_reserve_blas(std::int32_t callers) {
   return reserved = static_cast<std::int32_t>(buffers.size());
 }
 
-// The folder of the package's data, with a slash at its end: as the environment says, or where it is from this program, installed,
-// in a wheel (where programs have a folder beside the package), in the build folder, or among the packages of a Python that has
-// other folders than it said when this was built, as Debian's has.
+// The folder of the package's data, with a slash at its end: BAYESINDENT_DATA; or, seen from this
+// program, where meson installs it, in a wheel, in the build folder, or in the newest Python.
 void bayesindent_data_folder(const char *installed, char *folder, std::int32_t size) {
-  std::vector<std::string> places = {installed, "../bayesindent/data/", "../data/", "../python/bayesindent/data/"};
-  for (int minor = 40; minor >= 10; --minor)
-    for (const std::string library : {"lib", "lib64"})
-      for (const char *const packages : {"site", "dist"})
-        places.push_back("../" + library + "/python3." + std::to_string(minor) + "/" + packages + "-packages/bayesindent/data/");
-  std::string found;
-  if (const char *const stated = std::getenv("BAYESINDENT_DATA"); stated != nullptr && *stated != '\0') {
-    found = std::string(stated) + "/";
-  } else {
-    for (const std::string &place : places) {
-      std::error_code failed;
+  const char *const stated = std::getenv("BAYESINDENT_DATA");
+  std::string found = stated != nullptr && *stated != '\0' ? std::string(stated) + "/" : "";
+  const char *const places[] = {installed, "../bayesindent/data/", "../data/",
+                                "../python/bayesindent/data/"};
+  for (const char *const place : places) {
+    std::error_code failed;
+    if (found.empty() && std::filesystem::is_directory(own_folder() / place, failed))
       found = (own_folder() / place).string();
-      if (std::filesystem::is_directory(found, failed))
-        break;
-    }
   }
-  std::snprintf(folder, size, "%s", found.c_str());
+  std::snprintf(folder, size, "%s", found.empty() ? newest_packages().c_str() : found.c_str());
 }
 
 // Write a line to standard output (1) or error (2) at once. Output that cannot be written ends the program with status 1.

@@ -8,14 +8,17 @@
 !> returned; so while somebody listens the signal is noted here, too, and then given to that handler. Long loops ask, leave, and their
 !> results are not used. Where SIGINT has no handler, or is that of a running command, nothing is changed.
 module running_command
-   use, intrinsic :: iso_c_binding, only: c_bool, c_char, c_int, c_int64_t, c_null_char
+   use, intrinsic :: iso_c_binding, only: c_bool, c_char, c_int, c_null_char
    use errors, only: error_type, raise, refuse
    use files, only: make_folder, unfinished
    use text, only: to_text
    implicit none
    private
-   public :: watch_signals, take_folder, remove_files, end_command, show_progress, begin_progress, advance_progress, &
-      & end_progress, listen, stop_listening, stop_requested
+   public :: watch_signals, take_folder, remove_files, end_command
+   public :: listen, stop_listening, stop_requested, print_line, output_stream, error_stream
+
+   !> Where `print_line` writes.
+   integer(c_int), parameter :: output_stream = 1, error_stream = 2
 
    interface
       !> From now on a signal ends the process, with status 128 + signal and one line.
@@ -34,24 +37,11 @@ module running_command
       !> Leave the folder to others, and signals to what they did before.
       subroutine end_command() bind(c, name='bayesindent_end_command')
       end subroutine end_command
-      !> From now on long loops show on standard error how far they are, if this is not 0 as `wanted`.
-      subroutine show_progress(wanted) bind(c, name='bayesindent_show_progress')
-         import :: c_int
-         integer(c_int), value :: wanted
-      end subroutine show_progress
-      subroutine c_begin_progress(name, steps) bind(c, name='bayesindent_begin_progress')
-         import :: c_char, c_int64_t
-         character(kind=c_char), intent(in) :: name(*)
-         integer(c_int64_t), value :: steps
-      end subroutine c_begin_progress
-      !> So many more `steps` are done. Threads may call it.
-      subroutine advance_progress(steps) bind(c, name='bayesindent_advance_progress')
-         import :: c_int64_t
-         integer(c_int64_t), value :: steps
-      end subroutine advance_progress
-      !> The loop is at its end.
-      subroutine end_progress() bind(c, name='bayesindent_end_progress')
-      end subroutine end_progress
+      subroutine c_print(to, line) bind(c, name='bayesindent_print')
+         import :: c_char, c_int
+         integer(c_int), value :: to
+         character(kind=c_char), intent(in) :: line(*)
+      end subroutine c_print
       !> From now on; threads may do so at the same time.
       subroutine listen() bind(c, name='bayesindent_listen')
       end subroutine listen
@@ -92,13 +82,15 @@ contains
       end if
    end subroutine take_folder
 
-   !> A loop of so many `steps` begins, by this `name`.
-   subroutine begin_progress(name, steps)
-      character(len=*), intent(in) :: name
-      integer(c_int64_t), intent(in) :: steps
+   !> Print a `line` at once. A standard output that cannot be written ends the program with
+   !> status 1.
+   subroutine print_line(stream, line)
+      !> `output_stream` or `error_stream`.
+      integer(c_int), intent(in) :: stream
+      character(len=*), intent(in) :: line
 
-      call c_begin_progress(name//c_null_char, steps)
-   end subroutine begin_progress
+      call c_print(stream, line//c_null_char)
+   end subroutine print_line
 
    !> Remove the files of a folder whose names begin with `prefix`.
    subroutine remove_files(path, prefix)

@@ -14,8 +14,8 @@ module operations
    use extraction_document, only: read_posterior
    use problem, only: problem_type
    use kinds, only: i8
-   use running_command, only: advance_progress, begin_progress, end_command, end_progress, listen, show_progress, &
-      & stop_listening, take_folder, watch_signals
+   use progress, only: advance_progress, begin_progress, end_progress, show_progress
+   use running_command, only: end_command, listen, stop_listening, take_folder, watch_signals
    use settings_schema, only: schema_page, settings_type
    use settings_reader, only: put_settings, read_settings
    use simulate, only: simulator_type
@@ -143,7 +143,7 @@ contains
       case ('file.take_folder')
          call take_folder(x%in%text('folder'), x%in%integer('patience'), x%in%logical('resumes'), x%error)
       case ('file.show_progress')
-         call show_progress(merge(1, 0, x%in%logical('wanted')))
+         call show_progress(x%in%logical('wanted'))
       case ('file.begin_progress')
          call begin_progress(x%in%text('name'), int(x%in%integer('steps'), i8))
       case ('file.advance_progress')

@@ -165,23 +165,15 @@ contains
       class(stage_type), intent(inout) :: stage
       type(exchange_type), intent(inout) :: x
       type(outcome_type) :: outcome
-      type(warning_type) :: physics(size(stage%physics))
       integer, allocatable :: numbers(:)
       integer :: i
 
       select case (verb)
       case ('want')
-         ! What is to be simulated now: numbers, stiffness (GPa, crystal axes), angles (degrees), and of each the number from 0 of its
-         ! `physics`, the groups of a namelist.
+         ! The simulations to be made now: numbers, stiffness (GPa, crystal axes), angles (degrees).
          call stage%want(x%error)
          if (allocated(x%error)) return
          associate (jobs => stage%jobs)
-            do i = 1, size(physics)
-               physics(i)%text = ''
-               if (any(jobs%physics == i)) physics(i)%text = settings_namelist(stage%physics(i), 'specimen indenter simulation')
-            end do
-            call x%out%put('physics', physics)
-            call x%out%put_integers('physics_number', jobs%physics - 1, shape(jobs))
             call x%out%put_integers('number', jobs%number, shape(jobs))
             call x%out%put_array('stiffness', [(jobs(i)%stiffness, i=1, size(jobs))], [6, 6, size(jobs)])
             call x%out%put_array('euler_deg', [(jobs(i)%euler_deg, i=1, size(jobs))], [3, size(jobs)])
@@ -237,7 +229,10 @@ contains
          ! A table that is no file: a page of CSV.
          call self%set_table(x%in%text('table'), x%in%text('page'), x%error)
       case ('misread')
-         self%misread = reshape(x%in%columns('directions', 3), [3, size(self%positions, 1), 7])
+         self%misread = reshape(x%in%columns('directions', 3), [3, self%indents%rows, 7])
+      case ('retain_indents')
+         ! Rows from 1.
+         call self%retain_indents(nint(x%in%reals('rows')))
       case ('write_crystals')
          ! The table of the crystals with columns of numbers (n, m) added.
          call write_table(self%crystals%table, x%in%text('path'), x%in%text('names'), &
@@ -271,6 +266,8 @@ contains
          call x%give(stage, 'stage')
          call stage%open(self, x%places(), x%error)
          call x%out%put('expected', stage%n_expected)
+         ! Groups of a namelist, from which an engine makes the simulator.
+         call x%out%put('physics', settings_namelist(self%settings, 'specimen indenter simulation'))
       case ('mesh_error')
          ! How large the error of the mesh may be, relative, for crystals (stiffness, GPa), and what is to be said of those near
          ! instability.

@@ -82,12 +82,12 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Variance of y that is none.
       real(wp), parameter :: none = 1.0e-20_wp
-      integer :: columns, g, most
+      !> Work arrays of a thread are on its stack.
+      integer, parameter :: most = 20000
+      integer :: columns, g
 
       call new_observable(settings%modulus_kind, settings, posterior%observable, error)
       if (.not. allocated(error)) call new_error_model(settings, posterior%errors, error)
-      ! Work arrays of a thread are on its stack; those of mixtures of two grains are larger.
-      most = merge(5000, 20000, allocated(measured%other))
       if (size(measured%modulus) > most) call raise(error, to_text(size(measured%modulus))//' grains are more than the ' &
          & //to_text(most)//' that are allowed', exit_bad_input)
       if (allocated(error)) return
@@ -103,12 +103,10 @@ contains
       posterior%calibration(maxval([0, measured%group(:posterior%n_moduli)]) + 1:) = settings%velocity_calibration_sd
       posterior%scale = posterior%errors%scale*measured%sd
       posterior%log_scales = sum(log(posterior%scale))
-      posterior%n_directions = merge(n_tilts, 1, settings%misalignment_sd_deg > 0.0_wp .or. any(measured%tilt_sd > 0.0_wp) &
-         & .or. allocated(measured%other))
+      posterior%n_directions = merge(n_tilts, 1, settings%misalignment_sd_deg > 0.0_wp &
+         & .or. any(measured%tilt_sd > 0.0_wp))
       posterior%euler = measured%euler
       if (posterior%n_directions > 1) posterior%euler = all_tilts(measured%euler, measured%tilt_sd)
-      if (allocated(measured%other)) posterior%euler = reshape([posterior%euler, all_tilts(measured%other(2:, :)*degree, &
-         & measured%tilt_sd)], [3, 2*size(posterior%euler, 2)])
       call new_grain_model(surrogate, prior%class, posterior%euler, with_covariance, posterior%grains, error)
       if (.not. allocated(error) .and. posterior%n_moduli < posterior%n_grains) call add_waves(measured%paths, &
          & measured%density, posterior%euler, posterior%grains, error)
@@ -338,8 +336,8 @@ contains
       !> Derivatives with respect to the tilts of the sample, GPa/rad, (grain, 2), where these are asked for.
       real(wp), intent(out) :: tilt_slopes(:, :)
       real(wp), intent(in), optional :: moduli(size(self%euler, 2))
-      real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), moments(4), difference(4)
-      integer :: g, n
+      real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), moments(4)
+      integer :: g
 
       call self%grains%evaluate_moduli(c, rows, slopes, moduli)
       if (allocated(self%unknown)) then
@@ -356,14 +354,8 @@ contains
       slope(self%n_moduli + 1:) = 0.0_wp
       own_variance(self%n_moduli + 1:) = 0.0_wp
       if (self%n_directions == 1) return
-      n = n_tilts*self%n_grains
       do g = 1, self%n_grains
-         moments = tilt_moments(rows(g:n:self%n_grains), self%data%tilt_sd(g))
-         if (allocated(self%data%other)) then
-            difference = tilt_moments(rows(n + g::self%n_grains), self%data%tilt_sd(g)) - moments
-            moments = moments + self%data%other(1, g)*difference
-            moments(2) = moments(2) + self%data%other(1, g)*(1.0_wp - self%data%other(1, g))*difference(1)**2
-         end if
+         moments = tilt_moments(rows(g::self%n_grains), self%data%tilt_sd(g))
          modulus(g) = moments(1)
          own_variance(g) = own_variance(g) + moments(2)
          tilt_slopes(g, :) = moments(3:)

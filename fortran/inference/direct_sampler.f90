@@ -3,7 +3,7 @@ module direct_sampler
    use abstract_sampler, only: draw_starts, sampler_type, target_type
    use kinds, only: i8, wp
    use random, only: random_stream_type
-   use running_command, only: advance_progress
+   use progress, only: advance_progress
    implicit none
    private
    public :: direct_sampler_type

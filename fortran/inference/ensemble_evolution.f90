@@ -7,7 +7,8 @@
 !> ones.
 module ensemble_evolution
    use abstract_sampler, only: draw_starts, outside, target_type
-   use running_command, only: advance_progress, stop_requested
+   use progress, only: advance_progress
+   use running_command, only: stop_requested
    use kinds, only: i8, wp
    use random, only: random_stream_type
    use ridge_coordinates, only: fit_whitening, whitening_type

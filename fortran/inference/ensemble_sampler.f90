@@ -9,7 +9,8 @@ module ensemble_sampler
    use abstract_sampler, only: outside, sampler_type, target_type
    use ensemble_evolution, only: add_difference, evolve_population, is_accepted
    use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture, widen_mixture
-   use running_command, only: advance_progress, stop_requested
+   use progress, only: advance_progress
+   use running_command, only: stop_requested
    use kinds, only: i8, wp
    use random, only: random_stream_type
    use ridge_coordinates, only: whitening_type

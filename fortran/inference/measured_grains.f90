@@ -1,6 +1,5 @@
 !> The grains that were measured, and what an uncertain orientation does to a modulus.
 !>
-!> A measurement near a boundary may be of the other grain: its modulus has the mean and the variance of the mixture of both.
 !> The tilt of the indented direction is normal in each of two components. Mean and variance of the modulus are those of the product of two
 !> three-point rules with steps of sqrt 3 sds (Gauss-Hermite), exact for moments up to degree 5 in each component.
 module measured_grains
@@ -17,8 +16,6 @@ module measured_grains
       real(wp), allocatable :: euler(:, :), tilt_sd(:)
       !> Allocated, the orientations are those that any measurement may be of, with these probabilities, (orientation).
       real(wp), allocatable :: probability(:)
-      !> Allocated, the probability that a measurement is of another grain, and the angles of that, degrees, (4, n).
-      real(wp), allocatable :: other(:, :)
       !> GPa, or m/s, (n).
       real(wp), allocatable :: modulus(:), sd(:)
       !> Of the waves, (n); and the density, kg/m3.

@@ -224,7 +224,6 @@ contains
       class(grain_model_type), allocatable :: grains
       real(wp), dimension(posterior%n_grains) :: mean, slope, variance
       real(wp) :: tilt_slopes(posterior%n_grains, 2)
-      logical :: is_mean(posterior%n_grains)
       integer :: samples, n, i, j, last, c, s
 
       samples = size(chains%draws, 2)
@@ -250,11 +249,9 @@ contains
             s = 1 + (i - 1)*predictions%stride
             call add_shared(posterior, chains%draws(:, s, c), grains, stream, predictions%moduli(:, i, c), &
                & predictions%factor(:, i, c))
-            if (allocated(posterior%unknown) .or. allocated(posterior%data%other)) then
+            if (allocated(posterior%unknown)) then
                call posterior%evaluate_grains(posterior%stiffness(chains%draws(:, s, c)), mean, slope, variance, tilt_slopes)
-               is_mean = allocated(posterior%unknown)
-               if (allocated(posterior%data%other)) is_mean = is_mean .or. posterior%data%other(1, :) > 0.0_wp
-               where (is_mean) predictions%moduli(:, i, c) = mean
+               predictions%moduli(:, i, c) = mean
             end if
             call posterior%observable%to_measured(predictions%moduli(:posterior%n_moduli, i, c))
             call evaluate_quantities(quantities, posterior%stiffness(chains%draws(:, s, c)), predictions%quantities(:, i, c))

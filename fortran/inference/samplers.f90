@@ -17,7 +17,8 @@ module samplers
    use kinds, only: i8, wp
    use machine, only: raise_no_memory
    use random, only: new_random_stream, random_stream_type
-   use running_command, only: advance_progress, begin_progress, end_progress, listen, stop_listening, stop_requested
+   use progress, only: advance_progress, begin_progress, end_progress
+   use running_command, only: listen, stop_listening, stop_requested
    use scmh_sampler, only: scmh_sampler_type
    use text, only: to_text
    implicit none

@@ -1,7 +1,8 @@
 !> The paper's sampler (section 2.2), single-component Metropolis-Hastings: one parameter after another takes a normal step; the sd
 !> of each is tuned towards an acceptance of 0.23 during burn-in only. One sample is one sweep over the parameters.
 module scmh_sampler
-   use running_command, only: advance_progress, stop_requested
+   use progress, only: advance_progress
+   use running_command, only: stop_requested
    use kinds, only: i8, wp
    use random, only: random_stream_type
    use abstract_sampler, only: draw_starts, outside, sampler_type, target_type

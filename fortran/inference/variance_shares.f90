@@ -32,9 +32,9 @@ module variance_shares
       real(wp), allocatable :: by_source(:), by_quantity(:)
    end type shares_type
 
-   !> The greatest sum of shares, also where measurements are mixtures of grains, whose variances change with the crystal; and how many
-   !> of its Monte Carlo errors it may be above: else covariances do not describe the draws.
-   real(wp), parameter :: greatest_sum = 1.05_wp, of_mixtures = 1.5_wp, errors_above = 2.0_wp
+   !> The greatest sum of shares, and how many of its Monte Carlo errors it may be above: else
+   !> covariances do not describe the draws.
+   real(wp), parameter :: greatest_sum = 1.05_wp, errors_above = 2.0_wp
    !> A quantity is determined if its sd is below the first part of its value and the prior's share below the second; it is not determined
    !> if either is above those of the other pair.
    real(wp), parameter :: determined(2) = [0.10_wp, 0.20_wp], not_determined(2) = [0.30_wp, 0.80_wp]
@@ -86,8 +86,7 @@ contains
       allocate (shares(size(values, 1)))
       total = (sum(parts, 1) + sum(pulls*known, 1))/variance
       ! A sum is the square of a covariance over a variance: of normal draws its relative error is that of a variance.
-      greatest = merge(of_mixtures, greatest_sum, allocated(posterior%data%other)) &
-         & + errors_above*sqrt(2.0_wp/max(1.0_wp, effective))
+      greatest = greatest_sum + errors_above*sqrt(2.0_wp/max(1.0_wp, effective))
       do q = 1, size(shares)
          ! A little above one is the noise of the draws.
          associate (one => shares(q), unit => variance(q)*max(1.0_wp, total(q)))

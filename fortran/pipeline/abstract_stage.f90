@@ -16,7 +16,6 @@ module abstract_stage
    use json, only: json_type
    use kinds, only: wp
    use problem, only: problem_type
-   use settings_schema, only: settings_type
    use simulate, only: outcome_done, outcome_failed, outcome_type, outcome_waiting
    use stage_documents, only: begin_results, inputs_of, write_document
    use surrogate_model, only: places_type
@@ -29,8 +28,8 @@ module abstract_stage
    type :: job_type
       !> Stiffness in crystal axes, GPa; Bunge-Euler angles, degrees.
       real(wp) :: stiffness(6, 6) = 0.0_wp, euler_deg(3) = 0.0_wp
-      !> Which of the stage's `physics`; its number in the batch that the stage chose.
-      integer :: physics = 1, number = 0
+      !> Its number in the batch that the stage chose.
+      integer :: number = 0
    end type job_type
 
    type, abstract :: stage_type
@@ -43,8 +42,6 @@ module abstract_stage
       type(places_type) :: places
       !> What a person should know; why its result cannot be used, none: it can.
       type(warning_type), allocatable :: warnings(:), reasons(:)
-      !> The specimens, indenters and simulations that are wanted.
-      type(settings_type), allocatable :: physics(:)
       !> What is to be simulated now.
       type(job_type), allocatable :: jobs(:)
       !> Simulations that were made in this run, those that failed, and those that are still expected.
@@ -93,7 +90,6 @@ contains
       self%problem => problem
       self%output = places%output(:len(places%output) - 1)
       self%places = places
-      self%physics = [problem%settings]
       self%done = ''
       allocate (self%warnings(0), self%reasons(0), self%more(0))
       call self%begin(error)

@@ -146,7 +146,6 @@ contains
       end do
       associate (grains => used%measurements, asked => used%settings%measurements, crystal => self%problem%settings%plan%constants)
          grains%euler_deg = reshape([(360.0_wp*z(1, i), acos(2.0_wp*z(2, i) - 1.0_wp)/degree, 360.0_wp*z(3, i), i=1, n)], [3, n])
-         if (allocated(used%textured)) grains%euler_deg = used%textured%euler_deg(:, [(modulo(i - 1, used%textured%n) + 1, i=1, n)])
          c = used%class%stiffness(crystal)
          call predict_crystals(self%surrogate, spread(c, 3, n), grains%euler_deg*degree, 1, grains%modulus_gpa, unused, error)
          if (.not. allocated(asked%modulus_kind)) asked%modulus_kind = 'indentation_modulus'

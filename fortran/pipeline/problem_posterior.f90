@@ -141,14 +141,13 @@ contains
          where (.not. measured%sd > 0.0_wp) measured%sd = 1.0_wp
          measured%tilt_sd = merge(table%orientation_sd_deg, problem%settings%measurements%orientation_sd_deg, &
             & table%orientation_sd_deg >= 0.0_wp)*degree
-         if (allocated(table%other) .and. problem%settings%measurements%orientations /= 'unknown') measured%other = table%other
          measured%group = table%group
          measured%paths = table%paths
          if (allocated(problem%settings%problem%density_kg_m3)) measured%density = problem%settings%problem%density_kg_m3
          measured%shared = shared_errors(problem)
       end associate
       if (problem%settings%measurements%orientations == 'unknown') call spread_orientations(problem%class, &
-         & problem%textured, measured)
+         & problem%texture, measured)
       call read_knowledge(problem, knowledge, error)
       associate (settings => problem%settings)
          if (.not. allocated(error)) call new_observable(settings%measurements%modulus_kind, settings%measurements, observable, &

@@ -165,11 +165,10 @@ contains
                if (allocated(problem%shared_digest)) content = content//problem%shared_digest
             end if
             call add_table(problem%velocities)
-            if (allocated(problem%settings%measurements%texture)) call add_table(problem%textured)
+            if (allocated(problem%settings%measurements%texture)) call add_table(problem%texture)
          end if
          if (group == 'design') call add_table(problem%candidates)
          if (group == 'next') call add_table(problem%grains)
-         if (group == 'plan') call add_table(problem%textured)
          if (group == 'knowledge' .and. allocated(problem%stiffness)) content = content//problem%stiffness%table%digest()
          inputs = inputs//', "'//group//'": "'//checksum(content)//'"'
       end do

@@ -18,7 +18,6 @@ module stages
    use problem_posterior, only: check_step_2, check_target
    use simulate, only: check_simulation, new_simulator, simulator_type
    use simulate_stage, only: simulate_stage_type
-   use size_stage, only: size_stage_type
    use surrogate_model, only: places_type
    use text, only: join
    use theory_stage, only: theory_stage_type
@@ -36,10 +35,9 @@ module stages
       character(len=16) :: document
    end type stage_row_type
 
-   type(stage_row_type), parameter :: all_stages(8) = [ &
+   type(stage_row_type), parameter :: all_stages(7) = [ &
       & stage_row_type('simulate', 'crystals', 'problem crystals specimen indenter simulation execution', 'simulate.json'), &
       & stage_row_type('theory', 'crystals', 'problem crystals specimen execution', 'theory.json'), &
-      & stage_row_type('size', '', 'problem crystals specimen indenter simulation execution', 'size.json'), &
       & stage_row_type('build', 'design', 'problem specimen indenter simulation domain surrogate design execution', 'build.json'), &
       & stage_row_type('plan', 'plan', 'problem surrogate plan measurements prior knowledge sampler execution', 'plan.json'), &
       & stage_row_type('curves', 'curves', 'problem curves references execution', 'curves.json'), &
@@ -100,8 +98,6 @@ contains
          allocate (simulate_stage_type :: stage)
       case ('theory')
          allocate (theory_stage_type :: stage)
-      case ('size')
-         allocate (size_stage_type :: stage)
       case ('build')
          allocate (build_stage_type :: stage)
       case ('curves')

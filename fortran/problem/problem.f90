@@ -42,9 +42,9 @@ module problem
       logical :: are_detected = .false.
       !> Of &next: the grains to choose from; unallocated: all directions.
       type(points_type), allocatable :: grains
-      !> Of &plan the grains whose orientations are taken, unallocated: random ones; of &measurements those that grains of unknown
-      !> orientation may have.
-      type(points_type), allocatable :: textured
+      !> Of &measurements: the orientations that grains of unknown orientation may have;
+      !> unallocated: all.
+      type(points_type), allocatable :: texture
       !> The file of measurements that Python turns into a plain table (see `set_table`), any file where Python asks, or a spreadsheet.
       character(len=:), allocatable :: table_file
       !> Measurements that wait for the orientations that Python takes from a map, the paths of the map and of its homologous points, and
@@ -52,6 +52,8 @@ module problem
       type(table_type), allocatable :: indents
       character(len=:), allocatable :: map, map_points
       real(wp), allocatable :: positions(:, :)
+      !> The rows that `retain_indents` leaves; unallocated: all.
+      integer, allocatable :: retained(:)
       !> Indented directions in crystal axes where the axes of the map are mistaken, (3, measurement, way); see `orientation_check`.
       real(wp), allocatable :: misread(:, :, :)
       !> Of &curves, and the crystals of &references.
@@ -67,6 +69,7 @@ module problem
       character(len=:), allocatable :: kept_in
    contains
       procedure :: curves_place, resolved_text, set_table, take_curves, take_curve_results
+      procedure :: retain_indents
    end type problem_type
 
    !> Contact radius of the paper's indentations at the last depth, um.
@@ -181,10 +184,8 @@ contains
          end if
          if (.not. allocated(error) .and. allocated(s%measurements%texture)) then
             call load_grains(self, place(self%path, 'measurements', 'texture'), s%measurements%texture, error)
-         else if (.not. allocated(error) .and. allocated(s%plan%orientations)) then
-            call load_grains(self, place(self%path, 'plan', 'orientations'), s%plan%orientations, error)
+            call move_alloc(self%grains, self%texture)
          end if
-         call move_alloc(self%grains, self%textured)
          if (.not. allocated(error) .and. allocated(s%next%candidates)) call load_grains(self, place(self%path, 'next', &
             & 'candidates'), s%next%candidates, error)
          if (allocated(error) .or. any(['latin    ', 'factorial'] == s%design%candidates)) return
@@ -238,12 +239,17 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: source
       logical, allocatable :: chosen(:)
-      integer :: i, j
+      integer :: rows, i, j
 
       source = table
       if (allocated(self%shared_file)) call read_table(self%shared_file, source, error)
-      if (.not. allocated(error) .and. source%rows /= table%rows) call refuse(error, to_text(source%rows)//' rows for ' &
-         & //to_text(table%rows)//' of the measurements; each row has the errors of one of them')
+      rows = table%rows
+      if (allocated(self%shared_file) .and. allocated(self%retained)) rows = size(self%positions, 1)
+      if (.not. allocated(error) .and. source%rows /= rows) then
+         call refuse(error, to_text(source%rows)//' rows for '//to_text(rows) &
+            & //' of the measurements; each row has the errors of one of them')
+      end if
+      if (.not. allocated(error) .and. rows > table%rows) call source%retain(self%retained)
       if (allocated(error)) source%columns = 0
       chosen = [(index(source%name(j), 'shared_') == 1 .or. (allocated(self%shared_file) .and. source%name(j) /= 'grain'), j=1, &
          & source%columns)]
@@ -263,8 +269,18 @@ contains
          & //error%message
    end subroutine take_shared_errors
 
+   !> Leave out all indents but those of these `rows`. It precedes the table 'ebsd' of `set_table`.
+   subroutine retain_indents(self, rows)
+      class(problem_type), intent(inout) :: self
+      !> From 1, growing.
+      integer, intent(in) :: rows(:)
+
+      self%retained = rows
+      call self%indents%retain(rows)
+   end subroutine retain_indents
+
    !> A table that is no file; of measurements in one the plain table that was made of it, or nothing where it is plain; of 'ebsd' a row
-   !> for each measurement. Of 'warning' what is to be said of a table.
+   !> for each indent that is retained. Of 'warning' what is to be said of a table.
    subroutine set_table(self, table, page, error)
       class(problem_type), intent(inout) :: self
       !> 'measurements', 'curves', 'velocities', 'ebsd' or 'stiffness'; CSV, as a file has it. Or 'warning' and its line.

@@ -6,7 +6,8 @@ program batch
    use files, only: printable
    use namelist_file, only: place
    use problem, only: problem_type
-   use running_command, only: show_progress, take_folder, watch_signals
+   use progress, only: show_progress
+   use running_command, only: error_stream, output_stream, print_line, take_folder, watch_signals
    use settings_schema, only: schema_page
    use simulation_loop, only: simulate_all
    use stage_documents, only: begin_results
@@ -19,8 +20,6 @@ program batch
    character(len=*), parameter :: usage = 'usage: bayesindent-batch FILE.nml [--stage NAME] [--output DIR] [--check]'
    character(len=:), allocatable :: path, output, command
    logical :: check_only
-   !> Where `say` writes.
-   integer(c_int), parameter :: output_stream = 1, error_stream = 2
 
    interface
       !> End with this status; unlike STOP it prints nothing.
@@ -31,11 +30,6 @@ program batch
       !> Have the vector kernels of OpenBLAS that fit this processor, and one thread, in this program or the same one started once more.
       subroutine settle_blas() bind(c, name='bayesindent_settle_blas')
       end subroutine settle_blas
-      subroutine c_print(to, line) bind(c, name='bayesindent_print')
-         import :: c_char, c_int
-         integer(c_int), value :: to
-         character(kind=c_char), intent(in) :: line(*)
-      end subroutine c_print
       subroutine c_data_folder(installed, folder, size) bind(c, name='bayesindent_data_folder')
          import :: c_char, c_int
          character(kind=c_char), intent(in) :: installed(*)
@@ -47,7 +41,7 @@ program batch
 
    call settle_blas()
    call watch_signals()
-   call show_progress(1)
+   call show_progress(.true.)
    call read_arguments()
    call perform()
 
@@ -70,11 +64,11 @@ contains
             call print_help()
             call end_process(0)
          case ('--version')
-            call say('bayesindent-batch '//package_version, output_stream)
+            call print_line(output_stream, 'bayesindent-batch '//package_version)
             call end_process(0)
          case ('--schema')
             word = schema_page()
-            call say(word(:len(word) - 1), output_stream)
+            call print_line(output_stream, word(:len(word) - 1))
             call end_process(0)
          case ('--check')
             check_only = .true.
@@ -118,7 +112,7 @@ contains
       if (.not. allocated(error) .and. allocated(self%settings%curves%files)) call refuse(error, place(path, 'curves', 'files') &
          & //'files of instruments are read by bayesindent, not by bayesindent-batch; state file, a CSV of the curves')
       call stop_on(error)
-      call say_lines('warning: ', self%warnings, error_stream)
+      call print_lines('warning: ', self%warnings, error_stream)
       ! A function of deferred length in a structure constructor makes gfortran 12 allocate one byte for it.
       places%output = output//'/'
       places%folder = self%folder
@@ -128,7 +122,7 @@ contains
       call check_stages(self, places, check_only, error)
       call stop_on(error)
       if (check_only) then
-         call say(path//' is right; it asks for: '//join(self%stages, ' '), output_stream)
+         call print_line(output_stream, path//' is right; it asks for: '//join(self%stages, ' '))
          return
       end if
       call take_folder(output, 0, .true., error)
@@ -157,32 +151,23 @@ contains
       if (.not. allocated(error)) call stage%close(document, error)
       call stop_on(error)
       usable = size(stage%reasons) == 0
-      call say_lines('the result cannot be used: ', stage%reasons, error_stream)
-      call say_lines('warning: ', stage%warnings, error_stream)
-      call say(name//': '//stage%done, output_stream)
-      call say_lines('', stage%more, output_stream)
+      call print_lines('the result cannot be used: ', stage%reasons, error_stream)
+      call print_lines('warning: ', stage%warnings, error_stream)
+      call print_line(output_stream, name//': '//stage%done)
+      call print_lines('', stage%more, output_stream)
    end subroutine perform_stage
 
-   !> Write a `line` at once; if standard output cannot be written, say so and end. Unlike WRITE it never prints a message of its own.
-   subroutine say(line, to)
-      character(len=*), intent(in) :: line
-      !> `output_stream` or `error_stream`.
-      integer(c_int), intent(in) :: to
-
-      call c_print(to, line//c_null_char)
-   end subroutine say
-
    !> Lines, each after a `prefix`.
-   subroutine say_lines(prefix, lines, to)
+   subroutine print_lines(prefix, lines, to)
       character(len=*), intent(in) :: prefix
       type(warning_type), intent(in) :: lines(:)
       integer(c_int), intent(in) :: to
       integer :: i
 
       do i = 1, size(lines)
-         call say(prefix//lines(i)%text, to)
+         call print_line(to, prefix//lines(i)%text)
       end do
-   end subroutine say_lines
+   end subroutine print_lines
 
    !> Argument number `i` of the command line, whole; '' where there is none.
    function argument(i) result(text)
@@ -200,15 +185,15 @@ contains
       type(error_type), allocatable, intent(in) :: error
 
       if (.not. allocated(error)) return
-      call say(error%message, error_stream)
+      call print_line(error_stream, error%message)
       call end_process(merge(exit_bad_input, exit_failure, error%status == exit_bad_input))
    end subroutine stop_on
 
    subroutine refuse_usage(reason)
       character(len=*), intent(in) :: reason
 
-      call say('bayesindent-batch: '//reason, error_stream)
-      call say(usage, error_stream)
+      call print_line(error_stream, 'bayesindent-batch: '//reason)
+      call print_line(error_stream, usage)
       call end_process(exit_bad_input)
    end subroutine refuse_usage
 
@@ -222,7 +207,7 @@ contains
          & '  &measurements  samples the constants: posterior.csv, posterior.bin, summary.json', &
          & '  &next          ranks the grains to measure next: next.json', &
          & 'bayesindent report DIR makes the page of results.', '', &
-         & '  --stage NAME  only simulate, theory, size, build, plan, curves, extract or next', &
+         & '  --stage NAME  only simulate, theory, build, plan, curves, extract or next', &
          & '  --output DIR  folder of the results (default runs/<stem of the file>)', &
          & '  --check       only say whether the file, and what it names, is right', &
          & '  --schema      print the page of all groups and variables', &
@@ -230,6 +215,6 @@ contains
          & 'exit status: 0 done, perhaps with warnings; 2 bad input; 3 done, but the result cannot be used; 1 anything else; ', &
          & '128 + N stopped by signal N (run it again to go on).']
 
-      call say(join(lines, newline), output_stream)
+      call print_line(output_stream, join(lines, newline))
    end subroutine print_help
 end program batch

@@ -1,7 +1,7 @@
 !> The CSV tables that a problem names: crystals with orientations, measurements, candidates. Columns go by name; unknown
 !> ones are carried through.
 module point_tables
-   use files, only: hash_of
+   use files, only: hash_of, printable
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
    use crystal_elasticity, only: check_stiffness, path_type, rayleigh, rotation_matrix
    use errors, only: error_type, refuse
@@ -9,7 +9,7 @@ module point_tables
    use statistics, only: number_equal
    use settings_schema, only: measurements_settings_type
    use table_columns, only: check_unit, column_list, degrees, find_column, find_modulus, find_ways, known_columns, name_columns, &
-      & nearest_to, read_directions
+      & nearest_to, read_directions, refused_column, standard_name
    use tables, only: longest_name, read_table, table_type
    use text, only: join, to_text
    implicit none
@@ -43,8 +43,6 @@ module point_tables
       !> indentation and radius of the grain, um; and its group, 1, 2, .., (n).
       real(wp), allocatable :: orientation_sd_deg(:), depth_um(:), contact_radius_um(:), grain_radius_um(:)
       integer, allocatable :: group(:)
-      !> Allocated, the probability that a measurement is of another grain, and the Bunge-Euler angles of that, degrees, (4, n).
-      real(wp), allocatable :: other(:, :)
       !> The column of the points' names, 0 if there is none, and the row of the table that a point stands for, (n), and
       !> the point of each row.
       integer :: named_by = 0
@@ -57,8 +55,6 @@ module point_tables
    end type points_type
 
    character(len=*), parameter :: angle_names(3) = [character(len=8) :: 'phi1_deg', 'Phi_deg', 'phi2_deg']
-   character(len=*), parameter :: other_names(4) = [character(len=17) :: 'other_probability', 'other_phi1_deg', 'other_Phi_deg', &
-      & 'other_phi2_deg']
    !> What a stiffness can be, GPa.
    real(wp), parameter, public :: stiffness_most = 5000.0_wp
 
@@ -126,7 +122,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Ten for each of the grains that Step 2 takes.
       integer, parameter :: most_rows = 200000
-      real(wp), allocatable :: depth_nm(:), other(:)
+      real(wp), allocatable :: depth_nm(:)
       character(len=:), allocatable :: name
       integer :: column, i
 
@@ -134,6 +130,11 @@ contains
       if (allocated(error)) return
       points%table = table
       call name_columns(points%table, asked%columns, error)
+      do i = 1, points%table%columns
+         if (allocated(error) .or. standard_name(points%table%called(i)) /= refused_column) cycle
+         call refuse(error, 'the column '//printable(points%table%name(i))//' is not allowed; ' &
+            & //'leave out the rows with other_probability above 0.05, and the columns other_*')
+      end do
       if (asked%orientations == 'unknown') then
          call set_size(points)
          points%euler_deg = 0.0_wp
@@ -156,14 +157,6 @@ contains
       call add_zero_error()
       call read_column(points%table, 'grain_radius_um', .true., points%grain_radius_um, error)
       if (.not. allocated(error)) call read_groups(points)
-      if (.not. allocated(error)) call find_column(points%table, other_names(1), column, error)
-      if (allocated(error) .or. column == 0) return
-      allocate (points%other(size(other_names), points%n))
-      do i = 1, size(other_names)
-         call read_column(points%table, trim(other_names(i)), .false., other, error)
-         if (allocated(error)) return
-         points%other(i, :) = other
-      end do
 
    contains
 

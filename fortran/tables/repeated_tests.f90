@@ -126,7 +126,6 @@ contains
          points%grain_radius_um = means_of(points%grain_radius_um)
          points%n = size(kept)
          points%euler_deg = points%euler_deg(:, kept)
-         if (allocated(points%other)) points%other = points%other(:, kept)
          points%paths = points%paths(kept)
          points%group = points%group(kept)
          points%row = kept

@@ -15,8 +15,9 @@ module table_columns
    use text, only: join, lower, split_list, to_text
    implicit none
    private
-   public :: known_columns, find_column, find_modulus, standard_name, column_list, nearest_to, check_unit, column_hint, &
-      & name_columns, degrees, find_ways, read_directions, angles_of_direction
+   public :: known_columns, refused_column, find_column, find_modulus, standard_name
+   public :: column_list, nearest_to, check_unit, column_hint, name_columns, degrees
+   public :: find_ways, read_directions, angles_of_direction
 
    !> A column, other names that it may have without their unit, the words for its unit, each between blanks, and what its numbers can be.
    type :: column_type
@@ -34,6 +35,8 @@ module table_columns
    !> What a modulus of a metal can be, GPa; a depth or the size of a grain, um; the speed of a surface wave, m/s; and a direction, degrees.
    real(wp), parameter :: moduli(2) = [1.0_wp, 2000.0_wp], lengths(2) = [1.0e-6_wp, 1.0e6_wp], speeds(2) = [100.0_wp, 30000.0_wp], &
       & turns(2) = [-360.0_wp, 360.0_wp], no_less = tiny(1.0_wp)
+   !> The columns of an indent that may lie in another grain. Measurements with one are refused.
+   character(len=*), parameter :: refused_column = 'other_probability'
    type(column_type), parameter :: known_columns(*) = [ &
       & column_type('phi1_deg', 'phi1, phi_1, φ1, euler1, euler_1, euler_angle_1', angle_units), &
       & column_type('Phi_deg', 'phi, φ, Φ, euler2, euler_2, euler_angle_2', angle_units), &
@@ -47,10 +50,8 @@ module table_columns
       & //'standard_error, std_error, std_err, se, sem, sigma, ±', gpa, [no_less, moduli(2)], ' GPa', &
       & '; a standard deviation is above 0, up to 2000.0 GPa'), &
       & column_type('orientation_sd_deg', 'orientation_sd', degrees, [0.0_wp, 20.0_wp], ' degrees'), &
-      & column_type('other_probability', '', '', [0.0_wp, 1.0_wp], '', ' is no probability'), &
-      & column_type('other_phi1_deg', '', degrees, turns, ' degrees'), &
-      & column_type('other_Phi_deg', '', degrees, turns, ' degrees'), &
-      & column_type('other_phi2_deg', '', degrees, turns, ' degrees'), column_type('depth_um', 'depth', um, lengths, ' um'), &
+      & column_type(refused_column, 'other_phi1, other_phi, other_phi2', degrees), &
+      & column_type('depth_um', 'depth', um, lengths, ' um'), &
       & column_type('depth_nm', 'depth', ' nm ', 1.0e3_wp*lengths, ' nm'), &
       & column_type('contact_radius_um', '', um, lengths, ' um'), &
       & column_type('zero_sd_nm', '', ' nm ', [0.0_wp, 1000.0_wp], ' nm'), column_type('grain_radius_um', '', um, lengths, ' um'), &

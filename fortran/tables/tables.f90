@@ -33,7 +33,8 @@ module tables
       integer, allocatable, private :: bounds(:, :, :)
       logical, private :: decimal_comma = .false.
    contains
-      procedure :: cell, is_empty, name, called, find, number, place, refuse => refuse_cell, join, digest
+      procedure :: cell, is_empty, name, called, find, number, place, refuse => refuse_cell
+      procedure :: join, retain, digest
    end type table_type
 
 contains
@@ -285,6 +286,21 @@ contains
       self%given_names = [self%given_names, other%given_names]
       self%units = [self%units, other%units]
    end subroutine join
+
+   !> Leave out all rows but these.
+   subroutine retain(self, rows)
+      class(table_type), intent(inout) :: self
+      !> Their numbers, growing.
+      integer, intent(in) :: rows(:)
+      integer, allocatable :: bounds(:, :, :)
+
+      allocate (bounds(2, self%columns, 0:size(rows)))
+      bounds(:, :, 0) = self%bounds(:, :, 0)
+      bounds(:, :, 1:) = self%bounds(:, :, rows)
+      call move_alloc(bounds, self%bounds)
+      self%line = self%line(rows)
+      self%rows = size(rows)
+   end subroutine retain
 
    !> The name of a `column`.
    pure function name(self, column) result(string)

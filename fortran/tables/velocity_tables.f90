@@ -70,7 +70,6 @@ contains
       points%n = n + size(rows)
       points%omitted = velocities%n - size(rows)
       points%euler_deg = reshape([points%euler_deg(:, :n), velocities%euler_deg(:, rows)], [3, points%n])
-      if (allocated(points%other)) points%other = reshape(points%other(:, :n), [4, points%n], pad=[0.0_wp])
       points%modulus_gpa = [points%modulus_gpa(:n), velocities%modulus_gpa(rows)]
       points%sd_gpa = [points%sd_gpa(:n), velocities%sd_gpa(rows)]
       points%orientation_sd_deg = [points%orientation_sd_deg(:n), velocities%orientation_sd_deg(rows)]

@@ -17,7 +17,6 @@ COMMANDS = (
     "run",
     "simulate",
     "theory",
-    "size",
     "build",
     "plan",
     "curves",

@@ -129,18 +129,6 @@ def test_single_stages(batch, bayesindent, tmp_path):
         assert done.returncode == 2 and (words in done.stderr or "&measurements" in done.stderr), done.stderr
 
 
-@pytest.mark.long
-def test_the_stage_size(batch, bayesindent, tmp_path):
-    (tmp_path / "points.csv").write_text(POINTS.rpartition("168")[0])
-    text = "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&simulation refine = 0.6, depths = 2 /\n"
-    (tmp_path / "a.nml").write_text(text + "&specimen geometry = 'film', thickness_um = 1.0, substrate = 'rigid' /\n")
-    done = batch("a.nml", "--stage", "size", "--output", "batch")
-    assert (done.returncode, done.stdout) == (0, "size: 1 cases: batch/size.json\n"), done.stderr
-    document = json.loads(bayesindent("size", "a.nml", "--output", "python", "--json").stdout)
-    expected = json.loads((tmp_path / "batch" / "size.json").read_text())
-    assert plain(document, "python") | {"figure": ""} == plain(expected, "batch") | {"figure": ""}
-
-
 def examples():
     """The commands of the help."""
     return [re.split(r" {2,}", line.strip())[0] for line in HELP["examples"].splitlines() if line.startswith("  bayesindent ")]

@@ -12,7 +12,6 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.engines import DaskEngine
-from bayesindent.pipeline.stage import run_stage
 from bayesindent.settings.problem import Problem
 from support.counted_job import Counted
 from support.learner import build
@@ -117,20 +116,3 @@ def test_every_engine_serves_many_crystals(cluster):
     assert [getattr(result, "indentation_modulus_gpa", str(result)) for result in there] == [
         getattr(result, "indentation_modulus_gpa", str(result)) for result in here
     ]
-
-
-@pytest.mark.long
-def test_every_engine_serves_sizes(cluster, tmp_path):
-    address, _ = cluster
-    (tmp_path / "copper.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,0,0\n")
-    documents = []
-    for engine in ("local", "dask"):
-        file = tmp_path / f"{engine}.nml"
-        file.write_text(
-            "&problem symmetry = 'cubic' /\n&crystals points = 'copper.csv' /\n&simulation refine = 0.6, depths = 1 /\n"
-            "&specimen geometry = 'film', thickness_um = 1.0, substrate = 'rigid' /\n"
-            f"&execution engine = '{engine}', scheduler = '{address}' /\n"
-        )
-        documents.append(run_stage(Problem(file, "size"), "size", tmp_path / engine)["results"])
-    assert documents[0] == documents[1]
-    assert len(documents[0][0]["bias"]) >= 5

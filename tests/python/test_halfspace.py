@@ -150,36 +150,6 @@ def test_uncertain_orientations_against_brute_force():
     assert abs(certain - likelihood) > 0.01
 
 
-def test_a_measurement_near_a_boundary_is_of_one_of_two_grains():
-    """Mean and variance of the mixture of both in the normal density; the other grain's tilts count as its own do."""
-    symmetry, constants = crystal("Zn")
-    stiffness = stiffness_rows(symmetry, [constants])[0]
-    own, other = np.array([[20.0, 20.0, 10.0], [0.0, 70.0, 0.0]]), np.array([[0.0, 80.0, 10.0], [0.0, 70.0, 0.0]])
-    share, sd = np.array([0.3, 0.0]), np.array([4.0, 3.0])
-    first, second = halfspace_modulus(stiffness, own), halfspace_modulus(stiffness, other)
-    value = first + np.array([2.0, -1.0])
-    further = dict(zip(("other_probability", "other_phi1_deg", "other_Phi_deg", "other_phi2_deg"), (share, *other.T), strict=True))
-    table = table_of(own, value, sd) | further
-    _, likelihood = Posterior.of(table, symmetry=symmetry, surrogate=THEORY, **KIND).evaluate(constants)
-    total = np.sqrt(sd**2 + share * (1 - share) * (second - first) ** 2)
-    assert likelihood[0] == pytest.approx(stats.norm.logpdf(value, first + share * (second - first), total).sum(), abs=2e-4)
-    # Of the other grain alone, with tilts.
-    settings = {
-        "symmetry": symmetry,
-        "surrogate": THEORY,
-        "orientation_sd_deg": 3.0,
-        "misalignment_sd_deg": 2.0,
-        "calibration_sd": 0.02,
-    } | KIND
-    alone = Posterior.of(table_of(other, value, sd), **settings).evaluate(constants)[1]
-    certain = Posterior.of(table | {"other_probability": np.ones(2)}, **settings).evaluate(constants)[1]
-    assert certain == pytest.approx(alone, abs=1e-9)
-    with pytest.raises(bi.InputError, match="other_Phi_deg"):
-        Posterior.of(
-            {name: column for name, column in table.items() if name != "other_Phi_deg"}, symmetry=symmetry, surrogate=THEORY, **KIND
-        )
-
-
 def test_groups_have_a_calibration_error_each():
     """Against the covariance written out: sd² on the diagonal, and (calibration_sd)² m mᵀ within a group."""
     symmetry, constants = crystal("copper")

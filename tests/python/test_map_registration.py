@@ -30,12 +30,15 @@ def points_file(path, places=CORNERS, errors=0.0):
     return path
 
 
-def registered(tmp_path, places, points, **further):
+def registered(tmp_path, places, points, settings=None, **further):
     path = write(tmp_path / "map.h5", *pixels())
     stage = dict(zip(("x_um", "y_um"), stage_of(places).T.tolist(), strict=True))
     table = stage | {"Er": [200.0 + k for k in range(len(places))], "sd": len(places) * [4.0]} | further
     return bi.Problem.from_keywords(
-        "f", {"measurements": table}, problem={"symmetry": "cubic"}, measurements={"ebsd": path, "ebsd_points": points}
+        "f",
+        {"measurements": table},
+        problem={"symmetry": "cubic"},
+        measurements={"ebsd": path, "ebsd_points": points} | (settings or {}),
     )
 
 
@@ -48,7 +51,7 @@ def test_homologous_points_lead_to_the_grains(tmp_path):
     assert not [line for line in problem.warnings if "points.csv" in line or "uncertain" in line]
 
 
-def test_an_indent_near_a_boundary_is_named_with_its_probability(tmp_path):
+def test_an_indent_near_a_boundary_is_named_and_left_out(tmp_path):
     errors = 0.4 * np.array([[1, -1], [-1, 0.5], [0.5, 1], [-0.5, -0.5], [0, 0]])
     path = points_file(tmp_path / "points.csv", errors=errors)
     # The distance to the boundary in sds of the registration, of the second indent.
@@ -59,17 +62,27 @@ def test_an_indent_near_a_boundary_is_named_with_its_probability(tmp_path):
     at = np.array([1, *stage_of([(EDGE - 0.6, 5.0)])[0]])
     sd = np.sqrt((residual**2).sum() / 4 * (1 + at @ np.linalg.inv(design.T @ design) @ at))
     share = int(line.partition("rows 2 (")[2].partition("%")[0]) / 100
-    shift = EDGE - 0.25 - problem.map.positions[1, 0]
+    shift = EDGE - 0.25 - (at @ np.linalg.lstsq(design, CORNERS + errors, rcond=None)[0])[0]
     from scipy.stats import norm
 
     assert share == pytest.approx(norm.cdf(shift / sd), abs=0.06)
-    assert "rows 1" not in line and "a mixture of this grain and the next most probable one" in line
-    # The other grain is that beyond the boundary, where the first indent has none but its own.
-    probability, *angles = columns(problem, "other_probability", "other_phi1_deg", "other_Phi_deg", "other_phi2_deg")
-    assert [float(value) for value in probability] == pytest.approx([0.0, 1 - share], abs=0.006)
-    other = along(np.array(angles, float).T)
-    assert other[0] == pytest.approx(along(problem.measurements.euler_deg)[0], abs=1e-6)
-    assert other[1] == pytest.approx(along([RIGHT if shift > 0 else LEFT])[0], abs=0.003)
+    assert "rows 1" not in line and "are left out" in line
+    assert (problem.map.rows, len(problem.map.positions), len(problem.measurements)) == ([0], 1, 1)
+    assert problem.measurements.names == ["a"]
+    assert along(problem.measurements.euler_deg)[0] == pytest.approx(along([LEFT])[0], abs=0.003)
+    with pytest.raises(bi.InputError, match=r"rows 1 \(.*are left out"):
+        registered(tmp_path, [(EDGE - 0.6, 5.0)], path)
+
+
+def test_shared_errors_have_a_row_for_indents_that_are_left_out_too(tmp_path):
+    errors = 0.4 * np.array([[1, -1], [-1, 0.5], [0.5, 1], [-0.5, -0.5], [0, 0]])
+    path, shared = points_file(tmp_path / "points.csv", errors=errors), tmp_path / "shared.csv"
+    places, settings = [(EDGE - 0.6, 5.0), (2.0, 5.0), (2.5, 4.0)], {"shared_errors": str(shared)}
+    shared.write_text("radius\n0.5\n0.01\n0.02\n")
+    assert registered(tmp_path, places, path, settings).map.rows == [1, 2]
+    shared.write_text("radius\n0.01\n0.02\n")
+    with pytest.raises(bi.InputError, match="2 rows for 3 of the measurements"):
+        registered(tmp_path, places, path, settings)
 
 
 def test_three_points_leave_the_error_unknown(tmp_path):

@@ -118,14 +118,6 @@ def test_full_posteriors_have_these_sds(case):
     assert sds(symmetry, list(CRYSTALS[symmetry]), n, noise, **settings)[0] == pytest.approx(np.median(full, axis=0), rel=0.2)
 
 
-@pytest.mark.long
-def test_grains_of_one_direction_say_nothing_of_anisotropy(tmp_path):
-    (tmp_path / "alike.csv").write_text("phi1_deg,Phi_deg,phi2_deg\n400,0,0\n410,1,0\n")
-    known = {"knowledge": {"bulk_modulus": (137, 2)}}
-    textured, random = (sds("fcc", list(COPPER.values()), 20, 0.02, orientations=o, **known)[0] for o in (tmp_path / "alike.csv", None))
-    assert np.all(textured > 3 * random)
-
-
 @pytest.mark.parametrize(
     ("keywords", "words"),
     [

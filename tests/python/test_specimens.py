@@ -265,7 +265,7 @@ def test_contact_that_leaves_the_refined_zone():
 
 
 def test_a_contact_that_leaves_its_mesh_at_the_only_depth():
-    """It was simulated on the same mesh again and again: a thin film on a rigid substrate, as `size` makes it."""
+    """It was simulated on the same mesh again and again: a thin film on a rigid substrate."""
     film = {"geometry": "film", "thickness_um": 0.5, "substrate": "rigid", "estimator": "curve"}
     done = bi.Indentation(**film, refine=0.6, depths=1).run(bi.stiffness("cubic", 168.4, 121.4, 75.4), [0.0, 0.0, 0.0])
     thick = bi.Indentation(**film | {"thickness_um": 5.0}, refine=0.6, depths=1).run(

@@ -192,7 +192,6 @@ def suggested(folder, groups):
 def planned(folder, groups):
     """The expected sds."""
     folder.mkdir(exist_ok=True)
-    (folder / "alike.csv").write_text("phi1_deg,Phi_deg,phi2_deg\n400,2,3\n400,3,5\n")
     defaults = {"problem": {"symmetry": "isotropic"}, "plan": {"constants": [250.0, 110.0], "grains": [5], "noise": [0.02]}}
     problem = written(folder, merged(defaults, groups), "plan")
     return run_stage(problem, "plan", folder / "out")["results"]
@@ -242,7 +241,6 @@ CONE = {"indenter": {"shape": "cone"}}
 BOUNDED = {"domain": {"c_min": [100, 60, 40], "c_max": [250, 150, 120]}}
 PAPER = BOUNDED | {"surrogate": {"model": "paper", "degree": 1, "bandlimit": 4}}
 FACTORIAL = BOUNDED | {"design": {"candidates": "factorial", "n_candidates": 40, "n_directions": 3}}
-CUBIC_PLAN = {"problem": {"symmetry": "cubic"}, "plan": {"constants": [168.4, 121.4, 75.4]}}
 WAVES = {"problem": {"density_kg_m3": 8960.0}, "next": {"velocity_sd_m_s": 10.0}}
 REDUCED = {"measurements": {"modulus_kind": "effective_modulus"}}
 
@@ -420,7 +418,6 @@ EFFECTS = {
         "grains": (planned, {}, [6]),
         "noise": (planned, {}, [0.03]),
         "velocity_noise": (planned, {"problem": {"density_kg_m3": 8960.0}}, 0.005),
-        "orientations": (planned, CUBIC_PLAN, "alike.csv"),
     },
     "execution": {
         "workers": (engine, {"execution": {"workers": 1}}, 3),
@@ -448,7 +445,6 @@ def test_every_variable_is_here():
     "plan-grains",
     "plan-noise",
     "plan-velocity_noise",
-    "plan-orientations",
     "next-sd_gpa",
     "specimen-width_um",
     "specimen-height_um",

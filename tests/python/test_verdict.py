@@ -8,7 +8,6 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
-from benchmarks import bench_boundary
 from support.step_2_cases import KIND, table_of
 from support.tree import SOURCE
 
@@ -40,23 +39,6 @@ def test_shares_of_iron(knowledge, measurements, known):
         assert sum(share.values()) == pytest.approx(1, abs=1e-9)
     offered = [row["name"] for row in bi.summary(result)["identifiability"] if row["kind"] == "knowledge"]
     assert offered == ["bulk_modulus"] * (not knowledge) + ["polycrystal_young"]
-
-
-def test_shares_of_mixtures_of_grains():
-    """The variance of a mixture changes with the crystal: the shares of C11 and C44 here summed to more than 1, and were no numbers."""
-    (mixture, *_), knowledge = bench_boundary.tables(2, 6, 0.35)
-    result = bi.extract(mixture, "cubic", knowledge=knowledge, seed=2)
-    document = bi.summary(result)
-    found = document["parameters"]
-    assert [one["verdict"] for one in found.values()] == ["determined"] * 3
-    assert 0.98 < found["C44"]["share"]["measurements"] <= 1
-    # What is predicted of such an indent is the mean of the two grains.
-    some = np.column_stack([result.posterior[name].values.ravel()[::100] for name in bi.constants("cubic")])
-    crystals = stiffness_rows("cubic", some)[:, None]
-    own = bi.halfspace_modulus(crystals, np.column_stack([mixture[name] for name in bench_boundary.ANGLES]))
-    other = bi.halfspace_modulus(crystals, np.column_stack([mixture[f"other_{name}"] for name in bench_boundary.ANGLES]))
-    p = mixture["other_probability"]
-    assert [one["mean"] for one in document["predicted"]] == pytest.approx(((1 - p) * own + p * other).mean(axis=0), abs=0.5)
 
 
 def test_shares_are_those_of_the_normal_model():

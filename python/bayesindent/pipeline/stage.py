@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable
 from contextlib import ExitStack
-from functools import lru_cache, partial
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from threading import Lock
@@ -23,9 +23,8 @@ LEFT_OUT = {"modulus_gpa": 0.0, "seconds": 0.0, "elements": 0, "depth_um": [], "
 
 
 class Job(NamedTuple):
-    """A simulation that is wanted: the groups of a namelist that say what it is, a crystal (6, 6) in GPa, and angles (3,) in degrees."""
+    """A simulation to be made: a crystal (6, 6) in GPa, and angles (3,) in degrees."""
 
-    physics: str
     stiffness: np.ndarray
     euler_deg: np.ndarray
 
@@ -41,21 +40,21 @@ class Simulator(NativeObject):
 
 
 class Simulations:
-    """Simulations by the simulators that jobs ask for, each made once. Threads share them; processes make their own."""
+    """Simulations by one simulator, made for the first job; each process makes its own."""
 
-    def __init__(self, origin: str):
-        self.origin, self._lock = origin, Lock()
-        # Of many specimens each is simulated a few times.
-        self._simulator = lru_cache(8)(partial(Simulator, origin))
+    def __init__(self, origin: str, physics: str):
+        self.origin, self.physics, self._lock = origin, physics, Lock()
+        self._simulator: Simulator | None = None
 
     def __reduce__(self) -> tuple:
-        return Simulations, (self.origin,)
+        return Simulations, (self.origin, self.physics)
 
     def __call__(self, job: Job) -> dict:
         """What became of a job: status, modulus_gpa, seconds, elements, depth_um, force_mn, and the message why it failed."""
         with self._lock:
-            simulator = self._simulator(job.physics)
-        return simulator._call("run", stiffness=job.stiffness, euler_deg=job.euler_deg)
+            if self._simulator is None:
+                self._simulator = Simulator(self.origin, self.physics)
+        return self._simulator._call("run", stiffness=job.stiffness, euler_deg=job.euler_deg)
 
 
 def attempt(simulate: Callable[[Job], dict], job: Job) -> dict:
@@ -77,13 +76,15 @@ class Stage(NativeObject):
         opened = problem._call("stage", name=name, **places(output, problem.folder))
         #: Simulations that are still to be made, as far as is known.
         self.expected = opened["expected"]
+        #: Groups of a namelist, from which an engine makes the simulator.
+        self.physics = opened["physics"]
         self._hold(opened["handle"])
 
     def wanted(self) -> tuple[list[int], list[Job]]:
         """The simulations to be made now, by their numbers; none: all is done."""
         found = self._call("want")
-        jobs = zip(found["physics_number"].tolist(), found["stiffness"], found["euler_deg"], strict=True)
-        return found["number"].tolist(), [Job(found["physics"][k], *crystal) for k, *crystal in jobs]
+        crystals = zip(found["stiffness"], found["euler_deg"], strict=True)
+        return found["number"].tolist(), [Job(*crystal) for crystal in crystals]
 
     def close(self) -> dict:
         """Write the results; the document."""
@@ -101,7 +102,7 @@ def run_stage(problem: Problem, name: str, output: str | PathLike, simulate: Cal
         while (wanted := stage.wanted())[0]:
             numbers, jobs = wanted
             engine = engine or opened.enter_context(ENGINES[execution.engine](execution.workers, execution.scheduler))
-            simulate = simulate or Simulations(str(problem.path))
+            simulate = simulate or Simulations(str(problem.path), stage.physics)
 
             def take(k: int, made: dict, numbers: list[int] = numbers) -> None:
                 made = {"status": DONE if "modulus_gpa" in made else FAILED} | LEFT_OUT | made

@@ -5,7 +5,6 @@ import re
 from dataclasses import dataclass
 from functools import cache, reduce
 from pathlib import Path
-from statistics import mode
 from typing import Any
 
 import numpy as np
@@ -27,9 +26,7 @@ BOUNDARY_DEG = 5.0
 LEAST_PIXELS = 4
 #: Columns of homologous points: positions of the stage, and of the map.
 POINT_COLUMNS = ("x_um", "y_um", "map_x_um", "map_y_um")
-#: The grain that an indent may be in instead.
-OTHER_COLUMNS = ("other_probability", "other_phi1_deg", "other_Phi_deg", "other_phi2_deg")
-#: Errors of registration that are drawn, and the probability of its grain below which an indent is uncertain.
+#: Errors of registration that are drawn, and the probability of its grain that an indent needs.
 SAMPLE, LEAST_SHARE = 400, 0.95
 #: No sample is larger.
 FARTHEST_UM = 1e9
@@ -39,12 +36,16 @@ NORMAL = (0.0, 0.0, 1.0)
 
 @dataclass
 class IndentedMap:
-    """A map with indents at `positions` (n, 2) in its own coordinates, um, the grain of each, and what is to be said of them.
+    """A map with indents at `positions` (n, 2) in its own coordinates, um, and the grain of each.
 
-    `page`: a line for each indent: Bunge's angles of the mean orientation of its grain, and, where the measurements have no such
-    column, `grain`, its number in the map, `orientation_sd_deg`, the spread of the indented direction over it, and `grain_radius_um`, the distance to the nearest other grain; where an indent is near a boundary, `OTHER_COLUMNS`."""
+    `rows`: their rows in the measurements, from 0; the grain of the others is uncertain.
+    `page`: a line for each indent: Bunge's angles of the mean orientation of its grain, and, where
+    the measurements have no such column, `grain`, its number in the map, `orientation_sd_deg`, the
+    spread of the indented direction over it, and `grain_radius_um`, the distance to the nearest
+    other grain."""
 
     grid: "Grid"
+    rows: list[int]
     positions: np.ndarray
     grains: list[int]
     page: str
@@ -72,27 +73,29 @@ def indented_map(
     warnings += grid.compare_phase(grid.phase[pixel], symmetry)
     # Of a sample of the errors of registration the share that leads to the same grain.
     nearest = grid.tree.query(indents + np.random.default_rng(0).normal(size=(SAMPLE, 1, 2)) * sd[:, None])[1]
-    sample, same_phase = grid.grain[nearest], grid.phase[nearest] == grid.phase[pixel]
-    share = np.mean(sample == grains, axis=0)
+    share = np.mean(grid.grain[nearest] == grains, axis=0)
+    retained = np.flatnonzero(share >= LEAST_SHARE).tolist()
     if doubtful := [f"{row + 1} ({share[row]:.0%})" for row in np.flatnonzero(share < LEAST_SHARE)]:
+        named = f"{', '.join(doubtful[:10])}{', ..' if len(doubtful) > 10 else ''}"
         warnings.append(
-            f"{place}the grain of the indents of rows {', '.join(doubtful[:10])}{', ..' if len(doubtful) > 10 else ''} is uncertain: in brackets "
-            f"the probability that the registration, ± {sd.max():.2g} um, leads to it. Each is taken as a mixture of this grain and the next "
-            "most probable one, which adds to its sd; more ebsd_points make the registration better"
+            f"{place}the indents of rows {named} are left out: their grain is uncertain. In brackets: "
+            f"the probability of the grain, with a registration of ± {sd.max():.2g} um; "
+            f"{LEAST_SHARE:.0%} is needed. State more ebsd_points"
         )
+    if not retained:
+        raise InputError(warnings[-1])
     stated = {re.sub("[ -]", "_", name.lower()).removesuffix("_id").removesuffix("_number") for name in columns}
     orientation = cache(grid.mean_orientation)
+    indents, grains = indents[retained], [grains[row] for row in retained]
     rows = []
-    for k, (position, grain) in enumerate(zip(indents, grains)):
-        others = sample[(sample[:, k] != grain) & same_phase[:, k], k].tolist() if share[k] < LEAST_SHARE else []
-        other = mode(others or [grain])
-        name, (euler_deg, spread) = f"EBSD {grain}" + f" or {other}" * (other != grain), orientation(grain)
-        values = {"grain": name, "orientation_sd_deg": spread, "grain_radius_um": grid.distance_to_boundary(position, grain)}
-        if doubtful:
-            values |= zip(OTHER_COLUMNS, (others.count(other) / (others.count(other) + SAMPLE * share[k]), *orientation(other)[0]))
+    for position, grain in zip(indents, grains):
+        euler_deg, spread = orientation(grain)
+        radius = grid.distance_to_boundary(position, grain)
+        values = {"grain": f"EBSD {grain}", "orientation_sd_deg": spread, "grain_radius_um": radius}
         angles = dict(zip(("phi1_deg", "Phi_deg", "phi2_deg"), euler_deg))
         rows.append(angles | {name: value for name, value in values.items() if name not in stated})
-    return IndentedMap(grid, indents, grains, as_csv(list(rows[0]), [list(row.values()) for row in rows]), warnings)
+    page = as_csv(list(rows[0]), [list(row.values()) for row in rows])
+    return IndentedMap(grid, retained, indents, grains, page, warnings)
 
 
 def registered(place: str, path: Path, stage: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[str]]:

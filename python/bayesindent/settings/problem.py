@@ -169,6 +169,8 @@ class Problem(NativeObject):
             stage = np.transpose(facts["indents_um"])
             given = (facts.get(name) for name in ("problem.symmetry", "measurements.crystal_axes"))
             self.map = indented_map(place, Path(facts["map"]), points, stage, facts["indents_columns"], *given)
+            if len(self.map.rows) < len(stage):
+                self._call("retain_indents", rows=np.array(self.map.rows) + 1.0)
             self._set_table("ebsd", self.map.page)
             self._call("misread", directions=self.map.grid.misread(self.map.positions))
             for line in self.map.warnings:

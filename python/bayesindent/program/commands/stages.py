@@ -83,33 +83,6 @@ def simulate(problem: Problem, output: Path) -> dict:
     return document
 
 
-def size(problem: Problem, output: Path) -> dict:
-    """Size.png and the document."""
-    # Not above: importing matplotlib is slow, and every command would.
-    from ...report.figures.simulations import draw_bias
-    from ...report.figures.style import house_style
-
-    document = run_stage(problem, "size", output)
-    with house_style(), whole_file(output / "size.png") as file:
-        draw_bias(document).savefig(file)
-    return document | {"figure": str(output / "size.png")}
-
-
-def show_size(document: dict) -> None:
-    """The sizes from which on the bias is small."""
-    rows = []
-    for row in document["results"]:
-        crystal = ", ".join(f"{name} {value:g}" for name, value in row["constants"].items())
-        around = row["surroundings"] + (f" ({row['young_gpa']:.0f} GPa)" if row["young_gpa"] else "")
-        smallest = "–" if row["smallest_um"] is None else f"{row['smallest_um']:.3g}"
-        largest = "–" if not row["bias"] else f"{100 * row['bias'][0]:+.1f} % at {row['size_um'][0]:.3g}"
-        rows.append([crystal, ", ".join(f"{angle:g}" for angle in row["euler_deg"]), around, largest, smallest])
-    quantity = document["variable"].removesuffix("_um").replace("_", " ")
-    header = ["constants (GPa)", "phi1, Phi, phi2", "surroundings", "bias", f"below {100 * document['limit']:g} % from (um)"]
-    show_table(f"Smallest {quantity} (contact radius {document['contact_radius_um']:g} um)", header, rows)
-    print(document["figure"])
-
-
 def build(arguments: argparse.Namespace) -> dict:
     """Build; or with --ask the next crystals, with --tell the moduli of others."""
     problem, output = prepare(arguments, PATIENCE_S if (arguments.ask, arguments.tell) != (None, None) else 0)
@@ -231,7 +204,6 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
 COMMANDS = (
     namelist_command("simulate", stage=simulate, show=show_moduli, resumes=True, then=report_of),
     namelist_command("theory", show=show_moduli, then=report_of),
-    namelist_command("size", stage=size, show=show_size, then=report_of),
     namelist_command("build", action=build, arguments=add_build_arguments, show=show_build, resumes=True, then=after_build),
     namelist_command("plan", show=show_plan, then=report_of),
     namelist_command("curves", show=show_curves, then=report_of),

@@ -12,7 +12,6 @@ SECTIONS = {
     "curves": (curves.curve_fits, curves.curve_moduli, curves.moduli_errors, curves.tip_radius),
     "parity": (learning.parity,),
     "simulation": (mesh.mesh, simulations.load_depth, simulations.theory),
-    "size": (simulations.specimen_size,),
     "plan": (posterior.expected_sds,),
     "diagnostics": (posterior.marginals, posterior.residuals, posterior.traces),
     "surrogate": (learning.learning_curve, learning.validation, learning.truncations),
