@@ -1,5 +1,5 @@
-// The analysis of a pattern: elimination order and supernodes by METIS and CHOLMOD, their tree, memory plan, and places of the
-// entries.
+// The analysis of a pattern: elimination order and supernodes by METIS and CHOLMOD, their tree,
+// memory plan, and places of the entries.
 #include "multifrontal.h"
 
 #include <suitesparse/cholmod.h>
@@ -22,7 +22,8 @@ public:
     common.nmethods = 1;
     common.method[0].ordering = CHOLMOD_GIVEN;
     common.postorder = 1;
-    // Dense BLAS wants wide supernodes: merge them as long as the explicit zeros stay a modest fraction.
+    // Dense BLAS wants wide supernodes: merge them as long as the explicit zeros stay a modest
+    // fraction.
     common.nrelax[0] = 12;
     common.nrelax[1] = 32;
     common.nrelax[2] = 96;
@@ -39,15 +40,16 @@ public:
 
   void check(bool done) const {
     if (!done || common.status < CHOLMOD_OK)
-      throw common.status == CHOLMOD_OUT_OF_MEMORY || common.status == CHOLMOD_TOO_LARGE ? no_memory : internal;
+      throw common.status == CHOLMOD_OUT_OF_MEMORY || common.status == CHOLMOD_TOO_LARGE ? no_memory
+                                                                                         : internal;
   }
 
   cholmod_common common;
   cholmod_factor *factor = nullptr;
 };
 
-// METIS takes SIGTERM and SIGABRT for itself while it works, and gives them back to handlers that act only once. Here they stay
-// what they were, and a SIGTERM to this thread waits.
+// METIS takes SIGTERM and SIGABRT for itself while it works, and gives them back to handlers that
+// act only once. Here they stay what they were, and a SIGTERM to this thread waits.
 class signal_keeper {
 public:
   signal_keeper() : alone(one_at_a_time) {
@@ -85,8 +87,10 @@ cholmod_sparse pattern(integer n, const integer *start, const integer *row) {
   return lower;
 }
 
-// Nested dissection of the graph of the groups, in which the first unknown of each stands for it: the place of each in the order.
-std::vector<integer> places_of_groups(integer n, const integer *start, const integer *row, const integer *group, analyser &tool) {
+// Nested dissection of the graph of the groups, in which the first unknown of each stands for it:
+// the place of each in the order.
+std::vector<integer> places_of_groups(integer n, const integer *start, const integer *row,
+                                      const integer *group, analyser &tool) {
   const integer groups = 1 + *std::max_element(group, group + n);
   std::vector<integer> first(groups, n), group_start(1, 0), group_row, order(groups), place(groups);
   for (integer i = n; i-- > 0;)
@@ -109,7 +113,9 @@ std::vector<integer> places_of_groups(integer n, const integer *start, const int
 
 } // namespace
 
-analysis::analysis(integer n_, const integer *start, const integer *row, const integer *group, integer kept_) : n(n_), kept(kept_) {
+analysis::analysis(integer n_, const integer *start, const integer *row, const integer *group,
+                   integer kept_)
+    : n(n_), kept(kept_) {
   find_supernodes(start, row, group);
   build_tree();
   plan_memory();
@@ -121,7 +127,8 @@ void analysis::find_supernodes(const integer *start, const integer *row, const i
   const std::vector<integer> place = places_of_groups(n, start, row, group, tool);
   std::vector<integer> given(n);
   std::iota(given.begin(), given.end(), 0);
-  std::stable_sort(given.begin(), given.end() - kept, [&](integer i, integer j) { return place[group[i]] < place[group[j]]; });
+  std::stable_sort(given.begin(), given.end() - kept,
+                   [&](integer i, integer j) { return place[group[i]] < place[group[j]]; });
   cholmod_sparse matrix = pattern(n, start, row);
   tool.factor = cholmod_analyze_p(&matrix, given.data(), nullptr, 0, &tool.common);
   tool.check(tool.factor != nullptr && tool.factor->is_super != 0);
@@ -133,7 +140,8 @@ void analysis::find_supernodes(const integer *start, const integer *row, const i
   const integer *s = static_cast<const integer *>(symbolic.s);
   supernodes = static_cast<integer>(symbolic.nsuper);
   unknown_at.assign(permutation, permutation + n);
-  tool.check(std::all_of(unknown_at.end() - kept, unknown_at.end(), [this](integer i) { return i >= n - kept; }));
+  tool.check(std::all_of(unknown_at.end() - kept, unknown_at.end(),
+                         [this](integer i) { return i >= n - kept; }));
   position.resize(n);
   for (integer k = 0; k < n; ++k)
     position[unknown_at[k]] = k;
@@ -168,8 +176,9 @@ void analysis::build_tree() {
   }
 }
 
-// Update matrices of even and odd depth go to stacks of their own, last in, first out: a parent's is written while its
-// children's are still there. One stack lives in the memory that the last columns of the factor will fill.
+// Update matrices of even and odd depth go to stacks of their own, last in, first out: a parent's
+// is written while its children's are still there. One stack lives in the memory that the last
+// columns of the factor will fill.
 void analysis::plan_memory() {
   relative.resize(rows.size());
   run_end.resize(rows.size());
@@ -198,7 +207,8 @@ void analysis::plan_memory() {
   arena_size = shared[upper];
   stack_size = alone[1 - upper];
   column_size = static_cast<std::size_t>(n) + tallest;
-  sizes[2] = static_cast<double>(sizeof(real)) * static_cast<double>(arena_size + stack_size + column_size);
+  sizes[2] = static_cast<double>(sizeof(real)) *
+             static_cast<double>(arena_size + stack_size + column_size);
 }
 
 void analysis::map_entries(const integer *start, const integer *row) {
@@ -206,7 +216,9 @@ void analysis::map_entries(const integer *start, const integer *row) {
   for (integer j = 0; j < n; ++j) {
     for (integer p = start[j]; p < start[j + 1]; ++p) {
       const auto [column, below] = std::minmax(position[j], position[row[p]]);
-      const integer k = static_cast<integer>(std::upper_bound(first.begin(), first.end(), column) - first.begin()) - 1;
+      const integer k = static_cast<integer>(std::upper_bound(first.begin(), first.end(), column) -
+                                             first.begin()) -
+                        1;
       const auto own = rows.begin() + static_cast<std::ptrdiff_t>(row_start[k]);
       const auto place = std::lower_bound(own, own + rows_of(k), below) - own;
       entries_of[k].emplace_back(p, (column - first[k]) * rows_of(k) + static_cast<integer>(place));

@@ -1,4 +1,5 @@
-// Database files of SQLite: statements with values for their parameters, and the cells that they give. A C interface, for Fortran.
+// Database files of SQLite: statements with values for their parameters, and the cells that they
+// give. A C interface, for Fortran.
 #include <charconv>
 #include <cstdint>
 #include <cstring>
@@ -14,7 +15,9 @@ struct database {
   std::string cells;
 };
 
-void add_cell(std::string &cells, const char *text) { cells.append(text == nullptr ? "" : text).push_back('\0'); }
+void add_cell(std::string &cells, const char *text) {
+  cells.append(text == nullptr ? "" : text).push_back('\0');
+}
 
 // Numbers to the last bit: the library's own texts of them have 15 digits.
 void add_row(std::string &cells, sqlite3_stmt *statement) {
@@ -58,7 +61,8 @@ int run(database &self, const char *sql, const char *values, const char *end) {
 
 extern "C" {
 
-// Open a file, which is made at the first statement that writes. What is wrong with it is said then.
+// Open a file, which is made at the first statement that writes. What is wrong with it is said
+// then.
 database *bayesindent_open_database(const char *path) {
   auto *const self = new database();
   self->opened = sqlite3_open(path, &self->handle);
@@ -71,10 +75,11 @@ void bayesindent_close_database(database *self) {
   delete self;
 }
 
-// Perform statements, separated by semicolons, the first with the `length` bytes of values, each ended by a zero byte, for its
-// parameters. The cells of the rows that it gives, so many `bytes`, or the reason of a failure, with its result code.
-const char *bayesindent_query(database *self, const char *sql, const char *values, std::int32_t length, std::int32_t *bytes,
-                              std::int32_t *code) {
+// Perform statements, separated by semicolons, the first with the `length` bytes of values, each
+// ended by a zero byte, for its parameters. The cells of the rows that it gives, so many `bytes`,
+// or the reason of a failure, with its result code.
+const char *bayesindent_query(database *self, const char *sql, const char *values,
+                              std::int32_t length, std::int32_t *bytes, std::int32_t *code) {
   self->cells.clear();
   *code = run(*self, sql, values, values + length);
   if (*code != SQLITE_OK)

@@ -24,14 +24,17 @@ char *write(double size, int form, int n, char *out) {
   if (form == fixed_point)
     return std::to_chars(out, out + longest, size, std::chars_format::fixed, std::min(n, 60)).ptr;
   char text[64] = {};
-  const int most = form == significant ? n : digits_for_people, whole = form == significant ? n : longest_of_python;
-  const auto done = form == fewest_digits ? std::to_chars(text, text + 40, size, exponential)
-                                          : std::to_chars(text, text + 40, size, exponential, most - 1);
+  const int most = form == significant ? n : digits_for_people,
+            whole = form == significant ? n : longest_of_python;
+  const auto done = form == fewest_digits
+                        ? std::to_chars(text, text + 40, size, exponential)
+                        : std::to_chars(text, text + 40, size, exponential, most - 1);
   char *last = std::find(text, done.ptr, 'e');
   const int exponent = std::atoi(last + 1);
   const bool is_long = exponent < -4 || exponent >= whole;
   if (is_long && form == significant)
-    return std::copy(text, last, out) + std::sprintf(out + (last - text), n > 1 ? "E%+04d" : ".E%+04d", exponent);
+    return std::copy(text, last, out) +
+           std::sprintf(out + (last - text), n > 1 ? "E%+04d" : ".E%+04d", exponent);
   // The digits, without their point and zeros at their end.
   if (last > text + 1)
     last = std::copy(text + 2, last, text + 1);
@@ -50,38 +53,53 @@ char *write(double size, int form, int n, char *out) {
   if (is_long)
     return out + std::sprintf(out, "e%+03d", exponent);
   // Fortran has nothing after a point that follows the last of its digits.
-  const char *const end = count > before || form == few_digits ? "" : form == significant && exponent == n - 1 ? "." : ".0";
+  const char *const end = count > before || form == few_digits       ? ""
+                          : form == significant && exponent == n - 1 ? "."
+                                                                     : ".0";
   return std::copy_n(end, std::strlen(end), out);
 }
 
 // Whether these digits, with their exponent, are a number of 1 or more.
 bool is_large(const std::string &digits) {
-  const std::size_t mark = std::min(digits.find_first_of("eE"), digits.size()), point = std::min(digits.find('.'), mark);
-  const double exponent = mark < digits.size() ? static_cast<double>(std::strtol(digits.c_str() + mark + 1, nullptr, 10)) : 0.0;
-  return static_cast<double>(point) - static_cast<double>(digits.find_first_of("123456789")) + exponent > 0.0;
+  const std::size_t mark = std::min(digits.find_first_of("eE"), digits.size()),
+                    point = std::min(digits.find('.'), mark);
+  const double exponent =
+      mark < digits.size()
+          ? static_cast<double>(std::strtol(digits.c_str() + mark + 1, nullptr, 10))
+          : 0.0;
+  return static_cast<double>(point) - static_cast<double>(digits.find_first_of("123456789")) +
+             exponent >
+         0.0;
 }
 
 } // namespace
 
 extern "C" {
 
-// A number as text, with blanks after it. Fewest digits: those that bring the number back, as Python writes them: 16.0, 1e-05. Few
-// digits: ten at most, for people: 16; nothing where it is not finite. Significant: `n` digits, without zeros at their end, as
-// Fortran writes them: 16.0, 1.00000E-005. Fixed point: `n` decimals, and no point without them.
-void bayesindent_write_real(double value, std::int32_t form, std::int32_t n, char *text, std::int32_t length) {
+// A number as text, with blanks after it. Fewest digits: those that bring the number back, as
+// Python writes them: 16.0, 1e-05. Few digits: ten at most, for people: 16; nothing where it is not
+// finite. Significant: `n` digits, without zeros at their end, as Fortran writes
+// them: 16.0, 1.00000E-005. Fixed point: `n` decimals, and no point without them.
+void bayesindent_write_real(double value, std::int32_t form, std::int32_t n, char *text,
+                            std::int32_t length) {
   char written[longest + 8], *end = written;
   if (form == few_digits && std::abs(value) < std::numeric_limits<double>::min())
     *end++ = '0';
   else if (std::isfinite(value))
     end = write(std::abs(value), form, n, std::fill_n(written, std::signbit(value), '-'));
   else if (form != few_digits)
-    end += std::sprintf(written, "%s", std::isnan(value) ? "NaN" : value > 0 ? "Infinity" : "-Infinity");
+    end += std::sprintf(written, "%s",
+                        std::isnan(value) ? "NaN"
+                        : value > 0       ? "Infinity"
+                                          : "-Infinity");
   end = std::min(end, written + length);
   std::fill(std::copy(written, end, text), text + length, ' ');
 }
 
-// A real in the syntax of Fortran or C, the whole text: 1, 1., .5, 1.0e-3, 1d0. Where it is none, the value is 0.
-void bayesindent_read_real(const char *text, std::int32_t length, double *value, std::int32_t *outcome) {
+// A real in the syntax of Fortran or C, the whole text: 1, 1., .5, 1.0e-3, 1d0. Where it is none,
+// the value is 0.
+void bayesindent_read_real(const char *text, std::int32_t length, double *value,
+                           std::int32_t *outcome) {
   *value = 0.0;
   *outcome = malformed;
   std::string digits(text + (length > 0 && (text[0] == '-' || text[0] == '+')), text + length);

@@ -1,4 +1,5 @@
-// Multifrontal Cholesky factorisation over CHOLMOD's symbolic analysis: the analysis of a pattern, and workspaces for numbers.
+// Multifrontal Cholesky factorisation over CHOLMOD's symbolic analysis: the analysis of a pattern,
+// and workspaces for numbers.
 #ifndef BAYESINDENT_MULTIFRONTAL_H
 #define BAYESINDENT_MULTIFRONTAL_H
 
@@ -12,7 +13,8 @@
 namespace bayesindent {
 
 using integer = std::int32_t;
-// Of the factor. A modulus needs four digits and single precision gives it more (docs/simulation.md); solutions are refined.
+// Of the factor. A modulus needs four digits and single precision gives it more
+// (docs/simulation.md); solutions are refined.
 using real = float;
 
 // As the Fortran side has them.
@@ -23,15 +25,18 @@ constexpr integer panel_width = 48;
 
 // The numbers of one matrix at a time, owned by one thread.
 struct workspace {
-  // The factor grows from the bottom of `arena`, one stack from its top; the other stack has its own memory.
+  // The factor grows from the bottom of `arena`, one stack from its top; the other stack has its
+  // own memory.
   std::unique_ptr<real[]> arena, stack;
   // A permuted right-hand side and the rows of one front.
   std::unique_ptr<real[]> column;
 };
 
-// A pattern with its elimination order, supernodes and memory plan; constant but for the pool of workspaces.
+// A pattern with its elimination order, supernodes and memory plan; constant but for the pool of
+// workspaces.
 struct analysis {
-  // The lower triangle in compressed columns, the group of each unknown, and how many are eliminated last. Throws a `status`.
+  // The lower triangle in compressed columns, the group of each unknown, and how many are
+  // eliminated last. Throws a `status`.
   analysis(integer n, const integer *start, const integer *row, const integer *group, integer kept);
 
   integer columns_of(integer s) const { return first[s + 1] - first[s]; }
@@ -48,20 +53,22 @@ struct analysis {
   void map_entries(const integer *start, const integer *row);
 
   integer n, kept, supernodes = 0;
-  std::vector<integer> position;              // of an unknown in the elimination order
-  std::vector<integer> unknown_at;            // its inverse
-  std::vector<integer> first;                 // first column of each supernode
-  std::vector<std::size_t> row_start;         // of each supernode in `rows`
-  std::vector<integer> rows;                  // rows of each supernode, its own columns first
-  std::vector<std::size_t> block_start;       // of each supernode's columns in the factor
-  std::vector<integer> relative;              // place of each row of `rows` in the parent's rows
-  std::vector<integer> run_end;               // of the run of adjacent places that each row of an update matrix is in
+  std::vector<integer> position;        // of an unknown in the elimination order
+  std::vector<integer> unknown_at;      // its inverse
+  std::vector<integer> first;           // first column of each supernode
+  std::vector<std::size_t> row_start;   // of each supernode in `rows`
+  std::vector<integer> rows;            // rows of each supernode, its own columns first
+  std::vector<std::size_t> block_start; // of each supernode's columns in the factor
+  std::vector<integer> relative;        // place of each row of `rows` in the parent's rows
+  std::vector<integer>
+      run_end; // of the run of adjacent places that each row of an update matrix is in
   std::vector<std::vector<integer>> children; // of each supernode, in elimination order
   std::vector<unsigned char> parity;          // of the depth of each supernode in the tree
   // Entries of the matrix that each supernode receives, and their places in its columns.
   std::vector<std::vector<std::pair<integer, integer>>> entries_of;
   std::size_t arena_size = 0, stack_size = 0, column_size = 0;
-  // Entries of the factor, floating point operations of one factorisation, and bytes of one workspace.
+  // Entries of the factor, floating point operations of one factorisation, and bytes of one
+  // workspace.
   double sizes[3] = {0.0, 0.0, 0.0};
   int upper = 0; // parity of the stack in the arena
   std::mutex pool_lock;

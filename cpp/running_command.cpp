@@ -1,5 +1,5 @@
-// What a running command has of the operating system: an output folder to itself, and an end at once on a signal. A C interface,
-// for Fortran.
+// What a running command has of the operating system: an output folder to itself, and an end at
+// once on a signal. A C interface, for Fortran.
 #include <atomic>
 #include <cerrno>
 #include <chrono>
@@ -35,7 +35,8 @@ long seconds_east = 0;
 
 int descriptor = -1;
 
-// Appends a text, or a number of at least so many digits: nothing but this may be called in a handler.
+// Appends a text, or a number of at least so many digits: nothing but this may be called in a
+// handler.
 struct line_buffer {
   char text[longest + 128];
   std::size_t length = 0;
@@ -100,7 +101,8 @@ void end_at_once(int signal) {
   while (ending.exchange(true))
     pause();
   if (log_file[current][0] != '\0') {
-    const int log = open(log_file[current], O_WRONLY | O_APPEND | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0666);
+    const int log = open(log_file[current],
+                         O_WRONLY | O_APPEND | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0666);
     line_buffer line;
     add_time(line);
     line.add(" WARNING ");
@@ -129,24 +131,30 @@ void note(int signal, siginfo_t *information, void *context) {
     handler_before.sa_handler(signal);
 }
 
-// Remove the files of a folder that begin with a prefix, if so says a question about the rest of the name.
-template <typename question> void remove_files(const char *folder, const std::string &prefix, question removed) {
+// Remove the files of a folder that begin with a prefix, if so says a question about the rest of
+// the name.
+template <typename question>
+void remove_files(const char *folder, const std::string &prefix, question removed) {
   std::error_code failed;
-  for (std::filesystem::directory_iterator entry(folder, failed), end; !failed && entry != end; entry.increment(failed)) {
+  for (std::filesystem::directory_iterator entry(folder, failed), end; !failed && entry != end;
+       entry.increment(failed)) {
     const std::string name = entry->path().filename().string();
     if (name.starts_with(prefix) && removed(name.c_str() + prefix.size()))
       unlink(entry->path().c_str());
   }
 }
 
-// From now on SIGINT, SIGTERM and SIGHUP end the process with status 128 + signal, unless they are ignored: one line on standard
-// error and in the log of the folder, if there is one. Calling it again changes the line.
+// From now on SIGINT, SIGTERM and SIGHUP end the process with status 128 + signal, unless they are
+// ignored: one line on standard error and in the log of the folder, if there is one. Calling it
+// again changes the line.
 void watch(const std::string &folder, bool resumes) {
   const int other = 1 - current;
-  const std::string kept = resumes ? "; what was finished is kept in " + folder + ", and the same command goes on from there"
+  const std::string kept = resumes ? "; what was finished is kept in " + folder +
+                                         ", and the same command goes on from there"
                                    : "; the same command begins anew";
   std::snprintf(words[other], longest, "%s", kept.c_str());
-  std::snprintf(log_file[other], longest, "%s", folder.empty() ? "" : (folder + "/run.log").c_str());
+  std::snprintf(log_file[other], longest, "%s",
+                folder.empty() ? "" : (folder + "/run.log").c_str());
   const std::time_t now = std::time(nullptr);
   std::tm local;
   if (localtime_r(&now, &local) != nullptr)
@@ -157,7 +165,8 @@ void watch(const std::string &folder, bool resumes) {
   for (const watched_signal &one : watched)
     sigaddset(&action.sa_mask, one.number);
   for (watched_signal &one : watched)
-    if (!one.taken && sigaction(one.number, nullptr, &one.before) == 0 && one.before.sa_handler != SIG_IGN)
+    if (!one.taken && sigaction(one.number, nullptr, &one.before) == 0 &&
+        one.before.sa_handler != SIG_IGN)
       one.taken = sigaction(one.number, &action, nullptr) == 0;
   // A file that is larger than the limit is a write that fails, like that on a full disk.
   std::signal(SIGXFSZ, SIG_IGN);
@@ -169,9 +178,9 @@ void unlock() {
   descriptor = -1;
 }
 
-// Wait at most `milliseconds` for the lock of a file, which is made and has the process that holds it; the system frees the lock
-// with that process. 0: locked; 1: process `holder` (0: unknown) has it; 2: the file cannot be opened. A file system without locks
-// counts as locked.
+// Wait at most `milliseconds` for the lock of a file, which is made and has the process that holds
+// it; the system frees the lock with that process. 0: locked; 1: process `holder` (0: unknown) has
+// it; 2: the file cannot be opened. A file system without locks counts as locked.
 std::int32_t lock(const std::string &file, std::int32_t milliseconds, std::int32_t *holder) {
   constexpr std::int32_t step = 20;
   *holder = 0;
@@ -207,9 +216,11 @@ extern "C" {
 
 void bayesindent_watch_signals() { watch("", false); }
 
-// Wait for the lock of an output folder and say as it does what became of it. Then a signal is told in its log, too, and the files
-// are removed whose names are `prefix`, a process that is no more, and '-', and so on: what killed processes left half-written.
-std::int32_t bayesindent_take_folder(const char *folder, const char *prefix, std::int32_t milliseconds, std::int32_t resumes,
+// Wait for the lock of an output folder and say as it does what became of it. Then a signal is told
+// in its log, too, and the files are removed whose names are `prefix`, a process that is no more,
+// and '-', and so on: what killed processes left half-written.
+std::int32_t bayesindent_take_folder(const char *folder, const char *prefix,
+                                     std::int32_t milliseconds, std::int32_t resumes,
                                      std::int32_t *holder) {
   const std::int32_t status = lock(std::string(folder) + "/.lock", milliseconds, holder);
   if (status != 0)
@@ -217,7 +228,8 @@ std::int32_t bayesindent_take_folder(const char *folder, const char *prefix, std
   remove_files(folder, prefix, [](const char *rest) {
     char *after;
     const long process = std::strtol(rest, &after, 10);
-    return process > 0 && *after == '-' && kill(static_cast<pid_t>(process), 0) != 0 && errno == ESRCH;
+    return process > 0 && *after == '-' && kill(static_cast<pid_t>(process), 0) != 0 &&
+           errno == ESRCH;
   });
   watch(folder, resumes != 0);
   return status;
@@ -236,8 +248,9 @@ void bayesindent_end_command() {
   unlock();
 }
 
-// While somebody listens, SIGINT is noted before it goes to the handler that it had; without a handler, or where a command watches,
-// nothing is changed. Threads may listen at the same time; with the last what was noted is forgotten.
+// While somebody listens, SIGINT is noted before it goes to the handler that it had; without a
+// handler, or where a command watches, nothing is changed. Threads may listen at the same time;
+// with the last what was noted is forgotten.
 void bayesindent_listen() {
   const std::lock_guard<std::mutex> guard(listening);
   if (listeners++ > 0)
@@ -262,7 +275,8 @@ void bayesindent_stop_listening() {
     return;
   struct sigaction present;
   // Somebody may have set another one meanwhile.
-  if (sigaction(SIGINT, nullptr, &present) == 0 && (present.sa_flags & SA_SIGINFO) != 0 && present.sa_sigaction == note)
+  if (sigaction(SIGINT, nullptr, &present) == 0 && (present.sa_flags & SA_SIGINFO) != 0 &&
+      present.sa_sigaction == note)
     sigaction(SIGINT, &handler_before, nullptr);
   listens = false;
 }

@@ -1,8 +1,9 @@
 // Sparse Cholesky factorisation of many matrices with one pattern: a C interface, for Fortran.
 //
-// The lower triangle of a symmetric matrix is given in compressed columns, 0-based, diagonal included. The last `kept`
-// unknowns are eliminated last, so that the trailing block of the factor is that of their Schur complement.
-// An analysis is read-only once made and may be shared by threads; each thread acquires a workspace of its own.
+// The lower triangle of a symmetric matrix is given in compressed columns, 0-based, diagonal
+// included. The last `kept` unknowns are eliminated last, so that the trailing block of the factor
+// is that of their Schur complement. An analysis is read-only once made and may be shared by
+// threads; each thread acquires a workspace of its own.
 #include "multifrontal.h"
 
 #include <algorithm>
@@ -17,14 +18,16 @@
 // The procedures of BLAS and LAPACK that the factorisation calls.
 extern "C" {
 void spotrf_(const char *, const int *, float *, const int *, int *);
-void strsv_(const char *, const char *, const char *, const int *, const float *, const int *, float *, const int *);
-void sgemv_(const char *, const int *, const int *, const float *, const float *, const int *, const float *, const int *,
-            const float *, float *, const int *);
-void strtri_(const char *, const char *, const int *, float *, const int *, int *);
-void ssyrk_(const char *, const char *, const int *, const int *, const float *, const float *, const int *, const float *, float *,
-            const int *);
-void sgemm_(const char *, const char *, const int *, const int *, const int *, const float *, const float *, const int *,
+void strsv_(const char *, const char *, const char *, const int *, const float *, const int *,
+            float *, const int *);
+void sgemv_(const char *, const int *, const int *, const float *, const float *, const int *,
             const float *, const int *, const float *, float *, const int *);
+void strtri_(const char *, const char *, const int *, float *, const int *, int *);
+void ssyrk_(const char *, const char *, const int *, const int *, const float *, const float *,
+            const int *, const float *, float *, const int *);
+void sgemm_(const char *, const char *, const int *, const int *, const int *, const float *,
+            const float *, const int *, const float *, const int *, const float *, float *,
+            const int *);
 void openblas_set_num_threads(int) __attribute__((weak));
 std::int32_t bayesindent_reserve_blas(std::int32_t callers);
 }
@@ -36,20 +39,23 @@ namespace {
 // Workspaces that are in use: each calls BLAS.
 std::atomic<integer> in_use{0};
 
-// Factor the first `own` columns of a front of `tall` rows, in place: one half, its products from the other half, and that one, so
-// that nearly all the work is matrix products of some size; also the triangular solves, by the inverse of the small diagonal block.
-// Returns the 1-based column whose pivot failed, or 0.
+// Factor the first `own` columns of a front of `tall` rows, in place: one half, its products from
+// the other half, and that one, so that nearly all the work is matrix products of some size; also
+// the triangular solves, by the inverse of the small diagonal block. Returns the 1-based column
+// whose pivot failed, or 0.
 integer factor_columns(real *block, integer height, integer tall, integer own) {
   const real one = 1.0, minus = -1.0, zero = 0.0;
   if (own > panel_width) {
-    const integer left = (own / panel_width + 1) / 2 * panel_width, right = own - left, below = tall - own;
+    const integer left = (own / panel_width + 1) / 2 * panel_width, right = own - left,
+                  below = tall - own;
     real *const diagonal = block + static_cast<std::size_t>(left) * height + left;
     integer failed = factor_columns(block, height, tall, left);
     if (failed != 0)
       return failed;
     ssyrk_("L", "N", &right, &left, &minus, block + left, &height, &one, diagonal, &height);
     if (below > 0)
-      sgemm_("N", "T", &below, &right, &left, &minus, block + own, &height, block + left, &height, &one, diagonal + right, &height);
+      sgemm_("N", "T", &below, &right, &left, &minus, block + own, &height, block + left, &height,
+             &one, diagonal + right, &height);
     failed = factor_columns(diagonal, height, tall - left, right);
     return failed == 0 ? 0 : left + failed;
   }
@@ -73,17 +79,20 @@ integer factor_columns(real *block, integer height, integer tall, integer own) {
     const integer rows = std::min(piece_rows, tall - done);
     for (integer c = 0; c < own; ++c)
       std::copy_n(block + static_cast<std::size_t>(c) * height + done, rows, piece + c * rows);
-    sgemm_("N", "T", &rows, &own, &own, &one, piece, &rows, inverse, &own, &zero, block + done, &height);
+    sgemm_("N", "T", &rows, &own, &own, &one, piece, &rows, inverse, &own, &zero, block + done,
+           &height);
   }
   return 0;
 }
 
-// Add those columns `from` to `to` of a child's update matrix, as the parent counts, of which `into` has the first with `stride`
-// between them.
-void add_child(const analysis &self, const real *update, integer d, integer from, integer to, real *into, integer stride) {
+// Add those columns `from` to `to` of a child's update matrix, as the parent counts, of which
+// `into` has the first with `stride` between them.
+void add_child(const analysis &self, const real *update, integer d, integer from, integer to,
+               real *into, integer stride) {
   const integer m = self.rows_of(d) - self.columns_of(d);
   const std::size_t start = self.row_start[d] + self.columns_of(d);
-  const integer *const place = self.relative.data() + start, *const run_end = self.run_end.data() + start;
+  const integer *const place = self.relative.data() + start, *const run_end =
+                                                                 self.run_end.data() + start;
   const integer *const last = std::lower_bound(place, place + m, to);
   for (const integer *at = std::lower_bound(place, last, from); at < last; ++at) {
     integer i = static_cast<integer>(at - place);
@@ -101,18 +110,22 @@ void add_child(const analysis &self, const real *update, integer d, integer from
 
 // The update matrix of a supernode, `below` entries above the foot of its stack.
 real *update_matrix(const analysis &self, workspace &work, integer s, std::size_t below) {
-  return self.parity[s] == self.upper ? work.arena.get() + self.arena_size - below - self.update_size(s) : work.stack.get() + below;
+  return self.parity[s] == self.upper
+             ? work.arena.get() + self.arena_size - below - self.update_size(s)
+             : work.stack.get() + below;
 }
 
 } // namespace
 
 extern "C" {
 
-// Order and analyse a pattern. `group[i]` numbers (from 0) the mesh node of unknown i: unknowns of a node share their neighbours,
-// and the ordering works on nodes. The sizes are the entries of the factor, the floating point operations of one factorisation, and
-// the bytes of one workspace. Returns null on failure, with the reason in `outcome`.
-void *bayesindent_cholesky_new(integer n, const integer *column_start, const integer *row, const integer *group, integer kept,
-                               double *sizes, integer *outcome) {
+// Order and analyse a pattern. `group[i]` numbers (from 0) the mesh node of unknown i: unknowns of
+// a node share their neighbours, and the ordering works on nodes. The sizes are the entries of the
+// factor, the floating point operations of one factorisation, and the bytes of one workspace.
+// Returns null on failure, with the reason in `outcome`.
+void *bayesindent_cholesky_new(integer n, const integer *column_start, const integer *row,
+                               const integer *group, integer kept, double *sizes,
+                               integer *outcome) {
   // Threads of BLAS under threads of ours oversubscribe the machine.
   if (openblas_set_num_threads != nullptr)
     openblas_set_num_threads(1);
@@ -137,8 +150,9 @@ void *bayesindent_cholesky_new(integer n, const integer *column_start, const int
 
 void bayesindent_cholesky_delete(analysis *self) { delete self; }
 
-// A workspace: a released one, else a new one if less than `free_bytes` suffice. Returns null where memory does not suffice. Memory
-// is written as it is allocated: what is free then counts all that other threads were given.
+// A workspace: a released one, else a new one if less than `free_bytes` suffice. Returns null where
+// memory does not suffice. Memory is written as it is allocated: what is free then counts all that
+// other threads were given.
 workspace *bayesindent_cholesky_acquire(analysis *self, double free_bytes) {
   const std::lock_guard<std::mutex> guard(self->pool_lock);
   if (const integer users = in_use + 1; bayesindent_reserve_blas(users) < users)
@@ -169,9 +183,11 @@ void bayesindent_cholesky_release(analysis *self, workspace *work) {
   --in_use;
 }
 
-// Factor the matrix with these values (order of `row`). If it is indefinite, `unknown` is the 0-based unknown whose pivot failed.
-// Multifrontal: each supernode is a dense front to which its children add their updates. Big BLAS-3 calls throughout.
-integer bayesindent_cholesky_factor(const analysis *handle, workspace *work, const double *values, integer *unknown) {
+// Factor the matrix with these values (order of `row`). If it is indefinite, `unknown` is the
+// 0-based unknown whose pivot failed. Multifrontal: each supernode is a dense front to which its
+// children add their updates. Big BLAS-3 calls throughout.
+integer bayesindent_cholesky_factor(const analysis *handle, workspace *work, const double *values,
+                                    integer *unknown) {
   const analysis &self = *handle;
   const real minus = -1.0, one = 1.0;
   std::size_t depth[2] = {0, 0};
@@ -215,17 +231,21 @@ integer bayesindent_cholesky_factor(const analysis *handle, workspace *work, con
   return ok;
 }
 
-// The lower Cholesky factor (kept x kept, column-major, zeros above) of the Schur complement of the kept unknowns.
-void bayesindent_cholesky_kept_factor(const analysis *handle, const workspace *work, double *factor) {
+// The lower Cholesky factor (kept x kept, column-major, zeros above) of the Schur complement of the
+// kept unknowns.
+void bayesindent_cholesky_kept_factor(const analysis *handle, const workspace *work,
+                                      double *factor) {
   const analysis &self = *handle;
   const integer offset = self.n - self.kept;
   std::fill(factor, factor + static_cast<std::size_t>(self.kept) * self.kept, 0.0);
   for (integer k = self.supernodes - 1; k >= 0 && self.first[k + 1] > offset; --k) {
     const integer height = self.rows_of(k);
     for (integer j = std::max(self.first[k], offset); j < self.first[k + 1]; ++j) {
-      const real *column = work->arena.get() + self.block_start[k] + static_cast<std::size_t>(j - self.first[k]) * height;
+      const real *column = work->arena.get() + self.block_start[k] +
+                           static_cast<std::size_t>(j - self.first[k]) * height;
       for (integer i = j - self.first[k]; i < height; ++i)
-        factor[static_cast<std::size_t>(j - offset) * self.kept + self.rows[self.row_start[k] + i] - offset] = column[i];
+        factor[static_cast<std::size_t>(j - offset) * self.kept + self.rows[self.row_start[k] + i] -
+               offset] = column[i];
     }
   }
 }
@@ -239,7 +259,8 @@ void bayesindent_cholesky_solve(const analysis *handle, workspace *work, double 
   for (integer k = 0; k < self.n; ++k)
     y[k] = x[self.unknown_at[k]];
   // What comes before the first load does not move it.
-  const integer loaded = static_cast<integer>(std::find_if(y, y + self.n, [](real load) { return load != 0.0; }) - y);
+  const integer loaded =
+      static_cast<integer>(std::find_if(y, y + self.n, [](real load) { return load != 0.0; }) - y);
   for (integer k = 0; k < self.supernodes; ++k) {
     if (self.first[k + 1] <= loaded)
       continue;
@@ -249,7 +270,8 @@ void bayesindent_cholesky_solve(const analysis *handle, workspace *work, double 
     strsv_("L", "N", "N", &own, block, &height, y + self.first[k], &step);
     if (rest == 0)
       continue;
-    sgemv_("N", &rest, &own, &one, block + own, &height, y + self.first[k], &step, &zero, part, &step);
+    sgemv_("N", &rest, &own, &one, block + own, &height, y + self.first[k], &step, &zero, part,
+           &step);
     for (integer i = 0; i < rest; ++i)
       y[below[i]] -= part[i];
   }
@@ -260,7 +282,8 @@ void bayesindent_cholesky_solve(const analysis *handle, workspace *work, double 
     if (rest > 0) {
       for (integer i = 0; i < rest; ++i)
         part[i] = y[below[i]];
-      sgemv_("T", &rest, &own, &minus, block + own, &height, part, &step, &one, y + self.first[k], &step);
+      sgemv_("T", &rest, &own, &minus, block + own, &height, part, &step, &one, y + self.first[k],
+             &step);
     }
     strsv_("L", "T", "N", &own, block, &height, y + self.first[k], &step);
   }

@@ -1,4 +1,5 @@
-// What is asked of the operating system but signals: files, memory, the program itself. A C interface, for Fortran.
+// What is asked of the operating system but signals: files, memory, the program itself. A C
+// interface, for Fortran.
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
@@ -47,7 +48,8 @@ double entry(const char *path, const std::string &key) {
   std::ifstream file(path);
   for (std::string line; std::getline(file, line);) {
     double number;
-    if (line.compare(0, key.size(), key) == 0 && std::istringstream(line.substr(key.size())) >> number)
+    if (line.compare(0, key.size(), key) == 0 &&
+        std::istringstream(line.substr(key.size())) >> number)
       return number;
   }
   return std::numeric_limits<double>::infinity();
@@ -55,7 +57,9 @@ double entry(const char *path, const std::string &key) {
 
 // Why a file cannot be written.
 const char *reason_of(int error) {
-  return error == ENOSPC ? "the disk is full" : error == EFBIG ? "larger than files may be here" : std::strerror(error);
+  return error == ENOSPC  ? "the disk is full"
+         : error == EFBIG ? "larger than files may be here"
+                          : std::strerror(error);
 }
 
 // Where this program is.
@@ -101,8 +105,8 @@ void restart(const std::string &file) {
 
 extern "C" {
 
-// Read the `length` bytes of a file or a pipe, but not more than about `largest`, until they are taken. 1: it cannot be opened, 2:
-// read.
+// Read the `length` bytes of a file or a pipe, but not more than about `largest`, until they are
+// taken. 1: it cannot be opened, 2: read.
 std::int32_t bayesindent_read_file(const char *path, std::int32_t largest, std::int32_t *length) {
   contents.clear();
   *length = 0;
@@ -110,7 +114,9 @@ std::int32_t bayesindent_read_file(const char *path, std::int32_t largest, std::
   if (file == nullptr)
     return 1;
   char piece[65536];
-  while (const std::size_t n = contents.size() > static_cast<std::size_t>(largest) ? 0 : std::fread(piece, 1, sizeof piece, file))
+  while (const std::size_t n = contents.size() > static_cast<std::size_t>(largest)
+                                   ? 0
+                                   : std::fread(piece, 1, sizeof piece, file))
     contents.append(piece, n);
   const bool failed = std::ferror(file) != 0;
   std::fclose(file);
@@ -128,7 +134,8 @@ void *bayesindent_begin_file(const char *path, const char *beside) {
   // Never through a link that somebody left there.
   unlink(beside);
   const int opened = open(beside, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
-  return new new_file{path, beside, opened < 0 ? nullptr : fdopen(opened, "wb"), opened < 0 ? errno : 0};
+  return new new_file{path, beside, opened < 0 ? nullptr : fdopen(opened, "wb"),
+                      opened < 0 ? errno : 0};
 }
 
 void bayesindent_add_to_file(void *handle, const char *bytes, std::int32_t n) {
@@ -152,7 +159,8 @@ void bayesindent_finish_file(void *handle, char *reason, std::int32_t size) {
   std::snprintf(reason, size, "%s", self->error == 0 ? "" : reason_of(self->error));
 }
 
-// Let the file `beside` have the name `path` if it is whole and there is none of that name; else it is removed.
+// Let the file `beside` have the name `path` if it is whole and there is none of that name; else it
+// is removed.
 void bayesindent_place_file(const char *beside, const char *path, bool whole) {
   // Not every file system has links.
   if (whole && link(beside, path) != 0 && access(path, F_OK) != 0)
@@ -166,10 +174,12 @@ void bayesindent_make_folder(const char *path) {
   std::filesystem::create_directories(path, failed);
 }
 
-// Bytes that this process may still use: of the machine, of its group of processes, and of its address space.
+// Bytes that this process may still use: of the machine, of its group of processes, and of its
+// address space.
 double bayesindent_free_memory() {
   constexpr double kilobyte = 1024.0;
-  const double group = entry("/sys/fs/cgroup/memory.max", ""), space = entry("/proc/self/limits", "Max address space");
+  const double group = entry("/sys/fs/cgroup/memory.max", ""),
+               space = entry("/proc/self/limits", "Max address space");
   double bytes = kilobyte * entry("/proc/meminfo", "MemAvailable:");
   if (std::isfinite(group))
     bytes = std::min(bytes, group - entry("/sys/fs/cgroup/memory.stat", "anon "));
@@ -178,8 +188,9 @@ double bayesindent_free_memory() {
   return std::max(bytes, 0.0);
 }
 
-// Have OpenBLAS take its buffers for so many callers at a time, before there are any; for how many of them it has. Where it cannot
-// take one it tries for ever. A thread needs as much again for its own memory.
+// Have OpenBLAS take its buffers for so many callers at a time, before there are any; for how many
+// of them it has. Where it cannot take one it tries for ever. A thread needs as much again for its
+// own memory.
 std::int32_t bayesindent_reserve_blas(std::int32_t callers) {
   constexpr double bytes = 1.5e8;
   static std::mutex reserving;
@@ -188,7 +199,9 @@ std::int32_t bayesindent_reserve_blas(std::int32_t callers) {
   if (callers <= reserved || blas_memory_alloc == nullptr)
     return callers;
   std::vector<void *> buffers;
-  for (std::int32_t i = 0; i < callers && (i < reserved || bayesindent_free_memory() > (i == 0 ? bytes : 2 * bytes)); ++i)
+  for (std::int32_t i = 0;
+       i < callers && (i < reserved || bayesindent_free_memory() > (i == 0 ? bytes : 2 * bytes));
+       ++i)
     buffers.push_back(blas_memory_alloc(0));
   for (void *const buffer : buffers)
     blas_memory_free(buffer);
@@ -210,7 +223,8 @@ void bayesindent_data_folder(const char *installed, char *folder, std::int32_t s
   std::snprintf(folder, size, "%s", found.empty() ? newest_packages().c_str() : found.c_str());
 }
 
-// Write a line to standard output (1) or error (2) at once. Output that cannot be written ends the program with status 1.
+// Write a line to standard output (1) or error (2) at once. Output that cannot be written ends the
+// program with status 1.
 void bayesindent_print(std::int32_t to, const char *line) {
   if (dprintf(to, "%s\n", line) >= 0 || to != 1)
     return;
@@ -218,13 +232,13 @@ void bayesindent_print(std::int32_t to, const char *line) {
   std::exit(1);
 }
 
-// Say which vector kernels OpenBLAS shall use and how many threads, which it reads before a program starts: so start this one once
-// more, the one that fits this processor. More than one thread would change the last bits of results with the number of cores. A
-// user's own choice stands.
+// Say which vector kernels OpenBLAS shall use and how many threads, which it reads before a program
+// starts: so start this one once more, the one that fits this processor. More than one thread would
+// change the last bits of results with the number of cores. A user's own choice stands.
 void bayesindent_settle_blas() {
   const std::string kernels = bayesindent_blas_kernels();
-  const bool settled =
-      std::getenv("OPENBLAS_NUM_THREADS") != nullptr && (std::getenv("OPENBLAS_CORETYPE") != nullptr || kernels.empty());
+  const bool settled = std::getenv("OPENBLAS_NUM_THREADS") != nullptr &&
+                       (std::getenv("OPENBLAS_CORETYPE") != nullptr || kernels.empty());
   setenv("OPENBLAS_NUM_THREADS", "1", 0);
   if (!kernels.empty())
     setenv("OPENBLAS_CORETYPE", kernels.c_str(), 0);

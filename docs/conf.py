@@ -1,4 +1,6 @@
-"""The site of the documentation. `./bayesindent docs` puts docs/ and tests/ on the path of Python."""
+"""The site of the documentation. `./bayesindent docs` puts docs/ and tests/ on the path of
+Python.
+"""
 
 from pathlib import Path
 

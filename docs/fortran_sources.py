@@ -1,4 +1,6 @@
-"""The directive `fortran-folder NAME`: the modules of fortran/NAME with what they make public, from the comments `!>` of the sources."""
+"""The directive `fortran-folder NAME`: the modules of fortran/NAME with what they make public, from
+the comments `!>` of the sources.
+"""
 
 from pathlib import Path
 
@@ -16,7 +18,9 @@ class FortranFolder(Directive):
 
     def run(self) -> list[nodes.Node]:
         """Sections, which the headings of the page number."""
-        return [module_section(path) for path in sorted((FORTRAN / self.arguments[0]).glob("*.f90"))]
+        return [
+            module_section(path) for path in sorted((FORTRAN / self.arguments[0]).glob("*.f90"))
+        ]
 
 
 def module_section(path: Path) -> nodes.section:
@@ -24,7 +28,11 @@ def module_section(path: Path) -> nodes.section:
     text = path.read_text()
     section = nodes.section(ids=[f"fortran-{path.stem}"])
     section += nodes.title(text=path.stem)
-    head = [line[2:].strip() for line in text.partition("\nmodule ")[0].splitlines() if line.startswith("!>")]
+    head = [
+        line[2:].strip()
+        for line in text.partition("\nmodule ")[0].splitlines()
+        if line.startswith("!>")
+    ]
     for paragraph in "\n".join(head).split("\n\n"):
         if paragraph.strip():
             section += nodes.paragraph(text=plain(paragraph))

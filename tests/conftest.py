@@ -1,7 +1,9 @@
-"""Fixtures that run both programs as a user does, the order of the cases, and the record of their outcomes.
+"""Fixtures that run both programs as a user does, the order of the cases, and the record of their
+outcomes.
 
-`./bayesindent test` leaves out the cases marked `long`, and `./bayesindent test --long` runs them. Such a case takes more
-than some seconds, or needs another program. A case that is not long checks the same in a smaller way.
+`./bayesindent test` leaves out the cases marked `long`, and `./bayesindent test --long` runs them.
+Such a case takes more than some seconds, or needs another program. A case that is not long checks
+the same in a smaller way.
 """
 
 import sys
@@ -17,9 +19,11 @@ pytest_plugins = ["support.step_2_cases"]
 
 @pytest.fixture
 def bayesindent(tmp_path, monkeypatch, capsys):
-    """`bayesindent(*arguments)` in an empty folder; it returns the exit status and what was printed.
+    """`bayesindent(*arguments)` in an empty folder; it returns the exit status and what was
+    printed.
 
-    It calls the `main` of the program in this process, where the large libraries are imported already.
+    It calls the `main` of the program in this process, where the large libraries are imported
+    already.
     """
     from bayesindent.program.cli import main
 
@@ -50,9 +54,11 @@ def batch(tmp_path):
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Keep cases in one process that share a fixture of their file or the posteriors of the reference data sets.
+    """Keep cases in one process that share a fixture of their file or the posteriors of the
+    reference data sets.
 
-    `long_where(words)` marks those cases of a function as long whose parameters have one of these names.
+    `long_where(words)` marks those cases of a function as long whose parameters have one of these
+    names.
     """
     for item in items:
         partly = item.get_closest_marker("long_where")
@@ -67,7 +73,9 @@ def pytest_collection_modifyitems(items):
 
 
 class Cases:
-    """Writes the outcome, the seconds and the name of each case to a file as soon as the case has ended."""
+    """Writes the outcome, the seconds and the name of each case to a file as soon as the case has
+    ended.
+    """
 
     def __init__(self, file: Path):
         self.file, self.seconds, self.outcome = file, {}, {}
@@ -86,7 +94,12 @@ class Cases:
 
 
 def pytest_addoption(parser):
-    parser.addoption("--cases", type=Path, metavar="FILE", help="keep outcome, seconds and name of each case that has ended in this file")
+    parser.addoption(
+        "--cases",
+        type=Path,
+        metavar="FILE",
+        help="keep outcome, seconds and name of each case that has ended in this file",
+    )
 
 
 def pytest_configure(config):

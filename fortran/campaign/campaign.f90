@@ -1,12 +1,15 @@
-!> campaign.sqlite: every simulation that was ever made or imported, one row each, never changed; both programs read and continue it.
+!> campaign.sqlite: every simulation that was ever made or imported, one row each, never changed;
+!> both programs read and continue it.
 !>
-!> A row is on the disk when the call that adds it returns, so that an interrupted campaign loses at most what was under way. A point
-!> that failed stays failed. Rows belong to a physics (mesh, element, estimator, revision of the numerics): several surrogates share a
-!> file, and a new release does not orphan old results. One thread at a time may use a campaign; processes share the file.
+!> A row is on the disk when the call that adds it returns, so that an interrupted campaign loses at
+!> most what was under way. A point that failed stays failed. Rows belong to a physics (mesh,
+!> element, estimator, revision of the numerics): several surrogates share a file, and a new release
+!> does not orphan old results. One thread at a time may use a campaign; processes share the file.
 module campaign
    use files, only: checksum
    use, intrinsic :: iso_c_binding, only: c_null_char
-   use campaign_file, only: begin_transaction, database_type, end_transaction, open_campaign_file, raise_damaged, text_value
+   use campaign_file, only: begin_transaction, database_type, end_transaction, open_campaign_file, &
+      & raise_damaged, text_value
    use errors, only: error_type, warning_type
    use kinds, only: i8, wp
    use simulate, only: outcome_done, outcome_failed, outcome_type
@@ -45,29 +48,35 @@ module campaign
       integer, private :: n_waiting = 0
       integer(i8), private :: since = 0
    contains
-      procedure :: open => open_campaign, rows, find, add, add_soon, flush, next_position, other_physics
+      procedure :: open => open_campaign, rows, find, add, add_soon, flush, next_position, &
+         & other_physics
       procedure, private :: read_row
       final :: finalize_campaign
    end type campaign_type
 
    !> The columns of a row, in the order in which `read_row` takes them and `add` gives them.
-   character(len=*), parameter :: columns = 'position, symmetry, constants, euler_deg, origin, status, message, ' &
-      & //'depth_um, force_mn, indentation_modulus_gpa, elements, seconds, checksum'
+   character(len=*), &
+      & parameter :: columns = 'position, symmetry, constants, euler_deg, origin, status, ' &
+      & //'message, depth_um, force_mn, indentation_modulus_gpa, elements, seconds, checksum'
    !> Those from the second on are texts.
    integer, parameter :: n_columns = 13, n_texts = 8
-   character(len=*), parameter :: lookup = 'SELECT '//columns//' FROM simulation WHERE physics_id = ? AND symmetry = ? ' &
-      & //'AND constants = ? AND euler_deg = ?'
-   character(len=*), parameter :: insertion = 'INSERT INTO simulation (physics_id, '//columns//', created) VALUES (?1, ' &
-      & //'COALESCE(NULLIF(?2, ''-1''), (SELECT COALESCE(MAX(position) + 1, 0) FROM simulation WHERE physics_id = ?1)), ' &
-      & //'?3, ?4, ?5, ?6, ?7, ?8, NULLIF(?9, ''''), NULLIF(?10, ''''), NULLIF(?11, 0.0), NULLIF(?12, ''0''), ' &
-      & //'NULLIF(?13, 0.0), ?14, strftime(''%Y-%m-%dT%H:%M:%S+00:00'', ''now'')) ' &
-      & //'ON CONFLICT (physics_id, symmetry, constants, euler_deg) DO NOTHING'
-   character(len=*), parameter :: simulated = 'simulated', told = 'told', done = 'done', failed = 'failed'
+   character(len=*), parameter :: lookup = 'SELECT '//columns//' FROM simulation WHERE ' &
+      & //'physics_id = ? AND symmetry = ? AND constants = ? AND euler_deg = ?'
+   character(len=*), parameter :: insertion = 'INSERT INTO simulation (physics_id, '//columns &
+      & //', created) VALUES (?1, COALESCE(NULLIF(?2, ''-1''), (SELECT COALESCE(MAX(position) ' &
+      & //'+ 1, 0) FROM simulation WHERE physics_id = ?1)), ?3, ?4, ?5, ' &
+      & //'?6, ?7, ?8, NULLIF(?9, ''''), NULLIF(?10, ''''), NULLIF(?11, ' &
+      & //'0.0), NULLIF(?12, ''0''), NULLIF(?13, 0.0), ?14, ' &
+      & //'strftime(''%Y-%m-%dT%H:%M:%S+00:00'', ''now'')) ON CONFLICT (physics_id, symmetry, ' &
+      & //'constants, euler_deg) DO NOTHING'
+   character(len=*), parameter :: simulated = 'simulated', told = 'told', done = 'done', &
+      & failed = 'failed'
 
    !> Between the texts of a row, for its checksum.
    character, parameter :: separator = achar(10)
 
-   !> Rows that wait at most, and seconds between two writes; seconds of a simulation that is not worth a write of its own.
+   !> Rows that wait at most, and seconds between two writes; seconds of a simulation that is not
+   !> worth a write of its own.
    integer, parameter :: most_waiting = 1000, interval = 5
    real(wp), parameter :: quick = 0.01_wp
 
@@ -84,10 +93,14 @@ contains
       self%path = path
       self%identity = identity
       call open_campaign_file(path, self%file, error)
-      if (.not. allocated(error)) call self%file%run('INSERT OR IGNORE INTO physics (identity) VALUES (' &
-         & //quoted(identity, '''')//')', error)
-      if (.not. allocated(error)) call self%file%value('SELECT id FROM physics WHERE identity = '//quoted(identity, ''''), &
-         & self%physics, error)
+      if (.not. allocated(error)) then
+         call self%file%run('INSERT OR IGNORE INTO physics (identity) VALUES (' &
+            & //quoted(identity, '''')//')', error)
+      end if
+      if (.not. allocated(error)) then
+         call self%file%value('SELECT id FROM physics WHERE identity = '//quoted(identity, ''''), &
+            & self%physics, error)
+      end if
       if (allocated(error)) call self%file%close()
    end subroutine open_campaign
 
@@ -108,8 +121,9 @@ contains
       character(len=:), allocatable :: cells
       integer :: at, i
 
-      call self%file%query('SELECT '//columns//' FROM simulation WHERE physics_id = ?1 AND (?2 = '''' OR symmetry = ?2) ' &
-         & //'ORDER BY position, id', text_value(self%physics)//text_value(trim(symmetry)), cells, error)
+      call self%file%query('SELECT '//columns//' FROM simulation WHERE physics_id = ' &
+         & //'?1 AND (?2 = '''' OR symmetry = ?2) ORDER BY position, id', &
+         & text_value(self%physics)//text_value(trim(symmetry)), cells, error)
       allocate (found(count([(cells(i:i) == c_null_char, i=1, len(cells))])/n_columns))
       at = 1
       do i = 1, size(found)
@@ -131,15 +145,15 @@ contains
       character(len=:), allocatable :: cells
       integer :: at
 
-      call self%file%query(lookup, text_value(self%physics)//text_value(trim(symmetry))//text_value(list_text(constants)) &
-         & //text_value(list_text(euler_deg)), cells, error)
+      call self%file%query(lookup, text_value(self%physics)//text_value(trim(symmetry)) &
+         & //text_value(list_text(constants))//text_value(list_text(euler_deg)), cells, error)
       found = len(cells) > 0
       at = 1
       if (found) call self%read_row(cells, at, row, error)
    end subroutine find
 
-   !> Store a row, at its position or the next one; on return it is on the disk. One that is there already, from another program at
-   !> work on the same file, stays.
+   !> Store a row, at its position or the next one; on return it is on the disk. One that is there
+   !> already, from another program at work on the same file, stays.
    subroutine add(self, row, error)
       class(campaign_type), intent(inout) :: self
       type(row_type), intent(in) :: row
@@ -156,9 +170,10 @@ contains
       end do
       associate (outcome => row%outcome)
          modulus = merge(outcome%modulus, 0.0_wp, outcome%status == outcome_done)
-         values = values//'r'//number_text(modulus)//c_null_char//text_value(to_text(max(0, outcome%elements))) &
-            & //'r'//number_text(max(0.0_wp, outcome%seconds))//c_null_char &
-            & //text_value(row_checksum(self%identity, texts, modulus, outcome%elements, outcome%seconds))
+         values = values//'r'//number_text(modulus)//c_null_char &
+            & //text_value(to_text(max(0, outcome%elements)))//'r'//number_text(max(0.0_wp, &
+            & outcome%seconds))//c_null_char//text_value(row_checksum(self%identity, texts, &
+            & modulus, outcome%elements, outcome%seconds))
       end associate
       call self%file%query(insertion, values, cells, error)
    end subroutine add
@@ -174,12 +189,15 @@ contains
       texts(4)%text = trim(merge(told//'     ', simulated, row%imported))
       texts(5)%text = trim(merge(done//'  ', failed, row%outcome%status == outcome_done))
       texts(6)%text = ''
-      if (allocated(row%outcome%message) .and. row%outcome%status /= outcome_done) texts(6)%text = row%outcome%message
+      if (allocated(row%outcome%message) .and. row%outcome%status /= outcome_done) then
+         texts(6)%text = row%outcome%message
+      end if
       texts(7)%text = list_text(row%outcome%depth)
       texts(8)%text = list_text(row%outcome%force)
    end subroutine get_texts
 
-   !> Store a row now, or, if it took next to no time, such as the theory's, when there are many of them or some seconds have passed.
+   !> Store a row now, or, if it took next to no time, such as the theory's, when there are many of
+   !> them or some seconds have passed.
    subroutine add_soon(self, row, error)
       class(campaign_type), intent(inout) :: self
       type(row_type), intent(in) :: row
@@ -193,7 +211,9 @@ contains
       self%n_waiting = self%n_waiting + 1
       self%waiting(self%n_waiting) = row
       full = self%n_waiting == most_waiting .or. now - self%since > interval*rate
-      if (full .or. row%outcome%seconds > quick .or. row%outcome%elements > 0) call self%flush(error)
+      if (full .or. row%outcome%seconds > quick .or. row%outcome%elements > 0) then
+         call self%flush(error)
+      end if
    end subroutine add_soon
 
    !> Store all that wait: all or none.
@@ -220,7 +240,8 @@ contains
       integer :: outcome
 
       position = 0
-      call self%file%value('SELECT COALESCE(MAX(position) + 1, 0) FROM simulation WHERE physics_id = '//self%physics, found, error)
+      call self%file%value('SELECT COALESCE(MAX(position) + 1, 0) FROM simulation WHERE ' &
+         & //'physics_id = '//self%physics, found, error)
       if (.not. allocated(error)) call read_integer(found, position, outcome)
    end subroutine next_position
 
@@ -231,8 +252,8 @@ contains
       character(len=:), allocatable, intent(out) :: identities
       type(error_type), allocatable, intent(out) :: error
 
-      call self%file%value('SELECT GROUP_CONCAT(identity, CHAR(10)) FROM physics WHERE id <> '//self%physics &
-         & //' AND id IN (SELECT physics_id FROM simulation)', identities, error)
+      call self%file%value('SELECT GROUP_CONCAT(identity, CHAR(10)) FROM physics WHERE id <> ' &
+         & //self%physics//' AND id IN (SELECT physics_id FROM simulation)', identities, error)
    end subroutine other_physics
 
    !> The row whose cells begin `at` a byte, which is left after them.
@@ -265,12 +286,13 @@ contains
       call read_real(cell(10)%text, row%outcome%modulus, outcome)
       call read_integer(cell(11)%text, row%outcome%elements, outcome)
       call read_real(cell(12)%text, row%outcome%seconds, outcome)
-      good(5) = cell(13)%text == row_checksum(self%identity, cell(2:1 + n_texts), row%outcome%modulus, row%outcome%elements, &
-         & row%outcome%seconds)
+      good(5) = cell(13)%text == row_checksum(self%identity, cell(2:1 + n_texts), &
+         & row%outcome%modulus, row%outcome%elements, row%outcome%seconds)
       if (all(good) .and. size(angles) == size(row%euler_deg)) then
          row%euler_deg = angles
       else
-         call raise_damaged(self%path, 'the row of position '//to_text(row%position)//' was changed', error)
+         call raise_damaged(self%path, &
+            & 'the row of position '//to_text(row%position)//' was changed', error)
       end if
    end subroutine read_row
 
@@ -296,7 +318,8 @@ contains
       end do
    end subroutine read_list
 
-   !> The checksum of a row: of the identity of its physics, its texts, and its numbers, to the last bit.
+   !> The checksum of a row: of the identity of its physics, its texts, and its numbers, to the last
+   !> bit.
    pure function row_checksum(identity, texts, modulus, elements, seconds) result(digits)
       character(len=*), intent(in) :: identity
       type(warning_type), intent(in) :: texts(:)
@@ -311,11 +334,12 @@ contains
       do i = 1, size(texts)
          words = words//separator//texts(i)%text
       end do
-      digits = checksum(words//separator//to_text(transfer(modulus, 1_i8))//separator//to_text(max(0, elements))//separator &
-         & //to_text(transfer(max(0.0_wp, seconds), 1_i8)))
+      digits = checksum(words//separator//to_text(transfer(modulus, 1_i8))//separator &
+         & //to_text(max(0, elements))//separator//to_text(transfer(max(0.0_wp, seconds), 1_i8)))
    end function row_checksum
 
-   !> Numbers as the file spells them: a JSON list, every double to its last bit; empty if there are none.
+   !> Numbers as the file spells them: a JSON list, every double to its last bit; empty if there are
+   !> none.
    pure function list_text(values) result(list)
       real(wp), intent(in), optional :: values(:)
       character(len=:), allocatable :: list

@@ -1,19 +1,23 @@
 !> The file of a campaign: its layout, and whether what is there is one.
 !>
-!> Database files are read and written through libsqlite3 (cpp/database.cpp). What the machine could not do (a lock, the disk) is an error
-!> of its own kind. One thread at a time may use a database.
+!> Database files are read and written through libsqlite3 (cpp/database.cpp). What the machine could
+!> not do (a lock, the disk) is an error of its own kind. One thread at a time may use a database.
 module campaign_file
-   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_int, c_null_char, c_null_ptr, c_ptr
+   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_int, c_null_char, &
+      & c_null_ptr, c_ptr
    use errors, only: error_type, machine_failure, raise, refuse
    use files, only: file_exists, folder_of, make_folder, name_beside, place_new_file, replace_file
    use text, only: newline
    implicit none
    private
-   public :: open_campaign_file, begin_transaction, end_transaction, raise_damaged, database_type, text_value
+   public :: open_campaign_file, begin_transaction, end_transaction, raise_damaged, &
+      & database_type, text_value
 
-   !> Result codes of the library for which the machine is to blame: permission, busy, locked, memory, read-only, interrupt, input and
-   !> output, full, cannot open; and that of a database that is not open.
-   integer, parameter :: of_the_machine(9) = [3, 5, 6, 7, 8, 9, 10, 13, 14], read_only = 8, full = 13, misuse = 21
+   !> Result codes of the library for which the machine is to blame: permission, busy, locked,
+   !> memory, read-only, interrupt, input and output, full, cannot open; and that of a database that
+   !> is not open.
+   integer, parameter :: of_the_machine(9) = [3, 5, 6, 7, 8, 9, 10, 13, 14], read_only = 8, &
+      & full = 13, misuse = 21
 
    type :: database_type
       private
@@ -33,7 +37,8 @@ module campaign_file
          import :: c_ptr
          type(c_ptr), value :: handle
       end subroutine c_close
-      type(c_ptr) function c_query(handle, sql, values, length, bytes, code) bind(c, name='bayesindent_query')
+      type(c_ptr) function c_query(handle, sql, values, length, bytes, code) bind(c, &
+         & name='bayesindent_query')
          import :: c_char, c_int, c_ptr
          type(c_ptr), value :: handle
          character(kind=c_char), intent(in) :: sql(*), values(*)
@@ -47,34 +52,28 @@ module campaign_file
    !> From here to `end_transaction` all changes are kept, or none.
    character(len=*), parameter :: begin_transaction = 'BEGIN IMMEDIATE'
 
-   character(len=*), parameter :: layout = &
-      & 'CREATE TABLE physics ('//newline// &
-      & '    id INTEGER PRIMARY KEY,'//newline// &
-      & '    identity TEXT NOT NULL UNIQUE           -- JSON, keys sorted'//newline// &
-      & ');'//newline// &
-      & 'CREATE TABLE simulation ('//newline// &
-      & '    id INTEGER PRIMARY KEY,'//newline// &
-      & '    physics_id INTEGER NOT NULL REFERENCES physics(id),'//newline// &
-      & '    position INTEGER NOT NULL,              -- order of choice within the physics, from 0'//newline// &
-      & '    symmetry TEXT NOT NULL,'//newline// &
-      & '    constants TEXT NOT NULL,                -- JSON list, GPa, in the package''s order'//newline// &
-      & '    euler_deg TEXT NOT NULL,                -- JSON list, Bunge-Euler angles'//newline// &
-      & '    origin TEXT NOT NULL CHECK (origin IN (''simulated'', ''told'')),'//newline// &
-      & '    status TEXT NOT NULL CHECK (status IN (''done'', ''failed'')),'//newline// &
-      & '    message TEXT NOT NULL,                  -- why it failed'//newline// &
-      & '    indentation_modulus_gpa REAL,'//newline// &
-      & '    elements INTEGER, seconds REAL,'//newline// &
-      & '    depth_um TEXT, force_mn TEXT,           -- JSON lists'//newline// &
-      & '    created TEXT NOT NULL,                  -- UTC'//newline// &
-      & '    checksum TEXT,                          -- of all before but id, position, created'//newline// &
-      & '    UNIQUE (physics_id, symmetry, constants, euler_deg)'//newline// &
-      & ');'//newline// &
-      & 'CREATE INDEX simulation_by_position ON simulation (physics_id, position);'//newline// &
-      & 'CREATE TRIGGER simulation_is_not_changed BEFORE UPDATE ON simulation'//newline// &
-      & '    BEGIN SELECT RAISE(ABORT, ''a stored simulation is never changed''); END;'//newline// &
-      & 'CREATE TRIGGER simulation_is_not_deleted BEFORE DELETE ON simulation'//newline// &
-      & '    BEGIN SELECT RAISE(ABORT, ''a stored simulation is never deleted''); END;'//newline// &
-      & 'PRAGMA application_id = '//application_id//'; PRAGMA user_version = '//layout_version
+   character(len=*), parameter :: layout = 'CREATE TABLE physics ('//newline &
+      & //'    id INTEGER PRIMARY KEY,'//newline//'    identity TEXT NOT NULL UNIQUE           ' &
+      & //'-- JSON, keys sorted'//newline//');'//newline//'CREATE TABLE simulation ('//newline &
+      & //'    id INTEGER PRIMARY KEY,'//newline//'    physics_id INTEGER NOT NULL REFERENCES ' &
+      & //'physics(id),'//newline//'    position INTEGER NOT NULL,              -- order of ' &
+      & //'choice within the physics, from 0'//newline//'    symmetry TEXT NOT NULL,'//newline &
+      & //'    constants TEXT NOT NULL,                -- JSON list, GPa, in the package''s order' &
+      & //newline//'    euler_deg TEXT NOT NULL,                -- JSON list, Bunge-Euler angles' &
+      & //newline//'    origin TEXT NOT NULL CHECK (origin IN (''simulated'', ''told'')),' &
+      & //newline//'    status TEXT NOT NULL CHECK (status IN (''done'', ''failed'')),'//newline &
+      & //'    message TEXT NOT NULL,                  -- why it failed'//newline &
+      & //'    indentation_modulus_gpa REAL,'//newline//'    elements INTEGER, seconds REAL,' &
+      & //newline//'    depth_um TEXT, force_mn TEXT,           -- JSON lists' &
+      & //newline//'    created TEXT NOT NULL,                  -- UTC'//newline &
+      & //'    checksum TEXT,                          -- of all before but id, position, created' &
+      & //newline//'    UNIQUE (physics_id, symmetry, constants, euler_deg)'//newline//');' &
+      & //newline//'CREATE INDEX simulation_by_position ON simulation (physics_id, position);' &
+      & //newline//'CREATE TRIGGER simulation_is_not_changed BEFORE UPDATE ON simulation'//newline &
+      & //'    BEGIN SELECT RAISE(ABORT, ''a stored simulation is never changed''); END;'//newline &
+      & //'CREATE TRIGGER simulation_is_not_deleted BEFORE DELETE ON simulation'//newline &
+      & //'    BEGIN SELECT RAISE(ABORT, ''a stored simulation is never deleted''); END;'//newline &
+      & //'PRAGMA application_id = '//application_id//'; PRAGMA user_version = '//layout_version
 
 contains
 
@@ -121,8 +120,9 @@ contains
       text = text(:index(text, c_null_char) - 1)
    end subroutine value
 
-   !> Perform a statement with values for its parameters, or several without: the `cells` of the rows that it gives, each ended by a zero
-   !> byte, '' for NULL. An error is in the words of the library, and with the file.
+   !> Perform a statement with values for its parameters, or several without: the `cells` of the
+   !> rows that it gives, each ended by a zero byte, '' for NULL. An error is in the words of the
+   !> library, and with the file.
    subroutine query(self, sql, values, cells, error)
       class(database_type), intent(in) :: self
       !> The statement; its values, see `text_value`.
@@ -152,7 +152,8 @@ contains
       cells = ''
    end subroutine query
 
-   !> A `text` as a value of a query; columns that are integers take texts of them. Of a real, its digits follow an r.
+   !> A `text` as a value of a query; columns that are integers take texts of them. Of a real, its
+   !> digits follow an r.
    pure function text_value(text) result(value)
       character(len=*), intent(in) :: text
       character(len=:), allocatable :: value
@@ -175,14 +176,17 @@ contains
 
    contains
 
-      !> Make a file beside, and give it its name if no other process did so first: a campaign is never half a file.
+      !> Make a file beside, and give it its name if no other process did so first: a campaign is
+      !> never half a file.
       subroutine create()
          type(database_type) :: part
 
          part%path = path
          ! A file of our own, whatever is there of this name.
          call replace_file(name_beside(path), '', error)
-         if (allocated(error)) error%message = path//': the campaign cannot be used: '//error%message
+         if (allocated(error)) then
+            error%message = path//': the campaign cannot be used: '//error%message
+         end if
          if (.not. allocated(error)) call part%open(name_beside(path), error)
          if (.not. allocated(error)) call part%run('BEGIN IMMEDIATE; '//layout//'; COMMIT', error)
          call part%close()
@@ -194,14 +198,20 @@ contains
          character(len=:), allocatable :: found
 
          call file%value('SELECT COUNT(*) FROM sqlite_master', found, error)
-         if (found == '0' .and. .not. allocated(error)) call raise_damaged(path, 'it is empty', error)
+         if (found == '0' .and. .not. allocated(error)) then
+            call raise_damaged(path, 'it is empty', error)
+         end if
          if (.not. allocated(error)) call file%value('PRAGMA application_id', found, error)
          if (allocated(error)) return
-         if (found /= application_id) call refuse(error, path//': is a database, but not a campaign of ' &
-            & //'bayesindent; choose another output folder')
+         if (found /= application_id) then
+            call refuse(error, path//': is a database, but not a campaign of bayesindent; choose ' &
+               & //'another output folder')
+         end if
          if (.not. allocated(error)) call file%value('PRAGMA user_version', found, error)
-         if (found /= layout_version .and. .not. allocated(error)) call refuse(error, path//': is a campaign of format '//found &
-            & //', not '//layout_version//'; move it away to start a new one')
+         if (found /= layout_version .and. .not. allocated(error)) then
+            call refuse(error, path//': is a campaign of format '//found//', not '//layout_version &
+               & //'; move it away to start a new one')
+         end if
          if (.not. allocated(error)) call file%value('PRAGMA integrity_check(1)', found, error)
          ! The first line of a complaint is a heading.
          if (found == 'ok' .or. allocated(error)) return
@@ -225,6 +235,7 @@ contains
       character(len=*), intent(in) :: path, why
       type(error_type), allocatable, intent(out) :: error
 
-      call refuse(error, path//': is not a campaign, or is damaged ('//why//'); restore a copy, or move it away to start a new one')
+      call refuse(error, path//': is not a campaign, or is damaged ('//why &
+         & //'); restore a copy, or move it away to start a new one')
    end subroutine raise_damaged
 end module campaign_file

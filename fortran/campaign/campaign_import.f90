@@ -20,7 +20,8 @@ module campaign_import
 
 contains
 
-   !> Import the rows of a table with modulus_gpa, which errors call `name`; the document says how many were new, and how many there are.
+   !> Import the rows of a table with modulus_gpa, which errors call `name`; the document says how
+   !> many were new, and how many there are.
    subroutine import_table(problem, places, points, name, document, error)
       type(problem_type), intent(in) :: problem
       !> The folder of the results among them.
@@ -36,19 +37,26 @@ contains
       integer :: k, new, simulations
 
       if (.not. all(abs(points%modulus_gpa) <= huge(1.0_wp))) then
-         call refuse(error, name//': there must be a column modulus_gpa (GPa) with a value in every row')
+         call refuse(error, &
+            & name//': there must be a column modulus_gpa (GPa) with a value in every row')
       else if (allocated(problem%class%name) .and. allocated(problem%settings%domain%c_min)) then
-         if (any([(points%classes(k)%name /= problem%class%name, k=1, size(points%classes))])) call refuse(error, name &
-            & //': there are crystals that are not '//problem%class%name//', which is the symmetry of '//problem%path)
+         if (any([(points%classes(k)%name /= problem%class%name, k=1, size(points%classes))])) then
+            call refuse(error, name//': there are crystals that are not '//problem%class%name &
+               & //', which is the symmetry of '//problem%path)
+         end if
       end if
-      if (.not. allocated(error)) call campaign%open(places%output//campaign_name, identity_text(problem%settings), error)
+      if (.not. allocated(error)) then
+         call campaign%open(places%output//campaign_name, identity_text(problem%settings), error)
+      end if
       if (allocated(error)) return
       call import_points(campaign, points, new, error)
       if (allocated(error)) error%message = name//': '//error%message
       simulations = 0
       do k = 1, size(points%classes)
          if (.not. allocated(error)) call campaign%rows(points%classes(k)%name, rows, error)
-         if (.not. allocated(error)) simulations = simulations + count(rows%outcome%status == outcome_done)
+         if (.not. allocated(error)) then
+            simulations = simulations + count(rows%outcome%status == outcome_done)
+         end if
       end do
       if (allocated(error)) return
       call page%begin_object()
@@ -59,8 +67,8 @@ contains
       document = page%text()
    end subroutine import_table
 
-   !> Import results of others. Rows that are there already with the same modulus are skipped. Rows that contradict each other or a stored
-   !> row are refused: then nothing is stored.
+   !> Import results of others. Rows that are there already with the same modulus are skipped. Rows
+   !> that contradict each other or a stored row are refused: then nothing is stored.
    subroutine import_points(self, points, n_new, error)
       type(campaign_type), intent(inout) :: self
       !> Crystals with moduli.
@@ -77,7 +85,8 @@ contains
       do i = 1, points%n
          if (allocated(error)) exit
          associate (class => points%classes(points%class(i)))
-            call import_row(class, points%constants(:class%n_constants, i), points%euler_deg(:, i), points%modulus_gpa(i))
+            call import_row(class, points%constants(:class%n_constants, i), &
+               & points%euler_deg(:, i), points%modulus_gpa(i))
          end associate
       end do
       call end_transaction(self%file, error)
@@ -113,12 +122,15 @@ contains
          end do
          crystal = 'row '//to_text(i)//' ('//crystal(3:)//'): '
          if (row%outcome%status == outcome_failed) then
-            call refuse(error, crystal//'the campaign has this point as failed ('//row%outcome%message//'); a stored row is ' &
-               & //'never changed: leave the row out, or import into a new campaign')
+            call refuse(error, crystal//'the campaign has this point as failed (' &
+               & //row%outcome%message//'); a stored row is never changed: leave the row out, or ' &
+               & //'import into a new campaign')
          else if (abs(row%outcome%modulus - modulus) > same*modulus) then
-            call refuse(error, crystal//'modulus_gpa is '//to_text(modulus)//', but the same point has ' &
-               & //to_text(row%outcome%modulus)//' GPa '//trim(merge('in an earlier row', 'in the campaign  ', row%position >= &
-               & first))//'; one of them is wrong or of another physics: leave one out, or import into a new campaign')
+            call refuse(error, crystal//'modulus_gpa is '//to_text(modulus) &
+               & //', but the same point has '//to_text(row%outcome%modulus)//' GPa ' &
+               & //trim(merge('in an earlier row', 'in the campaign  ', row%position >= first)) &
+               & //'; one of them is wrong or of another physics: leave one out, or import into ' &
+               & //'a new campaign')
          end if
       end subroutine import_row
    end subroutine import_points

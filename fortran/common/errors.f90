@@ -1,22 +1,26 @@
 !> The one way a procedure of the library reports that it could not do its work.
 !>
-!> The last argument is `type(error_type), allocatable, intent(out) :: error`; unallocated means success.
-!> The caller returns at once if it is allocated. Nothing in the library stops the process.
+!> The last argument is `type(error_type), allocatable, intent(out) :: error`; unallocated means
+!> success. The caller returns at once if it is allocated. Nothing in the library stops the process.
 !> What may be meant, but should be known, is a warning: a list of lines.
 module errors
    use text, only: split_list
    implicit none
    private
-   public :: error_type, raise, refuse, exit_failure, exit_bad_input, exit_unusable, machine_failure, warning_type, warn, suggestion
+   public :: error_type, raise, refuse, exit_failure, exit_bad_input, exit_unusable, &
+      & machine_failure, warning_type, warn, suggestion
 
-   !> Exit statuses of the programs (see the README); the last is of a process that is done, with a result that cannot be used.
+   !> Exit statuses of the programs (see the README); the last is of a process that is done, with a
+   !> result that cannot be used.
    integer, parameter :: exit_failure = 1, exit_bad_input = 2, exit_unusable = 3
 
-   !> The machine could not do the work (memory, disk): no result about its subject; programs end with `exit_failure`.
+   !> The machine could not do the work (memory, disk): no result about its subject; programs end
+   !> with `exit_failure`.
    integer, parameter :: machine_failure = 3
 
    type :: error_type
-      !> `exit_bad_input` if the user's input is at fault, `machine_failure` if the machine is, else `exit_failure`.
+      !> `exit_bad_input` if the user's input is at fault, `machine_failure` if the machine is, else
+      !> `exit_failure`.
       integer :: status = exit_failure
       !> One line: what is wrong, the value, what is allowed.
       character(len=:), allocatable :: message
@@ -28,7 +32,8 @@ module errors
 
 contains
 
-   !> Set `error` to a failure with this message; `status` says whose fault it is (default `exit_failure`).
+   !> Set `error` to a failure with this message; `status` says whose fault it is (default
+   !> `exit_failure`).
    pure subroutine raise(error, message, status)
       type(error_type), allocatable, intent(out) :: error
       character(len=*), intent(in) :: message
@@ -70,7 +75,9 @@ contains
       if (size(names) == 0) return
       associate (distances => [(edit_distance(trim(names(i)), written), i=1, size(names))])
          nearest = minloc(distances, dim=1)
-         if (distances(nearest) <= max(1, len_trim(names(nearest))/3)) words = ', did you mean '//trim(names(nearest))//'?'
+         if (distances(nearest) <= max(1, len_trim(names(nearest))/3)) then
+            words = ', did you mean '//trim(names(nearest))//'?'
+         end if
       end associate
    end function suggestion
 
@@ -83,7 +90,8 @@ contains
       do i = 1, len(a)
          current(0) = i
          do j = 1, len(b)
-            current(j) = min(previous(j) + 1, current(j - 1) + 1, previous(j - 1) + merge(0, 1, a(i:i) == b(j:j)))
+            current(j) = min(previous(j) + 1, current(j - 1) + 1, &
+               & previous(j - 1) + merge(0, 1, a(i:i) == b(j:j)))
          end do
          previous = current
       end do

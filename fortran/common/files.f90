@@ -1,15 +1,19 @@
-!> Whole files in, whole files out, the paths between them, and the checksum by which a change is seen.
+!> Whole files in, whole files out, the paths between them, and the checksum by which a change is
+!> seen.
 module files
-   use, intrinsic :: iso_c_binding, only: c_associated, c_bool, c_char, c_int, c_null_char, c_null_ptr, c_ptr
+   use, intrinsic :: iso_c_binding, only: c_associated, c_bool, c_char, c_int, c_null_char, &
+      & c_null_ptr, c_ptr
    use errors, only: error_type, exit_bad_input, machine_failure, raise, refuse
    use kinds, only: i8
    use text, only: to_text
    implicit none
    private
-   public :: read_text_file, read_bytes, new_file_type, replace_file, make_folder, name_beside, place_new_file, folder_of, &
-      & full_path, resolve_path, file_exists, is_folder, printable, process_number, checksum, hash_of
+   public :: read_text_file, read_bytes, new_file_type, replace_file, make_folder, name_beside, &
+      & place_new_file, folder_of, full_path, resolve_path, file_exists, is_folder, printable, &
+      & process_number, checksum, hash_of
 
-   !> How the names of files begin that are not whole yet; then come the process that writes, '-', and the name to be.
+   !> How the names of files begin that are not whole yet; then come the process that writes, '-',
+   !> and the name to be.
    character(len=*), parameter, public :: unfinished = '.part-'
 
    !> Larger files are refused, bytes: an input that big is no input of ours.
@@ -76,8 +80,8 @@ module files
 
 contains
 
-   !> The text of a file or a pipe, without a UTF-8 byte order mark. The message of a refusal does not name the file.
-   !> `content` is all of it.
+   !> The text of a file or a pipe, without a UTF-8 byte order mark. The message of a refusal does
+   !> not name the file. `content` is all of it.
    subroutine read_text_file(path, content, error)
       character(len=*), intent(in) :: path
       character(len=:), allocatable, intent(out) :: content
@@ -98,15 +102,19 @@ contains
       if (allocated(error)) return
       wrong = not_utf8(content)
       if (index(content, 'PK'//achar(3)//achar(4)) == 1) then
-         call refuse(error, 'the file is a spreadsheet or another zip archive (.xlsx, .ods), not text: save its sheet as CSV')
+         call refuse(error, 'the file is a spreadsheet or another zip archive (.xlsx, .ods), not ' &
+            & //'text: save its sheet as CSV')
       else if (index(content, achar(0)) > 0 .or. wrong == 1) then
          call refuse(error, 'the file is not plain text (save it as UTF-8)')
       else if (wrong > 0) then
-         call refuse(error, 'line '//to_text(1 + count([(content(i:i) == achar(10), i=1, wrong)]))//': byte '//to_text(wrong - &
-            & index(content(:wrong - 1), achar(10), back=.true.))//' is not UTF-8 (save the file as UTF-8)')
+         call refuse(error, 'line '//to_text(1 + count([(content(i:i) == achar(10), i=1, wrong)])) &
+            & //': byte '//to_text(wrong - index(content(:wrong - 1), achar(10), back=.true.)) &
+            & //' is not UTF-8 (save the file as UTF-8)')
       else
          if (index(content, char(239)//char(187)//char(191)) == 1) content = content(4:)
-         if (verify(content, ' '//achar(9)//achar(10)//achar(13)) == 0) call refuse(error, 'the file is empty')
+         if (verify(content, ' '//achar(9)//achar(10)//achar(13)) == 0) then
+            call refuse(error, 'the file is empty')
+         end if
       end if
    end subroutine read_text_file
 
@@ -123,7 +131,9 @@ contains
       call c_take_bytes(content)
       if (outcome == 1) call refuse(error, 'the file cannot be opened for reading')
       if (outcome == 2) call refuse(error, 'the file cannot be read')
-      if (n > largest) call refuse(error, 'the file is too large; at most '//to_text(largest)//' bytes')
+      if (n > largest) then
+         call refuse(error, 'the file is too large; at most '//to_text(largest)//' bytes')
+      end if
    end subroutine read_bytes
 
    !> Place of the first byte that UTF-8 does not allow there, 0 where there is none.
@@ -134,7 +144,8 @@ contains
       i = 1
       do while (i <= len(string))
          first = ichar(string(i:i))
-         ! Bytes that must follow; below, second bytes that would make a sequence too long, a surrogate or beyond the last character.
+         ! Bytes that must follow; below, second bytes that would make a sequence too long, a
+         ! surrogate or beyond the last character.
          more = count(first >= [128, 224, 240])
          if ((first >= 128 .and. first < 194) .or. first > 244 .or. i + more > len(string)) return
          do k = 1, more
@@ -185,7 +196,9 @@ contains
 
       call c_finish_file(self%handle, reason, len(reason))
       associate (n => index(reason, c_null_char) - 1)
-         if (n > 0) call raise(error, self%path//': cannot be written: '//reason(:n), machine_failure)
+         if (n > 0) then
+            call raise(error, self%path//': cannot be written: '//reason(:n), machine_failure)
+         end if
       end associate
    end subroutine finish
 
@@ -194,10 +207,12 @@ contains
       character(len=*), intent(in) :: path
       character(len=:), allocatable :: name
 
-      name = folder_of(path)//unfinished//to_text(process_number())//'-'//path(index(path, '/', back=.true.) + 1:)
+      name = folder_of(path)//unfinished//to_text(process_number())//'-' &
+         & //path(index(path, '/', back=.true.) + 1:)
    end function name_beside
 
-   !> Give the file that was made at `name_beside` its name, `path`, if it is whole and there is none of that name; else it is removed.
+   !> Give the file that was made at `name_beside` its name, `path`, if it is whole and there is
+   !> none of that name; else it is removed.
    subroutine place_new_file(path, whole)
       character(len=*), intent(in) :: path
       !> Whether all of it was written.
@@ -212,8 +227,11 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       call c_make_folder(path//c_null_char)
-      if (.not. is_folder(path)) call raise(error, path//': the folder cannot be made; a file may have this name, or permission ' &
-         & //'or space be missing', merge(exit_bad_input, machine_failure, file_exists(path)))
+      if (.not. is_folder(path)) then
+         call raise(error, path//': the folder cannot be made; a file ' &
+            & //'may have this name, or permission or space be missing', &
+            & merge(exit_bad_input, machine_failure, file_exists(path)))
+      end if
    end subroutine make_folder
 
    !> The folder part of a path with its last slash, '' for the current folder.
@@ -240,7 +258,9 @@ contains
       character(kind=c_char, len=4097) :: buffer
 
       resolved = path
-      if (c_associated(c_realpath(path//c_null_char, buffer))) resolved = buffer(:index(buffer, c_null_char) - 1)
+      if (c_associated(c_realpath(path//c_null_char, buffer))) then
+         resolved = buffer(:index(buffer, c_null_char) - 1)
+      end if
    end function full_path
 
    logical function file_exists(path)
@@ -256,7 +276,8 @@ contains
       inquire (file=path//'/.', exist=is_folder)
    end function is_folder
 
-   !> A user's text, `string`, fit for one line of a message: control characters shown as '?', long texts cut.
+   !> A user's text, `string`, fit for one line of a message: control characters shown as '?', long
+   !> texts cut.
    pure function printable(string) result(shown)
       character(len=*), intent(in) :: string
       character(len=:), allocatable :: shown
@@ -278,7 +299,8 @@ contains
       if (last < len(string)) shown = shown//'...'
    end function printable
 
-   !> Fowler, Noll and Vo's hash of 64 bits (FNV-1a) of some bytes, in hexadecimal digits; products wrap around.
+   !> Fowler, Noll and Vo's hash of 64 bits (FNV-1a) of some bytes, in hexadecimal digits; products
+   !> wrap around.
    pure character(len=16) function checksum(bytes) result(digits)
       !> Of any number.
       character(len=*), intent(in) :: bytes

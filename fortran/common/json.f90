@@ -7,7 +7,8 @@
 !>     call document%end_array()
 !>     call document%end_object()
 !>
-!> The key is empty for the outermost value and within arrays. What is not finite becomes null; numbers come back to the last bit.
+!> The key is empty for the outermost value and within arrays. What is not finite becomes null;
+!> numbers come back to the last bit.
 module json
    use kinds, only: wp
    use text, only: append, newline, number_text, split_list, to_text
@@ -26,11 +27,14 @@ module json
       logical :: begun(0:deepest) = .false.
       character :: bracket(0:deepest) = ' '
    contains
-      procedure :: begin_object, end_object => close_level, begin_array, end_array => close_level, put_numbers
+      procedure :: begin_object, end_object => close_level, begin_array, &
+         & end_array => close_level, put_numbers
       !> A value that is JSON already.
       procedure :: put_json, text => document_text
-      procedure, private :: put_text, put_real, put_integer, put_logical, put_reals, put_matrix, put_lines
-      generic :: put => put_text, put_real, put_integer, put_logical, put_reals, put_matrix, put_lines
+      procedure, private :: put_text, put_real, put_integer, put_logical, put_reals, &
+         & put_matrix, put_lines
+      generic :: put => put_text, put_real, put_integer, put_logical, put_reals, &
+         & put_matrix, put_lines
    end type json_type
 
 contains
@@ -51,7 +55,8 @@ contains
       call open_level(self, '[]', key)
    end subroutine begin_array
 
-   !> A number, of `values`, for each name, in the object that is open, or in one of their own under `key`.
+   !> A number, of `values`, for each name, in the object that is open, or in one of their own under
+   !> `key`.
    pure subroutine put_numbers(self, names, values, key)
       class(json_type), intent(inout) :: self
       !> Separated by ', '; and of each its value.
@@ -182,7 +187,9 @@ contains
    pure subroutine close_level(self)
       class(json_type), intent(inout) :: self
 
-      if (self%begun(self%depth)) call append(self%page, self%filled, newline//repeat(' ', self%depth - 1))
+      if (self%begun(self%depth)) then
+         call append(self%page, self%filled, newline//repeat(' ', self%depth - 1))
+      end if
       call append(self%page, self%filled, self%bracket(self%depth))
       self%depth = self%depth - 1
    end subroutine close_level

@@ -1,12 +1,13 @@
-!> Values in a fixed order, which one procedure both gives and takes: it names them one by one. So what is written, read and described
-!> cannot differ. They are text, a line or a block each:
+!> Values in a fixed order, which one procedure both gives and takes: it names them one by one. So
+!> what is written, read and described cannot differ. They are text, a line or a block each:
 !>
 !>     degree 4
 !>     lower 2
 !>     0.15 2.0
 !>
-!> Reading is strict: the next line has the expected label, values are finite, counts hold, and the last line is a checksum of all
-!> before it. After the first error nothing more is done. To describe them they are given as named values instead.
+!> Reading is strict: the next line has the expected label, values are finite, counts hold, and the
+!> last line is a checksum of all before it. After the first error nothing more is done. To describe
+!> them they are given as named values instead.
 module labelled_values
    use errors, only: error_type, refuse
    use files, only: checksum, printable
@@ -34,8 +35,8 @@ module labelled_values
       !> Next byte to read, and the number of the line before it.
       integer, private :: position = 1, line = 0
    contains
-      procedure :: text => exchange_text, lines => exchange_lines, integer => exchange_integer, real => exchange_real, &
-         & reals => exchange_reals, finish, fail
+      procedure :: text => exchange_text, lines => exchange_lines, integer => exchange_integer, &
+         & real => exchange_real, reals => exchange_reals, finish, fail
    end type labelled_values_type
 
 contains
@@ -53,7 +54,9 @@ contains
          call self%described%put(label, value)
       else if (self%reading) then
          call take_line(self, label, line)
-         if (index(line, label//' ') /= 1) call self%fail(''''//label//''' is expected, not '''//printable(line)//'''')
+         if (index(line, label//' ') /= 1) then
+            call self%fail(''''//label//''' is expected, not '''//printable(line)//'''')
+         end if
          value = line(len(label) + 2:)
       else
          call put(self, label//' '//value//newline)
@@ -100,7 +103,9 @@ contains
       call self%text(label, text)
       if (.not. self%reading) return
       call read_integer(text, value, outcome)
-      if (outcome /= number_ok) call self%fail(''''//label//' '//printable(text)//''': a whole number is needed')
+      if (outcome /= number_ok) then
+         call self%fail(''''//label//' '//printable(text)//''': a whole number is needed')
+      end if
    end subroutine exchange_integer
 
    subroutine exchange_real(self, label, value)
@@ -135,13 +140,16 @@ contains
       call self%integer(label, n)
       if (.not. self%reading) then
          do i = 1, size(values)
-            call put(self, to_text(values(i), all_digits)//merge(newline, ' ', mod(i, a_line) == 0 .or. i == size(values)))
+            call put(self, to_text(values(i), all_digits) &
+               & //merge(newline, ' ', mod(i, a_line) == 0 .or. i == size(values)))
          end do
          return
       end if
       if (allocated(self%error)) return
       ! A value takes two bytes at least.
-      if (n < 0 .or. n > (len(self%content) - self%position)/2) call self%fail(''''//label//''' has no '//to_text(n)//' values')
+      if (n < 0 .or. n > (len(self%content) - self%position)/2) then
+         call self%fail(''''//label//''' has no '//to_text(n)//' values')
+      end if
       if (allocated(self%error)) return
       values = reshape([real(wp) ::], [n], [0.0_wp])
       do i = 1, n
@@ -149,7 +157,9 @@ contains
          length = index(line//' ', ' ') - 1
          call parse(self, line(:length), label, values(i))
          line = line(length + 2:)
-         if ((mod(i, a_line) == 0 .or. i == n) .and. len(line) > 0) call self%fail(''''//label//''' has a line that is too long')
+         if ((mod(i, a_line) == 0 .or. i == n) .and. len(line) > 0) then
+            call self%fail(''''//label//''' has a line that is too long')
+         end if
          if (allocated(self%error)) return
       end do
    end subroutine exchange_reals
@@ -165,7 +175,9 @@ contains
       call self%text('checksum', rest)
       if (.not. self%reading) return
       if (self%position <= len(self%content)) call self%fail('goes on after its checksum')
-      if (rest /= checksum(self%content(:last))) call self%fail('the checksum is not that of the content, which was changed')
+      if (rest /= checksum(self%content(:last))) then
+         call self%fail('the checksum is not that of the content, which was changed')
+      end if
    end subroutine finish
 
    !> Record an error that names the line, unless there is one already.
@@ -204,7 +216,9 @@ contains
       integer :: outcome
 
       call read_real(string, value, outcome)
-      if (outcome /= number_ok) call self%fail(''''//label//''': '''//printable(string)//''' is not a finite number')
+      if (outcome /= number_ok) then
+         call self%fail(''''//label//''': '''//printable(string)//''' is not a finite number')
+      end if
    end subroutine parse
 
    !> Append to the content.

@@ -6,8 +6,8 @@ module linear_algebra
    use text, only: to_text
    implicit none
    private
-   public :: cholesky_factor, cholesky_solve, cholesky_inverse, symmetric_eigen, add_gram, multiply, multiply_by_factor, &
-      & orthonormalize, dot, exp_all, transposed_product
+   public :: cholesky_factor, cholesky_solve, cholesky_inverse, symmetric_eigen, add_gram, &
+      & multiply, multiply_by_factor, orthonormalize, dot, exp_all, transposed_product
 
    !> Of LAPACK and BLAS; sizes are checked by their callers here.
    ! allow(C091)
@@ -28,14 +28,16 @@ module linear_algebra
    end interface
 
    real(wp), parameter :: log2e = 1.44269504088896340735992468100189_wp
-   !> log 2 in two pieces, the first with zeros in its last bits, so that k log 2 is exact (Cody & Waite).
+   !> log 2 in two pieces, the first with zeros in its last bits, so that k log 2 is exact (Cody &
+   !> Waite).
    real(wp), parameter :: ln2_high = 6.93145751953125e-1_wp, ln2_low = 1.42860682030941723212e-6_wp
    !> Adding and subtracting 1.5 x 2^52 rounds to the nearest integer.
    real(wp), parameter :: rounder = 6755399441055744.0_wp
 
 contains
 
-   !> Lower Cholesky factor of the symmetric positive definite `a`, in place; the strict upper triangle is not touched.
+   !> Lower Cholesky factor of the symmetric positive definite `a`, in place; the strict upper
+   !> triangle is not touched.
    subroutine cholesky_factor(a, error)
       real(wp), intent(inout), contiguous :: a(:, :)
       type(error_type), allocatable, intent(out) :: error
@@ -43,9 +45,11 @@ contains
 
       call dpotrf('L', size(a, 2), a, max(1, size(a, 1)), info)
       if (info > 0) then
-         call raise(error, 'a matrix is not positive definite (leading minor '//to_text(info)//' of '//to_text(size(a, 2))//')')
+         call raise(error, 'a matrix is not positive definite (leading minor '//to_text(info) &
+            & //' of '//to_text(size(a, 2))//')')
       else if (info < 0) then
-         call raise(error, 'a matrix holds a value that is not finite (dpotrf, argument '//to_text(-info)//')')
+         call raise(error, 'a matrix holds a value that is not finite (dpotrf, argument ' &
+            & //to_text(-info)//')')
       end if
    end subroutine cholesky_factor
 
@@ -56,7 +60,8 @@ contains
       real(wp), intent(inout), contiguous :: b(:, :)
       integer :: info
 
-      call dpotrs('L', size(factor, 2), size(b, 2), factor, max(1, size(factor, 1)), b, max(1, size(b, 1)), info)
+      call dpotrs('L', size(factor, 2), size(b, 2), factor, max(1, size(factor, 1)), b, &
+         & max(1, size(b, 1)), info)
    end subroutine cholesky_solve
 
    !> Replace a lower Cholesky factor by the full symmetric inverse of the matrix it factors.
@@ -70,7 +75,8 @@ contains
       end do
    end subroutine cholesky_inverse
 
-   !> Ascending eigenvalues of the symmetric `a` (lower triangle); `a` becomes the eigenvectors, one a column.
+   !> Ascending eigenvalues of the symmetric `a` (lower triangle); `a` becomes the eigenvectors, one
+   !> a column.
    subroutine symmetric_eigen(a, values, error)
       real(wp), intent(inout), contiguous :: a(:, :)
       !> Eigenvalues, (n).
@@ -83,7 +89,10 @@ contains
       n = size(a, 2)
       allocate (work(1 + 6*n + 2*n*n), iwork(3 + 5*n))
       call dsyevd('V', 'L', n, a, max(1, n), values, work, size(work), iwork, size(iwork), info)
-      if (info /= 0) call raise(error, 'the symmetric eigenvalue problem did not converge (dsyevd, info '//to_text(info)//')')
+      if (info /= 0) then
+         call raise(error, 'the symmetric eigenvalue problem did not converge (dsyevd, info ' &
+            & //to_text(info)//')')
+      end if
    end subroutine symmetric_eigen
 
    !> gram + factor a aᵀ, or gram + factor aᵀ a if `transposed`; the full symmetric matrix.
@@ -95,8 +104,8 @@ contains
       logical, intent(in) :: transposed
       integer :: j
 
-      call dsyrk('L', merge('T', 'N', transposed), size(gram, 2), size(a, merge(1, 2, transposed)), factor, a, &
-         & max(1, size(a, 1)), 1.0_wp, gram, max(1, size(gram, 1)))
+      call dsyrk('L', merge('T', 'N', transposed), size(gram, 2), size(a, merge(1, 2, &
+         & transposed)), factor, a, max(1, size(a, 1)), 1.0_wp, gram, max(1, size(gram, 1)))
       do j = 2, size(gram, 2)
          gram(:j - 1, j) = gram(j, :j - 1)
       end do
@@ -113,8 +122,8 @@ contains
 
       form = 'N'
       if (present(transposed)) form = merge('T', 'N', transposed)
-      call dgemm(form, 'N', size(product, 1), size(b, 2), size(b, 1), 1.0_wp, a, max(1, size(a, 1)), b, max(1, size(b, 1)), &
-         & 0.0_wp, product, max(1, size(product, 1)))
+      call dgemm(form, 'N', size(product, 1), size(b, 2), size(b, 1), 1.0_wp, a, &
+         & max(1, size(a, 1)), b, max(1, size(b, 1)), 0.0_wp, product, max(1, size(product, 1)))
    end subroutine multiply
 
    !> Lᵀ b in place of b.
@@ -124,10 +133,12 @@ contains
       !> (n, m).
       real(wp), intent(inout), contiguous :: b(:, :)
 
-      call dtrmm('L', 'L', 'T', 'N', size(b, 1), size(b, 2), 1.0_wp, factor, max(1, size(factor, 1)), b, max(1, size(b, 1)))
+      call dtrmm('L', 'L', 'T', 'N', size(b, 1), size(b, 2), 1.0_wp, factor, &
+         & max(1, size(factor, 1)), b, max(1, size(b, 1)))
    end subroutine multiply_by_factor
 
-   !> Orthonormal columns in place of those of `a`, each in the span of its column and those before it where these are independent.
+   !> Orthonormal columns in place of those of `a`, each in the span of its column and those before
+   !> it where these are independent.
    subroutine orthonormalize(a)
       !> (m, n), m >= n.
       real(wp), intent(inout), contiguous :: a(:, :)
@@ -138,7 +149,8 @@ contains
 
       call dgeqrf(size(a, 1), size(a, 2), a, max(1, size(a, 1)), tau, work, size(work), info)
       reversed = [(a(j, j) < 0.0_wp, j=1, size(a, 2))]
-      call dorgqr(size(a, 1), size(a, 2), size(a, 2), a, max(1, size(a, 1)), tau, work, size(work), info)
+      call dorgqr(size(a, 1), size(a, 2), size(a, 2), a, max(1, size(a, 1)), tau, work, &
+         & size(work), info)
       do j = 1, size(a, 2)
          if (reversed(j)) a(:, j) = -a(:, j)
       end do
@@ -169,14 +181,16 @@ contains
          k = (clamped*log2e + rounder) - rounder
          r = (clamped - k*ln2_high) - k*ln2_low
          ! The Taylor series on |r| < 0.35; the first term left out is below 1e-17.
-         p = 1.0_wp + r*(1.0_wp + r*(0.5_wp + r*(1.0_wp/6.0_wp + r*(1.0_wp/24.0_wp + r*(1.0_wp/120.0_wp + r*(1.0_wp/720.0_wp &
-            & + r*(1.0_wp/5040.0_wp + r*(1.0_wp/40320.0_wp + r*(1.0_wp/362880.0_wp + r*(1.0_wp/3628800.0_wp &
-            & + r*(1.0_wp/39916800.0_wp + r*(1.0_wp/479001600.0_wp + r*(1.0_wp/6227020800.0_wp)))))))))))))
+         p = 1.0_wp + r*(1.0_wp + r*(0.5_wp + r*(1.0_wp/6.0_wp &
+            & + r*(1.0_wp/24.0_wp + r*(1.0_wp/120.0_wp + r*(1.0_wp/720.0_wp + r*(1.0_wp/5040.0_wp &
+            & + r*(1.0_wp/40320.0_wp + r*(1.0_wp/362880.0_wp + r*(1.0_wp/3628800.0_wp + r*(1.0_wp &
+            & /39916800.0_wp + r*(1.0_wp/479001600.0_wp + r*(1.0_wp/6227020800.0_wp)))))))))))))
          y(i) = p*transfer(ishft(int(k, i8) + 1023_i8, 52), 1.0_wp)
       end do
    end subroutine exp_all
 
-   !> y(m) = `a`(n, m)ᵀ x(n) for matrices too small for BLAS; four columns at a time keep the adders busy.
+   !> y(m) = `a`(n, m)ᵀ x(n) for matrices too small for BLAS; four columns at a time keep the adders
+   !> busy.
    pure subroutine transposed_product(n, m, a, x, y)
       integer, intent(in) :: n, m
       real(wp), intent(in) :: a(n, m), x(n)

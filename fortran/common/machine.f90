@@ -1,5 +1,6 @@
-!> What the machine has: memory, and processors for threads. Sizes come from users: what cannot be had is refused in words before it is
-!> asked for, since the system would end the process when it is used, not when it is allocated.
+!> What the machine has: memory, and processors for threads. Sizes come from users: what cannot be
+!> had is refused in words before it is asked for, since the system would end the process when it is
+!> used, not when it is allocated.
 module machine
    use, intrinsic :: iso_c_binding, only: c_double, c_int32_t
    use errors, only: error_type, machine_failure, raise
@@ -12,11 +13,13 @@ module machine
    public :: check_memory, free_memory, memory_text, raise_no_memory, reserve_blas, thread_count
 
    interface
-      !> Bytes that this process may still use: of the machine, of its group of processes, and of its address space.
+      !> Bytes that this process may still use: of the machine, of its group of processes, and of
+      !> its address space.
       real(c_double) function free_memory() bind(c, name='bayesindent_free_memory')
          import :: c_double
       end function free_memory
-      !> Have BLAS take its buffers for this number of `callers` at a time; for how many of them it has. Without one it waits for ever.
+      !> Have BLAS take its buffers for this number of `callers` at a time; for how many of them it
+      !> has. Without one it waits for ever.
       integer(c_int32_t) function reserve_blas(callers) bind(c, name='bayesindent_reserve_blas')
          import :: c_int32_t
          integer(c_int32_t), value :: callers
@@ -39,8 +42,10 @@ contains
       real(wp) :: available
 
       available = free_memory()
-      if (bytes > share*available) call raise(error, 'too little memory for '//what//': '//memory_text(bytes) &
-         & //' are needed, '//memory_text(available)//' are free', machine_failure)
+      if (bytes > share*available) then
+         call raise(error, 'too little memory for '//what//': '//memory_text(bytes) &
+            & //' are needed, '//memory_text(available)//' are free', machine_failure)
+      end if
    end subroutine check_memory
 
    !> The error of an allocation that failed.
@@ -66,9 +71,9 @@ contains
       end if
    end function memory_text
 
-   !> As many as are wanted, 0: one for each processor that this process may use; at most four for each, since more gain nothing, and as
-   !> many as BLAS has buffers for. One in a process that was forked from one with threads, which it has not inherited though OpenMP waits
-   !> for them.
+   !> As many as are wanted, 0: one for each processor that this process may use; at most four for
+   !> each, since more gain nothing, and as many as BLAS has buffers for. One in a process that was
+   !> forked from one with threads, which it has not inherited though OpenMP waits for them.
    integer function thread_count(wanted)
       integer, intent(in) :: wanted
 

@@ -1,9 +1,12 @@
-!> Named values as bytes: the one form in which data leave the core and enter it, and in which chains are stored.
+!> Named values as bytes: the one form in which data leave the core and enter it, and in which
+!> chains are stored.
 !>
-!> A value has a header of 48 bytes: its kind and its rank, a byte each, 2 bytes unused, 4 for the length of its name, 8 for the bytes of
-!> the value, 4 x 8 for its shape. Name and value follow, each filled up with zeros to a multiple of 8 bytes. The kinds: t, a text; l, texts
-!> that a zero byte ends each; i, integers of 8 bytes; b, the same as logicals; r, reals. Arrays have Fortran's order; C reads them with
-!> the axes reversed. What is given is a `value`, `values` of an array, or `words`.
+!> A value has a header of 48 bytes: its kind and its rank, a byte each, 2 bytes unused, 4 for the
+!> length of its name, 8 for the bytes of the value, 4 x 8 for its shape. Name and value follow,
+!> each filled up with zeros to a multiple of 8 bytes. The kinds: t, a text; l, texts that a zero
+!> byte ends each; i, integers of 8 bytes; b, the same as logicals; r, reals. Arrays have Fortran's
+!> order; C reads them with the axes reversed. What is given is a `value`, `values` of an array, or
+!> `words`.
 module named_values
    use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_loc, c_ptr
    use errors, only: error_type, refuse, warning_type
@@ -25,13 +28,14 @@ module named_values
       procedure :: put_array, put_integers
    end type named_values_type
 
-   !> Values in bytes that somebody else keeps; they are found by their names. What is asked for and is not there is an error, and empty.
+   !> Values in bytes that somebody else keeps; they are found by their names. What is asked for and
+   !> is not there is an error, and empty.
    type :: named_values_reader_type
       character(kind=c_char), pointer :: bytes(:) => null()
       type(error_type), allocatable :: error
    contains
-      procedure :: look_at, has, text => text_of, integer => integer_of, logical => logical_of, real => real_of, &
-         & reals => reals_of, columns => columns_of, matrices => matrices_of
+      procedure :: look_at, has, text => text_of, integer => integer_of, logical => logical_of, &
+         & real => real_of, reals => reals_of, columns => columns_of, matrices => matrices_of
    end type named_values_reader_type
 
 contains
@@ -58,9 +62,11 @@ contains
       end if
       shape = 0
       shape(:size(axes)) = axes
-      self%bytes(self%filled + 1:self%filled + header_bytes) = kind//achar(size(axes))//repeat(achar(0), 2) &
-         & //transfer(len(name), repeat(' ', 4))//transfer([n_bytes, shape], repeat(' ', header_bytes - 8))
-      self%bytes(self%filled + header_bytes + 1:start) = name//repeat(achar(0), int(padded(len(name, i8)) - len(name)))
+      self%bytes(self%filled + 1:self%filled + header_bytes) = kind//achar(size(axes)) &
+         & //repeat(achar(0), 2)//transfer(len(name), repeat(' ', 4)) &
+         & //transfer([n_bytes, shape], repeat(' ', header_bytes - 8))
+      self%bytes(self%filled + header_bytes + 1:start) = name &
+         & //repeat(achar(0), int(padded(len(name, i8)) - len(name)))
       self%bytes(start + 1:start + padded(n_bytes)) = ''
       call c_f_pointer(address, content, [n_bytes])
       do i = 1, n_bytes
@@ -172,7 +178,8 @@ contains
       call c_f_pointer(c_loc(content), self%bytes, [len(content)])
    end subroutine look_at
 
-   !> The bytes of the value of a name, not associated if it is not there, or is of none of these kinds.
+   !> The bytes of the value of a name, not associated if it is not there, or is of none of these
+   !> kinds.
    function find(self, name, kinds) result(content)
       class(named_values_reader_type), intent(in) :: self
       character(len=*), intent(in) :: name, kinds
@@ -188,7 +195,9 @@ contains
          start = at + header_bytes + padded(int(length, i8))
          if (length == len(name)) then
             if (all([(self%bytes(at + header_bytes + i) == name(i:i), i=1, length)])) then
-               if (index(kinds, self%bytes(at + 1)) > 0) content => self%bytes(start + 1:start + n_bytes)
+               if (index(kinds, self%bytes(at + 1)) > 0) then
+                  content => self%bytes(start + 1:start + n_bytes)
+               end if
                return
             end if
          end if

@@ -1,7 +1,8 @@
-!> Reproducible random streams: xoshiro256++ (Blackman & Vigna, ACM TOMS 47, 36, 2021), seeded by SplitMix64.
+!> Reproducible random streams: xoshiro256++ (Blackman & Vigna, ACM TOMS 47, 36, 2021), seeded by
+!> SplitMix64.
 !>
-!> A stream is a function of (seed, stream) alone, so that chain k draws the same numbers whatever thread runs it.
-!> The arithmetic wraps modulo 2^64; the build passes -fwrapv.
+!> A stream is a function of (seed, stream) alone, so that chain k draws the same numbers whatever
+!> thread runs it. The arithmetic wraps modulo 2^64; the build passes -fwrapv.
 module random
    use kinds, only: wp, i8
    implicit none

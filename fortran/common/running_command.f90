@@ -1,12 +1,15 @@
-!> A command at work: it has its output folder to itself, and SIGINT, SIGTERM and SIGHUP end it at once, in compiled loops too.
+!> A command at work: it has its output folder to itself, and SIGINT, SIGTERM and SIGHUP end it at
+!> once, in compiled loops too.
 !>
-!> No loop asks whether a signal came. Results are whole at every moment (files are written beside their names, rows are committed),
-!> so that the handler can tell the user and end the process, which nothing can keep from happening. Programs call this and the
-!> library does not: there signals are the user's. One command at a time.
+!> No loop asks whether a signal came. Results are whole at every moment (files are written beside
+!> their names, rows are committed), so that the handler can tell the user and end the process,
+!> which nothing can keep from happening. Programs call this and the library does not: there signals
+!> are the user's. One command at a time.
 !>
-!> Ctrl-C while the library works is another thing. A caller's handler of SIGINT, such as Python's, only takes note until compiled code has
-!> returned; so while somebody listens the signal is noted here, too, and then given to that handler. Long loops ask, leave, and their
-!> results are not used. Where SIGINT has no handler, or is that of a running command, nothing is changed.
+!> Ctrl-C while the library works is another thing. A caller's handler of SIGINT, such as Python's,
+!> only takes note until compiled code has returned; so while somebody listens the signal is noted
+!> here, too, and then given to that handler. Long loops ask, leave, and their results are not used.
+!> Where SIGINT has no handler, or is that of a running command, nothing is changed.
 module running_command
    use, intrinsic :: iso_c_binding, only: c_bool, c_char, c_int, c_null_char
    use errors, only: error_type, raise, refuse
@@ -24,7 +27,8 @@ module running_command
       !> From now on a signal ends the process, with status 128 + signal and one line.
       subroutine watch_signals() bind(c, name='bayesindent_watch_signals')
       end subroutine watch_signals
-      integer(c_int) function c_take_folder(folder, prefix, milliseconds, resumes, holder) bind(c, name='bayesindent_take_folder')
+      integer(c_int) function c_take_folder(folder, prefix, milliseconds, resumes, holder) bind(c, &
+         & name='bayesindent_take_folder')
          import :: c_char, c_int
          character(kind=c_char), intent(in) :: folder(*), prefix(*)
          integer(c_int), value :: milliseconds, resumes
@@ -56,8 +60,9 @@ module running_command
 
 contains
 
-   !> Make an output folder and have it alone: wait for another process, or refuse in words that name it. Then a signal is in its log,
-   !> too, and what killed processes left unfinished there is gone.
+   !> Make an output folder and have it alone: wait for another process, or refuse in words that
+   !> name it. Then a signal is in its log, too, and what killed processes left unfinished there is
+   !> gone.
    subroutine take_folder(path, patience, resumes, error)
       character(len=*), intent(in) :: path
       !> How long to wait, s.
@@ -71,14 +76,16 @@ contains
 
       call make_folder(path, error)
       if (allocated(error)) return
-      status = c_take_folder(path//c_null_char, unfinished//c_null_char, 1000*patience, merge(1, 0, resumes), holder)
+      status = c_take_folder(path//c_null_char, unfinished//c_null_char, 1000*patience, &
+         & merge(1, 0, resumes), holder)
       if (status == held) then
          words = 'another process'
          if (holder > 0) words = 'process '//to_text(holder)
-         call refuse(error, path//': '//words//' is at work in this folder; wait until it has ended, or choose another with ' &
-            & //'--output')
+         call refuse(error, path//': '//words//' is at work in this folder; wait until it has ' &
+            & //'ended, or choose another with --output')
       else if (status /= locked) then
-         call raise(error, path//'/.lock: is a link, or cannot be written; choose a folder of your own with --output')
+         call raise(error, path//'/.lock: is a link, or cannot be written; choose a folder of ' &
+            & //'your own with --output')
       end if
    end subroutine take_folder
 

@@ -3,11 +3,13 @@ module small_matrices
    use kinds, only: wp
    implicit none
    private
-   public :: factor_columns, factor_definite, fit_columns, solve_lower, solve_upper, weighted_gram, sum_of_logs
+   public :: factor_columns, factor_definite, fit_columns, solve_lower, solve_upper, &
+      & weighted_gram, sum_of_logs
 
 contains
 
-   !> F with F Fᵀ = U Uᵀ and as few columns as matter beside errors of unit variance: by Cholesky's method with pivots.
+   !> F with F Fᵀ = U Uᵀ and as few columns as matter beside errors of unit variance: by Cholesky's
+   !> method with pivots.
    pure subroutine factor_columns(u, f)
       !> (m, n); (m, rank).
       real(wp), intent(in), contiguous :: u(:, :)
@@ -36,7 +38,8 @@ contains
 
    !> Minimise sum of w (r - U b)² + b² over b.
    !>
-   !> By normal equations; where a pivot has lost its digits, by orthogonalisation of U over the unit matrix, which squares nothing.
+   !> By normal equations; where a pivot has lost its digits, by orthogonalisation of U over the
+   !> unit matrix, which squares nothing.
    pure subroutine fit_columns(r, u, weight, b, l)
       !> (m), (m, n), (m): weights that are not negative.
       real(wp), intent(in), contiguous :: r(:), u(:, :), weight(:)
@@ -93,7 +96,8 @@ contains
       real(wp), intent(inout), contiguous :: a(:, :)
       !> A pivot that is a smaller share of its entry has lost its digits.
       real(wp), intent(in) :: resolution
-      !> Whether no pivot has; the column of one that has is zero, so that the factor is for products, not for solutions.
+      !> Whether no pivot has; the column of one that has is zero, so that the factor is for
+      !> products, not for solutions.
       logical, intent(out), optional :: definite
       real(wp) :: whole
       integer :: j, k

@@ -1,10 +1,12 @@
-!> Order, moments and order statistics of samples; the distribution of chi-square; and which points are the same.
+!> Order, moments and order statistics of samples; the distribution of chi-square; and which points
+!> are the same.
 module statistics
    use, intrinsic :: iso_c_binding, only: c_double, c_int
    use kinds, only: wp
    implicit none
    private
-   public :: moments, covariance_of, sorted_values, median, flattened, thinned, chi_square_above, sort_order, number_equal
+   public :: moments, covariance_of, sorted_values, median, flattened, thinned, chi_square_above, &
+      & sort_order, number_equal
 
    interface
       pure subroutine c_sort_order(n, values, order) bind(c, name='bayesindent_sort_order')
@@ -13,7 +15,8 @@ module statistics
          real(c_double), intent(in) :: values(*)
          integer(c_int), intent(out) :: order(*)
       end subroutine c_sort_order
-      pure subroutine c_number_equal(coordinates, n, points, numbers) bind(c, name='bayesindent_number_equal')
+      pure subroutine c_number_equal(coordinates, n, points, numbers) &
+         & bind(c, name='bayesindent_number_equal')
          import :: c_double, c_int
          integer(c_int), value :: coordinates, n
          real(c_double), intent(in) :: points(*)
@@ -55,7 +58,8 @@ contains
    pure function covariance_of(draws) result(covariance)
       !> (variable, draw).
       real(wp), intent(in) :: draws(:, :)
-      real(wp) :: covariance(size(draws, 1), size(draws, 1)), deviations(size(draws, 1), size(draws, 2))
+      real(wp) :: covariance(size(draws, 1), size(draws, 1)), &
+         & deviations(size(draws, 1), size(draws, 2))
 
       deviations = draws - spread(sum(draws, 2)/size(draws, 2), 2, size(draws, 2))
       covariance = matmul(deviations, transpose(deviations))/max(1, size(draws, 2) - 1)
@@ -107,8 +111,8 @@ contains
       few = draws(:, ::max(1, int(size(draws, 2)*real(size(draws, 3), wp)/most)), :)
    end function thinned
 
-   !> The probability that chi-square with `freedom` degrees of freedom is above `value`: of a whole number the incomplete gamma function is
-   !> a finite sum (Abramowitz and Stegun 26.4.4, 26.4.5).
+   !> The probability that chi-square with `freedom` degrees of freedom is above `value`: of a whole
+   !> number the incomplete gamma function is a finite sum (Abramowitz and Stegun 26.4.4, 26.4.5).
    pure real(wp) function chi_square_above(value, freedom) result(share)
       real(wp), intent(in) :: value
       !> At least 1.
@@ -128,7 +132,8 @@ contains
       real(wp), intent(in) :: points(:, :)
       integer :: numbers(size(points, 2))
 
-      call c_number_equal(size(points, 1), size(points, 2), merge(points, 0.0_wp, abs(points) > 0.0_wp), numbers)
+      call c_number_equal(size(points, 1), size(points, 2), &
+         & merge(points, 0.0_wp, abs(points) > 0.0_wp), numbers)
    end function number_equal
 
 end module statistics

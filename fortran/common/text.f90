@@ -2,20 +2,22 @@
 !>
 !> Reading is strict: what is read is a whole number or nothing, and never NaN or Infinity.
 !>
-!> The lengths of numbers' texts are expressions: gfortran keeps the length of a deferred-length result in static memory of the
-!> caller, where threads overwrite each other's.
+!> The lengths of numbers' texts are expressions: gfortran keeps the length of a deferred-length
+!> result in static memory of the caller, where threads overwrite each other's.
 module text
    use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int
    use kinds, only: i8, wp
    implicit none
    private
-   public :: newline, to_text, fixed, real_text, lower, join, split_list, quoted, append, number_text, short_text, read_integer, &
-      & read_real, number_ok, number_not_finite, number_malformed
+   public :: newline, to_text, fixed, real_text, lower, join, split_list, quoted, append, &
+      & number_text, short_text, read_integer, read_real, number_ok, number_not_finite, &
+      & number_malformed
 
    !> Ends a line of a text.
    character, parameter :: newline = achar(10)
 
-   !> Forms of a real: the fewest digits that bring it back, ten at most for people, some significant ones, some decimals.
+   !> Forms of a real: the fewest digits that bring it back, ten at most for people, some
+   !> significant ones, some decimals.
    integer, parameter, public :: fewest_digits = 0, few_digits = 1, significant = 2, fixed_point = 3
 
    !> What became of a text: a finite number; NaN, Infinity or an overflow; no number at all.
@@ -33,7 +35,8 @@ module text
          ! allow(C072)
          character(kind=c_char), intent(out) :: text(*)
       end subroutine c_write
-      pure subroutine c_read_real(text, length, value, outcome) bind(c, name='bayesindent_read_real')
+      pure subroutine c_read_real(text, length, value, outcome) &
+         & bind(c, name='bayesindent_read_real')
          import :: c_char, c_double, c_int
          character(kind=c_char), intent(in) :: text(*)
          integer(c_int), value :: length
@@ -148,8 +151,9 @@ contains
       do while (first <= len(list))
          comma = index(list(first:), ',')
          if (comma == 0) comma = len(list) - first + 2
-         if (len_trim(list(first:first + comma - 2)) > 0) items = [character(len=len(list)) :: items, &
-            & adjustl(list(first:first + comma - 2))]
+         if (len_trim(list(first:first + comma - 2)) > 0) then
+            items = [character(len=len(list)) :: items, adjustl(list(first:first + comma - 2))]
+         end if
          first = first + comma
       end do
    end function split_list

@@ -1,10 +1,13 @@
-!> The crystal classes that have a stiffness of their own: one row a class. All else about a symmetry follows from its row by
-!> group average, here the linear map from the constants to the stiffness.
+!> The crystal classes that have a stiffness of their own: one row a class. All else about a
+!> symmetry follows from its row by group average, here the linear map from the constants to the
+!> stiffness.
 !>
-!> Crystal axes as in the IEEE standard 176. Voigt order 11,22,33,23,13,12 without factors of two, GPa.
+!> Crystal axes as in the IEEE standard 176. Voigt order 11,22,33,23,13,12 without factors of two,
+!> GPa.
 !>
-!> Crystal directions and planes are by the edges of the unit cell of a class: z is along c and y along b*, the normal of the plane of a and
-!> c. So a of hexagonal, trigonal and tetragonal crystals is along x. Trigonal crystals have hexagonal cells.
+!> Crystal directions and planes are by the edges of the unit cell of a class: z is along c and y
+!> along b*, the normal of the plane of a and c. So a of hexagonal, trigonal and tetragonal crystals
+!> is along x. Trigonal crystals have hexagonal cells.
 module crystal_class
    use crystal_elasticity, only: rotate_stiffness
    use errors, only: error_type, raise, refuse
@@ -13,31 +16,33 @@ module crystal_class
    use text, only: join, lower, read_real, split_list, to_text
    implicit none
    private
-   public :: crystal_class_type, new_crystal_class, crystal_class_names, general_class, rotation_about, rotations_about, &
-      & lattice_type, new_lattice, lattice_parameters
+   public :: crystal_class_type, new_crystal_class, crystal_class_names, general_class, &
+      & rotation_about, rotations_about, lattice_type, new_lattice, lattice_parameters
 
    type :: row_type
       !> The name, then synonyms.
       character(len=28) :: names
-      !> Proper rotations that, with the inversion, generate the group of the stiffness: 'fold axis', fold 0 for an axis of
-      !> infinite order.
+      !> Proper rotations that, with the inversion, generate the group of the stiffness: 'fold
+      !> axis', fold 0 for an axis of infinite order.
       character(len=12) :: generators
-      !> The unit cell: edges a, b, c and angles alpha, beta, gamma in degrees; names are free, the same name is the same value.
+      !> The unit cell: edges a, b, c and angles alpha, beta, gamma in degrees; names are free, the
+      !> same name is the same value.
       character(len=29) :: cell
       !> Independent entries of the stiffness in the order in which they are passed.
       character(len=83) :: constants
    end type row_type
 
-   type(row_type), parameter :: table(*) = [row_type('isotropic', '0 z, 0 x', 'a, a, a, 90, 90, 90', 'C11 C12'), &
-      & row_type('cubic, m-3m, m-3, fcc, bcc', '4 z, 3 xyz', 'a, a, a, 90, 90, 90', 'C11 C12 C44'), &
-      & row_type('hexagonal, 6/mmm, 6/m, hcp', '0 z', 'a, a, c, 90, 90, 120', 'C11 C12 C44 C33 C13'), &
-      & row_type('tetragonal, 4/mmm', '4 z, 2 x', 'a, a, c, 90, 90, 90', 'C11 C12 C13 C33 C44 C66'), &
+   type(row_type), parameter :: table(*) = [row_type('isotropic', '0 z, 0 x', &
+      & 'a, a, a, 90, 90, 90', 'C11 C12'), row_type('cubic, m-3m, m-3, fcc, bcc', '4 z, 3 xyz', &
+      & 'a, a, a, 90, 90, 90', 'C11 C12 C44'), row_type('hexagonal, 6/mmm, 6/m, hcp', '0 z', &
+      & 'a, a, c, 90, 90, 120', 'C11 C12 C44 C33 C13'), row_type('tetragonal, 4/mmm', &
+      & '4 z, 2 x', 'a, a, c, 90, 90, 90', 'C11 C12 C13 C33 C44 C66'), &
       & row_type('4/m', '4 z', 'a, a, c, 90, 90, 90', 'C11 C12 C13 C33 C44 C66 C16'), &
       & row_type('trigonal, -3m', '3 z, 2 x', 'a, a, c, 90, 90, 120', 'C11 C12 C13 C14 C33 C44'), &
       & row_type('-3', '3 z', 'a, a, c, 90, 90, 120', 'C11 C12 C13 C14 C33 C44 C15'), &
-      & row_type('orthorhombic, mmm', '2 z, 2 x', 'a, b, c, 90, 90, 90', 'C11 C12 C13 C22 C23 C33 C44 C55 C66'), &
-      & row_type('monoclinic, 2/m', '2 y', 'a, b, c, 90, beta, 90', &
-      & 'C11 C12 C13 C15 C22 C23 C25 C33 C35 C44 C46 C55 C66'), &
+      & row_type('orthorhombic, mmm', '2 z, 2 x', 'a, b, c, 90, 90, 90', &
+      & 'C11 C12 C13 C22 C23 C33 C44 C55 C66'), row_type('monoclinic, 2/m', '2 y', &
+      & 'a, b, c, 90, beta, 90', 'C11 C12 C13 C15 C22 C23 C25 C33 C35 C44 C46 C55 C66'), &
       & row_type('triclinic, -1', '', 'a, b, c, alpha, beta, gamma', &
       & 'C11 C12 C13 C14 C15 C16 C22 C23 C24 C25 C26 C33 C34 C35 C36 C44 C45 C46 C55 C56 C66')]
 
@@ -48,15 +53,18 @@ module crystal_class
       character(len=:), allocatable :: name
       !> Edges and angles of the unit cell, a list of six.
       character(len=:), allocatable :: cell
-      !> Names of the independent constants, (n_constants), and the row and column of each, (2, n_constants).
+      !> Names of the independent constants, (n_constants), and the row and column of each, (2,
+      !> n_constants).
       character(len=3), allocatable :: constants(:)
       integer, allocatable, private :: entry(:, :)
       integer :: n_constants = 0
-      !> Proper rotations that generate the group, (3, 3, n); an axis of infinite order is one rotation by 1 radian.
+      !> Proper rotations that generate the group, (3, 3, n); an axis of infinite order is one
+      !> rotation by 1 radian.
       real(wp), allocatable :: generators(:, :, :)
       !> Fold of each generator, 0 for infinite order, (n).
       integer, allocatable :: folds(:)
-      !> Where the upper triangle of the stiffness is not zero: entry (row, column) gains factor times a constant.
+      !> Where the upper triangle of the stiffness is not zero: entry (row, column) gains factor
+      !> times a constant.
       integer, allocatable :: row(:), column(:), constant(:)
       real(wp), allocatable :: factor(:)
    contains
@@ -64,7 +72,8 @@ module crystal_class
    end type crystal_class_type
 
    type :: lattice_type
-      !> The edges a, b, c in crystal axes, columns, and the normals of the planes 100, 010, 001, (3, 3); in the units of the parameters.
+      !> The edges a, b, c in crystal axes, columns, and the normals of the planes 100, 010, 001,
+      !> (3, 3); in the units of the parameters.
       real(wp) :: edges(3, 3) = 0.0_wp, normals(3, 3) = 0.0_wp
       !> Angle between a and b is 120 degrees by symmetry: indices may be four.
       logical :: is_hexagonal = .false.
@@ -84,15 +93,17 @@ contains
       do i = 1, size(table)
          if (any(split_list(table(i)%names) == lower(adjustl(name)))) exit
       end do
-      if (i > size(table) .or. len_trim(name) == 0) call refuse(error, ''''//trim(name)//''' is no crystal class; ' &
-         & //'allowed '//crystal_class_names())
+      if (i > size(table) .or. len_trim(name) == 0) then
+         call refuse(error, ''''//trim(name)//''' is no crystal class; allowed ' &
+            & //crystal_class_names())
+      end if
       if (allocated(error)) return
       class%name = table(i)%names(:scan(table(i)%names, ', ') - 1)
       class%cell = trim(table(i)%cell)
       class%n_constants = (len_trim(table(i)%constants) + 1)/4
       class%constants = [(table(i)%constants(4*k - 3:4*k - 1), k=1, class%n_constants)]
-      class%entry = reshape([((iachar(class%constants(k)(j:j)) - iachar('0'), j=2, 3), k=1, class%n_constants)], &
-         & [2, class%n_constants])
+      class%entry = reshape([((iachar(class%constants(k)(j:j)) - iachar('0'), j=2, 3), k=1, &
+         & class%n_constants)], [2, class%n_constants])
       call rotations_about(table(i)%generators, class%generators, class%folds)
       call derive_map(class, error)
    end subroutine new_crystal_class
@@ -104,7 +115,8 @@ contains
       names = join(table%names, ', ')
    end function crystal_class_names
 
-   !> The proper rotations that a list 'fold axis, ..' names: fold 0 (by 1 radian), 2, 3, 4, 6; the axis is a sum of x, y, z.
+   !> The proper rotations that a list 'fold axis, ..' names: fold 0 (by 1 radian), 2, 3, 4, 6; the
+   !> axis is a sum of x, y, z.
    pure subroutine rotations_about(list, rotations, folds)
       character(len=*), intent(in) :: list
       !> Matrices, and their folds.
@@ -124,7 +136,8 @@ contains
          u = [(merge(1.0_wp, 0.0_wp, scan(items(i), 'xyz' (j:j)) > 0), j=1, 3)]
          rotations(:, :, i) = rotation_about(u, angle)
          ! Zeros, halves and ones exactly.
-         where (abs(rotations(:, :, i) - snapped(rotations(:, :, i))) < 1.0e-12_wp) rotations(:, :, i) = snapped(rotations(:, :, i))
+         where (abs(rotations(:, :, i) - snapped(rotations(:, :, i))) < 1.0e-12_wp) rotations(:, &
+            & :, i) = snapped(rotations(:, :, i))
       end do
    end subroutine rotations_about
 
@@ -136,7 +149,8 @@ contains
 
       u = axis/norm2(axis)
       cross = reshape([0.0_wp, u(3), -u(2), -u(3), 0.0_wp, u(1), u(2), -u(1), 0.0_wp], [3, 3])
-      rotation = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], [3, 3]) + sin(angle)*cross + (1.0_wp - cos(angle))*matmul(cross, cross)
+      rotation = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], &
+         & [3, 3]) + sin(angle)*cross + (1.0_wp - cos(angle))*matmul(cross, cross)
    end function rotation_about
 
    pure elemental real(wp) function snapped(x)
@@ -145,20 +159,24 @@ contains
       snapped = 0.5_wp*anint(2.0_wp*x)
    end function snapped
 
-   !> The stiffnesses that every generator leaves alone, as multiples of the named entries: C(g) = C for the 21 entries, solved by least
-   !> squares for those that are not named. The multiples are halves of integers in every class.
+   !> The stiffnesses that every generator leaves alone, as multiples of the named entries: C(g) = C
+   !> for the 21 entries, solved by least squares for those that are not named. The multiples are
+   !> halves of integers in every class.
    subroutine derive_map(self, error)
       type(crystal_class_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       integer :: g, i, j, k, named(self%n_constants)
       !> The entries of the upper triangle row by row.
-      integer, parameter :: first(21) = [([(i, j=i, 6)], i=1, 6)], second(21) = [([(j, j=i, 6)], i=1, 6)]
-      real(wp) :: equations(21*size(self%generators, 3), 21), unit(6, 6), change(6, 6), map(21, self%n_constants)
+      integer, parameter :: first(21) = [([(i, j=i, 6)], i=1, 6)], &
+         & second(21) = [([(j, j=i, 6)], i=1, 6)]
+      real(wp) :: equations(21*size(self%generators, 3), 21), unit(6, 6), change(6, 6), &
+         & map(21, self%n_constants)
       real(wp), allocatable :: gram(:, :), solution(:, :)
       integer, allocatable :: other(:)
       logical :: definite
 
-      named = [(findloc(first == self%entry(1, k) .and. second == self%entry(2, k), .true., dim=1), k=1, self%n_constants)]
+      named = [(findloc(first == self%entry(1, k) .and. second == self%entry(2, k), .true., &
+         & dim=1), k=1, self%n_constants)]
       other = pack([(k, k=1, 21)], [(all(named /= k), k=1, 21)])
       do k = 1, 21
          unit = 0.0_wp
@@ -181,8 +199,11 @@ contains
       end if
       map = 0.0_wp
       map(other, :) = snapped(solution)
-      if (any(abs(matmul(equations(:, other), map(other, :)) + equations(:, named)) > 1.0e-6_wp)) call raise(error, &
-         & 'the constants of a '//self%name//' crystal, and their halves, do not span its stiffnesses')
+      if (any(abs(matmul(equations(:, other), map(other, :)) + equations(:, named)) &
+         & > 1.0e-6_wp)) then
+         call raise(error, 'the constants of a '//self%name &
+            & //' crystal, and their halves, do not span its stiffnesses')
+      end if
       if (allocated(error)) return
       do i = 1, self%n_constants
          map(named(i), i) = 1.0_wp
@@ -239,7 +260,8 @@ contains
       end do
    end function includes
 
-   !> The parameters that a class leaves open, 'a, c'; nothing where directions do not depend on them.
+   !> The parameters that a class leaves open, 'a, c'; nothing where directions do not depend on
+   !> them.
    pure function lattice_parameters(class) result(list)
       type(crystal_class_type), intent(in) :: class
       character(len=:), allocatable :: list
@@ -247,7 +269,8 @@ contains
       integer :: i
 
       fields = split_list(class%cell)
-      list = join(pack(fields, [(scan(fields(i)(1:1), '0123456789') == 0 .and. all(fields(:i - 1) /= fields(i)), i=1, 6)]), ', ')
+      list = join(pack(fields, [(scan(fields(i)(1:1), '0123456789') == 0 &
+         & .and. all(fields(:i - 1) /= fields(i)), i=1, 6)]), ', ')
       if (list == 'a') list = ''
    end function lattice_parameters
 
@@ -266,10 +289,13 @@ contains
 
       fields = split_list(class%cell)
       names = split_list(lattice_parameters(class))
-      needed = to_text(size(names))//': '//lattice_parameters(class)//' (lengths in any unit, angles in degrees)'
+      needed = to_text(size(names))//': '//lattice_parameters(class) &
+         & //' (lengths in any unit, angles in degrees)'
       if (size(names) == 0) needed = 'none: its directions do not depend on the cell'
-      if (size(values) /= size(names)) call refuse(error, 'the number of values is '//to_text(size(values))//'; a '//class%name &
-         & //' crystal needs '//needed)
+      if (size(values) /= size(names)) then
+         call refuse(error, 'the number of values is '//to_text(size(values))//'; a '//class%name &
+            & //' crystal needs '//needed)
+      end if
       if (allocated(error)) return
       cell = 1.0_wp
       do i = 1, 6
@@ -288,7 +314,8 @@ contains
             do i = 1, size(values)
                stated(i) = to_text(values(i))
             end do
-            call refuse(error, 'lattice parameters '//join(stated(:size(values)), ', ')//' are no cell; ' &
+            call refuse(error, &
+               & 'lattice parameters '//join(stated(:size(values)), ', ')//' are no cell; ' &
                & //lattice_parameters(class)//': lengths are positive, angles those of a solid')
             return
          end if
@@ -297,8 +324,10 @@ contains
          lattice%edges(:, 3) = cell(3)*[0.0_wp, 0.0_wp, 1.0_wp]
       end associate
       do i = 1, 3
-         associate (p => lattice%edges(:, modulo(i, 3) + 1), q => lattice%edges(:, modulo(i + 1, 3) + 1))
-            lattice%normals(:, i) = [p(2)*q(3) - p(3)*q(2), p(3)*q(1) - p(1)*q(3), p(1)*q(2) - p(2)*q(1)]
+         associate (p => lattice%edges(:, modulo(i, 3) + 1), &
+            & q => lattice%edges(:, modulo(i + 1, 3) + 1))
+            lattice%normals(:, i) = [p(2)*q(3) - p(3)*q(2), p(3)*q(1) - p(1)*q(3), &
+               & p(1)*q(2) - p(2)*q(1)]
          end associate
       end do
       lattice%is_hexagonal = fields(6) == '120'

@@ -1,7 +1,8 @@
-!> Elasticity of one crystal of any class: rotation, stability, polycrystal averages, anisotropy of a general stiffness; paths of waves.
+!> Elasticity of one crystal of any class: rotation, stability, polycrystal averages, anisotropy of
+!> a general stiffness; paths of waves.
 !>
-!> Stiffness in GPa, Voigt order 11,22,33,23,13,12 without factors of two. Bunge-Euler angles (phi1, Phi, phi2) in
-!> radians; g maps sample to crystal axes, v_crystal = g v_sample.
+!> Stiffness in GPa, Voigt order 11,22,33,23,13,12 without factors of two. Bunge-Euler angles (phi1,
+!> Phi, phi2) in radians; g maps sample to crystal axes, v_crystal = g v_sample.
 module crystal_elasticity
    use errors, only: error_type, refuse
    use kinds, only: nan, wp
@@ -10,8 +11,8 @@ module crystal_elasticity
    implicit none
    private
    public :: rotation_matrix, euler_angles, rotate_stiffness, bond_matrix, voigt_index
-   public :: is_stable, check_stiffness, compliance, averages_type, polycrystal_averages, anisotropy_index, log_anisotropy, &
-      & logarithmic_mean
+   public :: is_stable, check_stiffness, compliance, averages_type, polycrystal_averages, &
+      & anisotropy_index, log_anisotropy, logarithmic_mean
    public :: kelvin_form, stiffness_of_kelvin, diagonalise, hill_young_poisson
    public :: isotropic_stiffness
    public :: path_type, wave_names, no_wave, rayleigh, longitudinal
@@ -22,10 +23,12 @@ module crystal_elasticity
    integer, parameter :: voigt_index(3, 3) = reshape([1, 6, 5, 6, 2, 4, 5, 4, 3], [3, 3])
 
    !> Kinds of waves by number: the surface wave, then bulk waves.
-   character(len=*), parameter :: wave_names(4) = [character(len=12) :: 'rayleigh', 'longitudinal', 'shear_slow', 'shear_fast']
+   character(len=*), parameter :: wave_names(4) = [character(len=12) :: 'rayleigh', &
+      & 'longitudinal', 'shear_slow', 'shear_fast']
    integer, parameter :: no_wave = 0, rayleigh = 1, longitudinal = 2
 
-   !> Which wave travels in which direction of the sample: what tells one measured speed from another; by itself an indentation.
+   !> Which wave travels in which direction of the sample: what tells one measured speed from
+   !> another; by itself an indentation.
    type :: path_type
       integer :: wave = no_wave
       !> In the surface from x towards y, then towards the normal; degrees.
@@ -71,7 +74,8 @@ contains
       end if
    end function euler_angles
 
-   !> Stiffness in the sample frame of a crystal whose orientation is `g`: C' = M C Mᵀ with Bond's matrix of gᵀ.
+   !> Stiffness in the sample frame of a crystal whose orientation is `g`: C' = M C Mᵀ with Bond's
+   !> matrix of gᵀ.
    pure function rotate_stiffness(c, g) result(rotated)
       real(wp), intent(in) :: c(6, 6), g(3, 3)
       real(wp) :: rotated(6, 6)
@@ -84,12 +88,12 @@ contains
       bond(7:, :) = 0.0_wp
       whole(7:, :) = 0.0_wp
       do j = 1, 6
-         half(:, j) = whole(:, 1)*bond(j, 1) + whole(:, 2)*bond(j, 2) + whole(:, 3)*bond(j, 3) + whole(:, 4)*bond(j, 4) &
-            & + whole(:, 5)*bond(j, 5) + whole(:, 6)*bond(j, 6)
+         half(:, j) = whole(:, 1)*bond(j, 1) + whole(:, 2)*bond(j, 2) + whole(:, 3)*bond(j, &
+            & 3) + whole(:, 4)*bond(j, 4) + whole(:, 5)*bond(j, 5) + whole(:, 6)*bond(j, 6)
       end do
       do j = 1, 6
-         turned(:, j) = bond(:, 1)*half(1, j) + bond(:, 2)*half(2, j) + bond(:, 3)*half(3, j) + bond(:, 4)*half(4, j) &
-            & + bond(:, 5)*half(5, j) + bond(:, 6)*half(6, j)
+         turned(:, j) = bond(:, 1)*half(1, j) + bond(:, 2)*half(2, j) + bond(:, 3)*half(3, &
+            & j) + bond(:, 4)*half(4, j) + bond(:, 5)*half(5, j) + bond(:, 6)*half(6, j)
       end do
       rotated = 0.5_wp*(turned(:6, :) + transpose(turned(:6, :)))
    end function rotate_stiffness
@@ -107,7 +111,8 @@ contains
             bond(i, j) = a(i, j)**2
             bond(i, j + 3) = 2.0_wp*a(i, first(j))*a(i, second(j))
             bond(i + 3, j) = a(first(i), j)*a(second(i), j)
-            bond(i + 3, j + 3) = a(first(i), first(j))*a(second(i), second(j)) + a(first(i), second(j))*a(second(i), first(j))
+            bond(i + 3, j + 3) = a(first(i), first(j))*a(second(i), second(j)) + a(first(i), &
+               & second(j))*a(second(i), first(j))
          end do
       end do
    end function bond_matrix
@@ -122,7 +127,8 @@ contains
       call factor_definite(factor, resolution, is_stable)
    end function is_stable
 
-   !> Compliance of a stable crystal, 1/GPa, in Voigt's order with its factors of two and four; NaN of another.
+   !> Compliance of a stable crystal, 1/GPa, in Voigt's order with its factors of two and four; NaN
+   !> of another.
    pure function compliance(c) result(s)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
@@ -151,7 +157,8 @@ contains
          call refuse(error, 'the stiffness holds a value that is not finite')
       else if (.not. is_stable(c)) then
          call diagonalise(kelvin_form(c), values, vectors)
-         call refuse(error, 'the crystal is elastically unstable: the smallest eigenvalue of its stiffness is ' &
+         call refuse(error, &
+            & 'the crystal is elastically unstable: the smallest eigenvalue of its stiffness is ' &
             & //to_text(minval(values), 3)//' GPa; the stiffness must be positive definite')
       end if
    end subroutine check_stiffness
@@ -167,18 +174,20 @@ contains
       averages%shear_voigt = (c(1, 1) + c(2, 2) + c(3, 3) - c(1, 2) - c(2, 3) - c(1, 3) &
          & + 3.0_wp*(c(4, 4) + c(5, 5) + c(6, 6)))/15.0_wp
       averages%bulk_reuss = 1.0_wp/sum(s(:3, :3))
-      averages%shear_reuss = 15.0_wp/(4.0_wp*(s(1, 1) + s(2, 2) + s(3, 3) - s(1, 2) - s(2, 3) - s(1, 3)) &
-         & + 3.0_wp*(s(4, 4) + s(5, 5) + s(6, 6)))
+      averages%shear_reuss = 15.0_wp/(4.0_wp*(s(1, 1) + s(2, 2) + s(3, 3) - s(1, 2) - s(2, 3) &
+         & - s(1, 3)) + 3.0_wp*(s(4, 4) + s(5, 5) + s(6, 6)))
    end function polycrystal_averages
 
-   !> Universal anisotropy index 5 Gv/Gr + Kv/Kr - 6 (paper's Eq. 14; Ranganathan & Ostoja-Starzewski 2008): 0 for an
-   !> isotropic crystal, unbounded towards instability; NaN for an unstable one.
+   !> Universal anisotropy index 5 Gv/Gr + Kv/Kr - 6 (paper's Eq. 14; Ranganathan &
+   !> Ostoja-Starzewski 2008): 0 for an isotropic crystal, unbounded towards instability; NaN for an
+   !> unstable one.
    pure real(wp) function anisotropy_index(c) result(index)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
 
       associate (averages => polycrystal_averages(c))
-         index = 5.0_wp*averages%shear_voigt/averages%shear_reuss + averages%bulk_voigt/averages%bulk_reuss - 6.0_wp
+         index = 5.0_wp*averages%shear_voigt/averages%shear_reuss &
+            & + averages%bulk_voigt/averages%bulk_reuss - 6.0_wp
       end associate
    end function anisotropy_index
 
@@ -211,7 +220,8 @@ contains
       end do
    end function isotropic_stiffness
 
-   !> Log-anisotropy: Frobenius norm of log K without its isotropic part, K the Kelvin form; NaN for an unstable crystal.
+   !> Log-anisotropy: Frobenius norm of log K without its isotropic part, K the Kelvin form; NaN for
+   !> an unstable crystal.
    pure real(wp) function log_anisotropy(c)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
@@ -220,8 +230,8 @@ contains
       call logarithmic_mean(c, poisson, log_anisotropy)
    end function log_anisotropy
 
-   !> Poisson's ratio of the isotropic part of log K, the norm of what is left, the log-anisotropy, and the geometric mean of the
-   !> eigenvalues of K; NaN for an unstable crystal.
+   !> Poisson's ratio of the isotropic part of log K, the norm of what is left, the log-anisotropy,
+   !> and the geometric mean of the eigenvalues of K; NaN for an unstable crystal.
    pure subroutine logarithmic_mean(c, poisson, anisotropy, stiffness)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
@@ -239,7 +249,8 @@ contains
          return
       end if
       logs = log(values)
-      ! The isotropic part of log K has the eigenvalue `bulk` (of 3 K) on the dilatation and `shear` (of 2 G) on the five deviators.
+      ! The isotropic part of log K has the eigenvalue `bulk` (of 3 K) on the dilatation and `shear`
+      ! (of 2 G) on the five deviators.
       bulk = sum(logs*sum(vectors(:3, :), 1)**2)/3.0_wp
       shear = (sum(logs) - bulk)/5.0_wp
       anisotropy = sqrt(max(0.0_wp, sum(logs**2) - bulk**2 - 5.0_wp*shear**2))

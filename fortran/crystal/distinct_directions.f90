@@ -1,14 +1,16 @@
-!> Directions that a crystal can tell apart: one of each set that its group, the inversion included, maps onto another.
+!> Directions that a crystal can tell apart: one of each set that its group, the inversion included,
+!> maps onto another.
 !>
-!> Of each set the one is taken that is largest in z, then in x, then in y. For a finite group these fill a few spherical triangles
-!> (cubic: 001, 101, 111); with one axis of infinite order they are an arc from that axis; with two a point.
+!> Of each set the one is taken that is largest in z, then in x, then in y. For a finite group these
+!> fill a few spherical triangles (cubic: 001, 101, 111); with one axis of infinite order they are
+!> an arc from that axis; with two a point.
 module distinct_directions
    use crystal_class, only: crystal_class_type, rotation_about
    use kinds, only: degree, pi, wp
    implicit none
    private
-   public :: region_type, new_region, representative, angle_between, all_alike, lattice_of_directions, spread_of_directions, &
-      & group_rotations
+   public :: region_type, new_region, representative, angle_between, all_alike, &
+      & lattice_of_directions, spread_of_directions, group_rotations
 
    !> What differs by less is the same.
    real(wp), parameter :: same = 1.0e-9_wp
@@ -49,7 +51,8 @@ contains
       if (region%dimension < 2) return
       do i = 0, 7
          ! An octant of the sphere, cut to the region.
-         corners = real(reshape([0, 0, 1 - 2*ibits(i, 2, 1), 1 - 2*ibits(i, 1, 1), 0, 0, 0, 1 - 2*ibits(i, 0, 1), 0], [3, 3]), wp)
+         corners = real(reshape([0, 0, 1 - 2*ibits(i, 2, 1), 1 - 2*ibits(i, 1, 1), 0, 0, 0, &
+            & 1 - 2*ibits(i, 0, 1), 0], [3, 3]), wp)
          call cut_to_region(region%group, corners)
          do n = 3, size(corners, 2)
             region%triangles = reshape(region%triangles, [3, 3, size(region%triangles, 3) + 1], &
@@ -58,7 +61,8 @@ contains
       end do
    end subroutine new_region
 
-   !> Proper rotations of a class's group, (3, 3, n); an axis of infinite order stands as one of that `order`, a second one is left out.
+   !> Proper rotations of a class's group, (3, 3, n); an axis of infinite order stands as one of
+   !> that `order`, a second one is left out.
    function group_rotations(class, order) result(rotations)
       type(crystal_class_type), intent(in) :: class
       integer, intent(in) :: order
@@ -71,7 +75,8 @@ contains
       retained = class%folds > 0
       if (infinite > 0) then
          retained(infinite) = .true.
-         generators(:, :, infinite) = rotation_about(axis_of(generators(:, :, infinite)), 2.0_wp*pi/order)
+         generators(:, :, infinite) = rotation_about(axis_of(generators(:, :, infinite)), &
+            & 2.0_wp*pi/order)
       end if
       call close_group(generators(:, :, pack([(g, g=1, size(retained))], retained)), rotations)
    end function group_rotations
@@ -105,8 +110,8 @@ contains
       end do
    end subroutine close_group
 
-   !> Cut a convex spherical polygon to v.n >= 0 for every element g of the group, where n = z - gz, or if that is zero x - gx, or
-   !> y - gy: v is not smaller than its image.
+   !> Cut a convex spherical polygon to v.n >= 0 for every element g of the group, where n = z - gz,
+   !> or if that is zero x - gx, or y - gy: v is not smaller than its image.
    pure subroutine cut_to_region(group, corners)
       real(wp), intent(in) :: group(:, :, :)
       !> Unit vectors (3, n), in order around the polygon; none if nothing is left.
@@ -195,8 +200,8 @@ contains
          angle = abs(acos(min(1.0_wp, abs(dot_product(region%axis, first)))) &
             & - acos(min(1.0_wp, abs(dot_product(region%axis, second)))))
       case default
-         angle = acos(min(1.0_wp, maxval([(dot_product(first, matmul(region%group(:, :, g), second)), &
-            & g=1, size(region%group, 3))])))
+         angle = acos(min(1.0_wp, maxval([(dot_product(first, &
+            & matmul(region%group(:, :, g), second)), g=1, size(region%group, 3))])))
       end select
    end function angle_between
 
@@ -219,8 +224,8 @@ contains
       end do
    end function all_alike
 
-   !> Directions evenly over the region, its corners and edges included: steps of equal size over an arc, equal shares of the
-   !> corners over a triangle.
+   !> Directions evenly over the region, its corners and edges included: steps of equal size over an
+   !> arc, equal shares of the corners over a triangle.
    pure subroutine lattice_of_directions(region, directions)
       type(region_type), intent(in) :: region
       !> Unit vectors (3, n).
@@ -236,8 +241,8 @@ contains
       end if
    end subroutine lattice_of_directions
 
-   !> n directions that spread over the region: equal steps over an arc; the corners of the triangles, then always the direction of
-   !> a fine grid that is farthest from those before.
+   !> n directions that spread over the region: equal steps over an arc; the corners of the
+   !> triangles, then always the direction of a fine grid that is farthest from those before.
    pure subroutine spread_of_directions(region, n, directions)
       type(region_type), intent(in) :: region
       integer, intent(in) :: n
@@ -264,7 +269,8 @@ contains
          else
             directions(:, k) = grid(:, maxloc(anint(nearest*digits), dim=1))
          end if
-         images = reshape([(matmul(directions(:, k), region%group(:, :, g)), g=1, size(images, 2))], shape(images))
+         images = reshape([(matmul(directions(:, k), region%group(:, :, g)), g=1, &
+            & size(images, 2))], shape(images))
          nearest = min(nearest, acos(min(1.0_wp, maxval(matmul(transpose(images), grid), 1))))
       end do
    end subroutine spread_of_directions
@@ -282,7 +288,8 @@ contains
       end do
    end function arc
 
-   !> The triangles divided: unit vectors along sums of their corners with shares i/n, j/n, (n-i-j)/n; each distinct direction once.
+   !> The triangles divided: unit vectors along sums of their corners with shares i/n, j/n,
+   !> (n-i-j)/n; each distinct direction once.
    pure subroutine divide(region, n, directions)
       type(region_type), intent(in) :: region
       integer, intent(in) :: n
@@ -295,7 +302,8 @@ contains
       do t = 1, size(region%triangles, 3)
          do i = 0, n
             do j = 0, n - i
-               v = matmul(region%triangles(:, :, t), [real(i, wp)/n, real(j, wp)/n, real(n - i - j, wp)/n])
+               v = matmul(region%triangles(:, :, t), &
+                  & [real(i, wp)/n, real(j, wp)/n, real(n - i - j, wp)/n])
                v = v/norm2(v)
                if (any(abs(representative(region, v) - v) > same)) cycle
                if (i*j*(n - i - j) == 0) then

@@ -1,24 +1,29 @@
-!> Coordinates of the stable crystals of a class that have no bounds: the logarithm of the Kelvin stiffness.
+!> Coordinates of the stable crystals of a class that have no bounds: the logarithm of the Kelvin
+!> stiffness.
 !>
-!> The Kelvin stiffnesses K of a class are a linear space closed under symmetric products, so log K lies in it too. Its orthonormal
-!> basis begins with the dilatation and the shear of an isotropic solid: what follows these two is the anisotropy, and its norm the
-!> log-anisotropy. The volume is that of the derivative of the matrix exponential (divided differences in the frame of the
+!> The Kelvin stiffnesses K of a class are a linear space closed under symmetric products, so log K
+!> lies in it too. Its orthonormal basis begins with the dilatation and the shear of an isotropic
+!> solid: what follows these two is the anisotropy, and its norm the log-anisotropy. The volume is
+!> that of the derivative of the matrix exponential (divided differences in the frame of the
 !> eigenvectors, Higham, Functions of Matrices, SIAM 2008, theorem 3.11).
 !>
-!> And the coordinates of a symmetric 6 x 6 matrix (Kelvin form) about the z axis: how it changes when it is turned about that axis.
+!> And the coordinates of a symmetric 6 x 6 matrix (Kelvin form) about the z axis: how it changes
+!> when it is turned about that axis.
 !>
-!> Strains of order 0, 1, 2 about the axis: p = zz, q = (xx + yy)/sqrt 2; w1 = (xz + i yz)/sqrt 2; w2 = ((xx - yy)/sqrt 2 + i xy)/sqrt 2.
-!> The components of the matrix between them turn by m times the angle, m the sum of their orders: five real numbers of order 0, one of
-!> them the trace, which comes last here, and eight complex ones of order 1 to 4. A mirror that holds the axis and x conjugates the
-!> latter. All are coordinates in an orthonormal basis: the sum of their squares is that of the matrix' entries.
+!> Strains of order 0, 1, 2 about the axis: p = zz, q = (xx + yy)/sqrt 2; w1 = (xz + i yz)/sqrt 2;
+!> w2 = ((xx - yy)/sqrt 2 + i xy)/sqrt 2. The components of the matrix between them turn by m times
+!> the angle, m the sum of their orders: five real numbers of order 0, one of them the trace, which
+!> comes last here, and eight complex ones of order 1 to 4. A mirror that holds the axis and x
+!> conjugates the latter. All are coordinates in an orthonormal basis: the sum of their squares is
+!> that of the matrix' entries.
 module logarithmic_coordinates
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: bond_matrix, diagonalise, kelvin_form, stiffness_of_kelvin
    use kinds, only: wp
    implicit none
    private
-   public :: log_coordinates_type, new_log_coordinates, log_frame_type, logarithm_of, n_axial, n_waves, wave_orders, &
-      & n_coordinates, axial_coordinates_of, kelvin_rotation
+   public :: log_coordinates_type, new_log_coordinates, log_frame_type, logarithm_of, n_axial, &
+      & n_waves, wave_orders, n_coordinates, axial_coordinates_of, kelvin_rotation
 
    !> Eigenvalues of log K, and its eigenvectors, one a column.
    type :: log_frame_type
@@ -38,14 +43,15 @@ module logarithmic_coordinates
 
    integer, parameter :: n_axial = 4, n_waves = 8
    integer, parameter :: wave_orders(n_waves) = [1, 1, 1, 2, 2, 2, 3, 4]
-   !> Order 0, then the real parts of the waves, then their imaginary parts, then the trace over sqrt 6.
+   !> Order 0, then the real parts of the waves, then their imaginary parts, then the trace over
+   !> sqrt 6.
    integer, parameter :: n_coordinates = n_axial + 2*n_waves + 1
 
    real(wp), parameter :: root_2 = sqrt(2.0_wp), root_half = sqrt(0.5_wp)
-   !> The numbers pp, qq, sqrt 2 pq, sqrt 2 w1*w1, sqrt 2 w2*w2 in four directions orthogonal to the trace: dilatation against shear, the
-   !> two shears against each other, and what is left.
-   real(wp), parameter :: directions(5, n_axial) = reshape([[1.0_wp, 3.0_wp, 4.0_wp, -root_2, -root_2]/sqrt(30.0_wp), &
-      & [0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, -1.0_wp]/root_2, &
+   !> The numbers pp, qq, sqrt 2 pq, sqrt 2 w1*w1, sqrt 2 w2*w2 in four directions orthogonal to the
+   !> trace: dilatation against shear, the two shears against each other, and what is left.
+   real(wp), parameter :: directions(5, n_axial) = reshape([[1.0_wp, 3.0_wp, 4.0_wp, -root_2, &
+      & -root_2]/sqrt(30.0_wp), [0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, -1.0_wp]/root_2, &
       & [2.0_wp, -1.0_wp, 0.0_wp, -0.25_wp*root_2, -0.25_wp*root_2]/sqrt(5.25_wp), &
       & [1.0_wp, 3.0_wp, -3.5_wp, -root_2, -root_2]/sqrt(26.25_wp)], [5, n_axial])
 
@@ -163,8 +169,8 @@ contains
       real(wp) :: parts(21, self%n), gram(self%n, self%n), pairs(21), weights(21), half, quotient
       integer :: i, j, k
 
-      associate (values => frame%values, vectors => frame%vectors, row => self%class%row, column => self%class%column, &
-         & constant => self%class%constant)
+      associate (values => frame%values, vectors => frame%vectors, row => self%class%row, &
+         & column => self%class%column, constant => self%class%constant)
          k = 0
          do j = 1, 6
             do i = 1, j
@@ -172,7 +178,8 @@ contains
                quotient = 1.0_wp + half**2/6.0_wp
                if (abs(half) > 1.0e-3_wp) quotient = sinh(half)/half
                k = k + 1
-               weights(k) = sqrt(merge(1.0_wp, 2.0_wp, i == j)*exp(0.5_wp*(values(i) + values(j)))*quotient)
+               weights(k) = sqrt(merge(1.0_wp, 2.0_wp, &
+                  & i == j)*exp(0.5_wp*(values(i) + values(j)))*quotient)
             end do
          end do
          parts = 0.0_wp
@@ -185,7 +192,8 @@ contains
                end associate
                i = i + j
             end do
-            parts(:, constant(k)) = parts(:, constant(k)) + self%class%factor(k)*kelvin(row(k))*kelvin(column(k))*pairs*weights
+            parts(:, constant(k)) = parts(:, &
+               & constant(k)) + self%class%factor(k)*kelvin(row(k))*kelvin(column(k))*pairs*weights
          end do
          gram = matmul(transpose(parts), parts)
          log_volume = 0.0_wp
@@ -205,16 +213,20 @@ contains
       real(wp), intent(in) :: matrix(6, 6)
       real(wp) :: x(n_coordinates)
       !> xx, yy, zz, yz, xz, xy of p, q, w1, w2.
-      complex(wp), parameter :: o = (0.0_wp, 0.0_wp), h = (root_half, 0.0_wp), ih = (0.0_wp, root_half)
-      complex(wp), parameter :: p(6) = [o, o, (1.0_wp, 0.0_wp), o, o, o], q(6) = [h, h, o, o, o, o], &
-         & w1(6) = [o, o, o, ih, h, o], w2(6) = [(0.5_wp, 0.0_wp), (-0.5_wp, 0.0_wp), o, o, o, ih]
+      complex(wp), parameter :: o = (0.0_wp, 0.0_wp), h = (root_half, 0.0_wp), &
+         & ih = (0.0_wp, root_half)
+      complex(wp), parameter :: p(6) = [o, o, (1.0_wp, 0.0_wp), o, o, o], &
+         & q(6) = [h, h, o, o, o, o], w1(6) = [o, o, o, ih, h, o], &
+         & w2(6) = [(0.5_wp, 0.0_wp), (-0.5_wp, 0.0_wp), o, o, o, ih]
       complex(wp) :: waves(n_waves)
       real(wp) :: order_0(5), trace
       integer :: i
 
-      order_0 = [between(p, p), between(q, q), root_2*between(p, q), root_2*between(conjg(w1), w1), root_2*between(conjg(w2), w2)]
+      order_0 = [between(p, p), between(q, q), root_2*between(p, q), &
+         & root_2*between(conjg(w1), w1), root_2*between(conjg(w2), w2)]
       waves = [2.0_wp*between(p, w1), 2.0_wp*between(q, w1), 2.0_wp*between(conjg(w1), w2), &
-         & 2.0_wp*between(p, w2), 2.0_wp*between(q, w2), root_2*between(w1, w1), 2.0_wp*between(w1, w2), root_2*between(w2, w2)]
+         & 2.0_wp*between(p, w2), 2.0_wp*between(q, w2), root_2*between(w1, w1), &
+         & 2.0_wp*between(w1, w2), root_2*between(w2, w2)]
       trace = sum([(matrix(i, i), i=1, 6)])
       x = [matmul(order_0, directions), real(waves, wp), aimag(waves), trace/sqrt(6.0_wp)]
 

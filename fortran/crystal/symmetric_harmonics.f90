@@ -1,8 +1,9 @@
-!> Surface harmonics of even degree that a group of rotations leaves alone: for each degree the kernel of its generators on the
-!> real harmonics (all even ones are unchanged by the inversion).
+!> Surface harmonics of even degree that a group of rotations leaves alone: for each degree the
+!> kernel of its generators on the real harmonics (all even ones are unchanged by the inversion).
 !>
-!> They are orthonormal for the mean over the sphere, the first is 1. Within a degree they are Gram-Schmidt vectors of the
-!> projector's columns in the order m = 0, cos 1, sin 1, cos 2, ..; the component of that column is positive.
+!> They are orthonormal for the mean over the sphere, the first is 1. Within a degree they are
+!> Gram-Schmidt vectors of the projector's columns in the order m = 0, cos 1, sin 1, cos 2, ..; the
+!> component of that column is positive.
 module symmetric_harmonics
    use errors, only: error_type
    use kinds, only: pi, wp
@@ -18,7 +19,8 @@ module symmetric_harmonics
       integer :: n = 0
       !> Degree of each, (n).
       integer, allocatable :: degrees(:)
-      !> Coefficients of each on the real harmonics of its degree, m = 0, cos 1, sin 1, .., (2 highest degree + 1, n).
+      !> Coefficients of each on the real harmonics of its degree, m = 0, cos 1, sin 1, .., (2
+      !> highest degree + 1, n).
       real(wp), allocatable, private :: combination(:, :)
    end type harmonics_type
 
@@ -46,14 +48,16 @@ contains
          points(:, i) = [sqrt(1.0_wp - z**2)*cos(turn*i), sqrt(1.0_wp - z**2)*sin(turn*i), z]
          call evaluate_real(bandlimit, points(:, i), here)
          do g = 1, size(generators, 3)
-            call evaluate_real(bandlimit, matmul(generators(:, :, g), points(:, i)), change(:, i, g))
+            call evaluate_real(bandlimit, matmul(generators(:, :, g), points(:, i)), &
+               & change(:, i, g))
             change(:, i, g) = (change(:, i, g) - here)/sqrt(real(n_points, wp))
          end do
       end do
       allocate (harmonics%degrees(0), harmonics%combination(2*bandlimit + 1, 0))
       do l = 0, bandlimit, 2
          a = l*(l - 1)/2
-         ! Sum over the generators g of |Y(g x) - Y(x)|^2 as a quadratic form of the coefficients: what it does not see is invariant.
+         ! Sum over the generators g of |Y(g x) - Y(x)|^2 as a quadratic form of the coefficients:
+         ! what it does not see is invariant.
          invariant = reshape(change(a + 1:a + 2*l + 1, :, :), [2*l + 1, size(change)/n])
          invariant = matmul(invariant, transpose(invariant))
          call symmetric_eigen(invariant, values(:2*l + 1), error)
@@ -63,7 +67,8 @@ contains
       harmonics%n = size(harmonics%degrees)
    end subroutine new_harmonics
 
-   !> The harmonics of one degree: the Gram-Schmidt vectors of the columns of the projector on the span of `invariant`.
+   !> The harmonics of one degree: the Gram-Schmidt vectors of the columns of the projector on the
+   !> span of `invariant`.
    pure subroutine append_degree(invariant, l, harmonics)
       !> Orthonormal columns, (2 l + 1, n).
       real(wp), intent(in) :: invariant(:, :)
@@ -79,20 +84,23 @@ contains
          vector(:size(invariant, 1)) = matmul(invariant, invariant(pivot, :))
          do sweep = 1, 2
             do j = before + 1, size(harmonics%degrees)
-               vector = vector - dot_product(harmonics%combination(:, j), vector)*harmonics%combination(:, j)
+               vector = vector - dot_product(harmonics%combination(:, j), &
+                  & vector)*harmonics%combination(:, j)
             end do
          end do
          norm = norm2(vector)
-         ! The squares of what is left of all columns sum to the vectors that are missing: one of them at least is as long as this.
+         ! The squares of what is left of all columns sum to the vectors that are missing: one of
+         ! them at least is as long as this.
          if (norm**2 < 0.5_wp/size(invariant, 1)) cycle
          where (abs(vector) < 1.0e-12_wp*norm) vector = 0.0_wp
          harmonics%degrees = [harmonics%degrees, l]
-         harmonics%combination = reshape(harmonics%combination, [size(vector), size(harmonics%degrees)], vector/norm)
+         harmonics%combination = reshape(harmonics%combination, &
+            & [size(vector), size(harmonics%degrees)], vector/norm)
       end do
    end subroutine append_degree
 
-   !> All real harmonics of even degree, degree by degree, m = 0, cos 1, sin 1, ..: by the recurrence in the degree of the normalised
-   !> Legendre functions over sin^m.
+   !> All real harmonics of even degree, degree by degree, m = 0, cos 1, sin 1, ..: by the
+   !> recurrence in the degree of the normalised Legendre functions over sin^m.
    pure subroutine evaluate_real(bandlimit, direction, values)
       integer, intent(in) :: bandlimit
       !> Unit vector.
@@ -120,7 +128,8 @@ contains
                legendre = next
             end associate
          end do
-         wave = wave*cmplx(direction(1), direction(2), wp)*sqrt((2.0_wp*m + 3.0_wp)/merge(2.0_wp*m + 2.0_wp, 1.0_wp, m > 0))
+         wave = wave*cmplx(direction(1), direction(2), &
+            & wp)*sqrt((2.0_wp*m + 3.0_wp)/merge(2.0_wp*m + 2.0_wp, 1.0_wp, m > 0))
       end do
    end subroutine evaluate_real
 
@@ -131,13 +140,15 @@ contains
       real(wp), intent(in) :: direction(3)
       !> (n).
       real(wp), intent(out) :: k(:)
-      real(wp) :: values((size(harmonics%combination, 1) + 1)*(size(harmonics%combination, 1) + 3)/8)
+      real(wp) :: values((size(harmonics%combination, 1) + 1) &
+                        & *(size(harmonics%combination, 1) + 3)/8)
       integer :: h
 
       call evaluate_real(size(harmonics%combination, 1)/2, direction, values)
       do h = 1, harmonics%n
          associate (l => harmonics%degrees(h))
-            k(h) = dot_product(harmonics%combination(:2*l + 1, h), values(l*(l - 1)/2 + 1:l*(l - 1)/2 + 2*l + 1))
+            k(h) = dot_product(harmonics%combination(:2*l + 1, h), &
+               & values(l*(l - 1)/2 + 1:l*(l - 1)/2 + 2*l + 1))
          end associate
       end do
    end subroutine evaluate_harmonics

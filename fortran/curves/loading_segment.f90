@@ -43,12 +43,16 @@ contains
          n = (last - first)/block
          air = pack(load(:first - 1), load(:first - 1) < first_share*peak)
       end associate
-      means = sum(reshape(points(:, first:first + n*block - 1), [size(points, 1), block, n]), 2)/block
+      means = sum(reshape(points(:, first:first + n*block - 1), [size(points, 1), block, n]), &
+         & 2)/block
       if (size(air) > few) means(3, :) = means(3, :) - median(size(air), air)
       ! A contact stiffness that is not positive is none.
-      means = means(:, pack([(i, i=1, n)], means(3, :) > first_share*peak .and. all(means(4:, :) > 0.0_wp, 1)))
+      means = means(:, &
+         & pack([(i, i=1, n)], means(3, :) > first_share*peak .and. all(means(4:, :) > 0.0_wp, 1)))
       n = size(means, 2)
-      if (n < fewest_points) segment%refusal = 'only '//to_text(n)//' points from contact to peak load; 12 are needed'
+      if (n < fewest_points) then
+         segment%refusal = 'only '//to_text(n)//' points from contact to peak load; 12 are needed'
+      end if
       if (len(segment%refusal) > 0) return
       segment%time = means(1, :) - means(1, 1)
       segment%depth = means(2, :) - drift*segment%time

@@ -1,8 +1,10 @@
-!> The moduli of all materials and what their tests share: radius and shape of the tip, compliance of the frame, a factor of each session.
+!> The moduli of all materials and what their tests share: radius and shape of the tip, compliance
+!> of the frame, a factor of each session.
 !>
-!> ln E of a test = ln E of its material + session + a normal factor of its own, whose sd is inferred, one for references and one for
-!> grains. Given these two sds all is normal; the sds are summed over a grid. The shape of a single curve says nothing on the shared
-!> unknowns here: there a nanometre that the model lacks would outweigh the references.
+!> ln E of a test = ln E of its material + session + a normal factor of its own, whose sd is
+!> inferred, one for references and one for grains. Given these two sds all is normal; the sds are
+!> summed over a grid. The shape of a single curve says nothing on the shared unknowns here: there a
+!> nanometre that the model lacks would outweigh the references.
 module shared_posterior
    use elastic_window, only: n_shared, test_type
    use kinds, only: wp
@@ -17,7 +19,8 @@ module shared_posterior
    type :: material_type
       character(len=:), allocatable :: name
       logical :: reference = .false.
-      !> Of a reference what is known, of others a broad prior: ln of the effective modulus in GPa, and its sd.
+      !> Of a reference what is known, of others a broad prior: ln of the effective modulus in GPa,
+      !> and its sd.
       real(wp) :: prior_mean = 0.0_wp, prior_sd = 10.0_wp
       !> Posterior mean of ln E, its sd, and the part of it that no other material shares.
       real(wp) :: ln_modulus = 0.0_wp, sd = 0.0_wp, own_sd = 0.0_wp
@@ -32,14 +35,17 @@ module shared_posterior
       type(warning_type), allocatable :: sessions(:)
       !> Shared: ln R, beta, compliance, then the logarithm of each session's factor.
       real(wp), allocatable :: prior_mean(:), prior_sd(:), mean(:), covariance(:, :)
-      !> Relative sds from test to test, of references and of grains; and of the drift of each test, nm/s.
+      !> Relative sds from test to test, of references and of grains; and of the drift of each test,
+      !> nm/s.
       real(wp) :: repeat_sd(2) = 0.0_wp, drift_prior_sd = 0.0_wp
    contains
       procedure :: infer_shared, grains
    end type curves_posterior_type
 
-   !> Sd of a test's factor: about one per cent, a factor of e for one sd; that of grains and of references agree within a factor 1.6.
-   real(wp), parameter :: usual_repeat = 0.01_wp, repeat_spread = 1.0_wp, repeat_ratio = 0.5_wp, least = 0.002_wp, greatest = 0.2_wp
+   !> Sd of a test's factor: about one per cent, a factor of e for one sd; that of grains and of
+   !> references agree within a factor 1.6.
+   real(wp), parameter :: usual_repeat = 0.01_wp, repeat_spread = 1.0_wp, repeat_ratio = 0.5_wp, &
+      & least = 0.002_wp, greatest = 0.2_wp
    integer, parameter :: n_grid = 16
    !> Points of the grid of a smaller share do not count.
    real(wp), parameter :: negligible = 1.0e-6_wp
@@ -52,8 +58,8 @@ contains
       integer, allocatable :: grains(:)
       integer :: k
 
-      grains = pack([(k, k=1, size(self%materials))], [(.not. self%materials(k)%reference .and. any(self%tests%material == k .and. &
-         & self%tests%used), k=1, size(self%materials))])
+      grains = pack([(k, k=1, size(self%materials))], [(.not. self%materials(k)%reference &
+         & .and. any(self%tests%material == k .and. self%tests%used), k=1, size(self%materials))])
    end function grains
 
    !> Posterior about the present `mean` and the moduli of the tests; both move to it.
@@ -102,7 +108,8 @@ contains
       end do
       self%mean = self%mean + total(:n)
       do i = 1, size(self%tests)
-         self%tests(i)%ln_modulus = self%tests(i)%ln_modulus + self%tests(i)%shift + sum(self%tests(i)%slope*total(:n_shared))
+         self%tests(i)%ln_modulus = self%tests(i)%ln_modulus + self%tests(i)%shift &
+            & + sum(self%tests(i)%slope*total(:n_shared))
       end do
    end subroutine infer_shared
 
@@ -113,8 +120,8 @@ contains
       outer = spread(a, 2, size(b))*spread(b, 1, size(a))
    end function outer
 
-   !> All given the sds of the tests' factors: a normal distribution of the change of the shared unknowns and of ln E of the materials about
-   !> their prior means.
+   !> All given the sds of the tests' factors: a normal distribution of the change of the shared
+   !> unknowns and of ln E of the materials about their prior means.
    subroutine solve_given(self, sd, final, density, mean, covariance, error)
       type(curves_posterior_type), intent(in) :: self
       !> Of references and of grains.
@@ -135,7 +142,10 @@ contains
       end do
       mean = 0.0_wp
       mean(:n) = (self%prior_mean - self%mean)/self%prior_sd**2
-      if (.not. final) density = -0.5_wp*((log(sd(1)/usual_repeat)/repeat_spread)**2 + (log(sd(2)/sd(1))/repeat_ratio)**2)
+      if (.not. final) then
+         density = -0.5_wp*((log(sd(1)/usual_repeat)/repeat_spread)**2 &
+            & + (log(sd(2)/sd(1))/repeat_ratio)**2)
+      end if
       do i = 1, size(self%tests)
          associate (t => self%tests(i), m => self%materials(self%tests(i)%material))
             if (.not. t%used) cycle

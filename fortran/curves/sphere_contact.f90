@@ -1,22 +1,27 @@
-!> Frictionless elastic contact with an axisymmetric tip of profile r²/(2R) + beta r⁴/(8R³): Sneddon, Int. J. Eng. Sci. 3, 47 (1965).
+!> Frictionless elastic contact with an axisymmetric tip of profile r²/(2R) + beta r⁴/(8R³):
+!> Sneddon, Int. J. Eng. Sci. 3, 47 (1965).
 !>
-!> With x = a/R, a the contact radius: h/R = x² + beta x⁴/3, P/(E R²) = 4x³/3 + 8 beta x⁵/15, dP/dh = 2 E a, E the effective modulus.
-!> beta = 0 is a paraboloid (Hertz), 1 a sphere to the next order, a negative one a blunter tip.
+!> With x = a/R, a the contact radius: h/R = x² + beta x⁴/3, P/(E R²) = 4x³/3 + 8 beta x⁵/15, dP/dh
+!> = 2 E a, E the effective modulus. beta = 0 is a paraboloid (Hertz), 1 a sphere to the next order,
+!> a negative one a blunter tip.
 module sphere_contact
    use kinds, only: wp
    implicit none
    private
    public :: contact_type, contact_at
 
-   !> At a load: depth and contact radius, um, and the derivatives of the depth by ln E, ln R and beta at that load, um.
+   !> At a load: depth and contact radius, um, and the derivatives of the depth by ln E, ln R and
+   !> beta at that load, um.
    type :: contact_type
       real(wp) :: depth, radius, by_modulus, by_radius, by_beta
    end type contact_type
 
 contains
 
-   !> The contact at a `load`, mN. A tip flattens no further than where the load stops to grow with a.
-   pure elemental type(contact_type) function contact_at(load, modulus, radius, beta) result(contact)
+   !> The contact at a `load`, mN. A tip flattens no further than where the load stops to grow with
+   !> a.
+   pure elemental type(contact_type) function contact_at(load, modulus, radius, &
+      & beta) result(contact)
       !> mN; GPa; um; none.
       real(wp), intent(in) :: load, modulus, radius, beta
       integer, parameter :: most_steps = 60

@@ -1,10 +1,12 @@
-! What f2py reads: a procedure that does an operation on named values, and one that gives memory back. See `operations`.
-! gfortran keeps lengths of texts that functions give in static memory, so that two threads must not use such texts at once: only long
-! work on numbers gives up Python's lock.
+! What f2py reads: a procedure that does an operation on named values, and one that gives memory
+! back. See `operations`. gfortran keeps lengths of texts that functions give in static memory, so
+! that two threads must not use such texts at once: only long work on numbers gives up Python's
+! lock.
 
-!> Do an `operation` on an object that is held under a `handle` (0: on none). `request`: its named values, n words of 8 bytes (see
-!> `named_values`). What it gives, named values of so many `words`, is at an `address` until the handle `reply` is released. status: 0 done,
-!> 1 failure, 2 bad input, 3 the machine's failure; then what it gives is the reason, 'message'.
+!> Do an `operation` on an object that is held under a `handle` (0: on none). `request`: its named
+!> values, n words of 8 bytes (see `named_values`). What it gives, named values of so many `words`,
+!> is at an `address` until the handle `reply` is released. status: 0 done, 1 failure, 2 bad input,
+!> 3 the machine's failure; then what it gives is the reason, 'message'.
 subroutine core_do(operation, handle, n, request, reply, address, words, status)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use operations, only: perform
@@ -17,8 +19,8 @@ subroutine core_do(operation, handle, n, request, reply, address, words, status)
    call perform(operation, handle, request, reply, address, words, status)
 end subroutine core_do
 
-!> The same `operation` on the n words of a `request`, without Python's lock: `words` are at an `address` until the handle `reply` is
-!> released; its `status`.
+!> The same `operation` on the n words of a `request`, without Python's lock: `words` are at an
+!> `address` until the handle `reply` is released; its `status`.
 subroutine core_do_long(operation, handle, n, request, reply, address, words, status)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use operations, only: perform

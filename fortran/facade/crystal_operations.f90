@@ -1,8 +1,11 @@
-!> Crystal classes, stiffnesses (GPa), directions, the theory of the half-space, quantities, and kinds of modulus.
+!> Crystal classes, stiffnesses (GPa), directions, the theory of the half-space, quantities, and
+!> kinds of modulus.
 module crystal_operations
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
-   use crystal_elasticity, only: anisotropy_index, averages_type, log_anisotropy, path_type, polycrystal_averages, rayleigh
-   use distinct_directions, only: lattice_of_directions, new_region, region_type, representative, spread_of_directions
+   use crystal_elasticity, only: anisotropy_index, averages_type, log_anisotropy, path_type, &
+      & polycrystal_averages, rayleigh
+   use distinct_directions, only: lattice_of_directions, new_region, region_type, representative, &
+      & spread_of_directions
    use exchange, only: exchange_type
    use halfspace_theory, only: halfspace_moduli
    use kinds, only: wp
@@ -52,16 +55,18 @@ contains
          stiffness = stiffnesses(class, x%in%columns('constants', class%n_constants))
          call x%out%put_array('stiffness', stiffness, shape(stiffness))
       case ('averages')
-         ! Anisotropy index (Eq. 14) and log-anisotropy, NaN where the crystal is not stable, and Voigt's bulk and shear modulus, then
-         ! Reuss's (GPa).
+         ! Anisotropy index (Eq. 14) and log-anisotropy, NaN where the crystal is not stable, and
+         ! Voigt's bulk and shear modulus, then Reuss's (GPa).
          allocate (x%values(6, size(c, 3)))
          do i = 1, size(c, 3)
             averages = polycrystal_averages(c(:, :, i))
-            x%values(:, i) = [anisotropy_index(c(:, :, i)), log_anisotropy(c(:, :, i)), averages%bulk_voigt, &
-               & averages%shear_voigt, averages%bulk_reuss, averages%shear_reuss]
+            x%values(:, i) = [anisotropy_index(c(:, :, i)), log_anisotropy(c(:, :, i)), &
+               & averages%bulk_voigt, averages%shear_voigt, averages%bulk_reuss, &
+               & averages%shear_reuss]
          end do
       case ('directions')
-         ! A number that are far apart over the region that the class tells apart, or of 0 an even lattice.
+         ! A number that are far apart over the region that the class tells apart, or of 0 an even
+         ! lattice.
          call new_region(class, region)
          if (x%in%integer('count') > 0) then
             call spread_of_directions(region, x%in%integer('count'), x%values)
@@ -77,19 +82,22 @@ contains
             x%values(:, i) = representative(region, given(:, i))
          end do
       case ('theory')
-         ! Indentation modulus (GPa), exact and of a circular contact, of crystals at angles (degrees).
+         ! Indentation modulus (GPa), exact and of a circular contact, of crystals at angles
+         ! (degrees).
          allocate (x%values(size(c, 3), 2))
-         call halfspace_moduli(c, x%in%columns('euler_deg', 3), x%threads(), x%values(:, 1), x%values(:, 2), x%error)
+         call halfspace_moduli(c, x%in%columns('euler_deg', 3), x%threads(), x%values(:, 1), &
+            & x%values(:, 2), x%error)
       case ('waves')
-         ! Speed of the surface wave and of the slowest bulk wave (m/s), and the normal part of the displacement, of crystals of a
-         ! density (kg/m3) at angles and in directions (degrees).
+         ! Speed of the surface wave and of the slowest bulk wave (m/s), and the normal part of the
+         ! displacement, of crystals of a density (kg/m3) at angles and in directions (degrees).
          given => x%in%columns('propagation_deg', 1)
          allocate (waves(size(c, 3)))
-         call rayleigh_waves(c, x%in%columns('euler_deg', 3), [(path_type(rayleigh, given(1, i)), i=1, size(c, 3))], waves, x%error)
+         call rayleigh_waves(c, x%in%columns('euler_deg', 3), &
+            & [(path_type(rayleigh, given(1, i)), i=1, size(c, 3))], waves, x%error)
          if (allocated(x%error)) return
          given => x%in%columns('density_kg_m3', 1)
-         x%values = reshape([wave_speed(waves%modulus, given(1, :)), wave_speed(waves%bulk, given(1, :)), waves%normal_share], &
-            & [size(waves), 3])
+         x%values = reshape([wave_speed(waves%modulus, given(1, :)), &
+            & wave_speed(waves%bulk, given(1, :)), waves%normal_share], [size(waves), 3])
       case ('reported_quantities')
          call reported_quantities(class, quantities, x%error)
          if (allocated(x%error)) return

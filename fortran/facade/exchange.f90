@@ -1,9 +1,12 @@
-!> What an operation takes and gives: named values, a problem whose handle is among them, and an object that it made.
+!> What an operation takes and gives: named values, a problem whose handle is among them, and an
+!> object that it made.
 !>
-!> The objects that another language holds are each under a number that is never used again, with the kind of object it stands for.
+!> The objects that another language holds are each under a number that is never used again, with
+!> the kind of object it stands for.
 !>
-!> A number that was freed, was never given, or stands for another kind is an error in words, not a crash. Threads may
-!> register, find and release at the same time; who holds a number keeps its object alive while it is used.
+!> A number that was freed, was never given, or stands for another kind is an error in words, not a
+!> crash. Threads may register, find and release at the same time; who holds a number keeps its
+!> object alive while it is used.
 module exchange
    use, intrinsic :: iso_c_binding, only: c_f_pointer, c_int64_t, c_loc
    use errors, only: error_type, exit_bad_input, raise
@@ -98,14 +101,16 @@ contains
       !$omp end critical (object_registry)
       if (associated(object)) return
       if (len(found) > 0) then
-         call raise(error, 'handle '//to_text(handle)//' stands for a '//found//', not a '//kind, exit_bad_input)
+         call raise(error, 'handle '//to_text(handle)//' stands for a '//found//', not a '//kind, &
+            & exit_bad_input)
       else
-         call raise(error, 'the '//kind//' does not exist any more (handle '//to_text(handle)//' was freed, or is of ' &
-            & //'another process)', exit_bad_input)
+         call raise(error, 'the '//kind//' does not exist any more (handle '//to_text(handle) &
+            & //' was freed, or is of another process)', exit_bad_input)
       end if
    end subroutine find_object
 
-   !> Free the object of a handle; one that is not there is no error, so that freeing twice does no harm.
+   !> Free the object of a handle; one that is not there is no error, so that freeing twice does no
+   !> harm.
    subroutine release_object(handle)
       integer(i8), intent(in) :: handle
       class(*), pointer :: object
@@ -151,7 +156,8 @@ contains
       self%kind = kind
    end subroutine give
 
-   !> Let `out` have all that is given: after an error its 'message' alone. The `status` of the operation.
+   !> Let `out` have all that is given: after an error its 'message' alone. The `status` of the
+   !> operation.
    subroutine close(self, status)
       class(exchange_type), intent(inout) :: self
       integer, intent(out) :: status
@@ -179,7 +185,8 @@ contains
       class(exchange_type), intent(inout) :: self
       type(places_type) :: places
 
-      ! A function of deferred length in a structure constructor makes gfortran 12 allocate one byte for it.
+      ! A function of deferred length in a structure constructor makes gfortran 12 allocate one byte
+      ! for it.
       places%output = self%in%text('output')
       places%folder = self%in%text('folder')
       places%data_folder = self%in%text('data_folder')

@@ -1,5 +1,5 @@
-!> Operations by name, 'KIND.VERB': on an object of a kind that another language holds, or of the kinds 'crystal', 'file' and 'settings'
-!> on none.
+!> Operations by name, 'KIND.VERB': on an object of a kind that another language holds, or of the
+!> kinds 'crystal', 'file' and 'settings' on none.
 module operations
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_loc
    use abstract_basis, only: basis_type
@@ -31,7 +31,8 @@ module operations
 
 contains
 
-   !> Do an operation on a `request`; `words` are at an `address` while the handle `reply` is held; its `status`: see `core_do`.
+   !> Do an operation on a `request`; `words` are at an `address` while the handle `reply` is held;
+   !> its `status`: see `core_do`.
    subroutine perform(operation, handle, request, reply, address, words, status)
       character(len=*), intent(in) :: operation
       integer(c_int64_t), intent(in) :: handle
@@ -89,7 +90,8 @@ contains
       end select
    end subroutine use_object
 
-   !> Files of results, problems, surrogates, what there is to be set, and a command at work in its folder.
+   !> Files of results, problems, surrogates, what there is to be set, and a command at work in its
+   !> folder.
    subroutine perform_file(operation, x)
       !> See the cases.
       character(len=*), intent(in) :: operation
@@ -108,8 +110,8 @@ contains
       case ('settings.list')
          ! The page of all variables; of each stage name, groups, file of its document.
          call x%out%put('page', schema_page())
-         call x%out%put('stages', [character(len=len(rows%groups)) :: (rows(i)%name, rows(i)%groups, rows(i)%document, &
-            & i=1, size(rows))])
+         call x%out%put('stages', [character(len=len(rows%groups)) :: (rows(i)%name, &
+            & rows(i)%groups, rows(i)%document, i=1, size(rows))])
       case ('settings.values')
          ! Of a namelist's text, without the tables that it names.
          call parse_namelist(path, x%in%text('content'), namelist, x%error)
@@ -122,18 +124,23 @@ contains
       case ('file.problem')
          allocate (problem)
          call x%give(problem, 'problem')
-         call read_problem(path, x%in%text('command'), x%in%text('changes'), .true., problem, x%error)
+         call read_problem(path, x%in%text('command'), x%in%text('changes'), .true., &
+            & problem, x%error)
       case ('file.crystals')
-         ! A table alone, a problem that has no settings; `symmetry`: of the rows that do not say theirs.
+         ! A table alone, a problem that has no settings; `symmetry`: of the rows that do not say
+         ! theirs.
          allocate (problem)
          call x%give(problem, 'problem')
          allocate (problem%crystals)
          call new_crystal_class(x%in%text('symmetry'), class, x%error)
-         if (.not. allocated(x%error)) call read_crystals(path, path//': ', class, problem%crystals, x%error)
+         if (.not. allocated(x%error)) then
+            call read_crystals(path, path//': ', class, problem%crystals, x%error)
+         end if
       case ('file.surrogate')
          allocate (surrogate)
          call x%give(surrogate, 'surrogate')
-         call load_named_surrogate(x%in%text('name'), x%in%text('symmetry'), x%places(), surrogate, x%error)
+         call load_named_surrogate(x%in%text('name'), x%in%text('symmetry'), x%places(), &
+            & surrogate, x%error)
       case ('file.column_name')
          x%text = trim(standard_name(x%in%text('header')))
       case ('file.check_memory')
@@ -141,7 +148,8 @@ contains
       case ('file.watch_signals')
          call watch_signals()
       case ('file.take_folder')
-         call take_folder(x%in%text('folder'), x%in%integer('patience'), x%in%logical('resumes'), x%error)
+         call take_folder(x%in%text('folder'), x%in%integer('patience'), &
+            & x%in%logical('resumes'), x%error)
       case ('file.show_progress')
          call show_progress(x%in%logical('wanted'))
       case ('file.begin_progress')

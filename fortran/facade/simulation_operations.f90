@@ -1,7 +1,8 @@
-!> Problems: namelists, their settings and tables; their simulators, finite element model, and stages. Stiffnesses
-!> in crystal axes, GPa; angles in degrees.
+!> Problems: namelists, their settings and tables; their simulators, finite element model, and
+!> stages. Stiffnesses in crystal axes, GPa; angles in degrees.
 !>
-!> Of a stage, see `abstract_stage`, what is to be simulated goes out, and what became of it comes in.
+!> Of a stage, see `abstract_stage`, what is to be simulated goes out, and what became of it comes
+!> in.
 module simulation_operations
    use abstract_basis, only: basis_type
    use abstract_stage, only: stage_type
@@ -12,8 +13,8 @@ module simulation_operations
    use errors, only: warn, warning_type
    use exchange, only: exchange_type
    use fe_element, only: brick_stress, infinite_stiffness
-   use fe_indentation, only: indentation_model_type, indentation_result_type, new_indentation_model, new_wider_model, &
-      & simulate_indentation
+   use fe_indentation, only: indentation_model_type, indentation_result_type, &
+      & new_indentation_model, new_wider_model, simulate_indentation
    use kinds, only: degree, wp
    use named_values, only: named_values_type
    use namelist_file, only: place
@@ -38,7 +39,8 @@ contains
       type(exchange_type), intent(inout) :: x
       type(outcome_type) :: outcome
 
-      call simulator%run(x%in%columns('stiffness', 6), degree*x%in%reals('euler_deg'), outcome, x%error)
+      call simulator%run(x%in%columns('stiffness', 6), degree*x%in%reals('euler_deg'), &
+         & outcome, x%error)
       if (allocated(x%error)) return
       call x%out%put('status', outcome%status)
       call x%out%put('modulus_gpa', outcome%modulus)
@@ -62,7 +64,8 @@ contains
       case ('mesh')
          call put_mesh(model, x%out)
       case ('run')
-         call simulate_indentation(model, x%in%columns('stiffness', 6), degree*x%in%reals('euler_deg'), result, x%error)
+         call simulate_indentation(model, x%in%columns('stiffness', 6), &
+            & degree*x%in%reals('euler_deg'), result, x%error)
          if (allocated(x%error)) return
          call x%out%put('indentation_modulus_gpa', result%modulus)
          call x%out%put_array('depth_um', result%depth, shape(result%depth))
@@ -74,12 +77,13 @@ contains
          call x%out%put('seconds_factor', result%seconds_factor)
          call x%out%put('modulus_slope_gpa', result%modulus_slope)
          call x%out%put('modulus_last_gpa', result%modulus_last)
-         call x%out%put_array('modulus_of_mesh_gpa', result%modulus_of_mesh, shape(result%modulus_of_mesh))
+         call x%out%put_array('modulus_of_mesh_gpa', result%modulus_of_mesh, &
+            & shape(result%modulus_of_mesh))
          call x%out%put('contact_residual', result%contact_residual)
          call x%out%put('equilibrium_residual', result%equilibrium_residual)
       case ('fields')
-         call simulate_indentation(model, x%in%columns('stiffness', 6), degree*x%in%reals('euler_deg'), result, x%error, &
-            & x%in%integer('step'))
+         call simulate_indentation(model, x%in%columns('stiffness', 6), &
+            & degree*x%in%reals('euler_deg'), result, x%error, x%in%integer('step'))
          if (allocated(x%error)) return
          if (result%zone > 1.0_wp) then
             call new_wider_model(model, result%zone, wider, x%error)
@@ -92,8 +96,9 @@ contains
       end select
    end subroutine use_model
 
-   !> On the finest mesh that a crystal was simulated on, and with that mesh: displacement of the nodes (um), mean stress of the bricks
-   !> (GPa, order 11,22,33,23,13,12), stiffness of the materials in the axes of the sample (GPa) and of each infinite element (mN/um).
+   !> On the finest mesh that a crystal was simulated on, and with that mesh: displacement of the
+   !> nodes (um), mean stress of the bricks (GPa, order 11,22,33,23,13,12), stiffness of the
+   !> materials in the axes of the sample (GPa) and of each infinite element (mN/um).
    subroutine put_fields(model, result, x)
       type(indentation_model_type), intent(in) :: model
       type(indentation_result_type), intent(in) :: result
@@ -101,16 +106,19 @@ contains
       real(wp), allocatable :: c(:, :, :), infinite(:, :, :)
       integer :: i
 
-      c = model%specimen%materials(rotate_stiffness(x%in%columns('stiffness', 6), rotation_matrix(degree*x%in%reals('euler_deg'))))
+      c = model%specimen%materials(rotate_stiffness(x%in%columns('stiffness', 6), &
+         & rotation_matrix(degree*x%in%reals('euler_deg'))))
       call put_mesh(model, x%out)
       associate (mesh => model%grid(1)%mesh)
          allocate (x%values(6, size(mesh%brick, 2)), infinite(12, 12, size(mesh%facet, 2)))
          do i = 1, size(mesh%brick, 2)
-            call brick_stress(mesh%x(:, mesh%brick(:, i)), c(:, :, mesh%material(i)), model%formulation, mesh%growth(i), &
-               & result%displacement(:, mesh%brick(:, i)), x%values(:, i))
+            call brick_stress(mesh%x(:, mesh%brick(:, i)), c(:, :, mesh%material(i)), &
+               & model%formulation, mesh%growth(i), result%displacement(:, mesh%brick(:, i)), &
+               & x%values(:, i))
          end do
          do i = 1, size(infinite, 3)
-            call infinite_stiffness(mesh%x(:, mesh%facet(:, i)), c(:, :, mesh%facet_material(i)), infinite(:, :, i))
+            call infinite_stiffness(mesh%x(:, mesh%facet(:, i)), c(:, :, mesh%facet_material(i)), &
+               & infinite(:, :, i))
          end do
       end associate
       call x%out%put_array('displacement_um', result%displacement, shape(result%displacement))
@@ -142,7 +150,8 @@ contains
       end associate
    end subroutine describe_model
 
-   !> The finest mesh: nodes (um), and tables of nodes counted from 0; of hanging nodes those whose mean they follow, else -1.
+   !> The finest mesh: nodes (um), and tables of nodes counted from 0; of hanging nodes those whose
+   !> mean they follow, else -1.
    subroutine put_mesh(model, out)
       type(indentation_model_type), intent(in) :: model
       type(named_values_type), intent(inout) :: out
@@ -175,8 +184,10 @@ contains
          if (allocated(x%error)) return
          associate (jobs => stage%jobs)
             call x%out%put_integers('number', jobs%number, shape(jobs))
-            call x%out%put_array('stiffness', [(jobs(i)%stiffness, i=1, size(jobs))], [6, 6, size(jobs)])
-            call x%out%put_array('euler_deg', [(jobs(i)%euler_deg, i=1, size(jobs))], [3, size(jobs)])
+            call x%out%put_array('stiffness', [(jobs(i)%stiffness, i=1, size(jobs))], &
+               & [6, 6, size(jobs)])
+            call x%out%put_array('euler_deg', [(jobs(i)%euler_deg, i=1, size(jobs))], &
+               & [3, size(jobs)])
          end associate
       case ('take')
          outcome%status = x%in%integer('status')
@@ -192,14 +203,16 @@ contains
       case ('close')
          call stage%close(x%text, x%error)
       case ('look_ahead')
-         ! Of a build the next candidates: names of constants, and rows of these (GPa) and of angles (degrees).
+         ! Of a build the next candidates: names of constants, and rows of these (GPa) and of angles
+         ! (degrees).
          select type (stage)
          type is (build_stage_type)
             call stage%look_ahead(x%in%integer('count'), numbers, x%error)
             if (allocated(x%error)) return
             call x%out%put('constants', stage%learning%learner%basis%domain%class%constants)
             associate (given => stage%candidates)
-               x%values = reshape([(given%constants(:, numbers(i)), given%euler_deg(:, numbers(i)), i=1, size(numbers))], &
+               x%values = reshape([(given%constants(:, numbers(i)), &
+                  & given%euler_deg(:, numbers(i)), i=1, size(numbers))], &
                   & [size(given%constants, 1) + 3, size(numbers)])
             end associate
             call x%out%put('warnings', stage%warnings)
@@ -250,12 +263,16 @@ contains
          allocate (model)
          call x%give(model, 'indentation')
          call new_indentation_model(self%settings, model, x%error)
-         if (allocated(x%error)) x%error%message = place(self%path, 'simulation', '')//x%error%message
+         if (allocated(x%error)) then
+            x%error%message = place(self%path, 'simulation', '')//x%error%message
+         end if
       case ('simulator')
          allocate (simulator)
          call x%give(simulator, 'simulator')
          call new_simulator(self%settings, simulator, x%error)
-         if (allocated(x%error)) x%error%message = place(self%path, 'simulation', '')//x%error%message
+         if (allocated(x%error)) then
+            x%error%message = place(self%path, 'simulation', '')//x%error%message
+         end if
       case ('basis')
          call basis_of_problem(self, basis, x%error)
          if (.not. allocated(x%error)) call give_basis(basis, x)
@@ -269,8 +286,8 @@ contains
          ! Groups of a namelist, from which an engine makes the simulator.
          call x%out%put('physics', settings_namelist(self%settings, 'specimen indenter simulation'))
       case ('mesh_error')
-         ! How large the error of the mesh may be, relative, for crystals (stiffness, GPa), and what is to be said of those near
-         ! instability.
+         ! How large the error of the mesh may be, relative, for crystals (stiffness, GPa), and what
+         ! is to be said of those near instability.
          c => x%in%matrices('stiffness')
          allocate (x%values(size(c, 3), 1))
          call simulation_error(self%settings, c, x%values(:, 1), x%text)
@@ -283,7 +300,8 @@ contains
    subroutine describe_problem(self, out)
       type(problem_type), intent(in) :: self
       type(named_values_type), intent(inout) :: out
-      character(len=12), parameter :: tables(4) = [character(len=12) :: 'crystals', 'measurements', 'candidates', 'grains']
+      character(len=12), parameter :: tables(4) = [character(len=12) :: 'crystals', &
+         & 'measurements', 'candidates', 'grains']
       type(points_type), pointer :: points
       type(warning_type), allocatable :: list(:)
       integer :: i, j
@@ -305,12 +323,15 @@ contains
          end do
          call out%put('indents_columns', list)
       end if
-      ! How many rows a table has, their kind of modulus, the classes of its crystals, and the names of its grains.
+      ! How many rows a table has, their kind of modulus, the classes of its crystals, and the names
+      ! of its grains.
       do i = 1, size(tables)
          points => points_of(self, tables(i))
          if (.not. associated(points)) cycle
          call out%put(trim(tables(i))//'.n', points%n)
-         if (allocated(points%modulus_kind)) call out%put(trim(tables(i))//'.kind', points%modulus_kind)
+         if (allocated(points%modulus_kind)) then
+            call out%put(trim(tables(i))//'.kind', points%modulus_kind)
+         end if
          list = [warning_type ::]
          if (allocated(points%class)) then
             do j = 1, size(points%classes)
@@ -370,7 +391,9 @@ contains
          call out%put_array('stiffness', points%stiffness, shape(points%stiffness))
       case default
          call out%put_array('euler_deg', points%euler_deg, shape(points%euler_deg))
-         if (allocated(points%modulus_gpa)) call out%put_array('modulus_gpa', points%modulus_gpa, [points%n])
+         if (allocated(points%modulus_gpa)) then
+            call out%put_array('modulus_gpa', points%modulus_gpa, [points%n])
+         end if
          if (allocated(points%sd_gpa)) call out%put_array('sd_gpa', points%sd_gpa, [points%n])
          if (.not. allocated(points%class)) return
          call out%put_array('constants', points%constants, shape(points%constants))

@@ -1,4 +1,5 @@
-!> Bases, and surrogates with what Step 2 finds by them. Crystals by the constants of the basis' class (GPa), angles in degrees.
+!> Bases, and surrogates with what Step 2 finds by them. Crystals by the constants of the basis'
+!> class (GPa), angles in degrees.
 module surrogate_operations
    use abstract_basis, only: basis_type
    use bases, only: describe_basis
@@ -15,7 +16,8 @@ module surrogate_operations
    use plan_stage, only: plan_stage_type
    use problem_posterior, only: new_problem_posterior, omit_weak_waves
    use stage_documents, only: end_document
-   use surrogate_learner, only: add_simulations, fit_learner, learner_type, left_out, new_learner, surrogate_of
+   use surrogate_learner, only: add_simulations, fit_learner, learner_type, left_out, new_learner, &
+      & surrogate_of
    use surrogate_model, only: exchange_surrogate, predict_crystals, save_surrogate, surrogate_type
    implicit none
    private
@@ -47,8 +49,9 @@ contains
       case ('describe')
          call describe_basis(basis, x%out)
       case ('validity')
-         ! Of crystals (GPa): the normalised distance of each, see `surrogate_domain`, whether a surrogate with the basis is valid for
-         ! it, and the scale, the geometric mean of the eigenvalues of the Kelvin stiffness, GPa, NaN for an unstable one.
+         ! Of crystals (GPa): the normalised distance of each, see `surrogate_domain`, whether a
+         ! surrogate with the basis is valid for it, and the scale, the geometric mean of the
+         ! eigenvalues of the Kelvin stiffness, GPa, NaN for an unstable one.
          c => x%crystals()
          allocate (x%values(size(c, 3), 3))
          !$omp parallel do num_threads(x%threads()) schedule(static) private(poisson, anisotropy)
@@ -59,10 +62,14 @@ contains
          end do
          !$omp end parallel do
       case ('fit', 'leave_out')
-         ! To the moduli (GPa) of crystals; or of each of these the modulus by those of other groups, and the error over its sd.
+         ! To the moduli (GPa) of crystals; or of each of these the modulus by those of other
+         ! groups, and the error over its sd.
          call new_learner(basis, learner, x%error)
-         if (.not. allocated(x%error)) call add_simulations(learner, x%in%columns('constants', basis%domain%class%n_constants), &
-            & x%in%columns('euler_deg', 3), x%in%reals('modulus_gpa'), .true., x%error)
+         if (.not. allocated(x%error)) then
+            call add_simulations(learner, &
+               & x%in%columns('constants', basis%domain%class%n_constants), &
+               & x%in%columns('euler_deg', 3), x%in%reals('modulus_gpa'), .true., x%error)
+         end if
          if (.not. allocated(x%error)) call fit_learner(learner, x%error)
          if (allocated(x%error)) return
          if (verb == 'fit') then
@@ -102,14 +109,18 @@ contains
          if (allocated(x%error)) return
          call page%begin_object()
          call write_extraction(x%problem, found, page, warnings, reasons)
-         call put_extraction(x%problem, found, end_document(page, [x%problem%warnings, warnings]), x%out)
+         call put_extraction(x%problem, found, &
+            & end_document(page, [x%problem%warnings, warnings]), x%out)
       case ('next')
          ! The points are draws, which have the factor on the sds as it is, not its logarithm.
          call omit_weak_waves(x%problem, surrogate, x%error)
-         if (.not. allocated(x%error)) call new_problem_posterior(x%problem, surrogate, density, x%error)
+         if (.not. allocated(x%error)) then
+            call new_problem_posterior(x%problem, surrogate, density, x%error)
+         end if
          if (allocated(x%error)) return
          call page%begin_object()
-         call next_document(x%problem, density, x%in%columns('points', density%dimension), page, warnings, x%error)
+         call next_document(x%problem, density, x%in%columns('points', density%dimension), page, &
+            & warnings, x%error)
          x%text = end_document(page, [x%problem%warnings, warnings])
       case ('plan')
          call page%begin_object()
@@ -123,7 +134,8 @@ contains
          ! Modulus and sd, GPa.
          c => x%crystals(euler_deg)
          allocate (x%values(size(c, 3), 2))
-         call predict_crystals(surrogate, c, degree*euler_deg, x%threads(), x%values(:, 1), x%values(:, 2), x%error)
+         call predict_crystals(surrogate, c, degree*euler_deg, x%threads(), x%values(:, 1), &
+            & x%values(:, 2), x%error)
       case default
          call x%refuse(verb)
       end select

@@ -1,29 +1,35 @@
-!> What is indented, as the simulation sees it: a specimen plans its own mesh, for any fineness. This one is the half-space: bricks
-!> under the indenter, layers that grow around them, infinite elements outside; the others extend it.
+!> What is indented, as the simulation sees it: a specimen plans its own mesh, for any fineness.
+!> This one is the half-space: bricks under the indenter, layers that grow around them, infinite
+!> elements outside; the others extend it.
 !>
-!> The plan is what the mesh generator is asked for: a box of bricks under the indenter, and stages of layers around it, from the inside
-!> out.
+!> The plan is what the mesh generator is asked for: a box of bricks under the indenter, and stages
+!> of layers around it, from the inside out.
 module basic_specimen
-   use crystal_elasticity, only: hill_young_poisson, isotropic_stiffness, log_anisotropy, polycrystal_averages
+   use crystal_elasticity, only: hill_young_poisson, isotropic_stiffness, log_anisotropy, &
+      & polycrystal_averages
    use errors, only: error_type, refuse
    use kinds, only: wp
    use settings_schema, only: settings_type
    use text, only: to_text
    implicit none
    private
-   public :: specimen_type, halfspace_name, require, mesh_plan_type, mesh_stage_type, core_of_contact, fineness, layers_of_ratio, &
-      & graded_layers, check_plan, surface_facets, growing, to_ball, to_cylinder, closed_by_infinite, clamped_bottom, clamped_around
+   public :: specimen_type, halfspace_name, require, mesh_plan_type, mesh_stage_type, &
+      & core_of_contact, fineness, layers_of_ratio, graded_layers, check_plan, surface_facets, &
+      & growing, to_ball, to_cylinder, closed_by_infinite, clamped_bottom, clamped_around
 
    character(len=*), parameter :: halfspace_name = 'halfspace'
 
    !> What the surface becomes over a stage: `ratio` times as large, a hemisphere, or a cylinder.
    integer, parameter :: growing = 1, to_ball = 2, to_cylinder = 3
-   !> What lies around the last layer: infinite elements; a clamped bottom and free sides; or both clamped.
+   !> What lies around the last layer: infinite elements; a clamped bottom and free sides; or both
+   !> clamped.
    integer, parameter :: closed_by_infinite = 1, clamped_bottom = 2, clamped_around = 3
 
-   !> Layers around the current surface. What lies above the depth `plane` keeps its depth while it grows sideways, and its material.
+   !> Layers around the current surface. What lies above the depth `plane` keeps its depth while it
+   !> grows sideways, and its material.
    type :: mesh_stage_type
-      !> The surface is coarsened 2:1 first; then levels of bricks are put under its bottom, as wide as that and so deep in all (um).
+      !> The surface is coarsened 2:1 first; then levels of bricks are put under its bottom, as wide
+      !> as that and so deep in all (um).
       logical :: coarsen = .false.
       integer :: floor_levels = 0
       real(wp) :: floor_depth = 0.0_wp
@@ -45,7 +51,8 @@ module basic_specimen
       real(wp) :: half_width = 0.0_wp, depth = 0.0_wp, widening = 1.0_wp
       type(mesh_stage_type), allocatable :: stages(:)
       integer :: closing = closed_by_infinite
-      !> The bottom of the box and of the layers is clamped where this depth (um) is reached: layers go on sideways only. 0: nowhere.
+      !> The bottom of the box and of the layers is clamped where this depth (um) is reached: layers
+      !> go on sideways only. 0: nowhere.
       real(wp) :: clamped_depth = 0.0_wp
       !> Materials of the infinite elements below the last stage's plane, and above it.
       integer :: far_material(2) = 1
@@ -56,34 +63,45 @@ module basic_specimen
    !> Bricks of the largest mesh.
    integer, parameter :: most_bricks = 400000
 
-   !> Largest error at log-anisotropy 1 and the fineness of the study (elements per contact radius), relative.
-   real(wp), parameter :: worst_incompatible = 1.0e-3_wp, worst_plain = 1.3e-3_wp, studied_fineness = 9.5_wp
+   !> Largest error at log-anisotropy 1 and the fineness of the study (elements per contact radius),
+   !> relative.
+   real(wp), parameter :: worst_incompatible = 1.0e-3_wp, worst_plain = 1.3e-3_wp, &
+      & studied_fineness = 9.5_wp
    !> Powers of the log-anisotropy and of the fineness.
    real(wp), parameter :: power_of_anisotropy = 3.5_wp, order = 2.0_wp
-   !> Extrapolation divides the mean error by some five, but the largest by less than two; of films beside what is unlike by more.
+   !> Extrapolation divides the mean error by some five, but the largest by less than two; of films
+   !> beside what is unlike by more.
    real(wp), parameter :: extrapolated = 0.7_wp, extrapolated_contrast = 0.45_wp
    !> From this error on a modulus is extrapolated unless the settings say otherwise.
    real(wp), parameter :: limit_of_one_mesh = 0.005_wp
 
    type :: specimen_type
-      !> Names of the variables that only some specimens read, those that this one reads; and what its materials are; separated by ', '.
+      !> Names of the variables that only some specimens read, those that this one reads; and what
+      !> its materials are; separated by ', '.
       character(len=:), allocatable :: variables, parts
-      !> How its modulus is read (`&specimen estimator`); brick element, 'c3d8' or 'c3d8i': as asked for, or the specimen's own.
+      !> How its modulus is read (`&specimen estimator`); brick element, 'c3d8' or 'c3d8i': as asked
+      !> for, or the specimen's own.
       character(len=:), allocatable :: estimator, element
-      !> Whether it has a length of its own: then its modulus depends on the depth, and theory, which is of the half-space, does not hold.
+      !> Whether it has a length of its own: then its modulus depends on the depth, and theory,
+      !> which is of the half-space, does not hold.
       logical :: has_length = .true.
-      !> Contact radius at the last depth (half-space), and edge of the bricks under the contact at refine = 1, um.
+      !> Contact radius at the last depth (half-space), and edge of the bricks under the contact at
+      !> refine = 1, um.
       real(wp) :: contact_radius = 0.0_wp, element_size = 0.0_wp
-      !> How far the refined zone of the mesh reaches, relative to the default: an elliptical contact may be longer than that.
+      !> How far the refined zone of the mesh reaches, relative to the default: an elliptical
+      !> contact may be longer than that.
       real(wp) :: zone = 1.0_wp
-      !> Young's modulus (GPa) and Poisson's ratio of what is given beside the crystal; 0: nothing is.
+      !> Young's modulus (GPa) and Poisson's ratio of what is given beside the crystal; 0: nothing
+      !> is.
       real(wp) :: young = 0.0_wp, poisson = 0.0_wp
-      !> About how large the error of the mesh at refine = 1 may be, relative, by what the crystal is joined with: where they are alike, and
-      !> by the logarithm of the ratio of their Young's moduli, if the crystal is the stiffer one.
+      !> About how large the error of the mesh at refine = 1 may be, relative, by what the crystal
+      !> is joined with: where they are alike, and by the logarithm of the ratio of their Young's
+      !> moduli, if the crystal is the stiffer one.
       real(wp) :: contrast(2) = 0.0_wp
       !> Elements per contact radius of the coarser mesh of an extrapolation, relative to the finer.
       real(wp) :: coarse_ratio = 2.0_wp/3.0_wp
-      !> Of a half-space: where the infinite elements begin, in contact radii, and growth of the layers before them at refine = 1.
+      !> Of a half-space: where the infinite elements begin, in contact radii, and growth of the
+      !> layers before them at refine = 1.
       real(wp), private :: outer = 0.0_wp, growth = 0.0_wp
    contains
       procedure :: set_up, plan, check_sizes, materials
@@ -94,7 +112,8 @@ contains
 
    !> The box under a contact: nothing around it yet.
    pure type(mesh_plan_type) function core_of_contact(refine, contact_radius, zone) result(plan)
-      !> Relative to the default; contact radius, um; size of the refined zone relative to the default.
+      !> Relative to the default; contact radius, um; size of the refined zone relative to the
+      !> default.
       real(wp), intent(in) :: refine, contact_radius, zone
       !> Depth of the box in contact radii.
       real(wp), parameter :: depth = 1.1_wp
@@ -109,7 +128,8 @@ contains
       plan%depth = contact_radius*plan%depth_cells/across
    end function core_of_contact
 
-   !> Layers that make the surface `ratio` times as large, each about `growth` times as thick as the one before at refine = 1.
+   !> Layers that make the surface `ratio` times as large, each about `growth` times as thick as the
+   !> one before at refine = 1.
    pure type(mesh_stage_type) function layers_of_ratio(ratio, growth, refine) result(stage)
       real(wp), intent(in) :: ratio, growth, refine
       !> What rounding may take from a number of layers that ends in a half.
@@ -128,7 +148,8 @@ contains
       integer, intent(in) :: material
       type(mesh_stage_type), allocatable :: stages(:)
       !> Growth at refine = 1, and up to which distance (contact radii).
-      real(wp), parameter :: growth(3) = [1.2_wp, 1.3_wp, 1.5_wp], limit(3) = [5.0_wp, 12.0_wp, huge(1.0_wp)]
+      real(wp), parameter :: growth(3) = [1.2_wp, 1.3_wp, 1.5_wp], &
+         & limit(3) = [5.0_wp, 12.0_wp, huge(1.0_wp)]
       type(mesh_stage_type) :: stage
       real(wp) :: width, goal
       integer :: i
@@ -154,7 +175,8 @@ contains
       class(specimen_type), intent(inout) :: self
       type(settings_type), intent(in) :: settings
       type(error_type), allocatable, intent(out) :: error
-      !> Growth of layers that interpolate as displacements decay, and of ordinary ones (docs/simulation.md).
+      !> Growth of layers that interpolate as displacements decay, and of ordinary ones
+      !> (docs/simulation.md).
       real(wp), parameter :: decaying = 1.35_wp, ordinary = 1.13_wp
 
       self%variables = 'outer, growth'
@@ -171,7 +193,8 @@ contains
       real(wp), intent(in) :: refine
 
       plan = core_of_contact(refine, self%contact_radius, self%zone)
-      plan%stages = [layers_of_ratio(self%outer*self%contact_radius*plan%widening/plan%half_width, self%growth, refine)]
+      plan%stages = [layers_of_ratio(self%outer*self%contact_radius*plan%widening/plan%half_width, &
+         & self%growth, refine)]
       plan%stages(1)%coarsen = .true.
    end function plan
 
@@ -187,8 +210,10 @@ contains
       bricks = nx**2*nz
       do i = 1, size(plan%stages)
          associate (stage => plan%stages(i))
-            if (.not. (stage%growth > 1.0_wp .and. stage%growth < 10.0_wp)) call refuse(error, to_text(stage%layers) &
-               & //' layers growing by '//to_text(stage%growth)//' cannot be made; allowed: at least none, and 1 to 10')
+            if (.not. (stage%growth > 1.0_wp .and. stage%growth < 10.0_wp)) then
+               call refuse(error, to_text(stage%layers)//' layers growing by ' &
+                  & //to_text(stage%growth)//' cannot be made; allowed: at least none, and 1 to 10')
+            end if
             if (allocated(error)) return
             if (stage%coarsen) then
                nx = nx/2
@@ -198,8 +223,10 @@ contains
             bricks = bricks + stage%floor_levels*nx**2 + stage%layers*surface_facets(nx, nz)
          end associate
       end do
-      if (bricks > most_bricks) call refuse(error, 'a mesh of '//to_text(bricks)//' elements is too large; allowed: up to ' &
-         & //to_text(most_bricks))
+      if (bricks > most_bricks) then
+         call refuse(error, 'a mesh of '//to_text(bricks) &
+            & //' elements is too large; allowed: up to '//to_text(most_bricks))
+      end if
    end subroutine check_plan
 
    !> Facets of the sides and the bottom of a lattice.
@@ -210,13 +237,15 @@ contains
       surface_facets = nx**2 + 4*nx*nz
    end function surface_facets
 
-   !> Refuse sizes that cannot be meshed, in a message that begins with the variable; by default there are none.
+   !> Refuse sizes that cannot be meshed, in a message that begins with the variable; by default
+   !> there are none.
    subroutine check_sizes(self, error)
       class(specimen_type), intent(in) :: self
       type(error_type), allocatable, intent(out) :: error
    end subroutine check_sizes
 
-   !> Stiffness of each material of the mesh, sample frame, GPa (6, 6, materials): the crystal alone, unless a specimen has more.
+   !> Stiffness of each material of the mesh, sample frame, GPa (6, 6, materials): the crystal
+   !> alone, unless a specimen has more.
    pure function materials(self, crystal) result(c)
       class(specimen_type), intent(in) :: self
       !> Sample frame, GPa.
@@ -226,11 +255,13 @@ contains
       c = spread(crystal, 3, 1)
    end function materials
 
-   !> About how large, relative, the error of the modulus of a crystal may be. Orientations differ: most are better.
+   !> About how large, relative, the error of the modulus of a crystal may be. Orientations differ:
+   !> most are better.
    !>
-   !> Near elastic instability bricks resolve neither the soft modes nor the far field. Measured on the half-space against the exact theory
-   !> (docs/verification/simulation.md, `bench simulate soft`): beyond a log-anisotropy of 1.5 the largest error grows with its
-   !> power 3.5, and falls with the square of the fineness. A film that is stiffer than its substrate is resolved worse
+   !> Near elastic instability bricks resolve neither the soft modes nor the far field. Measured on
+   !> the half-space against the exact theory (docs/verification/simulation.md, `bench simulate
+   !> soft`): beyond a log-anisotropy of 1.5 the largest error grows with its power 3.5, and falls
+   !> with the square of the fineness. A film that is stiffer than its substrate is resolved worse
    !> (`bench simulate pairs`).
    pure real(wp) function mesh_error(self, refine, stiffness, two_meshes)
       class(specimen_type), intent(in) :: self
@@ -241,7 +272,8 @@ contains
       real(wp) :: fineness, instability, contrast, young, poisson
 
       fineness = refine*self%contact_radius/self%element_size
-      instability = merge(worst_incompatible, worst_plain, self%element == 'c3d8i')*log_anisotropy(stiffness)**power_of_anisotropy
+      instability = merge(worst_incompatible, worst_plain, &
+         & self%element == 'c3d8i')*log_anisotropy(stiffness)**power_of_anisotropy
       contrast = self%contrast(1)
       if (self%young > 0.0_wp) then
          call hill_young_poisson(polycrystal_averages(stiffness), young, poisson)
@@ -254,8 +286,8 @@ contains
       mesh_error = max(instability, contrast)*(studied_fineness/fineness)**order
    end function mesh_error
 
-   !> Whether one mesh may be too wrong for a crystal; for contact stiffnesses it is. C3D8 is Abaqus' element, and stays alone unless it is
-   !> stated otherwise.
+   !> Whether one mesh may be too wrong for a crystal; for contact stiffnesses it is. C3D8 is
+   !> Abaqus' element, and stays alone unless it is stated otherwise.
    pure logical function wants_extrapolation(self, refine, stiffness)
       class(specimen_type), intent(in) :: self
       !> As in `mesh_error`.
@@ -265,8 +297,8 @@ contains
          & self%mesh_error(refine, stiffness, .false.) > limit_of_one_mesh)
    end function wants_extrapolation
 
-   !> Stiffness of what is given beside the crystal, GPa; zero where there is nothing, so that the crystal's scale changes the moduli by a
-   !> factor only.
+   !> Stiffness of what is given beside the crystal, GPa; zero where there is nothing, so that the
+   !> crystal's scale changes the moduli by a factor only.
    pure function own_stiffness(self) result(c)
       class(specimen_type), intent(in) :: self
       real(wp) :: c(6, 6)
@@ -287,7 +319,9 @@ contains
 
       if (allocated(error)) return
       if (present(stated)) value = stated
-      if (.not. present(stated)) call refuse(error, name//": the variable is missing; geometry = '"//geometry//"' needs it")
+      if (.not. present(stated)) then
+         call refuse(error, name//": the variable is missing; geometry = '"//geometry//"' needs it")
+      end if
    end subroutine require
 
 end module basic_specimen

@@ -1,4 +1,5 @@
-!> From element stiffness to the sparse matrix of a mesh: unknowns, pattern and scatter maps once, values per crystal.
+!> From element stiffness to the sparse matrix of a mesh: unknowns, pattern and scatter maps once,
+!> values per crystal.
 module fe_assembly
    use errors, only: error_type, raise
    use fe_element, only: brick_stiffness, infinite_stiffness
@@ -9,7 +10,8 @@ module fe_assembly
    private
    public :: assembly_type, new_assembly, assemble, expand_displacement, product_with, reaction
 
-   !> Read-only once made. Unknowns are three displacements a free node; those normal to the contact surface come last.
+   !> Read-only once made. Unknowns are three displacements a free node; those normal to the contact
+   !> surface come last.
    type :: assembly_type
       integer :: unknowns = 0, n_contact = 0
       !> Unknown of each displacement component of each node; 0 where clamped or hanging.
@@ -18,10 +20,12 @@ module fe_assembly
       integer, allocatable :: column_start(:), row(:)
       !> Node of each unknown, numbered by first use.
       integer, allocatable :: group(:)
-      !> Elements are the bricks, then the infinite elements. Unknowns of element e: `dof_start(e)` to `dof_start(e+1)-1` of `dof`.
-      !> `place`: place in the values of each entry of the elements' packed lower triangles; 0: dropped.
+      !> Elements are the bricks, then the infinite elements. Unknowns of element e: `dof_start(e)`
+      !> to `dof_start(e+1)-1` of `dof`. `place`: place in the values of each entry of the elements'
+      !> packed lower triangles; 0: dropped.
       integer, allocatable :: dof_start(:), dof(:), place(:)
-      !> Number of each brick among those with hanging nodes, or 0. These span the nodes that their own hang on, with weights.
+      !> Number of each brick among those with hanging nodes, or 0. These span the nodes that their
+      !> own hang on, with weights.
       integer, allocatable :: constrained(:)
       real(wp), allocatable :: weight(:, :, :)
    end type assembly_type
@@ -48,7 +52,8 @@ contains
       assembly%unknowns = 3*count(free)
       assembly%n_contact = size(mesh%contact)
       allocate (assembly%unknown(3, size(free)), assembly%group(assembly%unknowns), source=0)
-      assembly%unknown(3, mesh%contact) = [(assembly%unknowns - assembly%n_contact + i, i=1, assembly%n_contact)]
+      assembly%unknown(3, &
+         & mesh%contact) = [(assembly%unknowns - assembly%n_contact + i, i=1, assembly%n_contact)]
       n = 0
       groups = 0
       do i = 1, size(free)
@@ -65,7 +70,8 @@ contains
       call build_pattern(assembly)
    end subroutine new_assembly
 
-   !> The unknowns of each element; bricks that have hanging nodes are expressed in the nodes these hang on.
+   !> The unknowns of each element; bricks that have hanging nodes are expressed in the nodes these
+   !> hang on.
    subroutine list_dofs(mesh, hanging_index, assembly)
       type(mesh_type), intent(in) :: mesh
       integer, intent(in) :: hanging_index(:)
@@ -79,7 +85,8 @@ contains
       assembly%constrained = unpack([(e, e=1, count(has_hanging))], has_hanging, 0)
       allocate (assembly%weight(8, most_nodes, count(has_hanging)), source=0.0_wp)
       allocate (assembly%dof_start(n_bricks + size(mesh%facet, 2) + 1))
-      allocate (assembly%dof(24*n_bricks + 12*size(mesh%facet, 2) + 3*(most_nodes - 8)*count(has_hanging)))
+      allocate (assembly%dof(24*n_bricks + 12*size(mesh%facet, 2) &
+         & + 3*(most_nodes - 8)*count(has_hanging)))
       assembly%dof_start(1) = 1
       do e = 1, size(assembly%dof_start) - 1
          n = 0
@@ -103,7 +110,8 @@ contains
             end do
          end if
          assembly%dof_start(e + 1) = assembly%dof_start(e) + 3*n
-         assembly%dof(assembly%dof_start(e):assembly%dof_start(e + 1) - 1) = reshape(assembly%unknown(:, node(:n)), [3*n])
+         assembly%dof(assembly%dof_start(e):assembly%dof_start(e + 1) &
+            & - 1) = reshape(assembly%unknown(:, node(:n)), [3*n])
       end do
 
    contains
@@ -118,22 +126,27 @@ contains
          end do
          n = max(n, k)
          node(k) = master
-         assembly%weight(a, k, assembly%constrained(e)) = assembly%weight(a, k, assembly%constrained(e)) + weight
+         assembly%weight(a, k, assembly%constrained(e)) = assembly%weight(a, k, &
+            & assembly%constrained(e)) + weight
       end subroutine add
    end subroutine list_dofs
 
    !> The rows of each column, and where the entries of the elements go.
    subroutine build_pattern(assembly)
       type(assembly_type), intent(inout) :: assembly
-      !> The last place in the dofs of each unknown, the one before each place, 0 where there is none, and the element of a place.
+      !> The last place in the dofs of each unknown, the one before each place, 0 where there is
+      !> none, and the element of a place.
       integer, allocatable :: last(:), previous(:), owner(:)
-      !> Before the entries of each element; the entry of each row in the latest column that has one; rows of the entries.
+      !> Before the entries of each element; the entry of each row in the latest column that has
+      !> one; rows of the entries.
       integer, allocatable :: entry_start(:), position(:), rows(:)
       integer :: elements, e, i, j, n, column, next, p, t
 
       elements = size(assembly%dof_start) - 1
-      allocate (last(0:assembly%unknowns), entry_start(elements + 1), position(assembly%unknowns), source=0)
-      allocate (previous(size(assembly%dof)), owner(size(assembly%dof)), assembly%column_start(assembly%unknowns + 1))
+      allocate (last(0:assembly%unknowns), entry_start(elements + 1), &
+         & position(assembly%unknowns), source=0)
+      allocate (previous(size(assembly%dof)), owner(size(assembly%dof)), &
+         & assembly%column_start(assembly%unknowns + 1))
       do e = 1, elements
          do p = assembly%dof_start(e), assembly%dof_start(e + 1) - 1
             owner(p) = e
@@ -144,7 +157,8 @@ contains
          entry_start(e + 1) = entry_start(e) + (n*(n + 1))/2
       end do
       ! Elements share entries: they fill less than that.
-      allocate (assembly%place(entry_start(elements + 1)), rows(entry_start(elements + 1)), source=0)
+      allocate (assembly%place(entry_start(elements + 1)), &
+         & rows(entry_start(elements + 1)), source=0)
       next = 1
       do column = 1, assembly%unknowns
          assembly%column_start(column) = next
@@ -162,7 +176,8 @@ contains
                      next = next + 1
                   end if
                   p = min(i, j)
-                  assembly%place(entry_start(e) + ((p - 1)*(2*n - p))/2 + max(i, j)) = position(dof(i))
+                  assembly%place(entry_start(e) + ((p - 1)*(2*n - p))/2 + max(i, &
+                     & j)) = position(dof(i))
                end do
             end associate
             t = previous(t)
@@ -192,8 +207,11 @@ contains
       allocate (class_stiffness(300, size(mesh%representative)))
       do i = 1, size(mesh%representative)
          e = mesh%representative(i)
-         call brick_stiffness(mesh%x(:, mesh%brick(:, e)), c(:, :, mesh%material(e)), formulation, mesh%growth(e), k, valid)
-         if (.not. valid) call raise(error, 'element '//to_text(e)//' of the mesh is turned inside out')
+         call brick_stiffness(mesh%x(:, mesh%brick(:, e)), c(:, :, mesh%material(e)), formulation, &
+            & mesh%growth(e), k, valid)
+         if (.not. valid) then
+            call raise(error, 'element '//to_text(e)//' of the mesh is turned inside out')
+         end if
          if (allocated(error)) return
          class_stiffness(:, i) = pack(k, lower(:24, :24))
       end do
@@ -204,14 +222,17 @@ contains
          m = (n*(n + 1))/2
          if (e > n_bricks) then
             i = e - n_bricks
-            call infinite_stiffness(mesh%x(:, mesh%facet(:, i)), c(:, :, mesh%facet_material(i)), small)
+            call infinite_stiffness(mesh%x(:, mesh%facet(:, i)), &
+               & c(:, :, mesh%facet_material(i)), small)
             call scatter(pack(small, lower(:12, :12)), 1.0_wp, assembly%place(p + 1:p + m), values)
          else if (assembly%constrained(e) == 0) then
-            call scatter(class_stiffness(:, mesh%class(e)), mesh%scale(e), assembly%place(p + 1:p + m), values)
-         else
-            call brick_stiffness(mesh%x(:, mesh%brick(:, e)), c(:, :, mesh%material(e)), formulation, mesh%growth(e), k, valid)
-            call scatter(pack(expanded(k, assembly%weight(:, :n/3, assembly%constrained(e))), lower(:n, :n)), 1.0_wp, &
+            call scatter(class_stiffness(:, mesh%class(e)), mesh%scale(e), &
                & assembly%place(p + 1:p + m), values)
+         else
+            call brick_stiffness(mesh%x(:, mesh%brick(:, e)), c(:, :, mesh%material(e)), &
+               & formulation, mesh%growth(e), k, valid)
+            call scatter(pack(expanded(k, assembly%weight(:, :n/3, assembly%constrained(e))), &
+               & lower(:n, :n)), 1.0_wp, assembly%place(p + 1:p + m), values)
          end if
          p = p + m
       end do
@@ -228,7 +249,8 @@ contains
       end do
    end subroutine scatter
 
-   !> Tᵀ k T, where each node of the brick is a weighted mean of the m nodes of the expanded element.
+   !> Tᵀ k T, where each node of the brick is a weighted mean of the m nodes of the expanded
+   !> element.
    pure function expanded(k, weight)
       !> Of the nodes of the expanded element at each node, (8, m).
       real(wp), intent(in) :: k(24, 24), weight(:, :)
@@ -271,7 +293,8 @@ contains
       integer :: i, m
 
       do i = 1, size(u, 2)
-         u(:, i) = merge(solution(max(1, assembly%unknown(:, i))), 0.0_wp, assembly%unknown(:, i) > 0)
+         u(:, i) = merge(solution(max(1, assembly%unknown(:, i))), 0.0_wp, &
+            & assembly%unknown(:, i) > 0)
       end do
       do i = 1, size(mesh%hanging)
          m = count(mesh%master(:, i) > 0)
@@ -294,7 +317,8 @@ contains
 
       force = 0.0_wp
       do e = 1, size(mesh%facet, 2)
-         call infinite_stiffness(mesh%x(:, mesh%facet(:, e)), c(:, :, mesh%facet_material(e)), small)
+         call infinite_stiffness(mesh%x(:, mesh%facet(:, e)), &
+            & c(:, :, mesh%facet_material(e)), small)
          f(:12) = matmul(small, reshape(u(:, mesh%facet(:, e)), [12]))
          force = force - sum(reshape(f(:12), [3, 4]), dim=2)
       end do
@@ -303,7 +327,8 @@ contains
       clamped(mesh%clamped) = .true.
       do e = 1, size(mesh%brick, 2)
          if (.not. any(clamped(mesh%brick(:, e)))) cycle
-         call brick_stiffness(mesh%x(:, mesh%brick(:, e)), c(:, :, mesh%material(e)), formulation, mesh%growth(e), k, valid)
+         call brick_stiffness(mesh%x(:, mesh%brick(:, e)), c(:, :, mesh%material(e)), formulation, &
+            & mesh%growth(e), k, valid)
          f = matmul(k, reshape(u(:, mesh%brick(:, e)), [24]))
          do a = 1, 8
             if (clamped(mesh%brick(a, e))) force = force + f(3*a - 2:3*a)

@@ -1,27 +1,30 @@
 !> Element kernels: eight-node bricks and the infinite element that closes a half-space.
 !>
-!> Lengths in um, stiffness in GPa, so that forces are in mN. Voigt order 11,22,33,23,13,12 with engineering shear strains.
-!> Nodes of a brick: 1-4 counterclockwise seen from face 5-8, then 5-8 above them (Abaqus' order).
+!> Lengths in um, stiffness in GPa, so that forces are in mN. Voigt order 11,22,33,23,13,12 with
+!> engineering shear strains. Nodes of a brick: 1-4 counterclockwise seen from face 5-8, then 5-8
+!> above them (Abaqus' order).
 module fe_element
    use kinds, only: wp
    implicit none
    private
-   public :: brick_full, brick_selective, brick_incompatible, brick_stiffness, brick_strain, brick_stress, infinite_stiffness
+   public :: brick_full, brick_selective, brick_incompatible, brick_stiffness, brick_strain, &
+      & brick_stress, infinite_stiffness
 
-   !> Formulations: 2 x 2 x 2 integration throughout (CalculiX' C3D8); volumetric strain averaged over the element
-   !> (Abaqus' C3D8); nine incompatible modes (C3D8I: Wilson et al. 1973, with Taylor's correction of 1976 that makes it
-   !> pass the patch test).
+   !> Formulations: 2 x 2 x 2 integration throughout (CalculiX' C3D8); volumetric strain averaged
+   !> over the element (Abaqus' C3D8); nine incompatible modes (C3D8I: Wilson et al. 1973, with
+   !> Taylor's correction of 1976 that makes it pass the patch test).
    integer, parameter :: brick_full = 1, brick_selective = 2, brick_incompatible = 3
 
    !> Corners of the reference cube.
-   real(wp), parameter :: corner(3, 8) = reshape([ &
-      & -1.0_wp, -1.0_wp, -1.0_wp, 1.0_wp, -1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp, -1.0_wp, -1.0_wp, 1.0_wp, -1.0_wp, &
-      & -1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp, 1.0_wp, 1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp], [3, 8])
+   real(wp), parameter :: corner(3, 8) = reshape([-1.0_wp, -1.0_wp, -1.0_wp, 1.0_wp, -1.0_wp, &
+      & -1.0_wp, 1.0_wp, 1.0_wp, -1.0_wp, -1.0_wp, 1.0_wp, -1.0_wp, -1.0_wp, -1.0_wp, 1.0_wp, &
+      & 1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp, 1.0_wp, 1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp], [3, 8])
    real(wp), parameter :: gauss = 0.577350269189625764509148780502_wp
 
 contains
 
-   !> Stiffness (mN/um) of a brick with nodes `x` (um) and stiffness `c` (GPa) in the axes of `x`. Zero unless `valid`.
+   !> Stiffness (mN/um) of a brick with nodes `x` (um) and stiffness `c` (GPa) in the axes of `x`.
+   !> Zero unless `valid`.
    pure subroutine brick_stiffness(x, c, formulation, growth, k, valid)
       !> The growth of the layer: see `brick_strain`.
       real(wp), intent(in) :: x(3, 8), c(6, 6), growth
@@ -59,7 +62,8 @@ contains
 
    !> Mean stress (GPa) of a brick from the displacements `u` (um) of its nodes.
    pure subroutine brick_stress(x, c, formulation, growth, u, stress)
-      !> Nodes (um), stiffness in the axes of the nodes (GPa), growth of the layer (see `brick_strain`), displacements.
+      !> Nodes (um), stiffness in the axes of the nodes (GPa), growth of the layer (see
+      !> `brick_strain`), displacements.
       real(wp), intent(in) :: x(3, 8), c(6, 6), growth, u(3, 8)
       !> One of the formulations above.
       integer, intent(in) :: formulation
@@ -73,12 +77,14 @@ contains
       stress = matmul(c, matmul(strain, volume))/sum(volume)
    end subroutine brick_stress
 
-   !> Strain at the eight integration points per unit degree of freedom, and the volumes of the points (um3).
+   !> Strain at the eight integration points per unit degree of freedom, and the volumes of the
+   !> points (um3).
    !>
-   !> Columns 1-24: three displacements a node; then the incompatible modes, if any.
-   !> In a layer, whose outer face (nodes 5-8) is `growth` times as far out as its inner one, bricks with incompatible modes interpolate
-   !> from face to face by 1 and 1/rho, rho = 1 to `growth`, which is how the displacements of a force decay, and have no mode in
-   !> that direction. A growth of 1 is an ordinary brick.
+   !> Columns 1-24: three displacements a node; then the incompatible modes, if any. In a layer,
+   !> whose outer face (nodes 5-8) is `growth` times as far out as its inner one, bricks with
+   !> incompatible modes interpolate from face to face by 1 and 1/rho, rho = 1 to `growth`, which is
+   !> how the displacements of a force decay, and have no mode in that direction. A growth of 1 is
+   !> an ordinary brick.
    pure subroutine brick_strain(x, formulation, growth, b, volume)
       !> Nodes, um; growth of the layer, 1 outside layers.
       real(wp), intent(in) :: x(3, 8), growth
@@ -86,7 +92,8 @@ contains
       integer, intent(in) :: formulation
       !> Strain by displacements (1/um) and volume (um3) at each point of integration.
       real(wp), intent(out) :: b(6, 33, 8), volume(8)
-      real(wp) :: natural(3, 8), jacobian(3, 3), inverse(3, 3), determinant, centre_inverse(3, 3), centre_determinant
+      real(wp) :: natural(3, 8), jacobian(3, 3), inverse(3, 3), determinant, centre_inverse(3, 3), &
+         & centre_determinant
       real(wp) :: gradient(3, 8, 8), mean(24), mode(3), xi(3), weight, rho
       integer :: a, i, q
 
@@ -104,7 +111,9 @@ contains
          jacobian = matmul(x, transpose(natural))
          call invert(jacobian, inverse, determinant)
          volume(q) = weight*determinant
-         if (formulation == brick_incompatible .and. growth > 1.0_wp) natural = natural_gradient(xi, growth)
+         if (formulation == brick_incompatible .and. growth > 1.0_wp) then
+            natural = natural_gradient(xi, growth)
+         end if
          gradient(:, :, q) = matmul(transpose(inverse), natural)
          do a = 1, 8
             b(:, 3*a - 2:3*a, q) = strain_of(gradient(:, a, q))
@@ -113,7 +122,8 @@ contains
       if (formulation == brick_selective) then
          mean = matmul(reshape(gradient, [24, 8]), volume)/sum(volume)
          do q = 1, 8
-            b(:3, :24, q) = b(:3, :24, q) + spread((mean - reshape(gradient(:, :, q), [24]))/3.0_wp, 1, 3)
+            b(:3, :24, q) = b(:3, :24, &
+               & q) + spread((mean - reshape(gradient(:, :, q), [24]))/3.0_wp, 1, 3)
          end do
       else if (formulation == brick_incompatible) then
          natural = natural_gradient([0.0_wp, 0.0_wp, 0.0_wp], 1.0_wp)
@@ -121,7 +131,8 @@ contains
          call invert(jacobian, centre_inverse, centre_determinant)
          do q = 1, 8
             do i = 1, unknowns_of(formulation, growth)/3 - 8
-               ! Mode 1 - xi_i^2, its gradient mapped by the Jacobian of the centre, scaled to do no work on constant stress.
+               ! Mode 1 - xi_i^2, its gradient mapped by the Jacobian of the centre, scaled to do no
+               ! work on constant stress.
                mode = -2.0_wp*gauss*corner(i, q)*centre_inverse(i, :)*(centre_determinant/volume(q))
                b(:, 22 + 3*i:24 + 3*i, q) = strain_of(mode)
             end do
@@ -131,17 +142,22 @@ contains
 
    !> Stiffness (mN/um) of the infinite element over a facet with nodes `x` (um).
    !>
-   !> The facet is swept along rays from the origin to infinity, x = rho X with rho ≥ 1; displacements decay as
-   !> u = N_a u_a / rho, which is how the displacements of a point load decay. The energy is integrated in closed form in rho.
-   !> Six incompatible modes, (1/3 - s2)/rho and (1/3 - t2)/rho, let displacements bend across the facet as those of the
-   !> bricks do; with mean zero, and gradients mapped by the Jacobian of the centre, they do no work on a uniform stress.
+   !> The facet is swept along rays from the origin to infinity, x = rho X with rho ≥ 1;
+   !> displacements decay as u = N_a u_a / rho, which is how the displacements of a point load
+   !> decay. The energy is integrated in closed form in rho. Six incompatible modes, (1/3 - s2)/rho
+   !> and (1/3 - t2)/rho, let displacements bend across the facet as those of the bricks do; with
+   !> mean zero, and gradients mapped by the Jacobian of the centre, they do no work on a uniform
+   !> stress.
    pure subroutine infinite_stiffness(x, c, k)
       real(wp), intent(in) :: x(3, 4), c(6, 6)
       !> mN/um.
       real(wp), intent(out) :: k(12, 12)
-      real(wp), parameter :: sign_s(4) = [-1.0_wp, 1.0_wp, 1.0_wp, -1.0_wp], sign_t(4) = [-1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp]
-      real(wp) :: shape(4), along_s(4), along_t(4), jacobian(3, 3), inverse(3, 3), determinant, b(6, 18), natural(3, 4)
-      real(wp) :: s, t, gradient(3, 4), total(18, 18), centre_inverse(3, 3), centre_determinant, scale
+      real(wp), parameter :: sign_s(4) = [-1.0_wp, 1.0_wp, 1.0_wp, -1.0_wp], &
+         & sign_t(4) = [-1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp]
+      real(wp) :: shape(4), along_s(4), along_t(4), jacobian(3, 3), inverse(3, 3), determinant, &
+         & b(6, 18), natural(3, 4)
+      real(wp) :: s, t, gradient(3, 4), total(18, 18), centre_inverse(3, 3), &
+         & centre_determinant, scale
       integer :: a, q
 
       jacobian(:, 1) = 0.25_wp*sum(x, dim=2)
@@ -189,8 +205,8 @@ contains
       end do
    end subroutine eliminate_modes
 
-   !> Derivatives of the eight shape functions with respect to the natural coordinates. With a growth above 1 they decay from face to face
-   !> of a layer (`brick_strain`), else they are linear.
+   !> Derivatives of the eight shape functions with respect to the natural coordinates. With a
+   !> growth above 1 they decay from face to face of a layer (`brick_strain`), else they are linear.
    pure function natural_gradient(xi, growth) result(g)
       real(wp), intent(in) :: xi(3), growth
       real(wp) :: g(3, 8)

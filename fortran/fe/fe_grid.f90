@@ -1,22 +1,25 @@
 !> One mesh with its matrix and contact nodes: the load-depth curve of a crystal on it.
 !>
-!> It is frictionless contact of a rigid indenter with nodes whose normal compliance is known: a linear complementarity problem.
+!> It is frictionless contact of a rigid indenter with nodes whose normal compliance is known: a
+!> linear complementarity problem.
 !>
-!> With nodal pressures forces f ≥ 0 (mN, into the material), compliance F (um/mN) and the indenter's height above the
-!> undeformed surface g - d, the clearance is w = g - d + F f ≥ 0, and f w = 0 node by node.
+!> With nodal pressures forces f ≥ 0 (mN, into the material), compliance F (um/mN) and the
+!> indenter's height above the undeformed surface g - d, the clearance is w = g - d + F f ≥ 0, and f
+!> w = 0 node by node.
 module fe_grid
    use, intrinsic :: iso_c_binding, only: c_ptr
    use indenters, only: indenter_type
    use basic_specimen, only: specimen_type
    use errors, only: error_type, raise
-   use fe_assembly, only: assemble, assembly_type, expand_displacement, new_assembly, product_with, reaction
+   use fe_assembly, only: assemble, assembly_type, expand_displacement, new_assembly, &
+      & product_with, reaction
    use fe_mesh, only: mesh_type, new_mesh
    use kinds, only: pi, wp
    use omp_lib, only: omp_get_wtime
    use linear_algebra, only: cholesky_factor, cholesky_inverse, cholesky_solve
    use machine, only: check_memory
-   use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factorise, release_factor, retained_factor, &
-      & solve_factored
+   use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factorise, &
+      & release_factor, retained_factor, solve_factored
    use text, only: to_text
    implicit none
    private
@@ -35,11 +38,13 @@ module fe_grid
    end type grid_type
 
    type :: curve_type
-      !> Depths (um), force (mN), and radius of a circle as large as the area of the touching nodes (um).
+      !> Depths (um), force (mN), and radius of a circle as large as the area of the touching nodes
+      !> (um).
       real(wp), allocatable :: depth(:), force(:), contact_radius(:)
       !> Wall time of the numeric factorisation, s.
       real(wp) :: seconds_factor = 0.0_wp
-      !> Largest violation of the contact conditions, and imbalance of indenter force and reactions, relative.
+      !> Largest violation of the contact conditions, and imbalance of indenter force and reactions,
+      !> relative.
       real(wp) :: contact_residual = 0.0_wp, equilibrium_residual = 0.0_wp
       !> Number of the depth at which the contact left the refined zone of the mesh; 0: it did not.
       integer :: left_zone = 0
@@ -51,8 +56,8 @@ contains
 
    !> Nodal forces at one depth by the primal-dual active set method, starting from `active`.
    subroutine solve_contact(compliance, gap, depth, active, force, error)
-      !> Normal displacement of the nodes by their normal forces, um/mN; height of the indenter above each node at zero depth, and its
-      !> depth, um.
+      !> Normal displacement of the nodes by their normal forces, um/mN; height of the indenter
+      !> above each node at zero depth, and its depth, um.
       real(wp), intent(in) :: compliance(:, :), gap(:), depth
       !> In: a guess; out: the nodes in contact.
       logical, intent(inout) :: active(:)
@@ -77,7 +82,8 @@ contains
             force(set) = b(:, 1)
          end if
          clearance = gap - depth + matmul(compliance(:, set), force(set))
-         wrong = (active .and. force < 0.0_wp) .or. (.not. active .and. clearance < -1.0e-13_wp*depth)
+         wrong = (active .and. force < 0.0_wp) &
+            & .or. (.not. active .and. clearance < -1.0e-13_wp*depth)
          if (.not. any(wrong)) return
          if (step <= most_block_steps) then
             active = active .neqv. wrong
@@ -87,12 +93,12 @@ contains
             active(i) = .not. active(i)
          end if
       end do
-      call raise(error, 'the contact of '//to_text(n)//' nodes at depth '//to_text(depth)//' um was not found in ' &
-         & //to_text(most_steps)//' steps')
+      call raise(error, 'the contact of '//to_text(n)//' nodes at depth '//to_text(depth) &
+         & //' um was not found in '//to_text(most_steps)//' steps')
    end subroutine solve_contact
 
-   !> Largest violation of the contact conditions: tension and complementarity relative to the largest nodal force,
-   !> penetration and complementarity relative to the depth.
+   !> Largest violation of the contact conditions: tension and complementarity relative to the
+   !> largest nodal force, penetration and complementarity relative to the depth.
    pure real(wp) function contact_residual(compliance, gap, depth, force) result(residual)
       !> As in `solve_contact`.
       real(wp), intent(in) :: compliance(:, :), gap(:), depth, force(:)
@@ -121,8 +127,8 @@ contains
       end associate
    end subroutine new_grid
 
-   !> The curve at the depths that it brings: factor the matrix, solve the contact at every depth, and compare force and reactions at the
-   !> last.
+   !> The curve at the depths that it brings: factor the matrix, solve the contact at every depth,
+   !> and compare force and reactions at the last.
    subroutine indent_grid(grid, formulation, c, field_step, curve, error)
       type(grid_type), intent(in) :: grid
       !> Of the bricks (`fe_element`); number of the depth whose displacement is kept, 0: none.
@@ -133,7 +139,8 @@ contains
       type(curve_type), intent(inout) :: curve
       type(error_type), allocatable, intent(out) :: error
       type(c_ptr) :: factor
-      !> Normal displacement of the contact nodes by their normal forces, um/mN; nodal forces into the material, mN (contact nodes, depths).
+      !> Normal displacement of the contact nodes by their normal forces, um/mN; nodal forces into
+      !> the material, mN (contact nodes, depths).
       real(wp), allocatable :: compliance(:, :), forces(:, :), values(:), u(:, :)
       real(wp) :: held(3), total, start
       integer :: n, depths
@@ -143,10 +150,12 @@ contains
       n = grid%assembly%n_contact
       depths = size(curve%depth)
       solve: block
-         call check_memory(8.0_wp*(size(grid%assembly%row) + 300.0_wp*size(grid%mesh%representative) + 2.0_wp*n**2), &
+         call check_memory(8.0_wp &
+            & *(size(grid%assembly%row) + 300.0_wp*size(grid%mesh%representative) + 2.0_wp*n**2), &
             & 'the matrix of '//to_text(grid%assembly%unknowns)//' unknowns', error)
          if (allocated(error)) exit solve
-         allocate (values(size(grid%assembly%row)), compliance(n, n), forces(n, depths), u(3, size(grid%mesh%x, 2)))
+         allocate (values(size(grid%assembly%row)), compliance(n, n), forces(n, depths), &
+            & u(3, size(grid%mesh%x, 2)))
          call assemble(grid%mesh, grid%assembly, formulation, c, values, error)
          if (allocated(error)) exit solve
          start = omp_get_wtime()
@@ -161,7 +170,9 @@ contains
             call solve_displacement(grid, factor, values, forces(:, field_step), u)
             curve%displacement = u
          end if
-         if (field_step /= depths) call solve_displacement(grid, factor, values, forces(:, depths), u)
+         if (field_step /= depths) then
+            call solve_displacement(grid, factor, values, forces(:, depths), u)
+         end if
          call reaction(grid%mesh, formulation, c, u, held)
          total = sum(forces(:, depths))
          curve%equilibrium_residual = maxval(abs(held - [0.0_wp, 0.0_wp, total]))/total
@@ -186,8 +197,9 @@ contains
             if (allocated(error)) return
             if (any(active .and. edge)) then
                curve%left_zone = i
-               call raise(error, 'the contact leaves the refined zone of the mesh at depth '//to_text(curve%depth(i)) &
-                  & //' um (it may reach '//to_text(grid%mesh%contact_limit - grid%mesh%element_size)//' um)')
+               call raise(error, 'the contact leaves the refined zone of the mesh at depth ' &
+                  & //to_text(curve%depth(i))//' um (it may reach ' &
+                  & //to_text(grid%mesh%contact_limit - grid%mesh%element_size)//' um)')
                return
             end if
             curve%force(i) = sum(forces(:, i))
@@ -198,8 +210,9 @@ contains
       end subroutine solve_depths
    end subroutine indent_grid
 
-   !> Displacement of every node under the nodal forces of the contact nodes: the factor is of single precision, and the solution is
-   !> refined until what it leaves is a small share of the largest force.
+   !> Displacement of every node under the nodal forces of the contact nodes: the factor is of
+   !> single precision, and the solution is refined until what it leaves is a small share of the
+   !> largest force.
    subroutine solve_displacement(grid, factor, values, force, u)
       type(grid_type), intent(in) :: grid
       type(c_ptr), intent(in) :: factor
@@ -216,7 +229,8 @@ contains
       allocate (x(n), residual(n), source=0.0_wp)
       do i = 0, most_refinements
          if (i > 0) residual = -product_with(grid%assembly, values, x)
-         residual(n - grid%assembly%n_contact + 1:) = residual(n - grid%assembly%n_contact + 1:) - force
+         residual(n - grid%assembly%n_contact + 1:) = residual(n - grid%assembly%n_contact &
+            & + 1:) - force
          if (maxval(abs(residual)) <= small_share*maxval(abs(force))) exit
          call solve_factored(grid%cholesky%handle, factor, residual)
          x = x + residual

@@ -1,4 +1,5 @@
-!> The indentation simulation: meshes, solver and contact behind one model, and the modulus that a simulated curve gives.
+!> The indentation simulation: meshes, solver and contact behind one model, and the modulus that a
+!> simulated curve gives.
 !>
 !> Lengths in um, forces in mN, stiffness in GPa. The indenter moves along -z of the sample.
 module fe_indentation
@@ -16,8 +17,8 @@ module fe_indentation
    use text, only: to_text
    implicit none
    private
-   public :: indentation_model_type, indentation_result_type, new_indentation_model, new_wider_model, free_indentation_model, &
-      & simulate_indentation, numerics_revision
+   public :: indentation_model_type, indentation_result_type, new_indentation_model, &
+      & new_wider_model, free_indentation_model, simulate_indentation, numerics_revision
 
    !> Counts changes of the numerics that change results; part of the identity of stored results.
    integer, parameter :: numerics_revision = 7
@@ -32,7 +33,8 @@ module fe_indentation
       real(wp), allocatable :: refine(:)
       !> The second mesh is made for the crystals that want one.
       logical :: as_needed = .false.
-      !> Depths of the curve, and those around its last point from which the contact stiffness is taken (um).
+      !> Depths of the curve, and those around its last point from which the contact stiffness is
+      !> taken (um).
       real(wp), allocatable :: depth(:), window(:)
    end type indentation_type
 
@@ -46,30 +48,36 @@ module fe_indentation
       final :: free_indentation_model
    end type indentation_model_type
 
-   !> The curve of the finest mesh, its force extrapolated where there are two, and the moduli. Until it is ended it goes on over the
-   !> window.
+   !> The curve of the finest mesh, its force extrapolated where there are two, and the moduli.
+   !> Until it is ended it goes on over the window.
    type, extends(curve_type) :: indentation_result_type
-      !> The estimate of the indentation modulus, GPa, and two diagnostics: slope with intercept, and last point.
+      !> The estimate of the indentation modulus, GPa, and two diagnostics: slope with intercept,
+      !> and last point.
       real(wp) :: modulus = 0.0_wp, modulus_slope = 0.0_wp, modulus_last = 0.0_wp
       !> Of each depth alone, GPa; the estimate on each mesh alone, GPa, the finest first.
       real(wp), allocatable :: modulus_by_depth(:), modulus_of_mesh(:)
       !> Of all solves.
       integer :: elements = 0
-      !> Size of the mesh's refined zone relative to the default (`new_wider_model`); wall time in all, s.
+      !> Size of the mesh's refined zone relative to the default (`new_wider_model`); wall time in
+      !> all, s.
       real(wp) :: zone = 1.0_wp, seconds = 0.0_wp
    end type indentation_result_type
 
    !> A depth counts for the modulus from this many elements per contact radius on.
    real(wp), parameter :: least_elements = 5.0_wp
-   !> The window reaches over this share of the last contact radius to both sides, in so many depths.
+   !> The window reaches over this share of the last contact radius to both sides, in so many
+   !> depths.
    real(wp), parameter :: window_share = 0.16_wp
    integer, parameter :: window_depths = 25
    integer :: i
    !> Their places, from -1 to 1.
-   real(wp), parameter :: window_position(window_depths) = [(2.0_wp*(i - 1)/(window_depths - 1) - 1.0_wp, i=1, window_depths)]
-   !> A contact ends so many elements before the edge of the area of its nodes (half-space; docs/simulation.md).
+   real(wp), parameter :: window_position(window_depths) = &
+      & [(2.0_wp*(i - 1)/(window_depths - 1) - 1.0_wp, i=1, window_depths)]
+   !> A contact ends so many elements before the edge of the area of its nodes (half-space;
+   !> docs/simulation.md).
    real(wp), parameter :: edge_bias = 0.31_wp
-   !> The largest refined zone of a mesh relative to the default, and the most that it grows by at a time.
+   !> The largest refined zone of a mesh relative to the default, and the most that it grows by at a
+   !> time.
    real(wp), parameter :: widest = 4.0_wp, most_widening = 2.0_wp
 
 contains
@@ -86,25 +94,30 @@ contains
       associate (simulation => settings%simulation, indenter => model%indenter)
          model%formulation = merge(brick_full, brick_selective, simulation%integration == 'full')
          if (model%specimen%element == 'c3d8i') model%formulation = brick_incompatible
-         model%depth = indenter%depth_of([(indenter%contact_radius*i/simulation%depths, i=1, simulation%depths)])
+         model%depth = indenter%depth_of([(indenter%contact_radius*i/simulation%depths, i=1, &
+            & simulation%depths)])
          model%depth(simulation%depths) = indenter%depth
          model%window = [real(wp) ::]
          if (model%specimen%estimator /= 'curve') then
             call indenter%check_length('contact_radius_um with the window of the stiffness', &
                & (1.0_wp + window_share)*indenter%contact_radius, error)
             if (allocated(error)) return
-            model%window = indenter%depth_of(indenter%contact_radius*(1.0_wp + window_share*window_position))
+            model%window = indenter%depth_of(indenter%contact_radius &
+                                            & *(1.0_wp + window_share*window_position))
          end if
 
          model%refine = simulation%refine*[1.0_wp, model%specimen%coarse_ratio]
          model%as_needed = .not. allocated(simulation%extrapolate)
-         if (allocated(simulation%extrapolate)) model%refine = model%refine(:merge(2, 1, simulation%extrapolate))
+         if (allocated(simulation%extrapolate)) then
+            model%refine = model%refine(:merge(2, 1, simulation%extrapolate))
+         end if
          call make_grids(model, error)
          if (allocated(error)) return
          if (.not. any(is_resolved(model))) then
-            call refuse(error, 'the contact radius spans '//to_text(indenter%contact_radius/model%grid(1)%mesh%element_size, 3) &
-               & //' elements at the last depth, at least '//to_text(least_elements)//' are needed (refine = ' &
-               & //to_text(simulation%refine)//')')
+            call refuse(error, 'the contact radius spans ' &
+               & //to_text(indenter%contact_radius/model%grid(1)%mesh%element_size, 3) &
+               & //' elements at the last depth, at least '//to_text(least_elements) &
+               & //' are needed (refine = '//to_text(simulation%refine)//')')
             call free_indentation_model(model)
          end if
       end associate
@@ -135,24 +148,27 @@ contains
          call new_grid(model%specimen, model%indenter, model%refine(i), model%grid(i), error)
          if (allocated(error)) call free_indentation_model(model)
          if (allocated(error)) return
-         model%elements = model%elements + size(model%grid(i)%mesh%brick, 2) + size(model%grid(i)%mesh%facet, 2)
+         model%elements = model%elements + size(model%grid(i)%mesh%brick, &
+            & 2) + size(model%grid(i)%mesh%facet, 2)
       end do
    end subroutine make_grids
 
-   !> Whether the contact radius (half-space) at each depth spans enough elements for the estimate of the modulus. On finer meshes
-   !> the depths are those of the default one: the modulus of a film changes with them.
+   !> Whether the contact radius (half-space) at each depth spans enough elements for the estimate
+   !> of the modulus. On finer meshes the depths are those of the default one: the modulus of a film
+   !> changes with them.
    pure function is_resolved(model)
       type(indentation_model_type), intent(in) :: model
       logical :: is_resolved(size(model%depth))
       real(wp) :: contact_radius(size(model%depth))
 
       contact_radius = model%indenter%contact_radius_of(model%depth)
-      is_resolved = contact_radius >= least_elements*max(model%grid(1)%mesh%element_size, model%specimen%element_size) &
-                   & *(1.0_wp - 1.0e-9_wp)
+      is_resolved = contact_radius >= least_elements*max(model%grid(1)%mesh%element_size, &
+         & model%specimen%element_size)*(1.0_wp - 1.0e-9_wp)
    end function is_resolved
 
    !> Give back what the meshes hold outside Fortran; the model is then empty.
-   ! gfortran 12 finalises a dummy argument of intent(out), but does not give it its initial values again.
+   ! gfortran 12 finalises a dummy argument of intent(out), but does not give it its initial values
+   ! again.
    impure elemental subroutine free_indentation_model(model)
       type(indentation_model_type), intent(inout) :: model
       integer :: i
@@ -165,10 +181,12 @@ contains
       deallocate (model%grid)
    end subroutine free_indentation_model
 
-   !> Indent a crystal: the whole curve and its modulus, and the displacement at one depth where `field_step` is given.
+   !> Indent a crystal: the whole curve and its modulus, and the displacement at one depth where
+   !> `field_step` is given.
    !>
-   !> Where the contact ellipse is so long that it leaves the refined zone of the mesh, a mesh with a wider one takes its place. Where one
-   !> mesh may be too wrong for the crystal, a coarser one is made for it.
+   !> Where the contact ellipse is so long that it leaves the refined zone of the mesh, a mesh with
+   !> a wider one takes its place. Where one mesh may be too wrong for the crystal, a coarser one is
+   !> made for it.
    subroutine simulate_indentation(model, stiffness, euler, result, error, field_step)
       type(indentation_model_type), intent(in) :: model
       !> Stiffness in the crystal frame (GPa) and Bunge-Euler angles (radians).
@@ -189,23 +207,28 @@ contains
       call check_stiffness(stiffness, error)
       if (allocated(error)) return
       if (.not. all(abs(euler) <= 1.0e3_wp)) then
-         call refuse(error, 'the orientation ('//to_text(euler(1))//', '//to_text(euler(2))//', '//to_text(euler(3)) &
-            & //') radians is not finite')
+         call refuse(error, 'the orientation ('//to_text(euler(1))//', '//to_text(euler(2))//', ' &
+            & //to_text(euler(3))//') radians is not finite')
       else if (present(field_step) .and. (step < 1 .or. step > size(model%depth))) then
-         call refuse(error, 'depth number '//to_text(step)//' does not exist; allowed: 1 to '//to_text(size(model%depth)))
+         call refuse(error, 'depth number '//to_text(step)//' does not exist; allowed: 1 to ' &
+            & //to_text(size(model%depth)))
       end if
       if (allocated(error)) return
       c = rotate_stiffness(stiffness, rotation_matrix(euler))
       two_meshes = size(model%refine) == 2
-      if (model%as_needed) two_meshes = model%specimen%wants_extrapolation(model%refine(1), stiffness)
+      if (model%as_needed) then
+         two_meshes = model%specimen%wants_extrapolation(model%refine(1), stiffness)
+      end if
       zone = 1.0_wp
       call simulate_depths(model, c, two_meshes, step, result, error)
       elements = result%elements
       do while (result%left_zone > 0)
-         ! The contact fitted at the depth before: at the last one it is about as much longer as a circle's radius is. Of one that left
-         ! at the first depth nothing is known.
-         associate (radius => model%indenter%contact_radius_of([model%depth, model%window]), i => result%left_zone)
-            zone = zone*merge(most_widening, min(most_widening, maxval(radius)/radius(max(1, i - 1))), i == 1)
+         ! The contact fitted at the depth before: at the last one it is about as much longer as a
+         ! circle's radius is. Of one that left at the first depth nothing is known.
+         associate (radius => model%indenter%contact_radius_of([model%depth, model%window]), &
+            & i => result%left_zone)
+            zone = zone*merge(most_widening, &
+               & min(most_widening, maxval(radius)/radius(max(1, i - 1))), i == 1)
          end associate
          if (zone > widest) exit
          call new_wider_model(model, zone, wider, obstacle)
@@ -245,7 +268,8 @@ contains
 
       result%elements = model%elements
       result%depth = [model%depth, model%window]
-      call indent_grid(model%grid(1), model%formulation, model%specimen%materials(c), field_step, result%curve_type, error)
+      call indent_grid(model%grid(1), model%formulation, model%specimen%materials(c), field_step, &
+         & result%curve_type, error)
       if (allocated(error)) return
       result%modulus_of_mesh = [modulus_of(model, result%curve_type)]
       if (.not. two_meshes) return
@@ -261,8 +285,8 @@ contains
 
    contains
 
-      !> Extrapolate the curve of the finest mesh by that of a coarser one: the error of both is taken to fall with the square of the
-      !> element size.
+      !> Extrapolate the curve of the finest mesh by that of a coarser one: the error of both is
+      !> taken to fall with the square of the element size.
       subroutine extrapolate_curve(grid)
          type(grid_type), intent(in) :: grid
          type(curve_type) :: other
@@ -283,8 +307,9 @@ contains
       end subroutine extrapolate_curve
    end subroutine simulate_depths
 
-   !> The modulus as the instrument reads it, GPa. With dU = 2 a_H dh of the half-space, a_H its contact radius, S/(2 a_H) = dP/dU: the
-   !> slope at the last depth of a parabola over the window. Discrete contact grows in steps; weights that fall to both ends smooth them.
+   !> The modulus as the instrument reads it, GPa. With dU = 2 a_H dh of the half-space, a_H its
+   !> contact radius, S/(2 a_H) = dP/dU: the slope at the last depth of a parabola over the window.
+   !> Discrete contact grows in steps; weights that fall to both ends smooth them.
    pure real(wp) function modulus_of(model, curve) result(modulus)
       type(indentation_model_type), intent(in) :: model
       type(curve_type), intent(in) :: curve
@@ -315,8 +340,8 @@ contains
          & - sum(weight*u)*sum(weight*linear*area)/sum(weight*linear**2))
    end function modulus_of
 
-   !> Moduli of a curve, GPa: least squares through the origin over the depths that are used, the slope of a line with intercept, and the
-   !> last point alone.
+   !> Moduli of a curve, GPa: least squares through the origin over the depths that are used, the
+   !> slope of a line with intercept, and the last point alone.
    pure function moduli_of(model, force) result(moduli)
       type(indentation_model_type), intent(in) :: model
       !> mN (depths).

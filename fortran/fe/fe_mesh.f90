@@ -1,18 +1,20 @@
 !> The mesh generator: a uniform box of bricks under the indenter, wrapped in layers.
 !>
-!> The box is [-w, w] x [-w, w] x [-d, 0]; material is z < 0. A stage of the plan wraps layers of bricks around the surface of what there
-!> is (without its top), whose nodes move on straight lines to where the stage ends: a surface of the same shape, a hemisphere, a
-!> cylinder. Where the shape stays the same bricks repeat from layer to layer up to scale, and so do their stiffnesses. An interface that is
-!> a hemisphere or a cylinder is where a stage ends. One that is a plane is reached by the bottom of a stage: then bricks are put
-!> under that bottom, and the layers go on around both, above the plane sideways only.
-!> Before a stage the surface may be coarsened 2:1; the nodes that then hang take the mean of their neighbours.
-!> Around it all comes either a layer of infinite elements, swept along rays from the origin, or what is clamped.
+!> The box is [-w, w] x [-w, w] x [-d, 0]; material is z < 0. A stage of the plan wraps layers of
+!> bricks around the surface of what there is (without its top), whose nodes move on straight lines
+!> to where the stage ends: a surface of the same shape, a hemisphere, a cylinder. Where the shape
+!> stays the same bricks repeat from layer to layer up to scale, and so do their stiffnesses. An
+!> interface that is a hemisphere or a cylinder is where a stage ends. One that is a plane is
+!> reached by the bottom of a stage: then bricks are put under that bottom, and the layers go on
+!> around both, above the plane sideways only. Before a stage the surface may be coarsened 2:1; the
+!> nodes that then hang take the mean of their neighbours. Around it all comes either a layer of
+!> infinite elements, swept along rays from the origin, or what is clamped.
 module fe_mesh
    use errors, only: error_type
    use kinds, only: wp
    use machine, only: check_memory
-   use basic_specimen, only: check_plan, clamped_around, closed_by_infinite, growing, mesh_plan_type, &
-      & mesh_stage_type, surface_facets, to_ball, to_cylinder
+   use basic_specimen, only: check_plan, clamped_around, closed_by_infinite, growing, &
+      & mesh_plan_type, mesh_stage_type, surface_facets, to_ball, to_cylinder
    use text, only: to_text
    implicit none
    private
@@ -23,8 +25,8 @@ module fe_mesh
       real(wp), allocatable :: x(:, :)
       !> Nodes of each brick, Abaqus' order, and its material.
       integer, allocatable :: brick(:, :), material(:)
-      !> Bricks of a class are of one material and equal up to translation and scale: class of each brick, its scale (stiffness is
-      !> proportional to it), and a brick of scale 1 for each class.
+      !> Bricks of a class are of one material and equal up to translation and scale: class of each
+      !> brick, its scale (stiffness is proportional to it), and a brick of scale 1 for each class.
       integer, allocatable :: class(:), representative(:)
       real(wp), allocatable :: scale(:)
       !> Growth of the layer that each brick belongs to; 1 in boxes.
@@ -43,13 +45,15 @@ module fe_mesh
 
    !> A mesh under construction.
    type, extends(mesh_type) :: builder_type
-      !> Node of each lattice point of the current surface; 0 inside, where the surface is coarser, and where it is clamped.
+      !> Node of each lattice point of the current surface; 0 inside, where the surface is coarser,
+      !> and where it is clamped.
       integer, allocatable :: at(:, :, :)
       !> Lattice spacing of the current surface, and items made so far.
       integer :: step = 1, nodes = 0, bricks = 0, n_hanging = 0, classes = 0
    end type builder_type
 
-   !> Memory of a mesh with its pattern and places of entries, bytes a brick, rounded up from what was measured.
+   !> Memory of a mesh with its pattern and places of entries, bytes a brick, rounded up from what
+   !> was measured.
    real(wp), parameter :: bytes_per_brick = 6.0e3_wp
    !> Lengths that differ by less than this share are equal.
    real(wp), parameter :: equal = 1.0e-9_wp
@@ -65,11 +69,15 @@ contains
       integer :: nodes, bricks, nx, i
 
       call check_plan(plan, bricks, error)
-      if (.not. allocated(error)) call check_memory(bytes_per_brick*bricks, 'a mesh of '//to_text(bricks)//' elements', error)
+      if (.not. allocated(error)) then
+         call check_memory(bytes_per_brick*bricks, &
+            & 'a mesh of '//to_text(bricks)//' elements', error)
+      end if
       if (allocated(error)) return
       ! More than there are: what is not written takes no memory.
       nodes = 3*bricks
-      allocate (self%x(3, nodes), self%brick(8, bricks), self%material(bricks), self%class(bricks), self%representative(bricks))
+      allocate (self%x(3, nodes), self%brick(8, bricks), self%material(bricks), &
+         & self%class(bricks), self%representative(bricks))
       allocate (self%scale(bricks), self%growth(bricks), source=1.0_wp)
       allocate (self%hanging(nodes), self%master(4, nodes), source=0)
       call fill_box(plan, self)
@@ -78,7 +86,8 @@ contains
          if (plan%stages(i)%floor_levels > 0) call add_floor(plan%stages(i), self)
          ! Where the bottom of the surface is clamped nothing goes on below it.
          nx = ubound(self%at, 1)
-         if (plan%clamped_depth > 0.0_wp .and. self%x(3, self%at(0, 0, 0)) <= -plan%clamped_depth*(1.0_wp - equal)) then
+         if (plan%clamped_depth > 0.0_wp &
+            & .and. self%x(3, self%at(0, 0, 0)) <= -plan%clamped_depth*(1.0_wp - equal)) then
             self%at(1:nx - 1, 1:nx - 1, 0) = 0
          end if
          call add_layers(plan%stages(i), self)
@@ -111,14 +120,16 @@ contains
          do i = -n, n
             self%nodes = self%nodes + 1
             self%at(i + n, j + n, 0) = self%nodes
-            self%x(:, self%nodes) = [(real(i, wp)/n)*plan%half_width, (real(j, wp)/n)*plan%half_width, 0.0_wp]
+            self%x(:, self%nodes) = [(real(i, wp)/n)*plan%half_width, &
+               & (real(j, wp)/n)*plan%half_width, 0.0_wp]
          end do
       end do
       self%element_size = plan%half_width/n
       self%contact_limit = plan%half_width
       ! A hanging node has no displacement of its own.
-      if (plan%stages(max(1, findloc(plan%stages%layers > 0, .true., dim=1)))%coarsen) self%contact_limit = plan%half_width &
-         & - self%element_size
+      if (plan%stages(max(1, findloc(plan%stages%layers > 0, .true., dim=1)))%coarsen) then
+         self%contact_limit = plan%half_width - self%element_size
+      end if
       top = reshape(self%at, [size(self%at)])
       self%contact = pack(top, norm2(self%x(:2, top), dim=1) <= self%contact_limit*(1.0_wp + equal))
       self%nodes = 0
@@ -130,7 +141,8 @@ contains
    subroutine add_floor(stage, self)
       type(mesh_stage_type), intent(in) :: stage
       type(builder_type), intent(inout) :: self
-      integer, parameter :: corner(3, 8) = reshape([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1], [3, 8])
+      integer, parameter :: corner(3, 8) = reshape([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, &
+         & 1, 0, 1, 1, 1, 1, 0, 1, 1], [3, 8])
       integer, allocatable :: at(:, :, :)
       integer :: nx, levels, first, i, j, k
 
@@ -143,8 +155,8 @@ contains
             do i = 0, nx, self%step
                self%nodes = self%nodes + 1
                at(i, j, k*self%step) = self%nodes
-               self%x(:, self%nodes) = self%x(:, at(i, j, levels)) &
-                  & - [0.0_wp, 0.0_wp, stage%floor_depth*(stage%floor_levels - k)/stage%floor_levels]
+               self%x(:, self%nodes) = self%x(:, at(i, j, levels)) - [0.0_wp, 0.0_wp, &
+                  & stage%floor_depth*(stage%floor_levels - k)/stage%floor_levels]
             end do
          end do
       end do
@@ -242,12 +254,15 @@ contains
          case default
             finish(:2, p) = stage%ratio*start(:2, p)
             finish(3, p) = start(3, p)
-            if (start(3, p) < -stage%plane*(1.0_wp + equal)) finish(3, p) = stage%ratio*(start(3, p) + stage%plane) - stage%plane
+            if (start(3, p) < -stage%plane*(1.0_wp + equal)) then
+               finish(3, p) = stage%ratio*(start(3, p) + stage%plane) - stage%plane
+            end if
          end select
       end do
    end function stage_end
 
-   !> What lies around the last layer: infinite elements, or clamped nodes at the bottom, and perhaps at the sides.
+   !> What lies around the last layer: infinite elements, or clamped nodes at the bottom, and
+   !> perhaps at the sides.
    subroutine close_mesh(plan, self)
       type(mesh_plan_type), intent(in) :: plan
       type(builder_type), intent(inout) :: self
@@ -260,12 +275,17 @@ contains
       allocate (self%facet(4, size(quad, 3)), self%facet_material(size(quad, 3)))
       do f = 1, size(quad, 3)
          self%facet(:, f) = nodes_of(self%at, quad(:, :, f))
-         self%facet_material(f) = plan%far_material(merge(2, 1, is_above(plan%stages(size(plan%stages)), self, self%facet(:, f))))
+         self%facet_material(f) = plan%far_material(merge(2, 1, &
+            & is_above(plan%stages(size(plan%stages)), self, self%facet(:, f))))
       end do
       clamped = .false.
-      if (plan%closing /= closed_by_infinite) clamped = self%x(3, :) <= minval(self%x(3, :))*(1.0_wp - equal)
-      if (plan%closing == clamped_around) clamped = clamped .or. maxval(abs(self%x(:2, :)), dim=1) >= &
-         & maxval(self%x(1, :))*(1.0_wp - equal)
+      if (plan%closing /= closed_by_infinite) then
+         clamped = self%x(3, :) <= minval(self%x(3, :))*(1.0_wp - equal)
+      end if
+      if (plan%closing == clamped_around) then
+         clamped = clamped &
+            & .or. maxval(abs(self%x(:2, :)), dim=1) >= maxval(self%x(1, :))*(1.0_wp - equal)
+      end if
       self%clamped = pack([(i, i=1, size(clamped))], clamped)
    end subroutine close_mesh
 
@@ -308,7 +328,8 @@ contains
       self%step = 2*step
    end subroutine coarsen
 
-   !> Lattice points of the four corners of each facet of the surface, counterclockwise seen from outside.
+   !> Lattice points of the four corners of each facet of the surface, counterclockwise seen from
+   !> outside.
    subroutine surface_quads(self, quad)
       type(builder_type), intent(in) :: self
       integer, allocatable, intent(out) :: quad(:, :, :)
@@ -342,7 +363,8 @@ contains
          integer, intent(in) :: corner(3), first(3), second(3)
          integer :: points(3, 4)
 
-         points = reshape([corner, corner + step*first, corner + step*(first + second), corner + step*second], [3, 4])
+         points = reshape([corner, corner + step*first, corner + step*(first + second), &
+            & corner + step*second], [3, 4])
          if (any(nodes_of(self%at, points) == 0)) return
          n = n + 1
          quad(:, :, n) = points

@@ -1,7 +1,7 @@
 !> The rigid indenters: their shapes, and their closed forms on an isotropic half-space.
 !>
-!> The force is M times `unit_force`, M the plane-strain modulus, and d(force)/d(depth) = 2 a M with a the contact radius, whatever the
-!> shape. I. N. Sneddon, Int. J. Engng Sci. 3, 47 (1965).
+!> The force is M times `unit_force`, M the plane-strain modulus, and d(force)/d(depth) = 2 a M with
+!> a the contact radius, whatever the shape. I. N. Sneddon, Int. J. Engng Sci. 3, 47 (1965).
 module indenters
    use errors, only: error_type, refuse
    use kinds, only: degree, pi, wp
@@ -11,15 +11,20 @@ module indenters
    private
    public :: indenter_type, indenter_names, new_indenter
 
-   !> A new indenter: its type, which extends `indenter_type`, its name here, and its lines in `new_indenter`.
-   character(len=*), parameter :: paraboloid_name = 'paraboloid', cone_name = 'cone', sphere_name = 'sphere'
-   character(len=*), parameter :: indenter_names = paraboloid_name//', '//sphere_name//', '//cone_name
+   !> A new indenter: its type, which extends `indenter_type`, its name here, and its lines in
+   !> `new_indenter`.
+   character(len=*), parameter :: paraboloid_name = 'paraboloid', cone_name = 'cone', &
+      & sphere_name = 'sphere'
+   character(len=*), parameter :: indenter_names = paraboloid_name//', '//sphere_name &
+      & //', '//cone_name
 
-   !> One whose height above its end grows as a power of the distance r from the axis: paraboloid (2) and cone (1).
+   !> One whose height above its end grows as a power of the distance r from the axis: paraboloid
+   !> (2) and cone (1).
    type :: indenter_type
       !> Names of the variables of &indenter that only some indenters read, separated by ', '.
       character(len=:), allocatable :: variables
-      !> The last point of the curve: contact radius and depth, um; and the radius of a sphere, which ends there, um.
+      !> The last point of the curve: contact radius and depth, um; and the radius of a sphere,
+      !> which ends there, um.
       real(wp) :: contact_radius = 0.0_wp, depth = 0.0_wp, radius = huge(1.0_wp)
       integer, private :: exponent = 2
       !> Height over r**exponent, and depth over (contact radius)**exponent; um**(1 - exponent).
@@ -100,7 +105,8 @@ contains
       !> Depth, um.
       real(wp), intent(in) :: length
 
-      unit_force = 2.0_wp*self%exponent/(self%exponent + 1.0_wp)*self%contact_radius_of(length)*length
+      unit_force = 2.0_wp*self%exponent/(self%exponent + 1.0_wp) &
+                  & *self%contact_radius_of(length)*length
    end function unit_force
 
    !> Depth, um, of a contact radius.
@@ -130,8 +136,10 @@ contains
       real(wp), intent(in) :: length
       type(error_type), allocatable, intent(out) :: error
 
-      if (.not. length < self%radius) call refuse(error, variable//': '//to_text(length) &
-         & //' um is beyond the sphere; allowed below its radius_um of '//to_text(self%radius)//' um')
+      if (.not. length < self%radius) then
+         call refuse(error, variable//': '//to_text(length)//' um is beyond the sphere; allowed ' &
+            & //'below its radius_um of '//to_text(self%radius)//' um')
+      end if
    end subroutine check_length
 
    subroutine sphere_set_up(self, settings)
@@ -182,7 +190,8 @@ contains
       depth_of = length*atanh(length/self%radius)
    end function sphere_depth_of
 
-   !> t = a/R of t atanh(t) = h/R, by Newton's method in u = atanh(t) between bounds that close in on it.
+   !> t = a/R of t atanh(t) = h/R, by Newton's method in u = atanh(t) between bounds that close in
+   !> on it.
    elemental real(wp) function sphere_contact_radius_of(self, length) result(contact_radius)
       class(sphere_indenter_type), intent(in) :: self
       !> Depth, um.

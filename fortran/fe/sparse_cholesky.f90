@@ -1,4 +1,5 @@
-!> Fortran's view of the C++ layer that factors many sparse matrices with one pattern (cpp/sparse_cholesky.cpp).
+!> Fortran's view of the C++ layer that factors many sparse matrices with one pattern
+!> (cpp/sparse_cholesky.cpp).
 module sparse_cholesky
    use, intrinsic :: iso_c_binding, only: c_associated, c_double, c_int32_t, c_null_ptr, c_ptr
    use errors, only: error_type, raise
@@ -21,7 +22,8 @@ module sparse_cholesky
    integer(c_int32_t), parameter :: status_ok = 0, status_indefinite = 1, status_no_memory = 2
 
    interface
-      type(c_ptr) function c_new(n, column_start, row, group, retained, sizes, status) bind(c, name='bayesindent_cholesky_new')
+      type(c_ptr) function c_new(n, column_start, row, group, retained, sizes, status) bind(c, &
+         & name='bayesindent_cholesky_new')
          import :: c_double, c_int32_t, c_ptr
          integer(c_int32_t), value :: n, retained
          integer(c_int32_t), intent(in) :: column_start(*), row(*), group(*)
@@ -32,7 +34,8 @@ module sparse_cholesky
          import :: c_ptr
          type(c_ptr), value :: analysis
       end subroutine c_delete
-      type(c_ptr) function c_acquire(analysis, free_bytes) bind(c, name='bayesindent_cholesky_acquire')
+      type(c_ptr) function c_acquire(analysis, free_bytes) bind(c, &
+         & name='bayesindent_cholesky_acquire')
          import :: c_double, c_ptr
          type(c_ptr), value :: analysis
          real(c_double), value :: free_bytes
@@ -42,14 +45,17 @@ module sparse_cholesky
          import :: c_ptr
          type(c_ptr), value :: analysis, workspace
       end subroutine release_factor
-      integer(c_int32_t) function c_factor(analysis, workspace, values, unknown) bind(c, name='bayesindent_cholesky_factor')
+      integer(c_int32_t) function c_factor(analysis, workspace, values, unknown) bind(c, &
+         & name='bayesindent_cholesky_factor')
          import :: c_double, c_int32_t, c_ptr
          type(c_ptr), value :: analysis, workspace
          real(c_double), intent(in) :: values(*)
          integer(c_int32_t), intent(out) :: unknown
       end function c_factor
-      !> Lower Cholesky factor of the Schur complement of the retained unknowns, zeros above the diagonal.
-      subroutine retained_factor(analysis, workspace, factor) bind(c, name='bayesindent_cholesky_kept_factor')
+      !> Lower Cholesky factor of the Schur complement of the retained unknowns, zeros above the
+      !> diagonal.
+      subroutine retained_factor(analysis, workspace, factor) &
+         & bind(c, name='bayesindent_cholesky_kept_factor')
          import :: c_double, c_ptr
          type(c_ptr), value :: analysis, workspace
          real(c_double), intent(out) :: factor(*)
@@ -66,8 +72,9 @@ contains
 
    !> Order and analyse the pattern of a lower triangle in compressed columns, 1-based.
    subroutine analyse_pattern(column_start, row, group, retained, cholesky, error)
-      !> First entry of each column, and rows of the entries; number of the mesh node of each unknown: unknowns of a node share their
-      !> neighbours; and the last unknowns, to be eliminated last.
+      !> First entry of each column, and rows of the entries; number of the mesh node of each
+      !> unknown: unknowns of a node share their neighbours; and the last unknowns, to be eliminated
+      !> last.
       integer, intent(in) :: column_start(:), row(:), group(:), retained
       type(cholesky_type), intent(out) :: cholesky
       type(error_type), allocatable, intent(out) :: error
@@ -75,18 +82,20 @@ contains
       integer(c_int32_t) :: status
 
       cholesky%n = size(group)
-      cholesky%handle = c_new(cholesky%n, column_start - 1, row - 1, group - 1, retained, sizes, status)
+      cholesky%handle = c_new(cholesky%n, column_start - 1, row - 1, group - 1, retained, &
+         & sizes, status)
       if (status == status_no_memory) then
          call raise_no_memory('the factor of a system of '//to_text(cholesky%n)//' unknowns', error)
       else if (status /= status_ok) then
-         call raise(error, 'the sparsity pattern of '//to_text(cholesky%n)//' unknowns could not be analysed (status ' &
-            & //to_text(int(status))//')')
+         call raise(error, 'the sparsity pattern of '//to_text(cholesky%n) &
+            & //' unknowns could not be analysed (status '//to_text(int(status))//')')
       end if
       if (allocated(error)) return
       cholesky%entries = sizes(1)
       cholesky%operations = sizes(2)
       cholesky%bytes = sizes(3)
-      call check_memory(cholesky%bytes, 'the factor of a system of '//to_text(cholesky%n)//' unknowns', error)
+      call check_memory(cholesky%bytes, &
+         & 'the factor of a system of '//to_text(cholesky%n)//' unknowns', error)
       if (allocated(error)) call free_analysis(cholesky)
    end subroutine analyse_pattern
 
@@ -107,8 +116,10 @@ contains
       !$omp critical (sparse_cholesky)
       factor = c_acquire(cholesky%handle, free_memory())
       !$omp end critical (sparse_cholesky)
-      if (.not. c_associated(factor)) call raise_no_memory('a factor of '//memory_text(cholesky%bytes) &
-         & //'; fewer workers or a lower refine need less', error)
+      if (.not. c_associated(factor)) then
+         call raise_no_memory('a factor of '//memory_text(cholesky%bytes) &
+            & //'; fewer workers or a lower refine need less', error)
+      end if
    end subroutine acquire_factor
 
    !> Factor the matrix with these values; refuse one that is not positive definite.
@@ -121,7 +132,9 @@ contains
       integer(c_int32_t) :: status, unknown
 
       status = c_factor(cholesky%handle, factor, values, unknown)
-      if (status == status_indefinite) call raise(error, 'the stiffness matrix is not positive definite (unknown ' &
-         & //to_text(int(unknown) + 1)//' of '//to_text(cholesky%n)//')')
+      if (status == status_indefinite) then
+         call raise(error, 'the stiffness matrix is not positive definite (unknown ' &
+            & //to_text(int(unknown) + 1)//' of '//to_text(cholesky%n)//')')
+      end if
    end subroutine factorise
 end module sparse_cholesky

@@ -1,9 +1,11 @@
 !> The specimens there are beside the half-space, their names, and one by its settings.
 !>
-!> A new specimen: its type, which extends `specimen_type`, its name here, and its lines in `new_indentation`.
+!> A new specimen: its type, which extends `specimen_type`, its name here, and its lines in
+!> `new_indentation`.
 module specimens
-   use basic_specimen, only: clamped_around, clamped_bottom, core_of_contact, fineness, graded_layers, halfspace_name, &
-      & layers_of_ratio, mesh_plan_type, mesh_stage_type, require, specimen_type, to_ball, to_cylinder
+   use basic_specimen, only: clamped_around, clamped_bottom, core_of_contact, fineness, &
+      & graded_layers, halfspace_name, layers_of_ratio, mesh_plan_type, mesh_stage_type, require, &
+      & specimen_type, to_ball, to_cylinder
    use crystal_elasticity, only: hill_young_poisson, isotropic_stiffness, polycrystal_averages
    use errors, only: error_type, refuse
    use indenters, only: indenter_type, new_indenter
@@ -15,9 +17,11 @@ module specimens
    public :: geometry_names, new_indentation
 
    character(len=*), parameter :: block_name = 'block', film_name = 'film', grain_name = 'grain'
-   character(len=*), parameter :: geometry_names = halfspace_name//', '//block_name//', '//film_name//', '//grain_name
+   character(len=*), parameter :: geometry_names = halfspace_name//', '//block_name//', ' &
+      & //film_name//', '//grain_name
 
-   !> A block, bottom clamped and sides free: the paper's, of 9.6 x 9.6 x 4.8 um, where nothing else is stated.
+   !> A block, bottom clamped and sides free: the paper's, of 9.6 x 9.6 x 4.8 um, where nothing else
+   !> is stated.
    type, extends(specimen_type) :: block_specimen_type
       !> Its edges along x and y, and along z, um.
       real(wp) :: width = 0.0_wp, height = 0.0_wp
@@ -25,54 +29,68 @@ module specimens
       procedure :: set_up => block_set_up, check_sizes => block_check_sizes, plan => block_plan
    end type block_specimen_type
 
-   !> Half-width of the box of bricks under the contact in contact radii, and cells across it at refine = 1.
+   !> Half-width of the box of bricks under the contact in contact radii, and cells across it at
+   !> refine = 1.
    real(wp), parameter :: box_width = 1.3_wp, box_cells = 10.0_wp
-   !> Layers around the box at refine = 1, and the size of the block over that of its box, of the paper's block.
+   !> Layers around the box at refine = 1, and the size of the block over that of its box, of the
+   !> paper's block.
    real(wp), parameter :: paper_layers = 7.0_wp, paper_ratio = 4.8_wp/0.65_wp
-   !> The block is this many contact radii wide, and as high as these shares of half its width; and its half-width over that of the box
-   !> under the contact, at least.
-   real(wp), parameter :: least_width = 4.0_wp, lowest = 0.25_wp, highest = 4.0_wp, least_ratio = 1.2_wp
+   !> The block is this many contact radii wide, and as high as these shares of half its width; and
+   !> its half-width over that of the box under the contact, at least.
+   real(wp), parameter :: least_width = 4.0_wp, lowest = 0.25_wp, highest = 4.0_wp, &
+      & least_ratio = 1.2_wp
 
-   !> A film on a substrate: bricks of the film down to the interface, layers that go on around both, infinite elements of the substrate.
+   !> A film on a substrate: bricks of the film down to the interface, layers that go on around
+   !> both, infinite elements of the substrate.
    !>
-   !> A thin film ends inside the box under the indenter, a thick one where layers around the box reach the interface. Below begins a box of
-   !> the substrate's bricks, and the further layers are homothetic about the point of the interface under the contact; in the film they
-   !> go on sideways. A rigid substrate is a clamped bottom, and the sides are clamped some thicknesses away, where nothing moves.
+   !> A thin film ends inside the box under the indenter, a thick one where layers around the box
+   !> reach the interface. Below begins a box of the substrate's bricks, and the further layers are
+   !> homothetic about the point of the interface under the contact; in the film they go on
+   !> sideways. A rigid substrate is a clamped bottom, and the sides are clamped some thicknesses
+   !> away, where nothing moves.
    !>
    !> A substrate of no stiffness that is given is rigid.
    type, extends(specimen_type) :: film_specimen_type
       !> um.
       real(wp) :: thickness = 0.0_wp
    contains
-      procedure :: set_up => film_set_up, check_sizes => film_check_sizes, plan => film_plan, materials => film_materials
+      procedure :: set_up => film_set_up, check_sizes => film_check_sizes, plan => film_plan, &
+         & materials => film_materials
    end type film_specimen_type
 
-   !> A film up to this thickness, in contact radii, ends inside the box: on both meshes of an extrapolation, or on none.
+   !> A film up to this thickness, in contact radii, ends inside the box: on both meshes of an
+   !> extrapolation, or on none.
    real(wp), parameter :: thick = 1.3_wp
-   !> Depth of the substrate's box over half its width, and edge of a thin film's bricks there, vertical over horizontal.
+   !> Depth of the substrate's box over half its width, and edge of a thin film's bricks there,
+   !> vertical over horizontal.
    real(wp), parameter :: floor_proportion = 0.7_wp, flat = 1.5_wp
 
-   !> A grain among isotropic neighbours: bricks of the grain up to its boundary, a hemisphere or a cylinder, layers and infinite
-   !> elements of the matrix around it.
+   !> A grain among isotropic neighbours: bricks of the grain up to its boundary, a hemisphere or a
+   !> cylinder, layers and infinite elements of the matrix around it.
    !>
    !> A matrix of no stiffness that is given is the polycrystal of the grain's own crystal.
    type, extends(specimen_type) :: grain_specimen_type
       !> um; depth 0: a hemisphere, else a cylinder.
       real(wp) :: radius = 0.0_wp, depth = 0.0_wp
    contains
-      procedure :: set_up => grain_set_up, check_sizes => grain_check_sizes, plan => grain_plan, materials => grain_materials
+      procedure :: set_up => grain_set_up, check_sizes => grain_check_sizes, plan => grain_plan, &
+         & materials => grain_materials
    end type grain_specimen_type
 
-   !> The boundary is at least so far from the box under the contact, over the box's size; a cylinder is so deep, in radii.
+   !> The boundary is at least so far from the box under the contact, over the box's size; a
+   !> cylinder is so deep, in radii.
    real(wp), parameter :: clearance = 1.2_wp, flattest = 0.5_wp, deepest = 2.0_wp
-   !> From here on (half-width over radius) the layers turn into the shape of the boundary, growing so.
+   !> From here on (half-width over radius) the layers turn into the shape of the boundary, growing
+   !> so.
    real(wp), parameter :: turning = 0.45_wp, turning_growth = 1.25_wp
-   !> Where meshes end, in contact radii and in thicknesses of a film or radii of a grain, whichever is farther.
+   !> Where meshes end, in contact radii and in thicknesses of a film or radii of a grain, whichever
+   !> is farther.
    real(wp), parameter :: outer_contact = 5.0_wp, outer_thickness = 10.0_wp, outer_grain = 2.0_wp
 
 contains
 
-   !> The indenter and the specimen of the settings; a message of an error begins with the group and the variable.
+   !> The indenter and the specimen of the settings; a message of an error begins with the group and
+   !> the variable.
    subroutine new_indentation(settings, indenter, specimen, error)
       type(settings_type), intent(in) :: settings
       class(indenter_type), allocatable, intent(out) :: indenter
@@ -92,7 +110,8 @@ contains
       case (grain_name)
          allocate (grain_specimen_type :: specimen)
       case default
-         call refuse(error, "&specimen geometry: '"//settings%specimen%geometry//"' is unknown; allowed: "//geometry_names)
+         call refuse(error, "&specimen geometry: '"//settings%specimen%geometry &
+            & //"' is unknown; allowed: "//geometry_names)
          return
       end select
       specimen%contact_radius = indenter%contact_radius
@@ -123,14 +142,16 @@ contains
       class(block_specimen_type), intent(in) :: self
       type(error_type), allocatable, intent(out) :: error
 
-      associate (half => 0.5_wp*self%width, narrowest => max(least_width, 2.0_wp*least_ratio*box_width*self%zone) &
-                & *self%contact_radius)
+      associate (half => 0.5_wp*self%width, narrowest => max(least_width, &
+         & 2.0_wp*least_ratio*box_width*self%zone)*self%contact_radius)
          if (self%width < narrowest) then
-            call refuse(error, 'width_um: '//to_text(self%width)//' um is too narrow for a contact radius of ' &
-               & //to_text(self%contact_radius, 3)//' um; allowed from '//to_text(narrowest, 3)//' um')
+            call refuse(error, 'width_um: '//to_text(self%width) &
+               & //' um is too narrow for a contact radius of '//to_text(self%contact_radius, 3) &
+               & //' um; allowed from '//to_text(narrowest, 3)//' um')
          else if (self%height < lowest*half .or. self%height > highest*half) then
-            call refuse(error, 'height_um: '//to_text(self%height)//' um does not go with width_um = '//to_text(self%width) &
-               & //'; allowed '//to_text(lowest*half)//' to '//to_text(highest*half)//' um')
+            call refuse(error, 'height_um: '//to_text(self%height) &
+               & //' um does not go with width_um = '//to_text(self%width)//'; allowed ' &
+               & //to_text(lowest*half)//' to '//to_text(highest*half)//' um')
          end if
       end associate
    end subroutine block_check_sizes
@@ -148,7 +169,8 @@ contains
       plan%depth_cells = max(2, nint(proportion*plan%half_cells))
       plan%half_width = box_width*self%contact_radius*(real(plan%half_cells, wp)/default_cells)
       plan%depth = proportion*plan%half_width
-      plan%stages = [layers_of_ratio(0.5_wp*self%width/plan%half_width, exp(log(paper_ratio)/paper_layers), refine)]
+      plan%stages = [layers_of_ratio(0.5_wp*self%width/plan%half_width, &
+         & exp(log(paper_ratio)/paper_layers), refine)]
       plan%closing = clamped_bottom
    end function block_plan
 
@@ -164,7 +186,8 @@ contains
          call require(film_name, 'thickness_um', stated%thickness_um, self%thickness, error)
          if (stated%substrate /= 'rigid') then
             self%variables = self%variables//', substrate_young_gpa, substrate_nu'
-            call require(film_name, 'substrate_young_gpa', stated%substrate_young_gpa, self%young, error)
+            call require(film_name, 'substrate_young_gpa', stated%substrate_young_gpa, &
+               & self%young, error)
             self%poisson = stated%substrate_nu
          end if
       end associate
@@ -175,10 +198,12 @@ contains
       class(film_specimen_type), intent(in) :: self
       type(error_type), allocatable, intent(out) :: error
 
-      if (self%thickness < 2.0_wp*self%element_size) call refuse(error, 'thickness_um: ' &
-         & //to_text(self%thickness)//' um is less than two elements of '//to_text(self%element_size, 3) &
-         & //' um under a contact of radius '//to_text(self%contact_radius, 3)//' um; allowed from ' &
-         & //to_text(2.0_wp*self%element_size, 3)//' um, or indent less deeply')
+      if (self%thickness < 2.0_wp*self%element_size) then
+         call refuse(error, 'thickness_um: '//to_text(self%thickness)//' um is less than two ' &
+            & //'elements of '//to_text(self%element_size, 3)//' um under a contact of radius ' &
+            & //to_text(self%contact_radius, 3)//' um; allowed from ' &
+            & //to_text(2.0_wp*self%element_size, 3)//' um, or indent less deeply')
+      end if
    end subroutine film_check_sizes
 
    pure type(mesh_plan_type) function film_plan(self, refine) result(plan)
@@ -217,13 +242,13 @@ contains
          plan%clamped_depth = self%thickness
          plan%closing = clamped_around
       end if
-      plan%stages = [plan%stages, graded_layers(width, max(outer_contact*contact_radius, outer_thickness*self%thickness), &
-         & contact_radius, refine, self%thickness, 2)]
+      plan%stages = [plan%stages, graded_layers(width, max(outer_contact*contact_radius, &
+         & outer_thickness*self%thickness), contact_radius, refine, self%thickness, 2)]
       if (thin) plan%stages(findloc(plan%stages%layers > 0, .true., dim=1))%coarsen = .true.
    end function film_plan
 
-   !> The film, the substrate, and their mean: beyond the mesh an infinite element makes a wedge of what is a film, with twice its energy,
-   !> since strains decay as the square of the distance.
+   !> The film, the substrate, and their mean: beyond the mesh an infinite element makes a wedge of
+   !> what is a film, with twice its energy, since strains decay as the square of the distance.
    pure function film_materials(self, crystal) result(c)
       class(film_specimen_type), intent(in) :: self
       !> Sample frame, GPa.
@@ -243,7 +268,8 @@ contains
 
       self%variables = 'grain_radius_um, grain_depth_um, matrix'
       self%parts = 'the grain, the matrix around it'
-      ! So the few layers that turn into its boundary are about in proportion on both meshes (docs/verification/simulation.md).
+      ! So the few layers that turn into its boundary are about in proportion on both meshes
+      ! (docs/verification/simulation.md).
       self%coarse_ratio = 0.75_wp
       associate (stated => settings%specimen)
          call require(grain_name, 'grain_radius_um', stated%grain_radius_um, self%radius, error)
@@ -269,11 +295,15 @@ contains
          call refuse_below(clearance*plan%depth, 'grain_depth_um', self%depth)
          corner(3) = 0.0_wp
       end if
-      if (.not. allocated(error)) call refuse_below(clearance*norm2(corner), 'grain_radius_um', self%radius)
+      if (.not. allocated(error)) then
+         call refuse_below(clearance*norm2(corner), 'grain_radius_um', self%radius)
+      end if
       if (allocated(error) .or. .not. self%depth > 0.0_wp) return
-      if (self%depth < flattest*self%radius .or. self%depth > deepest*self%radius) call refuse(error, 'grain_depth_um: ' &
-         & //to_text(self%depth)//' um does not go with grain_radius_um = '//to_text(self%radius)//'; allowed ' &
-         & //to_text(flattest*self%radius, 3)//' to '//to_text(deepest*self%radius, 3)//' um')
+      if (self%depth < flattest*self%radius .or. self%depth > deepest*self%radius) then
+         call refuse(error, 'grain_depth_um: '//to_text(self%depth) &
+            & //' um does not go with grain_radius_um = '//to_text(self%radius)//'; allowed ' &
+            & //to_text(flattest*self%radius, 3)//' to '//to_text(deepest*self%radius, 3)//' um')
+      end if
 
    contains
 
@@ -281,9 +311,11 @@ contains
          real(wp), intent(in) :: least, length
          character(len=*), intent(in) :: name
 
-         if (length < least) call refuse(error, name//': '//to_text(length)//' um does not hold the refined zone under a contact ' &
-            & //'of radius '//to_text(self%contact_radius, 3)//' um; allowed from '//to_text(least, 3) &
-            & //' um, or indent less deeply')
+         if (length < least) then
+            call refuse(error, name//': '//to_text(length)//' um does not hold the refined zone ' &
+               & //'under a contact of radius '//to_text(self%contact_radius, 3) &
+               & //' um; allowed from '//to_text(least, 3)//' um, or indent less deeply')
+         end if
       end subroutine refuse_below
    end subroutine grain_check_sizes
 
@@ -297,13 +329,15 @@ contains
       width = turning*self%radius
       if (self%depth > 0.0_wp) width = min(width, turning*self%depth*plan%half_width/plan%depth)
       width = max(width, plan%half_width)
-      plan%stages = graded_layers(plan%half_width, width, self%contact_radius*plan%widening, refine, 0.0_wp, 1)
-      turn = layers_of_ratio(max(self%radius, self%depth*plan%half_width/plan%depth)/width, turning_growth, refine)
+      plan%stages = graded_layers(plan%half_width, width, self%contact_radius*plan%widening, &
+         & refine, 0.0_wp, 1)
+      turn = layers_of_ratio(max(self%radius, self%depth*plan%half_width/plan%depth)/width, &
+         & turning_growth, refine)
       turn%shape = merge(to_cylinder, to_ball, self%depth > 0.0_wp)
       turn%radius = self%radius
       turn%depth = self%depth
-      plan%stages = [plan%stages, turn, graded_layers(self%radius, max(outer_contact*self%contact_radius, &
-         & outer_grain*self%radius), self%contact_radius, refine, 0.0_wp, 2)]
+      plan%stages = [plan%stages, turn, graded_layers(self%radius, max(outer_contact &
+          & *self%contact_radius, outer_grain*self%radius), self%contact_radius, refine, 0.0_wp, 2)]
       plan%stages(1)%coarsen = .true.
       plan%far_material = 2
    end function grain_plan
@@ -318,7 +352,9 @@ contains
 
       young = self%young
       poisson = self%poisson
-      if (.not. young > 0.0_wp) call hill_young_poisson(polycrystal_averages(crystal), young, poisson)
+      if (.not. young > 0.0_wp) then
+         call hill_young_poisson(polycrystal_averages(crystal), young, poisson)
+      end if
       c = spread(crystal, 3, 2)
       c(:, :, 2) = isotropic_stiffness(young, poisson)
    end function grain_materials

@@ -1,5 +1,5 @@
-!> What a sampler is: it makes one chain of a target from one random stream. And what it needs of a target, a density: its logarithm at
-!> many points in one call.
+!> What a sampler is: it makes one chain of a target from one random stream. And what it needs of a
+!> target, a density: its logarithm at many points in one call.
 module abstract_sampler
    use running_command, only: stop_requested
    use kinds, only: wp
@@ -19,7 +19,8 @@ module abstract_sampler
       procedure(draw_start_interface), deferred :: draw_start
       !> Logarithm of the density of the parameters, up to a constant.
       procedure(evaluate_interface), deferred :: evaluate
-      !> The same of coordinates in which the density is smoother; by default these are the parameters themselves.
+      !> The same of coordinates in which the density is smoother; by default these are the
+      !> parameters themselves.
       procedure :: evaluate_working, to_working, from_working, coarsen
    end type target_type
 
@@ -43,7 +44,8 @@ module abstract_sampler
    end interface
 
    type, abstract :: sampler_type
-      !> Sweeps before the samples that are kept: as many evaluations of the density each as there are parameters.
+      !> Sweeps before the samples that are kept: as many evaluations of the density each as there
+      !> are parameters.
       integer :: burn_in = 0
    contains
       procedure(run_interface), deferred :: run
@@ -67,7 +69,8 @@ module abstract_sampler
 
 contains
 
-   !> Logarithm of the density of working coordinates `w`, which has the volume |dx/dw| in it, up to a constant.
+   !> Logarithm of the density of working coordinates `w`, which has the volume |dx/dw| in it, up to
+   !> a constant.
    pure recursive subroutine evaluate_working(self, w, log_density)
       class(target_type), intent(in) :: self
       !> (dimension, point).
@@ -78,7 +81,8 @@ contains
       call self%evaluate(w, log_density)
    end subroutine evaluate_working
 
-   !> The parameters of points of the support and the logarithms of their density, in place of working coordinates and that of these.
+   !> The parameters of points of the support and the logarithms of their density, in place of
+   !> working coordinates and that of these.
    pure subroutine from_working(self, points, log_density)
       class(target_type), intent(in) :: self
       !> (dimension, point), (point).
@@ -98,7 +102,8 @@ contains
       w = x(:self%dimension, :)
    end subroutine to_working
 
-   !> Be cheaper, if that can be at all, where that costs accuracy in tails: to find proposals there is good enough.
+   !> Be cheaper, if that can be at all, where that costs accuracy in tails: to find proposals there
+   !> is good enough.
    subroutine coarsen(self)
       class(target_type), intent(inout) :: self
 
@@ -106,7 +111,8 @@ contains
       end associate
    end subroutine coarsen
 
-   !> Points of the support from the target's starts, with their log densities; `found` may be fewer than asked for.
+   !> Points of the support from the target's starts, with their log densities; `found` may be fewer
+   !> than asked for.
    subroutine draw_starts(target, stream, points, density, found)
       class(target_type), intent(in) :: target
       type(random_stream_type), intent(inout) :: stream
@@ -119,7 +125,8 @@ contains
 
       found = 0
       tried = 0
-      do while (found < size(density) .and. tried < most_tries*size(density) .and. .not. stop_requested())
+      do while (found < size(density) .and. tried < most_tries*size(density) &
+         & .and. .not. stop_requested())
          allocate (x(target%dimension, size(density) - found), values(size(density) - found))
          do i = 1, size(values)
             call target%draw_start(stream, x(:, i))

@@ -1,8 +1,10 @@
-!> How far chains have mixed: effective sample sizes and R-hat of rank-normalised split chains (Vehtari et al., Bayesian Anal. 16,
-!> 667, 2021), by the definitions of ArviZ' ess (bulk, tail) and rhat (rank).
+!> How far chains have mixed: effective sample sizes and R-hat of rank-normalised split chains
+!> (Vehtari et al., Bayesian Anal. 16, 667, 2021), by the definitions of ArviZ' ess (bulk, tail) and
+!> rhat (rank).
 !>
-!> Autocovariances are sums over lags that end where Geyer's sequence ends: mixed chains cost a few lags, stuck ones up to
-!> samples²/8 products for each half. Long arrays are allocatable: others are on a thread's stack.
+!> Autocovariances are sums over lags that end where Geyer's sequence ends: mixed chains cost a few
+!> lags, stuck ones up to samples²/8 products for each half. Long arrays are allocatable: others are
+!> on a thread's stack.
 module chain_diagnostics
    use kinds, only: nan, pi, wp
    use linear_algebra, only: dot
@@ -12,7 +14,8 @@ module chain_diagnostics
    public :: diagnostics_type, diagnose_chains, normal_quantile
 
    type :: diagnostics_type
-      !> Independent draws that the chains are worth for the centre, and for the 5 % and 95 % quantiles (the lesser).
+      !> Independent draws that the chains are worth for the centre, and for the 5 % and 95 %
+      !> quantiles (the lesser).
       real(wp) :: ess_bulk = 0.0_wp, ess_tail = 0.0_wp
       !> Potential scale reduction, of the values or of their distance from the median (the larger).
       real(wp) :: r_hat = 0.0_wp
@@ -26,7 +29,8 @@ module chain_diagnostics
 
 contains
 
-   !> Diagnostics of one parameter; NaN where there are none: of fewer than four samples, R-hat of one chain or of one value.
+   !> Diagnostics of one parameter; NaN where there are none: of fewer than four samples, R-hat of
+   !> one chain or of one value.
    pure type(diagnostics_type) function diagnose_chains(draws) result(diagnostics)
       !> (sample, chain), finite.
       real(wp), intent(in), contiguous :: draws(:, :)
@@ -85,15 +89,17 @@ contains
             if (values(order(last + 1)) > values(order(first))) exit
             last = last + 1
          end do
-         scores(order(first:last)) = normal_quantile((0.5_wp*(first + last) - 0.375_wp)/(n + 0.25_wp))
+         scores(order(first:last)) = normal_quantile((0.5_wp*(first + last) - 0.375_wp) &
+            & /(n + 0.25_wp))
          first = last + 1
       end do
    end subroutine normal_scores
 
-   !> Quantile `p` of two or more sorted values, linear between neighbours (type 7 of Hyndman & Fan, Am. Stat. 50, 361, 1996).
+   !> Quantile `p` of two or more sorted values, linear between neighbours (type 7 of Hyndman & Fan,
+   !> Am. Stat. 50, 361, 1996).
    !>
-   !> The order of operations is that of ArviZ; where neighbours are equal, the last bit says whether they are below. The
-   !> parentheses keep fused operations out.
+   !> The order of operations is that of ArviZ; where neighbours are equal, the last bit says
+   !> whether they are below. The parentheses keep fused operations out.
    pure real(wp) function quantile(sorted, p)
       real(wp), intent(in) :: sorted(:), p
       real(wp) :: position, share
@@ -105,8 +111,8 @@ contains
       quantile = ((1.0_wp - share)*sorted(k)) + (share*sorted(k + 1))
    end function quantile
 
-   !> Number of independent draws with the same variance of the mean, by Geyer's initial monotone positive sequence of
-   !> autocorrelations (Geyer, Stat. Sci. 7, 473, 1992) over all chains.
+   !> Number of independent draws with the same variance of the mean, by Geyer's initial monotone
+   !> positive sequence of autocorrelations (Geyer, Stat. Sci. 7, 473, 1992) over all chains.
    pure real(wp) function effective_size(chains) result(ess)
       !> (sample, chain), two chains or more of two samples or more.
       real(wp), intent(in), contiguous :: chains(:, :)
@@ -138,7 +144,9 @@ contains
       ! An even term alone lessens the variance of antithetic chains.
       if (even > 0.0_wp) rho(last + 1) = even
       do t = 1, last - 2, 2
-         if (rho(t + 1) + rho(t + 2) > rho(t - 1) + rho(t)) rho(t + 1:t + 2) = 0.5_wp*(rho(t - 1) + rho(t))
+         if (rho(t + 1) + rho(t + 2) > rho(t - 1) + rho(t)) then
+            rho(t + 1:t + 2) = 0.5_wp*(rho(t - 1) + rho(t))
+         end if
       end do
       tau = -1.0_wp + 2.0_wp*sum(rho(0:last)) + rho(last + 1)
       ess = ess/max(tau, 1.0_wp/log10(ess))
@@ -154,8 +162,8 @@ contains
       autocovariance = sum([(dot(x(:size(x, 1) - t, j), x(t + 1:, j)), j=1, size(x, 2))])/size(x)
    end function autocovariance
 
-   !> Square root of the variance over all chains by that within them (Gelman et al., Bayesian Data Analysis, 3rd ed., 11.4); NaN
-   !> where nothing moves.
+   !> Square root of the variance over all chains by that within them (Gelman et al., Bayesian Data
+   !> Analysis, 3rd ed., 11.4); NaN where nothing moves.
    pure real(wp) function scale_reduction(chains)
       !> (sample, chain)
       real(wp), intent(in), contiguous :: chains(:, :)
@@ -187,7 +195,8 @@ contains
 
       lower = min(p, 1.0_wp - p)
       t = sqrt(-2.0_wp*log(lower))
-      x = (2.515517_wp + t*(0.802853_wp + t*0.010328_wp))/(1.0_wp + t*(1.432788_wp + t*(0.189269_wp + t*0.001308_wp))) - t
+      x = (2.515517_wp + t*(0.802853_wp + t*0.010328_wp))/(1.0_wp &
+         & + t*(1.432788_wp + t*(0.189269_wp + t*0.001308_wp))) - t
       do i = 1, 2
          step = (0.5_wp*erfc(-x/sqrt(2.0_wp)) - lower)*sqrt(2.0_wp*pi)*exp(0.5_wp*x**2)
          x = x - step/(1.0_wp + 0.5_wp*x*step)

@@ -1,6 +1,6 @@
-!> The same density from its sufficient statistics. Where many grains read few coefficients of an expansion, errors are normal and
-!> independent, and their sds are known, the sum of squares of all grains is that of as many measurements as there are coefficients, and
-!> a constant.
+!> The same density from its sufficient statistics. Where many grains read few coefficients of an
+!> expansion, errors are normal and independent, and their sds are known, the sum of squares of all
+!> grains is that of as many measurements as there are coefficients, and a constant.
 module condensed_posterior
    use constants_posterior, only: has_own_variance, posterior_type
    use correction_basis, only: correction_grain_model_type
@@ -11,23 +11,28 @@ module condensed_posterior
 
 contains
 
-   !> Put these measurements in the place of the grains, if that is so: the density stays the same, and nothing else is to be asked for.
+   !> Put these measurements in the place of the grains, if that is so: the density stays the same,
+   !> and nothing else is to be asked for.
    subroutine condense(posterior)
       type(posterior_type), intent(inout) :: posterior
       real(wp), allocatable :: values(:)
       real(wp) :: rest
       integer :: n
 
-      if (posterior%settings%likelihood /= 'normal' .or. posterior%infers_scale .or. posterior%n_shared > 0 &
-         & .or. has_own_variance(posterior) .or. posterior%observable%compliance > 0.0_wp) return
+      if (posterior%settings%likelihood /= 'normal' .or. posterior%infers_scale &
+         & .or. posterior%n_shared > 0 .or. has_own_variance(posterior) &
+         & .or. posterior%observable%compliance > 0.0_wp) then
+         return
+      end if
       select type (grains => posterior%grains)
       type is (correction_grain_model_type)
-         call grains%expansion%condense(posterior%observable%factor/posterior%scale, posterior%data%modulus/posterior%scale, &
-            & values, rest)
+         call grains%expansion%condense(posterior%observable%factor/posterior%scale, &
+            & posterior%data%modulus/posterior%scale, values, rest)
       end select
       if (.not. allocated(values)) return
       n = size(values)
-      posterior%log_scales = posterior%log_scales + 0.5_wp*(rest + (posterior%n_grains - n)*log(2.0_wp*pi))
+      posterior%log_scales = posterior%log_scales &
+         & + 0.5_wp*(rest + (posterior%n_grains - n)*log(2.0_wp*pi))
       posterior%data%modulus = values*posterior%observable%factor
       posterior%scale = spread(posterior%observable%factor, 1, n)
       posterior%n_grains = n

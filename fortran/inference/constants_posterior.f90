@@ -1,9 +1,12 @@
-!> The posterior of the elastic constants given indentation moduli measured in grains of known orientation (Eqs. 12 and 13).
+!> The posterior of the elastic constants given indentation moduli measured in grains of known
+!> orientation (Eqs. 12 and 13).
 !>
-!> The model of a measurement is m = f(M) (1 + e) + noise: f maps the indentation modulus M to the kind that was measured, e is a
-!> relative error common to all grains (sd `calibration_sd`), and the noise has the grain's sd, or that sd times a common factor that
-!> is inferred. The surrogate's own uncertainty is correlated between grains: its covariance is G T(c) Gᵀ with G = (df/dy) K, of the
-!> rank of the harmonics. So V = D + U Uᵀ with a thin U, and |V| and V^-1 cost a matrix of the size of U's columns (Woodbury).
+!> The model of a measurement is m = f(M) (1 + e) + noise: f maps the indentation modulus M to the
+!> kind that was measured, e is a relative error common to all grains (sd `calibration_sd`), and the
+!> noise has the grain's sd, or that sd times a common factor that is inferred. The surrogate's own
+!> uncertainty is correlated between grains: its covariance is G T(c) Gᵀ with G = (df/dy) K, of the
+!> rank of the harmonics. So V = D + U Uᵀ with a thin U, and |V| and V^-1 cost a matrix of the size
+!> of U's columns (Woodbury).
 module constants_posterior
    use abstract_basis, only: grain_model_type
    use constants_prior, only: prior_type
@@ -26,12 +29,14 @@ module constants_posterior
    private
    public :: posterior_type, new_posterior, has_own_variance
 
-   !> Bounds of the common factor on the sds where it is inferred; its logarithm is uniform between them.
+   !> Bounds of the common factor on the sds where it is inferred; its logarithm is uniform between
+   !> them.
    real(wp), parameter :: least_factor = 0.05_wp, greatest_factor = 50.0_wp
 
    type, extends(target_type) :: posterior_type
       type(prior_type) :: prior
-      !> Of &measurements; whether a common factor on the sds is inferred, its logarithm as a parameter; whether the data are left out.
+      !> Of &measurements; whether a common factor on the sds is inferred, its logarithm as a
+      !> parameter; whether the data are left out.
       type(measurements_settings_type) :: settings
       logical :: infers_scale = .false., prior_only = .false.
       integer :: n_grains = 0, n_constants = 0, n_groups = 1
@@ -39,19 +44,23 @@ module constants_posterior
       integer :: n_moduli = 0
       !> Directions of each grain that are evaluated: 1, or `n_tilts`.
       integer, private :: n_directions = 1
-      !> What the surrogate gives the measured grains, then the same grains with the next tilt, and so on.
+      !> What the surrogate gives the measured grains, then the same grains with the next tilt, and
+      !> so on.
       class(grain_model_type), allocatable :: grains
       !> The same by a theory that is read more roughly, if that is enough to find proposals.
       class(grain_model_type), allocatable :: rough
       type(observable_type) :: observable
       class(error_model_type), allocatable :: errors
-      !> Errors that the grains share: the surrogate's, then the calibration's of each group, if any, up to `n_calibrated`, then relative
-      !> ones that were stated, then the two tilts of the sample.
+      !> Errors that the grains share: the surrogate's, then the calibration's of each group, if
+      !> any, up to `n_calibrated`, then relative ones that were stated, then the two tilts of the
+      !> sample.
       integer :: n_shared = 0, n_calibrated = 0
       type(measured_type) :: data
-      !> Of the errors from calibration to the stated ones what one sd of them is of a measurement, (grain, error).
+      !> Of the errors from calibration to the stated ones what one sd of them is of a measurement,
+      !> (grain, error).
       real(wp), allocatable, private :: relative(:, :)
-      !> Allocated if the orientations of the measured grains are unknown: then `grains` has all directions.
+      !> Allocated if the orientations of the measured grains are unknown: then `grains` has all
+      !> directions.
       type(unknown_orientations_type), allocatable :: unknown
       !> Relative sds of the calibration errors, (group).
       real(wp), allocatable :: calibration(:)
@@ -63,9 +72,9 @@ module constants_posterior
       !> Sum of the logarithms of the scales.
       real(wp) :: log_scales = 0.0_wp
    contains
-      procedure :: evaluate, evaluate_working, to_working, from_working, coarsen, draw_start, set_field_degree, &
-         & moduli_at, predict_measurements, infer_shared, evaluate_grains, scale_factor, place_shared, log_prior, stiffness, &
-         & new_grains
+      procedure :: evaluate, evaluate_working, to_working, from_working, coarsen, draw_start, &
+         & set_field_degree, moduli_at, predict_measurements, infer_shared, evaluate_grains, &
+         & scale_factor, place_shared, log_prior, stiffness, new_grains
    end type posterior_type
 
 contains
@@ -88,8 +97,10 @@ contains
 
       call new_observable(settings%modulus_kind, settings, posterior%observable, error)
       if (.not. allocated(error)) call new_error_model(settings, posterior%errors, error)
-      if (size(measured%modulus) > most) call raise(error, to_text(size(measured%modulus))//' grains are more than the ' &
-         & //to_text(most)//' that are allowed', exit_bad_input)
+      if (size(measured%modulus) > most) then
+         call raise(error, to_text(size(measured%modulus))//' grains are more than the ' &
+            & //to_text(most)//' that are allowed', exit_bad_input)
+      end if
       if (allocated(error)) return
       posterior%prior = prior
       posterior%settings = settings
@@ -100,33 +111,42 @@ contains
       posterior%n_groups = max(1, maxval(measured%group))
       posterior%n_moduli = count(measured%paths%wave == no_wave)
       allocate (posterior%calibration(posterior%n_groups), source=settings%calibration_sd)
-      posterior%calibration(maxval([0, measured%group(:posterior%n_moduli)]) + 1:) = settings%velocity_calibration_sd
+      posterior%calibration(maxval([0, measured%group(:posterior%n_moduli)]) &
+         & + 1:) = settings%velocity_calibration_sd
       posterior%scale = posterior%errors%scale*measured%sd
       posterior%log_scales = sum(log(posterior%scale))
       posterior%n_directions = merge(n_tilts, 1, settings%misalignment_sd_deg > 0.0_wp &
          & .or. any(measured%tilt_sd > 0.0_wp))
       posterior%euler = measured%euler
       if (posterior%n_directions > 1) posterior%euler = all_tilts(measured%euler, measured%tilt_sd)
-      call new_grain_model(surrogate, prior%class, posterior%euler, with_covariance, posterior%grains, error)
-      if (.not. allocated(error) .and. posterior%n_moduli < posterior%n_grains) call add_waves(measured%paths, &
-         & measured%density, posterior%euler, posterior%grains, error)
+      call new_grain_model(surrogate, prior%class, posterior%euler, with_covariance, &
+         & posterior%grains, error)
+      if (.not. allocated(error) .and. posterior%n_moduli < posterior%n_grains) then
+         call add_waves(measured%paths, measured%density, posterior%euler, posterior%grains, error)
+      end if
       if (allocated(error)) return
-      if (with_covariance .and. none*surrogate%beta <= 1.0_wp) posterior%scatter = 1.0_wp/surrogate%beta
-      posterior%n_calibrated = posterior%grains%n_columns + merge(posterior%n_groups, 0, any(posterior%calibration > 0.0_wp))
-      posterior%n_shared = posterior%n_calibrated + size(measured%shared, 2) + merge(2, 0, settings%misalignment_sd_deg > 0.0_wp)
+      if (with_covariance .and. none*surrogate%beta <= 1.0_wp) then
+         posterior%scatter = 1.0_wp/surrogate%beta
+      end if
+      posterior%n_calibrated = posterior%grains%n_columns + merge(posterior%n_groups, 0, &
+         & any(posterior%calibration > 0.0_wp))
+      posterior%n_shared = posterior%n_calibrated + size(measured%shared, 2) + merge(2, 0, &
+         & settings%misalignment_sd_deg > 0.0_wp)
       posterior%dimension = prior%n_constants + merge(1, 0, posterior%infers_scale)
       columns = posterior%n_calibrated - posterior%grains%n_columns
-      allocate (posterior%relative(posterior%n_grains, columns + size(measured%shared, 2)), source=0.0_wp)
+      allocate (posterior%relative(posterior%n_grains, columns + size(measured%shared, 2)), &
+         & source=0.0_wp)
       do g = 1, merge(posterior%n_grains, 0, columns > 0)
          posterior%relative(g, measured%group(g)) = posterior%calibration(measured%group(g))
       end do
       posterior%relative(:, columns + 1:) = measured%shared
       if (.not. allocated(measured%probability)) return
       if (posterior%scatter > 0.0_wp) then
-         call refuse(error, 'orientations = ''unknown'' needs &sampler surrogate_variance = ''none''')
+         call refuse(error, &
+            & 'orientations = ''unknown'' needs &sampler surrogate_variance = ''none''')
       else
-         posterior%unknown = unknown_orientations_type(measured%probability, measured%modulus, measured%sd, settings%scatter_sd, &
-            & posterior%observable, null(), null())
+         posterior%unknown = unknown_orientations_type(measured%probability, measured%modulus, &
+            & measured%sd, settings%scatter_sd, posterior%observable, null(), null())
          call posterior%unknown%set_nodes(posterior%relative, error)
       end if
    end subroutine new_posterior
@@ -161,19 +181,25 @@ contains
       log_density = outside
       do i = 1, size(log_density)
          c = self%stiffness(points(:, i))
-         if (.not. (self%prior%admits(points(:self%n_constants, i), c) .and. scale_is_admitted(self, points(:, i)))) cycle
+         if (.not. (self%prior%admits(points(:self%n_constants, i), c) &
+            & .and. scale_is_admitted(self, points(:, i)))) then
+            cycle
+         end if
          log_density(i) = self%log_prior(c) + likelihood_of_crystal(self, points(:, i), c)
       end do
    end subroutine evaluate
 
-   !> Logarithm of the prior density of the constants, at a crystal of the support, up to a constant.
+   !> Logarithm of the prior density of the constants, at a crystal of the support, up to a
+   !> constant.
    pure real(wp) function log_prior(self, c)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
 
       log_prior = self%prior%log_density(c)
-      if (self%prior%in_logarithms) log_prior = log_prior &
-         & - self%prior%logarithms%log_volume_at(self%prior%logarithms%to_logarithms(c))
+      if (self%prior%in_logarithms) then
+         log_prior = log_prior &
+            & - self%prior%logarithms%log_volume_at(self%prior%logarithms%to_logarithms(c))
+      end if
    end function log_prior
 
    pure recursive subroutine evaluate_working(self, w, log_density)
@@ -202,8 +228,10 @@ contains
       n = 1
       do i = 1, size(w, 2)
          call self%prior%logarithms%from_logarithms(w(:k, i), c(:, :, n), frame)
-         if (.not. (self%prior%admits(self%prior%class%constants_of(c(:, :, n)), c(:, :, n), norm2(w(3:k, i))) &
-            & .and. scale_is_admitted(self, w(:, i)))) cycle
+         if (.not. (self%prior%admits(self%prior%class%constants_of(c(:, :, n)), c(:, :, n), &
+            & norm2(w(3:k, i))) .and. scale_is_admitted(self, w(:, i)))) then
+            cycle
+         end if
          if (.not. self%prior%in_logarithms) log_volume(n) = self%prior%logarithms%log_volume(frame)
          in_support(n) = i
          n = n + 1
@@ -213,8 +241,9 @@ contains
       if (.not. self%prior_only) call self%grains%evaluate_crystals(c(:, :, :n), moduli)
       do i = 1, n
          ! A factor on the sds is the same in both coordinates.
-         log_density(in_support(i)) = self%prior%log_density(c(:, :, i), w(:k, in_support(i))) + log_volume(i) &
-            & + likelihood_of_crystal(self, w(:, in_support(i)), c(:, :, i), moduli(:, i))
+         log_density(in_support(i)) = self%prior%log_density(c(:, :, i), &
+            & w(:k, in_support(i))) + log_volume(i) + likelihood_of_crystal(self, &
+            & w(:, in_support(i)), c(:, :, i), moduli(:, i))
       end do
       where (.not. log_density > outside) log_density = outside
    end subroutine evaluate_working
@@ -239,8 +268,8 @@ contains
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:)
 
-      scale_is_admitted = .not. self%infers_scale &
-         & .or. (x(self%dimension) >= log(least_factor) .and. x(self%dimension) <= log(greatest_factor))
+      scale_is_admitted = .not. self%infers_scale .or. (x(self%dimension) >= log(least_factor) &
+         & .and. x(self%dimension) <= log(greatest_factor))
    end function scale_is_admitted
 
    subroutine draw_start(self, stream, x)
@@ -278,7 +307,8 @@ contains
       end do
    end subroutine to_working
 
-   !> Logarithm of Eq. 13 and its extensions at a point, normalised over the measurements; 0 where the data are left out.
+   !> Logarithm of Eq. 13 and its extensions at a point, normalised over the measurements; 0 where
+   !> the data are left out.
    pure real(wp) function likelihood_of_crystal(self, x, c, moduli) result(log_likelihood)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:), c(6, 6)
@@ -299,22 +329,24 @@ contains
          if (present(moduli)) model = moduli
          if (.not. present(moduli)) call self%grains%evaluate_moduli(c, model, slopes)
          call self%observable%to_measured(model(:self%n_moduli))
-         log_likelihood = self%errors%log_density((self%data%modulus - model)/self%scale, scale_factor(self, x)) - self%log_scales
+         log_likelihood = self%errors%log_density((self%data%modulus - model)/self%scale, &
+            & scale_factor(self, x)) - self%log_scales
          return
       end if
       allocate (u(self%n_grains, self%n_shared))
       call self%predict_measurements(x, c, model, scales, u, moduli)
       call factor_columns(u, fewer)
       allocate (b(size(fewer, 2)), precision(size(fewer, 2), size(fewer, 2)))
-      call self%errors%integrate((self%data%modulus - model)/scales, fewer, b, precision, log_likelihood)
+      call self%errors%integrate((self%data%modulus - model)/scales, fewer, b, precision, &
+         & log_likelihood)
       log_likelihood = log_likelihood - sum_of_logs(scales)
    end function likelihood_of_crystal
 
    pure logical function has_own_variance(self)
       class(posterior_type), intent(in) :: self
 
-      has_own_variance = self%scatter > 0.0_wp .or. self%n_directions > 1 .or. self%settings%scatter_sd > 0.0_wp &
-         & .or. allocated(self%unknown)
+      has_own_variance = self%scatter > 0.0_wp .or. self%n_directions > 1 &
+         & .or. self%settings%scatter_sd > 0.0_wp .or. allocated(self%unknown)
    end function has_own_variance
 
    !> The factor on the sds at a point.
@@ -326,14 +358,16 @@ contains
       if (self%infers_scale) scale_factor = exp(x(self%dimension))
    end function scale_factor
 
-   !> Of each measured grain the mean of what the grain model gives, its derivative with respect to y, and the variance that it does not
-   !> share: the surrogate's, its orientation's, and that of grains as such. Of unknown orientations they are those of all directions.
+   !> Of each measured grain the mean of what the grain model gives, its derivative with respect to
+   !> y, and the variance that it does not share: the surrogate's, its orientation's, and that of
+   !> grains as such. Of unknown orientations they are those of all directions.
    pure subroutine evaluate_grains(self, c, modulus, slope, own_variance, tilt_slopes, moduli)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
       !> GPa, (grain); GPa².
       real(wp), intent(out), contiguous :: modulus(:), slope(:), own_variance(:)
-      !> Derivatives with respect to the tilts of the sample, GPa/rad, (grain, 2), where these are asked for.
+      !> Derivatives with respect to the tilts of the sample, GPa/rad, (grain, 2), where these are
+      !> asked for.
       real(wp), intent(out) :: tilt_slopes(:, :)
       real(wp), intent(in), optional :: moduli(size(self%euler, 2))
       real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), moments(4)
@@ -343,7 +377,8 @@ contains
       if (allocated(self%unknown)) then
          modulus = dot_product(self%unknown%probability, rows)
          slope = dot_product(self%unknown%probability, slopes)
-         own_variance = dot_product(self%unknown%probability, rows**2) - modulus**2 + (self%settings%scatter_sd*modulus)**2
+         own_variance = dot_product(self%unknown%probability, &
+            & rows**2) - modulus**2 + (self%settings%scatter_sd*modulus)**2
          tilt_slopes = 0.0_wp
          return
       end if
@@ -362,7 +397,8 @@ contains
       end do
    end subroutine evaluate_grains
 
-   !> At a point the mean of what is measured, `model`, scales of the errors that grains do not share, and over them the columns of U.
+   !> At a point the mean of what is measured, `model`, scales of the errors that grains do not
+   !> share, and over them the columns of U.
    pure subroutine predict_measurements(self, x, c, model, scales, u, moduli)
       class(posterior_type), intent(in) :: self
       !> (dimension), and the stiffness there, GPa.
@@ -380,7 +416,9 @@ contains
       map_slope = 1.0_wp
       call self%observable%to_measured(model(:self%n_moduli), map_slope(:self%n_moduli))
       scales = scale_factor(self, x)*self%scale
-      if (has_own_variance(self)) scales = sqrt(scales**2 + own_variance*(self%errors%scale*map_slope)**2)
+      if (has_own_variance(self)) then
+         scales = sqrt(scales**2 + own_variance*(self%errors%scale*map_slope)**2)
+      end if
       if (self%grains%n_columns > 0) then
          allocate (columns(size(self%euler, 2), self%grains%n_columns))
          call self%grains%evaluate_columns(c, columns)
@@ -398,7 +436,8 @@ contains
       end do
    end subroutine predict_measurements
 
-   !> The errors that measurements share, given the data and the constants: mean and the lower factor of the precision.
+   !> The errors that measurements share, given the data and the constants: mean and the lower
+   !> factor of the precision.
    pure subroutine infer_shared(self, x, b, precision)
       class(posterior_type), intent(in) :: self
       !> (dimension).
@@ -449,11 +488,12 @@ contains
 
       n = size(points, 2)
       allocate (moduli(size(self%euler, 2), n))
-      call self%grains%evaluate_crystals(reshape([(self%stiffness(points(:, i)), i=1, n)], [6, 6, n]), moduli)
+      call self%grains%evaluate_crystals(reshape([(self%stiffness(points(:, i)), i=1, n)], &
+         & [6, 6, n]), moduli)
    end function moduli_at
 
-   !> Shared errors from their mean and precision and standard normal numbers, in place, and one plus the calibration error of each
-   !> group.
+   !> Shared errors from their mean and precision and standard normal numbers, in place, and one
+   !> plus the calibration error of each group.
    pure subroutine place_shared(self, z, b, precision, factor)
       class(posterior_type), intent(in) :: self
       !> (shared error).
@@ -470,6 +510,8 @@ contains
       call solve_upper(precision, error)
       b = b + error
       factor = 1.0_wp
-      if (any(self%calibration > 0.0_wp)) factor = factor + self%calibration*b(self%grains%n_columns + 1:self%n_calibrated)
+      if (any(self%calibration > 0.0_wp)) then
+         factor = factor + self%calibration*b(self%grains%n_columns + 1:self%n_calibrated)
+      end if
    end subroutine place_shared
 end module constants_posterior

@@ -1,10 +1,11 @@
-!> What is known of the constants before the measurements: one rule for all classes, within the domain of the surrogate, times normal
-!> knowledge.
+!> What is known of the constants before the measurements: one rule for all classes, within the
+!> domain of the surrogate, times normal knowledge.
 !>
-!> Bounds on all constants are the paper's prior: uniform over the stable crystals within them, in the constants or in log K. Otherwise
-!> the prior has no edge: in log K the contrast s = log(3K/2G) of the isotropic part is normal, the anisotropic coordinates are
-!> jointly Student's t, and the scale tr log K/6 is normal about that of an isotropic solid with the mean measurement. Single bounds
-!> and a cap on Eq. 14 truncate it.
+!> Bounds on all constants are the paper's prior: uniform over the stable crystals within them, in
+!> the constants or in log K. Otherwise the prior has no edge: in log K the contrast s = log(3K/2G)
+!> of the isotropic part is normal, the anisotropic coordinates are jointly Student's t, and the
+!> scale tr log K/6 is normal about that of an isotropic solid with the mean measurement. Single
+!> bounds and a cap on Eq. 14 truncate it.
 module constants_prior
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: anisotropy_index, is_stable
@@ -22,16 +23,18 @@ module constants_prior
    private
    public :: prior_type, new_prior, knowledge_type
 
-   !> Where not all bounds are stated: mean and sd of the contrast; degrees of freedom of the k anisotropic coordinates, and their scale
-   !> times the root of k; sd of the scale. Metals and minerals from beryllium (contrast 0.14) to indium (2.6) and graphite
-   !> (log-anisotropy 5.1) lie within.
-   real(wp), parameter :: contrast_mean = 1.07_wp, contrast_sd = 0.6_wp, freedom = 3.0_wp, anisotropy_scale = 0.6_wp, &
-      & scale_sd = log(5.0_wp)
+   !> Where not all bounds are stated: mean and sd of the contrast; degrees of freedom of the k
+   !> anisotropic coordinates, and their scale times the root of k; sd of the scale. Metals and
+   !> minerals from beryllium (contrast 0.14) to indium (2.6) and graphite (log-anisotropy 5.1) lie
+   !> within.
+   real(wp), parameter :: contrast_mean = 1.07_wp, contrast_sd = 0.6_wp, freedom = 3.0_wp, &
+      & anisotropy_scale = 0.6_wp, scale_sd = log(5.0_wp)
    !> Beyond, stiffness matrices lose their digits.
    real(wp), parameter :: most_anisotropic = 10.0_wp
    !> GPa; what is not within is no bound.
    real(wp), parameter :: no_lower = -1.0e6_wp, no_upper = 1.0e6_wp
-   !> On both sides of a constant whose bounds are equal: it is known, and the sampler moves in all directions. GPa, and relative.
+   !> On both sides of a constant whose bounds are equal: it is known, and the sampler moves in all
+   !> directions. GPa, and relative.
    real(wp), parameter, public :: least_width = 0.01_wp, relative_width = 2.0e-4_wp
 
    !> Quantities of which mean (n) and covariance (n, n) are known, in their units.
@@ -48,7 +51,8 @@ module constants_prior
       integer :: n_constants = 0
       !> Bounds of the constants, GPa; where none is stated these are wide.
       real(wp), allocatable :: lower(:), upper(:)
-      !> Whether the density is that of the default prior: not both bounds of all constants are stated.
+      !> Whether the density is that of the default prior: not both bounds of all constants are
+      !> stated.
       logical :: has_default = .false.
       !> On Eq. 14.
       real(wp) :: anisotropy_cap = huge(1.0_wp)
@@ -56,8 +60,8 @@ module constants_prior
       real(wp) :: typical_scale = 0.0_wp
       !> The density is stated in log K, not in the constants.
       logical :: in_logarithms = .false.
-      !> Share of the prior, without its normal factors, for which the surrogate is valid, and of what `draw_start` draws that in the
-      !> support, estimated.
+      !> Share of the prior, without its normal factors, for which the surrogate is valid, and of
+      !> what `draw_start` draws that in the support, estimated.
       real(wp) :: share_inside = 1.0_wp, share_drawn = 1.0_wp
       type(knowledge_type) :: knowledge
       !> Lower Cholesky factor of the covariance of what is known, (n, n).
@@ -99,20 +103,25 @@ contains
       if (allocated(stated%c_min)) prior%lower = stated%c_min
       if (allocated(stated%c_max)) prior%upper = stated%c_max
       prior%has_default = any(prior%lower <= no_lower .or. prior%upper >= no_upper)
-      width = merge(0.0_wp, max(least_width, relative_width*abs(prior%lower)), prior%upper > prior%lower)
+      width = merge(0.0_wp, max(least_width, relative_width*abs(prior%lower)), &
+         & prior%upper > prior%lower)
       prior%lower = prior%lower - width
       prior%upper = prior%upper + width
-      prior%typical_scale = (log(typical_young/(1.0_wp - 2.0_wp*nu)) + 5.0_wp*log(typical_young/(1.0_wp + nu)))/6.0_wp
+      prior%typical_scale = (log(typical_young/(1.0_wp - 2.0_wp*nu)) &
+         & + 5.0_wp*log(typical_young/(1.0_wp + nu)))/6.0_wp
       if (allocated(stated%anisotropy_cap)) prior%anisotropy_cap = stated%anisotropy_cap
       prior%in_logarithms = stated%measure == 'logarithms' .or. prior%has_default
-      if (.not. prior%has_default .and. prior%in_logarithms .and. prior%anisotropy_cap >= huge(1.0_wp) &
-         & .and. domain%log_anisotropy_max >= huge(1.0_wp)) call check_proper(prior, error)
+      if (.not. prior%has_default .and. prior%in_logarithms .and. prior%anisotropy_cap &
+         & >= huge(1.0_wp) .and. domain%log_anisotropy_max >= huge(1.0_wp)) then
+         call check_proper(prior, error)
+      end if
       if (.not. allocated(error)) call prior%set_knowledge(knowledge, error)
       if (.not. allocated(error)) call estimate_share(domain, prior, error)
    end subroutine new_prior
 
-   !> Refuse bounds within which the volume of log K is infinite: those that reach the edge of stability. The least eigenvalue of the
-   !> stiffness is a concave function of the constants, so that within the bounds it is least at one of their corners.
+   !> Refuse bounds within which the volume of log K is infinite: those that reach the edge of
+   !> stability. The least eigenvalue of the stiffness is a concave function of the constants, so
+   !> that within the bounds it is least at one of their corners.
    subroutine check_proper(prior, error)
       type(prior_type), intent(in) :: prior
       type(error_type), allocatable, intent(out) :: error
@@ -127,8 +136,9 @@ contains
          do j = 2, size(x)
             corner = corner//', '//trim(prior%class%constants(j))//' = '//to_text(x(j))
          end do
-         call raise(error, 'measure = ''logarithms'' needs bounds within which every crystal is stable, since log K has infinite ' &
-            & //'volume at the edge of stability; '//corner//' GPa is not stable. State narrower bounds, an anisotropy_cap, or ' &
+         call raise(error, 'measure = ''logarithms'' needs bounds within which every crystal is ' &
+            & //'stable, since log K has infinite volume at the edge of stability; '//corner &
+            & //' GPa is not stable. State narrower bounds, an anisotropy_cap, or ' &
             & //'measure = ''constants''', exit_bad_input)
          return
       end do
@@ -153,7 +163,10 @@ contains
       self%knowledge = knowledge
       self%factor = knowledge%covariance
       call cholesky_factor(self%factor, error)
-      if (allocated(error)) call raise(error, 'knowledge needs sds > 0, or a positive definite covariance', exit_bad_input)
+      if (allocated(error)) then
+         call raise(error, 'knowledge needs sds > 0, or a positive definite covariance', &
+            & exit_bad_input)
+      end if
    end subroutine set_knowledge
 
    !> sds of what is known, (n).
@@ -188,21 +201,23 @@ contains
       prior%share_inside = real(inside, wp)/max(1, n)
       prior%share_drawn = real(inside, wp)/trials
       if (n == 0) then
-         call raise(error, 'no stable crystal was found within the bounds and limits of the prior ('//to_text(trials)//' tried)', &
-            & exit_bad_input)
+         call raise(error, 'no stable crystal was found within the bounds and limits of the ' &
+            & //'prior ('//to_text(trials)//' tried)', exit_bad_input)
       else if (inside == 0) then
-         call raise(error, 'the prior is outside the surrogate''s domain: none of '//to_text(n)//' crystals of it is inside', &
-            & exit_bad_input)
+         call raise(error, 'the prior is outside the surrogate''s domain: none of '//to_text(n) &
+            & //' crystals of it is inside', exit_bad_input)
       end if
    end subroutine estimate_share
 
-   !> Whether what `draw_start` draws has the density of the prior, and is often enough in its support: the default prior is stated in
-   !> log K, and what is uniform between bounds in the constants.
+   !> Whether what `draw_start` draws has the density of the prior, and is often enough in its
+   !> support: the default prior is stated in log K, and what is uniform between bounds in the
+   !> constants.
    pure logical function is_drawn(self)
       class(prior_type), intent(in) :: self
       real(wp), parameter :: often = 0.02_wp
 
-      is_drawn = size(self%knowledge%mean) == 0 .and. self%share_drawn > often .and. (self%has_default .eqv. self%in_logarithms)
+      is_drawn = size(self%knowledge%mean) == 0 .and. self%share_drawn > often &
+         & .and. (self%has_default .eqv. self%in_logarithms)
    end function is_drawn
 
    !> Whether the constant j has a bound.
@@ -236,7 +251,8 @@ contains
       if (self%domain%is_limited()) admits = self%domain%admits(c)
    end function admits
 
-   !> Logarithm of the density at a crystal `c` (GPa) of the support, in the coordinates in which it is stated, up to a constant.
+   !> Logarithm of the density at a crystal `c` (GPa) of the support, in the coordinates in which it
+   !> is stated, up to a constant.
    pure real(wp) function log_density(self, c, w)
       class(prior_type), intent(in) :: self
       !> Stiffness in crystal axes, GPa.
@@ -257,7 +273,8 @@ contains
       log_density = log_density - 0.5_wp*sum(values**2)
    end function log_density
 
-   !> The prior where not all bounds are stated, of log K. The first two coordinates are log 3K and sqrt(5) log 2G of its isotropic part.
+   !> The prior where not all bounds are stated, of log K. The first two coordinates are log 3K and
+   !> sqrt(5) log 2G of its isotropic part.
    pure real(wp) function log_default(self, w)
       class(prior_type), intent(in) :: self
       !> (n_constants).
@@ -266,12 +283,14 @@ contains
 
       k = size(w) - 2
       associate (contrast => w(1) - w(2)/sqrt(5.0_wp), scale => (w(1) + sqrt(5.0_wp)*w(2))/6.0_wp)
-         log_default = -0.5_wp*(((contrast - contrast_mean)/contrast_sd)**2 + ((scale - self%typical_scale)/scale_sd)**2) &
+         log_default = -0.5_wp*(((contrast - contrast_mean)/contrast_sd)**2 &
+            & + ((scale - self%typical_scale)/scale_sd)**2) &
             & - 0.5_wp*(freedom + k)*log(1.0_wp + k*sum((w(3:)/anisotropy_scale)**2)/freedom)
       end associate
    end function log_default
 
-   !> A crystal to begin with, in the support or not: uniform in the box if there is one, else of the default prior.
+   !> A crystal to begin with, in the support or not: uniform in the box if there is one, else of
+   !> the default prior.
    subroutine draw_start(self, stream, x)
       class(prior_type), intent(in) :: self
       type(random_stream_type), intent(inout) :: stream
@@ -294,7 +313,8 @@ contains
       w(1) = scale + 5.0_wp/6.0_wp*contrast
       w(2) = sqrt(5.0_wp)*(scale - contrast/6.0_wp)
       associate (k => self%n_constants - 2)
-         w(3:) = anisotropy_scale/sqrt(real(max(1, k), wp))*z(3:k + 2)/sqrt(sum(z(k + 3:)**2)/freedom)
+         w(3:) = anisotropy_scale/sqrt(real(max(1, k), wp))*z(3:k + 2) &
+            & /sqrt(sum(z(k + 3:)**2)/freedom)
       end associate
       call self%logarithms%from_logarithms(w, c, frame)
       x = self%class%constants_of(c)

@@ -1,10 +1,11 @@
 !> How an ensemble of points finds a posterior: the burn-in of the ensemble sampler.
 !>
-!> Rounds that cool, and warm a little for the tails. Between them points are drawn anew by their weights at the next temperature, which
-!> is chosen so that enough of them are left (sequential Monte Carlo, Del Moral et al., J. R. Stat. Soc. B 68, 411, 2006): what lags behind
-!> goes. Within them there is differential evolution (ter Braak, Stat. Comput. 16, 239, 2006) in the
-!> target's working coordinates, whitened round after round: principal axes, and a polynomial of the longer ones taken off the shorter
-!> ones.
+!> Rounds that cool, and warm a little for the tails. Between them points are drawn anew by their
+!> weights at the next temperature, which is chosen so that enough of them are left (sequential
+!> Monte Carlo, Del Moral et al., J. R. Stat. Soc. B 68, 411, 2006): what lags behind goes. Within
+!> them there is differential evolution (ter Braak, Stat. Comput. 16, 239, 2006) in the target's
+!> working coordinates, whitened round after round: principal axes, and a polynomial of the longer
+!> ones taken off the shorter ones.
 module ensemble_evolution
    use abstract_sampler, only: draw_starts, outside, target_type
    use progress, only: advance_progress
@@ -22,9 +23,11 @@ module ensemble_evolution
 
 contains
 
-   !> A population from the target's starts, in rounds that cool, then some at the density itself, and warmer ones for the tails.
-   !> The archive is what the last one visited, thinned, in whitened coordinates.
-   subroutine evolve_population(target, evaluations, stream, whitening, step_scale, archive, started)
+   !> A population from the target's starts, in rounds that cool, then some at the density itself,
+   !> and warmer ones for the tails. The archive is what the last one visited, thinned, in whitened
+   !> coordinates.
+   subroutine evolve_population(target, evaluations, stream, whitening, step_scale, &
+      & archive, started)
       class(target_type), intent(in), target :: target
       !> Of the density, about.
       integer(i8), intent(in) :: evaluations
@@ -34,9 +37,11 @@ contains
       real(wp), intent(out) :: step_scale
       !> (dimension, point).
       real(wp), allocatable, intent(out) :: archive(:, :)
-      !> Whether a point of the support was found; if so, and no stop is requested, there is an archive.
+      !> Whether a point of the support was found; if so, and no stop is requested, there is an
+      !> archive.
       logical, intent(out) :: started
-      !> Rounds among which the evaluations are divided, those that cool, which are shorter, counting as five; and most that cool.
+      !> Rounds among which the evaluations are divided, those that cool, which are shorter,
+      !> counting as five; and most that cool.
       integer, parameter :: rounds = 10, shorter = 4, most_cooling = 40, tail_effort = 20
       class(target_type), allocatable, target :: coarse
       class(target_type), pointer :: other, used
@@ -45,8 +50,9 @@ contains
       integer :: m, cooling, distinct, round, i
       integer(i8) :: generations
 
-      ! Warm enough that a mixture fitted to the last round covers tails as long as those of the default prior, which a chain may enter
-      ! once and then not leave; with many constants less, since ever fewer of its points would be of use.
+      ! Warm enough that a mixture fitted to the last round covers tails as long as those of the
+      ! default prior, which a chain may enter once and then not leave; with many constants less,
+      ! since ever fewer of its points would be of use.
       warm = min(3.5_wp, max(1.5_wp, 1.0_wp + 10.0_wp/target%dimension))
       last_temperatures = [1.0_wp, 1.0_wp, 1.0_wp, max(1.5_wp, 0.5_wp*(1.0_wp + warm)), warm]
       ! Large ensembles find the tails on the way down.
@@ -68,25 +74,29 @@ contains
          if (round < most_cooling) next = min(next, next_inverse(density, inverse))
          call resample(stream, (next - inverse)*density, points, density, distinct)
          inverse = next
-         call look_again(target, other, 1.0_wp/inverse, min(distinct, 4*m), stream, points, density, whitening, used)
+         call look_again(target, other, 1.0_wp/inverse, min(distinct, 4*m), stream, points, &
+            & density, whitening, used)
          generations = evaluations/(m*rounds)
-         call step_population(used, 1.0_wp/inverse, cooling, generations/shorter, stream, whitening, step_scale, points, &
-            & density, distinct)
+         call step_population(used, 1.0_wp/inverse, cooling, generations/shorter, stream, &
+            & whitening, step_scale, points, density, distinct)
          if (inverse >= 1.0_wp/last_temperatures(1) .or. stop_requested()) exit
       end do
       do round = 1, size(last_temperatures)
          if (stop_requested()) return
          ! Those that cool were half of the evaluations.
          call advance_progress(evaluations/(target%dimension*merge(2, rounds, round == 1)))
-         call look_again(target, other, last_temperatures(round), min(distinct, 4*m), stream, points, density, whitening, used)
+         call look_again(target, other, last_temperatures(round), min(distinct, 4*m), stream, &
+            & points, density, whitening, used)
          ! The way into a long tail is long.
-         generations = evaluations/(m*rounds)*merge(tail_effort/count(last_temperatures > 1.0_wp), 1, &
-            & last_temperatures(round) > 1.0_wp)
-         call step_population(used, last_temperatures(round), m, generations, stream, whitening, step_scale, points, density, &
-            & distinct)
+         generations = evaluations/(m*rounds)*merge(tail_effort/count(last_temperatures > 1.0_wp), &
+            & 1, last_temperatures(round) > 1.0_wp)
+         call step_population(used, last_temperatures(round), m, generations, stream, whitening, &
+            & step_scale, points, density, distinct)
       end do
       ! Its polynomials hold as far as the points go.
-      if (target%dimension < many_dimensions) call fit_whitening(points, min(distinct, 4*m), whitening)
+      if (target%dimension < many_dimensions) then
+         call fit_whitening(points, min(distinct, 4*m), whitening)
+      end if
       archive = points
       do i = 1, size(points, 2)
          call whitening%to_white(points(:, i), archive(:, i))
@@ -98,7 +108,8 @@ contains
       class(target_type), intent(in) :: target
       integer, intent(in) :: wanted
       type(random_stream_type), intent(inout) :: stream
-      !> (dimension, point), and their logarithms of the density; there may be fewer than are `wanted`.
+      !> (dimension, point), and their logarithms of the density; there may be fewer than are
+      !> `wanted`.
       real(wp), allocatable, intent(out) :: points(:, :), density(:)
       integer :: found
       real(wp), allocatable :: starts(:, :)
@@ -110,9 +121,10 @@ contains
       call target%evaluate_working(points, density)
    end subroutine draw_population
 
-   !> The density that is used and the whitened coordinates from points, and these drawn anew where that changes their density: where the
-   !> coarse one was wrong, some have gone astray.
-   subroutine look_again(target, coarse, temperature, distinct, stream, points, density, whitening, used)
+   !> The density that is used and the whitened coordinates from points, and these drawn anew where
+   !> that changes their density: where the coarse one was wrong, some have gone astray.
+   subroutine look_again(target, coarse, temperature, distinct, stream, points, density, &
+      & whitening, used)
       !> The density; and one that costs less, for where it is about the same.
       class(target_type), intent(in), target :: target, coarse
       !> Divides the logarithm of the density.
@@ -120,7 +132,8 @@ contains
       !> How many of the points are not copies.
       integer, intent(in) :: distinct
       type(random_stream_type), intent(inout) :: stream
-      !> Working coordinates (dimension, point), and the logarithms of the density that was used, then of that which is.
+      !> Working coordinates (dimension, point), and the logarithms of the density that was used,
+      !> then of that which is.
       real(wp), intent(inout) :: points(:, :), density(:)
       type(whitening_type), intent(inout) :: whitening
       !> One of the two.
@@ -139,7 +152,8 @@ contains
       call resample(stream, (density - before)/temperature, points, density, left)
    end subroutine look_again
 
-   !> Whether the logarithm of another density hardly errs by two temperatures at some of the points.
+   !> Whether the logarithm of another density hardly errs by two temperatures at some of the
+   !> points.
    logical function agree(target, other, points, temperature)
       class(target_type), intent(in) :: target, other
       !> (dimension, point).
@@ -157,8 +171,10 @@ contains
       agree = count(abs(exact - near) < 2.0_wp*temperature) >= least_good*tests
    end function agree
 
-   !> Differential evolution of walkers that begin at some of the points; in the end these are what was visited in the second half.
-   subroutine step_population(target, temperature, m, wanted, stream, whitening, step_scale, points, density, distinct)
+   !> Differential evolution of walkers that begin at some of the points; in the end these are what
+   !> was visited in the second half.
+   subroutine step_population(target, temperature, m, wanted, stream, whitening, step_scale, &
+      & points, density, distinct)
       class(target_type), intent(in) :: target
       real(wp), intent(in) :: temperature
       !> Number of walkers.
@@ -172,10 +188,12 @@ contains
       real(wp), allocatable, intent(inout) :: points(:, :), density(:)
       !> How many of the points are not copies, if no walker's are left out.
       integer, intent(out) :: distinct
-      !> Points that are kept, about; share of the steps that is aimed at; and how short they may get.
+      !> Points that are kept, about; share of the steps that is aimed at; and how short they may
+      !> get.
       integer, parameter :: most = 4000
       real(wp), parameter :: accepted_share = 0.2_wp, least_scale = 0.02_wp
-      !> The walkers, in working and whitened coordinates, and what they try, with the logarithms of their densities.
+      !> The walkers, in working and whitened coordinates, and what they try, with the logarithms of
+      !> their densities.
       real(wp), dimension(target%dimension, m) :: w, u, tried, tried_u
       real(wp) :: own(m), of_tried(m)
       integer :: k, a, b, kept, moved, half, first, last, others
@@ -194,14 +212,16 @@ contains
       end do
       visits = (generations - generations/2)*m
       deallocate (points, density)
-      allocate (points(target%dimension, (visits + stride - 1)/stride), density((visits + stride - 1)/stride))
+      allocate (points(target%dimension, (visits + stride - 1)/stride), &
+         & density((visits + stride - 1)/stride))
       visits = 0
       kept = 0
       distinct = 0
       do generation = 1, generations
          if (stop_requested()) return
          moved = 0
-         ! One half moves along differences of the other: all proposals of a half are known before any is judged.
+         ! One half moves along differences of the other: all proposals of a half are known before
+         ! any is judged.
          do half = 0, 1
             first = 1 + half*(m/2)
             last = merge(m/2, m, half == 0)
@@ -236,16 +256,19 @@ contains
             end if
             visits = visits + 1
          end do
-         step_scale = min(1.0_wp, max(least_scale, step_scale*exp(0.5_wp*(real(moved, wp)/m - accepted_share))))
+         step_scale = min(1.0_wp, &
+            & max(least_scale, step_scale*exp(0.5_wp*(real(moved, wp)/m - accepted_share))))
       end do
    end subroutine step_population
 
-   !> The inverse of a temperature, 1 at most, so low that points drawn with another inverse are still of use when weighted for it.
+   !> The inverse of a temperature, 1 at most, so low that points drawn with another inverse are
+   !> still of use when weighted for it.
    pure real(wp) function next_inverse(density, inverse) result(next)
       !> Logarithms.
       real(wp), intent(in) :: density(:)
       real(wp), intent(in) :: inverse
-      !> Effective share of the points, copies counted once: those of one point would pass for many, and it would take over.
+      !> Effective share of the points, copies counted once: those of one point would pass for many,
+      !> and it would take over.
       real(wp), parameter :: share = 0.25_wp
       real(wp), dimension(size(density)) :: values, copies, weights
       real(wp) :: least, step
@@ -289,7 +312,8 @@ contains
       integer :: chosen(size(density)), i, k
 
       summed = exp(log_weights - maxval(log_weights))
-      ! Truncated (Ionides, J. Comput. Graph. Stat. 17, 295, 2008), so that a few points do not take over.
+      ! Truncated (Ionides, J. Comput. Graph. Stat. 17, 295, 2008), so that a few points do not take
+      ! over.
       summed = min(summed, sum(summed)/sqrt(real(size(summed), wp)))
       do i = 2, size(summed)
          summed(i) = summed(i - 1) + summed(i)
@@ -321,7 +345,8 @@ contains
       is_accepted = log(v) < (proposed - current)/temperature
    end function is_accepted
 
-   !> u plus a factor times a difference of two points, of all coordinates or of some, with a little noise.
+   !> u plus a factor times a difference of two points, of all coordinates or of some, with a little
+   !> noise.
    subroutine add_difference(stream, difference, scale, u, moved)
       type(random_stream_type), intent(inout) :: stream
       real(wp), intent(in) :: difference(:), u(:)

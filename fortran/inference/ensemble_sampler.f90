@@ -1,14 +1,17 @@
 !> A sampler made for long ridges cut by bounds.
 !>
-!> Each chain is on its own. An ensemble of points first finds the posterior (`ensemble_evolution`). A normal mixture is fitted to what it
-!> has visited, in the coordinates in which that is straight, and improved by importance sampling.
+!> Each chain is on its own. An ensemble of points first finds the posterior (`ensemble_evolution`).
+!> A normal mixture is fitted to what it has visited, in the coordinates in which that is straight,
+!> and improved by importance sampling.
 !>
-!> What follows is a plain Markov chain with a fixed kernel: independent draws from the mixture, redrawn until they are in the support,
-!> and steps along the difference of two points of the burn-in. One sample is two steps, or more where the mixture fits badly.
+!> What follows is a plain Markov chain with a fixed kernel: independent draws from the mixture,
+!> redrawn until they are in the support, and steps along the difference of two points of the
+!> burn-in. One sample is two steps, or more where the mixture fits badly.
 module ensemble_sampler
    use abstract_sampler, only: outside, sampler_type, target_type
    use ensemble_evolution, only: add_difference, evolve_population, is_accepted
-   use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture, widen_mixture
+   use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture, &
+      & widen_mixture
    use progress, only: advance_progress
    use running_command, only: stop_requested
    use kinds, only: i8, wp
@@ -31,7 +34,8 @@ module ensemble_sampler
       integer :: steps = 1
    end type kernel_type
 
-   !> Draws of the mixture in the support that no step has used yet: they do not depend on where the chain is.
+   !> Draws of the mixture in the support that no step has used yet: they do not depend on where the
+   !> chain is.
    type :: pool_type
       !> Working and whitened coordinates, (dimension, point), and the logarithms of the density.
       real(wp), allocatable :: w(:, :), u(:, :), log_density(:)
@@ -62,12 +66,14 @@ contains
       integer :: i, drawn, accepted, accepted_in_all, drawn_in_all
 
       acceptance = 0.0_wp
-      call evolve_population(target, int(self%burn_in, i8)*target%dimension, stream, kernel%whitening, &
-         & kernel%step_scale, kernel%archive, started)
+      call evolve_population(target, int(self%burn_in, i8)*target%dimension, stream, &
+         & kernel%whitening, kernel%step_scale, kernel%archive, started)
       if (.not. started .or. stop_requested()) return
-      call fit_proposal(target, kernel%whitening, kernel%archive, size(log_density), stream, kernel%mixture, quality)
+      call fit_proposal(target, kernel%whitening, kernel%archive, size(log_density), stream, &
+         & kernel%mixture, quality)
       if (stop_requested()) return
-      ! Differences lead along tails that the mixture leaves out; where it fits badly, more of the steps are such.
+      ! Differences lead along tails that the mixture leaves out; where it fits badly, more of the
+      ! steps are such.
       if (quality > 0.0_wp) kernel%share = min(0.6_wp, max(0.2_wp, quality))
       kernel%steps = 2 + nint(2.0_wp*target%dimension*max(0.0_wp, 0.7_wp - quality))
       call stream%pick(size(kernel%archive, 2), i)
@@ -95,7 +101,8 @@ contains
       type(kernel_type), intent(in) :: kernel
       type(pool_type), intent(inout) :: pool
       type(random_stream_type), intent(inout) :: stream
-      !> Whitened coordinates, (dimension); working ones, (dimension, 1), and the logarithm of their density, (1).
+      !> Whitened coordinates, (dimension); working ones, (dimension, 1), and the logarithm of their
+      !> density, (1).
       real(wp), intent(inout) :: u(:), w(:, :), density(:)
       !> Draws of the mixture, and how many were accepted.
       integer, intent(out) :: drawn, accepted
@@ -122,7 +129,8 @@ contains
             ! Along the difference of two points of the burn-in.
             call stream%pick(size(kernel%archive, 2), a)
             call stream%pick(size(kernel%archive, 2), b)
-            call add_difference(stream, kernel%archive(:, a) - kernel%archive(:, b), kernel%step_scale, u, tried)
+            call add_difference(stream, kernel%archive(:, a) - kernel%archive(:, b), &
+               & kernel%step_scale, u, tried)
             call kernel%whitening%from_white(tried, tried_w(:, 1))
             call target%evaluate_working(tried_w, of_tried)
             if (.not. is_accepted(stream, of_tried(1), density(1), 1.0_wp)) cycle
@@ -176,9 +184,10 @@ contains
       call target%evaluate_working(w, log_density)
    end subroutine draw_points
 
-   !> Fit the mixture to the archive, then improve it by importance sampling. Points that the mixture puts outside the support
-   !> count as data of their own, so that it does not shy away from the bounds; the archive stays among the data, so that a tail
-   !> that the mixture has lost comes back. `quality` estimates the effective share of its draws; 0 if they are of no use.
+   !> Fit the mixture to the archive, then improve it by importance sampling. Points that the
+   !> mixture puts outside the support count as data of their own, so that it does not shy away from
+   !> the bounds; the archive stays among the data, so that a tail that the mixture has lost comes
+   !> back. `quality` estimates the effective share of its draws; 0 if they are of no use.
    subroutine fit_proposal(target, whitening, archive, samples, stream, mixture, quality)
       class(target_type), intent(in) :: target
       type(whitening_type), intent(in) :: whitening
@@ -188,17 +197,19 @@ contains
       type(random_stream_type), intent(inout) :: stream
       type(mixture_type), intent(out) :: mixture
       real(wp), intent(out) :: quality
-      integer, parameter :: components = 16, least_draws = 600, most_draws = 3000, most_outside = 3000, least_rounds = 4, &
-         & most_rounds = 12
+      integer, parameter :: components = 16, least_draws = 600, most_draws = 3000, &
+         & most_outside = 3000, least_rounds = 4, most_rounds = 12
       !> A smaller share of good draws is not worth the search: differences alone do better.
       real(wp), parameter :: archive_share = 0.3_wp, hopeless = 0.01_wp
       type(mixture_type) :: fitted
-      real(wp), allocatable :: points(:, :), weights(:), log_weights(:), beyond(:, :), u(:, :), w(:, :), log_density(:)
+      real(wp), allocatable :: points(:, :), weights(:), log_weights(:), beyond(:, :), u(:, :), &
+         & w(:, :), log_density(:)
       integer :: i, round, archived, inside, out, few, draws
 
       draws = min(most_draws, max(least_draws, samples/3))
       archived = size(archive, 2)
-      allocate (points(target%dimension, archived + draws + most_outside), weights(archived + draws + most_outside))
+      allocate (points(target%dimension, archived + draws + most_outside), &
+         & weights(archived + draws + most_outside))
       allocate (log_weights(draws), beyond(target%dimension, most_outside))
       allocate (u(target%dimension, draws), w(target%dimension, draws), log_density(draws))
       points(:, :archived) = archive
@@ -213,7 +224,8 @@ contains
          out = 0
          do while (inside < draws .and. out < 10*draws)
             few = min(draws - inside, 10*draws - out)
-            call draw_points(target, whitening, mixture, stream, u(:, :few), w(:, :few), log_density(:few))
+            call draw_points(target, whitening, mixture, stream, u(:, :few), w(:, :few), &
+               & log_density(:few))
             do i = 1, few
                if (log_density(i) > outside) then
                   inside = inside + 1
@@ -229,16 +241,20 @@ contains
          if (inside == 0) return
          log_weights(:inside) = exp(log_weights(:inside) - maxval(log_weights(:inside)))
          quality = sum(log_weights(:inside))**2/sum(log_weights(:inside)**2)/inside
-         ! Not before the mixture that is kept has shown that it is good: its draws may have found a tail.
+         ! Not before the mixture that is kept has shown that it is good: its draws may have found a
+         ! tail.
          if (round == most_rounds .or. (round >= least_rounds .and. quality > 0.5_wp)) exit
          if (round >= least_rounds .and. quality*inside/(inside + out) < hopeless) then
             quality = 0.0_wp
             return
          end if
-         ! Truncated weights (Ionides, J. Comput. Graph. Stat. 17, 295, 2008) keep one point from taking over.
-         log_weights(:inside) = min(log_weights(:inside), sum(log_weights(:inside))/sqrt(real(inside, wp)))
+         ! Truncated weights (Ionides, J. Comput. Graph. Stat. 17, 295, 2008) keep one point from
+         ! taking over.
+         log_weights(:inside) = min(log_weights(:inside), &
+            & sum(log_weights(:inside))/sqrt(real(inside, wp)))
          weights(:archived) = archive_share*inside/archived
-         weights(archived + 1:archived + inside) = (1.0_wp - archive_share)*inside/sum(log_weights(:inside))*log_weights(:inside)
+         weights(archived + 1:archived + inside) = (1.0_wp - archive_share)*inside &
+            & /sum(log_weights(:inside))*log_weights(:inside)
          few = min(out, most_outside)
          i = archived + inside
          if (few > 0) then

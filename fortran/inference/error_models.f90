@@ -1,4 +1,5 @@
-!> What a likelihood is: the distribution of the errors of independent measurements, with or without errors that they share.
+!> What a likelihood is: the distribution of the errors of independent measurements, with or without
+!> errors that they share.
 module error_models
    use errors, only: error_type, refuse
    use kinds, only: pi, wp
@@ -10,7 +11,8 @@ module error_models
    private
    public :: error_model_type, likelihood_names, new_error_model
 
-   !> A new likelihood: its type, which extends `error_model_type`, its name here, and its lines in `new_error_model`.
+   !> A new likelihood: its type, which extends `error_model_type`, its name here, and its lines in
+   !> `new_error_model`.
    character(len=*), parameter :: likelihood_names = 'normal, student'
 
    !> Normal errors (Eq. 13).
@@ -23,15 +25,15 @@ module error_models
 
    !> Student's t: errors of which some are far off.
    !>
-   !> For more than two degrees of freedom its standard deviation is that of the measurement, so the scale is sqrt((dof - 2)/dof) of
-   !> it.
-   !> With two or fewer the distribution has no standard deviation, and what is stated is its scale.
+   !> For more than two degrees of freedom its standard deviation is that of the measurement, so the
+   !> scale is sqrt((dof - 2)/dof) of it. With two or fewer the distribution has no standard
+   !> deviation, and what is stated is its scale.
    type, extends(error_model_type) :: student_errors_type
       !> Degrees of freedom, positive.
       real(wp) :: dof = 4.0_wp
    contains
-      procedure :: log_density => student_log_density, weigh => student_weigh, as_normals => student_as_normals, &
-         & draw => student_draw
+      procedure :: log_density => student_log_density, weigh => student_weigh, &
+         & as_normals => student_as_normals, draw => student_draw
    end type student_errors_type
 
    !> A pivot of the precision that is a smaller share of its entry has lost its digits.
@@ -50,10 +52,12 @@ contains
          allocate (model)
       case ('student')
          associate (dof => settings%student_dof)
-            allocate (model, source=student_errors_type(scale=merge(sqrt(abs(dof - 2.0_wp)/dof), 1.0_wp, dof > 2.0_wp), dof=dof))
+            allocate (model, source=student_errors_type(scale=merge(sqrt(abs(dof - 2.0_wp)/dof), &
+               & 1.0_wp, dof > 2.0_wp), dof=dof))
          end associate
       case default
-         call refuse(error, 'likelihood: '''//settings%likelihood//''' is unknown; allowed: '//likelihood_names)
+         call refuse(error, 'likelihood: '''//settings%likelihood//''' is unknown; allowed: ' &
+            & //likelihood_names)
       end select
    end subroutine new_error_model
 
@@ -66,7 +70,8 @@ contains
       log_density = -0.5_wp*dot(r, r)/factor**2 - size(r)*(log(factor) + 0.5_wp*log(2.0_wp*pi))
    end function log_density
 
-   !> Minus the first derivative of the log density of scale one over the residual, minus the second, and the one that is expected.
+   !> Minus the first derivative of the log density of scale one over the residual, minus the
+   !> second, and the one that is expected.
    pure subroutine weigh(self, e, weight, curvature, expected)
       class(error_model_type), intent(in) :: self
       !> Residuals in units of the scale, (measurement).
@@ -100,8 +105,8 @@ contains
       call stream%normal(e)
    end subroutine draw
 
-   !> Logarithm of the integral over b of the density of r - U b, of scale one, times N(b; 0, 1): by Laplace's approximation about the mode,
-   !> which is exact for normal errors.
+   !> Logarithm of the integral over b of the density of r - U b, of scale one, times N(b; 0, 1): by
+   !> Laplace's approximation about the mode, which is exact for normal errors.
    pure subroutine integrate(self, r, u, b, l, value)
       class(error_model_type), intent(in) :: self
       !> (measurement), (measurement, shared error).
@@ -136,10 +141,12 @@ contains
       end do
    end subroutine integrate
 
-   !> Logarithm of the density of each residual given all others, of scale one: without shared errors the density itself. Else b given the
-   !> others is taken as normal: curvature of the log density at the mode less that of residual i, where convex, and one step of Newton's
-   !> from there. The integral over that is one over the variances of the normal errors of which the density is a mixture; it is exact for
-   !> normal errors (Bürkner, Gabry and Vehtari, Comput. Stat. 36, 1243, 2021).
+   !> Logarithm of the density of each residual given all others, of scale one: without shared
+   !> errors the density itself. Else b given the others is taken as normal: curvature of the log
+   !> density at the mode less that of residual i, where convex, and one step of Newton's from
+   !> there. The integral over that is one over the variances of the normal errors of which the
+   !> density is a mixture; it is exact for normal errors (Bürkner, Gabry and Vehtari, Comput. Stat.
+   !> 36, 1243, 2021).
    pure subroutine leave_one_out(self, r, u, b, l, values)
       class(error_model_type), intent(in) :: self
       !> (measurement), (measurement, shared error).
@@ -181,8 +188,9 @@ contains
       class(student_errors_type), intent(in) :: self
       real(wp), intent(in) :: r(:), factor
 
-      log_density = size(r)*(log_gamma(0.5_wp*(self%dof + 1.0_wp)) - log_gamma(0.5_wp*self%dof) &
-         & - 0.5_wp*log(pi*self%dof) - log(factor)) - 0.5_wp*(self%dof + 1.0_wp)*sum_of_logs(1.0_wp + (r/factor)**2/self%dof)
+      log_density = size(r)*(log_gamma(0.5_wp*(self%dof + 1.0_wp)) &
+         & - log_gamma(0.5_wp*self%dof) - 0.5_wp*log(pi*self%dof) - log(factor)) &
+         & - 0.5_wp*(self%dof + 1.0_wp)*sum_of_logs(1.0_wp + (r/factor)**2/self%dof)
    end function student_log_density
 
    pure subroutine student_weigh(self, e, weight, curvature, expected)
@@ -210,7 +218,8 @@ contains
       n = 1 + int((log(1.0_wp + 80.0_wp/self%dof) + 9.0_wp*min(1.0_wp, width) - low)/step)
       x = [(low + (i - 1)*step, i=1, n)]
       variance = exp(-x)
-      share = step*exp(0.5_wp*self%dof*(x - exp(x) + log(0.5_wp*self%dof)) - log_gamma(0.5_wp*self%dof))
+      share = step*exp(0.5_wp*self%dof*(x - exp(x) + log(0.5_wp*self%dof)) &
+         & - log_gamma(0.5_wp*self%dof))
    end subroutine student_as_normals
 
    !> By the polar method (Bailey, Math. Comp. 62, 779, 1994).

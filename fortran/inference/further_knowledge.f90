@@ -1,16 +1,21 @@
-!> What knowing more would bring: the sds of the constants if some quantities, which indentation does not see, were known as well.
+!> What knowing more would bring: the sds of the constants if some quantities, which indentation
+!> does not see, were known as well.
 !>
-!> From the draws at hand: each of some of them in turn is taken for the truth, all are weighted by the normal factors that this
-!> knowledge would be, and the sds that are left are averaged. Where too few draws have weight, the covariance is used (linear update). What
-!> follows from &knowledge or from a quantity before it in every crystal of the class is left out. How well a modulus would be known is
-!> an sd in GPa, since its true value may be far from its mean here, and the sds that are left follow what is stated.
+!> From the draws at hand: each of some of them in turn is taken for the truth, all are weighted by
+!> the normal factors that this knowledge would be, and the sds that are left are averaged. Where
+!> too few draws have weight, the covariance is used (linear update). What follows from &knowledge
+!> or from a quantity before it in every crystal of the class is left out. How well a modulus would
+!> be known is an sd in GPa, since its true value may be far from its mean here, and the sds that
+!> are left follow what is stated.
 !>
 !> And how far what &knowledge says is from what all else says, in sds.
 !>
-!> The misfit is minus twice the logarithm of likelihood and normal factors, and D by how much its least value over the support grows if
-!> the factors are there. For one normal factor m ± s of a quantity of which all else says M ± S, D = (M - m)²/(S² + s²). It does not
-!> depend on where the prior has its volume. Of each of several quantities the same comes from mean and variance given everything, its
-!> factor included, |E q - m|/sqrt(s² - Var q), and cannot be more than the root of D.
+!> The misfit is minus twice the logarithm of likelihood and normal factors, and D by how much its
+!> least value over the support grows if the factors are there. For one normal factor m ± s of a
+!> quantity of which all else says M ± S, D = (M - m)²/(S² + s²). It does not depend on where the
+!> prior has its volume. Of each of several quantities the same comes from mean and variance given
+!> everything, its factor included, |E q - m|/sqrt(s² - Var q), and cannot be more than the root of
+!> D.
 module further_knowledge
    use constants_posterior, only: posterior_type
    use constants_prior, only: knowledge_type, prior_type
@@ -28,7 +33,8 @@ module further_knowledge
    public :: gain_type, expect_gains, conflict_type, find_conflict, without_knowledge
 
    type :: gain_type
-      !> What would be known, and how well: relative sd, and of a modulus (else 0) the same of its mean here, GPa.
+      !> What would be known, and how well: relative sd, and of a modulus (else 0) the same of its
+      !> mean here, GPa.
       character(len=80) :: name = ''
       real(wp) :: relative_sd = 0.02_wp, known_sd = 0.0_wp
       !> sds of the constants now and then, GPa, (n_constants).
@@ -36,12 +42,13 @@ module further_knowledge
    end type gain_type
 
    !> The quantities that come from elsewhere: one kind a row, and the quantities that belong to it.
-   character(len=*), parameter :: kinds(3) = [character(len=64) :: 'bulk_modulus', 'polycrystal_young', &
-      & 'compressibility[100], compressibility[010], compressibility[001]']
+   character(len=*), parameter :: kinds(3) = [character(len=64) :: 'bulk_modulus', &
+      & 'polycrystal_young', 'compressibility[100], compressibility[010], compressibility[001]']
    integer, parameter :: most_draws = 8000, anchors = 40, least_size = 30
 
    type :: conflict_type
-      !> D, and the sds of a normal variable that are as improbable as a chi-square of as many degrees as quantities.
+      !> D, and the sds of a normal variable that are as improbable as a chi-square of as many
+      !> degrees as quantities.
       real(wp) :: growth = 0.0_wp, sds = 0.0_wp
       !> Of each quantity, in sds.
       real(wp), allocatable :: of_quantity(:)
@@ -104,7 +111,8 @@ contains
          anchor = 1 + ((a - 1)*n)/anchors
          weights = 1.0_wp
          do i = 1, size(values, 1)
-            known_sd = merge(gain%known_sd, gain%relative_sd*values(i, anchor), gain%known_sd > 0.0_wp)
+            known_sd = merge(gain%known_sd, gain%relative_sd*values(i, anchor), &
+               & gain%known_sd > 0.0_wp)
             weights = weights*exp(-0.5_wp*((values(i, :) - values(i, anchor))/known_sd)**2)
          end do
          weights = weights/sum(weights)
@@ -121,13 +129,15 @@ contains
    function linear_update(constants, values, relative_sd) result(sd)
       real(wp), intent(in) :: constants(:, :), values(:, :), relative_sd
       real(wp) :: sd(size(constants, 1))
-      real(wp) :: joint(size(values, 1) + size(sd), size(values, 1) + size(sd)), own(size(values, 1), size(values, 1))
+      real(wp) :: joint(size(values, 1) + size(sd), size(values, 1) + size(sd)), &
+         & own(size(values, 1), size(values, 1))
       real(wp) :: cross(size(values, 1))
       type(error_type), allocatable :: error
       integer :: i, q
 
       q = size(values, 1)
-      joint = covariance_of(transpose(reshape([transpose(values), transpose(constants)], [size(values, 2), size(joint, 1)])))
+      joint = covariance_of(transpose(reshape([transpose(values), transpose(constants)], &
+         & [size(values, 2), size(joint, 1)])))
       sd = [(sqrt(joint(q + i, q + i)), i=1, size(sd))]
       own = joint(:q, :q)
       do i = 1, q
@@ -165,7 +175,8 @@ contains
       integer, parameter :: few = 4000
       real(wp), allocatable :: values(:, :)
       real(wp), dimension(size(posterior%prior%knowledge%mean)) :: mean, sd
-      real(wp) :: point(posterior%dimension), other(posterior%dimension), most, most_free, most_other
+      real(wp) :: point(posterior%dimension), other(posterior%dimension), most, &
+         & most_free, most_other
       integer :: n
 
       n = size(mean)
@@ -184,12 +195,14 @@ contains
       conflict%growth = 2.0_wp*max(0.0_wp, max(most_free, most_other) - most)
       conflict%sds = sds_of(conflict%growth, n)
       associate (knowledge => posterior%prior%knowledge)
-         call evaluate_draws(knowledge%quantities, posterior%prior%class, flattened(thinned(chains%draws, few)), values)
+         call evaluate_draws(knowledge%quantities, posterior%prior%class, &
+            & flattened(thinned(chains%draws, few)), values)
          call moments(values, mean, sd)
          mean = (mean - knowledge%mean)/knowledge%sd()
          sd = sd/knowledge%sd()
       end associate
-      conflict%of_quantity = min(abs(mean)/sqrt(max(least_share, 1.0_wp - sd**2)), sqrt(conflict%growth))
+      conflict%of_quantity = min(abs(mean)/sqrt(max(least_share, 1.0_wp - sd**2)), &
+         & sqrt(conflict%growth))
       if (n == 1) conflict%of_quantity = sqrt(conflict%growth)
    end subroutine find_conflict
 
@@ -214,7 +227,8 @@ contains
       log_density = values(1)
    end subroutine climb_up
 
-   !> Wilson and Hilferty's normal variable of a chi-square; exactly its root for one degree of freedom.
+   !> Wilson and Hilferty's normal variable of a chi-square; exactly its root for one degree of
+   !> freedom.
    pure real(wp) function sds_of(chi_square, degrees)
       real(wp), intent(in) :: chi_square
       integer, intent(in) :: degrees

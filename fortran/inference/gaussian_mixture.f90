@@ -1,4 +1,5 @@
-!> Mixtures of normal densities: evaluate, draw, and fit to weighted points by expectation-maximisation.
+!> Mixtures of normal densities: evaluate, draw, and fit to weighted points by
+!> expectation-maximisation.
 module gaussian_mixture
    use kinds, only: pi, wp
    use linear_algebra, only: exp_all, multiply
@@ -13,7 +14,8 @@ module gaussian_mixture
       integer :: n = 0, components = 0
       !> Means, mean(component, i): components are the innermost index where a point is evaluated.
       real(wp), allocatable :: weight(:), mean(:, :)
-      !> Lower Cholesky factor of each covariance, factor(i, j, component), and its inverse, inverse(component, j, i).
+      !> Lower Cholesky factor of each covariance, factor(i, j, component), and its inverse,
+      !> inverse(component, j, i).
       real(wp), allocatable :: factor(:, :, :), inverse(:, :, :)
       !> log of weight / (sqrt(2 pi)^n |factor|).
       real(wp), allocatable :: log_norm(:)
@@ -48,13 +50,15 @@ contains
       mixture%components = components
       allocate (mixture%weight(components), source=1.0_wp/components)
       allocate (mixture%log_norm(components), source=-1.0e30_wp)
-      allocate (mixture%mean(components, n), mixture%factor(n, n, components), mixture%inverse(components, n, n), source=0.0_wp)
+      allocate (mixture%mean(components, n), mixture%factor(n, n, components), &
+         & mixture%inverse(components, n, n), source=0.0_wp)
    end subroutine allocate_mixture
 
    !> The logarithm of each component's share of the density at u.
    pure subroutine log_terms(n, components, mean, inverse, log_norm, u, terms)
       integer, intent(in) :: n, components
-      real(wp), intent(in) :: mean(components, n), inverse(components, n, n), log_norm(components), u(n)
+      real(wp), intent(in) :: mean(components, n), inverse(components, n, n), &
+         & log_norm(components), u(n)
       real(wp), intent(out) :: terms(components)
       real(wp) :: z(components)
       integer :: i, j
@@ -75,7 +79,8 @@ contains
       real(wp), intent(in), contiguous :: u(:)
       real(wp) :: terms(mixture%components), shares(mixture%components), top
 
-      call log_terms(mixture%n, mixture%components, mixture%mean, mixture%inverse, mixture%log_norm, u, terms)
+      call log_terms(mixture%n, mixture%components, mixture%mean, mixture%inverse, &
+         & mixture%log_norm, u, terms)
       top = maxval(terms)
       terms = terms - top
       call exp_all(terms, shares)
@@ -102,7 +107,8 @@ contains
       end do
    end subroutine draw_mixture
 
-   !> Some steps of expectation-maximisation on weighted points, points(n, many) with `weights` (many).
+   !> Some steps of expectation-maximisation on weighted points, points(n, many) with `weights`
+   !> (many).
    subroutine fit_mixture(points, weights, steps, mixture)
       real(wp), intent(in), contiguous :: points(:, :), weights(:)
       integer, intent(in) :: steps
@@ -115,7 +121,8 @@ contains
       allocate (responsibility(mixture%components, size(weights)))
       do step = 1, steps
          do p = 1, size(weights)
-            call log_terms(mixture%n, mixture%components, mixture%mean, mixture%inverse, mixture%log_norm, points(:, p), terms)
+            call log_terms(mixture%n, mixture%components, mixture%mean, mixture%inverse, &
+               & mixture%log_norm, points(:, p), terms)
             terms = terms - maxval(terms)
             call exp_all(terms, responsibility(:, p))
             responsibility(:, p) = weights(p)/sum(responsibility(:, p))*responsibility(:, p)
@@ -124,7 +131,8 @@ contains
       end do
    end subroutine fit_mixture
 
-   !> 1, the coordinates and their products, of each point, (point, product): weights, means and covariances follow from their sums.
+   !> 1, the coordinates and their products, of each point, (point, product): weights, means and
+   !> covariances follow from their sums.
    pure function products_of(points) result(products)
       !> (n, many).
       real(wp), intent(in) :: points(:, :)
@@ -140,7 +148,8 @@ contains
       end do
    end function products_of
 
-   !> Weights, means and covariances from weighted responsibilities; a component that has lost its points is left out for good.
+   !> Weights, means and covariances from weighted responsibilities; a component that has lost its
+   !> points is left out for good.
    subroutine maximise(products, responsibility, mixture)
       !> (many, product), (component, many).
       real(wp), intent(in), contiguous :: products(:, :), responsibility(:, :)
@@ -190,7 +199,8 @@ contains
       integer :: j
 
       mixture%factor(:, :, m) = factor
-      mixture%log_norm(m) = log(max(mixture%weight(m), 1.0e-300_wp)) - 0.5_wp*mixture%n*log(2.0_wp*pi)
+      mixture%log_norm(m) = log(max(mixture%weight(m), 1.0e-300_wp)) &
+         & - 0.5_wp*mixture%n*log(2.0_wp*pi)
       do j = 1, mixture%n
          column = 0.0_wp
          column(j) = 1.0_wp
@@ -200,8 +210,9 @@ contains
       end do
    end subroutine set_factor
 
-   !> The mixture with heavier tails: a share `tails` of each component has `wider` times its covariance, the rest `inflation`
-   !> times, and a share `whole` of all has the mean of the mixture and `wider` times its covariance.
+   !> The mixture with heavier tails: a share `tails` of each component has `wider` times its
+   !> covariance, the rest `inflation` times, and a share `whole` of all has the mean of the mixture
+   !> and `wider` times its covariance.
    subroutine widen_mixture(mixture, wide)
       type(mixture_type), intent(in) :: mixture
       type(mixture_type), intent(out) :: wide
@@ -223,7 +234,8 @@ contains
             call set_factor(wide, n, sqrt(merge(inflation, wider, j == 1))*mixture%factor(:, :, m))
          end do
          d = mixture%mean(m, :) - mean
-         covariance = covariance + mixture%weight(m)*matmul(mixture%factor(:, :, m), transpose(mixture%factor(:, :, m)))
+         covariance = covariance + mixture%weight(m)*matmul(mixture%factor(:, :, m), &
+            & transpose(mixture%factor(:, :, m)))
          covariance = covariance + mixture%weight(m)*spread(d, 1, mixture%n)*spread(d, 2, mixture%n)
       end do
       wide%weight(n + 1) = whole

@@ -1,7 +1,8 @@
 !> The grains that were measured, and what an uncertain orientation does to a modulus.
 !>
-!> The tilt of the indented direction is normal in each of two components. Mean and variance of the modulus are those of the product of two
-!> three-point rules with steps of sqrt 3 sds (Gauss-Hermite), exact for moments up to degree 5 in each component.
+!> The tilt of the indented direction is normal in each of two components. Mean and variance of the
+!> modulus are those of the product of two three-point rules with steps of sqrt 3 sds
+!> (Gauss-Hermite), exact for moments up to degree 5 in each component.
 module measured_grains
    use crystal_elasticity, only: euler_angles, no_wave, path_type, rotation_matrix
    use kinds, only: degree, wp
@@ -12,9 +13,11 @@ module measured_grains
 
    !> What was measured in n grains: moduli, then speeds of waves.
    type :: measured_type
-      !> Bunge-Euler angles (3, n) and sds of the tilt of the indented direction, per component, (n); radians.
+      !> Bunge-Euler angles (3, n) and sds of the tilt of the indented direction, per component,
+      !> (n); radians.
       real(wp), allocatable :: euler(:, :), tilt_sd(:)
-      !> Allocated, the orientations are those that any measurement may be of, with these probabilities, (orientation).
+      !> Allocated, the orientations are those that any measurement may be of, with these
+      !> probabilities, (orientation).
       real(wp), allocatable :: probability(:)
       !> GPa, or m/s, (n).
       real(wp), allocatable :: modulus(:), sd(:)
@@ -27,12 +30,14 @@ module measured_grains
       real(wp), allocatable :: shared(:, :)
    end type measured_type
 
-   !> Directions in which a grain is evaluated: the cells of a grid of tilts, itself in the middle, in their order.
+   !> Directions in which a grain is evaluated: the cells of a grid of tilts, itself in the middle,
+   !> in their order.
    integer, parameter :: n_tilts = 9, cells(n_tilts) = [5, 1, 2, 3, 4, 6, 7, 8, 9]
 
 contains
 
-   !> Indentation modulus of the isotropic solid with the mean of what was measured times a factor, GPa: of the moduli, or of speeds alone.
+   !> Indentation modulus of the isotropic solid with the mean of what was measured times a factor,
+   !> GPa: of the moduli, or of speeds alone.
    pure real(wp) function mean_modulus(observable, measured, factor)
       type(observable_type), intent(in) :: observable
       type(measured_type), intent(in) :: measured
@@ -45,13 +50,16 @@ contains
       if (n > 0 .or. size(measured%modulus) == 0) then
          mean_modulus = factor*sum(measured%modulus(:n))/max(1, n)
          ! Very large where no solid has it.
-         mean_modulus = mean_modulus/max(observable%factor - observable%compliance*mean_modulus, 1.0e-3_wp)
+         mean_modulus = mean_modulus/max(observable%factor - observable%compliance*mean_modulus, &
+            & 1.0e-3_wp)
       else
-         mean_modulus = factor*of_wave*1.0e-9_wp*measured%density*(sum(measured%modulus)/size(measured%modulus))**2
+         mean_modulus = factor*of_wave*1.0e-9_wp*measured%density &
+                       & *(sum(measured%modulus)/size(measured%modulus))**2
       end if
    end function mean_modulus
 
-   !> The orientations (3, n n_tilts) of n grains: as they are, then all with the first tilt, and so on.
+   !> The orientations (3, n n_tilts) of n grains: as they are, then all with the first tilt, and so
+   !> on.
    pure function all_tilts(euler, sd) result(others)
       !> Bunge-Euler angles (3, n), and sds of the tilts (n); radians.
       real(wp), intent(in) :: euler(:, :), sd(:)
@@ -61,7 +69,8 @@ contains
       n = size(sd)
       do k = 1, n_tilts
          do i = 1, n
-            others(:, (k - 1)*n + i) = tilted(euler(:, i), step_of(sd(i))*[mod(cells(k) - 1, 3) - 1, (cells(k) - 1)/3 - 1])
+            others(:, (k - 1)*n + i) = tilted(euler(:, i), &
+               & step_of(sd(i))*[mod(cells(k) - 1, 3) - 1, (cells(k) - 1)/3 - 1])
          end do
       end do
    end function all_tilts
@@ -74,7 +83,8 @@ contains
       step_of = merge(sqrt(3.0_wp)*sd, 1.0_wp*degree, sd > 0.0_wp)
    end function step_of
 
-   !> The orientation of a grain whose indented direction is tilted: the sample turned about its x and y.
+   !> The orientation of a grain whose indented direction is tilted: the sample turned about its x
+   !> and y.
    pure function tilted(euler, tilt) result(other)
       !> Bunge-Euler angles, and the tilt towards x and y; radians.
       real(wp), intent(in) :: euler(3), tilt(2)
@@ -85,12 +95,13 @@ contains
       axes(:, 3) = axes(:, 3)/norm2(axes(:, 3))
       axes(:, 1) = [1.0_wp, 0.0_wp, 0.0_wp] - axes(1, 3)*axes(:, 3)
       axes(:, 1) = axes(:, 1)/norm2(axes(:, 1))
-      axes(:, 2) = [axes(2, 3)*axes(3, 1) - axes(3, 3)*axes(2, 1), axes(3, 3)*axes(1, 1) - axes(1, 3)*axes(3, 1), &
-         & axes(1, 3)*axes(2, 1) - axes(2, 3)*axes(1, 1)]
+      axes(:, 2) = [axes(2, 3)*axes(3, 1) - axes(3, 3)*axes(2, 1), axes(3, 3)*axes(1, 1) - axes(1, &
+         & 3)*axes(3, 1), axes(1, 3)*axes(2, 1) - axes(2, 3)*axes(1, 1)]
       other = euler_angles(matmul(rotation_matrix(euler), axes))
    end function tilted
 
-   !> Mean and variance of a modulus of an uncertain tilt, GPa and GPa², and its slope by each component, GPa/rad.
+   !> Mean and variance of a modulus of an uncertain tilt, GPa and GPa², and its slope by each
+   !> component, GPa/rad.
    pure function tilt_moments(moduli, sd) result(moments)
       !> At the grain's own direction and its tilts, GPa; sd of the tilt per component, radians.
       real(wp), intent(in) :: moduli(n_tilts), sd

@@ -1,22 +1,26 @@
-!> Whether the model could have given the measurements: for some of the draws of a posterior, what each measurement is worth given all
-!> others, and the same grains measured anew.
+!> Whether the model could have given the measurements: for some of the draws of a posterior, what
+!> each measurement is worth given all others, and the same grains measured anew.
 !>
-!> The errors that measurements share (of the surrogate, of each calibration) are drawn given the data, and the measurements anew have
-!> them too: the same grains, the same tip, another noise. Residuals are in units of the scale of the noise, less the shared errors.
+!> The errors that measurements share (of the surrogate, of each calibration) are drawn given the
+!> data, and the measurements anew have them too: the same grains, the same tip, another noise.
+!> Residuals are in units of the scale of the noise, less the shared errors.
 !>
-!> The evidence is the probability density of the measurements under a model and its prior, from draws of both densities.
+!> The evidence is the probability density of the measurements under a model and its prior, from
+!> draws of both densities.
 !>
-!> The integral of a density that is known up to a constant, by bridge sampling (Meng and Wong, Stat. Sin. 6, 831, 1996): a normal mixture
-!> with heavy tails is fitted to the first halves of the chains, and the second halves and draws of the mixture tell each other's
-!> constants. The evidence is the integral of prior times likelihood over that of the prior, which has no closed form either where
-!> stability and limits of averages cut it. Coordinates are those of log K, which are smoother, less their mean and over the factor of
-!> their covariance.
+!> The integral of a density that is known up to a constant, by bridge sampling (Meng and Wong,
+!> Stat. Sin. 6, 831, 1996): a normal mixture with heavy tails is fitted to the first halves of the
+!> chains, and the second halves and draws of the mixture tell each other's constants. The evidence
+!> is the integral of prior times likelihood over that of the prior, which has no closed form either
+!> where stability and limits of averages cut it. Coordinates are those of log K, which are
+!> smoother, less their mean and over the factor of their covariance.
 module model_checks
    use abstract_sampler, only: outside
    use chain_diagnostics, only: diagnose_chains, diagnostics_type
    use constants_posterior, only: posterior_type
    use errors, only: error_type
-   use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture, widen_mixture
+   use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture, &
+      & widen_mixture
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor
    use posterior_summary, only: thinning
@@ -29,14 +33,16 @@ module model_checks
    public :: checks_type, check_model, evidence_type, estimate_evidence
 
    type :: checks_type
-      !> Logarithm of the density of a measurement (1/GPa) given the constants and all other measurements; the measurement anew, GPa;
-      !> (grain, draw, chain).
+      !> Logarithm of the density of a measurement (1/GPa) given the constants and all other
+      !> measurements; the measurement anew, GPa; (grain, draw, chain).
       real(wp), allocatable :: log_likelihood(:, :, :), replicated(:, :, :)
       !> Logarithm of the prior density up to a constant, (draw, chain).
       real(wp), allocatable :: log_prior(:, :)
-      !> Mean sum of squared residuals, and how many of the data sets measured anew have a larger one, as a share.
+      !> Mean sum of squared residuals, and how many of the data sets measured anew have a larger
+      !> one, as a share.
       real(wp) :: chi_square = 0.0_wp, chi_square_p = 0.0_wp
-      !> The grain whose mean residual is the largest, that residual, and the share of data sets whose worst grain is further off.
+      !> The grain whose mean residual is the largest, that residual, and the share of data sets
+      !> whose worst grain is further off.
       integer :: extreme_grain = 0
       real(wp) :: extreme_residual = 0.0_wp, extreme_p = 0.0_wp
       !> Mean residual of each, (grain).
@@ -47,11 +53,13 @@ module model_checks
    integer, parameter :: first_stream = 5000000
 
    type :: evidence_type
-      !> Natural logarithm of the evidence, in GPa to the minus number of grains, and its standard error.
+      !> Natural logarithm of the evidence, in GPa to the minus number of grains, and its standard
+      !> error.
       real(wp) :: log_z = 0.0_wp, sd = 0.0_wp
    end type evidence_type
 
-   !> Draws that a mixture is fitted to, as many that it is compared with, and as many of its own, at most.
+   !> Draws that a mixture is fitted to, as many that it is compared with, and as many of its own,
+   !> at most.
    integer, parameter :: most_draws = 8000
    !> Draws of the mixture come in so many blocks, each from a random stream of its own.
    integer, parameter :: blocks = 16, evidence_stream = 6000000
@@ -70,12 +78,13 @@ contains
       m = posterior%n_grains
       stride = thinning(chains, m)
       n = (size(chains%draws, 2) + stride - 1)/stride
-      allocate (checks%log_likelihood(m, n, size(sums, 2)), checks%replicated(m, n, size(sums, 2)), &
-         & checks%log_prior(n, size(sums, 2)))
+      allocate (checks%log_likelihood(m, n, size(sums, 2)), &
+         & checks%replicated(m, n, size(sums, 2)), checks%log_prior(n, size(sums, 2)))
       !$omp parallel do num_threads(max(1, threads)) schedule(dynamic, 1)
       do c = 1, size(sums, 2)
-         call check_chain(posterior, chains%draws(:, ::stride, c), first_stream + c, checks%log_likelihood(:, :, c), &
-            & checks%replicated(:, :, c), checks%log_prior(:, c), sums(:, c))
+         call check_chain(posterior, chains%draws(:, ::stride, c), first_stream + c, &
+            & checks%log_likelihood(:, :, c), checks%replicated(:, :, c), &
+            & checks%log_prior(:, c), sums(:, c))
       end do
       !$omp end parallel do
       means = sum(sums, 2)/size(checks%log_prior)
@@ -89,15 +98,16 @@ contains
    end subroutine check_model
 
    !> Of the draws of one chain.
-   subroutine check_chain(posterior, draws, stream_number, log_likelihood, replicated, log_prior, sums)
+   subroutine check_chain(posterior, draws, stream_number, log_likelihood, replicated, &
+      & log_prior, sums)
       type(posterior_type), intent(in) :: posterior
       !> (parameter, draw).
       real(wp), intent(in) :: draws(:, :)
       integer, intent(in) :: stream_number
       !> As in `checks_type`, (grain, draw), (draw).
       real(wp), intent(out) :: log_likelihood(:, :), replicated(:, :), log_prior(:)
-      !> Over the draws: residuals of the grains, sums of their squares, and how many data sets measured anew have a larger one, and a
-      !> worst grain that is further off.
+      !> Over the draws: residuals of the grains, sums of their squares, and how many data sets
+      !> measured anew have a larger one, and a worst grain that is further off.
       real(wp), intent(out) :: sums(:)
       type(random_stream_type) :: stream
       !> Crystals at once.
@@ -113,8 +123,11 @@ contains
       do i = 1, size(draws, 2)
          c = posterior%stiffness(draws(:, i))
          log_prior(i) = posterior%log_prior(c)
-         if (mod(i, at_once) == 1) moduli = posterior%moduli_at(draws(:, i:min(size(draws, 2), i + at_once - 1)))
-         call posterior%predict_measurements(draws(:, i), c, model, scales, u, moduli(:, 1 + mod(i - 1, at_once)))
+         if (mod(i, at_once) == 1) then
+            moduli = posterior%moduli_at(draws(:, i:min(size(draws, 2), i + at_once - 1)))
+         end if
+         call posterior%predict_measurements(draws(:, i), c, model, scales, u, &
+            & moduli(:, 1 + mod(i - 1, at_once)))
          residuals = (posterior%data%modulus - model)/scales
          call factor_columns(u, fewer)
          ! Sizes: their rank is that of the point.
@@ -132,12 +145,14 @@ contains
          end do
          residuals = residuals - shared
          replicated(:, i) = model + scales*(shared + noise)
-         sums = sums + [residuals, sum(residuals**2), merge(1.0_wp, 0.0_wp, sum(noise**2) > sum(residuals**2)), &
+         sums = sums + [residuals, sum(residuals**2), &
+            & merge(1.0_wp, 0.0_wp, sum(noise**2) > sum(residuals**2)), &
             & merge(1.0_wp, 0.0_wp, maxval(abs(noise)) > maxval(abs(residuals)))]
       end do
    end subroutine check_chain
 
-   !> From chains of the posterior and of the same without its data; the last parameter may be the logarithm of the factor on the sds.
+   !> From chains of the posterior and of the same without its data; the last parameter may be the
+   !> logarithm of the factor on the sds.
    subroutine estimate_evidence(posterior, chains, prior, prior_chains, threads, evidence, error)
       type(posterior_type), intent(in) :: posterior, prior
       type(chains_type), intent(in) :: chains, prior_chains
@@ -147,7 +162,9 @@ contains
       real(wp) :: both(2), variances(2)
 
       call log_integral(posterior, chains, 0, threads, both(1), variances(1), error)
-      if (.not. allocated(error)) call log_integral(prior, prior_chains, blocks, threads, both(2), variances(2), error)
+      if (.not. allocated(error)) then
+         call log_integral(prior, prior_chains, blocks, threads, both(2), variances(2), error)
+      end if
       if (allocated(error)) return
       evidence%log_z = both(1) - both(2)
       evidence%sd = sqrt(sum(variances))
@@ -161,7 +178,8 @@ contains
       real(wp), intent(out) :: value, variance
       type(error_type), allocatable, intent(out) :: error
       type(mixture_type) :: fitted, mixture
-      real(wp), allocatable :: u(:, :, :), log_density(:, :), first(:, :), of_draws(:, :), of_proposals(:)
+      real(wp), allocatable :: u(:, :, :), log_density(:, :), first(:, :), of_draws(:, :), &
+         & of_proposals(:)
       real(wp) :: mean(density%dimension), factor(density%dimension, density%dimension), log_factor
       integer :: i, j, c, d, n, half, stride
 
@@ -185,7 +203,8 @@ contains
       if (allocated(error)) return
       log_factor = sum([(log(factor(j, j)), j=1, d)])
       do concurrent(i=1:size(u, 2), c=1:size(u, 3))
-         log_density(i, c) = log_density(i, c) + density%prior%logarithms%log_volume_at(u(:density%n_constants, i, c))
+         log_density(i, c) = log_density(i, &
+            & c) + density%prior%logarithms%log_volume_at(u(:density%n_constants, i, c))
          u(:, i, c) = u(:, i, c) - mean
          call solve_lower(factor, u(:, i, c))
       end do
@@ -209,7 +228,8 @@ contains
       call bridge(of_draws, of_proposals, value, variance)
    end subroutine log_integral
 
-   !> Draws of the mixture: the logarithm of the density over the mixture's, but for the volume of the coordinates; `outside` the support.
+   !> Draws of the mixture: the logarithm of the density over the mixture's, but for the volume of
+   !> the coordinates; `outside` the support.
    subroutine weigh_block(density, mixture, mean, factor, stream_number, values)
       type(posterior_type), intent(in) :: density
       type(mixture_type), intent(in) :: mixture
@@ -235,14 +255,16 @@ contains
       end do
    end subroutine weigh_block
 
-   !> The integral, from logarithms of density over mixture at draws of the one and of the other; its relative variance by that of the two
-   !> means (Frühwirth-Schnatter, Econom. J. 7, 143, 2004), the draws worth as many as are effective.
+   !> The integral, from logarithms of density over mixture at draws of the one and of the other;
+   !> its relative variance by that of the two means (Frühwirth-Schnatter, Econom. J. 7, 143, 2004),
+   !> the draws worth as many as are effective.
    subroutine bridge(of_draws, of_proposals, value, variance)
       !> (sample, chain); (proposal).
       real(wp), intent(in) :: of_draws(:, :), of_proposals(:)
       real(wp), intent(out) :: value, variance
       integer, parameter :: most_steps = 200
-      real(wp) :: above(size(of_proposals)), below(size(of_draws, 1), size(of_draws, 2)), share, top, r, before, m, effective
+      real(wp) :: above(size(of_proposals)), below(size(of_draws, 1), size(of_draws, 2)), share, &
+         & top, r, before, m, effective
       type(diagnostics_type) :: diagnostics
       integer :: step
 
@@ -257,13 +279,15 @@ contains
       do step = 1, most_steps
          before = r
          above = 0.0_wp
-         where (of_proposals > outside) above = 1.0_wp/(share + (1.0_wp - share)*r*exp(min(600.0_wp, top - of_proposals)))
+         where (of_proposals > outside) above = 1.0_wp/(share &
+            & + (1.0_wp - share)*r*exp(min(600.0_wp, top - of_proposals)))
          below = 1.0_wp/(share*exp(of_draws - top) + (1.0_wp - share)*r)
          r = (sum(above)/size(above))/(sum(below)/m)
          if (abs(r - before) < 1.0e-10_wp*r) exit
       end do
       value = top + log(r)
-      variance = relative_variance(size(above), above)/size(above) + relative_variance(size(below), below)/effective
+      variance = relative_variance(size(above), &
+         & above)/size(above) + relative_variance(size(below), below)/effective
    end subroutine bridge
 
    pure real(wp) function relative_variance(n, values)

@@ -1,19 +1,21 @@
-!> What one more measurement is expected to teach, from draws of the posterior and what each predicts at each candidate.
+!> What one more measurement is expected to teach, from draws of the posterior and what each
+!> predicts at each candidate.
 !>
-!> A measurement v at a candidate has the density p(v) = sum_s w_s N(v; m_s, sd²) over the draws s, whose predictions m_s have the
-!> errors that measurements share (of calibration, of the surrogate) drawn with the constants. What it is expected to say of the
-!> constants alone is the entropy of p less that of v where the constants are known: of the noise and the shared errors together.
-!> The
-!> variance of a target that is left is the integral of p(v) times the variance under the weights w_s N(v; m_s, sd²). Both are
-!> integrals over the one variable v, done on a grid: no normal approximation of the posterior and no noise of a simulation.
+!> A measurement v at a candidate has the density p(v) = sum_s w_s N(v; m_s, sd²) over the draws s,
+!> whose predictions m_s have the errors that measurements share (of calibration, of the surrogate)
+!> drawn with the constants. What it is expected to say of the constants alone is the entropy of p
+!> less that of v where the constants are known: of the noise and the shared errors together. The
+!> variance of a target that is left is the integral of p(v) times the variance under the weights
+!> w_s N(v; m_s, sd²). Both are integrals over the one variable v, done on a grid: no normal
+!> approximation of the posterior and no noise of a simulation.
 !>
-!> A kernel narrower than the draws are dense would see single draws and not their density, so it has at least a share of the
-!> spread of
-!> the predictions; the entropy of the noise is that of the true sd. So the cost is bounded, and precise measurements have their
-!> limit.
+!> A kernel narrower than the draws are dense would see single draws and not their density, so it
+!> has at least a share of the spread of the predictions; the entropy of the noise is that of the
+!> true sd. So the cost is bounded, and precise measurements have their limit.
 !>
-!> Several measurements are chosen one after another. What the earlier ones will say is not known, so it is averaged over scenarios:
-!> a draw taken as the truth, noise added, and the draws weighted by what was measured in that scenario.
+!> Several measurements are chosen one after another. What the earlier ones will say is not known,
+!> so it is averaged over scenarios: a draw taken as the truth, noise added, and the draws weighted
+!> by what was measured in that scenario.
 module next_measurement
    use crystal_elasticity, only: path_type
    use kinds, only: pi, wp
@@ -22,7 +24,8 @@ module next_measurement
    private
    public :: candidates_type, suggestions_type, expected_gains, choose_measurements
 
-   !> Bins of the draws and points of the integral per sd of the kernel, and half the width of the kernel in sds.
+   !> Bins of the draws and points of the integral per sd of the kernel, and half the width of the
+   !> kernel in sds.
    integer, parameter :: bins_per_sd = 10, points_per_sd = 2, half_width = 6
    integer, parameter :: step = bins_per_sd/points_per_sd, half_bins = half_width*bins_per_sd
    !> Gains are alike that are at least this share of the largest.
@@ -31,18 +34,20 @@ module next_measurement
    real(wp), parameter :: least_kernel = 0.02_wp
 
    type :: candidates_type
-      !> Of moduli, then of speeds: Bunge-Euler angles, degrees, (3, candidate), the paths of the waves, the number of the grain, or 0, and
-      !> what it costs, (candidate).
+      !> Of moduli, then of speeds: Bunge-Euler angles, degrees, (3, candidate), the paths of the
+      !> waves, the number of the grain, or 0, and what it costs, (candidate).
       real(wp), allocatable :: euler_deg(:, :), cost(:)
       type(path_type), allocatable :: paths(:)
       integer, allocatable :: grain(:)
-      !> What each draw predicts, GPa or m/s, and the variance of that where the constants are known; (draw, candidate).
+      !> What each draw predicts, GPa or m/s, and the variance of that where the constants are
+      !> known; (draw, candidate).
       real(wp), allocatable :: predicted(:, :), shared_variance(:, :)
       !> Of a measurement's own error, (candidate).
       real(wp), allocatable :: sd(:)
       !> What is to be known, (draw); empty: all about the constants.
       real(wp), allocatable :: target(:)
-      !> Between two of the first candidates, and below which two are too near each other for both to be measured; radians.
+      !> Between two of the first candidates, and below which two are too near each other for both
+      !> to be measured; radians.
       real(wp), allocatable :: angle(:, :)
       real(wp) :: least_angle = 0.0_wp
    end type candidates_type
@@ -51,7 +56,8 @@ module next_measurement
       !> Numbers of candidates, the best first, and their gains given those before them.
       integer, allocatable :: chosen(:)
       real(wp), allocatable :: gains(:)
-      !> Radius of the region about each in which all candidates have gains alike, radians, 0 where there are none.
+      !> Radius of the region about each in which all candidates have gains alike, radians, 0 where
+      !> there are none.
       real(wp), allocatable :: within(:)
       !> Gain of every candidate as the first.
       real(wp), allocatable :: first_gains(:)
@@ -59,7 +65,8 @@ module next_measurement
 
 contains
 
-   !> Gain of a measurement at a candidate, nats; with a target by how much its variance falls, in units of its square.
+   !> Gain of a measurement at a candidate, nats; with a target by how much its variance falls, in
+   !> units of its square.
    pure real(wp) function gain_of_candidate(candidates, c, weights) result(gain)
       type(candidates_type), intent(in) :: candidates
       integer, intent(in) :: c
@@ -84,7 +91,8 @@ contains
             bins(:, k + 1) = bins(:, k + 1) + (place - k)*powers
          end do
       end associate
-      kernel = [(exp(-0.5_wp*(real(i, wp)/bins_per_sd)**2)/(sqrt(2.0_wp*pi)*sd), i=-half_bins, half_bins)]
+      kernel = [(exp(-0.5_wp*(real(i, wp)/bins_per_sd)**2)/(sqrt(2.0_wp*pi)*sd), &
+         & i=-half_bins, half_bins)]
       entropy = 0.0_wp
       left = 0.0_wp
       do k = -half_bins, n + half_bins, step
@@ -94,8 +102,10 @@ contains
          left = left + (powers(3) - powers(2)**2/powers(1))*step*width
       end do
       gain = sum(weights*deviation**2) - left
-      if (size(candidates%target) == 0) gain = entropy &
-         & - 0.5_wp*sum(weights*log(2.0_wp*pi*exp(1.0_wp)*(candidates%sd(c)**2 + candidates%shared_variance(:, c))))
+      if (size(candidates%target) == 0) then
+         gain = entropy - 0.5_wp*sum(weights &
+             & *log(2.0_wp*pi*exp(1.0_wp)*(candidates%sd(c)**2 + candidates%shared_variance(:, c))))
+      end if
    end function gain_of_candidate
 
    !> The target of each draw less its mean; 0 without a target.
@@ -116,11 +126,13 @@ contains
 
       associate (predicted => candidates%predicted(:, c))
          mean = sum(predicted)/size(predicted)
-         kernel_sd = max(candidates%sd(c), least_kernel*sqrt(sum((predicted - mean)**2)/size(predicted)))
+         kernel_sd = max(candidates%sd(c), &
+            & least_kernel*sqrt(sum((predicted - mean)**2)/size(predicted)))
       end associate
    end function kernel_sd
 
-   !> Gain of every candidate, averaged over scenarios: nats, or the share of the target's expected variance that goes.
+   !> Gain of every candidate, averaged over scenarios: nats, or the share of the target's expected
+   !> variance that goes.
    subroutine expected_gains(candidates, weights, threads, gains)
       type(candidates_type), intent(in) :: candidates
       !> weights(draw, scenario), each of sum 1.
@@ -137,13 +149,16 @@ contains
       end do
       !$omp end parallel do
       before = size(weights, 2)
-      if (size(candidates%target) > 0) before = sum([(sum(weights(:, r)*deviations(candidates%target, weights(:, r))**2), r=1, &
-         & size(weights, 2))])
+      if (size(candidates%target) > 0) then
+         before = sum([(sum(weights(:, r)*deviations(candidates%target, weights(:, r))**2), r=1, &
+            & size(weights, 2))])
+      end if
       gains = gains/max(tiny(1.0_wp), before)
    end subroutine expected_gains
 
-   !> Choose candidates of the largest gain over cost one after another, averaged over `scenarios` of what the earlier ones say, each given
-   !> those before it, no two of them near each other; fewer than `count` where no more are left.
+   !> Choose candidates of the largest gain over cost one after another, averaged over `scenarios`
+   !> of what the earlier ones say, each given those before it, no two of them near each other;
+   !> fewer than `count` where no more are left.
    subroutine choose_measurements(candidates, count, scenarios, seed, threads, suggestions)
       type(candidates_type), intent(in) :: candidates
       integer, intent(in) :: count, scenarios, seed, threads
@@ -157,8 +172,8 @@ contains
       integer :: i, r, c, n, draws
 
       draws = size(candidates%predicted, 1)
-      allocate (values(size(candidates%predicted, 2)), weights(draws, 1), suggestions%chosen(0), suggestions%gains(0), &
-         & suggestions%within(0))
+      allocate (values(size(candidates%predicted, 2)), weights(draws, 1), suggestions%chosen(0), &
+         & suggestions%gains(0), suggestions%within(0))
       weights = 1.0_wp/draws
       free = spread(.true., 1, size(values))
       stream = new_random_stream(seed, stream_number)
@@ -174,7 +189,8 @@ contains
          n = size(candidates%angle, 1)
          if (c <= n) then
             associate (angle => candidates%angle(:, c))
-               suggestions%within(i) = maxval(angle, mask=angle < minval(angle, mask=values(:n) < alike*values(c)))
+               suggestions%within(i) = maxval(angle, &
+                  & mask=angle < minval(angle, mask=values(:n) < alike*values(c)))
                where (angle < candidates%least_angle) free(:n) = .false.
             end associate
          end if
@@ -184,7 +200,8 @@ contains
             call stream%normal(z)
             ! Truths are spread evenly over the draws, the same in every round.
             measured = candidates%predicted(1 + int((r - 0.5_wp)/size(weights, 2)*draws), c) + sd*z
-            weights(:, r) = weights(:, r)*exp(-0.5_wp*((measured - candidates%predicted(:, c))/sd)**2)
+            weights(:, r) = weights(:, &
+               & r)*exp(-0.5_wp*((measured - candidates%predicted(:, c))/sd)**2)
             weights(:, r) = weights(:, r)/sum(weights(:, r))
          end do
       end do

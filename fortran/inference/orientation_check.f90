@@ -1,8 +1,10 @@
 !> Whether the orientations explain the moduli, found without the crystal's constants.
 !>
-!> To first order in the anisotropy a modulus is a sum of the harmonics of the crystal class up to degree 4, which least squares fit, with
-!> the errors that measurements share. If the orientations are those of the grains, a chi-square is left. If the rows are in disorder, it
-!> is that of shuffled rows: the share of shuffles that fit as well is a probability, the share that is noticed the power of the check.
+!> To first order in the anisotropy a modulus is a sum of the harmonics of the crystal class up to
+!> degree 4, which least squares fit, with the errors that measurements share. If the orientations
+!> are those of the grains, a chi-square is left. If the rows are in disorder, it is that of
+!> shuffled rows: the share of shuffles that fit as well is a probability, the share that is noticed
+!> the power of the check.
 module orientation_check
    use constants_posterior, only: posterior_type
    use crystal_elasticity, only: rotation_matrix
@@ -18,28 +20,33 @@ module orientation_check
 
    !> A probability that is noticed, and the power that a remark on orientations needs.
    real(wp), parameter :: rare = 0.005_wp, enough_power = 0.5_wp
-   !> The ways to mistake two axes: way k exchanges them if k is above 3, then reverses x if it has the bit 1, and y if it has 2; the signs.
-   character(len=*), parameter :: mistakes(7) = [character(len=35) :: 'x reversed', 'y reversed', 'x and y reversed', &
-      & 'x and y exchanged', 'x and y exchanged, then x reversed', 'x and y exchanged, then y reversed', &
-      & 'x and y exchanged and reversed']
-   integer, parameter :: signs(3, 7) = reshape([-1, 1, 1, 1, -1, 1, -1, -1, 1, 1, 1, 1, -1, 1, 1, 1, -1, 1, -1, -1, 1], [3, 7])
+   !> The ways to mistake two axes: way k exchanges them if k is above 3, then reverses x if it has
+   !> the bit 1, and y if it has 2; the signs.
+   character(len=*), parameter :: mistakes(7) = [character(len=35) :: 'x reversed', 'y reversed', &
+      & 'x and y reversed', 'x and y exchanged', 'x and y exchanged, then x reversed', &
+      & 'x and y exchanged, then y reversed', 'x and y exchanged and reversed']
+   integer, parameter :: signs(3, 7) = reshape([-1, 1, 1, 1, -1, 1, -1, -1, 1, 1, 1, 1, -1, 1, 1, &
+      & 1, -1, 1, -1, -1, 1], [3, 7])
    !> Other readings of the same table; the last ones are of the map that it comes from.
    character(len=*), parameter, public :: readings(0:20) = [character(len=57) :: '', &
-      & 'rotations from crystal to sample axes (the inverse)', 'the x axis of the sample as the indented one', &
+      & 'rotations from crystal to sample axes (the inverse)', &
+      & 'the x axis of the sample as the indented one', &
       & 'the y axis of the sample as the indented one', 'the orientations in reverse order', &
       & 'the orientations one row further down', 'the orientations one row further up', &
       & 'the crystal axes with '//mistakes, 'the map with '//mistakes]
    integer, parameter :: of_map = 14, stream_number = 6000000
 
    type :: orientation_check_type
-      !> Chi-square about one constant modulus and about the fit, its degrees of freedom and the probability of a larger one.
+      !> Chi-square about one constant modulus and about the fit, its degrees of freedom and the
+      !> probability of a larger one.
       real(wp) :: constant = 0.0_wp, chi_square = 0.0_wp, p = 1.0_wp
       integer :: freedom = 0
       !> Of shuffles the share that fits as well, and the share that is noticed.
       real(wp) :: p_shuffled = 1.0_wp, power = 0.0_wp
       !> Which of the `readings` fits much better than the table as it is; 0: none.
       integer :: better = 0
-      !> Grains without which the others agree, the worst first, and how far each is from what the others predict, sds.
+      !> Grains without which the others agree, the worst first, and how far each is from what the
+      !> others predict, sds.
       integer, allocatable :: outliers(:)
       real(wp), allocatable :: distances(:)
    contains
@@ -48,7 +55,8 @@ module orientation_check
 
    !> Moduli over their scales, their weights (0 or 1), the shared errors, and their fit.
    type :: fit_type
-      real(wp), allocatable :: values(:), scales(:), weights(:), shared(:, :), columns(:, :), b(:), l(:, :)
+      real(wp), allocatable :: values(:), scales(:), weights(:), shared(:, :), columns(:, :), &
+         & b(:), l(:, :)
       real(wp) :: chi_square = 0.0_wp
    contains
       procedure :: to_rows
@@ -61,11 +69,12 @@ contains
       class(orientation_check_type), intent(in) :: self
 
       ! Where all orders fit alike, they are alike.
-      is_noticed = self%better > 0 .or. (self%p < rare .and. self%power > enough_power .and. self%p_shuffled > rare &
-         & .and. self%p_shuffled < 1.0_wp)
+      is_noticed = self%better > 0 .or. (self%p < rare .and. self%power > enough_power &
+         & .and. self%p_shuffled > rare .and. self%p_shuffled < 1.0_wp)
    end function is_noticed
 
-   !> Fit `rows` of harmonics (grain, harmonic), whose coefficients have no prior; all else stays with the measurement.
+   !> Fit `rows` of harmonics (grain, harmonic), whose coefficients have no prior; all else stays
+   !> with the measurement.
    subroutine to_rows(self, rows)
       class(fit_type), intent(inout) :: self
       real(wp), intent(in) :: rows(:, :)
@@ -74,11 +83,13 @@ contains
       integer :: k
 
       k = size(rows, 2) + size(self%shared, 2)
-      self%columns = reshape([free*rows/spread(self%scales, 2, size(rows, 2)), self%shared], [size(rows, 1), k])
+      self%columns = reshape([free*rows/spread(self%scales, 2, size(rows, 2)), self%shared], &
+         & [size(rows, 1), k])
       if (allocated(self%b)) deallocate (self%b, self%l)
       allocate (self%b(k), self%l(k, k))
       call fit_columns(self%values, self%columns, self%weights, self%b, self%l)
-      self%chi_square = sum(self%weights*(self%values - matmul(self%columns, self%b))**2) + sum(self%b**2)
+      self%chi_square = sum(self%weights*(self%values - matmul(self%columns, self%b))**2) &
+         & + sum(self%b**2)
    end subroutine to_rows
 
    !> Check the orientations of the measured grains.
@@ -86,7 +97,8 @@ contains
       type(posterior_type), intent(in) :: posterior
       !> A probable point, (dimension).
       real(wp), intent(in) :: x(:)
-      !> Indented directions in crystal axes by the ways to mistake the axes of a map, (3, row, way); unallocated: there is no map.
+      !> Indented directions in crystal axes by the ways to mistake the axes of a map, (3, row,
+      !> way); unallocated: there is no map.
       real(wp), allocatable, intent(in) :: misread(:, :, :)
       !> Of each row of the table the grain, of which it is one of the tests.
       integer, intent(in) :: grain(:)
@@ -104,7 +116,8 @@ contains
       n = posterior%n_moduli
       allocate (check%outliers(0), check%distances(0))
       if (allocated(posterior%unknown)) then
-         check = orientation_check_type(nan, nan, nan, 0, nan, nan, 0, check%outliers, check%distances)
+         check = orientation_check_type(nan, nan, nan, 0, nan, nan, 0, check%outliers, &
+            & check%distances)
          return
       end if
       call new_harmonics(posterior%prior%class%generators, 4, harmonics, error)
@@ -118,7 +131,8 @@ contains
       do i = 1, n
          g = rotation_matrix(posterior%euler(:, i))
          directions = reshape([g(:, 3), g(3, :), g(:, 1), g(:, 2), g(:, [3, 3, 3]), &
-            & [(signs(:, k)*g(merge([2, 1, 3], [1, 2, 3], k > 3), 3), k=1, 7)], spread(g(:, 3), 2, 7)], [3, size(readings)])
+            & [(signs(:, k)*g(merge([2, 1, 3], [1, 2, 3], k > 3), 3), k=1, 7)], &
+            & spread(g(:, 3), 2, 7)], [3, size(readings)])
          do k = 1, size(readings)
             call evaluate_harmonics(harmonics, directions(:, k), rows(i, :, k - 1))
          end do
@@ -131,7 +145,8 @@ contains
             rows(grain(i), :, k) = rows(grain(i), :, k) + values/count(grain == grain(i))
          end do
       end do
-      rows(:, :, 4:6) = reshape([rows(n:1:-1, :, 0), cshift(rows(:, :, 0), -1), cshift(rows(:, :, 0), 1)], [n, harmonics%n, 3])
+      rows(:, :, 4:6) = reshape([rows(n:1:-1, :, 0), cshift(rows(:, :, 0), -1), &
+         & cshift(rows(:, :, 0), 1)], [n, harmonics%n, 3])
       ! What the crystal leaves: it bends more than the harmonics do.
       fit%values = (posterior%data%modulus(:n) - model(:n))/fit%scales
       call fit%to_rows(rows(:, :, 0))
@@ -146,7 +161,8 @@ contains
       straight = fit
       straight%values = (posterior%data%modulus(:n) - sum(posterior%data%modulus(:n))/n)/fit%scales
       if (check%p < rare .and. size(check%outliers) == 0) then
-         ! A bad value may have bent the crystal so far that no grains agree about it: once more about one modulus.
+         ! A bad value may have bent the crystal so far that no grains agree about it: once more
+         ! about one modulus.
          call straight%to_rows(rows(:, :, 0))
          call find_outliers(straight, rows(:, :, 0), far, check)
          fit%weights = straight%weights
@@ -160,7 +176,8 @@ contains
       call find_outliers(fit, rows(:, :, 0), far, check)
    end subroutine check_orientations
 
-   !> Leave out the worst grain, then the next, while one is `far` off. If the others agree then, these are the outliers.
+   !> Leave out the worst grain, then the next, while one is `far` off. If the others agree then,
+   !> these are the outliers.
    subroutine find_outliers(fit, rows, far, check)
       type(fit_type), intent(inout) :: fit
       !> (grain, harmonic); sds.
@@ -197,12 +214,13 @@ contains
 
          z = fit%columns(i, :)
          call solve_lower(fit%l, z)
-         distance = (fit%values(i) - sum(fit%columns(i, :)*fit%b))/sqrt(max(epsilon(far), 1.0_wp + (1.0_wp &
-            & - 2.0_wp*fit%weights(i))*sum(z**2)))
+         distance = (fit%values(i) - sum(fit%columns(i, :)*fit%b))/sqrt(max(epsilon(far), &
+            & 1.0_wp + (1.0_wp - 2.0_wp*fit%weights(i))*sum(z**2)))
       end function distance
    end subroutine find_outliers
 
-   !> Fit measurements to the orientations of other grains, at random, and to those of other readings of the table.
+   !> Fit measurements to the orientations of other grains, at random, and to those of other
+   !> readings of the table.
    subroutine try_shuffles(fit, rows, check)
       !> About one modulus.
       type(fit_type), intent(in) :: fit
@@ -211,7 +229,8 @@ contains
       type(orientation_check_type), intent(inout) :: check
       !> Shuffles, and of many grains multiplications in all.
       real(wp), parameter :: most = 999.0_wp, fewest = 99.0_wp, multiplications = 2.0e8_wp
-      !> By how much chi-square is lower: chance does this to right orientations once in exp(6) readings at most.
+      !> By how much chi-square is lower: chance does this to right orientations once in exp(6)
+      !> readings at most.
       real(wp), parameter :: clearly = 12.0_wp
       type(fit_type) :: other
       type(random_stream_type) :: stream
@@ -238,12 +257,16 @@ contains
          found(k) = other%chi_square
       end do
       check%p_shuffled = (1.0_wp + count(found <= here))/(shuffles + 1)
-      check%power = real(count([(chi_square_above(found(k), check%freedom) < rare, k=1, shuffles)]), wp)/shuffles + 0.0_wp*check%p
+      check%power = real(count([(chi_square_above(found(k), check%freedom) < rare, k=1, &
+         & shuffles)]), wp)/shuffles + 0.0_wp*check%p
       if (.not. check%p >= 0.0_wp) return
       best = min(here - clearly, minval(found))
       do k = 1, ubound(readings, 1)
          call other%to_rows(rows(:, :, k))
-         if (other%chi_square >= best .or. chi_square_above(other%chi_square, check%freedom) < rare) cycle
+         if (other%chi_square >= best &
+            & .or. chi_square_above(other%chi_square, check%freedom) < rare) then
+            cycle
+         end if
          best = other%chi_square
          check%better = k
       end do

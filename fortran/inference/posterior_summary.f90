@@ -1,7 +1,8 @@
-!> What chains say: of each parameter, of combinations of the constants, and of the moduli of the grains.
+!> What chains say: of each parameter, of combinations of the constants, and of the moduli of the
+!> grains.
 !>
-!> The maximum of the density is found by Nelder and Mead's simplex (Comput. J. 7, 308, 1965), which needs no derivative and does not mind
-!> bounds.
+!> The maximum of the density is found by Nelder and Mead's simplex (Comput. J. 7, 308, 1965), which
+!> needs no derivative and does not mind bounds.
 module posterior_summary
    use abstract_basis, only: grain_model_type
    use abstract_sampler, only: target_type
@@ -18,11 +19,11 @@ module posterior_summary
    use statistics, only: covariance_of, flattened, moments, sort_order, sorted_values
    implicit none
    private
-   public :: add_shared, parameter_type, combination_type, predictions_type, summarise_parameters, correlate, find_combinations, &
-      & predict_grains, thinning, climb
+   public :: add_shared, parameter_type, combination_type, predictions_type, summarise_parameters, &
+      & correlate, find_combinations, predict_grains, thinning, climb
 
-   !> Draws for derived quantities and predictions; more say nothing new. Of many grains fewer, so that there are about so many
-   !> predictions in all.
+   !> Draws for derived quantities and predictions; more say nothing new. Of many grains fewer, so
+   !> that there are about so many predictions in all.
    integer, parameter :: most_draws = 4000, fewest_draws = 400
    real(wp), parameter :: most_predictions = 1.0e7_wp
 
@@ -35,7 +36,8 @@ module posterior_summary
 
    !> A product of powers of the constants whose variance relative to the prior's is extreme.
    type :: combination_type
-      !> (constant): powers that it has at the mean crystal, the largest 1, and correlations of its logarithm with the constants.
+      !> (constant): powers that it has at the mean crystal, the largest 1, and correlations of its
+      !> logarithm with the constants.
       real(wp), allocatable :: exponents(:), correlations(:)
       !> Of the logarithm, in the posterior and in the prior.
       real(wp) :: sd = 0.0_wp, prior_sd = 0.0_wp
@@ -44,14 +46,15 @@ module posterior_summary
    !> For some of the draws, evenly spaced in each chain.
    type :: predictions_type
       integer :: stride = 1
-      !> Modulus of each grain, of the kind that was measured, GPa, (grain, draw, chain); one plus the calibration error,
-      !> (group, draw, chain).
+      !> Modulus of each grain, of the kind that was measured, GPa, (grain, draw, chain); one plus
+      !> the calibration error, (group, draw, chain).
       real(wp), allocatable :: moduli(:, :, :), factor(:, :, :)
       !> Values of the quantities that were asked for, (quantity, draw, chain).
       real(wp), allocatable :: quantities(:, :, :)
    end type predictions_type
 
-   !> It ends where the corners are this near each other, in parameters and in log density, or after so many evaluations.
+   !> It ends where the corners are this near each other, in parameters and in log density, or after
+   !> so many evaluations.
    real(wp), parameter :: near = 1.0e-3_wp, level = 1.0e-4_wp
    integer, parameter :: most_evaluations = 1000
 
@@ -65,7 +68,8 @@ contains
       real(wp), allocatable :: values(:, :), mean(:), sd(:)
       integer :: j
 
-      allocate (parameters(size(chains%draws, 1)), mean(size(chains%draws, 1)), sd(size(chains%draws, 1)))
+      allocate (parameters(size(chains%draws, 1)), mean(size(chains%draws, 1)), &
+         & sd(size(chains%draws, 1)))
       call moments(flattened(chains%draws), mean, sd)
       parameters%mean = mean
       parameters%sd = sd
@@ -78,7 +82,8 @@ contains
       !$omp end parallel do
    end subroutine summarise_parameters
 
-   !> The narrowest interval between two of the values that holds 95 % of them, by the definition of ArviZ.
+   !> The narrowest interval between two of the values that holds 95 % of them, by the definition of
+   !> ArviZ.
    pure function narrowest_interval(n, values) result(interval)
       integer, intent(in) :: n
       real(wp), intent(in) :: values(n)
@@ -107,8 +112,8 @@ contains
       correlation = correlation/(spread(sd, 2, k)*spread(sd, 1, k))
    end function correlate
 
-   !> Combinations of the constants from the best to the worst identified: the eigenvectors of the posterior's covariance of log K
-   !> against the prior's. They are uncorrelated in both.
+   !> Combinations of the constants from the best to the worst identified: the eigenvectors of the
+   !> posterior's covariance of log K against the prior's. They are uncorrelated in both.
    subroutine find_combinations(prior, draws, prior_draws, combinations, values, error)
       type(prior_type), intent(in) :: prior
       !> (parameter, draw), the first parameters constants.
@@ -157,7 +162,8 @@ contains
          associate (one => combinations(i))
             one%exponents = gradient/gradient(maxloc(abs(gradient), dim=1))
             one%sd = sqrt(max(0.0_wp, sum(vector*matmul(after, vector))))
-            one%correlations = matmul(joint(:k, k + 1:), vector)/(one%sd*[(sqrt(joint(j, j)), j=1, k)])
+            one%correlations = matmul(joint(:k, k + 1:), &
+               & vector)/(one%sd*[(sqrt(joint(j, j)), j=1, k)])
             one%prior_sd = sqrt(sum(vector*matmul(before, vector)))
          end associate
          values(i, :) = matmul(vector, both(k + 1:, :))
@@ -179,7 +185,8 @@ contains
       end do
    end function with_logarithms
 
-   !> Derivatives of a combination of log K with respect to the logarithms of the constants, at a crystal.
+   !> Derivatives of a combination of log K with respect to the logarithms of the constants, at a
+   !> crystal.
    pure function logarithmic_gradient(prior, constants, vector) result(gradient)
       type(prior_type), intent(in) :: prior
       !> GPa, (n_constants); (n_constants).
@@ -194,18 +201,21 @@ contains
          shifted(j) = constants(j)*(1.0_wp + step)
          gradient(j) = sum(vector*prior%logarithms%to_logarithms(prior%class%stiffness(shifted)))
          shifted(j) = constants(j)*(1.0_wp - step)
-         gradient(j) = (gradient(j) - sum(vector*prior%logarithms%to_logarithms(prior%class%stiffness(shifted))))/(2.0_wp*step)
+         gradient(j) = (gradient(j) - sum(vector &
+                   & *prior%logarithms%to_logarithms(prior%class%stiffness(shifted))))/(2.0_wp*step)
       end do
    end function logarithmic_gradient
 
-   !> Of how many draws one is kept where there is a number for each grain: so many are left that they say all, and memory holds them.
+   !> Of how many draws one is kept where there is a number for each grain: so many are left that
+   !> they say all, and memory holds them.
    pure integer function thinning(chains, n_grains)
       type(chains_type), intent(in) :: chains
       !> Of numbers for each draw.
       integer, intent(in) :: n_grains
       real(wp) :: wanted
 
-      wanted = min(real(most_draws, wp), max(real(fewest_draws, wp), most_predictions/max(1, n_grains)))
+      wanted = min(real(most_draws, wp), &
+         & max(real(fewest_draws, wp), most_predictions/max(1, n_grains)))
       thinning = int(max(1.0_wp, real(size(chains%draws, 2), wp)*size(chains%draws, 3)/wanted))
    end function thinning
 
@@ -232,14 +242,16 @@ contains
       allocate (predictions%moduli(posterior%n_grains, n, size(chains%draws, 3)), &
          & predictions%factor(posterior%n_groups, n, size(chains%draws, 3)))
       allocate (predictions%quantities(size(quantities), n, size(chains%draws, 3)))
-      call posterior%new_grains(posterior%euler(:, :posterior%n_grains), posterior%data%paths, grains, error)
+      call posterior%new_grains(posterior%euler(:, :posterior%n_grains), posterior%data%paths, &
+         & grains, error)
       if (allocated(error)) return
       !$omp parallel do num_threads(max(1, threads)) schedule(dynamic) collapse(2) private(last, j)
       do c = 1, size(chains%draws, 3)
          do i = 1, n, at_once
             last = min(n, i + at_once - 1)
-            call grains%evaluate_crystals(reshape([(posterior%stiffness(chains%draws(:, 1 + (j - 1)*predictions%stride, c)), &
-               & j=i, last)], [6, 6, last - i + 1]), predictions%moduli(:, i:last, c))
+            call grains%evaluate_crystals(reshape([(posterior%stiffness(chains%draws(:, &
+               & 1 + (j - 1)*predictions%stride, c)), j=i, last)], [6, 6, last - i + 1]), &
+               & predictions%moduli(:, i:last, c))
          end do
       end do
       !$omp end parallel do
@@ -247,20 +259,23 @@ contains
       do c = 1, size(chains%draws, 3)
          do i = 1, n
             s = 1 + (i - 1)*predictions%stride
-            call add_shared(posterior, chains%draws(:, s, c), grains, stream, predictions%moduli(:, i, c), &
-               & predictions%factor(:, i, c))
+            call add_shared(posterior, chains%draws(:, s, c), grains, stream, &
+               & predictions%moduli(:, i, c), predictions%factor(:, i, c))
             if (allocated(posterior%unknown)) then
-               call posterior%evaluate_grains(posterior%stiffness(chains%draws(:, s, c)), mean, slope, variance, tilt_slopes)
+               call posterior%evaluate_grains(posterior%stiffness(chains%draws(:, s, c)), mean, &
+                  & slope, variance, tilt_slopes)
                predictions%moduli(:, i, c) = mean
             end if
             call posterior%observable%to_measured(predictions%moduli(:posterior%n_moduli, i, c))
-            call evaluate_quantities(quantities, posterior%stiffness(chains%draws(:, s, c)), predictions%quantities(:, i, c))
+            call evaluate_quantities(quantities, posterior%stiffness(chains%draws(:, s, c)), &
+               & predictions%quantities(:, i, c))
          end do
       end do
    end subroutine predict_grains
 
-   !> The surrogate's error, drawn given the data, added to moduli at a point; `factor` is one plus the calibration error of each group
-   !> drawn likewise. Without these uncertainties nothing is added and the factors are 1.
+   !> The surrogate's error, drawn given the data, added to moduli at a point; `factor` is one plus
+   !> the calibration error of each group drawn likewise. Without these uncertainties nothing is
+   !> added and the factors are 1.
    subroutine add_shared(posterior, x, grains, stream, moduli, factor)
       type(posterior_type), intent(in) :: posterior
       !> (dimension).
@@ -272,7 +287,8 @@ contains
       !> (group).
       real(wp), intent(out) :: factor(:)
       real(wp), dimension(posterior%n_shared) :: b, z
-      real(wp) :: precision(posterior%n_shared, posterior%n_shared), values(size(moduli)), slope(size(moduli))
+      real(wp) :: precision(posterior%n_shared, posterior%n_shared), values(size(moduli)), &
+         & slope(size(moduli))
       real(wp) :: columns(size(moduli), grains%n_columns)
 
       call posterior%infer_shared(x, b, precision)
@@ -284,13 +300,14 @@ contains
       moduli = moduli + slope*matmul(columns, b(:grains%n_columns))
    end subroutine add_shared
 
-   !> From a point `x` of the support to a maximum of the density nearby. The corners of the first simplex are a tenth of the sds of the
-   !> parameters in `chains` apart.
+   !> From a point `x` of the support to a maximum of the density nearby. The corners of the first
+   !> simplex are a tenth of the sds of the parameters in `chains` apart.
    subroutine climb(target, chains, x)
       class(target_type), intent(in) :: target
       type(chains_type), intent(in) :: chains
       real(wp), intent(inout) :: x(:)
-      real(wp) :: corner(size(x), size(x) + 1), depth(size(x) + 1), centre(size(x)), sd(size(x)), tried(size(x)), further(size(x))
+      real(wp) :: corner(size(x), size(x) + 1), depth(size(x) + 1), centre(size(x)), sd(size(x)), &
+         & tried(size(x)), further(size(x))
       real(wp) :: tried_depth, further_depth
       integer :: n, j, evaluations, order(size(x) + 1)
 
@@ -307,7 +324,10 @@ contains
          depth = depth(order)
          corner = corner(:, order)
          if (evaluations >= most_evaluations) exit
-         if (maxval(abs(corner(:, 2:) - spread(corner(:, 1), 2, n))) <= near .and. depth(n + 1) - depth(1) <= level) exit
+         if (maxval(abs(corner(:, 2:) - spread(corner(:, 1), 2, n))) <= near &
+            & .and. depth(n + 1) - depth(1) <= level) then
+            exit
+         end if
          centre = sum(corner(:, :n), 2)/n
          tried = 2.0_wp*centre - corner(:, n + 1)
          tried_depth = depth_at(tried)

@@ -1,11 +1,14 @@
-!> How the results lean on the prior: what they would be with each of its limits moved by a tenth, and with its other measure.
+!> How the results lean on the prior: what they would be with each of its limits moved by a tenth,
+!> and with its other measure.
 !>
-!> A limit that moves in takes draws away, and another measure weights them: both are exact but for the number of draws. What a limit that
-!> moves out lets in was not drawn: it is estimated from what is within. A parabola is fitted to the logarithm of the density over three
-!> times the distance and continued, and means go on along the line of those of two strips: both hold for a normal distribution.
+!> A limit that moves in takes draws away, and another measure weights them: both are exact but for
+!> the number of draws. What a limit that moves out lets in was not drawn: it is estimated from what
+!> is within. A parabola is fitted to the logarithm of the density over three times the distance and
+!> continued, and means go on along the line of those of two strips: both hold for a normal
+!> distribution.
 !>
-!> The limits are those of the support of a posterior, stated ones and those of the surrogate's domain, each in the coordinate that it
-!> limits; and where the draws end at one is said, too.
+!> The limits are those of the support of a posterior, stated ones and those of the surrogate's
+!> domain, each in the coordinate that it limits; and where the draws end at one is said, too.
 module prior_sensitivity
    use constants_posterior, only: posterior_type
    use constants_prior, only: least_width, prior_type, relative_width
@@ -29,11 +32,13 @@ module prior_sensitivity
       logical :: exact = .true.
       !> How many draws are left, by their weights.
       real(wp) :: effective = 0.0_wp
-      !> Of each parameter the shift of its mean in sds, and its sd in sds; NaN where too few draws are left.
+      !> Of each parameter the shift of its mean in sds, and its sd in sds; NaN where too few draws
+      !> are left.
       real(wp), allocatable :: shift(:), sd_ratio(:)
    end type change_type
 
-   !> Share of its value by which a limit moves, but no more than the second of the interval; and draws that say something.
+   !> Share of its value by which a limit moves, but no more than the second of the interval; and
+   !> draws that say something.
    real(wp), parameter :: relative_step = 0.1_wp, greatest_step = 0.25_wp
    integer, parameter :: least_draws = 100
    !> Poisson's ratio of what is incompressible.
@@ -43,7 +48,8 @@ module prior_sensitivity
    real(wp), parameter :: no_limit = 1.0e6_wp
 
    type :: limit_type
-      !> A constant or 'anisotropy_cap' of &prior; or of the surrogate's domain, 'domain.C11' or the variables of &domain.
+      !> A constant or 'anisotropy_cap' of &prior; or of the surrogate's domain, 'domain.C11' or the
+      !> variables of &domain.
       character(len=26) :: name = ''
       !> By the user: a posterior that ends there is what was asked for.
       logical :: stated = .false.
@@ -51,7 +57,8 @@ module prior_sensitivity
       real(wp) :: range(2) = [-no_limit, no_limit]
       !> The coordinate, (draw).
       real(wp), allocatable :: values(:)
-      !> Whether the draws end at it, and the share of the draws in the outermost twentieth of their range, at each side.
+      !> Whether the draws end at it, and the share of the draws in the outermost twentieth of their
+      !> range, at each side.
       logical :: ends(2) = .false.
       real(wp) :: share(2) = 0.0_wp
    end type limit_type
@@ -67,23 +74,27 @@ contains
       type(limit_type), intent(in) :: limits(:)
       type(change_type), allocatable, intent(out) :: changes(:)
       real(wp) :: log_weights(size(draws, 2)), mean(size(draws, 1)), sd(size(draws, 1))
-      real(wp), allocatable :: standard(:, :)
+      real(wp), allocatable :: standard(:, :), coordinates(:)
       integer :: i
 
       allocate (changes(0))
       log_weights = 0.0_wp
       call moments(draws, mean, sd, exp(log_weights))
-      standard = (draws - spread(mean, 2, size(draws, 2)))/spread(max(tiny(1.0_wp), sd), 2, size(draws, 2))
+      standard = (draws - spread(mean, 2, size(draws, 2)))/spread(max(tiny(1.0_wp), sd), 2, &
+         & size(draws, 2))
       do i = 1, size(limits)
          call move_limits(standard, limits(i), changes)
       end do
       if (posterior%prior%has_default) return
-      do i = 1, size(log_weights)
-         log_weights(i) = posterior%prior%logarithms%log_volume_at(posterior%prior%logarithms%to_logarithms( &
-            & posterior%stiffness(draws(:, i))))
-      end do
+      associate (logarithms => posterior%prior%logarithms)
+         do i = 1, size(log_weights)
+            coordinates = logarithms%to_logarithms(posterior%stiffness(draws(:, i)))
+            log_weights(i) = logarithms%log_volume_at(coordinates)
+         end do
+      end associate
       if (.not. posterior%prior%in_logarithms) log_weights = -log_weights
-      call add_change(standard, change_type('measure'), exp(log_weights - maxval(log_weights)), changes)
+      call add_change(standard, change_type('measure'), &
+         & exp(log_weights - maxval(log_weights)), changes)
    end subroutine measure_sensitivity
 
    !> Both limits of a coordinate, where they are any, in and out.
@@ -104,9 +115,11 @@ contains
          distance = inwards*(about%values - limit)
          call add_change(draws, change_type(about%name, side == 2, limit, limit + inwards*step), &
             & merge(1.0_wp, 0.0_wp, distance >= step), changes)
-         if (side == 2 .and. about%name == 'domain.poisson') step = min(step, greatest_poisson - limit)
-         call add_beyond(draws, change_type(about%name, side == 2, limit, limit - inwards*step, exact=.false.), distance, step, &
-            & changes)
+         if (side == 2 .and. about%name == 'domain.poisson') then
+            step = min(step, greatest_poisson - limit)
+         end if
+         call add_beyond(draws, change_type(about%name, side == 2, limit, limit - inwards*step, &
+            & exact=.false.), distance, step, changes)
       end do
    end subroutine move_limits
 
@@ -133,7 +146,8 @@ contains
       !> From the limit, (draw), and by how much it moves.
       real(wp), intent(in) :: distance(:), step
       type(change_type), allocatable, intent(inout) :: changes(:)
-      !> The most that is let in, in what the strip next to it has, and draws of a strip that say something.
+      !> The most that is let in, in what the strip next to it has, and draws of a strip that say
+      !> something.
       real(wp), parameter :: greatest_growth = 1.5_wp
       integer, parameter :: least_in_strip = 20
       real(wp), dimension(size(draws, 1)) :: mean, sd, near_mean, near_sd, far_mean, far_sd
@@ -148,7 +162,8 @@ contains
       if (sum(near) >= least_in_strip) then
          beyond = min(greatest_growth*sum(near), continued(distance/step))/size(near)
          if (sum(far) >= least_in_strip) near_mean = 2.0_wp*near_mean - far_mean
-         sd = sqrt((1.0_wp + beyond*near_sd**2 + beyond/(1.0_wp + beyond)*near_mean**2)/(1.0_wp + beyond))
+         sd = sqrt((1.0_wp + beyond*near_sd**2 + beyond/(1.0_wp + beyond)*near_mean**2) &
+            & /(1.0_wp + beyond))
          mean = beyond*near_mean/(1.0_wp + beyond)
       end if
       call add_moments(about, real(size(distance), wp), mean, sd, changes)
@@ -162,7 +177,8 @@ contains
       integer :: i, k
       real(wp), parameter :: place(bins) = [((k - 0.5_wp)/bins_per_unit, k=1, bins)]
       !> 1, the place and its square.
-      real(wp), parameter :: terms(bins, 3) = reshape([spread(1.0_wp, 1, bins), place, place**2], [bins, 3])
+      real(wp), parameter :: terms(bins, &
+         & 3) = reshape([spread(1.0_wp, 1, bins), place, place**2], [bins, 3])
       real(wp) :: counts(bins), weighted(bins, 3), normal(3, 3), right(3, 1)
       type(error_type), allocatable :: error
 
@@ -219,18 +235,26 @@ contains
       allocate (limits(0))
       associate (domain => prior%domain)
          do j = 1, prior%n_constants
-            call add(prior%class%constants(j), .true., [prior%lower(j), prior%upper(j)], draws(j, :))
-            if (size(domain%lower) > 0) call add('domain.'//prior%class%constants(j), .false., &
-               & [merge(domain%lower(j), -no_limit, domain%lower(j) > prior%lower(j)), &
-               & merge(domain%upper(j), no_limit, domain%upper(j) < prior%upper(j))], draws(j, :))
+            call add(prior%class%constants(j), .true., [prior%lower(j), prior%upper(j)], &
+               & draws(j, :))
+            if (size(domain%lower) > 0) then
+               call add('domain.'//prior%class%constants(j), .false., &
+                  & [merge(domain%lower(j), -no_limit, domain%lower(j) > prior%lower(j)), &
+                  & merge(domain%upper(j), no_limit, domain%upper(j) < prior%upper(j))], &
+                  & draws(j, :))
+            end if
          end do
          call add('anisotropy_cap', .true., [-no_limit, prior%anisotropy_cap], index)
-         if (domain%anisotropy_cap < prior%anisotropy_cap) call add('domain.anisotropy_cap', .false., &
-            & [-no_limit, domain%anisotropy_cap], index)
+         if (domain%anisotropy_cap < prior%anisotropy_cap) then
+            call add('domain.anisotropy_cap', .false., [-no_limit, domain%anisotropy_cap], index)
+         end if
          if (size(domain%lower) == 0 .and. domain%log_anisotropy_max < no_limit) then
-            call add('domain.log_anisotropy_max', .false., [-no_limit, domain%log_anisotropy_max], means(2, :))
+            call add('domain.log_anisotropy_max', .false., [-no_limit, domain%log_anisotropy_max], &
+               & means(2, :))
             call add('domain.poisson', .false., domain%poisson, means(1, :))
-            if (domain%has_scale()) call add('domain.stiffness_gpa', .false., domain%stiffness, means(3, :))
+            if (domain%has_scale()) then
+               call add('domain.stiffness_gpa', .false., domain%stiffness, means(3, :))
+            end if
          end if
       end associate
 
@@ -243,7 +267,10 @@ contains
          type(limit_type) :: one
 
          ! No limits, or bounds that fix a constant, where every draw is at both.
-         if (all(abs(range) >= no_limit) .or. range(2) - range(1) < 2.1_wp*max(least_width, relative_width*abs(range(1)))) return
+         if (all(abs(range) >= no_limit) &
+            & .or. range(2) - range(1) < 2.1_wp*max(least_width, relative_width*abs(range(1)))) then
+            return
+         end if
          one = limit_type(name, stated, range)
          ! In the constructor gfortran 12 ignores the stride of a section.
          one%values = values
@@ -253,8 +280,9 @@ contains
       end subroutine add
    end function list_limits
 
-   !> Whether the draws end at the lower (1) or the upper (2) limit: in the outermost of twenty equal parts of their range, which
-   !> reaches the limit, their density has not fallen to a third of its maximum.
+   !> Whether the draws end at the lower (1) or the upper (2) limit: in the outermost of twenty
+   !> equal parts of their range, which reaches the limit, their density has not fallen to a third
+   !> of its maximum.
    subroutine find_end(limit, side)
       type(limit_type), intent(inout) :: limit
       integer, intent(in) :: side
@@ -275,7 +303,8 @@ contains
          counts(k) = counts(k) + 1
       end do
       limit%share(side) = real(counts(1), wp)/size(x)
-      limit%ends(side) = low - inwards*limit%range(side) < width .and. counts(1) > fallen*maxval(counts)
+      limit%ends(side) = low - inwards*limit%range(side) < width &
+         & .and. counts(1) > fallen*maxval(counts)
    end subroutine find_end
 
    !> Whether a limit that nobody stated ends the draws.

@@ -1,32 +1,36 @@
-!> What a metallurgist asks of a crystal, by name, from a stiffness of any class: constants, averages, directional moduli, and
-!> products
-!> of powers of these.
+!> What a metallurgist asks of a crystal, by name, from a stiffness of any class: constants,
+!> averages, directional moduli, and products of powers of these.
 !>
-!> A direction [uvw] has its components along the Cartesian crystal axes. Polycrystal values are Hill's: bulk and shear modulus are
-!> the
-!> means of Voigt's and Reuss' for a uniform texture, and Young's modulus and Poisson's ratio follow from these two.
+!> A direction [uvw] has its components along the Cartesian crystal axes. Polycrystal values are
+!> Hill's: bulk and shear modulus are the means of Voigt's and Reuss' for a uniform texture, and
+!> Young's modulus and Poisson's ratio follow from these two.
 module quantities
    use crystal_class, only: crystal_class_type
-   use crystal_elasticity, only: averages_type, anisotropy_index, compliance, hill_young_poisson, polycrystal_averages
+   use crystal_elasticity, only: averages_type, anisotropy_index, compliance, hill_young_poisson, &
+      & polycrystal_averages
    use errors, only: error_type, refuse, suggestion
    use kinds, only: wp
    use text, only: join, lower, number_ok, read_real, split_list, to_text
    implicit none
    private
-   public :: quantity_type, new_quantity, new_quantities, check_quantity, check_distinct, check_value, reported_quantities
+   public :: quantity_type, new_quantity, new_quantities, check_quantity, check_distinct, &
+      & check_value, reported_quantities
    public :: evaluate_draws, evaluate_quantities, quantity_choices
 
    !> Words that stand alone, and words that take a direction.
-   character(len=*), parameter :: plain_names = 'bulk_modulus, polycrystal_bulk, polycrystal_shear, polycrystal_young, ' &
-      & //'polycrystal_poisson, anisotropy_index', directional_names = 'young, shear, compressibility'
+   character(len=*), parameter :: plain_names = 'bulk_modulus, polycrystal_bulk, ' &
+      & //'polycrystal_shear, polycrystal_young, polycrystal_poisson, anisotropy_index', &
+      & directional_names = 'young, shear, compressibility'
    !> Hill's averages, in the order of `hill_values`.
-   character(len=*), parameter :: hill_names(4) = [character(len=19) :: 'polycrystal_bulk', 'polycrystal_shear', &
-      & 'polycrystal_young', 'polycrystal_poisson']
+   character(len=*), parameter :: hill_names(4) = [character(len=19) :: 'polycrystal_bulk', &
+      & 'polycrystal_shear', 'polycrystal_young', 'polycrystal_poisson']
    !> What is allowed, for messages and the schema.
-   character(len=*), parameter :: quantity_choices = 'a constant C11 .. C66, C'' = (C11 - C12)/2, '//plain_names &
-      & //', young[100], shear[001], compressibility[100], or a product of powers of these such as C33/C11 or C11^1 C12^-0.3'
+   character(len=*), parameter :: quantity_choices = 'a constant C11 .. ' &
+      & //'C66, C'' = (C11 - C12)/2, '//plain_names//', young[100], shear[001], ' &
+      & //'compressibility[100], or a product of powers of these such as C33/C11 or C11^1 C12^-0.3'
 
-   !> One factor of a product: a word, with its entry of the stiffness or its direction, and the power.
+   !> One factor of a product: a word, with its entry of the stiffness or its direction, and the
+   !> power.
    type :: factor_type
       character(len=19) :: word = ''
       integer :: row = 0, column = 0
@@ -86,11 +90,15 @@ contains
          factor%power = sign*factor%power
          sign = 1.0_wp
          if (outcome == number_ok) call read_word(piece, factor, error)
-         if (outcome /= number_ok) call refuse(error, ''''//trim(name)//''': the power '''//power//''' is not a number')
+         if (outcome /= number_ok) then
+            call refuse(error, ''''//trim(name)//''': the power '''//power//''' is not a number')
+         end if
          if (allocated(error)) return
          quantity%factors = [quantity%factors, factor]
       end do
-      if (size(quantity%factors) == 0) call refuse(error, 'the name of the quantity is empty; allowed: '//quantity_choices)
+      if (size(quantity%factors) == 0) then
+         call refuse(error, 'the name of the quantity is empty; allowed: '//quantity_choices)
+      end if
       quantity%unit = unit_of(quantity%factors)
    end subroutine new_quantity
 
@@ -122,11 +130,14 @@ contains
       else
          known = any(split_list(plain_names) == word)
       end if
-      if (.not. known) call refuse(error, ''''//piece//''' is unknown'//suggestion(word, plain_names//', ' &
-         & //'young[100], shear[100], compressibility[100]')//'; allowed: '//quantity_choices)
+      if (.not. known) then
+         call refuse(error, ''''//piece//''' is unknown'//suggestion(word, plain_names &
+            & //', young[100], shear[100], compressibility[100]')//'; allowed: '//quantity_choices)
+      end if
    end subroutine read_word
 
-   !> '[110]', '[1-10]', or numbers apart, '[1 0.5 0]'; of a hexagonal crystal [0001], or four indices of a direction in the basal plane.
+   !> '[110]', '[1-10]', or numbers apart, '[1 0.5 0]'; of a hexagonal crystal [0001], or four
+   !> indices of a direction in the basal plane.
    subroutine read_direction(text, direction, known)
       character(len=*), intent(in) :: text
       real(wp), intent(out) :: direction(3)
@@ -149,9 +160,13 @@ contains
       end do
       read (spaced, *, iostat=status) four
       if (status == 0) then
-         direction = [four(1) - 0.5_wp*(four(2) + four(3)), sqrt(0.75_wp)*(four(2) - four(3)), four(4)]
+         direction = [four(1) - 0.5_wp*(four(2) + four(3)), &
+            & sqrt(0.75_wp)*(four(2) - four(3)), four(4)]
          ! Others depend on the unit cell.
-         if (any(abs(four(:3)) > 0.0_wp) .and. abs(four(4)) > 0.0_wp .or. abs(sum(four(:3))) > 0.0_wp) direction = 0.0_wp
+         if (any(abs(four(:3)) > 0.0_wp) .and. abs(four(4)) > 0.0_wp &
+            & .or. abs(sum(four(:3))) > 0.0_wp) then
+            direction = 0.0_wp
+         end if
       else
          read (spaced, *, iostat=status) direction
       end if
@@ -181,7 +196,10 @@ contains
       if (abs(power) < 1.0e-9_wp) unit = '1'
       if (abs(power - 1.0_wp) < 1.0e-9_wp) unit = 'GPa'
       if (size(factors) == 1) then
-         if (factors(1)%word == 'compressibility' .and. abs(factors(1)%power - 1.0_wp) < 1.0e-9_wp) unit = '1/TPa'
+         if (factors(1)%word == 'compressibility' &
+            & .and. abs(factors(1)%power - 1.0_wp) < 1.0e-9_wp) then
+            unit = '1/TPa'
+         end if
       end if
    end function unit_of
 
@@ -200,8 +218,10 @@ contains
       real(wp) :: values(1)
 
       call evaluate_quantities([quantity], typical_crystal(class, 0), values)
-      if (.not. (abs(values(1)) > 1.0e-9_wp .and. abs(values(1)) < huge(1.0_wp))) call refuse(error, ''''//quantity%name &
-         & //''' is zero, or not finite, for every '//class%name//' crystal')
+      if (.not. (abs(values(1)) > 1.0e-9_wp .and. abs(values(1)) < huge(1.0_wp))) then
+         call refuse(error, ''''//quantity%name//''' is zero, or not finite, for every ' &
+            & //class%name//' crystal')
+      end if
    end subroutine check_quantity
 
    !> Refuse a value that no solid has.
@@ -216,14 +236,18 @@ contains
 
       range = merge([-200.0_wp, 1000.0_wp], [-500.0_wp, 2000.0_wp], quantity%unit == '1/TPa')
       if (quantity%name == 'polycrystal_poisson') range = [-1.0_wp, 0.5_wp]
-      if (.not. any(quantity%unit == ['GPa  ', '1/TPa', '1    ']) .or. (value >= range(1) .and. value <= range(2))) return
+      if (.not. any(quantity%unit == ['GPa  ', '1/TPa', '1    ']) &
+         & .or. (value >= range(1) .and. value <= range(2))) then
+         return
+      end if
       unit = ' '//quantity%unit
       if (unit == ' 1') unit = ''
-      call refuse(error, quantity%name//' = '//to_text(value)//unit//' is not that of a solid; allowed: ' &
-         & //to_text(range(1))//' .. '//to_text(range(2))//unit//'. Check the unit')
+      call refuse(error, quantity%name//' = '//to_text(value)//unit//' is not that of a solid; ' &
+         & //'allowed: '//to_text(range(1))//' .. '//to_text(range(2))//unit//'. Check the unit')
    end subroutine check_value
 
-   !> Refuse two quantities of which one follows from the other in every crystal of the class: the same, or a power of it times a number.
+   !> Refuse two quantities of which one follows from the other in every crystal of the class: the
+   !> same, or a power of it times a number.
    subroutine check_distinct(quantities, class, error)
       type(quantity_type), intent(in) :: quantities(:)
       type(crystal_class_type), intent(in) :: class
@@ -242,14 +266,15 @@ contains
          logarithms(j, :) = logarithms(j, :)/norm2(logarithms(j, :))
          do i = 1, j - 1
             if (abs(dot_product(logarithms(i, :), logarithms(j, :))) < 1.0_wp - rounding) cycle
-            call refuse(error, ''''//quantities(j)%name//''' of a '//class%name//' crystal is the same as '''//quantities(i)%name &
-               & //'''; a quantity may be given once')
+            call refuse(error, ''''//quantities(j)%name//''' of a '//class%name//' crystal is ' &
+               & //'the same as '''//quantities(i)%name//'''; a quantity may be given once')
             return
          end do
       end do
    end subroutine check_distinct
 
-   !> A stable crystal of a class with nothing by chance: every entry that the class allows is there.
+   !> A stable crystal of a class with nothing by chance: every entry that the class allows is
+   !> there.
    pure function typical_crystal(class, number) result(c)
       type(crystal_class_type), intent(in) :: class
       !> Which of them.
@@ -266,20 +291,21 @@ contains
       c = class%stiffness(class%constants_of(c))
    end function typical_crystal
 
-   !> What is reported of a crystal of a class: its constants, averages, and Young's moduli along directions that it tells apart.
+   !> What is reported of a crystal of a class: its constants, averages, and Young's moduli along
+   !> directions that it tells apart.
    subroutine reported_quantities(class, list, error)
       type(crystal_class_type), intent(in) :: class
       type(quantity_type), allocatable, intent(out) :: list(:)
       type(error_type), allocatable, intent(out) :: error
-      character(len=*), parameter :: directions = 'young[001], young[100], young[010], young[110], young[101], young[011], ' &
-         & //'young[111]'
+      character(len=*), parameter :: directions = 'young[001], young[100], young[010], ' &
+         & //'young[110], young[101], young[011], young[111]'
 
-      call new_quantities(split_list(join(class%constants, ', ')//', '//plain_names//', '//directions), class, &
-         & size(class%constants), list, error)
+      call new_quantities(split_list(join(class%constants, ', ')//', '//plain_names//', ' &
+         & //directions), class, size(class%constants), list, error)
    end subroutine reported_quantities
 
-   !> The quantities of some names, but those after the first `known` whose value is that of an earlier one of them for every crystal of
-   !> a class.
+   !> The quantities of some names, but those after the first `known` whose value is that of an
+   !> earlier one of them for every crystal of a class.
    subroutine new_quantities(names, class, known, list, error)
       character(len=*), intent(in) :: names(:)
       type(crystal_class_type), intent(in) :: class
@@ -348,7 +374,8 @@ contains
 
       allocate (values(size(quantities), size(draws, 2)))
       do i = 1, size(draws, 2)
-         call evaluate_quantities(quantities, class%stiffness(draws(:class%n_constants, i)), values(:, i))
+         call evaluate_quantities(quantities, class%stiffness(draws(:class%n_constants, i)), &
+            & values(:, i))
       end do
    end subroutine evaluate_draws
 
@@ -377,7 +404,8 @@ contains
       case ('compressibility')
          response = 1000.0_wp*dot_product(sum(s(:3, :), 1), stress(n, n))
       case default
-         ! Torsion of a rod along n: the mean over the directions of shear across it, of the sum over three axes less the shear along n.
+         ! Torsion of a rod along n: the mean over the directions of shear across it, of the sum
+         ! over three axes less the shear along n.
          response = 0.5_wp/(sum([(energy(n, axes(:, j)), j=1, 3)]) - energy(n, n))
       end select
 

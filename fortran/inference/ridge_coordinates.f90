@@ -1,5 +1,5 @@
-!> Coordinates in which a curved ridge is straight: principal axes, the longest first, then each coordinate less a polynomial of the
-!> earlier ones. The map keeps volumes up to a constant.
+!> Coordinates in which a curved ridge is straight: principal axes, the longest first, then each
+!> coordinate less a polynomial of the earlier ones. The map keeps volumes up to a constant.
 module ridge_coordinates
    use errors, only: error_type
    use kinds, only: wp
@@ -9,12 +9,14 @@ module ridge_coordinates
    private
    public :: whitening_type, fit_whitening
 
-   !> Of a polynomial, by its richness: how many of the longest axes have products of two, of three and so on. All have linear terms.
+   !> Of a polynomial, by its richness: how many of the longest axes have products of two, of three
+   !> and so on. All have linear terms.
    integer, parameter :: richest = 6, most_factors = 8
-   integer, parameter :: axes_with(2:most_factors, 0:richest) = reshape([0, 0, 0, 0, 0, 0, 0, 3, 0, 0, 0, 0, 0, 0, &
-      & 5, 3, 0, 0, 0, 0, 0, 8, 4, 3, 1, 0, 0, 0, 20, 6, 3, 1, 1, 0, 0, 20, 8, 4, 2, 1, 1, 1, 20, 8, 4, 2, 2, 2, 1], &
-      & [most_factors - 1, richest + 1])
-   !> From so many axes on, the last one not counted, products of more than four and the tangents beyond the points would be noise.
+   integer, parameter :: axes_with(2:most_factors, 0:richest) = reshape([0, 0, 0, 0, 0, 0, 0, 3, &
+      & 0, 0, 0, 0, 0, 0, 5, 3, 0, 0, 0, 0, 0, 8, 4, 3, 1, 0, 0, 0, 20, 6, 3, 1, 1, 0, 0, 20, 8, &
+      & 4, 2, 1, 1, 1, 20, 8, 4, 2, 2, 2, 1], [most_factors - 1, richest + 1])
+   !> From so many axes on, the last one not counted, products of more than four and the tangents
+   !> beyond the points would be noise.
    integer, parameter :: many_axes = 5
    !> Points for each term.
    integer, parameter :: points_a_term = 10
@@ -23,13 +25,14 @@ module ridge_coordinates
       private
       integer :: n = 0
       real(wp), allocatable :: centre(:), forward(:, :), backward(:, :), width(:)
-      !> A feature is a product of coordinates z: feature k is the earlier feature `parent(k)` times the coordinate `axis(k)`, and those of
-      !> the first m coordinates are the first `n_features(m)`, m from 0.
+      !> A feature is a product of coordinates z: feature k is the earlier feature `parent(k)` times
+      !> the coordinate `axis(k)`, and those of the first m coordinates are the first
+      !> `n_features(m)`, m from 0.
       integer, allocatable :: parent(:), axis(:), n_features(:)
       !> Coefficients of the features of z(1) .. z(j-1), for coordinate j.
       real(wp), allocatable :: bend(:, :)
-      !> Range of each z in which the polynomial was fitted; beyond it goes on along its tangent for 12 % of the range, then as it
-      !> is there.
+      !> Range of each z in which the polynomial was fitted; beyond it goes on along its tangent for
+      !> 12 % of the range, then as it is there.
       real(wp), allocatable :: least(:), greatest(:)
    contains
       procedure :: to_white, from_white
@@ -37,7 +40,8 @@ module ridge_coordinates
 
 contains
 
-   !> The features of m coordinates: of each, after those of the earlier ones, z(i), then its products with itself and these.
+   !> The features of m coordinates: of each, after those of the earlier ones, z(i), then its
+   !> products with itself and these.
    pure subroutine list_features(m, richness, whitening)
       integer, intent(in) :: m
       !> 0 to `richest`.
@@ -77,11 +81,13 @@ contains
       integer :: k
 
       within = min(max(z, self%least(:size(z))), self%greatest(:size(z)))
-      further = merge(0.12_wp, 0.0_wp, self%n <= many_axes)*(self%greatest(:size(z)) - self%least(:size(z)))
+      further = merge(0.12_wp, 0.0_wp, &
+         & self%n <= many_axes)*(self%greatest(:size(z)) - self%least(:size(z)))
       further = min(max(z - within, -further), further)
       do k = first, self%n_features(size(z))
          f(k) = f(self%parent(k))*within(self%axis(k))
-         tangent(k) = tangent(self%parent(k))*within(self%axis(k)) + f(self%parent(k))*further(self%axis(k))
+         tangent(k) = tangent(self%parent(k))*within(self%axis(k)) &
+            & + f(self%parent(k))*further(self%axis(k))
       end do
    end subroutine evaluate_features
 
@@ -143,7 +149,8 @@ contains
             call solve_upper(gram, rhs)
             whitening%bend(:m, j) = rhs
          end if
-         whitening%width(j) = max(1.0e-8_wp, sqrt(sum((z(j, :) - matmul(whitening%bend(:m, j), f(:m, :)))**2)/many))
+         whitening%width(j) = max(1.0e-8_wp, &
+            & sqrt(sum((z(j, :) - matmul(whitening%bend(:m, j), f(:m, :)))**2)/many))
       end do
    end subroutine fit_whitening
 

@@ -2,12 +2,14 @@
 !>
 !> Chain k draws from the random stream (seed, first_stream + k - 1), whatever thread runs it.
 !>
-!> Finished chains are on the disk until what is made of them is written: a run that was stopped resumes from them.
-!> Its numbers are the same.
+!> Finished chains are on the disk until what is made of them is written: a run that was stopped
+!> resumes from them. Its numbers are the same.
 !>
-!> A chain follows from the target, the sampler's settings and its random stream. Its file is named by a hash of the settings and of the
-!> densities of some points, whose bits tell other measurements, another surrogate and another prior. The file has the bits of acceptance,
-!> densities and draws, and their checksum. A chain that cannot be kept, or whose file is damaged, is drawn again.
+!> A chain follows from the target, the sampler's settings and its random stream. Its file is named
+!> by a hash of the settings and of the densities of some points, whose bits tell other
+!> measurements, another surrogate and another prior. The file has the bits of acceptance, densities
+!> and draws, and their checksum. A chain that cannot be kept, or whose file is damaged, is drawn
+!> again.
 module samplers
    use abstract_sampler, only: draw_starts, sampler_type, target_type
    use direct_sampler, only: direct_sampler_type
@@ -23,7 +25,8 @@ module samplers
    use text, only: to_text
    implicit none
    private
-   public :: sampler_names, new_sampler, run_settings_type, chains_type, sample_chains, checkpoint_type, new_checkpoint
+   public :: sampler_names, new_sampler, run_settings_type, chains_type, sample_chains, &
+      & checkpoint_type, new_checkpoint
 
    !> How the names of the files begin.
    character(len=*), parameter, public :: chain_prefix = '.chain-'
@@ -56,7 +59,8 @@ module samplers
 
 contains
 
-   !> Where chains of a target are kept: in a folder without its last slash, for settings that `inputs` tells apart.
+   !> Where chains of a target are kept: in a folder without its last slash, for settings that
+   !> `inputs` tells apart.
    subroutine new_checkpoint(folder, inputs, target, self)
       character(len=*), intent(in) :: folder, inputs
       class(target_type), intent(in) :: target
@@ -178,25 +182,33 @@ contains
       logical :: interrupted
 
       allocate (chains%draws(target%dimension, settings%samples, settings%chains), &
-         & chains%log_density(settings%samples, settings%chains), chains%acceptance(settings%chains), source=0.0_wp, stat=stat)
-      if (stat /= 0) call raise_no_memory(to_text(settings%chains)//' chains of '//to_text(settings%samples)//' samples', error)
+         & chains%log_density(settings%samples, settings%chains), &
+         & chains%acceptance(settings%chains), source=0.0_wp, stat=stat)
+      if (stat /= 0) then
+         call raise_no_memory(to_text(settings%chains)//' chains of '//to_text(settings%samples) &
+            & //' samples', error)
+      end if
       if (allocated(error)) return
       allocate (started(settings%chains))
       call listen()
       call begin_progress('sampling', int(settings%chains, i8)*(sampler%burn_in + settings%samples))
-      !$omp parallel do num_threads(max(1, settings%threads)) schedule(dynamic, 1) private(stream, number)
+      !$omp parallel do num_threads(max(1, settings%threads)) schedule(dynamic, 1) &
+      !$omp & private(stream, number)
       do k = 1, settings%chains
          number = settings%first_stream + k - 1
          !$omp critical (chain_files)
-         call checkpoint%restore(number, chains%draws(:, :, k), chains%log_density(:, k), chains%acceptance(k), started(k))
+         call checkpoint%restore(number, chains%draws(:, :, k), chains%log_density(:, k), &
+            & chains%acceptance(k), started(k))
          !$omp end critical (chain_files)
          if (started(k)) call advance_progress(int(sampler%burn_in + settings%samples, i8))
          if (started(k)) cycle
          stream = new_random_stream(settings%seed, number)
-         call sampler%run(target, stream, chains%draws(:, :, k), chains%log_density(:, k), chains%acceptance(k), started(k))
+         call sampler%run(target, stream, chains%draws(:, :, k), chains%log_density(:, k), &
+            & chains%acceptance(k), started(k))
          if (.not. started(k) .or. stop_requested()) cycle
          !$omp critical (chain_files)
-         call checkpoint%store(number, chains%draws(:, :, k), chains%log_density(:, k), chains%acceptance(k))
+         call checkpoint%store(number, chains%draws(:, :, k), chains%log_density(:, k), &
+            & chains%acceptance(k))
          !$omp end critical (chain_files)
       end do
       !$omp end parallel do
@@ -207,7 +219,8 @@ contains
       if (interrupted) then
          call raise(error, 'interrupted')
       else if (k > 0) then
-         call raise(error, 'chain '//to_text(k)//': no admissible point with a finite density was found within the bounds')
+         call raise(error, 'chain '//to_text(k) &
+            & //': no admissible point with a finite density was found within the bounds')
       end if
    end subroutine sample_chains
 

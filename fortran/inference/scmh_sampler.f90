@@ -1,5 +1,6 @@
-!> The paper's sampler (section 2.2), single-component Metropolis-Hastings: one parameter after another takes a normal step; the sd
-!> of each is tuned towards an acceptance of 0.23 during burn-in only. One sample is one sweep over the parameters.
+!> The paper's sampler (section 2.2), single-component Metropolis-Hastings: one parameter after
+!> another takes a normal step; the sd of each is tuned towards an acceptance of 0.23 during burn-in
+!> only. One sample is one sweep over the parameters.
 module scmh_sampler
    use progress, only: advance_progress
    use running_command, only: stop_requested
@@ -32,7 +33,8 @@ contains
       !> Whether a point of the support was found.
       logical, intent(out) :: started
       real(wp) :: starts(target%dimension, 100), start_density(100), x(target%dimension)
-      real(wp) :: step(target%dimension), total(target%dimension), range(target%dimension), proposed(1), current, previous, u, z
+      real(wp) :: step(target%dimension), total(target%dimension), range(target%dimension), &
+         & proposed(1), current, previous, u, z
       integer :: sweep, j, found, accepted, best, pick, samples
       logical :: accept
 
@@ -71,7 +73,8 @@ contains
                x(j) = previous
             end if
             if (sweep <= 0) then
-               ! Robbins-Monro on the logarithm of the step; it becomes finer as the burn-in goes on.
+               ! Robbins-Monro on the logarithm of the step; it becomes finer as the burn-in goes
+               ! on.
                u = 2.0_wp*(sweep + self%burn_in + 25)**(-0.5_wp)
                step(j) = step(j)*exp(u*(merge(1.0_wp, 0.0_wp, accept) - wanted_acceptance))
                step(j) = min(step(j), 10.0_wp*range(j))

@@ -1,10 +1,14 @@
-!> Measurements in grains of unknown orientation: the density of each is its mean over all directions.
+!> Measurements in grains of unknown orientation: the density of each is its mean over all
+!> directions.
 !>
-!> Errors that measurements share are integrated numerically, since given them the measurements are independent. In the basis in which these
-!> errors are independent and their effects orthogonal, of root sum of squares s in sds of the measurements, the integrand is a sum of
-!> normal densities of width (1 + s²)^(-1/2) or more: the trapezoidal rule with a step of 1.4 widths errs by 1e-4 of each.
+!> Errors that measurements share are integrated numerically, since given them the measurements are
+!> independent. In the basis in which these errors are independent and their effects orthogonal, of
+!> root sum of squares s in sds of the measurements, the integrand is a sum of normal densities of
+!> width (1 + s²)^(-1/2) or more: the trapezoidal rule with a step of 1.4 widths errs by 1e-4 of
+!> each.
 !>
-!> Diagnostics and predictions use the mean and the variance of the moduli over all directions, see `evaluate_grains`.
+!> Diagnostics and predictions use the mean and the variance of the moduli over all directions, see
+!> `evaluate_grains`.
 module unknown_orientations
    use errors, only: error_type, refuse
    use kinds, only: pi, wp
@@ -18,15 +22,18 @@ module unknown_orientations
    !> Integration over shared errors: s that is left out, step in widths, reach in sds.
    real(wp), parameter :: negligible = 0.05_wp, step = 1.4_wp, reach = 4.5_wp
    integer, parameter :: most_nodes = 1000
-   !> Moduli of all directions are gathered in bins of this part of the smallest sd, or in so many wider ones.
+   !> Moduli of all directions are gathered in bins of this part of the smallest sd, or in so many
+   !> wider ones.
    real(wp), parameter :: bin = 0.25_wp, most_bins = 500.0_wp
 
    type :: unknown_orientations_type
-      !> Of each direction, (direction); measurements and sds of their own errors, (measurement); the relative sd of grains as such.
+      !> Of each direction, (direction); measurements and sds of their own errors, (measurement);
+      !> the relative sd of grains as such.
       real(wp), allocatable :: probability(:), measured(:), sd(:)
       real(wp) :: scatter_sd = 0.0_wp
       type(observable_type) :: observable
-      !> Shared errors at the nodes of integration as parts of a modulus, (measurement, node), and logarithms of the weights.
+      !> Shared errors at the nodes of integration as parts of a modulus, (measurement, node), and
+      !> logarithms of the weights.
       real(wp), allocatable :: relative(:, :), log_weight(:)
    contains
       procedure :: set_nodes, log_likelihood
@@ -40,7 +47,8 @@ contains
       !> Relative shared errors of sd 1, (measurement, error).
       real(wp), intent(in) :: relative(:, :)
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: scaled(size(relative, 1), size(relative, 2)), vectors(size(relative, 2), size(relative, 2))
+      real(wp) :: scaled(size(relative, 1), size(relative, 2)), &
+         & vectors(size(relative, 2), size(relative, 2))
       real(wp) :: squares(size(relative, 2)), width
       real(wp), allocatable :: z(:)
       integer :: i, j, m
@@ -57,18 +65,21 @@ contains
          z = [(width*i, i=-ceiling(reach/width), ceiling(reach/width))]
          m = size(self%log_weight)
          if (m*size(z) > most_nodes) then
-            call refuse(error, 'the errors that grains of unknown orientation share need '//to_text(m*size(z))//' points of ' &
-               & //'integration; allowed '//to_text(most_nodes)//': state fewer or smaller ones (calibration_sd, shared_errors)')
+            call refuse(error, 'the errors that grains of unknown orientation share need ' &
+               & //to_text(m*size(z))//' points of integration; allowed '//to_text(most_nodes) &
+               & //': state fewer or smaller ones (calibration_sd, shared_errors)')
             return
          end if
-         self%relative = reshape([(self%relative + spread(z(i)*scaled(:, j), 2, m), i=1, size(z))], [size(scaled, 1), m*size(z)])
+         self%relative = reshape([(self%relative + spread(z(i)*scaled(:, j), 2, m), i=1, &
+            & size(z))], [size(scaled, 1), m*size(z)])
          self%log_weight = [(self%log_weight - 0.5_wp*z(i)**2, i=1, size(z))]
       end do
       self%log_weight = self%log_weight - log_of_sum(self%log_weight)
    end subroutine set_nodes
 
-   !> What would be measured, from the moduli of all directions: each is shared between the two nearest of equidistant ones. The mean stays,
-   !> and the variance that this adds is taken off again.
+   !> What would be measured, from the moduli of all directions: each is shared between the two
+   !> nearest of equidistant ones. The mean stays, and the variance that this adds is taken off
+   !> again.
    pure subroutine gather(self, moduli, value, variance, probability)
       class(unknown_orientations_type), intent(in) :: self
       !> GPa, (direction).

@@ -1,11 +1,13 @@
-!> Who decided what: the shares of the measurements, of what is known and of the prior in the variance of a quantity, and the part of
-!> each source of error in it.
+!> Who decided what: the shares of the measurements, of what is known and of the prior in the
+!> variance of a quantity, and the part of each source of error in it.
 !>
-!> With s_i the derivative of the log likelihood with respect to the measurement i, w_i = Cov(c, s_i) over the draws is the derivative of
-!> the posterior mean of c with respect to that measurement, and wᵀ V w the variance that the errors of the measurements, of covariance V,
-!> give c. For normal errors of constant V this is aᵀ V⁻¹ a with a_i = Cov(c, M_i). Likewise for what is known. The rest is the prior's:
-!> bounds, the default prior, the surrogate's domain. Covariances need no slopes, so that ridges do no harm; several modes do, and then
-!> the shares are not a number.
+!> With s_i the derivative of the log likelihood with respect to the measurement i, w_i = Cov(c,
+!> s_i) over the draws is the derivative of the posterior mean of c with respect to that
+!> measurement, and wᵀ V w the variance that the errors of the measurements, of covariance V, give
+!> c. For normal errors of constant V this is aᵀ V⁻¹ a with a_i = Cov(c, M_i). Likewise for what is
+!> known. The rest is the prior's: bounds, the default prior, the surrogate's domain. Covariances
+!> need no slopes, so that ridges do no harm; several modes do, and then the shares are not a
+!> number.
 module variance_shares
    use constants_posterior, only: posterior_type
    use errors, only: error_type
@@ -17,13 +19,13 @@ module variance_shares
    private
    public :: shares_type, find_shares, verdict_of, error_sources, from_surrogate
 
-   !> What the errors of measurements come from: those of each on its own, then those that measurements share; of speeds all but those of
-   !> the orientation.
+   !> What the errors of measurements come from: those of each on its own, then those that
+   !> measurements share; of speeds all but those of the orientation.
    integer, parameter :: n_error_sources = 6
-   character(len=*), parameter :: error_sources(n_error_sources) = [character(len=11) :: 'noise', 'surrogate', 'grains', &
-      & 'orientation', 'calibration', 'velocities']
-   integer, parameter :: from_noise = 1, from_surrogate = 2, from_grains = 3, from_orientation = 4, from_calibration = 5, &
-      & from_velocities = 6
+   character(len=*), parameter :: error_sources(n_error_sources) = [character(len=11) :: 'noise', &
+      & 'surrogate', 'grains', 'orientation', 'calibration', 'velocities']
+   integer, parameter :: from_noise = 1, from_surrogate = 2, from_grains = 3, &
+      & from_orientation = 4, from_calibration = 5, from_velocities = 6
 
    type :: shares_type
       !> They sum to one, or are NaN.
@@ -35,8 +37,8 @@ module variance_shares
    !> The greatest sum of shares, and how many of its Monte Carlo errors it may be above: else
    !> covariances do not describe the draws.
    real(wp), parameter :: greatest_sum = 1.05_wp, errors_above = 2.0_wp
-   !> A quantity is determined if its sd is below the first part of its value and the prior's share below the second; it is not determined
-   !> if either is above those of the other pair.
+   !> A quantity is determined if its sd is below the first part of its value and the prior's share
+   !> below the second; it is not determined if either is above those of the other pair.
    real(wp), parameter :: determined(2) = [0.10_wp, 0.20_wp], not_determined(2) = [0.30_wp, 0.80_wp]
 
 contains
@@ -54,7 +56,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Draws for the variances of the errors, which hardly vary.
       integer, parameter :: few = 200, at_once = 16
-      real(wp), allocatable, dimension(:, :) :: moduli, scores, known, centred, weights, parts, pulls, factor
+      real(wp), allocatable, dimension(:, :) :: moduli, scores, known, centred, weights, parts, &
+         & pulls, factor
       real(wp), dimension(size(values, 1)) :: variance, total
       real(wp), dimension(posterior%n_grains) :: scales, residual, weight
       real(wp) :: shared(posterior%n_grains, posterior%n_shared), greatest
@@ -62,11 +65,13 @@ contains
 
       n = size(draws, 2)
       allocate (scores(posterior%n_grains, n), parts(n_error_sources, size(values, 1)))
-      !$omp parallel do num_threads(max(1, threads)) schedule(dynamic) private(scales, shared, residual, weight, moduli, j)
+      !$omp parallel do num_threads(max(1, threads)) schedule(dynamic) private(scales, shared, &
+      !$omp & residual, weight, moduli, j)
       do i = 1, n, at_once
          moduli = posterior%moduli_at(draws(:, i:min(n, i + at_once - 1)))
          do j = 1, size(moduli, 2)
-            call find_residuals(posterior, draws(:, i + j - 1), moduli(:, j), scales, shared, residual, weight)
+            call find_residuals(posterior, draws(:, i + j - 1), moduli(:, j), scales, shared, &
+               & residual, weight)
             ! Derivatives of the log likelihood with respect to the measurements, 1/GPa.
             scores(:, i + j - 1) = -weight*residual/scales
          end do
@@ -85,7 +90,8 @@ contains
       call cholesky_solve(factor, known)
       allocate (shares(size(values, 1)))
       total = (sum(parts, 1) + sum(pulls*known, 1))/variance
-      ! A sum is the square of a covariance over a variance: of normal draws its relative error is that of a variance.
+      ! A sum is the square of a covariance over a variance: of normal draws its relative error is
+      ! that of a variance.
       greatest = greatest_sum + errors_above*sqrt(2.0_wp/max(1.0_wp, effective))
       do q = 1, size(shares)
          ! A little above one is the noise of the draws.
@@ -112,7 +118,8 @@ contains
       !> (source, quantity).
       real(wp), intent(out) :: parts(:, :)
       real(wp), dimension(posterior%n_grains, n_error_sources) :: own, own_mean
-      real(wp), dimension(posterior%n_grains) :: precision, precision_mean, scales, modulus, slope, variance, value, map_slope
+      real(wp), dimension(posterior%n_grains) :: precision, precision_mean, scales, modulus, &
+         & slope, variance, value, map_slope
       real(wp), allocatable :: shared(:, :), pull(:, :), moduli(:, :)
       real(wp) :: tilt_slopes(posterior%n_grains, 2)
       integer :: i, j, m, n, source
@@ -131,12 +138,15 @@ contains
          do j = 1, posterior%n_shared
             source = from_surrogate
             if (j > posterior%grains%n_columns) source = from_calibration
-            if (source == from_calibration .and. all(abs(shared(:m, j)) <= 0.0_wp)) source = from_velocities
+            if (source == from_calibration .and. all(abs(shared(:m, j)) <= 0.0_wp)) then
+               source = from_velocities
+            end if
             if (j > n) source = from_orientation
             parts(source, :) = parts(source, :) + pull(j, :)**2/size(draws, 2)
          end do
          ! Variances of the errors that grains do not share.
-         call posterior%evaluate_grains(posterior%stiffness(draws(:, i)), modulus, slope, variance, tilt_slopes, moduli(:, 1))
+         call posterior%evaluate_grains(posterior%stiffness(draws(:, i)), modulus, slope, &
+            & variance, tilt_slopes, moduli(:, 1))
          value = modulus
          map_slope = 1.0_wp
          call posterior%observable%to_measured(value(:m), map_slope(:m))
@@ -144,17 +154,20 @@ contains
          own(:, from_noise) = (posterior%scale_factor(draws(:, i))*posterior%data%sd)**2
          own(:, from_surrogate) = posterior%scatter*(slope*map_slope)**2
          own(:m, from_grains) = (posterior%settings%scatter_sd*modulus(:m)*map_slope(:m))**2
-         own(:, from_orientation) = max(0.0_wp, variance*map_slope**2 - own(:, from_surrogate) - own(:, from_grains))
+         own(:, from_orientation) = max(0.0_wp, &
+            & variance*map_slope**2 - own(:, from_surrogate) - own(:, from_grains))
          own(m + 1:, from_velocities) = own(m + 1:, from_noise)
          own(m + 1:, from_noise) = 0.0_wp
          own_mean = own_mean + own/size(draws, 2)
       end do
-      ! What a measurement counts for is its mean precision: of Student's t that is less than one over the variance.
+      ! What a measurement counts for is its mean precision: of Student's t that is less than one
+      ! over the variance.
       own_mean = own_mean/spread(precision_mean*sum(own_mean, 2), 2, n_error_sources)
       parts = parts + matmul(transpose(own_mean), weights**2)
    end subroutine add_up_sources
 
-   !> Residuals at a point in units of their scales, less the shared errors given the data, and the weight that the likelihood gives each.
+   !> Residuals at a point in units of their scales, less the shared errors given the data, and the
+   !> weight that the likelihood gives each.
    subroutine find_residuals(posterior, x, moduli, scales, shared, residual, weight)
       type(posterior_type), intent(in) :: posterior
       !> (dimension), and what the grain model gives there.
@@ -187,6 +200,8 @@ contains
       relative = sd/max(abs(mean), least_value)
       verdict = 'weak'
       if (relative < determined(1) .and. share%prior < determined(2)) verdict = 'determined'
-      if (relative > not_determined(1) .or. share%prior > not_determined(2)) verdict = 'not_determined'
+      if (relative > not_determined(1) .or. share%prior > not_determined(2)) then
+         verdict = 'not_determined'
+      end if
    end function verdict_of
 end module variance_shares

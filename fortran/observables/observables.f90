@@ -9,14 +9,16 @@ module observables
    public :: observable_type, observable_names, moduli_of_indentation, new_observable
 
    !> What every indentation gives.
-   character(len=*), parameter :: moduli_of_indentation = 'indentation_modulus, effective_modulus, sample_modulus'
+   character(len=*), parameter :: moduli_of_indentation = 'indentation_modulus, ' &
+      & //'effective_modulus, sample_modulus'
    !> A new observable: its name here, and its lines in `new_observable`.
    character(len=*), parameter :: observable_names = moduli_of_indentation
 
-   !> The kinds of indentation modulus, as functions of the modulus M of the half-space: all are a M/(1 + d M).
+   !> The kinds of indentation modulus, as functions of the modulus M of the half-space: all are a
+   !> M/(1 + d M).
    !>
-   !> M itself; E_eff of the contact with an elastic indenter, 1/E_eff = 1/M + (1-nu_i²)/E_i; E_s = (1-nu_s²) M of a sample whose
-   !> Poisson's ratio is assumed.
+   !> M itself; E_eff of the contact with an elastic indenter, 1/E_eff = 1/M + (1-nu_i²)/E_i; E_s =
+   !> (1-nu_s²) M of a sample whose Poisson's ratio is assumed.
    type :: observable_type
       !> As `modulus_kind` and, with the unit, a column name it.
       character(len=:), allocatable :: name
@@ -35,10 +37,13 @@ contains
       type(observable_type), intent(out) :: observable
       type(error_type), allocatable, intent(out) :: error
 
-      associate (young => settings%indenter_modulus_gpa, nu => settings%indenter_nu, sample_nu => settings%sample_nu)
-         if (.not. (young > 0.0_wp .and. abs(nu) < 1.0_wp .and. abs(sample_nu) < 1.0_wp)) call raise(error, 'the indenter''s ' &
-            & //'modulus ('//to_text(young)//' GPa) must be positive, Poisson''s ratios ('//to_text(nu)//', '//to_text(sample_nu) &
-            & //') within -1 .. 1', exit_bad_input)
+      associate (young => settings%indenter_modulus_gpa, nu => settings%indenter_nu, &
+         & sample_nu => settings%sample_nu)
+         if (.not. (young > 0.0_wp .and. abs(nu) < 1.0_wp .and. abs(sample_nu) < 1.0_wp)) then
+            call raise(error, 'the indenter''s modulus ('//to_text(young) &
+               & //' GPa) must be positive, Poisson''s ratios ('//to_text(nu)//', ' &
+               & //to_text(sample_nu)//') within -1 .. 1', exit_bad_input)
+         end if
          if (allocated(error)) return
          select case (name)
          case ('indentation_modulus')
@@ -47,7 +52,8 @@ contains
          case ('sample_modulus')
             observable%factor = 1.0_wp - sample_nu**2
          case default
-            call raise(error, 'modulus_kind: '''//name//''' is unknown; allowed: '//observable_names, exit_bad_input)
+            call raise(error, 'modulus_kind: '''//name//''' is unknown; allowed: ' &
+               & //observable_names, exit_bad_input)
             return
          end select
       end associate

@@ -6,10 +6,12 @@
 !>        if (size(stage%jobs) == 0) exit
 !>        (simulate each, in any order, and give what became of it to stage%take)
 !>     end do
-!>     call stage%close(document, error)              ! files, and the document; after an error or an interrupt stage%campaign%flush
+!> call stage%close(document, error)              ! files, and the document; after an error or an
+!> interrupt stage%campaign%flush
 !>
-!> What became of a simulation is stored by `take`, of a stage that has a campaign; a modulus that is none is a failure. What the machine
-!> could not do (memory) is no result: it is wanted once more, alone, and is an error if that fails too.
+!> What became of a simulation is stored by `take`, of a stage that has a campaign; a modulus that
+!> is none is a failure. What the machine could not do (memory) is no result: it is wanted once
+!> more, alone, and is an error if that fails too.
 module abstract_stage
    use campaign, only: campaign_type, row_type
    use errors, only: error_type, machine_failure, raise, refuse, warning_type
@@ -33,8 +35,8 @@ module abstract_stage
    end type job_type
 
    type, abstract :: stage_type
-      !> Of the command, and of the file of its document; the groups of the namelist that its results follow from, and those of a
-      !> posterior.
+      !> Of the command, and of the file of its document; the groups of the namelist that its
+      !> results follow from, and those of a posterior.
       character(len=:), allocatable :: name, document_file, groups, groups_of_posterior
       type(problem_type), pointer :: problem => null()
       !> Folder of the results, without a slash at its end; and where surrogates are looked for.
@@ -44,12 +46,14 @@ module abstract_stage
       type(warning_type), allocatable :: warnings(:), reasons(:)
       !> What is to be simulated now.
       type(job_type), allocatable :: jobs(:)
-      !> Simulations that were made in this run, those that failed, and those that are still expected.
+      !> Simulations that were made in this run, those that failed, and those that are still
+      !> expected.
       integer :: n_new = 0, n_failed = 0, n_expected = 0
       !> One line on what was done, and perhaps more.
       character(len=:), allocatable :: done
       type(warning_type), allocatable :: more(:)
-      !> The batch that was chosen, what became of each, as a row of the campaign, which may have had it already, and its state.
+      !> The batch that was chosen, what became of each, as a row of the campaign, which may have
+      !> had it already, and its state.
       type(job_type), allocatable :: batch(:)
       type(row_type), allocatable :: rows(:)
       integer, allocatable, private :: state(:)
@@ -104,11 +108,12 @@ contains
       integer :: i
 
       self%batch%number = [(i, i=1, size(self%batch))]
-      self%state = merge(waiting, made, self%rows(:size(self%batch))%outcome%status == outcome_waiting)
+      self%state = merge(waiting, made, &
+         & self%rows(:size(self%batch))%outcome%status == outcome_waiting)
    end subroutine begin_batch
 
-   !> What the campaign has of the rows of a batch. The others are to follow all that is there; or those `in_place`, of a batch that was
-   !> interrupted, to take the places that they left in it.
+   !> What the campaign has of the rows of a batch. The others are to follow all that is there; or
+   !> those `in_place`, of a batch that was interrupted, to take the places that they left in it.
    subroutine look_up(self, in_place, error)
       class(stage_type), intent(inout) :: self
       logical, intent(in) :: in_place
@@ -118,7 +123,8 @@ contains
       integer :: first(size(self%rows)), next, i
 
       do i = 1, size(found)
-         call self%campaign%find(self%rows(i)%symmetry, self%rows(i)%constants, self%rows(i)%euler_deg, stored, found(i), error)
+         call self%campaign%find(self%rows(i)%symmetry, self%rows(i)%constants, &
+            & self%rows(i)%euler_deg, stored, found(i), error)
          if (allocated(error)) return
          if (found(i)) self%rows(i)%outcome = stored%outcome
          first(i) = stored%position - i + 1
@@ -126,7 +132,9 @@ contains
       call self%campaign%next_position(next, error)
       self%rows%position = next - 1 + [(count(.not. found(:i)), i=1, size(found))]
       if (.not. (in_place .and. any(found))) return
-      if (minval(first, found) == maxval(first, found)) self%rows%position = minval(first, found) - 1 + [(i, i=1, size(found))]
+      if (minval(first, found) == maxval(first, found)) then
+         self%rows%position = minval(first, found) - 1 + [(i, i=1, size(found))]
+      end if
    end subroutine look_up
 
    !> Let `jobs` be what is to be simulated now.
@@ -162,7 +170,8 @@ contains
          self%n_new = self%n_new + 1
          self%rows(number)%outcome = outcome
          associate (kept => self%rows(number)%outcome)
-            if (kept%status == outcome_done .and. .not. (kept%modulus > 0.0_wp .and. kept%modulus <= huge(1.0_wp))) then
+            if (kept%status == outcome_done &
+               & .and. .not. (kept%modulus > 0.0_wp .and. kept%modulus <= huge(1.0_wp))) then
                kept%status = outcome_failed
                kept%message = 'the modulus is '//lower(to_text(kept%modulus))//' GPa'
             end if
@@ -209,6 +218,8 @@ contains
       call page%end_object()
       document = page%text()
       call begin_results(self%problem, self%groups, self%places, error)
-      if (.not. allocated(error)) call write_document(self%places%output//self%document_file, document, error)
+      if (.not. allocated(error)) then
+         call write_document(self%places%output//self%document_file, document, error)
+      end if
    end subroutine close
 end module abstract_stage

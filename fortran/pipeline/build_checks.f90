@@ -1,5 +1,6 @@
 !> What a build would refuse, or warn of, before its first simulation, as far as the namelist tells.
-!> And the truncations that &surrogate `scan` compares: '1, 2, 3 x 8, 10, 12' is each of these degrees with each of these bandlimits.
+!> And the truncations that &surrogate `scan` compares: '1, 2, 3 x 8, 10, 12' is each of these
+!> degrees with each of these bandlimits.
 module build_checks
    use abstract_basis, only: basis_type
    use bases, only: new_basis
@@ -19,12 +20,14 @@ module build_checks
    private
    public :: check_build, question_candidates, basis_of_problem, read_scan
 
-   !> Crystals are up to so many times stiffer, or more compliant, than the surroundings of the specimen.
+   !> Crystals are up to so many times stiffer, or more compliant, than the surroundings of the
+   !> specimen.
    real(wp), parameter :: scale_factor = 3.0_wp
 
 contains
 
-   !> Refuse the name of the surrogate's file, a basis that cannot be, more than memory holds, or the truncations to compare.
+   !> Refuse the name of the surrogate's file, a basis that cannot be, more than memory holds, or
+   !> the truncations to compare.
    subroutine check_build(problem, error, output)
       type(problem_type), intent(in) :: problem
       type(error_type), allocatable, intent(out) :: error
@@ -35,20 +38,26 @@ contains
       integer :: n
 
       call check_new_name(problem%settings%surrogate%file, error)
-      if (present(output) .and. .not. allocated(error)) call check_replaceable(output//'/'//problem%settings%surrogate%file, error)
+      if (present(output) .and. .not. allocated(error)) then
+         call check_replaceable(output//'/'//problem%settings%surrogate%file, error)
+      end if
       if (allocated(error)) error%message = place(problem%path, 'surrogate', 'file')//error%message
       if (.not. allocated(error)) call basis_of_problem(problem, basis, error)
       if (allocated(error)) return
-      if (.not. allocated(basis%prior_degrees) .and. problem%settings%design%budget < basis%n_terms) call refuse(error, &
-         & place(problem%path, 'design', 'budget')//to_text(problem%settings%design%budget)//' simulations are fewer than the ' &
-         & //to_text(basis%n_terms)//' terms of the surrogate; allowed: '//to_text(basis%n_terms) &
-         & //' or more, a lower degree or bandlimit, or model = ''correction''')
+      if (.not. allocated(basis%prior_degrees) &
+         & .and. problem%settings%design%budget < basis%n_terms) then
+         call refuse(error, &
+            & place(problem%path, 'design', 'budget')//to_text(problem%settings%design%budget) &
+            & //' simulations are fewer than the '//to_text(basis%n_terms) &
+            & //' terms of the surrogate; allowed: '//to_text(basis%n_terms) &
+            & //' or more, a lower degree or bandlimit, or model = ''correction''')
+      end if
       if (allocated(error)) return
       n = problem%settings%design%n_candidates
       if (allocated(problem%candidates)) n = problem%candidates%n
       ! The terms of all candidates, twice while they are whitened, and four matrices of the terms.
-      call check_memory(bytes*basis%n_terms*(2.0_wp*n + 4.0_wp*basis%n_terms), to_text(n)//' candidates of ' &
-         & //to_text(basis%n_terms)//' terms', error)
+      call check_memory(bytes*basis%n_terms*(2.0_wp*n + 4.0_wp*basis%n_terms), &
+         & to_text(n)//' candidates of '//to_text(basis%n_terms)//' terms', error)
       if (.not. allocated(error)) then
          call check_scan(problem, basis%domain, error)
       else
@@ -69,8 +78,10 @@ contains
 
       settings = problem%settings%surrogate
       call read_scan(settings%scan, pairs, error)
-      if (.not. allocated(error) .and. size(pairs) > 0 .and. settings%model /= 'paper') call refuse(error, 'the '//settings%model &
-         & //' has no bandlimit; allowed with model = ''paper''')
+      if (.not. allocated(error) .and. size(pairs) > 0 .and. settings%model /= 'paper') then
+         call refuse(error, &
+            & 'the '//settings%model//' has no bandlimit; allowed with model = ''paper''')
+      end if
       do i = 1, size(pairs, 2)
          if (allocated(error)) exit
          settings%degree = pairs(1, i)
@@ -89,9 +100,13 @@ contains
 
       call domain_of(self, domain, error)
       if (allocated(error)) return
-      outside = count([(.not. domain%admits(self%candidates%stiffness(:, :, i)), i=1, self%candidates%n)])
-      if (outside > 0) call warn(self%warnings, place(self%path, 'design', 'candidates')//to_text(outside)//' of '//to_text( &
-         & self%candidates%n)//' rows of '//printable(self%settings%design%candidates)//' lie outside &domain and are left out')
+      outside = count([(.not. domain%admits(self%candidates%stiffness(:, :, i)), i=1, &
+         & self%candidates%n)])
+      if (outside > 0) then
+         call warn(self%warnings, place(self%path, 'design', 'candidates') &
+            & //to_text(outside)//' of '//to_text(self%candidates%n)//' rows of ' &
+            & //printable(self%settings%design%candidates)//' lie outside &domain and are left out')
+      end if
    end subroutine question_candidates
 
    !> What &domain and &surrogate ask for.
@@ -107,7 +122,8 @@ contains
       if (allocated(error)) error%message = place(self%path, 'surrogate', '')//error%message
    end subroutine basis_of_problem
 
-   !> The crystals for which the surrogate of a problem is to be valid: those of its class between bounds, or all.
+   !> The crystals for which the surrogate of a problem is to be valid: those of its class between
+   !> bounds, or all.
    subroutine domain_of(self, domain, error)
       type(problem_type), intent(in) :: self
       type(domain_type), intent(out) :: domain
@@ -123,7 +139,8 @@ contains
             domain%lower = stated%c_min
             domain%upper = stated%c_max
             if (allocated(stated%anisotropy_cap)) domain%anisotropy_cap = stated%anisotropy_cap
-         else if (allocated(stated%c_min) .or. allocated(stated%c_max) .or. allocated(stated%anisotropy_cap)) then
+         else if (allocated(stated%c_min) .or. allocated(stated%c_max) &
+            & .or. allocated(stated%anisotropy_cap)) then
             call refuse(error, 'c_min and c_max are needed together; anisotropy_cap needs both')
          else if (self%settings%surrogate%model == 'paper') then
             call refuse(error, 'the paper''s model needs c_min and c_max')
@@ -139,8 +156,9 @@ contains
       end associate
    end subroutine domain_of
 
-   !> The range of the scale of the crystals on which the correction depends; not allocated where it does not. Where none is stated it is a
-   !> factor about the stiffness that the specimen has of its own.
+   !> The range of the scale of the crystals on which the correction depends; not allocated where it
+   !> does not. Where none is stated it is a factor about the stiffness that the specimen has of its
+   !> own.
    subroutine range_of_scale(self, stiffness, error)
       type(problem_type), intent(in) :: self
       !> The least and the greatest, see `surrogate_domain`, GPa.
@@ -150,22 +168,26 @@ contains
       logical :: stated(2)
       real(wp) :: own
 
-      associate (domain => self%settings%domain, is_paper => self%settings%surrogate%model == 'paper')
+      associate (domain => self%settings%domain, &
+         & is_paper => self%settings%surrogate%model == 'paper')
          stated = [allocated(domain%stiffness_min_gpa), allocated(domain%stiffness_max_gpa)]
          if (.not. any(stated)) then
             own = 0.0_wp
             if (.not. is_paper) own = specimen_stiffness(self%settings)
             if (own > 0.0_wp) stiffness = own*[1.0_wp/scale_factor, scale_factor]
          else if (is_paper) then
-            call refuse(error, place(self%path, 'domain', names(findloc(stated, .true., 1)))//'the paper''s model has no scale ' &
-               & //'apart from its constants; allowed with model = ''correction''')
+            call refuse(error, place(self%path, 'domain', names(findloc(stated, .true., 1))) &
+               & //'the paper''s model has no scale apart from its constants; allowed with ' &
+               & //'model = ''correction''')
          else if (.not. all(stated)) then
-            call refuse(error, place(self%path, 'domain', names(findloc(stated, .false., 1)))//'the variable is missing; ' &
-               & //names(findloc(stated, .true., 1))//' needs it')
+            call refuse(error, place(self%path, 'domain', names(findloc(stated, .false., 1))) &
+               & //'the variable is missing; '//names(findloc(stated, .true., 1))//' needs it')
          else
             stiffness = [domain%stiffness_min_gpa, domain%stiffness_max_gpa]
-            if (.not. stiffness(1) < stiffness(2)) call refuse(error, place(self%path, 'domain', names(1))//to_text(stiffness(1)) &
-               & //' GPa is not below the stiffness_max_gpa of '//to_text(stiffness(2))//' GPa')
+            if (.not. stiffness(1) < stiffness(2)) then
+               call refuse(error, place(self%path, 'domain', names(1))//to_text(stiffness(1)) &
+                  & //' GPa is not below the stiffness_max_gpa of '//to_text(stiffness(2))//' GPa')
+            end if
          end if
       end associate
    end subroutine range_of_scale
@@ -184,11 +206,13 @@ contains
       if (cross > 0) then
          call read_list(text(:cross - 1), degrees)
          call read_list(text(cross + 1:), bandlimits)
-         pairs = reshape([((degrees(i), bandlimits(j), j=1, size(bandlimits)), i=1, size(degrees))], &
-            & [2, size(degrees)*size(bandlimits)])
+         pairs = reshape([((degrees(i), bandlimits(j), j=1, size(bandlimits)), i=1, &
+            & size(degrees))], [2, size(degrees)*size(bandlimits)])
       end if
-      if (size(pairs) == 0) call refuse(error, ''''//printable(text)//''' is not of the form ''1, 2, 3 x 8, 10, 12'' ' &
-         & //'(degrees x bandlimits)')
+      if (size(pairs) == 0) then
+         call refuse(error, ''''//printable(text) &
+            & //''' is not of the form ''1, 2, 3 x 8, 10, 12'' (degrees x bandlimits)')
+      end if
    end subroutine read_scan
 
    !> The integers of a list; none if one of its items is no integer.

@@ -1,7 +1,8 @@
-!> The loop of Step 1: choose the next simulations, learn from what became of them, until the budget is used. See `build_stage`.
+!> The loop of Step 1: choose the next simulations, learn from what became of them, until the budget
+!> is used. See `build_stage`.
 !>
-!> All results go through the campaign, so that an interrupted build goes on where it was, and a larger budget continues it. What is in the
-!> campaign is not asked for again.
+!> All results go through the campaign, so that an interrupted build goes on where it was, and a
+!> larger budget continues it. What is in the campaign is not asked for again.
 module build_loop
    use abstract_basis, only: basis_type
    use bases, only: new_basis
@@ -13,11 +14,13 @@ module build_loop
    use kinds, only: wp
    use known_rows, only: known_rows_type, select_rows
    use machine, only: thread_count
-   use posterior_focus, only: check_focus, find_focus, focus_type, has_focus, is_accurate, round_size, simulations_before, tempered
-   use sequential_design, only: candidates_type, design_type, initial_set, new_candidates, set_candidates, update_posterior_mean
+   use posterior_focus, only: check_focus, find_focus, focus_type, has_focus, is_accurate, &
+      & round_size, simulations_before, tempered
+   use sequential_design, only: candidates_type, design_type, initial_set, new_candidates, &
+      & set_candidates, update_posterior_mean
    use simulate, only: identity_text, outcome_done, outcome_failed, outcome_waiting
-   use surrogate_learner, only: add_simulations, batch_end, change_basis, close_batch, learn, learning_type, &
-      & new_learning, predict_moduli, refit_all, revert, surrogate_of, why_to_stop
+   use surrogate_learner, only: add_simulations, batch_end, change_basis, close_batch, learn, &
+      & learning_type, new_learning, predict_moduli, refit_all, revert, surrogate_of, why_to_stop
    use surrogate_model, only: surrogate_type
    use text, only: to_text
    implicit none
@@ -39,7 +42,8 @@ module build_loop
       real(wp), allocatable :: unseen_constants(:, :), unseen_euler_deg(:, :), unseen_modulus(:)
       !> The rest of the initial set.
       integer, allocatable, private :: initial(:)
-      !> Rows of the campaign that are not learnt: of a batch that was interrupted, or what the budget leaves over.
+      !> Rows of the campaign that are not learnt: of a batch that was interrupted, or what the
+      !> budget leaves over.
       type(known_rows_type), private :: unused
       !> The design before the present choice, which may be taken back.
       type(design_type), allocatable, private :: before
@@ -52,7 +56,8 @@ module build_loop
 
 contains
 
-   !> Refuse a build that could not be, or whose surrogate could not be kept; then learn what the campaign has.
+   !> Refuse a build that could not be, or whose surrogate could not be kept; then learn what the
+   !> campaign has.
    subroutine begin(self, error)
       class(build_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
@@ -68,7 +73,8 @@ contains
          if (.not. allocated(error)) call new_candidates(problem, basis, self%candidates, error)
          if (.not. allocated(error)) call new_learning(basis, design, self%learning, error)
          if (allocated(error)) return
-         call set_candidates(self%learning%learner%design, basis, self%candidates%constants, self%candidates%euler_deg)
+         call set_candidates(self%learning%learner%design, basis, self%candidates%constants, &
+            & self%candidates%euler_deg)
          if (has_focus(problem)) then
             allocate (self%focus)
             allocate (self%focus%rounds(0))
@@ -77,22 +83,27 @@ contains
          end if
          if (allocated(error)) return
          call initial_set(self%candidates, basis, design, self%initial)
-         call self%campaign%open(self%output//'/'//campaign_name, identity_text(problem%settings), error)
+         call self%campaign%open(self%output//'/'//campaign_name, &
+            & identity_text(problem%settings), error)
          if (.not. allocated(error)) call self%campaign%rows('', rows, error)
          if (allocated(error)) return
          if (size(rows) == 0) then
             call self%campaign%other_physics(others, error)
             if (allocated(error)) return
-            if (len(others) > 0) call warn(self%warnings, self%campaign%path//' holds only simulations of another physics (' &
-               & //others(:index(others//achar(10), achar(10)) - 1)//'); they are not used here')
+            if (len(others) > 0) then
+               call warn(self%warnings, &
+                  & self%campaign%path//' holds only simulations of another physics (' &
+                  & //others(:index(others//achar(10), achar(10)) - 1)//'); they are not used here')
+            end if
          end if
          call replay(self, rows, error)
          self%n_expected = max(0, design%budget + design%validation - self%learning%n())
       end associate
    end subroutine begin
 
-   !> Learn from the rows of the campaign as they were learnt from when they were made: whole batches. What is there of a batch that was
-   !> interrupted may be chosen once more, so that its moduli are learnt in the order of choice; see `settle`.
+   !> Learn from the rows of the campaign as they were learnt from when they were made: whole
+   !> batches. What is there of a batch that was interrupted may be chosen once more, so that its
+   !> moduli are learnt in the order of choice; see `settle`.
    subroutine replay(build, rows, error)
       class(build_type), intent(inout) :: build
       type(row_type), intent(in) :: rows(:)
@@ -101,16 +112,21 @@ contains
       integer :: beyond
 
       associate (learner => build%learning%learner, learning => build%learning)
-         ! The simulations of a round are chosen again by the same posterior, and found in the campaign.
-         call select_rows(rows, learner%basis, build%candidates, build%problem%settings%design%reuse == 'chosen', &
-            & allocated(build%focus), build%unused, beyond, error)
+         ! The simulations of a round are chosen again by the same posterior, and found in the
+         ! campaign.
+         call select_rows(rows, learner%basis, build%candidates, &
+            & build%problem%settings%design%reuse == 'chosen', allocated(build%focus), &
+            & build%unused, beyond, error)
          if (allocated(error)) return
          if (allocated(build%focus)) then
-            learning%settings%budget = min(learning%settings%budget, max(simulations_before, build%unused%n()))
+            learning%settings%budget = min(learning%settings%budget, &
+               & max(simulations_before, build%unused%n()))
             learning%first = min(learning%first, learning%settings%budget)
          end if
-         if (beyond > 0) call warn(build%warnings, to_text(beyond)//' simulations of the campaign are outside the surrogate''s ' &
-            & //'domain and are not used')
+         if (beyond > 0) then
+            call warn(build%warnings, to_text(beyond)//' simulations of the campaign are outside ' &
+               & //'the surrogate''s domain and are not used')
+         end if
          build%n_failed = build%unused%failed
          call learn_unused(build, .true., error)
          if (allocated(error)) return
@@ -124,7 +140,8 @@ contains
       end associate
    end subroutine replay
 
-   !> Learn from the rows that are not learnt yet, batch by batch; `whole`: as long as they fill a batch.
+   !> Learn from the rows that are not learnt yet, batch by batch; `whole`: as long as they fill a
+   !> batch.
    subroutine learn_unused(build, whole, error)
       class(build_type), intent(inout) :: build
       logical, intent(in) :: whole
@@ -134,18 +151,24 @@ contains
       associate (unused => build%unused, learning => build%learning)
          do while (unused%n() > 0 .and. learning%n() < learning%settings%budget)
             complete = batch_end(learning)
-            if (len(why_to_stop(build%learning)) > 0 .or. (whole .and. unused%n() < complete - learning%n())) exit
+            if (len(why_to_stop(build%learning)) > 0 &
+               & .or. (whole .and. unused%n() < complete - learning%n())) then
+               exit
+            end if
             last = unused%taken + min(unused%n(), complete - learning%n())
-            call learn(learning, unused%constants(:, unused%taken + 1:last), unused%euler_deg(:, unused%taken + 1:last), &
-               & unused%modulus(unused%taken + 1:last), .false., error)
+            call learn(learning, unused%constants(:, unused%taken + 1:last), unused%euler_deg(:, &
+               & unused%taken + 1:last), unused%modulus(unused%taken + 1:last), .false., error)
             unused%taken = last
-            if (learning%n() == complete .and. .not. allocated(error)) call close_batch(learning, .false., error)
+            if (learning%n() == complete .and. .not. allocated(error)) then
+               call close_batch(learning, .false., error)
+            end if
             if (allocated(error)) return
          end do
       end associate
    end subroutine learn_unused
 
-   !> Learn from what is not learnt yet in the order in which it was stored; none of it is chosen any more.
+   !> Learn from what is not learnt yet in the order in which it was stored; none of it is chosen
+   !> any more.
    subroutine take_unused(build, error)
       class(build_type), intent(inout) :: build
       type(error_type), allocatable, intent(out) :: error
@@ -154,11 +177,14 @@ contains
       build%unused%open = .false.
       if (build%phase /= teaching) return
       call learn_unused(build, .false., error)
-      if (.not. allocated(error)) call update_posterior_mean(build%learning%learner%design, .true., error)
+      if (.not. allocated(error)) then
+         call update_posterior_mean(build%learning%learner%design, .true., error)
+      end if
    end subroutine take_unused
 
-   !> What of a batch that was interrupted is in the campaign must be in the batch chosen now, which is then the same one. If something else
-   !> is there, and something of the batch is not, another &design chose: the choice is taken back, and the rows are learnt as they are.
+   !> What of a batch that was interrupted is in the campaign must be in the batch chosen now, which
+   !> is then the same one. If something else is there, and something of the batch is not, another
+   !> &design chose: the choice is taken back, and the rows are learnt as they are.
    subroutine settle(build, error)
       class(build_type), intent(inout) :: build
       type(error_type), allocatable, intent(out) :: error
@@ -198,7 +224,10 @@ contains
          ! What is missing of a batch that was interrupted takes the places that it left.
          call self%look_up(any(self%unused%open) .or. allocated(self%focus), error)
          if (.not. allocated(error) .and. any(self%unused%open)) call settle(self, error)
-         if (allocated(error) .or. (size(self%chosen) > 0 .and. any(self%rows%outcome%status == outcome_waiting))) return
+         if (allocated(error) .or. (size(self%chosen) > 0 &
+            & .and. any(self%rows%outcome%status == outcome_waiting))) then
+            return
+         end if
       end do
    end subroutine choose
 
@@ -215,7 +244,8 @@ contains
             build%rows(i)%constants = candidates%constants(:, build%chosen(i))
             build%rows(i)%euler_deg = candidates%euler_deg(:, build%chosen(i))
          end do
-         build%batch = [(job_type(class%stiffness(build%rows(i)%constants), build%rows(i)%euler_deg), i=1, size(build%rows))]
+         build%batch = [(job_type(class%stiffness(build%rows(i)%constants), &
+            & build%rows(i)%euler_deg), i=1, size(build%rows))]
       end associate
    end subroutine set_batch
 
@@ -228,11 +258,13 @@ contains
       associate (learning => build%learning)
          n_left = count(learning%learner%design%available)
          build%stopped = why_to_stop(learning)
-         if (len(build%stopped) == 0 .and. learning%n() >= learning%settings%budget) build%stopped = 'the budget is used'
+         if (len(build%stopped) == 0 .and. learning%n() >= learning%settings%budget) then
+            build%stopped = 'the budget is used'
+         end if
          if (len(build%stopped) == 0 .and. n_left == 0) then
             build%stopped = 'no candidate is left'
-            call warn(build%warnings, 'no candidate is left after '//to_text(learning%n())//' simulations; raise &design ' &
-               & //'n_candidates to go on')
+            call warn(build%warnings, 'no candidate is left after '//to_text(learning%n()) &
+               & //' simulations; raise &design n_candidates to go on')
          end if
          if (allocated(build%focus) .and. len(build%stopped) > 0 .and. learning%n() >= 2) then
             call begin_round(build, error)
@@ -244,7 +276,9 @@ contains
             call choose_some(build, min(batch_end(learning) - learning%n(), n_left))
          else if (learning%n() < 2) then
             call raise(error, failures(build))
-            if (build%n_failed == 0) error%message = 'fewer than two simulations; a surrogate needs two'
+            if (build%n_failed == 0) then
+               error%message = 'fewer than two simulations; a surrogate needs two'
+            end if
          else
             call refit_all(learning, error)
             build%phase = validating
@@ -259,16 +293,20 @@ contains
       type(surrogate_type) :: surrogate
       integer :: i
 
-      associate (learning => build%learning, focus => build%focus, design => build%problem%settings%design)
+      associate (learning => build%learning, focus => build%focus, &
+         & design => build%problem%settings%design)
          call refit_all(learning, error)
          if (.not. allocated(error)) call surrogate_of(learning%learner, '', surrogate, error)
-         if (.not. allocated(error)) call find_focus(build%problem, surrogate, build%candidates, focus, error)
+         if (.not. allocated(error)) then
+            call find_focus(build%problem, surrogate, build%candidates, focus, error)
+         end if
          if (allocated(error)) return
          build%candidates = focus%candidates
          call new_basis(focus%domain, build%problem%settings%surrogate, surrogate%basis, error)
          if (.not. allocated(error)) call change_basis(learning, surrogate%basis, error)
          if (allocated(error)) return
-         call set_candidates(learning%learner%design, surrogate%basis, build%candidates%constants, build%candidates%euler_deg)
+         call set_candidates(learning%learner%design, surrogate%basis, build%candidates%constants, &
+            & build%candidates%euler_deg)
          build%stopped = ''
          if (learning%n() >= design%budget) build%stopped = 'the budget is used'
          if (is_accurate(focus)) build%stopped = 'the surrogate is accurate at the posterior'
@@ -318,8 +356,8 @@ contains
          if (build%by_variance) then
             deallocate (build%chosen)
             allocate (build%chosen(count))
-            call learner%rule%choose(learner%design, learner%basis, thread_count(build%problem%settings%execution%workers), &
-               & build%chosen, variance)
+            call learner%rule%choose(learner%design, learner%basis, &
+               & thread_count(build%problem%settings%execution%workers), build%chosen, variance)
          else
             build%chosen = build%initial(:min(count, size(build%initial)))
             learner%design%available(build%chosen) = .false.
@@ -336,7 +374,8 @@ contains
       real(wp) :: modulus(size(constants, 2))
 
       associate (learner => build%learning%learner)
-         call predict_moduli(learner, coefficient_mean(learner%design%regression), constants, euler_deg, modulus)
+         call predict_moduli(learner, coefficient_mean(learner%design%regression), constants, &
+            & euler_deg, modulus)
          call add_simulations(learner, constants, euler_deg, modulus, .false., error)
          if (.not. allocated(error)) call update_posterior_mean(learner%design, .true., error)
       end associate
@@ -353,17 +392,22 @@ contains
 
       if (any(self%unused%open)) call take_unused(self, error)
       if (allocated(error)) return
-      if (allocated(self%focus) .and. self%learning%n() >= self%learning%settings%budget) call begin_round(self, error)
+      if (allocated(self%focus) .and. self%learning%n() >= self%learning%settings%budget) then
+         call begin_round(self, error)
+      end if
       if (allocated(error)) return
       left = count(self%learning%learner%design%available)
-      if (n < 1 .or. n > left) call refuse(error, '--ask '//to_text(n)//': allowed are 1 .. '//to_text(left)//', the candidates ' &
-         & //'that are left')
+      if (n < 1 .or. n > left) then
+         call refuse(error, '--ask '//to_text(n)//': allowed are 1 .. '//to_text(left) &
+            & //', the candidates that are left')
+      end if
       if (allocated(error)) return
       call choose_some(self, n)
       numbers = self%chosen
       if (size(numbers) < n) then
          ! The initial set is at its end: the variance, given that set, chooses the rest.
-         call assume(self, self%candidates%constants(:, numbers), self%candidates%euler_deg(:, numbers), error)
+         call assume(self, self%candidates%constants(:, numbers), &
+            & self%candidates%euler_deg(:, numbers), error)
          if (allocated(error)) return
          call choose_some(self, n - size(numbers))
          numbers = [numbers, self%chosen]
@@ -383,10 +427,12 @@ contains
       numbers = pack(build%chosen, build%rows%outcome%status == outcome_done)
       modulus = pack(build%rows%outcome%modulus, build%rows%outcome%status == outcome_done)
       associate (learning => build%learning, constants => build%candidates%constants(:, numbers), &
-         & euler_deg => build%candidates%euler_deg(:, numbers), all_done => size(numbers) == size(build%chosen))
+         & euler_deg => build%candidates%euler_deg(:, numbers), &
+         & all_done => size(numbers) == size(build%chosen))
          if (build%phase == validating) then
             n = size(build%unseen_modulus) + size(modulus)
-            build%unseen_constants = reshape([build%unseen_constants, constants], [size(constants, 1), n])
+            build%unseen_constants = reshape([build%unseen_constants, constants], &
+               & [size(constants, 1), n])
             build%unseen_euler_deg = reshape([build%unseen_euler_deg, euler_deg], [3, n])
             build%unseen_modulus = [build%unseen_modulus, modulus]
             ! The surrogate has not learnt what it is validated with.
@@ -401,7 +447,8 @@ contains
             else
                call update_posterior_mean(learning%learner%design, exactly, error)
             end if
-            if (.not. (allocated(error) .or. all_done) .and. build%n_failed > max(10, build%problem%settings%design%budget)) then
+            if (.not. (allocated(error) .or. all_done) &
+               & .and. build%n_failed > max(10, build%problem%settings%design%budget)) then
                call raise(error, failures(build))
             end if
          end if
@@ -418,7 +465,9 @@ contains
       integer :: last
 
       message = 'every simulation failed'
-      if (build%learning%n() > 0) message = to_text(build%n_failed)//' simulations failed, more than the budget'
+      if (build%learning%n() > 0) then
+         message = to_text(build%n_failed)//' simulations failed, more than the budget'
+      end if
       call build%campaign%rows('', rows, error)
       if (allocated(error)) return
       last = findloc(rows%outcome%status, outcome_failed, 1, back=.true.)

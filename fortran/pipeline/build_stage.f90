@@ -1,4 +1,5 @@
-!> `build`: Step 1, the surrogate that &design asks for; what the loop has come to, in its file and in the document.
+!> `build`: Step 1, the surrogate that &design asks for; what the loop has come to, in its file and
+!> in the document.
 module build_stage
    use bases, only: new_basis
    use abstract_basis, only: basis_type
@@ -13,8 +14,8 @@ module build_stage
    use settings_reader, only: settings_namelist
    use settings_schema, only: surrogate_settings_type
    use simulate, only: identity_text, simulation_error, specimen_contact_radius
-   use surrogate_learner, only: add_simulations, fit_learner, history_type, learner_type, learning_type, left_out, new_learner, &
-      & surrogate_of
+   use surrogate_learner, only: add_simulations, fit_learner, history_type, learner_type, &
+      & learning_type, left_out, new_learner, surrogate_of
    use surrogate_model, only: predict_crystals, save_surrogate, surrogate_type
    use text, only: fixed, join, to_text
    use build_checks, only: read_scan
@@ -39,7 +40,8 @@ contains
       real(wp), allocatable :: stiffness(:, :, :), largest(:), moduli(:), circular(:)
       integer :: i
 
-      associate (learning => self%learning, settings => self%problem%settings, known => self%learning%learner%simulations)
+      associate (learning => self%learning, settings => self%problem%settings, &
+         & known => self%learning%learner%simulations)
          call surrogate_of(learning%learner, provenance(self), surrogate, error)
          if (allocated(error)) return
          surrogate%contact_radius = specimen_contact_radius(settings)
@@ -52,9 +54,12 @@ contains
          if (len(words) > 0) call warn(self%warnings, self%problem%path//': &simulation: '//words)
          i = learning%n() + self%n_failed
          if (allocated(self%unseen_modulus)) i = i + size(self%unseen_modulus)
-         if (100*self%n_failed > i) call warn(self%warnings, to_text(self%n_failed)//' of '//to_text(i)//' simulations failed: ' &
-            & //'the stated errors do not include their crystals, which are often the hardest. campaign.sqlite has the reasons; ' &
-            & //'anisotropy_cap or log_anisotropy_max of &domain leave such crystals out')
+         if (100*self%n_failed > i) then
+            call warn(self%warnings, to_text(self%n_failed)//' of '//to_text(i) &
+               & //' simulations failed: the stated errors do not include their crystals, which ' &
+               & //'are often the hardest. campaign.sqlite has the reasons; anisotropy_cap or ' &
+               & //'log_anisotropy_max of &domain leave such crystals out')
+         end if
          call page%put('simulations', learning%n())
          call page%put('new_simulations', self%n_new)
          call page%put('failed', self%n_failed)
@@ -64,10 +69,12 @@ contains
          allocate (moduli(learning%n()), circular(learning%n()))
          call halfspace_moduli(stiffness, known%euler_deg, 1, moduli, circular, error)
          if (allocated(error)) return
-         ! Mean absolute errors on the same simulations of the theory alone and of the theory times one ratio.
+         ! Mean absolute errors on the same simulations of the theory alone and of the theory times
+         ! one ratio.
          associate (ratio => exp(sum(log(known%modulus/moduli))/learning%n()))
-            call page%put_numbers('theory_gpa, ratio, theory_times_ratio_gpa', [sum(abs(moduli - known%modulus))/learning%n(), &
-               & ratio, sum(abs(ratio*moduli - known%modulus))/learning%n()], 'baselines')
+            call page%put_numbers('theory_gpa, ratio, theory_times_ratio_gpa', &
+               & [sum(abs(moduli - known%modulus))/learning%n(), ratio, &
+               & sum(abs(ratio*moduli - known%modulus))/learning%n()], 'baselines')
          end associate
          call put_domain(page, self, surrogate, stiffness, error)
          if (allocated(error)) return
@@ -85,8 +92,8 @@ contains
          if (allocated(self%unseen_modulus)) call put_validation(page, self, surrogate, error)
          if (allocated(error)) return
          call page%put('file', file)
-         self%done = to_text(learning%n())//' simulations, '//to_text(self%n_new)//' new, '//to_text(self%n_failed)//' failed, ' &
-            & //self%stopped//': '//file
+         self%done = to_text(learning%n())//' simulations, '//to_text(self%n_new)//' new, ' &
+            & //to_text(self%n_failed)//' failed, '//self%stopped//': '//file
       end associate
    end subroutine finish
 
@@ -96,13 +103,16 @@ contains
       character(len=:), allocatable :: text
       type(json_type) :: page
 
-      associate (learning => build%learning, problem => build%problem, last => build%learning%history(size(build%learning%history)))
+      associate (learning => build%learning, problem => build%problem, &
+         & last => build%learning%history(size(build%learning%history)))
          call page%begin_object()
-         call page%put('title', 'surrogate of the indentation modulus of '//learning%learner%basis%domain%members//' crystals')
+         call page%put('title', 'surrogate of the indentation modulus of ' &
+            & //learning%learner%basis%domain%members//' crystals')
          call page%put('physics', identity_text(problem%settings))
          call page%put('simulations', learning%n())
          call page%put('seed', problem%settings%problem%seed)
-         call page%put_numbers('loocv_gpa, leave_crystal_out_gpa', [last%loocv, last%leave_crystal_out])
+         call page%put_numbers('loocv_gpa, leave_crystal_out_gpa', &
+            & [last%loocv, last%leave_crystal_out])
          ! What the surrogate follows from, whichever command asked for it.
          call page%put('namelist', settings_namelist(problem%settings, build%groups))
          call page%end_object()
@@ -115,13 +125,15 @@ contains
       type(json_type), intent(inout) :: page
       type(history_type), intent(in) :: state
 
-      call page%put_numbers('loocv_gpa, leave_crystal_out_gpa', [state%loocv, state%leave_crystal_out])
+      call page%put_numbers('loocv_gpa, leave_crystal_out_gpa', &
+         & [state%loocv, state%leave_crystal_out])
       call page%put('next_gpa', merge(state%next, nan, state%next >= 0.0_wp))
-      call page%put_numbers('alpha, beta, fall, log_evidence, norm, angle_deg', [state%alpha, state%beta, state%decay_rate, &
-         & state%log_evidence, state%norm, state%angle_deg])
+      call page%put_numbers('alpha, beta, fall, log_evidence, norm, angle_deg', [state%alpha, &
+         & state%beta, state%decay_rate, state%log_evidence, state%norm, state%angle_deg])
    end subroutine put_state
 
-   !> How well the candidates, which stand for the domain, are predicted; and in words what of it no simulation has come near.
+   !> How well the candidates, which stand for the domain, are predicted; and in words what of it no
+   !> simulation has come near.
    subroutine put_domain(page, build, surrogate, stiffness, error)
       type(json_type), intent(inout) :: page
       class(build_type), intent(inout) :: build
@@ -138,34 +150,48 @@ contains
       where = 'in the domain'
       if (allocated(build%focus)) where = 'at the posterior'
       associate (domain => surrogate%basis%domain, candidates => build%candidates)
-         call predict_crystals(surrogate, stiffnesses(domain%class, candidates%constants), degree*candidates%euler_deg, 1, &
-            & modulus, sd, error)
+         call predict_crystals(surrogate, stiffnesses(domain%class, candidates%constants), &
+            & degree*candidates%euler_deg, 1, modulus, sd, error)
          if (allocated(error)) return
          relative = sd/modulus
          worst = maxloc(relative, 1)
-         call logarithmic_mean(domain%class%stiffness(candidates%constants(:, worst)), poisson(1), anisotropy(1), scale(1))
+         call logarithmic_mean(domain%class%stiffness(candidates%constants(:, worst)), poisson(1), &
+            & anisotropy(1), scale(1))
          words = ' and Poisson''s ratio of '//to_text(poisson(1), 3)
-         if (domain%has_scale()) words = ','//words(5:)//' and a scale of '//fixed(scale(1), 1)//' GPa'
+         if (domain%has_scale()) then
+            words = ','//words(5:)//' and a scale of '//fixed(scale(1), 1)//' GPa'
+         end if
          call page%begin_object('domain')
-         call page%put_numbers('mean_relative_sd, largest_relative_sd', [sum(relative)/size(relative), relative(worst)])
-         call page%put('words', 'the sd of a modulus '//where//' is '//to_text(100.0_wp*sum(relative)/size(relative), 2) &
-            & //' % on average, '//to_text(100.0_wp*relative(worst), 2)//' % at most, at a log-anisotropy of ' &
+         call page%put_numbers('mean_relative_sd, largest_relative_sd', &
+            & [sum(relative)/size(relative), relative(worst)])
+         call page%put('words', 'the sd of a modulus '//where//' is ' &
+            & //to_text(100.0_wp*sum(relative)/size(relative), 2)//' % on average, ' &
+            & //to_text(100.0_wp*relative(worst), 2)//' % at most, at a log-anisotropy of ' &
             & //to_text(anisotropy(1), 3)//words)
          call page%end_object()
          if (domain%log_anisotropy_max >= huge(1.0_wp) .or. allocated(build%focus)) return
          do i = 1, size(stiffness, 3)
             call logarithmic_mean(stiffness(:, :, i), poisson(i), anisotropy(i), scale(i))
          end do
-         if (maxval(anisotropy) < near*domain%log_anisotropy_max) call warn(build%warnings, 'no crystal above a log-anisotropy ' &
-            & //'of '//to_text(maxval(anisotropy), 3)//' was simulated; the domain reaches '//to_text(domain%log_anisotropy_max, 3))
-         if (maxval(poisson) - minval(poisson) < near*(domain%poisson(2) - domain%poisson(1))) call warn(build%warnings, &
-            & 'only crystals with Poisson''s ratios from '//to_text(minval(poisson), 2)//' to '//to_text(maxval(poisson), 2) &
-            & //' were simulated; the domain reaches from '//to_text(domain%poisson(1), 2)//' to '//to_text(domain%poisson(2), 2))
+         if (maxval(anisotropy) < near*domain%log_anisotropy_max) then
+            call warn(build%warnings, &
+               & 'no crystal above a log-anisotropy of '//to_text(maxval(anisotropy), 3) &
+               & //' was simulated; the domain reaches '//to_text(domain%log_anisotropy_max, 3))
+         end if
+         if (maxval(poisson) - minval(poisson) < near*(domain%poisson(2) - domain%poisson(1))) then
+            call warn(build%warnings, &
+               & 'only crystals with Poisson''s ratios from '//to_text(minval(poisson), 2)//' to ' &
+               & //to_text(maxval(poisson), 2)//' were simulated; the domain reaches from ' &
+               & //to_text(domain%poisson(1), 2)//' to '//to_text(domain%poisson(2), 2))
+         end if
          if (.not. domain%has_scale()) return
-         if (log(maxval(scale)/minval(scale)) < near*log(domain%stiffness(2)/domain%stiffness(1))) call warn(build%warnings, &
-            & 'only crystals of a scale (geometric mean of the stiffness'' eigenvalues) from '//fixed(minval(scale), 1)//' to ' &
-            & //fixed(maxval(scale), 1)//' GPa were simulated; the domain reaches from '//to_text(domain%stiffness(1))//' to ' &
-            & //to_text(domain%stiffness(2))//' GPa')
+         if (log(maxval(scale)/minval(scale)) &
+            & < near*log(domain%stiffness(2)/domain%stiffness(1))) then
+            call warn(build%warnings, 'only crystals of a scale (geometric mean of the ' &
+               & //'stiffness'' eigenvalues) from '//fixed(minval(scale), 1)//' to ' &
+               & //fixed(maxval(scale), 1)//' GPa were simulated; the domain reaches from ' &
+               & //to_text(domain%stiffness(1))//' to '//to_text(domain%stiffness(2))//' GPa')
+         end if
       end associate
    end subroutine put_domain
 
@@ -188,17 +214,23 @@ contains
             call page%end_object()
             if (i < size(build%focus%rounds)) cycle
             worst = maxloc(round%share, 1)
-            if (round%share(worst) > accurate_share) call warn(build%warnings, 'errors of the surrogate may change ' &
-               & //'the variance of '//trim(names(worst))//' by '//to_text(nint(100.0_wp*round%share(worst)))//' %; allowed: ' &
-               & //to_text(nint(100.0_wp*accurate_share))//' %'//advice)
-            if (round%z > accurate_z) call warn(build%warnings, 'new simulations at the posterior differ from the surrogate by ' &
-               & //fixed(round%z, 1)//' sds (root mean square); allowed: '//to_text(accurate_z)//advice)
+            if (round%share(worst) > accurate_share) then
+               call warn(build%warnings, 'errors of the surrogate may change the variance of ' &
+                  & //trim(names(worst))//' by '//to_text(nint(100.0_wp*round%share(worst))) &
+                  & //' %; allowed: '//to_text(nint(100.0_wp*accurate_share))//' %'//advice)
+            end if
+            if (round%z > accurate_z) then
+               call warn(build%warnings, 'new simulations at the posterior differ from the ' &
+                  & //'surrogate by '//fixed(round%z, 1)//' sds (root mean square); allowed: ' &
+                  & //to_text(accurate_z)//advice)
+            end if
          end associate
       end do
       call page%end_array()
    end subroutine put_focus
 
-   !> Evidence and leave-one-out errors of other truncations as the number of simulations grows (Figs. 1 and 6).
+   !> Evidence and leave-one-out errors of other truncations as the number of simulations grows
+   !> (Figs. 1 and 6).
    subroutine put_scan(page, asked, learning, error)
       type(json_type), intent(inout) :: page
       type(surrogate_settings_type), intent(in) :: asked
@@ -216,7 +248,8 @@ contains
       settings = asked
       call read_scan(settings%scan, pairs, error)
       if (allocated(error) .or. size(pairs) == 0) return
-      counts = [0, (learning%first + ((i - 1)*(learning%n() - learning%first))/(n_counts - 1), i=1, n_counts)]
+      counts = [0, (learning%first + ((i - 1)*(learning%n() - learning%first))/(n_counts - 1), &
+         & i=1, n_counts)]
       call page%begin_array('scan')
       do k = 1, size(pairs, 2)
          settings%degree = pairs(1, k)
@@ -225,11 +258,14 @@ contains
          if (.not. allocated(error)) call new_learner(basis, learner, error)
          do i = 1, n_counts
             if (allocated(error)) return
-            associate (known => learning%learner%simulations, first => counts(i - 1) + 1, last => counts(i))
-               call add_simulations(learner, known%constants(:, first:last), known%euler_deg(:, first:last), &
-                  & known%modulus(first:last), .true., error)
+            associate (known => learning%learner%simulations, first => counts(i - 1) + 1, &
+               & last => counts(i))
+               call add_simulations(learner, known%constants(:, first:last), &
+                  & known%euler_deg(:, first:last), known%modulus(first:last), .true., error)
                if (.not. allocated(error)) call fit_learner(learner, error)
-               if (.not. allocated(error)) call left_out(learner, [(j, j=1, last)], errors(i), error)
+               if (.not. allocated(error)) then
+                  call left_out(learner, [(j, j=1, last)], errors(i), error)
+               end if
             end associate
          end do
          if (allocated(error)) return
@@ -237,8 +273,9 @@ contains
          call page%put('degree', settings%degree)
          call page%put('bandlimit', settings%bandlimit)
          call page%put('terms', basis%n_terms)
-         call page%put_numbers('alpha, beta, log_evidence, loocv_gpa', [learner%design%regression%alpha, &
-            & learner%design%regression%beta, learner%log_evidence, errors(n_counts)])
+         call page%put_numbers('alpha, beta, log_evidence, loocv_gpa', &
+            & [learner%design%regression%alpha, learner%design%regression%beta, &
+            & learner%log_evidence, errors(n_counts)])
          call page%begin_object('curve')
          call page%put('simulations', real(counts(1:), wp))
          call page%put('loocv_gpa', errors)
@@ -255,15 +292,15 @@ contains
       type(surrogate_type), intent(in) :: surrogate
       type(error_type), allocatable, intent(out) :: error
       real(wp), dimension(size(build%unseen_modulus)) :: mean, sd, miss
-      call predict_crystals(surrogate, stiffnesses(surrogate%basis%domain%class, build%unseen_constants), &
-         & degree*build%unseen_euler_deg, 1, mean, sd, error)
+      call predict_crystals(surrogate, stiffnesses(surrogate%basis%domain%class, &
+         & build%unseen_constants), degree*build%unseen_euler_deg, 1, mean, sd, error)
       miss = abs(mean - build%unseen_modulus)
       call page%begin_object('validation')
       call page%put('points', size(mean))
       call page%put('constants', transpose(build%unseen_constants))
       call page%put('euler_deg', transpose(build%unseen_euler_deg))
-      call page%put_numbers('mean_absolute_gpa, within_1_sd, within_2_sd', [sum(miss), real(count(miss <= sd), wp), &
-         & real(count(miss <= 2*sd), wp)]/max(1, size(mean)))
+      call page%put_numbers('mean_absolute_gpa, within_1_sd, within_2_sd', [sum(miss), &
+         & real(count(miss <= sd), wp), real(count(miss <= 2*sd), wp)]/max(1, size(mean)))
       call page%put('simulated', build%unseen_modulus)
       call page%put('predicted', mean)
       call page%put('sd', sd)

@@ -1,4 +1,5 @@
-!> What `curves` leaves in a folder: the moduli of the grains, their shared errors, the fits, and the document.
+!> What `curves` leaves in a folder: the moduli of the grains, their shared errors, the fits, and
+!> the document.
 module curves_document
    use curve_tables, only: curve_set_type
    use elastic_window, only: n_shared, test_type
@@ -17,8 +18,8 @@ module curves_document
    public :: write_curve_files, write_document
 
    !> Columns of the table of tests that are those of the measurements too.
-   character(len=*), parameter :: carried = 'phi1_deg, phi1, Phi_deg, Phi, phi2_deg, phi2, q0, q1, q2, q3, u, v, w, h, k, l, ' &
-      & //'orientation_sd_deg, grain_radius_um'
+   character(len=*), parameter :: carried = 'phi1_deg, phi1, Phi_deg, Phi, phi2_deg, phi2, q0, ' &
+      & //'q1, q2, q3, u, v, w, h, k, l, orientation_sd_deg, grain_radius_um'
    !> A loading that is smaller than this everywhere is none.
    real(wp), parameter :: negligible = 1.0e-6_wp
 
@@ -45,8 +46,10 @@ contains
       call file%begin(output//'/measurements.csv')
       call file%add('grain'//cells_of(0)//',effective_modulus_gpa,sd_gpa'//newline)
       do i = 1, size(grains)
-         call file%add(csv_cell(found%materials(grains(i))%name)//cells_of(findloc(found%tests%material, grains(i), 1)) &
-            & //cells_of_numbers(exp(found%materials(grains(i))%ln_modulus)*[1.0_wp, found%materials(grains(i))%own_sd]))
+         call file%add(csv_cell(found%materials(grains(i))%name) &
+            & //cells_of(findloc(found%tests%material, grains(i), 1)) &
+            & //cells_of_numbers(exp(found%materials(grains(i))%ln_modulus)*[1.0_wp, &
+            & found%materials(grains(i))%own_sd]))
       end do
       call file%finish(error)
       if (allocated(error)) return
@@ -67,8 +70,8 @@ contains
          if (.not. allocated(found%tests(i)%fit)) cycle
          associate (t => found%tests(i), c => found%tests(i)%curve)
             do j = 1, size(t%fit)
-               call file%add(csv_cell(set%curves(i)%name)//cells_of_numbers([c%time(j), c%depth(j), c%load(j), t%fit(j), &
-                  & t%elastic(j)]))
+               call file%add(csv_cell(set%curves(i)%name) &
+                  & //cells_of_numbers([c%time(j), c%depth(j), c%load(j), t%fit(j), t%elastic(j)]))
             end do
          end associate
       end do
@@ -121,8 +124,10 @@ contains
       call page%end_object()
       call page%begin_object('frame')
       call put_shared('compliance_nm_mn', 3, found%mean(3), 1.0_wp)
-      associate (drift => pack(found%tests%drift, found%tests%used), sds => pack(found%tests%drift_sd, found%tests%used))
-         call put_unknown('drift_nm_s', median(size(drift), drift), median(size(sds), sds), found%drift_prior_sd)
+      associate (drift => pack(found%tests%drift, found%tests%used), &
+         & sds => pack(found%tests%drift_sd, found%tests%used))
+         call put_unknown('drift_nm_s', median(size(drift), drift), median(size(sds), sds), &
+            & found%drift_prior_sd)
       end associate
       call page%end_object()
       call page%begin_array('sessions')
@@ -178,24 +183,26 @@ contains
             call page%put('session', c%session)
             call page%put('used', t%used)
             call page%put('reason', t%reason)
-            values = [exp(t%ln_modulus)*[1.0_wp, sqrt(t%variance)], t%from_load, t%to_load, t%zero, t%drift, t%drift_sd, t%noise, &
-               & t%correlation]
+            values = [exp(t%ln_modulus)*[1.0_wp, sqrt(t%variance)], t%from_load, t%to_load, &
+               & t%zero, t%drift, t%drift_sd, t%noise, t%correlation]
             ! What is not finite is null.
             if (.not. t%used) values = nan
-            call page%put_numbers('effective_modulus_gpa, sd_gpa, elastic_from_mn, elastic_to_mn, zero_nm, drift_nm_s, ' &
-               & //'drift_sd_nm_s, noise_nm, noise_correlation', values)
+            call page%put_numbers('effective_modulus_gpa, sd_gpa, elastic_from_mn, ' &
+               & //'elastic_to_mn, zero_nm, drift_nm_s, drift_sd_nm_s, noise_nm, ' &
+               & //'noise_correlation', values)
             call page%end_object()
          end associate
       end do
       call page%end_array()
    end subroutine put_tests
 
-   !> Moduli of the grains, how they depend on what they share, where their errors come from, and how the tests of one grain agree: their
-   !> chi-square about its mean.
+   !> Moduli of the grains, how they depend on what they share, where their errors come from, and
+   !> how the tests of one grain agree: their chi-square about its mean.
    subroutine put_grains(page, found)
       type(json_type), intent(inout) :: page
       type(curves_posterior_type), intent(in) :: found
-      character(len=*), parameter :: names = 'radius, beta, compliance, session, drift, repeat_and_window'
+      character(len=*), &
+         & parameter :: names = 'radius, beta, compliance, session, drift, repeat_and_window'
       integer, parameter :: n_sources = n_shared + 3
       real(wp), allocatable :: budget(:, :), slopes(:, :), values(:), weight(:)
       integer, allocatable :: grains(:)
@@ -209,8 +216,8 @@ contains
       freedom = -size(grains)
       call page%begin_array('grains')
       do i = 1, size(grains)
-         associate (m => found%materials(grains(i)), tests => found%tests, own => found%tests%material == grains(i) .and. &
-            & found%tests%used)
+         associate (m => found%materials(grains(i)), tests => found%tests, &
+            & own => found%tests%material == grains(i) .and. found%tests%used)
             slopes(i, :) = m%by_shared
             budget(:n_shared, i) = abs(m%by_shared(:n_shared))*sd(:n_shared)
             budget(n_shared + 1, i) = norm2(m%by_shared(n_shared + 1:)*sd(n_shared + 1:))
@@ -223,7 +230,8 @@ contains
             call page%begin_object()
             call page%put('grain', m%name)
             call page%put('tests', size(values))
-            call page%put_numbers('effective_modulus_gpa, sd_gpa, own_sd_gpa', exp(m%ln_modulus)*[1.0_wp, m%sd, m%own_sd])
+            call page%put_numbers('effective_modulus_gpa, sd_gpa, own_sd_gpa', &
+               & exp(m%ln_modulus)*[1.0_wp, m%sd, m%own_sd])
             call page%put_numbers(names, budget(:, i), 'error_budget')
             call page%end_object()
          end associate
@@ -234,7 +242,10 @@ contains
       call page%put('degrees_of_freedom', freedom)
       if (freedom > 0) call page%put('probability', chi_square_above(chi_square, freedom))
       call page%end_object()
-      if (size(grains) > 0) call page%put_numbers(names, [(median(size(grains), budget(j, :)), j=1, n_sources)], 'error_budget')
+      if (size(grains) > 0) then
+         call page%put_numbers(names, [(median(size(grains), budget(j, :)), j=1, n_sources)], &
+            & 'error_budget')
+      end if
       call page%begin_object('shared')
       call page%put('loadings', slopes)
       call page%put('covariance', found%covariance)

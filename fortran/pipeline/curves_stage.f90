@@ -1,5 +1,5 @@
-!> `curves`: Step 0, moduli of grains from measured curves. Materials are what the tests were made on: references, whose moduli are known,
-!> and grains.
+!> `curves`: Step 0, moduli of grains from measured curves. Materials are what the tests were made
+!> on: references, whose moduli are known, and grains.
 module curves_stage
    use abstract_stage, only: stage_type
    use curves_document, only: write_curve_files, write_document
@@ -51,17 +51,19 @@ contains
                if (.not. test%used) cycle
                modulus = exp(test%ln_modulus)
                if (modulus > moduli_allowed(1) .and. modulus < moduli_allowed(2)) cycle
-               call refuse(error, self%problem%curves_place()//'test '//printable(c%name)//', line '//to_text(c%line)//': the ' &
-                  & //'curve means a modulus of '//to_text(modulus, 2)//' GPa at a radius of '//to_text(asked%radius_um) &
+               call refuse(error, self%problem%curves_place()//'test '//printable(c%name) &
+                  & //', line '//to_text(c%line)//': the curve means a modulus of ' &
+                  & //to_text(modulus, 2)//' GPa at a radius of '//to_text(asked%radius_um) &
                   & //' um; allowed 0.01 to 5000 GPa. Loads in mN and depths in nm are needed')
                return
             end associate
          end do
          sd = 0.3_wp
          if (allocated(asked%radius_sd_um)) sd = asked%radius_sd_um/asked%radius_um
-         self%found%prior_mean = [log(asked%radius_um), asked%tip_beta, 0.0_wp, spread(0.0_wp, 1, size(self%found%sessions))]
-         self%found%prior_sd = [sd, asked%tip_beta_sd, asked%compliance_sd_nm_mn, spread(asked%session_sd, 1, &
-            & size(self%found%sessions))]
+         self%found%prior_mean = [log(asked%radius_um), asked%tip_beta, 0.0_wp, &
+            & spread(0.0_wp, 1, size(self%found%sessions))]
+         self%found%prior_sd = [sd, asked%tip_beta_sd, asked%compliance_sd_nm_mn, &
+            & spread(asked%session_sd, 1, size(self%found%sessions))]
          self%found%drift_prior_sd = asked%drift_sd_nm_s
       end associate
    end subroutine begin
@@ -76,14 +78,18 @@ contains
       call iterate(self, error)
       if (allocated(error)) return
       do i = 1, size(self%found%tests)
-         if (.not. self%found%tests(i)%used) call warn(self%warnings, 'test '//self%problem%curves%curves(i)%name &
-            & //' is left out: '//self%found%tests(i)%reason)
+         if (.not. self%found%tests(i)%used) then
+            call warn(self%warnings, 'test '//self%problem%curves%curves(i)%name//' is left out: ' &
+               & //self%found%tests(i)%reason)
+         end if
       end do
       call check_references(self, error)
-      if (.not. allocated(error)) call write_curve_files(self%problem%curves, self%found, self%output, error)
+      if (.not. allocated(error)) then
+         call write_curve_files(self%problem%curves, self%found, self%output, error)
+      end if
       if (.not. allocated(error)) call write_document(page, self%problem%curves, self%found)
-      self%done = to_text(count(self%found%tests%used))//' of '//to_text(size(self%found%tests))//' tests: '//self%output &
-         & //'/measurements.csv'
+      self%done = to_text(count(self%found%tests%used))//' of '//to_text(size(self%found%tests)) &
+         & //' tests: '//self%output//'/measurements.csv'
    end subroutine finish
 
    !> Tests given what they share, and this given the tests, until the shared unknowns stay.
@@ -99,25 +105,35 @@ contains
       associate (asked => self%problem%settings%curves, s => self%found, tests => self%found%tests)
          s%mean = s%prior_mean
          do step = 1, most
-            !$omp parallel do schedule(dynamic) num_threads(thread_count(self%problem%settings%execution%workers))
+            !$omp parallel do schedule(dynamic) &
+            !$omp & num_threads(thread_count(self%problem%settings%execution%workers))
             do i = 1, size(tests)
-               if (tests(i)%used) call score_test(tests(i), s%mean(:n_shared), [s%prior_sd(:n_shared), zero_sd, &
-                  & asked%drift_sd_nm_s, asked%load_sd_mn, asked%transient_sd_nm], asked%transient_s)
+               if (tests(i)%used) then
+                  call score_test(tests(i), s%mean(:n_shared), [s%prior_sd(:n_shared), zero_sd, &
+                     & asked%drift_sd_nm_s, asked%load_sd_mn, asked%transient_sd_nm], &
+                     & asked%transient_s)
+               end if
             end do
             call compare_tests(tests, self%found%materials, step > 1)
-            if (.not. any(tests%used)) call refuse(error, self%problem%curves_place()//'no test has an elastic part; test ' &
-               & //self%problem%curves%curves(1)%name//': '//tests(1)%reason//'. Loads in mN and depths in nm are needed')
+            if (.not. any(tests%used)) then
+               call refuse(error, self%problem%curves_place() &
+                  & //'no test has an elastic part; test '//self%problem%curves%curves(1)%name &
+                  & //': '//tests(1)%reason//'. Loads in mN and depths in nm are needed')
+            end if
             if (allocated(error)) return
             before = s%mean(:n_shared)
             call s%infer_shared(error)
             if (allocated(error)) return
-            if (step >= fewest .and. all(abs(s%mean(:n_shared) - before) < [(settled*sqrt(s%covariance(i, i)), i=1, &
-               & n_shared)])) exit
+            if (step >= fewest .and. all(abs(s%mean(:n_shared) - before) &
+               & < [(settled*sqrt(s%covariance(i, i)), i=1, n_shared)])) then
+               exit
+            end if
          end do
       end associate
    end subroutine iterate
 
-   !> The tests of each material with each other: their middle is the centre of a grain's prior, and a test far from it may be left out.
+   !> The tests of each material with each other: their middle is the centre of a grain's prior, and
+   !> a test far from it may be left out.
    subroutine compare_tests(tests, materials, may_leave_out)
       type(test_type), intent(inout) :: tests(:)
       type(material_type), intent(inout) :: materials(:)
@@ -137,8 +153,11 @@ contains
          if (.not. materials(k)%reference) materials(k)%prior_mean = middle
          if (size(own) < 3 .or. .not. may_leave_out) cycle
          do i = 1, size(own)
-            if (abs(found(i) - middle) > far) call leave_out(tests(own(i)), 'its modulus of '//to_text(exp(found(i)), 3) &
-               & //' GPa is far from the '//to_text(exp(middle), 3)//' GPa of the other tests of '//materials(k)%name)
+            if (abs(found(i) - middle) > far) then
+               call leave_out(tests(own(i)), &
+                  & 'its modulus of '//to_text(exp(found(i)), 3)//' GPa is far from the ' &
+                  & //to_text(exp(middle), 3)//' GPa of the other tests of '//materials(k)%name)
+            end if
          end do
       end do
    end subroutine compare_tests
@@ -162,16 +181,21 @@ contains
                known = .true.
                found = sum(tests%ln_modulus, own)/count(own)
                if (off <= most_sds .and. abs(found - m%prior_mean) <= most_misfit) cycle
-               call refuse(error, place(self%problem%path, 'curves', 'radius_um')//'the curves of the reference '//m%name &
-                  & //' are those of another tip or material: at a radius of '//to_text(exp(s%mean(1)), 3)//' um, ' &
-                  & //to_text(off, 2)//' sds from the stated one, they mean '//to_text(exp(found), 3)//' GPa for its ' &
-                  & //to_text(exp(m%prior_mean), 3)//' GPa. Check radius_um, radius_sd_um and &references')
+               call refuse(error, place(self%problem%path, 'curves', 'radius_um') &
+                  & //'the curves of the reference '//m%name//' are those of another tip or ' &
+                  & //'material: at a radius of '//to_text(exp(s%mean(1)), 3)//' um, ' &
+                  & //to_text(off, 2)//' sds from the stated one, they mean ' &
+                  & //to_text(exp(found), 3)//' GPa for its '//to_text(exp(m%prior_mean), 3) &
+                  & //' GPa. Check radius_um, radius_sd_um and &references')
                return
             end associate
          end do
-         if (.not. known) call warn(self%warnings, 'no test is of a reference: only ratios of the moduli are known. All moduli ' &
-            & //'share the relative sd of 1/sqrt(radius), '//to_text(50.0_wp*sqrt(s%covariance(1, 1)), 2)//' %, of radius_um and ' &
-            & //'radius_sd_um; indent a material of known modulus with the same tip')
+         if (.not. known) then
+            call warn(self%warnings, 'no test is of a reference: only ratios of the moduli are ' &
+               & //'known. All moduli share the relative sd of 1/sqrt(radius), ' &
+               & //to_text(50.0_wp*sqrt(s%covariance(1, 1)), 2)//' %, of radius_um and ' &
+               & //'radius_sd_um; indent a material of known modulus with the same tip')
+         end if
       end associate
    end subroutine check_references
 
@@ -186,7 +210,8 @@ contains
       allocate (names(0), found%sessions(0))
       do i = 1, size(found%tests)
          associate (c => problem%curves%curves(i))
-            call number_name(merge('=', ' ', c%reference)//c%material, names, found%tests(i)%material)
+            call number_name(merge('=', ' ', c%reference)//c%material, names, &
+               & found%tests(i)%material)
             call number_name(c%session, found%sessions, found%tests(i)%session)
          end associate
       end do
@@ -235,17 +260,21 @@ contains
             do i = 1, problem%references%n
                names = names//', '//problem%references%name(i)
                if (problem%references%name(i) /= material%name) cycle
-               call halfspace_moduli(problem%references%stiffness(:, :, i:i), problem%references%euler_deg(:, i:i), 1, modulus, &
-                  & circular, error)
+               call halfspace_moduli(problem%references%stiffness(:, :, i:i), &
+                  & problem%references%euler_deg(:, i:i), 1, modulus, circular, error)
                if (allocated(error)) return
                sd = r%crystal_sd
             end do
          end if
          if (len(names) == 0) names = ', none'
-         if (.not. modulus(1) > 0.0_wp) call refuse(error, place(problem%path, 'references', 'name')//'the tests have the ' &
-            & //'reference '//printable(material%name)//', whose modulus is not stated; stated: '//names(3:))
+         if (.not. modulus(1) > 0.0_wp) then
+            call refuse(error, place(problem%path, 'references', 'name') &
+               & //'the tests have the reference '//printable(material%name) &
+               & //', whose modulus is not stated; stated: '//names(3:))
+         end if
          if (allocated(error)) return
-         effective = 1.0_wp/(1.0_wp/modulus(1) + (1.0_wp - indenter%indenter_nu**2)/indenter%indenter_modulus_gpa)
+         effective = 1.0_wp/(1.0_wp/modulus(1) &
+            & + (1.0_wp - indenter%indenter_nu**2)/indenter%indenter_modulus_gpa)
          material%prior_mean = log(effective)
          material%prior_sd = max(1.0e-4_wp, sd*effective/modulus(1))
       end associate

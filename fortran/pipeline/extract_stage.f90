@@ -27,8 +27,8 @@ module extract_stage
 
 contains
 
-   !> Load the surrogate that &surrogate names, for crystals of the problem's class, and refuse what would be refused before the first
-   !> sample.
+   !> Load the surrogate that &surrogate names, for crystals of the problem's class, and refuse what
+   !> would be refused before the first sample.
    subroutine begin(self, error)
       class(extract_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
@@ -39,9 +39,14 @@ contains
          call problem%take_curve_results(self%output, error)
          if (allocated(error)) return
          if (allocated(problem%class%name)) class = problem%class%name
-         call load_named_surrogate(problem%settings%surrogate%file, class, self%places, self%surrogate, error)
-         if (allocated(error)) error%message = place(problem%path, 'surrogate', 'file')//error%message
-         if (.not. allocated(error)) call new_problem_posterior(problem, self%surrogate, self%posterior, error)
+         call load_named_surrogate(problem%settings%surrogate%file, class, self%places, &
+            & self%surrogate, error)
+         if (allocated(error)) then
+            error%message = place(problem%path, 'surrogate', 'file')//error%message
+         end if
+         if (.not. allocated(error)) then
+            call new_problem_posterior(problem, self%surrogate, self%posterior, error)
+         end if
       end associate
    end subroutine begin
 
@@ -56,14 +61,14 @@ contains
       call extract(self%problem, self%surrogate, found, error)
       if (allocated(error)) return
       call write_extraction(self%problem, found, page, self%warnings, self%reasons)
-      call save_posterior(self%problem, found, end_document(page, [self%problem%warnings, self%warnings]), self%output, &
-         & inputs_of(self%problem, self%groups, self%places), error)
+      call save_posterior(self%problem, found, end_document(page, [self%problem%warnings, &
+         & self%warnings]), self%output, inputs_of(self%problem, self%groups, self%places), error)
       if (.not. allocated(error)) call write_draws(found, self%output//'/posterior.csv', error)
       if (allocated(error)) return
       call remove_files(self%output, chain_prefix)
       call describe_prior(found, self%more)
-      self%done = to_text(size(found%chains%draws, 3))//' chains of '//to_text(size(found%chains%draws, 2))//' samples: ' &
-         & //self%output//'/posterior.csv'
+      self%done = to_text(size(found%chains%draws, 3))//' chains of ' &
+         & //to_text(size(found%chains%draws, 2))//' samples: '//self%output//'/posterior.csv'
    end subroutine finish
 
    !> Every draw, a line each.

@@ -3,19 +3,20 @@ module extraction
    use constants_posterior, only: posterior_type
    use crystal_elasticity, only: hill_young_poisson, polycrystal_averages
    use errors, only: error_type
-   use further_knowledge, only: conflict_type, expect_gains, find_conflict, gain_type, without_knowledge
+   use further_knowledge, only: conflict_type, expect_gains, find_conflict, gain_type, &
+      & without_knowledge
    use halfspace_theory, only: halfspace_moduli
    use kinds, only: nan, wp
    use omp_lib, only: omp_get_wtime
    use model_checks, only: check_model, checks_type, estimate_evidence, evidence_type
    use orientation_check, only: check_orientations, orientation_check_type
-   use posterior_summary, only: climb, combination_type, find_combinations, parameter_type, predict_grains, predictions_type, &
-      & summarise_parameters, thinning
+   use posterior_summary, only: climb, combination_type, find_combinations, parameter_type, &
+      & predict_grains, predictions_type, summarise_parameters, thinning
    use prior_sensitivity, only: change_type, limit_type, list_limits, measure_sensitivity
    use problem, only: problem_type
    use field_reading, only: allowed_error, choose_field_degree, find_field_error
-   use problem_posterior, only: draw_aside, free_run, new_problem_posterior, omit_weak_waves, pilot_run, prior_run, &
-      & sample_aside, sample_posterior, stiffnesses, theory_run
+   use problem_posterior, only: draw_aside, free_run, new_problem_posterior, omit_weak_waves, &
+      & pilot_run, prior_run, sample_aside, sample_posterior, stiffnesses, theory_run
    use quantities, only: evaluate_draws, quantity_type, reported_quantities
    use samplers, only: chains_type
    use statistics, only: flattened, moments, thinned
@@ -31,7 +32,8 @@ module extraction
 
    type :: extraction_type
       type(posterior_type) :: posterior
-      !> In a chain of the posterior the last parameter may be the logarithm of the factor on the sds; here it is the factor.
+      !> In a chain of the posterior the last parameter may be the logarithm of the factor on the
+      !> sds; here it is the factor.
       type(chains_type) :: chains, prior_chains
       !> Names of the parameters.
       character(len=9), allocatable :: names(:)
@@ -39,7 +41,8 @@ module extraction
       !> The point of largest density, (parameter), NaN where it is outside the 95 % interval.
       real(wp), allocatable :: most_probable(:)
       !> Who decided the parameters, the combinations and the quantities.
-      type(shares_type), allocatable :: parameter_shares(:), combination_shares(:), quantity_shares(:)
+      type(shares_type), allocatable :: parameter_shares(:), combination_shares(:), &
+         & quantity_shares(:)
       type(combination_type), allocatable :: combinations(:)
       !> What further knowledge would bring.
       type(gain_type), allocatable :: gains(:)
@@ -56,18 +59,20 @@ module extraction
       type(change_type), allocatable :: changes(:)
       !> Of the model and its prior, if that was asked for.
       type(evidence_type), allocatable :: evidence
-      !> Degree of the harmonics with which theory was read (0: no theory in the surrogate), and by how much the worst grain erred for it,
-      !> in sds.
+      !> Degree of the harmonics with which theory was read (0: no theory in the surrogate), and by
+      !> how much the worst grain erred for it, in sds.
       integer :: field_degree = 0
       real(wp) :: field_error = 0.0_wp
-      !> Of the surrogate: how many simulations taught it, the checksum of its file ('' if it is none), and its sd for the mean grain of the
-      !> mean crystal, GPa.
+      !> Of the surrogate: how many simulations taught it, the checksum of its file ('' if it is
+      !> none), and its sd for the mean grain of the mean crystal, GPa.
       integer :: simulations = 0
       character(len=16) :: checksum = ''
       real(wp) :: surrogate_sd = 0.0_wp
-      !> See `surrogate_model`, um; and how far its simulations are from the theory on average, relative.
+      !> See `surrogate_model`, um; and how far its simulations are from the theory on average,
+      !> relative.
       real(wp) :: surrogate_contact_radius = 0.0_wp, surrogate_correction = 0.0_wp
-      !> Of the constants by the theory of the half-space alone, GPa, where a correction was learnt: mean and sd.
+      !> Of the constants by the theory of the half-space alone, GPa, where a correction was learnt:
+      !> mean and sd.
       real(wp), allocatable :: theory_mean(:), theory_sd(:)
       !> Of the posterior's chains, wall clock.
       real(wp) :: seconds = 0.0_wp
@@ -89,20 +94,26 @@ contains
       real(wp) :: start
 
       call omit_weak_waves(problem, surrogate, error)
-      if (.not. allocated(error)) call new_problem_posterior(problem, surrogate, self%posterior, error)
+      if (.not. allocated(error)) then
+         call new_problem_posterior(problem, surrogate, self%posterior, error)
+      end if
       if (allocated(error)) return
       prior = self%posterior
       prior%prior_only = .true.
       start = omp_get_wtime()
       call sample_exactly(problem, self, error)
       self%seconds = omp_get_wtime() - start
-      if (.not. allocated(error)) call sample_aside(problem, prior, prior_run, self%prior_chains, error)
+      if (.not. allocated(error)) then
+         call sample_aside(problem, prior, prior_run, self%prior_chains, error)
+      end if
       ! What is known, compared with what the measurements say without it.
       if (size(self%posterior%prior%knowledge%mean) > 0) then
          if (.not. allocated(error)) call without_knowledge(self%posterior, free, error)
          if (.not. allocated(error)) call sample_aside(problem, free, free_run, free_chains, error)
       end if
-      if (.not. allocated(error)) call find_conflict(self%posterior, self%chains, free_chains, self%conflict, error)
+      if (.not. allocated(error)) then
+         call find_conflict(self%posterior, self%chains, free_chains, self%conflict, error)
+      end if
       if (problem%settings%sampler%evidence .and. .not. allocated(error)) then
          allocate (self%evidence)
          call estimate_evidence(self%posterior, self%chains, prior, self%prior_chains, &
@@ -124,15 +135,18 @@ contains
       self%checksum = surrogate%checksum
       self%surrogate_contact_radius = surrogate%contact_radius
       if (surrogate%contact_radius > 0.0_wp) then
-         call halfspace_moduli(stiffnesses(surrogate%basis%domain%class, surrogate%simulations%constants), &
-            & surrogate%simulations%euler_deg, 1, theory, circular, error)
-         if (.not. allocated(error)) self%surrogate_correction = sum(abs(surrogate%simulations%modulus/theory - 1.0_wp)) &
-            & /self%simulations
+         call halfspace_moduli(stiffnesses(surrogate%basis%domain%class, &
+            & surrogate%simulations%constants), surrogate%simulations%euler_deg, 1, theory, &
+            & circular, error)
+         if (.not. allocated(error)) then
+            self%surrogate_correction = sum(abs(surrogate%simulations%modulus/theory - 1.0_wp)) &
+               & /self%simulations
+         end if
       end if
       if (self%simulations == 0) return
       associate (posterior => self%posterior, n => self%posterior%n_moduli)
-         call predict_crystals(surrogate, spread(posterior%stiffness(self%parameters%mean), 3, n), posterior%euler(:, :n), 1, &
-            & modulus, sd, error)
+         call predict_crystals(surrogate, spread(posterior%stiffness(self%parameters%mean), 3, n), &
+            & posterior%euler(:, :n), 1, modulus, sd, error)
          if (.not. allocated(error)) self%surrogate_sd = sum(sd)/max(1, n)
       end associate
    end subroutine describe_surrogate
@@ -149,15 +163,17 @@ contains
 
       if (self%simulations == 0 .or. .not. self%posterior%grains%has_theory) return
       call new_theory_surrogate(theory, error)
-      if (.not. allocated(error)) call draw_aside(problem, theory, theory_run, posterior, draws, error)
+      if (.not. allocated(error)) then
+         call draw_aside(problem, theory, theory_run, posterior, draws, error)
+      end if
       if (allocated(error)) return
       n = self%posterior%n_constants
       allocate (self%theory_mean(n), self%theory_sd(n))
       call moments(draws(:n, :), self%theory_mean, self%theory_sd)
    end subroutine compare_theory
 
-   !> Chains of the posterior, with theory read so finely that what is left does not matter: a short run chooses the degree, and the
-   !> draws themselves show whether it was enough.
+   !> Chains of the posterior, with theory read so finely that what is left does not matter: a short
+   !> run chooses the degree, and the draws themselves show whether it was enough.
    subroutine sample_exactly(problem, self, error)
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(inout) :: self
@@ -176,13 +192,16 @@ contains
       some = flattened(self%chains%draws)
       do attempt = 1, most_attempts
          call choose_field_degree(self%posterior, some, threads, error)
-         if (.not. allocated(error)) call sample_posterior(problem, self%posterior, self%chains, error)
+         if (.not. allocated(error)) then
+            call sample_posterior(problem, self%posterior, self%chains, error)
+         end if
          if (allocated(error)) return
          found = flattened(thinned(self%chains%draws, checked_draws))
          call find_field_error(self%posterior, found, threads, self%field_error, error)
          if (allocated(error)) return
          if (self%field_error < allowed_error) exit
-         ! Where theory was read too roughly chains go astray; the next ones may not go back to where they were.
+         ! Where theory was read too roughly chains go astray; the next ones may not go back to
+         ! where they were.
          some = reshape([some, found], [size(some, 1), size(some, 2) + size(found, 2)])
       end do
       self%field_degree = self%posterior%grains%field_degree
@@ -192,41 +211,46 @@ contains
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: draws(:, :), prior_draws(:, :), values(:, :), prior_values(:, :), logarithms(:, :)
+      real(wp), allocatable :: draws(:, :), prior_draws(:, :), values(:, :), prior_values(:, :), &
+         & logarithms(:, :)
       integer :: k, n, threads
 
       threads = thread_count(problem%settings%execution%workers)
       n = self%posterior%dimension
       k = self%posterior%n_constants
-      self%names = [character(len=9) :: self%posterior%prior%class%constants, spread('sd_factor', 1, n - k)]
+      self%names = [character(len=9) :: self%posterior%prior%class%constants, &
+         & spread('sd_factor', 1, n - k)]
       call reported_quantities(self%posterior%prior%class, self%quantities, error)
       if (allocated(error)) return
-      call predict_grains(self%posterior, self%chains, threads, self%quantities, self%predictions, error)
+      call predict_grains(self%posterior, self%chains, threads, self%quantities, &
+         & self%predictions, error)
       if (allocated(error)) return
       call check_model(self%posterior, self%chains, threads, self%checks)
       self%most_probable = self%chains%best_draw()
       call climb(self%posterior, self%chains, self%most_probable)
-      call check_orientations(self%posterior, self%most_probable, problem%misread, problem%measurements%of_row, self%orientations, &
-         & error)
+      call check_orientations(self%posterior, self%most_probable, problem%misread, &
+         & problem%measurements%of_row, self%orientations, error)
       if (allocated(error)) return
       draws = flattened(self%chains%draws(:, ::self%predictions%stride, :))
       prior_draws = flattened(self%prior_chains%draws(:, ::thinning(self%prior_chains, 1), :))
       values = flattened(self%predictions%quantities)
-      call find_combinations(self%posterior%prior, draws, prior_draws, self%combinations, logarithms, error)
+      call find_combinations(self%posterior%prior, draws, prior_draws, self%combinations, &
+         & logarithms, error)
       if (allocated(error)) return
       self%chains%draws(k + 1:, :, :) = exp(self%chains%draws(k + 1:, :, :))
       self%most_probable(k + 1:) = exp(self%most_probable(k + 1:))
       call summarise_parameters(self%chains, threads, self%parameters)
       ! Along a ridge it is noise.
-      where (.not. (self%most_probable >= self%parameters%hdi_95(1) .and. self%most_probable <= self%parameters%hdi_95(2))) &
-         & self%most_probable = nan
+      where (.not. (self%most_probable >= self%parameters%hdi_95(1) &
+         & .and. self%most_probable <= self%parameters%hdi_95(2))) self%most_probable = nan
       call share_all(threads, self, draws, logarithms, values, error)
       if (allocated(error)) return
       if (n > k) draws(n, :) = exp(draws(n, :))
       self%limits = list_limits(self%posterior%prior, draws)
       call measure_sensitivity(self%posterior, draws, self%limits, self%changes)
       call expect_gains(self%posterior%prior, self%chains%draws, self%gains)
-      call evaluate_draws(self%quantities, self%posterior%prior%class, flattened(self%prior_chains%draws), prior_values)
+      call evaluate_draws(self%quantities, self%posterior%prior%class, &
+         & flattened(self%prior_chains%draws), prior_values)
       allocate (self%known(4, size(values, 1)))
       call moments(values, self%known(1, :), self%known(2, :))
       call moments(prior_values, self%known(3, :), self%known(4, :))
@@ -253,21 +277,28 @@ contains
       n = size(logarithms, 1)
       effective = minval(self%parameters%diagnostics%ess_bulk)
       ! Nor has a modulus of any grain a share: the posterior mean does not follow it linearly.
-      if (any(self%parameters%diagnostics%r_hat > unmixed) .or. allocated(self%posterior%unknown)) effective = 0.0_wp
-      many = flattened(thinned(self%chains%draws, max(size(draws, 2), most/self%posterior%n_grains)))
+      if (any(self%parameters%diagnostics%r_hat > unmixed) &
+         & .or. allocated(self%posterior%unknown)) then
+         effective = 0.0_wp
+      end if
+      many = flattened(thinned(self%chains%draws, &
+         & max(size(draws, 2), most/self%posterior%n_grains)))
       all = many
       if (k > self%posterior%n_constants) many(k, :) = log(many(k, :))
-      call find_shares(self%posterior, many, all, min(effective, real(size(many, 2), wp)), threads, self%parameter_shares, error)
+      call find_shares(self%posterior, many, all, min(effective, real(size(many, 2), wp)), &
+         & threads, self%parameter_shares, error)
       if (allocated(error)) return
       allocate (joined(n + size(values, 1), size(draws, 2)))
       joined(:n, :) = logarithms
       joined(n + 1:, :) = values
-      call find_shares(self%posterior, draws, joined, min(effective, real(size(draws, 2), wp)), threads, shares, error)
+      call find_shares(self%posterior, draws, joined, min(effective, real(size(draws, 2), wp)), &
+         & threads, shares, error)
       if (allocated(error)) return
       self%combination_shares = shares(:n)
       self%quantity_shares = shares(n + 1:)
       ! Of the constants, which come first, all draws are there.
-      self%quantity_shares(:self%posterior%n_constants) = self%parameter_shares(:self%posterior%n_constants)
+      self%quantity_shares(:self%posterior%n_constants) = &
+         & self%parameter_shares(:self%posterior%n_constants)
    end subroutine share_all
 
    !> 'determined', 'weak' or 'not_determined', of the parameter i.
@@ -276,16 +307,20 @@ contains
       integer, intent(in) :: i
       character(len=:), allocatable :: verdict
 
-      verdict = verdict_of(self%parameters(i)%mean, self%parameters(i)%sd, merge(self%least_value(), 0.0_wp, &
-         & i <= self%posterior%n_constants), self%parameter_shares(i))
+      verdict = verdict_of(self%parameters(i)%mean, self%parameters(i)%sd, &
+         & merge(self%least_value(), 0.0_wp, i <= self%posterior%n_constants), &
+         & self%parameter_shares(i))
    end function verdict
 
-   !> A tenth of Hill's Young's modulus of the mean crystal, GPa, with which the sd of a constant near zero is compared.
+   !> A tenth of Hill's Young's modulus of the mean crystal, GPa, with which the sd of a constant
+   !> near zero is compared.
    pure real(wp) function least_value(self)
       class(extraction_type), intent(in) :: self
       real(wp) :: young, poisson
 
-      call hill_young_poisson(polycrystal_averages(self%posterior%stiffness(self%parameters%mean)), young, poisson)
+      associate (mean_stiffness => self%posterior%stiffness(self%parameters%mean))
+         call hill_young_poisson(polycrystal_averages(mean_stiffness), young, poisson)
+      end associate
       least_value = 0.1_wp*young
    end function least_value
 end module extraction

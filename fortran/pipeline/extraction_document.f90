@@ -1,6 +1,7 @@
 !> What Step 2 found, as the document of `extract`, with what a person should know of it.
 !>
-!> And posterior.bin: all numbers of Step 2 by their names, see `put_extraction`, with a checksum of all before it at the end.
+!> And posterior.bin: all numbers of Step 2 by their names, see `put_extraction`, with a checksum of
+!> all before it at the end.
 module extraction_document
    use, intrinsic :: iso_c_binding, only: c_char
    use crystal_elasticity, only: no_wave, rayleigh, wave_names
@@ -19,14 +20,16 @@ module extraction_document
    use variance_shares, only: error_sources, shares_type, verdict_of
    implicit none
    private
-   public :: write_extraction, describe_prior, put_extraction, save_posterior, read_posterior, stored_draws
+   public :: write_extraction, describe_prior, put_extraction, save_posterior, read_posterior, &
+      & stored_draws
 
    character(len=*), parameter :: name = '/posterior.bin'
    integer, parameter :: digits = 16
 
 contains
 
-   !> The document, into the object of a `page`, with what a person should know: `warnings`, and `reasons` for which it cannot be used.
+   !> The document, into the object of a `page`, with what a person should know: `warnings`, and
+   !> `reasons` for which it cannot be used.
    subroutine write_extraction(problem, found, page, warnings, reasons)
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(in) :: found
@@ -45,7 +48,8 @@ contains
       if (allocated(found%theory_mean)) then
          call page%begin_object('theory_alone')
          do i = 1, size(found%theory_mean)
-            call page%put_numbers('mean, sd', [found%theory_mean(i), found%theory_sd(i)], trim(found%names(i)))
+            call page%put_numbers('mean, sd', [found%theory_mean(i), found%theory_sd(i)], &
+               & trim(found%names(i)))
          end do
          call page%end_object()
       end if
@@ -61,15 +65,18 @@ contains
          call page%put_numbers('residual_sd, p', [checks%extreme_residual, checks%extreme_p])
          call page%end_object()
          call page%begin_object('orientations')
-         call page%put_numbers('constant_chi_square, chi_square, freedom, p, p_shuffled, power', [check%constant, &
-            & check%chi_square, real(check%freedom, wp), check%p, check%p_shuffled, check%power])
+         call page%put_numbers('constant_chi_square, chi_square, freedom, p, p_shuffled, power', &
+            & [check%constant, check%chi_square, real(check%freedom, wp), check%p, &
+            & check%p_shuffled, check%power])
          call page%put('better_reading', trim(readings(check%better)))
          call page%put('outliers', real(check%outliers, wp))
          call page%put('distances_sd', check%distances)
          call page%end_object()
       end associate
       call page%end_object()
-      if (allocated(found%evidence)) call page%put_numbers('log_z, sd', [found%evidence%log_z, found%evidence%sd], 'evidence')
+      if (allocated(found%evidence)) then
+         call page%put_numbers('log_z, sd', [found%evidence%log_z, found%evidence%sd], 'evidence')
+      end if
       call write_changes(page, found)
       if (found%field_degree > 0) then
          call page%begin_object('theory')
@@ -77,7 +84,9 @@ contains
          call page%put('largest_error_sd', found%field_error)
          call page%end_object()
       end if
-      if (allocated(problem%velocities)) call page%put('velocities_left_out', problem%measurements%omitted)
+      if (allocated(problem%velocities)) then
+         call page%put('velocities_left_out', problem%measurements%omitted)
+      end if
       call page%put('acceptance', sum(found%chains%acceptance)/size(found%chains%acceptance))
       call page%put('samples', size(found%chains%draws, 2))
       call page%put('chains', size(found%chains%draws, 3))
@@ -85,7 +94,8 @@ contains
       call page%put('seconds', found%seconds)
    end subroutine write_extraction
 
-   !> The parameters; and the parts of the variance of each, by source, of which each quantity that is known is one.
+   !> The parameters; and the parts of the variance of each, by source, of which each quantity that
+   !> is known is one.
    subroutine write_parameters(page, found)
       type(json_type), intent(inout) :: page
       type(extraction_type), intent(in) :: found
@@ -96,7 +106,8 @@ contains
       do i = 1, size(found%names)
          associate (parameter => found%parameters(i), d => found%parameters(i)%diagnostics)
             call page%begin_object(trim(found%names(i)))
-            call page%put_numbers('mean, sd, map', [parameter%mean, parameter%sd, found%most_probable(i)])
+            call page%put_numbers('mean, sd, map', &
+               & [parameter%mean, parameter%sd, found%most_probable(i)])
             call page%put('hdi_95', parameter%hdi_95)
             call page%put_numbers('ess_bulk, ess_tail, r_hat', [d%ess_bulk, d%ess_tail, d%r_hat])
             call write_share(page, found%parameter_shares(i), found%verdict(i))
@@ -106,13 +117,16 @@ contains
       call page%end_object()
       call page%begin_object('error_budget')
       do i = 1, size(found%names)
-         associate (share => found%parameter_shares(i), known => found%posterior%prior%knowledge%quantities)
+         associate (share => found%parameter_shares(i), &
+            & known => found%posterior%prior%knowledge%quantities)
             call page%begin_object(trim(found%names(i)))
             call page%put_numbers(join(error_sources, ', '), share%by_source)
             do j = 1, size(known)
                ! A list and a file may have the same one.
                same = [(known(k)%name == known(j)%name, k=1, size(known))]
-               if (findloc(same, .true., 1) == j) call page%put(known(j)%name, sum(share%by_quantity, mask=same))
+               if (findloc(same, .true., 1) == j) then
+                  call page%put(known(j)%name, sum(share%by_quantity, mask=same))
+               end if
             end do
             call page%put('prior', share%prior)
             call page%end_object()
@@ -127,7 +141,8 @@ contains
       type(shares_type), intent(in) :: share
       character(len=*), intent(in) :: verdict
 
-      call page%put_numbers('measurements, knowledge, prior', [share%measurements, share%knowledge, share%prior], 'share')
+      call page%put_numbers('measurements, knowledge, prior', &
+         & [share%measurements, share%knowledge, share%prior], 'share')
       call page%put('verdict', verdict)
    end subroutine write_share
 
@@ -166,13 +181,18 @@ contains
       associate (table => problem%measurements)
          do i = 1, found%posterior%n_grains
             call page%begin_object()
-            call page%put_numbers('mean, sd, measured, measured_sd', [mean(i), sd(i), found%posterior%data%modulus(i), &
+            call page%put_numbers('mean, sd, measured, measured_sd', &
+               & [mean(i), sd(i), found%posterior%data%modulus(i), &
                & merge(table%sd_gpa(i), nan, table%sd_gpa(i) > 0.0_wp)])
-            if (.not. allocated(found%posterior%unknown)) call page%put('euler_deg', table%euler_deg(:, i))
+            if (.not. allocated(found%posterior%unknown)) then
+               call page%put('euler_deg', table%euler_deg(:, i))
+            end if
             associate (path => table%paths(i))
                if (path%wave /= no_wave) call page%put('propagation_deg', path%propagation_deg)
                if (path%wave > rayleigh) call page%put('wave', trim(wave_names(path%wave)))
-               if (path%inclination_deg > 0.0_wp) call page%put('inclination_deg', path%inclination_deg)
+               if (path%inclination_deg > 0.0_wp) then
+                  call page%put('inclination_deg', path%inclination_deg)
+               end if
             end associate
             if (table%named_by > 0) call page%put('grain', table%name(i))
             if (allocated(table%tests) .and. i <= found%posterior%n_moduli) then
@@ -185,7 +205,8 @@ contains
       call page%end_array()
    end subroutine write_predicted
 
-   !> Combinations of the constants, quantities in the posterior and in the prior, and what further knowledge would bring.
+   !> Combinations of the constants, quantities in the posterior and in the prior, and what further
+   !> knowledge would bring.
    subroutine write_identifiability(page, found)
       type(json_type), intent(inout) :: page
       type(extraction_type), intent(in) :: found
@@ -197,7 +218,8 @@ contains
       call page%begin_array('identifiability')
       do i = 1, size(found%combinations)
          associate (combination => found%combinations(i), share => found%combination_shares(i))
-            call begin('combination', powers_text(found%names(:size(found%combinations)), combination%exponents))
+            call begin('combination', &
+               & powers_text(found%names(:size(found%combinations)), combination%exponents))
             call page%put_numbers(names, combination%exponents, 'exponents')
             call page%put_numbers(names, combination%correlations, 'correlations')
             call page%put_numbers('sd, prior_sd', [combination%sd, combination%prior_sd])
@@ -211,7 +233,8 @@ contains
             call page%put('unit', found%quantities(i)%unit)
             call page%put_numbers('mean, sd, prior_mean, prior_sd', known)
             call write_share(page, found%quantity_shares(i), verdict_of(known(1), known(2), &
-               & merge(found%least_value(), 0.0_wp, found%quantities(i)%unit == 'GPa'), found%quantity_shares(i)))
+               & merge(found%least_value(), 0.0_wp, found%quantities(i)%unit == 'GPa'), &
+               & found%quantity_shares(i)))
             call page%end_object()
          end associate
       end do
@@ -260,8 +283,8 @@ contains
       call page%end_array()
    end subroutine write_changes
 
-   !> The prior that was in effect, what was not stated too, null where there is no limit; and what is known, with by how many sds it is
-   !> away from what all else says.
+   !> The prior that was in effect, what was not stated too, null where there is no limit; and what
+   !> is known, with by how many sds it is away from what all else says.
    subroutine write_prior(page, found)
       type(json_type), intent(inout) :: page
       type(extraction_type), intent(in) :: found
@@ -274,10 +297,13 @@ contains
          call page%put('measure', prior%measure())
          call page%begin_object('bounds')
          do j = 1, prior%n_constants
-            if (prior%is_stated(j)) call page%put(prior%class%constants(j), [prior%lower(j), prior%upper(j)])
+            if (prior%is_stated(j)) then
+               call page%put(prior%class%constants(j), [prior%lower(j), prior%upper(j)])
+            end if
          end do
          call page%end_object()
-         call page%put('anisotropy_cap', merge(prior%anisotropy_cap, nan, prior%anisotropy_cap < huge(1.0_wp)))
+         call page%put('anisotropy_cap', &
+            & merge(prior%anisotropy_cap, nan, prior%anisotropy_cap < huge(1.0_wp)))
          call page%put('share_covered', prior%share_inside)
          call page%begin_array('knowledge')
          sd = known%sd()
@@ -285,7 +311,8 @@ contains
             call page%begin_object()
             call page%put('name', known%quantities(j)%name)
             call page%put('unit', known%quantities(j)%unit)
-            call page%put_numbers('mean, sd, conflict_sd', [known%mean(j), sd(j), found%conflict%of_quantity(j)])
+            call page%put_numbers('mean, sd, conflict_sd', &
+               & [known%mean(j), sd(j), found%conflict%of_quantity(j)])
             call page%end_object()
          end do
          call page%end_array()
@@ -296,8 +323,9 @@ contains
       call page%end_object()
    end subroutine write_prior
 
-   !> What the result follows from, in a few lines for people: the measurements; measure and limits of the prior; bounds; what is known;
-   !> the surrogate; the evidence, which depends on all of these.
+   !> What the result follows from, in a few lines for people: the measurements; measure and limits
+   !> of the prior; bounds; what is known; the surrogate; the evidence, which depends on all of
+   !> these.
    subroutine describe_prior(found, lines)
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(out) :: lines(:)
@@ -306,25 +334,36 @@ contains
 
       allocate (lines(0))
       line = ''
-      if (allocated(found%posterior%unknown)) line = ' of unknown orientation: their distribution determines the constants'
-      if (found%posterior%n_moduli > 0) call warn(lines, 'measured: '//found%posterior%observable%name//' of ' &
-         & //to_text(found%posterior%n_moduli)//' grains'//line)
-      if (found%posterior%n_moduli < found%posterior%n_grains) call warn(lines, 'measured: speeds of waves in ' &
-         & //to_text(found%posterior%n_grains - found%posterior%n_moduli)//' directions')
+      if (allocated(found%posterior%unknown)) then
+         line = ' of unknown orientation: their distribution determines the constants'
+      end if
+      if (found%posterior%n_moduli > 0) then
+         call warn(lines, 'measured: '//found%posterior%observable%name//' of ' &
+            & //to_text(found%posterior%n_moduli)//' grains'//line)
+      end if
+      if (found%posterior%n_moduli < found%posterior%n_grains) then
+         call warn(lines, 'measured: speeds of waves in ' &
+            & //to_text(found%posterior%n_grains - found%posterior%n_moduli)//' directions')
+      end if
       associate (prior => found%posterior%prior)
          if (prior%has_default) then
-            line = 'the default prior of crystals: log(3K/2G) is 1.07 ± 0.6, the anisotropy follows Student''s t, and the ' &
-               & //'scale is that of the mean measurement within a factor of 5'
+            line = 'the default prior of crystals: log(3K/2G) is 1.07 ± 0.6, the anisotropy ' &
+               & //'follows Student''s t, and the scale is that of the mean measurement within a ' &
+               & //'factor of 5'
          else
-            line = 'uniform in '//trim(merge('log K        ', 'the constants', prior%in_logarithms))//' over stable crystals'
+            line = 'uniform in '//trim(merge('log K        ', 'the constants', &
+               & prior%in_logarithms))//' over stable crystals'
          end if
-         if (prior%anisotropy_cap < huge(prior%anisotropy_cap)) line = line//', anisotropy index (Eq. 14) up to ' &
-            & //to_text(prior%anisotropy_cap)
+         if (prior%anisotropy_cap < huge(prior%anisotropy_cap)) then
+            line = line//', anisotropy index (Eq. 14) up to '//to_text(prior%anisotropy_cap)
+         end if
          call warn(lines, line)
          line = ''
          do j = 1, prior%n_constants
-            if (prior%is_stated(j)) line = line//', '//prior%class%constants(j)//' '//to_text(prior%lower(j))//' .. ' &
-               & //to_text(prior%upper(j))
+            if (prior%is_stated(j)) then
+               line = line//', '//prior%class%constants(j)//' '//to_text(prior%lower(j))//' .. ' &
+                  & //to_text(prior%upper(j))
+            end if
          end do
          if (len(line) > 0) call warn(lines, 'bounds in GPa: '//line(3:))
          line = ''
@@ -334,25 +373,33 @@ contains
          if (len(line) > 0) call warn(lines, 'known: '//line(3:))
       end associate
       line = ''
-      if (found%field_degree > 0) line = 'the exact theory of the half-space, harmonics to degree '//to_text(found%field_degree) &
-         & //', the worst grain off by '//fixed(100.0_wp*found%field_error, 1)//' % of its sd'
+      if (found%field_degree > 0) then
+         line = 'the exact theory of the half-space, harmonics to degree ' &
+            & //to_text(found%field_degree)//', the worst grain off by ' &
+            & //fixed(100.0_wp*found%field_error, 1)//' % of its sd'
+      end if
       if (found%simulations > 0) then
          if (len(line) > 0) line = line//'; times a correction trained on '
          line = line//to_text(found%simulations)//' simulations'
          if (len_trim(found%checksum) > 0) line = line//', checksum '//found%checksum
-         line = line//', sd '//fixed(found%surrogate_sd, 2)//' GPa in the mean grain; it is valid for ' &
+         line = line//', sd '//fixed(found%surrogate_sd, 2) &
+            & //' GPa in the mean grain; it is valid for ' &
             & //fixed(100.0_wp*found%posterior%prior%share_inside, 0)//' % of the prior'
       end if
       call warn(lines, 'surrogate: '//line)
-      if (allocated(found%evidence)) call warn(lines, 'evidence: log Z = '//fixed(found%evidence%log_z, 2)//' ± ' &
-         & //fixed(found%evidence%sd, 2)//', to compare with other models of the same data. It depends on the limits above: ' &
-         & //'where the measurements determine the constants, a prior twice as wide has a log Z that is lower by 0.69')
+      if (allocated(found%evidence)) then
+         call warn(lines, 'evidence: log Z = '//fixed(found%evidence%log_z, 2)//' ± ' &
+            & //fixed(found%evidence%sd, 2)//', to compare with other models of the same data. ' &
+            & //'It depends on the limits above: where the measurements determine the constants, ' &
+            & //'a prior twice as wide has a log Z that is lower by 0.69')
+      end if
    end subroutine describe_prior
 
-   !> The `document`, what it is about, and numbers. Chains: 'draws' (parameter, sample, chain), 'log_density' (sample, chain),
-   !> 'acceptance' (chain), 'prior_draws'; of some draws, 'stride'
-   !> apart, 'predicted', 'log_likelihood', 'replicated' (grain, draw, chain), 'factor' (group, draw, chain), 'quantities' (quantity, draw,
-   !> chain), 'log_prior' (draw, chain); of each parameter 'most_probable', NaN where it is outside the interval; and the prior's limits.
+   !> The `document`, what it is about, and numbers. Chains: 'draws' (parameter, sample, chain),
+   !> 'log_density' (sample, chain), 'acceptance' (chain), 'prior_draws'; of some draws, 'stride'
+   !> apart, 'predicted', 'log_likelihood', 'replicated' (grain, draw, chain), 'factor' (group,
+   !> draw, chain), 'quantities' (quantity, draw, chain), 'log_prior' (draw, chain); of each
+   !> parameter 'most_probable', NaN where it is outside the interval; and the prior's limits.
    subroutine put_extraction(problem, found, document, out)
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(in) :: found
@@ -366,17 +413,19 @@ contains
       call out%put('title', problem%settings%problem%title)
       call out%put('modulus_kind', problem%settings%measurements%modulus_kind)
       associate (measured => problem%measurements)
-         call out%put_array('euler_deg', merge(nan, measured%euler_deg, allocated(found%posterior%unknown)), &
-            & shape(measured%euler_deg))
+         call out%put_array('euler_deg', merge(nan, measured%euler_deg, &
+            & allocated(found%posterior%unknown)), shape(measured%euler_deg))
          call out%put_array('modulus_gpa', measured%modulus_gpa, [measured%n])
          call out%put_array('sd_gpa', measured%sd_gpa, [measured%n])
          call out%put('n_moduli', found%posterior%n_moduli)
       end associate
-      associate (chains => found%chains, checks => found%checks, predictions => found%predictions, prior => found%posterior%prior)
+      associate (chains => found%chains, checks => found%checks, predictions => found%predictions, &
+         & prior => found%posterior%prior)
          call out%put_array('draws', chains%draws, shape(chains%draws))
          call out%put_array('log_density', chains%log_density, shape(chains%log_density))
          call out%put_array('acceptance', chains%acceptance, shape(chains%acceptance))
-         call out%put_array('prior_draws', found%prior_chains%draws, shape(found%prior_chains%draws))
+         call out%put_array('prior_draws', found%prior_chains%draws, &
+            & shape(found%prior_chains%draws))
          call out%put_array('predicted', predictions%moduli, shape(predictions%moduli))
          call out%put_array('factor', predictions%factor, shape(predictions%factor))
          call out%put_array('quantities', predictions%quantities, shape(predictions%quantities))
@@ -401,7 +450,8 @@ contains
 
       call values%put('inputs', inputs)
       call put_extraction(problem, found, document, values)
-      call replace_file(folder//name, values%bytes(:values%filled)//checksum(values%bytes(:values%filled)), error)
+      call replace_file(folder//name, &
+         & values%bytes(:values%filled)//checksum(values%bytes(:values%filled)), error)
    end subroutine save_posterior
 
    !> The named values of a folder, as bytes (`content`); refused if they were changed.
@@ -417,11 +467,13 @@ contains
       if (content(n + 1:) == checksum(content(:n))) then
          content = content(:n)
       else
-         call refuse(error, folder//name//': is damaged, or was changed since it was written; run the command that wrote it again')
+         call refuse(error, folder//name//': is damaged, or was changed since it was written; ' &
+            & //'run the command that wrote it again')
       end if
    end subroutine read_posterior
 
-   !> The draws (parameter, draw) that were left in a folder, if they follow from these inputs; else none. A damaged file is refused.
+   !> The draws (parameter, draw) that were left in a folder, if they follow from these inputs; else
+   !> none. A damaged file is refused.
    subroutine stored_draws(folder, inputs, dimension, draws, error)
       character(len=*), intent(in) :: folder, inputs
       !> How many parameters there are.

@@ -1,5 +1,5 @@
-!> How finely a posterior reads the theory of the half-space: the degree of the surface harmonics, chosen by what it changes for the worst
-!> grain.
+!> How finely a posterior reads the theory of the half-space: the degree of the surface harmonics,
+!> chosen by what it changes for the worst grain.
 module field_reading
    use abstract_basis, only: grain_model_type
    use constants_posterior, only: posterior_type
@@ -13,8 +13,8 @@ module field_reading
 
    !> The worst grain may err by this share of its sd.
    real(wp), parameter :: allowed_error = 0.02_wp
-   !> And all grains together by this, the root of their sum of squares, in their sds: if they all erred alike, so many sds of the
-   !> posterior would it move.
+   !> And all grains together by this, the root of their sum of squares, in their sds: if they all
+   !> erred alike, so many sds of the posterior would it move.
    real(wp), parameter :: allowed_together = 0.2_wp
    !> Grains that are looked at, at most.
    integer, parameter :: most_checked = 200
@@ -23,8 +23,9 @@ module field_reading
 
 contains
 
-   !> The degree, and the log-anisotropy above which theory is computed in full, with which no grain errs by more than is allowed at
-   !> some draws: of those that do, what is cheapest. `error` is not about the choice.
+   !> The degree, and the log-anisotropy above which theory is computed in full, with which no grain
+   !> errs by more than is allowed at some draws: of those that do, what is cheapest. `error` is not
+   !> about the choice.
    subroutine choose_field_degree(posterior, draws, threads, error)
       type(posterior_type), intent(inout) :: posterior
       !> (parameter, draw).
@@ -32,7 +33,8 @@ contains
       !> OpenMP threads at most.
       integer, intent(in) :: threads
       type(error_type), allocatable, intent(out) :: error
-      !> The draws that follow are others. To find proposals so much more may err, but for some draws.
+      !> The draws that follow are others. To find proposals so much more may err, but for some
+      !> draws.
       real(wp), parameter :: reserve = 0.3_wp, rough_errors = 5.0_wp, most_draws = 0.8_wp
       real(wp) :: anisotropy(size(draws, 2)), errors(size(draws, 2)), cost, least, wrong
       real(wp), allocatable :: exact(:, :)
@@ -52,7 +54,8 @@ contains
             if (grains%field_cost >= least) exit
             call grains%read_up_to(huge(least))
             errors = field_errors(posterior, draws, exact, threads)
-            if (.not. allocated(posterior%rough) .and. count(errors < rough_errors*allowed_error) > most_draws*size(errors)) then
+            if (.not. allocated(posterior%rough) &
+               & .and. count(errors < rough_errors*allowed_error) > most_draws*size(errors)) then
                allocate (posterior%rough, source=grains)
             end if
             if (any(errors > reserve*allowed_error)) then
@@ -63,7 +66,8 @@ contains
                errors = field_errors(posterior, draws, exact, threads)
                if (any(errors > reserve*allowed_error) .and. i < size(degrees)) cycle
             end if
-            cost = grains%field_cost + grains%full_cost*count(anisotropy > grains%full_above)/size(anisotropy)
+            cost = grains%field_cost &
+               & + grains%full_cost*count(anisotropy > grains%full_above)/size(anisotropy)
          end associate
          if (cost >= least) cycle
          least = cost
@@ -74,7 +78,8 @@ contains
       call move_alloc(best, posterior%grains)
    end subroutine choose_field_degree
 
-   !> The largest difference of a grain's modulus from the exact theory's, in sds of its measurement.
+   !> The largest difference of a grain's modulus from the exact theory's, in sds of its
+   !> measurement.
    subroutine find_field_error(posterior, draws, threads, largest, error)
       type(posterior_type), intent(in) :: posterior
       !> (parameter, draw).
@@ -91,8 +96,9 @@ contains
       if (.not. allocated(error)) largest = maxval(field_errors(posterior, draws, exact, threads))
    end subroutine find_field_error
 
-   !> Of each draw the largest difference from the exact theory, in sds of the measurements; or, where there are so many grains that it is
-   !> more, that of all together, as a share of what is allowed.
+   !> Of each draw the largest difference from the exact theory, in sds of the measurements; or,
+   !> where there are so many grains that it is more, that of all together, as a share of what is
+   !> allowed.
    function field_errors(posterior, draws, exact, threads) result(errors)
       type(posterior_type), intent(in) :: posterior
       real(wp), intent(in) :: draws(:, :), exact(:, :)
@@ -108,7 +114,8 @@ contains
       call observe(posterior, posterior%grains, draws, threads, moduli)
       do i = 1, size(draws, 2)
          e = (moduli(checked, i) - exact(:, i))/sd
-         errors(i) = max(maxval(abs(e)), allowed_error/allowed_together*sqrt(sum(e**2)/size(e)*posterior%n_grains))
+         errors(i) = max(maxval(abs(e)), &
+            & allowed_error/allowed_together*sqrt(sum(e**2)/size(e)*posterior%n_grains))
       end do
    end function field_errors
 
@@ -128,7 +135,8 @@ contains
       !$omp parallel do num_threads(max(1, threads)) schedule(dynamic) private(last, j)
       do i = 1, size(draws, 2), at_once
          last = min(size(draws, 2), i + at_once - 1)
-         call grains%evaluate_crystals(stiffnesses(posterior%prior%class, draws(:, i:last)), values(:, i:last))
+         call grains%evaluate_crystals(stiffnesses(posterior%prior%class, draws(:, i:last)), &
+            & values(:, i:last))
          do j = i, last
             call posterior%observable%to_measured(values(:, j))
          end do
@@ -155,8 +163,8 @@ contains
 
       associate (checked => checked_grains(size(posterior%data%euler, 2)))
          allocate (exact(size(checked), size(draws, 2)))
-         call posterior%new_grains(posterior%euler(:, checked), posterior%data%paths(min(checked, posterior%n_grains)), in_full, &
-            & error, everything=.true.)
+         call posterior%new_grains(posterior%euler(:, checked), posterior%data%paths(min(checked, &
+            & posterior%n_grains)), in_full, error, everything=.true.)
       end associate
       if (allocated(error)) return
       call observe(posterior, in_full, draws, threads, exact)

@@ -1,4 +1,5 @@
-!> What a campaign has for a build: its rows by the constants of the domain's class, in order of choice, and which candidates they are.
+!> What a campaign has for a build: its rows by the constants of the domain's class, in order of
+!> choice, and which candidates they are.
 module known_rows
    use abstract_basis, only: basis_type
    use campaign, only: row_type
@@ -19,8 +20,8 @@ module known_rows
       real(wp), allocatable :: constants(:, :), euler_deg(:, :), modulus(:)
       !> Simulations that failed.
       integer :: failed = 0
-      !> The candidate that a row is, 0: none; how many rows were stored before that of each candidate, done or failed, below 0: it has
-      !> none.
+      !> The candidate that a row is, 0: none; how many rows were stored before that of each
+      !> candidate, done or failed, below 0: it has none.
       integer, allocatable, private :: candidate(:), earlier(:)
       !> Candidates that have a row which is not taken, and may be chosen once more.
       logical, allocatable :: open(:)
@@ -31,7 +32,8 @@ module known_rows
 contains
 
    !> The rows of a campaign that are data from the start.
-   subroutine select_rows(rows, basis, candidates, chosen_only, candidates_only, known, beyond, error)
+   subroutine select_rows(rows, basis, candidates, chosen_only, candidates_only, known, &
+      & beyond, error)
       !> All rows, in order of choice.
       type(row_type), intent(in) :: rows(:)
       class(basis_type), intent(in) :: basis
@@ -51,7 +53,8 @@ contains
       beyond = 0
       n = 0
       k = basis%domain%class%n_constants
-      allocate (known%constants(k, size(rows)), known%euler_deg(3, size(rows)), known%modulus(size(rows)))
+      allocate (known%constants(k, size(rows)), known%euler_deg(3, size(rows)), &
+         & known%modulus(size(rows)))
       m = size(candidates%euler_deg, 2)
       allocate (known%candidate(size(rows)), known%earlier(m))
       known%earlier = -1
@@ -68,7 +71,10 @@ contains
       end do
       first = number_equal(points)
       do i = 1, size(rows)
-         if (.not. basis%domain%is_of_class(c(:, :, i)) .or. (chosen_only .and. .not. rows(i)%imported)) cycle
+         if (.not. basis%domain%is_of_class(c(:, :, i)) &
+            & .or. (chosen_only .and. .not. rows(i)%imported)) then
+            cycle
+         end if
          same = pack([(j, j=1, m)], first(:m) == first(m + i))
          if (candidates_only .and. size(same) == 0 .and. .not. rows(i)%imported) cycle
          known%earlier(same) = n
@@ -105,8 +111,8 @@ contains
       count_left = size(self%modulus) - self%taken
    end function count_left
 
-   !> Divide the candidates that are in the campaign: those stored before the last row that is `taken`, and those that may be chosen
-   !> once more, if all rows that are left are candidates.
+   !> Divide the candidates that are in the campaign: those stored before the last row that is
+   !> `taken`, and those that may be chosen once more, if all rows that are left are candidates.
    pure subroutine divide(self, taken)
       class(known_rows_type), intent(inout) :: self
       !> Of each candidate.
@@ -123,7 +129,7 @@ contains
       integer :: i
 
       self%open(numbers) = .false.
-      call keep(self, pack([(i, i=1, size(self%modulus))], [(i <= self%taken .or. all(self%candidate(i) /= numbers), i=1, &
-         & size(self%modulus))]))
+      call keep(self, pack([(i, i=1, size(self%modulus))], &
+         & [(i <= self%taken .or. all(self%candidate(i) /= numbers), i=1, size(self%modulus))]))
    end subroutine choose
 end module known_rows

@@ -1,4 +1,5 @@
-!> `next`: the grains worth measuring next, by indentation or by the speed of a surface wave, from draws of a posterior.
+!> `next`: the grains worth measuring next, by indentation or by the speed of a surface wave, from
+!> draws of a posterior.
 module next_stage
    use abstract_basis, only: grain_model_type
    use constants_posterior, only: posterior_type
@@ -38,11 +39,13 @@ module next_stage
       procedure :: finish
    end type next_stage_type
 
-   !> Draws of the posterior, and scenarios of what earlier suggestions will say, behind the expected gains.
+   !> Draws of the posterior, and scenarios of what earlier suggestions will say, behind the
+   !> expected gains.
    integer, parameter :: most_draws = 2000, scenarios = 48
    !> Of these draws every fifth chooses how finely theory is read.
    integer, parameter :: degree_stride = 5
-   !> Suggestions are at least so far apart: the same grain cannot be measured again, and a near twin is hard to find.
+   !> Suggestions are at least so far apart: the same grain cannot be measured again, and a near
+   !> twin is hard to find.
    real(wp), parameter :: separation_deg = 5.0_wp
    !> Directions of propagation that are compared in a grain, in how many grains at most.
    integer, parameter :: n_along = 12, most_grains = 200
@@ -58,9 +61,10 @@ contains
       real(wp), allocatable :: draws(:, :)
       logical :: lost
 
-      lost = file_exists(self%output//'/summary.json') .and. .not. file_exists(self%output//'/posterior.bin')
-      call stored_draws(self%output, inputs_of(self%problem, self%groups_of_posterior, self%places), self%posterior%dimension, &
-         & draws, error)
+      lost = file_exists(self%output//'/summary.json') &
+         & .and. .not. file_exists(self%output//'/posterior.bin')
+      call stored_draws(self%output, inputs_of(self%problem, self%groups_of_posterior, &
+         & self%places), self%posterior%dimension, draws, error)
       if (allocated(error)) return
       if (.not. allocated(draws)) then
          self%problem%kept_in = self%output
@@ -72,16 +76,21 @@ contains
       if (allocated(self%problem%velocities)) then
          ! Without the speeds that `extract` leaves out.
          call omit_weak_waves(self%problem, self%surrogate, error)
-         if (.not. allocated(error)) call new_problem_posterior(self%problem, self%surrogate, self%posterior, error)
+         if (.not. allocated(error)) then
+            call new_problem_posterior(self%problem, self%surrogate, self%posterior, error)
+         end if
          if (allocated(error)) return
       end if
       call next_document(self%problem, self%posterior, draws, page, self%warnings, error)
-      if (lost) call warn(self%warnings, self%output//'/posterior.bin is missing: the constants were sampled anew')
+      if (lost) then
+         call warn(self%warnings, &
+            & self%output//'/posterior.bin is missing: the constants were sampled anew')
+      end if
       self%done = self%output//'/next.json'
    end subroutine finish
 
-   !> The document of `next` from `draws` of the posterior, into the object of a `page`: suggestions, each given those before it, and the
-   !> gain of every candidate as the first of them.
+   !> The document of `next` from `draws` of the posterior, into the object of a `page`:
+   !> suggestions, each given those before it, and the gain of every candidate as the first of them.
    subroutine next_document(problem, posterior, draws, page, warnings, error)
       type(problem_type), intent(in) :: problem
       !> Its theory is read as finely as these draws need, wherever they come from.
@@ -108,44 +117,66 @@ contains
          n = posterior%n_grains
          sd = [wanted%sd_gpa, wanted%velocity_sd_m_s]
          factor = 1.0_wp
-         if (posterior%dimension > posterior%n_constants) factor = sum(draws(posterior%dimension, :))/size(draws, 2)
+         if (posterior%dimension > posterior%n_constants) then
+            factor = sum(draws(posterior%dimension, :))/size(draws, 2)
+         end if
          if (.not. sd(1) > 0.0_wp .and. m > 0) sd(1) = factor*median(m, posterior%data%sd(:m))
-         if (.not. sd(2) > 0.0_wp .and. n > m) sd(2) = factor*median(n - m, posterior%data%sd(m + 1:))
+         if (.not. sd(2) > 0.0_wp .and. n > m) then
+            sd(2) = factor*median(n - m, posterior%data%sd(m + 1:))
+         end if
          if (.not. sd(1) > 0.0_wp) then
-            call refuse(error, place(problem%path, 'next', 'sd_gpa')//'the variable is missing; it is the sd of the next ' &
-               & //'modulus, and no moduli were measured whose sd it could be')
+            call refuse(error, &
+               & place(problem%path, 'next', 'sd_gpa')//'the variable is missing; it is the sd ' &
+               & //'of the next modulus, and no moduli were measured whose sd it could be')
          else if (allocated(wanted%velocity_cost) .and. .not. sd(2) > 0.0_wp) then
-            call refuse(error, place(problem%path, 'next', 'velocity_sd_m_s')//'the variable is missing; it is the sd of the ' &
-               & //'next speed, and no speeds were measured whose sd it could be')
+            call refuse(error, place(problem%path, 'next', 'velocity_sd_m_s') &
+               & //'the variable is missing; it is the sd of the next speed, and no speeds were ' &
+               & //'measured whose sd it could be')
          end if
          if (allocated(error)) return
-         if (posterior%dimension > posterior%n_constants) few(posterior%dimension, :) = log(few(posterior%dimension, :))
-         if (posterior%grains%has_theory) call choose_field_degree(posterior, few(:, ::degree_stride), &
-            & thread_count(problem%settings%execution%workers), error)
+         if (posterior%dimension > posterior%n_constants) then
+            few(posterior%dimension, :) = log(few(posterior%dimension, :))
+         end if
+         if (posterior%grains%has_theory) then
+            call choose_field_degree(posterior, few(:, ::degree_stride), &
+               & thread_count(problem%settings%execution%workers), error)
+         end if
          if (allocated(error)) return
          call place_moduli(problem, posterior%prior%class, candidates)
-         if (allocated(wanted%velocity_cost)) call place_speeds(problem, posterior, few(:, ::degree_stride), candidates, error)
-         if (.not. allocated(error)) call predict_candidates(problem, posterior, few, sd, candidates, error)
+         if (allocated(wanted%velocity_cost)) then
+            call place_speeds(problem, posterior, few(:, ::degree_stride), candidates, error)
+         end if
+         if (.not. allocated(error)) then
+            call predict_candidates(problem, posterior, few, sd, candidates, error)
+         end if
          if (wanted%target /= 'all' .and. .not. allocated(error)) then
             call new_quantity(wanted%target, quantity(1), error)
             call evaluate_draws(quantity, posterior%prior%class, few, values)
             candidates%target = values(1, :)
             ! Of a product of powers its logarithm, where it has one.
-            if (quantity(1)%is_product() .and. all(candidates%target > 0.0_wp)) candidates%target = log(candidates%target)
+            if (quantity(1)%is_product() .and. all(candidates%target > 0.0_wp)) then
+               candidates%target = log(candidates%target)
+            end if
          end if
-         if (.not. allocated(error)) call choose_measurements(candidates, wanted%count, scenarios, &
-            & problem%settings%problem%seed, thread_count(problem%settings%execution%workers), suggestions)
+         if (.not. allocated(error)) then
+            call choose_measurements(candidates, wanted%count, scenarios, &
+               & problem%settings%problem%seed, thread_count(problem%settings%execution%workers), &
+               & suggestions)
+         end if
       end associate
       if (allocated(error)) error%message = place(problem%path, 'next', '')//error%message
       if (allocated(error)) return
       associate (found => size(suggestions%chosen), count => problem%settings%next%count)
-         if (found < min(count, size(candidates%cost))) call warn(warnings, 'only '//to_text(found)//' of '//to_text(count) &
-            & //' orientations are '//fixed(separation_deg, 0)//' degrees apart')
+         if (found < min(count, size(candidates%cost))) then
+            call warn(warnings, 'only '//to_text(found)//' of '//to_text(count) &
+               & //' orientations are '//fixed(separation_deg, 0)//' degrees apart')
+         end if
       end associate
       call write_suggestions(page, problem, candidates, suggestions, sd)
    end subroutine next_document
 
-   !> Moduli of the grains of &next, each of which may be measured once, or of all directions that the crystal tells apart.
+   !> Moduli of the grains of &next, each of which may be measured once, or of all directions that
+   !> the crystal tells apart.
    subroutine place_moduli(problem, class, candidates)
       type(problem_type), intent(in) :: problem
       type(crystal_class_type), intent(in) :: class
@@ -177,8 +208,8 @@ contains
       candidates%cost = spread(1.0_wp, 1, n)
    end subroutine place_moduli
 
-   !> Speeds in several directions of propagation, of those waves that are detected at the draws, in the grains of &next, or in those that
-   !> were measured, of which there may be several rows each.
+   !> Speeds in several directions of propagation, of those waves that are detected at the draws, in
+   !> the grains of &next, or in those that were measured, of which there may be several rows each.
    subroutine place_speeds(problem, posterior, draws, candidates, error)
       type(problem_type), intent(in) :: problem
       type(posterior_type), intent(in) :: posterior
@@ -196,19 +227,24 @@ contains
       if (allocated(problem%grains)) grains = problem%grains
       rows = pack([(i, i=1, grains%n)], number_equal(grains%euler_deg) == [(i, i=1, grains%n)])
       if (.not. grains%has_angles) then
-         call refuse(error, 'velocity_cost: the grains have directions alone, and a wave needs Euler angles')
+         call refuse(error, &
+            & 'velocity_cost: the grains have directions alone, and a wave needs Euler angles')
       else if (size(rows) > most_grains) then
-         call refuse(error, 'velocity_cost: '//to_text(size(rows))//' grains; allowed up to '//to_text(most_grains))
+         call refuse(error, 'velocity_cost: '//to_text(size(rows))//' grains; allowed up to ' &
+            & //to_text(most_grains))
       end if
       if (allocated(error)) return
       rows = [((rows(i), j=1, n_along), i=1, size(rows))]
       paths = [(path_type(rayleigh, 180.0_wp*modulo(i - 1, n_along)/n_along), i=1, size(rows))]
       euler_deg = grains%euler_deg(:, rows)
-      associate (kept => pack([(i, i=1, size(rows))], are_detected(posterior, draws, euler_deg, paths)), n => size(candidates%cost))
-         candidates%euler_deg = reshape([candidates%euler_deg, euler_deg(:, kept)], [3, n + size(kept)])
+      associate (kept => pack([(i, i=1, size(rows))], &
+         & are_detected(posterior, draws, euler_deg, paths)), n => size(candidates%cost))
+         candidates%euler_deg = reshape([candidates%euler_deg, euler_deg(:, kept)], &
+            & [3, n + size(kept)])
          candidates%paths = [candidates%paths, paths(kept)]
          candidates%grain = [candidates%grain, rows(kept)]
-         candidates%cost = [candidates%cost, spread(problem%settings%next%velocity_cost, 1, size(kept))]
+         candidates%cost = [candidates%cost, &
+            & spread(problem%settings%next%velocity_cost, 1, size(kept))]
       end associate
    end subroutine place_speeds
 
@@ -233,21 +269,22 @@ contains
       candidates%sd = sd(kind)
       relative = relative_errors(problem, posterior, any(kind == 2))
       associate (n => size(kind), n_draws => size(draws, 2))
-         allocate (own_variance(n, n_draws), candidates%predicted(n, n_draws), candidates%shared_variance(n, n_draws), &
-            & candidates%target(0))
+         allocate (own_variance(n, n_draws), candidates%predicted(n, n_draws), &
+            & candidates%shared_variance(n, n_draws), candidates%target(0))
       end associate
       normals = even_normals(draws, size(relative, 1), problem%settings%problem%seed)
       do i = 1, size(draws, 2)
-         call draw_measurements(posterior, draws(:, i), grains, relative(:, kind), count(kind == 1), normals(:, i), &
-            & candidates%predicted(:, i), candidates%shared_variance(:, i), own_variance(:, i))
+         call draw_measurements(posterior, draws(:, i), grains, relative(:, kind), &
+            & count(kind == 1), normals(:, i), candidates%predicted(:, i), &
+            & candidates%shared_variance(:, i), own_variance(:, i))
       end do
       candidates%predicted = transpose(candidates%predicted)
       candidates%shared_variance = transpose(candidates%shared_variance)
       candidates%sd = sqrt(candidates%sd**2 + sum(own_variance, 2)/size(draws, 2))
    end subroutine predict_candidates
 
-   !> Of each suggestion with the indented direction and that of propagation, as unit vectors in crystal axes and, where the unit cell is
-   !> known, as [uvw].
+   !> Of each suggestion with the indented direction and that of propagation, as unit vectors in
+   !> crystal axes and, where the unit cell is known, as [uvw].
    subroutine write_suggestions(page, problem, candidates, suggestions, sd)
       type(json_type), intent(inout) :: page
       type(problem_type), intent(in) :: problem
@@ -271,12 +308,17 @@ contains
             call begin_candidate(c)
             g = rotation_matrix(candidates%euler_deg(:, c)*degree)
             call page%put('direction', g(:, 3))
-            if (suggestions%within(i) > 0.0_wp) call page%put('within_deg', suggestions%within(i)/degree)
+            if (suggestions%within(i) > 0.0_wp) then
+               call page%put('within_deg', suggestions%within(i)/degree)
+            end if
             if (.not. allocated(unknown)) call page%put('uvw', lattice%nearest(g(:, 3)))
             associate (path => candidates%paths(c))
-               along = cos(path%propagation_deg*degree)*g(:, 1) + sin(path%propagation_deg*degree)*g(:, 2)
+               along = cos(path%propagation_deg*degree)*g(:, &
+                  & 1) + sin(path%propagation_deg*degree)*g(:, 2)
                if (path%wave /= no_wave) call page%put('along', along)
-               if (path%wave /= no_wave .and. .not. allocated(unknown)) call page%put('along_uvw', lattice%nearest(along))
+               if (path%wave /= no_wave .and. .not. allocated(unknown)) then
+                  call page%put('along_uvw', lattice%nearest(along))
+               end if
             end associate
             call page%put_numbers('gain, predicted, sd', [suggestions%gains(i), mean, &
                & sqrt(sum((candidates%predicted(:, c) - mean)**2)/draws)])
@@ -293,9 +335,12 @@ contains
       call page%end_array()
       call page%put('target', problem%settings%next%target)
       call page%put('sd_gpa', sd(1))
-      if (allocated(problem%settings%next%velocity_cost)) call page%put_numbers('velocity_sd_m_s, velocity_cost', [sd(2), &
-         & problem%settings%next%velocity_cost])
-      call page%put('unit', trim(merge('nats                 ', 'share of the variance', size(candidates%target) == 0)))
+      if (allocated(problem%settings%next%velocity_cost)) then
+         call page%put_numbers('velocity_sd_m_s, velocity_cost', &
+            & [sd(2), problem%settings%next%velocity_cost])
+      end if
+      call page%put('unit', trim(merge('nats                 ', 'share of the ' &
+         & //'variance', size(candidates%target) == 0)))
 
    contains
 
@@ -309,12 +354,15 @@ contains
             call page%put('grain', problem%measurements%name(candidates%grain(c)))
          end if
          call page%put('euler_deg', candidates%euler_deg(:, c))
-         if (candidates%paths(c)%wave /= no_wave) call page%put('propagation_deg', candidates%paths(c)%propagation_deg)
+         if (candidates%paths(c)%wave /= no_wave) then
+            call page%put('propagation_deg', candidates%paths(c)%propagation_deg)
+         end if
       end subroutine begin_candidate
    end subroutine write_suggestions
 
-   !> Standard normal numbers beside the draws: where these are many, without a mean, of unit covariance, and uncorrelated with all that is
-   !> linear in the draws. So the variance of the shared errors is known without the noise of a sample, which is larger than small gains.
+   !> Standard normal numbers beside the draws: where these are many, without a mean, of unit
+   !> covariance, and uncorrelated with all that is linear in the draws. So the variance of the
+   !> shared errors is known without the noise of a sample, which is larger than small gains.
    function even_normals(draws, n, seed) result(normals)
       !> (dimension, draw).
       real(wp), intent(in) :: draws(:, :)
@@ -343,8 +391,9 @@ contains
       normals = transpose(columns(:, known + 1:))
    end function even_normals
 
-   !> Relative sds of the errors that a further modulus (1) or speed (2) shares, (error, kind): the calibration of the first group and, of
-   !> the errors that were stated, those of the mean measurement of the kind; where there is none, the last error has them.
+   !> Relative sds of the errors that a further modulus (1) or speed (2) shares, (error, kind): the
+   !> calibration of the first group and, of the errors that were stated, those of the mean
+   !> measurement of the kind; where there is none, the last error has them.
    pure function relative_errors(problem, posterior, with_speeds) result(relative)
       type(problem_type), intent(in) :: problem
       type(posterior_type), intent(in) :: posterior
@@ -355,9 +404,11 @@ contains
 
       first = [1, posterior%n_moduli + 1]
       last = [posterior%n_moduli, posterior%n_grains]
-      apart = [posterior%settings%calibration_sd, hypot(posterior%settings%velocity_calibration_sd, &
+      apart = [posterior%settings%calibration_sd, &
+         & hypot(posterior%settings%velocity_calibration_sd, &
          & 0.5_wp*problem%settings%problem%density_sd_kg_m3/posterior%data%density)]
-      k = posterior%n_shared + merge(1, 0, first(1) > last(1) .or. (with_speeds .and. first(2) > last(2)))
+      k = posterior%n_shared + merge(1, 0, &
+         & first(1) > last(1) .or. (with_speeds .and. first(2) > last(2)))
       allocate (relative(k, 2), source=0.0_wp)
       do k = 1, merge(2, 1, with_speeds)
          if (first(k) > last(k)) then
@@ -373,8 +424,10 @@ contains
       end do
    end function relative_errors
 
-   !> What further moduli, then speeds, of any grains would be at a point, of the kind that was measured, without their own error.
-   subroutine draw_measurements(posterior, x, grains, relative, n, z, values, shared_variance, own_variance)
+   !> What further moduli, then speeds, of any grains would be at a point, of the kind that was
+   !> measured, without their own error.
+   subroutine draw_measurements(posterior, x, grains, relative, n, z, values, shared_variance, &
+      & own_variance)
       type(posterior_type), intent(in) :: posterior
       !> (dimension).
       real(wp), intent(in) :: x(:)
@@ -385,11 +438,12 @@ contains
       integer, intent(in) :: n
       !> GPa or m/s, (measurement), the shared errors of these numbers, given the data.
       real(wp), intent(out), contiguous :: values(:)
-      !> Their squares, (measurement): of the shared errors given the data and the constants, and of the surrogate's that grains do not
-      !> share.
+      !> Their squares, (measurement): of the shared errors given the data and the constants, and of
+      !> the surrogate's that grains do not share.
       real(wp), intent(out), contiguous :: shared_variance(:), own_variance(:)
       real(wp), dimension(size(values)) :: slope, mean, mean_slope
-      real(wp) :: c(6, 6), influence(size(values), grains%n_columns), columns(size(values), size(z)), b(size(z))
+      real(wp) :: c(6, 6), influence(size(values), grains%n_columns), &
+         & columns(size(values), size(z)), b(size(z))
       real(wp) :: precision(posterior%n_shared, posterior%n_shared), factor(posterior%n_groups)
       integer :: i, m
 
@@ -415,7 +469,8 @@ contains
       end do
       shared_variance = sum(columns**2, 2)
       own_variance = 0.0_wp
-      own_variance(:n) = posterior%scatter*mean_slope(:n)**2 + (posterior%settings%scatter_sd*mean(:n))**2
+      own_variance(:n) = posterior%scatter*mean_slope(:n)**2 &
+         & + (posterior%settings%scatter_sd*mean(:n))**2
    end subroutine draw_measurements
 
 end module next_stage

@@ -1,9 +1,10 @@
 !> `plan`: the sd that each constant is expected to have, before anything is measured.
 !>
-!> Grains get the moduli, and the speeds, of the stated crystal with normal noise, several times. Each of these data sets has the
-!> posterior that `extract` would sample, with its prior, knowledge and errors, and short chains; the median of the sds over the data sets
-!> is what is to be expected. An expansion about the crystal would not do: where the long tails of the prior decide, it gives a fifth of
-!> the sd.
+!> Grains get the moduli, and the speeds, of the stated crystal with normal noise, several times.
+!> Each of these data sets has the posterior that `extract` would sample, with its prior, knowledge
+!> and errors, and short chains; the median of the sds over the data sets is what is to be expected.
+!> An expansion about the crystal would not do: where the long tails of the prior decide, it gives a
+!> fifth of the sd.
 module plan_stage
    use crystal_elasticity, only: path_type, rayleigh
    use errors, only: error_type, refuse
@@ -31,8 +32,10 @@ module plan_stage
       procedure :: begin, finish
    end type plan_stage_type
 
-   !> Data sets of each number of grains and noise; the chains of each, and where their random streams begin.
-   integer, parameter :: n_sets = 8, burn_in = 2000, samples = 2000, n_chains = 2, first_stream = 6000000
+   !> Data sets of each number of grains and noise; the chains of each, and where their random
+   !> streams begin.
+   integer, parameter :: n_sets = 8, burn_in = 2000, samples = 2000, n_chains = 2, &
+      & first_stream = 6000000
 
 contains
 
@@ -42,12 +45,16 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       self%done = self%output//'/plan.json'
-      call load_named_surrogate(self%problem%settings%surrogate%file, self%problem%class%name, self%places, self%surrogate, error)
-      if (allocated(error)) error%message = place(self%problem%path, 'surrogate', 'file')//error%message
+      call load_named_surrogate(self%problem%settings%surrogate%file, self%problem%class%name, &
+         & self%places, self%surrogate, error)
+      if (allocated(error)) then
+         error%message = place(self%problem%path, 'surrogate', 'file')//error%message
+      end if
       if (.not. allocated(error)) call check_plan(self, error)
    end subroutine begin
 
-   !> The expected sds for every number of grains and noise. Of the stage it needs the problem and the surrogate alone.
+   !> The expected sds for every number of grains and noise. Of the stage it needs the problem and
+   !> the surrogate alone.
    subroutine finish(self, page, error)
       class(plan_stage_type), intent(inout) :: self
       type(json_type), intent(inout) :: page
@@ -69,14 +76,17 @@ contains
             do j = 1, size(plan%noise)
                do k = 1, n_sets
                   call make_up(self, [i, j, k], used, error)
-                  if (.not. allocated(error)) call draw_aside(used, self%surrogate, run_type(burn_in, samples, n_chains, &
-                     & first_stream + n_chains*k), self%posterior, draws, error)
+                  if (.not. allocated(error)) then
+                     call draw_aside(used, self%surrogate, run_type(burn_in, samples, n_chains, &
+                        & first_stream + n_chains*k), self%posterior, draws, error)
+                  end if
                   if (allocated(error)) return
                   call moments(draws, mean(:size(draws, 1)), sd(:size(draws, 1), k))
                end do
                call page%begin_object()
                call page%put_numbers('grains, noise', [plan%grains(i), plan%noise(j)])
-               call page%put_numbers(names, [(median(n_sets, sd(k, :)), k=1, size(plan%constants))], 'sd')
+               call page%put_numbers(names, &
+                  & [(median(n_sets, sd(k, :)), k=1, size(plan%constants))], 'sd')
                call page%end_object()
             end do
          end do
@@ -95,22 +105,30 @@ contains
       integer :: k
 
       call make_up(self, [1, 1, 1], used, error)
-      if (.not. allocated(error)) call new_problem_posterior(used, self%surrogate, self%posterior, error)
+      if (.not. allocated(error)) then
+         call new_problem_posterior(used, self%surrogate, self%posterior, error)
+      end if
       if (allocated(error)) return
-      associate (crystal => self%problem%settings%plan%constants, known => self%posterior%prior%knowledge)
-         if (.not. self%posterior%prior%admits(crystal, self%problem%class%stiffness(crystal))) call refuse(error, &
-            & place(self%problem%path, 'plan', 'constants')//'the crystal is outside the limits of &prior, or the domain of the ' &
-            & //'surrogate')
+      associate (crystal => self%problem%settings%plan%constants, &
+         & known => self%posterior%prior%knowledge)
+         if (.not. self%posterior%prior%admits(crystal, self%problem%class%stiffness(crystal))) then
+            call refuse(error, place(self%problem%path, 'plan', 'constants') &
+               & //'the crystal is outside the limits of &prior, or the domain of the surrogate')
+         end if
          if (allocated(error)) return
          allocate (values(size(known%mean)))
          call evaluate_quantities(known%quantities, self%problem%class%stiffness(crystal), values)
          k = findloc(abs(values - known%mean) > far*known%sd(), .true., dim=1)
-         if (k > 0) call refuse(error, place(self%problem%path, 'knowledge', 'mean')//to_text(known%mean(k))//' is more ' &
-            & //'than three sds from the '//known%quantities(k)%name//' of the crystal of &plan, '//to_text(values(k), 4))
+         if (k > 0) then
+            call refuse(error, place(self%problem%path, 'knowledge', 'mean') &
+               & //to_text(known%mean(k))//' is more than three sds from the ' &
+               & //known%quantities(k)%name//' of the crystal of &plan, '//to_text(values(k), 4))
+         end if
       end associate
    end subroutine check_plan
 
-   !> The problem with made-up measurements. Those of fewer grains, and of less noise, are the same but for that.
+   !> The problem with made-up measurements. Those of fewer grains, and of less noise, are the same
+   !> but for that.
    subroutine make_up(self, number, used, error)
       class(plan_stage_type), intent(in) :: self
       !> Of the grains and of the noise in the lists of &plan, and of the data set.
@@ -129,11 +147,14 @@ contains
       noise = used%settings%plan%noise(number(2))
       allocate (z(6, n), unused(n), source=0.0_wp)
       allocate (waves(n))
-      used%measurements = points_type(n=n, row=[(i, i=1, n)], group=spread(1, 1, n), orientation_sd_deg=spread(-1.0_wp, 1, n), &
-         & modulus_gpa=unused, sd_gpa=unused, paths=[(path_type(), i=1, n)])
+      used%measurements = points_type(n=n, row=[(i, i=1, n)], group=spread(1, 1, n), &
+         & orientation_sd_deg=spread(-1.0_wp, 1, n), modulus_gpa=unused, sd_gpa=unused, &
+         & paths=[(path_type(), i=1, n)])
       ! Of the errors that were stated they have those of the mean grain.
-      if (allocated(used%shared_errors)) used%shared_errors = spread(sum(self%problem%shared_errors, 1)/ &
-         & size(self%problem%shared_errors, 1), 1, n)
+      if (allocated(used%shared_errors)) then
+         used%shared_errors = spread(sum(self%problem%shared_errors, &
+            & 1)/size(self%problem%shared_errors, 1), 1, n)
+      end if
       stream = new_random_stream(used%settings%problem%seed, -1 - number(3))
       of_waves = new_random_stream(used%settings%problem%seed, -1 - n_sets - number(3))
       do i = 1, n
@@ -144,12 +165,17 @@ contains
          call of_waves%uniform(z(5, i))
          call of_waves%normal(z(6, i))
       end do
-      associate (grains => used%measurements, asked => used%settings%measurements, crystal => self%problem%settings%plan%constants)
-         grains%euler_deg = reshape([(360.0_wp*z(1, i), acos(2.0_wp*z(2, i) - 1.0_wp)/degree, 360.0_wp*z(3, i), i=1, n)], [3, n])
+      associate (grains => used%measurements, asked => used%settings%measurements, &
+         & crystal => self%problem%settings%plan%constants)
+         grains%euler_deg = reshape([(360.0_wp*z(1, i), acos(2.0_wp*z(2, i) - 1.0_wp)/degree, &
+            & 360.0_wp*z(3, i), i=1, n)], [3, n])
          c = used%class%stiffness(crystal)
-         call predict_crystals(self%surrogate, spread(c, 3, n), grains%euler_deg*degree, 1, grains%modulus_gpa, unused, error)
+         call predict_crystals(self%surrogate, spread(c, 3, n), grains%euler_deg*degree, 1, &
+            & grains%modulus_gpa, unused, error)
          if (.not. allocated(asked%modulus_kind)) asked%modulus_kind = 'indentation_modulus'
-         if (.not. allocated(error)) call new_observable(asked%modulus_kind, asked, observable, error)
+         if (.not. allocated(error)) then
+            call new_observable(asked%modulus_kind, asked, observable, error)
+         end if
          if (allocated(error)) return
          call observable%to_measured(grains%modulus_gpa, unused)
          grains%sd_gpa = noise*grains%modulus_gpa

@@ -1,8 +1,10 @@
-!> Simulations where the posterior of the measurements is: the crystals that the next ones of a surrogate are chosen from, the domain that
-!> holds them, and whether the surrogate is accurate enough there.
+!> Simulations where the posterior of the measurements is: the crystals that the next ones of a
+!> surrogate are chosen from, the domain that holds them, and whether the surrogate is accurate
+!> enough there.
 !>
-!> The posterior is sampled with the present surrogate, its uncertainty included, and over a wider domain than the one it was trained
-!> for. Choosing simulations there does not bias the surrogate: given the model, what was chosen for known reasons is ignorable.
+!> The posterior is sampled with the present surrogate, its uncertainty included, and over a wider
+!> domain than the one it was trained for. Choosing simulations there does not bias the surrogate:
+!> given the model, what was chosen for known reasons is ignorable.
 module posterior_focus
    use constants_posterior, only: posterior_type
    use crystal_elasticity, only: logarithmic_mean
@@ -22,26 +24,30 @@ module posterior_focus
    private
    public :: focus_type, has_focus, check_focus, find_focus, is_accurate
 
-   !> Simulations over the domain before the posterior chooses; of each round those at draws of the theory alone, and all.
+   !> Simulations over the domain before the posterior chooses; of each round those at draws of the
+   !> theory alone, and all.
    integer, parameter, public :: simulations_before = 15, tempered = 2, round_size = 7
-   !> Of the variance of each constant the surrogate's part, and what its errors may change, is at most this, and the root mean square of
-   !> the errors of new simulations over their sds at most that.
+   !> Of the variance of each constant the surrogate's part, and what its errors may change, is at
+   !> most this, and the root mean square of the errors of new simulations over their sds at most
+   !> that.
    real(wp), parameter, public :: accurate_share = 0.10_wp, accurate_z = 1.5_wp
 
    !> What a round began with.
    type :: round_type
       integer :: simulations = 0
-      !> The surrogate's part of the variance of each constant, or what its errors may change of it if that is more, (n_constants).
+      !> The surrogate's part of the variance of each constant, or what its errors may change of it
+      !> if that is more, (n_constants).
       real(wp), allocatable :: share(:)
-      !> Root mean square of (simulated - predicted)/sd over the posterior's crystals of the round before; below 0: there is none.
+      !> Root mean square of (simulated - predicted)/sd over the posterior's crystals of the round
+      !> before; below 0: there is none.
       real(wp) :: z = -1.0_wp
       !> Whether a limit of the surrogate's domain ends the draws.
       logical :: truncated = .false.
    end type round_type
 
    type :: focus_type
-      !> The first `tempered` are of the theory alone, whose errors may be large; the others are crystals of the posterior. The directions
-      !> are those of the grains.
+      !> The first `tempered` are of the theory alone, whose errors may be large; the others are
+      !> crystals of the posterior. The directions are those of the grains.
       type(candidates_type) :: candidates
       !> That holds them all.
       type(domain_type) :: domain
@@ -49,30 +55,33 @@ module posterior_focus
       type(surrogate_type) :: surrogate
       !> The last is the present one.
       type(round_type), allocatable :: rounds(:)
-      !> Crystals that the theory alone explains the measurements with, roughly; stiffnesses, GPa, (6, 6, n).
+      !> Crystals that the theory alone explains the measurements with, roughly; stiffnesses, GPa,
+      !> (6, 6, n).
       real(wp), allocatable, private :: rough(:, :, :)
    end type focus_type
 
-   !> What the theory of the half-space is loosened by, where the specimen is another: relative sds of an error that all grains share, and
-   !> of one of each grain.
+   !> What the theory of the half-space is loosened by, where the specimen is another: relative sds
+   !> of an error that all grains share, and of one of each grain.
    real(wp), parameter :: loose_common = 0.2_wp, loose_grain = 0.03_wp
    !> Candidates that are crystals of the posterior.
    integer, parameter :: n_candidates = 400
-   !> How much farther than its domain a surrogate is used to sample in: factors on the log-anisotropy and on the scale, and the share of
-   !> the way of Poisson's ratio to its limits.
+   !> How much farther than its domain a surrogate is used to sample in: factors on the
+   !> log-anisotropy and on the scale, and the share of the way of Poisson's ratio to its limits.
    real(wp), parameter :: wider = 1.25_wp, wider_scale = 2.0_wp, wider_poisson = 0.5_wp
    !> Beyond the farthest draw the domain goes on for this share of their range.
    real(wp), parameter :: margin = 0.1_wp
 
 contains
 
-   !> Whether a problem's simulations are to be chosen at the posterior: `focus` asks for it, there are measurements, and the surrogate is a
-   !> correction, of crystals of every kind.
+   !> Whether a problem's simulations are to be chosen at the posterior: `focus` asks for it, there
+   !> are measurements, and the surrogate is a correction, of crystals of every kind.
    pure logical function has_focus(problem)
       type(problem_type), intent(in) :: problem
 
-      has_focus = problem%settings%design%focus == 'posterior' .and. problem%settings%surrogate%model == 'correction' &
-         & .and. allocated(problem%measurements) .and. problem%settings%measurements%orientations == 'known'
+      has_focus = problem%settings%design%focus == 'posterior' &
+         & .and. problem%settings%surrogate%model == 'correction' &
+         & .and. allocated(problem%measurements) &
+         & .and. problem%settings%measurements%orientations == 'known'
    end function has_focus
 
    !> Refuse what Step 2 would refuse.
@@ -108,16 +117,18 @@ contains
       round%simulations = size(surrogate%simulations%modulus)
       round%z = error_of_predictions(focus, surrogate)
       wide = surrogate
-      call drop_bounds(wide%basis%domain, stiffnesses(surrogate%basis%domain%class, candidates%constants))
+      call drop_bounds(wide%basis%domain, &
+         & stiffnesses(surrogate%basis%domain%class, candidates%constants))
       focus%domain = wide%basis%domain
       call widen(wide%basis%domain)
       call draw_aside(problem, wide, focus_run, posterior, draws, error)
       if (allocated(error)) return
-      call find_shares(posterior, draws, draws(:posterior%n_constants, :), real(size(draws, 2), wp), &
-         & thread_count(problem%settings%execution%workers), shares, error)
+      call find_shares(posterior, draws, draws(:posterior%n_constants, :), real(size(draws, 2), &
+         & wp), thread_count(problem%settings%execution%workers), shares, error)
       if (allocated(error)) return
       round%share = [(shares(i)%by_source(from_surrogate), i=1, size(shares))]
-      ! In the tails of the draws the surrogate may err where its part of the variance, a mean over all of them, is small.
+      ! In the tails of the draws the surrogate may err where its part of the variance, a mean over
+      ! all of them, is small.
       round%share = max(round%share, changes_of_variance(posterior, draws, size(shares), &
          & thread_count(problem%settings%execution%workers)))
       round%truncated = is_truncated(list_limits(posterior%prior, draws))
@@ -126,7 +137,8 @@ contains
       ! Of the rough ones others in each round.
       associate (stride => size(focus%rough, 3)/tempered)
          i = 1 + modulo(round%simulations, stride)
-         associate (rough => focus%rough(:, :, i::stride), others => crystals(:, :, spread_out(draws(:posterior%n_constants, :))))
+         associate (rough => focus%rough(:, :, i::stride), &
+            & others => crystals(:, :, spread_out(draws(:posterior%n_constants, :))))
             focus%candidates = candidates_of(problem, focus%domain, reshape([rough, others], &
                & [6, 6, size(rough, 3) + size(others, 3)]))
          end associate
@@ -135,9 +147,10 @@ contains
       focus%rounds = [focus%rounds, round]
    end subroutine find_focus
 
-   !> By how much a better surrogate is likely to change the variance of each constant: relative root mean square over surrogates that are
-   !> drawn from what simulations and measurements leave open, or the change if this one were exact, where that is more. The weight of a
-   !> draw is the density of that surrogate's errors there, given the data.
+   !> By how much a better surrogate is likely to change the variance of each constant: relative
+   !> root mean square over surrogates that are drawn from what simulations and measurements leave
+   !> open, or the change if this one were exact, where that is more. The weight of a draw is the
+   !> density of that surrogate's errors there, given the data.
    function changes_of_variance(posterior, draws, n_constants, threads) result(change)
       type(posterior_type), intent(in) :: posterior
       !> (parameter, draw).
@@ -146,8 +159,10 @@ contains
       real(wp) :: change(n_constants)
       integer, parameter :: n_surrogates = 30
       !> Errors of surrogates, in sds, and logarithms of weights; the first is exact.
-      real(wp) :: errors(posterior%grains%n_columns, 0:n_surrogates), weight(size(draws, 2), 0:n_surrogates)
-      real(wp) :: z(size(errors, 1)), mean(size(errors, 1)), factor(size(errors, 1), size(errors, 1))
+      real(wp) :: errors(posterior%grains%n_columns, 0:n_surrogates), &
+         & weight(size(draws, 2), 0:n_surrogates)
+      real(wp) :: z(size(errors, 1)), mean(size(errors, 1)), &
+         & factor(size(errors, 1), size(errors, 1))
       real(wp) :: relative(n_constants, 0:n_surrogates)
       type(random_stream_type) :: stream
       integer :: i, j, k
@@ -159,7 +174,8 @@ contains
          call stream%normals(z)
          errors(:, j) = mean + [(sum(factor(i, :i)*z(:i)), i=1, size(z))]
       end do
-      !$omp parallel do num_threads(max(1, threads)) schedule(dynamic) private(mean, factor, z, j, k)
+      !$omp parallel do num_threads(max(1, threads)) schedule(dynamic) private(mean, factor, z, &
+      !$omp & j, k)
       do i = 1, size(draws, 2)
          call errors_at(draws(:, i), mean, factor)
          do j = 0, n_surrogates
@@ -175,8 +191,8 @@ contains
          do i = 1, n_constants
             associate (x => draws(i, :) - sum(draws(i, :))/size(draws, 2))
                ! A constant that is fixed has rounding alone.
-               relative(i, j) = (size(x)*(sum(weight(:, j)*x**2) - sum(weight(:, j)*x)**2) - sum(x**2)) &
-                  & /max(sum(x**2), size(x)*(1.0e-9_wp*maxval(abs(draws(i, :))))**2)
+               relative(i, j) = (size(x)*(sum(weight(:, j)*x**2) - sum(weight(:, j)*x)**2) &
+                  & - sum(x**2))/max(sum(x**2), size(x)*(1.0e-9_wp*maxval(abs(draws(i, :))))**2)
             end associate
          end do
       end do
@@ -184,7 +200,8 @@ contains
 
    contains
 
-      !> Mean and lower factor of the covariance of the surrogate's errors at a point, given the data.
+      !> Mean and lower factor of the covariance of the surrogate's errors at a point, given the
+      !> data.
       pure subroutine errors_at(x, mean, factor)
          real(wp), intent(in) :: x(:)
          real(wp), intent(out) :: mean(:), factor(:, :)
@@ -204,7 +221,8 @@ contains
       end subroutine errors_at
    end function changes_of_variance
 
-   !> Numbers of draws that are candidates: as many of the middle as of the tails, where squared deviations are large.
+   !> Numbers of draws that are candidates: as many of the middle as of the tails, where squared
+   !> deviations are large.
    function spread_out(draws) result(numbers)
       !> (constant, draw).
       real(wp), intent(in) :: draws(:, :)
@@ -213,7 +231,8 @@ contains
 
       squares = (draws - spread(sum(draws, 2)/size(draws, 2), 2, size(draws, 2)))**2
       ! One on average.
-      weight = 0.5_wp + 0.5_wp*size(draws, 2)/size(draws, 1)*matmul(1.0_wp/max(tiny(1.0_wp), sum(squares, 2)), squares)
+      weight = 0.5_wp + 0.5_wp*size(draws, 2)/size(draws, &
+         & 1)*matmul(1.0_wp/max(tiny(1.0_wp), sum(squares, 2)), squares)
       j = 0
       total = 0.0_wp
       do i = 1, n_candidates
@@ -237,15 +256,17 @@ contains
       real(wp), allocatable :: draws(:, :)
 
       loose = problem
-      loose%settings%measurements%calibration_sd = max(loose_common, problem%settings%measurements%calibration_sd)
-      loose%settings%measurements%scatter_sd = max(loose_grain, problem%settings%measurements%scatter_sd)
+      loose%settings%measurements%calibration_sd = max(loose_common, &
+         & problem%settings%measurements%calibration_sd)
+      loose%settings%measurements%scatter_sd = max(loose_grain, &
+         & problem%settings%measurements%scatter_sd)
       call new_theory_surrogate(theory, error)
       if (.not. allocated(error)) call draw_aside(loose, theory, focus_run, posterior, draws, error)
       if (.not. allocated(error)) crystals = stiffnesses(problem%class, draws)
    end subroutine draw_roughly
 
-   !> Root mean square of the errors, over their sds, with which the round's surrogate predicts the simulations since, those of the theory
-   !> alone left out; below 0: there are none.
+   !> Root mean square of the errors, over their sds, with which the round's surrogate predicts the
+   !> simulations since, those of the theory alone left out; below 0: there are none.
    real(wp) function error_of_predictions(focus, surrogate) result(z)
       type(focus_type), intent(in) :: focus
       !> With these simulations.
@@ -259,20 +280,23 @@ contains
       first = focus%rounds(size(focus%rounds))%simulations + tempered + 1
       associate (known => surrogate%simulations, class => surrogate%basis%domain%class)
          if (first > size(mean)) return
-         call predict_crystals(focus%surrogate, stiffnesses(class, known%constants(:, first:)), degree*known%euler_deg(:, first:), &
-            & 1, mean(first:), sd(first:), error)
-         if (.not. allocated(error)) z = norm2((known%modulus(first:) - mean(first:))/sd(first:)) &
-            & /sqrt(real(size(mean) - first + 1, wp))
+         call predict_crystals(focus%surrogate, stiffnesses(class, known%constants(:, first:)), &
+            & degree*known%euler_deg(:, first:), 1, mean(first:), sd(first:), error)
+         if (.not. allocated(error)) then
+            z = norm2((known%modulus(first:) - mean(first:))/sd(first:)) &
+               & /sqrt(real(size(mean) - first + 1, wp))
+         end if
       end associate
    end function error_of_predictions
 
-   !> Whether the surrogate with which the round begins is accurate enough: then the round is not needed.
+   !> Whether the surrogate with which the round begins is accurate enough: then the round is not
+   !> needed.
    pure logical function is_accurate(focus)
       type(focus_type), intent(in) :: focus
 
       associate (round => focus%rounds(size(focus%rounds)))
-         is_accurate = all(round%share <= accurate_share) .and. round%z >= 0.0_wp .and. round%z <= accurate_z &
-            & .and. .not. round%truncated
+         is_accurate = all(round%share <= accurate_share) .and. round%z >= 0.0_wp &
+            & .and. round%z <= accurate_z .and. .not. round%truncated
       end associate
    end function is_accurate
 
@@ -285,7 +309,8 @@ contains
       if (domain%has_scale()) domain%stiffness = domain%stiffness*[1.0_wp/wider_scale, wider_scale]
    end subroutine widen
 
-   !> Limit a domain by its log-anisotropy, Poisson's ratio and scale, where bounds of the constants limit it.
+   !> Limit a domain by its log-anisotropy, Poisson's ratio and scale, where bounds of the constants
+   !> limit it.
    pure subroutine drop_bounds(domain, stiffness)
       type(domain_type), intent(inout) :: domain
       !> Crystals that are spread over it, GPa, (6, 6, n).
@@ -318,7 +343,9 @@ contains
       range = (range - 1.0_wp)/(2.0_wp*range + 1.0_wp)
       domain%poisson = [min(domain%poisson(1), range(1)), max(domain%poisson(2), range(2))]
       range = exp(held(log(scale)))
-      if (domain%has_scale()) domain%stiffness = [min(domain%stiffness(1), range(1)), max(domain%stiffness(2), range(2))]
+      if (domain%has_scale()) then
+         domain%stiffness = [min(domain%stiffness(1), range(1)), max(domain%stiffness(2), range(2))]
+      end if
    end subroutine hold
 
    !> The range of values, with a margin.
@@ -342,7 +369,8 @@ contains
       allocate (found%constants(domain%class%n_constants, n), found%euler_deg(3, n))
       do i = 1, n
          found%constants(:, i) = domain%class%constants_of(stiffness(:, :, i))
-         found%euler_deg(:, i) = problem%measurements%euler_deg(:, modulo(i - 1, problem%measurements%n) + 1)
+         found%euler_deg(:, i) = problem%measurements%euler_deg(:, &
+            & modulo(i - 1, problem%measurements%n) + 1)
       end do
    end function candidates_of
 end module posterior_focus

@@ -18,7 +18,8 @@ module problem_posterior
    use problem, only: problem_type
    use rayleigh_wave, only: new_surface, surface_type, surface_waves, wave_type
    use quantities, only: check_distinct, check_quantity, check_value, new_quantity, quantity_type
-   use samplers, only: chains_type, checkpoint_type, new_checkpoint, new_sampler, run_settings_type, sample_chains
+   use samplers, only: chains_type, checkpoint_type, new_checkpoint, new_sampler, &
+      & run_settings_type, sample_chains
    use settings_reader, only: settings_namelist
    use statistics, only: flattened
    use surrogate_model, only: surrogate_type
@@ -27,30 +28,31 @@ module problem_posterior
    use velocity_tables, only: append_velocities
    implicit none
    private
-   public :: are_detected, check_step_2, check_target, new_problem_posterior, omit_weak_waves, sample_aside, draw_aside, &
-      & sample_posterior, stiffnesses
+   public :: are_detected, check_step_2, check_target, new_problem_posterior, omit_weak_waves, &
+      & sample_aside, draw_aside, sample_posterior, stiffnesses
 
-   !> Burn-in, samples, chains, and the first of their random streams, of which a posterior's own are the first; whether the last digits of
-   !> the theory do not matter.
+   !> Burn-in, samples, chains, and the first of their random streams, of which a posterior's own
+   !> are the first; whether the last digits of the theory do not matter.
    type, public :: run_type
       integer :: burn_in, samples, chains, first_stream
       logical :: is_rough = .true.
    end type run_type
-   !> To see how the posterior must be computed; the prior; the posterior without any knowledge; by the theory alone; and that at which
-   !> simulations are chosen.
-   type(run_type), parameter, public :: pilot_run = run_type(3000, 400, 2, 2000001), &
-      & prior_run = run_type(5000, 2500, 4, 1000001, .false.), free_run = run_type(2000, 500, 2, 3000001), &
+   !> To see how the posterior must be computed; the prior; the posterior without any knowledge; by
+   !> the theory alone; and that at which simulations are chosen.
+   type(run_type), parameter, public :: pilot_run = run_type(3000, 400, 2, 2000001), prior_run = &
+      & run_type(5000, 2500, 4, 1000001, .false.), free_run = run_type(2000, 500, 2, 3000001), &
       & theory_run = run_type(5000, 1500, 4, 4000001), focus_run = run_type(3000, 600, 2, 5000001)
 
-   !> Of harmonics, where that is so; of many grains together a lower degree errs by more than the posterior is wide, and a higher one
-   !> hardly costs more than these grains.
+   !> Of harmonics, where that is so; of many grains together a lower degree errs by more than the
+   !> posterior is wide, and a higher one hardly costs more than these grains.
    integer, parameter :: rough_degree = 12, degree_of_many = 20, many = 2000
    !> Bytes of a number, and how often a draw is kept at a time.
    real(wp), parameter :: bytes = 8.0_wp, copies = 3.0_wp
 
 contains
 
-   !> Refuse what Step 2 would refuse whatever the surrogate: unknown quantities, more draws than memory holds.
+   !> Refuse what Step 2 would refuse whatever the surrogate: unknown quantities, more draws than
+   !> memory holds.
    subroutine check_step_2(problem, error)
       type(problem_type), intent(in) :: problem
       type(error_type), allocatable, intent(out) :: error
@@ -59,8 +61,8 @@ contains
       call read_knowledge(problem, knowledge, error)
       if (allocated(error)) return
       associate (s => problem%settings%sampler)
-         call check_memory(copies*bytes*(problem%class%n_constants + 2)*s%samples*s%chains, to_text(s%chains)//' chains of ' &
-            & //to_text(s%samples)//' samples', error)
+         call check_memory(copies*bytes*(problem%class%n_constants + 2)*s%samples*s%chains, &
+            & to_text(s%chains)//' chains of '//to_text(s%samples)//' samples', error)
       end associate
       if (allocated(error)) then
          error%message = place(problem%path, 'sampler', 'samples')//error%message
@@ -77,7 +79,9 @@ contains
       if (problem%settings%next%target == 'all') return
       call new_quantity(problem%settings%next%target, quantity, error)
       if (.not. allocated(error)) call check_quantity(quantity, problem%class, error)
-      if (allocated(error)) error%message = place(problem%path, 'next', 'target')//error%message//'; or ''all'''
+      if (allocated(error)) then
+         error%message = place(problem%path, 'next', 'target')//error%message//'; or ''all'''
+      end if
    end subroutine check_target
 
    !> What &knowledge says: its lists, then the constants of its file.
@@ -97,8 +101,12 @@ contains
          do i = 1, all
             if (i <= listed) then
                call new_quantity(trim(known%quantity(i)), knowledge%quantities(i), error)
-               if (.not. allocated(error)) call check_quantity(knowledge%quantities(i), class, error)
-               if (.not. allocated(error)) call check_value(knowledge%quantities(i), known%mean(i), error)
+               if (.not. allocated(error)) then
+                  call check_quantity(knowledge%quantities(i), class, error)
+               end if
+               if (.not. allocated(error)) then
+                  call check_value(knowledge%quantities(i), known%mean(i), error)
+               end if
                knowledge%mean(i) = known%mean(i)
                knowledge%covariance(i, i) = known%sd(i)**2
             else
@@ -106,7 +114,9 @@ contains
             end if
             if (allocated(error)) exit
          end do
-         if (.not. allocated(error)) call check_distinct(knowledge%quantities(:listed), class, error)
+         if (.not. allocated(error)) then
+            call check_distinct(knowledge%quantities(:listed), class, error)
+         end if
          if (allocated(error)) then
             error%message = place(problem%path, 'knowledge', 'quantity')//error%message
          else if (all > listed) then
@@ -116,7 +126,8 @@ contains
       end associate
    end subroutine read_knowledge
 
-   !> The density of the constants given the problem's measurements, with &prior and &knowledge, cut to what the surrogate is valid for.
+   !> The density of the constants given the problem's measurements, with &prior and &knowledge, cut
+   !> to what the surrogate is valid for.
    subroutine new_problem_posterior(problem, surrogate, posterior, error)
       type(problem_type), intent(in) :: problem
       type(surrogate_type), intent(in) :: surrogate
@@ -130,7 +141,8 @@ contains
       type(measured_type) :: measured
 
       if (.not. allocated(problem%measurements)) then
-         call refuse(error, place(problem%path, 'measurements', '')//'there are no measurements: at least one grain is needed')
+         call refuse(error, place(problem%path, 'measurements', '') &
+            & //'there are no measurements: at least one grain is needed')
          return
       end if
       associate (table => problem%measurements)
@@ -139,31 +151,41 @@ contains
          measured%sd = table%sd_gpa
          ! Only where the sds are one unknown common value may they be absent.
          where (.not. measured%sd > 0.0_wp) measured%sd = 1.0_wp
-         measured%tilt_sd = merge(table%orientation_sd_deg, problem%settings%measurements%orientation_sd_deg, &
+         measured%tilt_sd = merge(table%orientation_sd_deg, &
+            & problem%settings%measurements%orientation_sd_deg, &
             & table%orientation_sd_deg >= 0.0_wp)*degree
          measured%group = table%group
          measured%paths = table%paths
-         if (allocated(problem%settings%problem%density_kg_m3)) measured%density = problem%settings%problem%density_kg_m3
+         if (allocated(problem%settings%problem%density_kg_m3)) then
+            measured%density = problem%settings%problem%density_kg_m3
+         end if
          measured%shared = shared_errors(problem)
       end associate
-      if (problem%settings%measurements%orientations == 'unknown') call spread_orientations(problem%class, &
-         & problem%texture, measured)
+      if (problem%settings%measurements%orientations == 'unknown') then
+         call spread_orientations(problem%class, problem%texture, measured)
+      end if
       call read_knowledge(problem, knowledge, error)
       associate (settings => problem%settings)
-         if (.not. allocated(error)) call new_observable(settings%measurements%modulus_kind, settings%measurements, observable, &
-            & error)
+         if (.not. allocated(error)) then
+            call new_observable(settings%measurements%modulus_kind, settings%measurements, &
+               & observable, error)
+         end if
          if (allocated(error)) return
          call new_prior(surrogate%basis%domain, problem%class, settings%prior, &
-            & (1.0_wp - typical_poisson**2)*mean_modulus(observable, measured, 1.0_wp), knowledge, prior, error)
+            & (1.0_wp - typical_poisson**2)*mean_modulus(observable, measured, 1.0_wp), knowledge, &
+            & prior, error)
          if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
          if (allocated(error)) return
-         call new_posterior(surrogate, prior, settings%measurements, settings%sampler%surrogate_variance == 'full', measured, &
-            & posterior, error)
-         if (allocated(error)) error%message = place(problem%path, 'measurements', '')//error%message
+         call new_posterior(surrogate, prior, settings%measurements, &
+            & settings%sampler%surrogate_variance == 'full', measured, posterior, error)
+         if (allocated(error)) then
+            error%message = place(problem%path, 'measurements', '')//error%message
+         end if
       end associate
    end subroutine new_problem_posterior
 
-   !> Let each measurement be of any direction of the crystal, evenly over the sphere, or of any orientation of a texture.
+   !> Let each measurement be of any direction of the crystal, evenly over the sphere, or of any
+   !> orientation of a texture.
    subroutine spread_orientations(class, texture, measured)
       type(crystal_class_type), intent(in) :: class
       type(points_type), allocatable, intent(in) :: texture
@@ -188,14 +210,16 @@ contains
          measured%euler = reshape([(angles_of_direction(directions(:, i))*degree, i=1, n)], [3, n])
          measured%probability = spread(1.0_wp, 1, n)
          ! Over an arc angles are even, areas are not.
-         if (region%dimension == 1) measured%probability = sqrt(1.0_wp - matmul(region%axis, directions)**2)
+         if (region%dimension == 1) then
+            measured%probability = sqrt(1.0_wp - matmul(region%axis, directions)**2)
+         end if
          measured%probability = measured%probability/sum(measured%probability)
       end if
       measured%tilt_sd = spread(0.0_wp, 1, n)
    end subroutine spread_orientations
 
-   !> Relative errors that measurements share, (measurement, error): those that are stated of the moduli; of the speeds that of the
-   !> density, of which they are the power -1/2.
+   !> Relative errors that measurements share, (measurement, error): those that are stated of the
+   !> moduli; of the speeds that of the density, of which they are the power -1/2.
    pure function shared_errors(problem) result(shared)
       type(problem_type), intent(in) :: problem
       real(wp), allocatable :: shared(:, :)
@@ -205,14 +229,18 @@ contains
          n = count(table%paths%wave == no_wave)
          k = 0
          if (allocated(problem%shared_errors)) k = size(problem%shared_errors, 2)
-         allocate (shared(table%n, k + merge(1, 0, table%n > n .and. of_problem%density_sd_kg_m3 > 0.0_wp)), source=0.0_wp)
+         allocate (shared(table%n, k &
+            & + merge(1, 0, table%n > n .and. of_problem%density_sd_kg_m3 > 0.0_wp)), source=0.0_wp)
          if (k > 0) shared(:n, :k) = problem%shared_errors(table%row(:n), :)
-         if (size(shared, 2) > k) shared(n + 1:, k + 1) = -0.5_wp*of_problem%density_sd_kg_m3/of_problem%density_kg_m3
+         if (size(shared, 2) > k) then
+            shared(n + 1:, k + 1) = -0.5_wp*of_problem%density_sd_kg_m3/of_problem%density_kg_m3
+         end if
       end associate
    end function shared_errors
 
-   !> Leave out the speeds whose wave is not the one that a measurement shows at some crystals of the posterior. The errors of the first
-   !> posterior are Student's, since what was measured in place of a wave may be far off.
+   !> Leave out the speeds whose wave is not the one that a measurement shows at some crystals of
+   !> the posterior. The errors of the first posterior are Student's, since what was measured in
+   !> place of a wave may be far off.
    subroutine omit_weak_waves(problem, surrogate, error)
       type(problem_type), intent(inout) :: problem
       type(surrogate_type), intent(in) :: surrogate
@@ -237,14 +265,18 @@ contains
          if (.not. allocated(error)) call sample_aside(pilot, posterior, pilot_run, chains, error)
          if (allocated(error)) return
          ! What was left out once stays out.
-         kept = kept .and. are_detected(posterior, chains%draws(:, :, 1), problem%velocities%euler_deg, problem%velocities%paths)
+         kept = kept .and. are_detected(posterior, chains%draws(:, :, 1), &
+            & problem%velocities%euler_deg, problem%velocities%paths)
          if (round > 1 .and. count(kept) == posterior%n_grains - posterior%n_moduli) exit
          pilot%settings%measurements = problem%settings%measurements
       end do
       call append_velocities(problem%measurements, problem%velocities, kept)
       problem%are_detected = .true.
-      if (problem%measurements%n == 0) call refuse(error, place(problem%path, 'measurements', 'velocities')//'all speeds are ' &
-         & //'left out: at crystals of the posterior their wave is not the one that is measured. Choose other directions')
+      if (problem%measurements%n == 0) then
+         call refuse(error, place(problem%path, 'measurements', 'velocities') &
+            & //'all speeds are left out: at crystals of the posterior their wave is not the one ' &
+            & //'that is measured. Choose other directions')
+      end if
    end subroutine omit_weak_waves
 
    !> Whether waves are those that a measurement shows, at all but a few of some crystals.
@@ -280,11 +312,13 @@ contains
       call check_step_2(problem, error)
       if (allocated(error)) return
       associate (s => problem%settings%sampler)
-         call run_chains(problem, posterior, s%method, s%method, run_type(s%burn_in, s%samples, s%chains, 1), chains, error)
+         call run_chains(problem, posterior, s%method, s%method, &
+            & run_type(s%burn_in, s%samples, s%chains, 1), chains, error)
       end associate
    end subroutine sample_posterior
 
-   !> Chains that &sampler does not ask for, by the sampler that mixes best, from random streams of their own.
+   !> Chains that &sampler does not ask for, by the sampler that mixes best, from random streams of
+   !> their own.
    subroutine sample_aside(problem, density, run, chains, error)
       type(problem_type), intent(in) :: problem
       type(posterior_type), intent(inout) :: density
@@ -293,11 +327,13 @@ contains
       type(chains_type), intent(out) :: chains
       type(error_type), allocatable, intent(out) :: error
 
-      if (run%is_rough .and. density%grains%has_theory) call density%set_field_degree(merge(degree_of_many, rough_degree, &
-         & density%n_grains > many), error)
+      if (run%is_rough .and. density%grains%has_theory) then
+         call density%set_field_degree(merge(degree_of_many, rough_degree, &
+            & density%n_grains > many), error)
+      end if
       if (allocated(error)) return
-      call run_chains(problem, density, trim(merge('direct  ', 'ensemble', density%prior_only .and. density%prior%is_drawn())), &
-         & 'aside', run, chains, error)
+      call run_chains(problem, density, trim(merge('direct  ', 'ensemble', &
+         & density%prior_only .and. density%prior%is_drawn())), 'aside', run, chains, error)
    end subroutine sample_aside
 
    !> The draws of such chains of the posterior with a surrogate, (parameter, draw).
@@ -348,14 +384,18 @@ contains
 
       call new_sampler(method, run%burn_in, sampler, error)
       ! How theory is read changes densities where the points of the checkpoint need not be.
-      if (allocated(problem%kept_in)) call new_checkpoint(problem%kept_in, label//' '//to_text(run%burn_in)//' ' &
-         & //to_text(run%samples)//' '//to_text(density%grains%full_above) &
-         & //settings_namelist(problem%settings, groups), density, checkpoint)
+      if (allocated(problem%kept_in)) then
+         call new_checkpoint(problem%kept_in, label//' '//to_text(run%burn_in)//' ' &
+            & //to_text(run%samples)//' '//to_text(density%grains%full_above) &
+            & //settings_namelist(problem%settings, groups), density, checkpoint)
+      end if
       condensed = density
       call condense(condensed)
-      if (.not. allocated(error)) call sample_chains(condensed, sampler, run_settings_type(run%samples, run%chains, &
-         & thread_count(problem%settings%execution%workers), problem%settings%problem%seed, run%first_stream), chains, error, &
-         & checkpoint)
+      if (.not. allocated(error)) then
+         call sample_chains(condensed, sampler, run_settings_type(run%samples, run%chains, &
+            & thread_count(problem%settings%execution%workers), problem%settings%problem%seed, &
+            & run%first_stream), chains, error, checkpoint)
+      end if
       if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
    end subroutine run_chains
 

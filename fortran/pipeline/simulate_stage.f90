@@ -1,4 +1,5 @@
-!> `simulate`: every crystal of &crystals, kept in the campaign of the output folder as soon as it is simulated.
+!> `simulate`: every crystal of &crystals, kept in the campaign of the output folder as soon as it
+!> is simulated.
 module simulate_stage
    use abstract_stage, only: job_type, stage_type
    use campaign, only: campaign_name, row_type
@@ -10,7 +11,8 @@ module simulate_stage
    use kinds, only: nan, pi, wp
    use namelist_file, only: place
    use statistics, only: number_equal
-   use simulate, only: identity_text, outcome_done, outcome_failed, outcome_waiting, simulation_error
+   use simulate, only: identity_text, outcome_done, outcome_failed, outcome_waiting, &
+      & simulation_error
    use text, only: newline, to_text
    implicit none
    private
@@ -18,7 +20,8 @@ module simulate_stage
 
    type, extends(stage_type) :: simulate_stage_type
       private
-      !> Of each crystal the number in the batch, which has the same crystal in the same orientation once.
+      !> Of each crystal the number in the batch, which has the same crystal in the same orientation
+      !> once.
       integer, allocatable :: place(:)
    contains
       procedure :: begin, finish
@@ -50,10 +53,12 @@ contains
          associate (chosen => pack([(i, i=1, size(rows))], first == [(i, i=1, size(rows))]))
             self%place = [(findloc(chosen, first(i), 1), i=1, size(rows))]
             self%rows = rows(chosen)
-            self%batch = [(job_type(points%stiffness(:, :, chosen(i)), points%euler_deg(:, chosen(i))), i=1, size(chosen))]
+            self%batch = [(job_type(points%stiffness(:, :, chosen(i)), &
+               & points%euler_deg(:, chosen(i))), i=1, size(chosen))]
          end associate
       end associate
-      call self%campaign%open(self%output//'/'//campaign_name, identity_text(self%problem%settings), error)
+      call self%campaign%open(self%output//'/'//campaign_name, &
+         & identity_text(self%problem%settings), error)
       if (.not. allocated(error)) call self%look_up(.false., error)
       self%n_expected = count(self%rows%outcome%status == outcome_waiting)
    end subroutine begin
@@ -73,10 +78,14 @@ contains
       modulus = merge(rows%outcome%modulus, nan, rows%outcome%status == outcome_done)
       call write_moduli(self%problem, self%output//'/moduli.csv', modulus, error)
       if (.not. allocated(error)) call new_indenter(self%problem%settings%indenter, indenter, error)
-      if (.not. allocated(error)) call write_curves(rows, indenter, self%output//'/curves.csv', error)
+      if (.not. allocated(error)) then
+         call write_curves(rows, indenter, self%output//'/curves.csv', error)
+      end if
       failed = count(rows%outcome%status == outcome_failed)
-      if (failed == size(rows) .and. .not. allocated(error)) call raise(error, 'every simulation failed: crystal 1 could not be ' &
-         & //'simulated: '//rows(1)%outcome%message)
+      if (failed == size(rows) .and. .not. allocated(error)) then
+         call raise(error, 'every simulation failed: crystal 1 could not be simulated: ' &
+            & //rows(1)%outcome%message)
+      end if
       if (allocated(error)) return
       call page%begin_array('results')
       do i = 1, size(rows)
@@ -90,22 +99,29 @@ contains
             call page%put('force_mn', outcome%force)
             call page%put('modulus_by_depth_gpa', outcome%force/indenter%unit_force(outcome%depth))
             ! 4/(3 pi) M a/R under a paraboloid.
-            call page%put('mean_pressure_gpa', modulus(i)*indenter%unit_force(indenter%depth)/(pi*indenter%contact_radius**2))
-            if (outcome%status == outcome_failed) call warn(self%warnings, 'crystal '//to_text(i) &
-               & //' could not be simulated: '//outcome%message)
+            call page%put('mean_pressure_gpa', &
+               & modulus(i)*indenter%unit_force(indenter%depth)/(pi*indenter%contact_radius**2))
+            if (outcome%status == outcome_failed) then
+               call warn(self%warnings, &
+                  & 'crystal '//to_text(i)//' could not be simulated: '//outcome%message)
+            end if
          end associate
          call page%end_object()
       end do
       call page%end_array()
       call page%put('new_simulations', self%n_new)
       call page%put('failed', failed)
-      call simulation_error(self%problem%settings, self%problem%crystals%stiffness, largest, warning)
-      if (len(warning) > 0) call warn(self%warnings, place(self%problem%path, 'simulation', '')//warning)
-      self%done = to_text(size(rows))//' crystals, '//to_text(self%n_new)//' new, '//to_text(failed)//' failed: '//self%output &
-         & //'/moduli.csv'
+      call simulation_error(self%problem%settings, self%problem%crystals%stiffness, &
+         & largest, warning)
+      if (len(warning) > 0) then
+         call warn(self%warnings, place(self%problem%path, 'simulation', '')//warning)
+      end if
+      self%done = to_text(size(rows))//' crystals, '//to_text(self%n_new)//' new, ' &
+         & //to_text(failed)//' failed: '//self%output//'/moduli.csv'
    end subroutine finish
 
-   !> Force (mN) over depth (um) of every crystal, by its row from 1, with the modulus of each depth alone (GPa).
+   !> Force (mN) over depth (um) of every crystal, by its row from 1, with the modulus of each depth
+   !> alone (GPa).
    subroutine write_curves(rows, indenter, path, error)
       type(row_type), intent(in) :: rows(:)
       class(indenter_type), intent(in) :: indenter
@@ -119,7 +135,8 @@ contains
       do i = 1, size(rows)
          do j = 1, size(rows(i)%outcome%depth)
             associate (depth => rows(i)%outcome%depth(j), force => rows(i)%outcome%force(j))
-               call file%add(to_text(i)//cells_of_numbers([depth, force, force/indenter%unit_force(depth)]))
+               call file%add(to_text(i) &
+                  & //cells_of_numbers([depth, force, force/indenter%unit_force(depth)]))
             end associate
          end do
       end do

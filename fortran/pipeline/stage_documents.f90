@@ -1,8 +1,10 @@
-!> What results follow from, so that results of other inputs are never taken for those of the present ones.
+!> What results follow from, so that results of other inputs are never taken for those of the
+!> present ones.
 !>
-!> A document carries a digest of every input that it was made from: groups of the namelist with the tables that they name, and the
-!> surrogate. The manifest of the output folder (inputs.json) has the digests of the inputs last used there. A document belongs to them if
-!> all that both name are the same. Every document ends with a checksum of all before it.
+!> A document carries a digest of every input that it was made from: groups of the namelist with the
+!> tables that they name, and the surrogate. The manifest of the output folder (inputs.json) has the
+!> digests of the inputs last used there. A document belongs to them if all that both name are the
+!> same. Every document ends with a checksum of all before it.
 !>
 !> Crystals that were simulated, or given to the theory, have tables, and rows in a document.
 module stage_documents
@@ -19,16 +21,18 @@ module stage_documents
    use text, only: join, newline, short_text, split_list
    implicit none
    private
-   public :: begin_results, digest_surrogate, inputs_of, end_document, write_document, read_document, &
-      & read_resolved, write_moduli, cells_of_numbers, begin_crystal
+   public :: begin_results, digest_surrogate, inputs_of, end_document, write_document, &
+      & read_document, read_resolved, write_moduli, cells_of_numbers, begin_crystal
 
    character(len=*), parameter :: manifest_name = '/inputs.json', resolved_name = '/resolved.nml'
    !> With what a document ends, and what is between it and its checksum.
-   character(len=*), parameter :: tail = newline//'}'//newline, seal = ','//newline//' "checksum": "text:'
+   character(len=*), parameter :: tail = newline//'}'//newline, &
+      & seal = ','//newline//' "checksum": "text:'
 
 contains
 
-   !> Keep the resolved namelist in a folder, and let these be the inputs last used there; those of other groups stay.
+   !> Keep the resolved namelist in a folder, and let these be the inputs last used there; those of
+   !> other groups stay.
    subroutine begin_results(problem, groups, places, error)
       type(problem_type), intent(in) :: problem
       !> Of the namelist, separated by blanks.
@@ -42,21 +46,27 @@ contains
       output = places%output(:len(places%output) - 1)
       inputs = inputs_of(problem, groups, places)
       manifest = ''
-      if (file_exists(output//manifest_name)) call read_document(output//manifest_name, manifest, error)
+      if (file_exists(output//manifest_name)) then
+         call read_document(output//manifest_name, manifest, error)
+      end if
       if (allocated(error)) return
       at = index(manifest, '"inputs": {') + len('"inputs": {')
       ! '"name": "digest"' each.
       entries = split_list(manifest(at:at + index(manifest(at:), '}') - 2))
       do i = 1, size(entries)
-         if (index(inputs, entries(i)(:index(entries(i), ':'))) == 0) inputs = inputs//', '//trim(entries(i))
+         if (index(inputs, entries(i)(:index(entries(i), ':'))) == 0) then
+            inputs = inputs//', '//trim(entries(i))
+         end if
       end do
       resolved = problem%resolved_text()
-      call write_document(output//manifest_name, '{'//newline//' "namelist": '//quoted(full_path(problem%path))//','//newline &
-         & //' "resolved": "'//checksum(resolved)//'",'//newline//' "inputs": {'//inputs//'}'//newline//'}'//newline, error)
+      call write_document(output//manifest_name, '{'//newline//' "namelist": ' &
+         & //quoted(full_path(problem%path))//','//newline//' "resolved": "'//checksum(resolved) &
+         & //'",'//newline//' "inputs": {'//inputs//'}'//newline//'}'//newline, error)
       if (.not. allocated(error)) call replace_file(output//resolved_name, resolved, error)
    end subroutine begin_results
 
-   !> The namelist of a folder `output`, `resolved`, '' where there is none; refused if the manifest is about another.
+   !> The namelist of a folder `output`, `resolved`, '' where there is none; refused if the manifest
+   !> is about another.
    subroutine read_resolved(output, resolved, error)
       character(len=*), intent(in) :: output
       character(len=:), allocatable, intent(out) :: resolved
@@ -65,12 +75,17 @@ contains
 
       resolved = ''
       manifest = ''
-      if (file_exists(output//resolved_name)) call read_bytes(output//resolved_name, resolved, error)
-      if (file_exists(output//manifest_name) .and. .not. allocated(error)) call read_document(output//manifest_name, manifest, &
-         & error)
+      if (file_exists(output//resolved_name)) then
+         call read_bytes(output//resolved_name, resolved, error)
+      end if
+      if (file_exists(output//manifest_name) .and. .not. allocated(error)) then
+         call read_document(output//manifest_name, manifest, error)
+      end if
       if (allocated(error) .or. index(manifest, '"resolved"') == 0) return
-      if (index(manifest, checksum(resolved)) == 0) call refuse(error, output//resolved_name//': is not what the results beside ' &
-         & //'it came from: another run replaced it, or it is damaged; run again')
+      if (index(manifest, checksum(resolved)) == 0) then
+         call refuse(error, output//resolved_name//': is not what the results beside it came ' &
+            & //'from: another run replaced it, or it is damaged; run again')
+      end if
    end subroutine read_resolved
 
    !> The document of a `page` whose object is open, with the warnings at its end.
@@ -110,12 +125,13 @@ contains
       if (at > 0 .and. document(max(1, at):) == seal//checksum(document(:at - 1))//'"'//tail) then
          document = document(:at - 1)//tail
       else
-         call refuse(error, path//': is damaged, or is no JSON document (it was changed since it was written); remove it, and ' &
-            & //'run the command again')
+         call refuse(error, path//': is damaged, or is no JSON document (it was changed since it ' &
+            & //'was written); remove it, and run the command again')
       end if
    end subroutine read_document
 
-   !> Digest of the surrogate of this name, of all but where it comes from: its namelist may ask for more, or have another title.
+   !> Digest of the surrogate of this name, of all but where it comes from: its namelist may ask for
+   !> more, or have another title.
    subroutine digest_surrogate(name, places, digest, error)
       character(len=*), intent(in) :: name
       type(places_type), intent(in) :: places
@@ -126,10 +142,14 @@ contains
       call find_surrogate(name, places, path, error)
       content = ''
       if (len(path) > 0 .and. .not. allocated(error)) call read_bytes(path, content, error)
-      if (.not. allocated(error)) digest = checksum(content(:index(content//newline//'provenance ', newline//'provenance ') - 1))
+      if (.not. allocated(error)) then
+         digest = &
+            & checksum(content(:index(content//newline//'provenance ', newline//'provenance ') - 1))
+      end if
    end subroutine digest_surrogate
 
-   !> Digests of groups of a problem, with the tables and the surrogate that they name: '"name": "digest"', separated by ', '.
+   !> Digests of groups of a problem, with the tables and the surrogate that they name: '"name":
+   !> "digest"', separated by ', '.
    recursive function inputs_of(problem, groups, places) result(inputs)
       type(problem_type), intent(in) :: problem
       !> As in `begin_results`.
@@ -147,17 +167,28 @@ contains
          page = page(len(content) + 3:)
          ! No result follows from the machine.
          if (group == 'execution') cycle
-         if (.not. problem%settings%curves%given .and. (group == 'curves' .or. group == 'references')) cycle
+         if (.not. problem%settings%curves%given &
+            & .and. (group == 'curves' .or. group == 'references')) then
+            cycle
+         end if
          if (.not. problem%settings%plan%given .and. group == 'plan') cycle
-         if (group == 'problem') content = content(:index(content, '  title = '))//content(index(content, '  synthetic'):)
+         if (group == 'problem') then
+            content = content(:index(content, '  title = ')) &
+               & //content(index(content, '  synthetic'):)
+         end if
          ! Its last variable, of whose two forms one is there.
-         if (group == 'knowledge') content = content(:index(content, newline//'  source =') + index(content, newline//'  ! source'))
+         if (group == 'knowledge') then
+            content = content(:index(content, newline//'  source =') + index(content, &
+               & newline//'  ! source'))
+         end if
          if (group == 'crystals') call add_table(problem%crystals)
-         if (group == 'curves' .and. allocated(problem%curves)) content = content//problem%curves%digest &
-            & //problem%curves%tests%digest()
+         if (group == 'curves' .and. allocated(problem%curves)) then
+            content = content//problem%curves%digest//problem%curves%tests%digest()
+         end if
          if (group == 'references') call add_table(problem%references)
          if (group == 'measurements') then
-            if (problem%settings%curves%given .and. .not. allocated(problem%settings%measurements%file)) then
+            if (problem%settings%curves%given &
+               & .and. .not. allocated(problem%settings%measurements%file)) then
                ! They follow from the curves.
                content = content//inputs_of(problem, 'curves references', places)
             else
@@ -169,7 +200,9 @@ contains
          end if
          if (group == 'design') call add_table(problem%candidates)
          if (group == 'next') call add_table(problem%grains)
-         if (group == 'knowledge' .and. allocated(problem%stiffness)) content = content//problem%stiffness%table%digest()
+         if (group == 'knowledge' .and. allocated(problem%stiffness)) then
+            content = content//problem%stiffness%table%digest()
+         end if
          inputs = inputs//', "'//group//'": "'//checksum(content)//'"'
       end do
       if (index(' '//groups//' ', ' surrogate ') > 0) then
@@ -187,7 +220,8 @@ contains
       end subroutine add_table
    end function inputs_of
 
-   !> The table of the crystals as it was given, with every kind of modulus, GPa; nothing where there is none.
+   !> The table of the crystals as it was given, with every kind of modulus, GPa; nothing where
+   !> there is none.
    subroutine write_moduli(problem, path, modulus, error, velocity)
       type(problem_type), intent(in) :: problem
       character(len=*), intent(in) :: path
@@ -231,7 +265,8 @@ contains
       line = line//newline
    end function cells_of_numbers
 
-   !> Begin the object of the crystal of a `row`: its constants by name, GPa, and its angles, degrees.
+   !> Begin the object of the crystal of a `row`: its constants by name, GPa, and its angles,
+   !> degrees.
    subroutine begin_crystal(page, points, row)
       type(json_type), intent(inout) :: page
       type(points_type), intent(in) :: points

@@ -1,7 +1,8 @@
-!> The stages of a namelist: one table, a row a stage. Each is a command of its own; `run` makes those whose group is there, in
-!> order.
+!> The stages of a namelist: one table, a row a stage. Each is a command of its own; `run` makes
+!> those whose group is there, in order.
 !>
-!> And a problem from a namelist file for a stage, or from a text made of the keywords of a Python function: same checks, same words.
+!> And a problem from a namelist file for a stage, or from a text made of the keywords of a Python
+!> function: same checks, same words.
 module stages
    use abstract_stage, only: stage_type
    use build_checks, only: check_build, question_candidates
@@ -11,7 +12,8 @@ module stages
    use extract_stage, only: extract_stage_type
    use files, only: printable
    use machine, only: raise_no_memory, reserve_blas
-   use namelist_file, only: entry_type, find_entry, parse_namelist, place, read_namelist_file, replace_entries
+   use namelist_file, only: entry_type, find_entry, parse_namelist, place, read_namelist_file, &
+      & replace_entries
    use next_stage, only: next_stage_type
    use plan_stage, only: plan_stage_type
    use problem, only: new_problem, problem_type
@@ -23,7 +25,8 @@ module stages
    use theory_stage, only: theory_stage_type
    implicit none
    private
-   public :: stage_row_type, all_stages, run_command, read_problem, problem_of_text, groups_of, new_stage, check_stages
+   public :: stage_row_type, all_stages, run_command, read_problem, problem_of_text, groups_of, &
+      & new_stage, check_stages
 
    type :: stage_row_type
       character(len=8) :: name
@@ -35,19 +38,22 @@ module stages
       character(len=16) :: document
    end type stage_row_type
 
-   type(stage_row_type), parameter :: all_stages(7) = [ &
-      & stage_row_type('simulate', 'crystals', 'problem crystals specimen indenter simulation execution', 'simulate.json'), &
-      & stage_row_type('theory', 'crystals', 'problem crystals specimen execution', 'theory.json'), &
-      & stage_row_type('build', 'design', 'problem specimen indenter simulation domain surrogate design execution', 'build.json'), &
-      & stage_row_type('plan', 'plan', 'problem surrogate plan measurements prior knowledge sampler execution', 'plan.json'), &
+   type(stage_row_type), parameter :: all_stages(7) = [stage_row_type('simulate', 'crystals', &
+      & 'problem crystals specimen indenter simulation execution', 'simulate.json'), &
+      & stage_row_type('theory', 'crystals', 'problem crystals specimen execution', &
+      & 'theory.json'), stage_row_type('build', 'design', &
+      & 'problem specimen indenter simulation domain surrogate design execution', 'build.json'), &
+      & stage_row_type('plan', 'plan', &
+      & 'problem surrogate plan measurements prior knowledge sampler execution', 'plan.json'), &
       & stage_row_type('curves', 'curves', 'problem curves references execution', 'curves.json'), &
-      & stage_row_type('extract', 'measurements', 'problem surrogate indenter measurements prior knowledge sampler execution', &
-      & 'summary.json'), &
-      & stage_row_type('next', 'next', 'problem surrogate indenter measurements prior knowledge sampler next execution', &
+      & stage_row_type('extract', 'measurements', 'problem surrogate indenter measurements prior ' &
+      & //'knowledge sampler execution', 'summary.json'), stage_row_type('next', 'next', &
+      & 'problem surrogate indenter measurements prior knowledge sampler next execution', &
       & 'next.json')]
 
    !> All stages that a file asks for.
-   type(stage_row_type), parameter :: run_command = stage_row_type('run', '', 'problem execution', '')
+   type(stage_row_type), &
+      & parameter :: run_command = stage_row_type('run', '', 'problem execution', '')
 
 contains
 
@@ -58,15 +64,17 @@ contains
       character(len=:), allocatable :: groups
       integer :: i
 
-      groups = join(pack(all_stages%groups, [(any(names == all_stages(i)%name), i=1, size(all_stages))]), ' ')
+      groups = join(pack(all_stages%groups, &
+         & [(any(names == all_stages(i)%name), i=1, size(all_stages))]), ' ')
    end function groups_of
 
-   !> Refuse what the stages of a problem would refuse before their first simulation or sample, as far as no stage before makes what it
-   !> is about.
+   !> Refuse what the stages of a problem would refuse before their first simulation or sample, as
+   !> far as no stage before makes what it is about.
    subroutine check_stages(problem, places, completely, error)
       type(problem_type), intent(in), target :: problem
       type(places_type), intent(in) :: places
-      !> Refuse also simulations that cannot be made: a mesh that is too large, or too coarse, or that memory cannot hold.
+      !> Refuse also simulations that cannot be made: a mesh that is too large, or too coarse, or
+      !> that memory cannot hold.
       logical, intent(in) :: completely
       type(error_type), allocatable, intent(out) :: error
       type(extract_stage_type) :: extract
@@ -77,10 +85,15 @@ contains
          call check_build(problem, error, places%output(:len(places%output) - 1))
       else
          if (any(problem%stages == 'plan')) call plan%open(problem, places, error)
-         if (.not. allocated(error) .and. all(problem%stages /= 'curves') .and. any(problem%stages == 'extract' &
-            & .or. problem%stages == 'next')) call extract%open(problem, places, error)
+         if (.not. allocated(error) .and. all(problem%stages /= 'curves') &
+            & .and. any(problem%stages == 'extract' .or. problem%stages == 'next')) then
+            call extract%open(problem, places, error)
+         end if
       end if
-      if (allocated(error) .or. .not. completely .or. problem%settings%simulation%simulator /= 'fe') return
+      if (allocated(error) .or. .not. completely &
+         & .or. problem%settings%simulation%simulator /= 'fe') then
+         return
+      end if
       if (.not. any(problem%stages == 'simulate' .or. problem%stages == 'build')) return
       call new_simulator(problem%settings, simulator, error)
       if (allocated(error)) error%message = place(problem%path, 'simulation', '')//error%message
@@ -140,22 +153,29 @@ contains
       end if
       if (allocated(error)) return
       asked = all_stages%name == command
-      if (command == 'run') asked = [(find_entry(namelist, all_stages(i)%trigger, '') > 0, i=1, size(all_stages))]
+      if (command == 'run') then
+         asked = [(find_entry(namelist, all_stages(i)%trigger, '') > 0, i=1, size(all_stages))]
+      end if
       names = pack(all_stages%name, asked)
       if (size(names) == 0 .and. command /= 'run') then
-         call refuse(error, 'no command is named '''//printable(command)//'''; allowed: run, '//join(all_stages%name, ', '))
+         call refuse(error, 'no command is named '''//printable(command)//'''; allowed: run, ' &
+            & //join(all_stages%name, ', '))
       else
-         call new_problem(path, namelist, command, trim(run_command%groups)//' '//groups_of(names), from_python, self, error)
+         call new_problem(path, namelist, command, &
+            & trim(run_command%groups)//' '//groups_of(names), from_python, self, error)
       end if
-      if (size(names) == 0 .and. .not. allocated(error)) call refuse(error, place(path, 'problem', '') &
-         & //'nothing to do; &crystals asks for simulations, &design for a surrogate, &plan for expected sds, ' &
-         & //'&curves for moduli, &measurements for the constants')
+      if (size(names) == 0 .and. .not. allocated(error)) then
+         call refuse(error, place(path, 'problem', '') &
+            & //'nothing to do; &crystals asks for simulations, &design for a surrogate, &plan ' &
+            & //'for expected sds, &curves for moduli, &measurements for the constants')
+      end if
       if (allocated(error)) return
       self%stages = names
       call check_problem(self, error)
    end subroutine read_problem
 
-   !> The problem of a namelist's text, `content`, only for what it has, for Python; `origin` takes the place of the file in messages.
+   !> The problem of a namelist's text, `content`, only for what it has, for Python; `origin` takes
+   !> the place of the file in messages.
    subroutine problem_of_text(origin, content, self, error)
       character(len=*), intent(in) :: origin, content
       type(problem_type), intent(out) :: self
@@ -175,28 +195,40 @@ contains
 
       call check_simulation(self%path, self%settings, has_theory, error)
       if (allocated(error)) return
-      ! Of a specimen that theory does not know `run` leaves out its stage; who asks for it by name is refused.
-      if (self%command == 'run' .and. .not. has_theory) self%stages = pack(self%stages, self%stages /= 'theory')
+      ! Of a specimen that theory does not know `run` leaves out its stage; who asks for it by name
+      ! is refused.
+      if (self%command == 'run' .and. .not. has_theory) then
+         self%stages = pack(self%stages, self%stages /= 'theory')
+      end if
       ! A plan may state errors of measurements that are still to be made.
-      if (self%command == 'run' .and. self%settings%plan%given .and. .not. (self%settings%curves%given .or. &
-         & allocated(self%settings%measurements%file) .or. allocated(self%settings%measurements%velocities))) then
+      if (self%command == 'run' .and. self%settings%plan%given &
+         & .and. .not. (self%settings%curves%given .or. allocated(self%settings%measurements%file) &
+         & .or. allocated(self%settings%measurements%velocities))) then
          self%stages = pack(self%stages, self%stages /= 'extract')
       end if
-      if (.not. has_theory .and. (any(self%stages == 'theory') .or. self%settings%simulation%simulator == 'theory')) then
-         call refuse(error, place(self%path, 'specimen', 'geometry')//''''//self%settings%specimen%geometry &
-            & //''' has no exact theory; allowed ''halfspace''')
-      else if (self%settings%simulation%simulator == 'import' .and. any(self%stages == 'simulate')) then
-         call refuse(error, place(self%path, 'simulation', 'simulator')//'''import'' cannot indent the &crystals; allowed ' &
-            & //'''fe'', ''theory''')
-      else if (self%settings%measurements%orientations == 'unknown' .and. any(self%stages == 'next' .or. self%stages == 'plan')) &
-         & then
-         call refuse(error, place(self%path, 'measurements', 'orientations')//'''unknown'' cannot be combined with &next or ' &
-            & //'&plan, which compare orientations; remove one of them')
+      if (.not. has_theory .and. (any(self%stages == 'theory') &
+         & .or. self%settings%simulation%simulator == 'theory')) then
+         call refuse(error, place(self%path, 'specimen', 'geometry')//'''' &
+            & //self%settings%specimen%geometry//''' has no exact theory; allowed ''halfspace''')
+      else if (self%settings%simulation%simulator == 'import' &
+         & .and. any(self%stages == 'simulate')) then
+         call refuse(error, place(self%path, 'simulation', 'simulator') &
+            & //'''import'' cannot indent the &crystals; allowed ''fe'', ''theory''')
+      else if (self%settings%measurements%orientations == 'unknown' &
+         & .and. any(self%stages == 'next' .or. self%stages == 'plan')) then
+         call refuse(error, place(self%path, 'measurements', 'orientations') &
+            & //'''unknown'' cannot be combined with &next or &plan, which compare orientations; ' &
+            & //'remove one of them')
       else if (any(self%stages == 'build')) then
          call check_build(self, error)
       end if
-      if (.not. allocated(error) .and. any(self%stages == 'extract' .or. self%stages == 'next')) call check_step_2(self, error)
+      if (.not. allocated(error) &
+         & .and. any(self%stages == 'extract' .or. self%stages == 'next')) then
+         call check_step_2(self, error)
+      end if
       if (.not. allocated(error) .and. any(self%stages == 'next')) call check_target(self, error)
-      if (.not. allocated(error) .and. allocated(self%candidates)) call question_candidates(self, error)
+      if (.not. allocated(error) .and. allocated(self%candidates)) then
+         call question_candidates(self, error)
+      end if
    end subroutine check_problem
 end module stages

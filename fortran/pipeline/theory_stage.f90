@@ -33,9 +33,11 @@ contains
 
       associate (points => self%problem%crystals)
          allocate (modulus(points%n), circular(points%n))
-         call halfspace_moduli(points%stiffness, points%euler_deg, thread_count(self%problem%settings%execution%workers), modulus, &
-            & circular, error)
-         if (allocated(error)) error%message = place(self%problem%path, 'crystals', 'points')//error%message
+         call halfspace_moduli(points%stiffness, points%euler_deg, &
+            & thread_count(self%problem%settings%execution%workers), modulus, circular, error)
+         if (allocated(error)) then
+            error%message = place(self%problem%path, 'crystals', 'points')//error%message
+         end if
          if (.not. allocated(error) .and. all(points%paths%wave /= no_wave) &
             & .and. allocated(self%problem%settings%problem%density_kg_m3)) then
             allocate (waves(points%n))
@@ -43,7 +45,9 @@ contains
             velocity = wave_speed(waves%modulus, self%problem%settings%problem%density_kg_m3)
          end if
          ! What is not allocated is not present.
-         if (.not. allocated(error)) call write_moduli(self%problem, self%output//'/theory.csv', modulus, error, velocity)
+         if (.not. allocated(error)) then
+            call write_moduli(self%problem, self%output//'/theory.csv', modulus, error, velocity)
+         end if
          if (allocated(error)) return
          call page%begin_array('results')
          do i = 1, points%n

@@ -21,12 +21,15 @@ contains
       integer, parameter :: few_grains = 3
 
       if (points%n < few_grains .or. .not. angles_look_like_radians(points)) return
-      if (any(abs(points%euler_deg - anint(points%euler_deg)) > 0.0_wp)) call refuse(error, 'no angle is above 2 pi, so these ' &
-         & //'look like radians, and degrees are needed; if they are radians say angles = ''radians'', if degrees add 360 to a ' &
-         & //'phi1')
+      if (any(abs(points%euler_deg - anint(points%euler_deg)) > 0.0_wp)) then
+         call refuse(error, &
+            & 'no angle is above 2 pi, so these look like radians, and degrees are needed; if ' &
+            & //'they are radians say angles = ''radians'', if degrees add 360 to a phi1')
+      end if
    end subroutine refuse_radians
 
-   !> Grains that are all alike, or in fewer different directions than there are combinations of the constants that indentation sees.
+   !> Grains that are all alike, or in fewer different directions than there are combinations of the
+   !> constants that indentation sees.
    subroutine question_directions(measurements, class, prefix, map_hint, warnings, error)
       type(points_type), intent(in) :: measurements
       type(crystal_class_type), intent(in) :: class
@@ -47,21 +50,25 @@ contains
       if (region%dimension == 0) return
       directions = measurements%directions()
       if (all_alike(region, directions, alike*degree)) then
-         call warn(warnings, prefix//': the orientations are all alike (within 5 degrees of one): how the modulus ' &
-            & //'depends on orientation is not determined'//map_hint)
+         call warn(warnings, prefix//': the orientations are all alike (within 5 degrees of ' &
+            & //'one): how the modulus depends on orientation is not determined'//map_hint)
          return
       end if
       call new_harmonics(class%generators, degree_seen, harmonics, error)
       if (allocated(error)) return
       n = 0
       do i = 1, size(directions, 2)
-         if (any([(angle_between(region, directions(:, i), directions(:, kept(j))) < alike*degree, j=1, n)])) cycle
+         if (any([(angle_between(region, directions(:, i), directions(:, kept(j))) < alike*degree, &
+            & j=1, n)])) then
+            cycle
+         end if
          n = n + 1
          kept(n) = i
          if (n == harmonics%n) return
       end do
-      call warn(warnings, prefix//': grains in '//to_text(n)//' different directions; at least '//to_text(harmonics%n) &
-         & //' are needed for the combinations of the '//to_text(class%n_constants)//' constants that indentation determines')
+      call warn(warnings, prefix//': grains in '//to_text(n)//' different directions; at least ' &
+         & //to_text(harmonics%n)//' are needed for the combinations of the ' &
+         & //to_text(class%n_constants)//' constants that indentation determines')
    end subroutine question_directions
 
 end module orientation_questions

@@ -1,7 +1,8 @@
-!> A namelist read, checked and resolved: every variable has its value, every table it names is loaded.
+!> A namelist read, checked and resolved: every variable has its value, every table it names is
+!> loaded.
 !>
-!> Both programs, and the keywords of Python, come here and nowhere else, so that they have the same verdict. A message is one line:
-!> `ORIGIN: &group name: what is wrong, the value, what is allowed`.
+!> Both programs, and the keywords of Python, come here and nowhere else, so that they have the same
+!> verdict. A message is one line: `ORIGIN: &group name: what is wrong, the value, what is allowed`.
 module problem
    use crystal_class, only: crystal_class_type, lattice_type, new_crystal_class, new_lattice
    use curve_tables, only: curve_set_type, read_curves
@@ -10,7 +11,8 @@ module problem
    use kinds, only: wp
    use namelist_file, only: entry_type, place
    use orientation_questions, only: question_directions, refuse_radians
-   use point_tables, only: angles_look_like_radians, points_type, read_column, read_crystals, read_measurements, read_orientations
+   use point_tables, only: angles_look_like_radians, points_type, read_column, read_crystals, &
+      & read_measurements, read_orientations
    use repeated_tests, only: combine_tests, judge_scatter, refuse_copied_rows
    use settings_schema, only: settings_type
    use settings_checks, only: check_settings
@@ -26,9 +28,11 @@ module problem
    public :: problem_type, new_problem
 
    type :: problem_type
-      !> The file as the user wrote it, or the Python function whose keywords these are; the folder with a slash, or ''.
+      !> The file as the user wrote it, or the Python function whose keywords these are; the folder
+      !> with a slash, or ''.
       character(len=:), allocatable :: path, folder
-      !> What the file was read for, '' for keywords; the groups that this needs, and those of the file, separated by blanks.
+      !> What the file was read for, '' for keywords; the groups that this needs, and those of the
+      !> file, separated by blanks.
       character(len=:), allocatable :: command, needed, groups
       !> The stages that it asks for, in order.
       character(len=8), allocatable :: stages(:)
@@ -36,7 +40,8 @@ module problem
       !> Of &problem symmetry.
       type(crystal_class_type) :: class
       type(warning_type), allocatable :: warnings(:)
-      !> The tables that the file names, unallocated if it names none; the speeds among the measurements as they were read.
+      !> The tables that the file names, unallocated if it names none; the speeds among the
+      !> measurements as they were read.
       type(points_type), allocatable :: crystals, measurements, velocities, candidates
       !> Whether the measurements have only those speeds whose wave is detected.
       logical :: are_detected = .false.
@@ -45,27 +50,31 @@ module problem
       !> Of &measurements: the orientations that grains of unknown orientation may have;
       !> unallocated: all.
       type(points_type), allocatable :: texture
-      !> The file of measurements that Python turns into a plain table (see `set_table`), any file where Python asks, or a spreadsheet.
+      !> The file of measurements that Python turns into a plain table (see `set_table`), any file
+      !> where Python asks, or a spreadsheet.
       character(len=:), allocatable :: table_file
-      !> Measurements that wait for the orientations that Python takes from a map, the paths of the map and of its homologous points, and
-      !> the positions, um, (n, 2).
+      !> Measurements that wait for the orientations that Python takes from a map, the paths of the
+      !> map and of its homologous points, and the positions, um, (n, 2).
       type(table_type), allocatable :: indents
       character(len=:), allocatable :: map, map_points
       real(wp), allocatable :: positions(:, :)
       !> The rows that `retain_indents` leaves; unallocated: all.
       integer, allocatable :: retained(:)
-      !> Indented directions in crystal axes where the axes of the map are mistaken, (3, measurement, way); see `orientation_check`.
+      !> Indented directions in crystal axes where the axes of the map are mistaken, (3,
+      !> measurement, way); see `orientation_check`.
       real(wp), allocatable :: misread(:, :, :)
       !> Of &curves, and the crystals of &references.
       type(curve_set_type), allocatable :: curves
       type(points_type), allocatable :: references
-      !> Relative errors that measurements share: columns of sd 1, (row of the table, error); unallocated: none.
+      !> Relative errors that measurements share: columns of sd 1, (row of the table, error);
+      !> unallocated: none.
       real(wp), allocatable :: shared_errors(:, :)
       !> The file that they come from, unallocated: the table of the measurements.
       character(len=:), allocatable :: shared_file, shared_digest
       !> Of &knowledge.
       type(stiffness_table_type), allocatable :: stiffness
-      !> Folder, without its last slash, that keeps finished chains until Step 2 is done; unallocated: they are not kept.
+      !> Folder, without its last slash, that keeps finished chains until Step 2 is done;
+      !> unallocated: they are not kept.
       character(len=:), allocatable :: kept_in
    contains
       procedure :: curves_place, resolved_text, set_table, take_curves, take_curve_results
@@ -74,7 +83,8 @@ module problem
 
    !> Contact radius of the paper's indentations at the last depth, um.
    real(wp), parameter :: paper_contact = 0.5_wp
-   character(len=*), parameter :: like_radians = ': no angle is above 2 pi; angles are in degrees, and these look like radians'
+   character(len=*), parameter :: like_radians = ': no angle is above 2 pi; angles are in ' &
+      & //'degrees, and these look like radians'
 
 contains
 
@@ -105,9 +115,13 @@ contains
       call read_settings(path, namelist, command, needed, self%settings, error)
       if (allocated(error)) return
       associate (s => self%settings, last => self%settings%indenter)
-         if (len(s%surrogate%file) == 0) s%surrogate%file = trim(merge('surrogate.txt', 'halfspace    ', &
-            & s%design%given .or. s%domain%given))
-         if (.not. (allocated(last%depth_um) .or. allocated(last%contact_radius_um))) last%contact_radius_um = paper_contact
+         if (len(s%surrogate%file) == 0) then
+            s%surrogate%file = trim(merge('surrogate.txt', 'halfspace    ', &
+               & s%design%given .or. s%domain%given))
+         end if
+         if (.not. (allocated(last%depth_um) .or. allocated(last%contact_radius_um))) then
+            last%contact_radius_um = paper_contact
+         end if
       end associate
       if (allocated(self%settings%problem%symmetry)) then
          call new_crystal_class(self%settings%problem%symmetry, self%class, error)
@@ -136,9 +150,12 @@ contains
          if (allocated(s%crystals%points)) then
             allocate (self%crystals)
             prefix = place(self%path, 'crystals', 'points')//printable(s%crystals%points)
-            call read_crystals(resolve_path(self%folder, s%crystals%points), prefix//': ', self%class, self%crystals, error)
+            call read_crystals(resolve_path(self%folder, s%crystals%points), prefix//': ', &
+               & self%class, self%crystals, error)
             if (allocated(error)) return
-            if (angles_look_like_radians(self%crystals)) call warn(self%warnings, prefix//like_radians)
+            if (angles_look_like_radians(self%crystals)) then
+               call warn(self%warnings, prefix//like_radians)
+            end if
          end if
          if (s%curves%given) then
             if (allocated(s%curves%file)) then
@@ -155,22 +172,32 @@ contains
          end if
          if (allocated(s%references%crystals)) then
             allocate (self%references)
-            call read_crystals(resolve_path(self%folder, s%references%crystals), place(self%path, 'references', 'crystals') &
-               & //printable(s%references%crystals)//': ', self%class, self%references, error)
-            if (.not. allocated(error)) call find_column(self%references%table, 'reference', self%references%named_by, error, &
-               & .true.)
+            call read_crystals(resolve_path(self%folder, s%references%crystals), &
+               & place(self%path, 'references', 'crystals')//printable(s%references%crystals) &
+               & //': ', self%class, self%references, error)
+            if (.not. allocated(error)) then
+               call find_column(self%references%table, 'reference', self%references%named_by, &
+                  & error, .true.)
+            end if
             if (allocated(error)) return
          end if
          if (allocated(s%measurements%velocities)) then
             call read_table(resolve_path(self%folder, s%measurements%velocities), table, error)
             call take_velocities(self, table, error)
          end if
-         if (allocated(s%measurements%shared_errors)) self%shared_file = resolve_path(self%folder, s%measurements%shared_errors)
-         if (allocated(s%measurements%ebsd)) self%map = resolve_path(self%folder, s%measurements%ebsd)
-         if (allocated(s%measurements%ebsd_points)) self%map_points = resolve_path(self%folder, s%measurements%ebsd_points)
+         if (allocated(s%measurements%shared_errors)) then
+            self%shared_file = resolve_path(self%folder, s%measurements%shared_errors)
+         end if
+         if (allocated(s%measurements%ebsd)) then
+            self%map = resolve_path(self%folder, s%measurements%ebsd)
+         end if
+         if (allocated(s%measurements%ebsd_points)) then
+            self%map_points = resolve_path(self%folder, s%measurements%ebsd_points)
+         end if
          if (allocated(s%measurements%file) .and. .not. allocated(error)) then
             file = resolve_path(self%folder, s%measurements%file)
-            if (from_python .or. any(lower(file(max(1, len(file) - 4):)) == [character(len=5) :: '.xlsx', '.xlsm'])) then
+            if (from_python .or. any(lower(file(max(1, len(file) - 4):)) &
+               & == [character(len=5) :: '.xlsx', '.xlsm'])) then
                self%table_file = file
             else
                call read_table(file, table, error)
@@ -183,11 +210,13 @@ contains
                & //printable(s%knowledge%stiffness_file)//': ', error)
          end if
          if (.not. allocated(error) .and. allocated(s%measurements%texture)) then
-            call load_grains(self, place(self%path, 'measurements', 'texture'), s%measurements%texture, error)
+            call load_grains(self, place(self%path, 'measurements', 'texture'), &
+               & s%measurements%texture, error)
             call move_alloc(self%grains, self%texture)
          end if
-         if (.not. allocated(error) .and. allocated(s%next%candidates)) call load_grains(self, place(self%path, 'next', &
-            & 'candidates'), s%next%candidates, error)
+         if (.not. allocated(error) .and. allocated(s%next%candidates)) then
+            call load_grains(self, place(self%path, 'next', 'candidates'), s%next%candidates, error)
+         end if
          if (allocated(error) .or. any(['latin    ', 'factorial'] == s%design%candidates)) return
          call load_candidates(self, s%design%candidates, error)
       end associate
@@ -226,13 +255,17 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: table
 
-      if (.not. self%settings%curves%given .or. allocated(self%settings%measurements%file) .or. allocated(self%measurements)) return
+      if (.not. self%settings%curves%given .or. allocated(self%settings%measurements%file) &
+         & .or. allocated(self%measurements)) then
+         return
+      end if
       self%shared_file = folder//'/shared_errors.csv'
       call read_table(folder//'/measurements.csv', table, error)
       call take_measurements(self, table, error)
    end subroutine take_curve_results
 
-   !> Relative errors that the measurements of a table share: the columns of a file with a row for each, or its own shared_1, shared_2, ..
+   !> Relative errors that the measurements of a table share: the columns of a file with a row for
+   !> each, or its own shared_1, shared_2, ..
    subroutine take_shared_errors(self, table, error)
       type(problem_type), intent(inout) :: self
       type(table_type), intent(in) :: table
@@ -251,22 +284,25 @@ contains
       end if
       if (.not. allocated(error) .and. rows > table%rows) call source%retain(self%retained)
       if (allocated(error)) source%columns = 0
-      chosen = [(index(source%name(j), 'shared_') == 1 .or. (allocated(self%shared_file) .and. source%name(j) /= 'grain'), j=1, &
-         & source%columns)]
+      chosen = [(index(source%name(j), 'shared_') == 1 &
+         & .or. (allocated(self%shared_file) .and. source%name(j) /= 'grain'), j=1, source%columns)]
       if (any(chosen)) then
          if (allocated(self%shared_errors)) deallocate (self%shared_errors)
          allocate (self%shared_errors(source%rows, count(chosen)))
          associate (columns => pack([(j, j=1, source%columns)], chosen))
             do i = 1, source%rows
                do j = 1, size(columns)
-                  if (.not. allocated(error)) call source%number(columns(j), i, self%shared_errors(i, j), error)
+                  if (.not. allocated(error)) then
+                     call source%number(columns(j), i, self%shared_errors(i, j), error)
+                  end if
                end do
             end do
          end associate
          self%shared_digest = source%digest()
       end if
-      if (allocated(error) .and. allocated(self%shared_file)) error%message = 'shared_errors: '//printable(self%shared_file)//': ' &
-         & //error%message
+      if (allocated(error) .and. allocated(self%shared_file)) then
+         error%message = 'shared_errors: '//printable(self%shared_file)//': '//error%message
+      end if
    end subroutine take_shared_errors
 
    !> Leave out all indents but those of these `rows`. It precedes the table 'ebsd' of `set_table`.
@@ -279,11 +315,13 @@ contains
       call self%indents%retain(rows)
    end subroutine retain_indents
 
-   !> A table that is no file; of measurements in one the plain table that was made of it, or nothing where it is plain; of 'ebsd' a row
-   !> for each indent that is retained. Of 'warning' what is to be said of a table.
+   !> A table that is no file; of measurements in one the plain table that was made of it, or
+   !> nothing where it is plain; of 'ebsd' a row for each indent that is retained. Of 'warning' what
+   !> is to be said of a table.
    subroutine set_table(self, table, page, error)
       class(problem_type), intent(inout) :: self
-      !> 'measurements', 'curves', 'velocities', 'ebsd' or 'stiffness'; CSV, as a file has it. Or 'warning' and its line.
+      !> 'measurements', 'curves', 'velocities', 'ebsd' or 'stiffness'; CSV, as a file has it. Or
+      !> 'warning' and its line.
       character(len=*), intent(in) :: table, page
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: parsed
@@ -327,7 +365,8 @@ contains
       if (.not. allocated(error)) self%stiffness = stiffness
    end subroutine take_stiffness
 
-   !> Speeds, which are all the measurements where no moduli follow; `error` may be that of their reading.
+   !> Speeds, which are all the measurements where no moduli follow; `error` may be that of their
+   !> reading.
    subroutine take_velocities(self, table, error)
       type(problem_type), intent(inout) :: self
       type(table_type), intent(in) :: table
@@ -335,8 +374,12 @@ contains
 
       allocate (self%velocities)
       associate (asked => self%settings%measurements)
-         if (.not. allocated(error)) call read_velocities(table, asked%angles == 'radians', self%velocities, error)
-         if (.not. allocated(error) .and. asked%angles == 'degrees') call refuse_radians(self%velocities, error)
+         if (.not. allocated(error)) then
+            call read_velocities(table, asked%angles == 'radians', self%velocities, error)
+         end if
+         if (.not. allocated(error) .and. asked%angles == 'degrees') then
+            call refuse_radians(self%velocities, error)
+         end if
          if (allocated(error)) then
             error%message = place(self%path, 'measurements', 'velocities')//error%message
          else if (.not. (allocated(asked%file) .or. self%settings%curves%given)) then
@@ -346,7 +389,8 @@ contains
       end associate
    end subroutine take_velocities
 
-   !> Measurements, which wait if their orientations are in a map; `error` may be that of their reading.
+   !> Measurements, which wait if their orientations are in a map; `error` may be that of their
+   !> reading.
    subroutine take_measurements(self, table, error)
       type(problem_type), intent(inout) :: self
       type(table_type), intent(in) :: table
@@ -356,14 +400,17 @@ contains
       if (.not. allocated(self%map)) call set_measurements(self, table, error)
       if (.not. allocated(self%map)) return
       self%indents = table
-      if (.not. allocated(error)) call name_columns(self%indents, self%settings%measurements%columns, error)
+      if (.not. allocated(error)) then
+         call name_columns(self%indents, self%settings%measurements%columns, error)
+      end if
       call read_column(self%indents, 'x_um', .false., x, error)
       call read_column(self%indents, 'y_um', .false., y, error)
       if (.not. allocated(error)) self%positions = reshape([x, y], [table%rows, 2])
       if (allocated(error)) error%message = prefix_of_table(self)//error%message
    end subroutine take_measurements
 
-   !> Measurements with their orientations, the tests of a grain as one; `error` may be that of their reading.
+   !> Measurements with their orientations, the tests of a grain as one; `error` may be that of
+   !> their reading.
    subroutine set_measurements(self, table, error)
       type(problem_type), intent(inout) :: self
       type(table_type), intent(in) :: table
@@ -372,11 +419,16 @@ contains
       real(wp), allocatable :: weight(:)
       integer :: i
 
-      if (.not. allocated(error)) call read_measurements(table, self%settings%measurements, self%class, &
-         & self%settings%problem%lattice, measurements, error)
-      if (.not. (allocated(error) .or. measurements%has_angles) .and. self%settings%measurements%misalignment_sd_deg > 0.0_wp) then
-         call refuse(error, 'misalignment_sd_deg = '//to_text(self%settings%measurements%misalignment_sd_deg)//' needs Euler ' &
-            & //'angles: directions alone do not say how a turn of the sample moves them. Or state orientation_sd_deg')
+      if (.not. allocated(error)) then
+         call read_measurements(table, self%settings%measurements, self%class, &
+            & self%settings%problem%lattice, measurements, error)
+      end if
+      if (.not. (allocated(error) .or. measurements%has_angles) &
+         & .and. self%settings%measurements%misalignment_sd_deg > 0.0_wp) then
+         call refuse(error, &
+            & 'misalignment_sd_deg = '//to_text(self%settings%measurements%misalignment_sd_deg) &
+            & //' needs Euler angles: directions alone do not say how a turn of the sample moves ' &
+            & //'them. Or state orientation_sd_deg')
       end if
       if (.not. allocated(error)) call take_shared_errors(self, measurements%table, error)
       if (.not. allocated(error)) call refuse_copied_rows(measurements, error)
@@ -386,10 +438,12 @@ contains
          error%message = prefix_of_table(self)//error%message
       else
          self%measurements = measurements
-         do i = 1, merge(measurements%n, 0, allocated(measurements%tests) .and. allocated(self%shared_errors))
+         do i = 1, merge(measurements%n, 0, allocated(measurements%tests) &
+            & .and. allocated(self%shared_errors))
             ! As of the moduli the weighted mean of the tests.
             associate (weights => merge(weight, 0.0_wp, measurements%of_row == i))
-               self%shared_errors(measurements%row(i), :) = matmul(weights, self%shared_errors)/sum(weights)
+               self%shared_errors(measurements%row(i), :) = matmul(weights, &
+                  & self%shared_errors)/sum(weights)
             end associate
          end do
          self%settings%measurements%modulus_kind = measurements%modulus_kind
@@ -404,8 +458,10 @@ contains
       character(len=:), allocatable :: prefix
 
       prefix = place(self%path, 'measurements', '')
-      if (allocated(self%settings%measurements%file)) prefix = place(self%path, 'measurements', 'file') &
-         & //printable(self%settings%measurements%file)//': '
+      if (allocated(self%settings%measurements%file)) then
+         prefix = place(self%path, 'measurements', 'file') &
+            & //printable(self%settings%measurements%file)//': '
+      end if
    end function prefix_of_table
 
    subroutine load_candidates(self, name, error)
@@ -417,11 +473,15 @@ contains
 
       prefix = place(self%path, 'design', 'candidates')//printable(name)//': '
       allocate (self%candidates)
-      call read_crystals(resolve_path(self%folder, name), prefix, self%class, self%candidates, error)
+      call read_crystals(resolve_path(self%folder, name), prefix, self%class, &
+         & self%candidates, error)
       if (allocated(error) .or. .not. allocated(self%class%name)) return
-      i = findloc([(self%candidates%classes(self%candidates%class(i))%name == self%class%name, i=1, self%candidates%n)], .false., 1)
-      if (i > 0) call refuse(error, prefix//'line '//to_text(self%candidates%table%line(i))//': the crystal is not of the ' &
-         & //'symmetry of &problem')
+      i = findloc([(self%candidates%classes(self%candidates%class(i))%name == self%class%name, &
+         & i=1, self%candidates%n)], .false., 1)
+      if (i > 0) then
+         call refuse(error, prefix//'line '//to_text(self%candidates%table%line(i)) &
+            & //': the crystal is not of the symmetry of &problem')
+      end if
    end subroutine load_candidates
 
    !> The grains of a file; `prefix` begins the message of a refusal.
@@ -436,8 +496,13 @@ contains
       radians = self%settings%measurements%angles == 'radians'
       allocate (self%grains)
       call read_table(resolve_path(self%folder, name), self%grains%table, error)
-      if (.not. allocated(error)) call read_orientations(self%grains, radians, self%class, self%settings%problem%lattice, error)
-      if (.not. allocated(error)) call find_column(self%grains%table, 'grain', self%grains%named_by, error)
+      if (.not. allocated(error)) then
+         call read_orientations(self%grains, radians, self%class, &
+            & self%settings%problem%lattice, error)
+      end if
+      if (.not. allocated(error)) then
+         call find_column(self%grains%table, 'grain', self%grains%named_by, error)
+      end if
       if (.not. allocated(error) .and. self%grains%n > most_grains) then
          call refuse(error, to_text(self%grains%n)//' grains; allowed up to '//to_text(most_grains))
       else if (.not. (allocated(error) .or. radians)) then
@@ -458,35 +523,48 @@ contains
       integer :: i
 
       prefix = 'the table'
-      if (allocated(self%settings%measurements%file)) prefix = printable(self%settings%measurements%file)
+      if (allocated(self%settings%measurements%file)) then
+         prefix = printable(self%settings%measurements%file)
+      end if
       prefix = place(self%path, 'measurements', 'file')//prefix
-      radians = self%settings%measurements%angles == 'degrees' .and. angles_look_like_radians(self%measurements)
+      radians = self%settings%measurements%angles == 'degrees' &
+         & .and. angles_look_like_radians(self%measurements)
       if (radians) call refuse_radians(self%measurements, error)
       if (allocated(error)) error%message = prefix//': '//error%message
       if (allocated(error)) return
       call judge_scatter(self%measurements, prefix, self%warnings)
       do i = 1, self%measurements%table%columns
          hint = column_hint(self%measurements%table, i)
-         if (len(hint) > 0) call warn(self%warnings, prefix//': the column '//printable(self%measurements%table%name(i)) &
-            & //' is not read'//hint)
+         if (len(hint) > 0) then
+            call warn(self%warnings, prefix//': the column ' &
+               & //printable(self%measurements%table%name(i))//' is not read'//hint)
+         end if
       end do
       if (self%measurements%n == 1) then
-         call warn(self%warnings, prefix//' has one grain; one modulus cannot determine the constants')
-      else if (allocated(self%class%name) .and. .not. radians .and. self%settings%measurements%orientations == 'known') then
+         call warn(self%warnings, &
+            & prefix//' has one grain; one modulus cannot determine the constants')
+      else if (allocated(self%class%name) .and. .not. radians &
+         & .and. self%settings%measurements%orientations == 'known') then
          hint = ''
-         if (allocated(self%map)) hint = '. If the positions all lie in one grain of the map, check the unit and the origin of ' &
-            & //'x_um and y_um'
+         if (allocated(self%map)) then
+            hint = '. If the positions all lie in one grain of the map, check the unit and the ' &
+               & //'origin of x_um and y_um'
+         end if
          call question_directions(self%measurements, self%class, prefix, hint, self%warnings, error)
          if (allocated(error)) return
       end if
       if (radians) call warn(self%warnings, prefix//like_radians)
-      if (any(self%measurements%sd_gpa > 0.5_wp*self%measurements%modulus_gpa)) call warn(self%warnings, prefix &
-         & //': an sd_gpa is more than half of its modulus_gpa')
+      if (any(self%measurements%sd_gpa > 0.5_wp*self%measurements%modulus_gpa)) then
+         call warn(self%warnings, prefix//': an sd_gpa is more than half of its modulus_gpa')
+      end if
       if (self%measurements%n == 0) return
       share = median(self%measurements%n, self%measurements%sd_gpa/self%measurements%modulus_gpa)
-      if (share > 0.0_wp .and. share < least_share) call warn(self%warnings, prefix//': the sds are '//to_text(100.0_wp*share, 2) &
-         & //' % of the moduli (median); indentation rarely does better than '//to_text(100.0_wp*least_share, 1)//' %. sd_gpa is ' &
-         & //'in GPa: if these are fractions, multiply them by the moduli')
+      if (share > 0.0_wp .and. share < least_share) then
+         call warn(self%warnings, prefix//': the sds are '//to_text(100.0_wp*share, 2) &
+            & //' % of the moduli (median); indentation rarely does better than ' &
+            & //to_text(100.0_wp*least_share, 1) &
+            & //' %. sd_gpa is in GPa: if these are fractions, multiply them by the moduli')
+      end if
    end subroutine question_measurements
 
    !> The resolved namelists: the groups that are there or needed, every variable with its value.
@@ -494,7 +572,8 @@ contains
       class(problem_type), intent(in) :: self
       character(len=:), allocatable :: page
 
-      page = '! Every value of '//printable(self%path)//', defaults included; paths are relative to the folder of that file.' &
-         & //newline//settings_namelist(self%settings, self%needed//' '//self%groups)
+      page = '! Every value of '//printable(self%path) &
+         & //', defaults included; paths are relative to the folder of that file.'//newline &
+         & //settings_namelist(self%settings, self%needed//' '//self%groups)
    end function resolved_text
 end module problem

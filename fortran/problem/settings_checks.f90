@@ -22,84 +22,113 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(settings_list_type) :: list
       !> Variables that ask for speeds, and their groups.
-      character(len=*), parameter :: names(3) = [character(len=14) :: 'velocities', 'velocity_cost', 'velocity_noise'], &
+      character(len=*), parameter :: names(3) = [character(len=14) :: 'velocities', &
+         & 'velocity_cost', 'velocity_noise'], &
          & groups(3) = [character(len=12) :: 'measurements', 'next', 'plan']
       !> What needs orientations, or errors of another kind than are integrated with them.
-      character(len=*), parameter :: unknown_excludes(6) = [character(len=20) :: 'ebsd', 'velocities', 'misalignment_sd_deg', &
-         & 'orientation_sd_deg', 'likelihood', 'scale = ''inferred''']
+      character(len=*), &
+         & parameter :: unknown_excludes(6) = [character(len=20) :: 'ebsd', 'velocities', &
+         & 'misalignment_sd_deg', 'orientation_sd_deg', 'likelihood', 'scale = ''inferred''']
       integer :: k
       logical :: needed, excluded(size(unknown_excludes))
 
       call check_bounds(path, 'domain', class, settings%domain%c_min, settings%domain%c_max, error)
-      if (.not. allocated(error)) call check_bounds(path, 'prior', class, settings%prior%c_min, settings%prior%c_max, error)
-      if (.not. allocated(error)) call check_count(place(path, 'problem', 'reference_gpa'), class, &
-         & settings%problem%reference_gpa, error)
+      if (.not. allocated(error)) then
+         call check_bounds(path, 'prior', class, settings%prior%c_min, settings%prior%c_max, error)
+      end if
+      if (.not. allocated(error)) then
+         call check_count(place(path, 'problem', 'reference_gpa'), class, &
+            & settings%problem%reference_gpa, error)
+      end if
       if (allocated(error)) return
       ! Only what is learnt for all classes needs no symmetry.
-      needed = settings%measurements%given .or. settings%prior%given .or. settings%plan%given .or. &
-         & (settings%surrogate%model == 'paper' .and. (settings%design%given .or. settings%domain%given))
-      if (needed .and. .not. allocated(settings%problem%symmetry)) call refuse(error, place(path, 'problem', 'symmetry') &
-         & //'the variable is missing; allowed '//crystal_class_names())
+      needed = settings%measurements%given .or. settings%prior%given &
+         & .or. settings%plan%given .or. (settings%surrogate%model == 'paper' &
+         & .and. (settings%design%given .or. settings%domain%given))
+      if (needed .and. .not. allocated(settings%problem%symmetry)) then
+         call refuse(error, place(path, 'problem', 'symmetry') &
+            & //'the variable is missing; allowed '//crystal_class_names())
+      end if
       if (settings%plan%given .and. .not. allocated(error)) then
          call check_count(place(path, 'plan', 'constants'), class, settings%plan%constants, error)
          if (allocated(error)) return
          if (any(abs(settings%plan%grains - anint(settings%plan%grains)) > 0.0_wp)) then
-            call refuse(error, place(path, 'plan', 'grains')//'a number of grains is not an integer; allowed 1 to 10000')
+            call refuse(error, place(path, 'plan', 'grains') &
+               & //'a number of grains is not an integer; allowed 1 to 10000')
          else if (.not. is_stable(class%stiffness(settings%plan%constants))) then
-            call refuse(error, place(path, 'plan', 'constants')//'the crystal is not elastically stable; the stiffness must be ' &
-               & //'positive definite')
+            call refuse(error, place(path, 'plan', 'constants') &
+               & //'the crystal is not elastically stable; the stiffness must be positive definite')
          end if
       end if
       if (allocated(error)) return
       list = list_settings(settings)
-      call check_lists(path, list, 'knowledge', [character(len=8) :: 'quantity', 'mean', 'sd'], error)
-      if (allocated(settings%knowledge%source) .and. .not. allocated(error)) call check_lists(path, list, 'knowledge', &
-         & [character(len=8) :: 'quantity', 'source'], error)
-      if (.not. allocated(error)) call check_lists(path, list, 'references', [character(len=12) :: 'name', 'young_gpa', &
-         & 'young_sd_gpa', 'nu'], error)
+      call check_lists(path, list, 'knowledge', &
+         & [character(len=8) :: 'quantity', 'mean', 'sd'], error)
+      if (allocated(settings%knowledge%source) .and. .not. allocated(error)) then
+         call check_lists(path, list, 'knowledge', &
+            & [character(len=8) :: 'quantity', 'source'], error)
+      end if
+      if (.not. allocated(error)) then
+         call check_lists(path, list, 'references', &
+            & [character(len=12) :: 'name', 'young_gpa', 'young_sd_gpa', 'nu'], error)
+      end if
       if (allocated(error)) return
-      k = findloc([allocated(settings%measurements%velocities), allocated(settings%next%velocity_cost), &
-         & allocated(settings%plan%velocity_noise)], .true., dim=1)
-      excluded = [allocated(settings%measurements%ebsd), allocated(settings%measurements%velocities), &
-         & settings%measurements%misalignment_sd_deg > 0.0_wp, settings%measurements%orientation_sd_deg > 0.0_wp, &
+      k = findloc([allocated(settings%measurements%velocities), &
+         & allocated(settings%next%velocity_cost), allocated(settings%plan%velocity_noise)], &
+         & .true., dim=1)
+      excluded = [allocated(settings%measurements%ebsd), &
+         & allocated(settings%measurements%velocities), settings%measurements%misalignment_sd_deg &
+         & > 0.0_wp, settings%measurements%orientation_sd_deg > 0.0_wp, &
          & settings%measurements%likelihood /= 'normal', settings%measurements%scale == 'inferred']
-      associate (design => settings%design, geometry => settings%specimen%geometry, measured => settings%measurements, &
-         & is_bulk => all(['film ', 'grain'] /= settings%specimen%geometry))
-         if (settings%curves%given .and. (allocated(settings%curves%file) .eqv. allocated(settings%curves%files))) then
-            call refuse(error, place(path, 'curves', 'file')//'one of file, a CSV of curves, and files, those of an ' &
-               & //'instrument, is needed')
+      associate (design => settings%design, geometry => settings%specimen%geometry, measured => &
+         & settings%measurements, is_bulk => all(['film ', 'grain'] /= settings%specimen%geometry))
+         if (settings%curves%given &
+            & .and. (allocated(settings%curves%file) .eqv. allocated(settings%curves%files))) then
+            call refuse(error, place(path, 'curves', 'file') &
+               & //'one of file, a CSV of curves, and files, those of an instrument, is needed')
          else if (allocated(measured%ebsd_points) .and. .not. allocated(measured%ebsd)) then
-            call refuse(error, place(path, 'measurements', 'ebsd')//'the variable is missing; ebsd_points needs it')
+            call refuse(error, place(path, 'measurements', 'ebsd') &
+               & //'the variable is missing; ebsd_points needs it')
          else if (allocated(measured%crystal_axes) .and. .not. allocated(measured%ebsd)) then
-            call refuse(error, place(path, 'measurements', 'crystal_axes')//'is only for ebsd, an orientation map; remove it. ' &
-               & //'docs/measurements.md has the axes that the angles of a table refer to')
+            call refuse(error, place(path, 'measurements', 'crystal_axes') &
+               & //'is only for ebsd, an orientation map; remove it. docs/measurements.md has ' &
+               & //'the axes that the angles of a table refer to')
          else if (allocated(measured%texture) .and. measured%orientations /= 'unknown') then
-            call refuse(error, place(path, 'measurements', 'texture')//'is only for grains of unknown orientation; state ' &
-               & //'orientations = ''unknown'', or remove it')
-         else if (abs(measured%student_dof - 4.0_wp) > 0.0_wp .and. measured%likelihood /= 'student') then
-            call refuse(error, place(path, 'measurements', 'student_dof')//'is only for likelihood = ''student''; state that, or ' &
-               & //'remove it')
+            call refuse(error, place(path, 'measurements', 'texture')//'is only for grains of ' &
+               & //'unknown orientation; state orientations = ''unknown'', or remove it')
+         else if (abs(measured%student_dof - 4.0_wp) > 0.0_wp &
+            & .and. measured%likelihood /= 'student') then
+            call refuse(error, place(path, 'measurements', 'student_dof') &
+               & //'is only for likelihood = ''student''; state that, or remove it')
          else if (measured%orientations == 'unknown' .and. any(excluded)) then
-            call refuse(error, place(path, 'measurements', 'orientations')//'''unknown'' cannot be combined with ' &
+            call refuse(error, place(path, 'measurements', 'orientations') &
+               & //'''unknown'' cannot be combined with ' &
                & //trim(unknown_excludes(findloc(excluded, .true., dim=1)))//'; remove one of them')
          else if (k > 0 .and. .not. is_bulk) then
-            call refuse(error, place(path, trim(groups(k)), trim(names(k)))//'speeds are computed for a bulk sample, but ' &
-               & //'geometry is '''//geometry//'''; remove '//trim(names(k))//', or infer the constants from speeds and moduli ' &
-               & //'of a bulk sample')
+            call refuse(error, place(path, trim(groups(k)), trim(names(k))) &
+               & //'speeds are computed for a bulk sample, but geometry is ''' &
+               & //geometry//'''; remove '//trim(names(k)) &
+               & //', or infer the constants from speeds and moduli of a bulk sample')
          else if (k > 0 .and. .not. allocated(settings%problem%density_kg_m3)) then
-            call refuse(error, place(path, 'problem', 'density_kg_m3')//'the variable is missing; &'//trim(groups(k))//' ' &
-               & //trim(names(k))//' needs it (allowed 10 to 1e5 kg/m3)')
-         else if (allocated(settings%indenter%depth_um) .and. allocated(settings%indenter%contact_radius_um)) then
-            call refuse(error, place(path, 'indenter', 'depth_um')//'the last point is stated twice, by depth_um and by ' &
-               & //'contact_radius_um; one of them is allowed')
-         else if (len(settings%specimen%estimator) == 0 .and. measured%given .and. .not. is_bulk) then
-            call refuse(error, place(path, 'specimen', 'estimator')//'the variable is missing; how does the instrument compute ' &
-               & //'the modulus? Allowed: ''curve'' (fit of force against depth^1.5), ''stiffness'' (S/(2 a), S the contact ' &
-               & //'stiffness dP/dh, a the true contact radius), ''stiffness_hertz'' (S/(2 a), a = sqrt(R h))')
-         else if (settings%surrogate%file == 'halfspace' .and. (measured%given .or. settings%plan%given) .and. geometry &
-            & /= 'halfspace') then
-            call refuse(error, place(path, 'surrogate', 'file')//'''halfspace'' is the theory of a bulk sample, but geometry ' &
-               & //'is '''//geometry//'''; state &design to train a surrogate of it, or the name of one')
+            call refuse(error, place(path, 'problem', 'density_kg_m3') &
+               & //'the variable is missing; &'//trim(groups(k))//' '//trim(names(k)) &
+               & //' needs it (allowed 10 to 1e5 kg/m3)')
+         else if (allocated(settings%indenter%depth_um) &
+            & .and. allocated(settings%indenter%contact_radius_um)) then
+            call refuse(error, place(path, 'indenter', 'depth_um')//'the last point is stated ' &
+               & //'twice, by depth_um and by contact_radius_um; one of them is allowed')
+         else if (len(settings%specimen%estimator) == 0 .and. measured%given &
+            & .and. .not. is_bulk) then
+            call refuse(error, &
+               & place(path, 'specimen', 'estimator')//'the variable is missing; how does the ' &
+               & //'instrument compute the modulus? Allowed: ''curve'' (fit of force against ' &
+               & //'depth^1.5), ''stiffness'' (S/(2 a), S the contact stiffness dP/dh, a the ' &
+               & //'true contact radius), ''stiffness_hertz'' (S/(2 a), a = sqrt(R h))')
+         else if (settings%surrogate%file == 'halfspace' &
+            & .and. (measured%given .or. settings%plan%given) .and. geometry/= 'halfspace') then
+            call refuse(error, place(path, 'surrogate', 'file') &
+               & //'''halfspace'' is the theory of a bulk sample, but geometry is '''//geometry &
+               & //'''; state &design to train a surrogate of it, or the name of one')
          else if (design%initial > design%budget) then
             call refuse(error, place(path, 'design', 'initial')//to_text(design%initial) &
                & //' is more than the budget; allowed 0 to '//to_text(design%budget))
@@ -110,7 +139,8 @@ contains
       end associate
    end subroutine check_settings
 
-   !> c_min below c_max, or in &prior the same, and a stable crystal between them; each may be unset.
+   !> c_min below c_max, or in &prior the same, and a stable crystal between them; each may be
+   !> unset.
    subroutine check_bounds(path, group, class, low, high, error)
       character(len=*), intent(in) :: path, group
       type(crystal_class_type), intent(in) :: class
@@ -125,13 +155,19 @@ contains
       if (allocated(error) .or. .not. (allocated(low) .and. allocated(high))) return
       ! A prior whose bounds are equal fixes a constant.
       i = findloc(low > high .or. (group == 'domain' .and. .not. low < high), .true., dim=1)
-      if (i > 0) call refuse(error, place(path, group, 'c_min')//'the lower bound of '//class%constants(i)//', ' &
-         & //to_text(low(i))//' GPa, is not below the upper one, '//to_text(high(i))//' GPa')
+      if (i > 0) then
+         call refuse(error, place(path, group, 'c_min')//'the lower bound of '//class%constants(i) &
+            & //', '//to_text(low(i))//' GPa, is not below the upper one, ' &
+            & //to_text(high(i))//' GPa')
+      end if
       if (allocated(error)) return
       ! The most stable crystal of the box: large on the diagonal, small off it.
-      best = merge(high, max(low, min(high, 0.0_wp)), class%constants(:)(2:2) == class%constants(:)(3:3))
-      if (.not. is_stable(class%stiffness(best))) call refuse(error, place(path, group, 'c_max')//'no crystal between c_min and ' &
-         & //'c_max is elastically stable; the stiffness must be positive definite')
+      best = merge(high, max(low, min(high, 0.0_wp)), &
+         & class%constants(:)(2:2) == class%constants(:)(3:3))
+      if (.not. is_stable(class%stiffness(best))) then
+         call refuse(error, place(path, group, 'c_max')//'no crystal between c_min and c_max is ' &
+            & //'elastically stable; the stiffness must be positive definite')
+      end if
    end subroutine check_bounds
 
    !> A value for each constant, or none.
@@ -148,7 +184,8 @@ contains
       else if (size(values) /= size(class%constants)) then
          found = to_text(size(values))//' values'
          if (size(values) == 1) found = 'one value'
-         call refuse(error, prefix//found//'; '//to_text(class%n_constants)//' are needed: '//join(class%constants, ', '))
+         call refuse(error, prefix//found//'; '//to_text(class%n_constants)//' are needed: ' &
+            & //join(class%constants, ', '))
       end if
    end subroutine check_count
 
@@ -172,10 +209,12 @@ contains
       j = findloc(sizes == sizes(i), .false., dim=1)
       if (j == 0) return
       if (sizes(j) == 0) then
-         call refuse(error, place(path, group, trim(names(j)))//'the variable is missing; '//trim(names(i))//' needs it')
+         call refuse(error, place(path, group, trim(names(j)))//'the variable is missing; ' &
+            & //trim(names(i))//' needs it')
       else
-         call refuse(error, place(path, group, trim(names(j)))//'the number of values is '//to_text(sizes(j))//', that of ' &
-            & //trim(names(i))//' is '//to_text(sizes(i))//'; each '//trim(names(1))//' needs '//join(names(2:), ', '))
+         call refuse(error, place(path, group, trim(names(j)))//'the number of values is ' &
+            & //to_text(sizes(j))//', that of '//trim(names(i))//' is '//to_text(sizes(i)) &
+            & //'; each '//trim(names(1))//' needs '//join(names(2:), ', '))
       end if
    end subroutine check_lists
 end module settings_checks

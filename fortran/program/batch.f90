@@ -17,7 +17,8 @@ program batch
    use version, only: installed_data, package_version, shipped_surrogates
    implicit none
 
-   character(len=*), parameter :: usage = 'usage: bayesindent-batch FILE.nml [--stage NAME] [--output DIR] [--check]'
+   character(len=*), parameter :: usage = 'usage: bayesindent-batch FILE.nml [--stage NAME] ' &
+      & //'[--output DIR] [--check]'
    character(len=:), allocatable :: path, output, command
    logical :: check_only
 
@@ -27,7 +28,8 @@ program batch
          import :: c_int
          integer(c_int), value :: status
       end subroutine end_process
-      !> Have the vector kernels of OpenBLAS that fit this processor, and one thread, in this program or the same one started once more.
+      !> Have the vector kernels of OpenBLAS that fit this processor, and one thread, in this
+      !> program or the same one started once more.
       subroutine settle_blas() bind(c, name='bayesindent_settle_blas')
       end subroutine settle_blas
       subroutine c_data_folder(installed, folder, size) bind(c, name='bayesindent_data_folder')
@@ -103,17 +105,24 @@ contains
       integer :: i
 
       call read_problem(path, command, '', .false., self, error)
-      if (.not. allocated(error) .and. allocated(self%table_file)) call refuse(error, place(path, 'measurements', 'file') &
-         & //printable(self%settings%measurements%file)//': a spreadsheet is read by bayesindent, not by bayesindent-batch; save ' &
-         & //'its sheet as CSV')
-      if (.not. allocated(error) .and. allocated(self%map)) call refuse(error, place(path, 'measurements', 'ebsd') &
-         & //printable(self%settings%measurements%ebsd)//': an orientation map is read by bayesindent, not by ' &
-         & //'bayesindent-batch, which needs the orientations as columns')
-      if (.not. allocated(error) .and. allocated(self%settings%curves%files)) call refuse(error, place(path, 'curves', 'files') &
-         & //'files of instruments are read by bayesindent, not by bayesindent-batch; state file, a CSV of the curves')
+      if (.not. allocated(error) .and. allocated(self%table_file)) then
+         call refuse(error, place(path, 'measurements', 'file') &
+            & //printable(self%settings%measurements%file)//': a spreadsheet is read by ' &
+            & //'bayesindent, not by bayesindent-batch; save its sheet as CSV')
+      end if
+      if (.not. allocated(error) .and. allocated(self%map)) then
+         call refuse(error, place(path, 'measurements', 'ebsd') &
+            & //printable(self%settings%measurements%ebsd)//': an orientation map is read by ' &
+            & //'bayesindent, not by bayesindent-batch, which needs the orientations as columns')
+      end if
+      if (.not. allocated(error) .and. allocated(self%settings%curves%files)) then
+         call refuse(error, place(path, 'curves', 'files')//'files of instruments are read by ' &
+            & //'bayesindent, not by bayesindent-batch; state file, a CSV of the curves')
+      end if
       call stop_on(error)
       call print_lines('warning: ', self%warnings, error_stream)
-      ! A function of deferred length in a structure constructor makes gfortran 12 allocate one byte for it.
+      ! A function of deferred length in a structure constructor makes gfortran 12 allocate one byte
+      ! for it.
       places%output = output//'/'
       places%folder = self%folder
       call c_data_folder(installed_data//c_null_char, folder, len(folder))
@@ -199,11 +208,12 @@ contains
 
    subroutine print_help()
       character(len=*), parameter :: lines(19) = [character(len=120) :: usage, '', &
-         & 'The computing stages of a namelist file, without Python:', &
-         & '  &crystals      indents the crystals: campaign.sqlite, moduli.csv, curves.csv; and theory.csv', &
-         & '  &design        chooses simulations, performs and learns them: campaign.sqlite, surrogate.txt, build.json', &
-         & '  &plan          says how well the constants would be known before anything is measured: plan.json', &
-         & '  &curves        infers moduli from measured curves: measurements.csv, shared_errors.csv, fits.csv, curves.json', &
+         & 'The computing stages of a namelist file, without Python:', '  &crystals      indents ' &
+         & //'the crystals: campaign.sqlite, moduli.csv, curves.csv; and theory.csv', &
+         & '  &design        chooses simulations, performs and learns them: campaign.sqlite, ' &
+         & //'surrogate.txt, build.json', '  &plan          says how well the constants would be ' &
+         & //'known before anything is measured: plan.json', '  &curves        infers moduli ' &
+         & //'from measured curves: measurements.csv, shared_errors.csv, fits.csv, curves.json', &
          & '  &measurements  samples the constants: posterior.csv, posterior.bin, summary.json', &
          & '  &next          ranks the grains to measure next: next.json', &
          & 'bayesindent report DIR makes the page of results.', '', &
@@ -211,8 +221,8 @@ contains
          & '  --output DIR  folder of the results (default runs/<stem of the file>)', &
          & '  --check       only say whether the file, and what it names, is right', &
          & '  --schema      print the page of all groups and variables', &
-         & '  --version     print the version', '', &
-         & 'exit status: 0 done, perhaps with warnings; 2 bad input; 3 done, but the result cannot be used; 1 anything else; ', &
+         & '  --version     print the version', '', 'exit status: 0 done, perhaps with warnings; ' &
+         & //'2 bad input; 3 done, but the result cannot be used; 1 anything else; ', &
          & '128 + N stopped by signal N (run it again to go on).']
 
       call print_line(output_stream, join(lines, newline))

@@ -13,7 +13,8 @@ module simulation_loop
 
 contains
 
-   !> Have all simulations made that a stage wants. An error starts no more; what is under way is still taken.
+   !> Have all simulations made that a stage wants. An error starts no more; what is under way is
+   !> still taken.
    subroutine simulate_all(stage, error)
       class(stage_type), intent(inout) :: stage
       type(error_type), allocatable, intent(out) :: error
@@ -27,7 +28,8 @@ contains
          call stage%want(error)
          if (allocated(error) .or. size(stage%jobs) == 0) exit
          stopped = .false.
-         !$omp parallel do num_threads(thread_count(stage%problem%settings%execution%workers)) schedule(dynamic, 1)
+         !$omp parallel do num_threads(thread_count(stage%problem%settings%execution%workers)) &
+         !$omp & schedule(dynamic, 1)
          do i = 1, size(stage%jobs)
             call simulate_one(i)
          end do

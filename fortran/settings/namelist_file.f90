@@ -1,21 +1,25 @@
-!> The syntax of namelist files: text to a list of (group, variable, values), with refusals that name file, group and line.
+!> The syntax of namelist files: text to a list of (group, variable, values), with refusals that
+!> name file, group and line.
 !>
-!> gfortran's own namelist READ reports a missing group, a missing slash and a wrong type all as end of file, and passes
-!> duplicates and NaN in silence. This parser knows syntax alone; what the names mean is in `settings_schema`.
+!> gfortran's own namelist READ reports a missing group, a missing slash and a wrong type all as end
+!> of file, and passes duplicates and NaN in silence. This parser knows syntax alone; what the names
+!> mean is in `settings_schema`.
 module namelist_file
    use errors, only: error_type, exit_bad_input, raise, warning_type
    use files, only: printable, read_text_file
    use text, only: lower, newline, read_integer, to_text
    implicit none
    private
-   public :: entry_type, value_type, read_namelist_file, replace_entries, parse_namelist, find_entry, place
+   public :: entry_type, value_type, read_namelist_file, replace_entries, parse_namelist, &
+      & find_entry, place
 
    !> One value as written: a quoted text without its quotes, or a bare word.
    type, extends(warning_type) :: value_type
       logical :: quoted = .false.
    end type value_type
 
-   !> `name = values` of a group; names in lower case. Of the group itself, an empty one too, the name is '', and there are no values.
+   !> `name = values` of a group; names in lower case. Of the group itself, an empty one too, the
+   !> name is '', and there are no values.
    type :: entry_type
       character(len=:), allocatable :: group, name
       integer :: line = 0
@@ -32,13 +36,14 @@ module namelist_file
 
    character(len=*), parameter :: blanks = ' '//achar(9)//achar(13)
    character(len=*), parameter :: letters = 'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_'
-   !> More repetitions and values than any array of ours has elements are refused before they are made; and more groups and variables,
-   !> which are no input of ours.
+   !> More repetitions and values than any array of ours has elements are refused before they are
+   !> made; and more groups and variables, which are no input of ours.
    integer, parameter :: most_repeats = 10000, most_values = most_repeats, most_names = 2000
 
 contains
 
-   !> 'FILE: &group name: ', the beginning of every message about an input; group and name may be ''.
+   !> 'FILE: &group name: ', the beginning of every message about an input; group and name may be
+   !> ''.
    pure function place(path, group, name) result(prefix)
       character(len=*), intent(in) :: path, group, name
       character(len=:), allocatable :: prefix
@@ -74,7 +79,8 @@ contains
       end do
    end subroutine replace_entries
 
-   !> The place of a variable among entries, or of a group, whose `name` is ''; 0 if it is not there.
+   !> The place of a variable among entries, or of a group, whose `name` is ''; 0 if it is not
+   !> there.
    pure integer function find_entry(entries, group, name) result(i)
       type(entry_type), intent(in) :: entries(:)
       character(len=*), intent(in) :: group, name
@@ -103,8 +109,10 @@ contains
       end do
       call move_alloc(parser%file, file)
       call move_alloc(parser%error, error)
-      if (.not. allocated(error) .and. size(file) == 0) call raise(error, path &
-         & //': the file holds no namelist group, only comments', exit_bad_input)
+      if (.not. allocated(error) .and. size(file) == 0) then
+         call raise(error, path//': the file holds no namelist group, only comments', &
+            & exit_bad_input)
+      end if
    end subroutine parse_namelist
 
    subroutine parse_group(parser)
@@ -117,8 +125,10 @@ contains
       if (peek(parser) /= '&') then
          ! Not what stands there: the file may be no namelist, and nobody's business.
          words = 'text stands before the first group; a group begins with &name'
-         if (len(parser%group) > 0) words = rest_of_line(parser)//' follows the / that ends the group; &name begins the next one ' &
-            & //'(a text that holds / must be in quotes)'
+         if (len(parser%group) > 0) then
+            words = rest_of_line(parser)//' follows the / that ends the group; &name begins the ' &
+               & //'next one (a text that holds / must be in quotes)'
+         end if
          call refuse(parser, words, line)
          return
       end if
@@ -134,8 +144,10 @@ contains
       found%line = line
       call add_entry(parser, found)
       if (allocated(parser%error)) return
-      if (index(blanks//newline//'/!', peek(parser)) == 0) call refuse(parser, 'a blank must follow the name of a group, not ' &
-         & //rest_of_line(parser), line)
+      if (index(blanks//newline//'/!', peek(parser)) == 0) then
+         call refuse(parser, 'a blank must follow the name of a group, not ' &
+            & //rest_of_line(parser), line)
+      end if
       do while (.not. allocated(parser%error))
          call skip_blanks(parser)
          select case (peek(parser))
@@ -146,7 +158,8 @@ contains
             parser%at = parser%at + 1
             call take_name(parser, name)
             if (name == 'end') return
-            call refuse(parser, 'the / that ends the group is missing (the group begins on line '//to_text(line)//')')
+            call refuse(parser, 'the / that ends the group is missing (the group begins on line ' &
+               & //to_text(line)//')')
          case (',')
             call refuse(parser, 'a comma where a name must be', parser%line)
          case default
@@ -170,10 +183,11 @@ contains
       if (len(entry%name) == 0) then
          call refuse(parser, here//' is not understood; name = value is needed', entry%line)
       else if (scan(peek(parser), '(%') > 0) then
-         call refuse(parser, 'parts of a variable cannot be set; give all its values: '//printable(entry%name)//' = a, b, c', &
-            & entry%line)
+         call refuse(parser, 'parts of a variable cannot be set; give all its values: ' &
+            & //printable(entry%name)//' = a, b, c', entry%line)
       else if (peek(parser) /= '=') then
-         call refuse(parser, 'no = after the name in '//here//'; name = value is needed', entry%line)
+         call refuse(parser, &
+            & 'no = after the name in '//here//'; name = value is needed', entry%line)
       end if
       if (allocated(parser%error)) return
       parser%at = parser%at + 1
@@ -189,9 +203,14 @@ contains
       integer :: i
 
       i = find_entry(parser%file, entry%group, entry%name)
-      if (i > 0) call refuse(parser, 'the '//trim(merge('group   ', 'variable', len(entry%name) == 0))//' is there twice, on ' &
-         & //'lines '//to_text(parser%file(i)%line)//' and '//to_text(entry%line)//'; once is allowed')
-      if (size(parser%file) == most_names) call refuse(parser, 'more than '//to_text(most_names)//' groups and variables')
+      if (i > 0) then
+         call refuse(parser, 'the '//trim(merge('group   ', 'variable', len(entry%name) == 0)) &
+            & //' is there twice, on lines '//to_text(parser%file(i)%line)//' and ' &
+            & //to_text(entry%line)//'; once is allowed')
+      end if
+      if (size(parser%file) == most_names) then
+         call refuse(parser, 'more than '//to_text(most_names)//' groups and variables')
+      end if
       parser%file = [parser%file, entry]
    end subroutine add_entry
 
@@ -236,7 +255,9 @@ contains
             call take_repeats(parser, value, repeats)
          end select
          if (allocated(parser%error)) return
-         if (size(entry%values) + repeats > most_values) call refuse(parser, 'more than '//to_text(most_values)//' values')
+         if (size(entry%values) + repeats > most_values) then
+            call refuse(parser, 'more than '//to_text(most_values)//' values')
+         end if
          if (allocated(parser%error)) return
          entry%values = [entry%values, (value, i=1, repeats)]
          needs_value = .false.
@@ -258,8 +279,10 @@ contains
       count = value%text(:star - 1)
       if (star < 2 .or. verify(count, '0123456789') > 0) return
       call read_integer(count, repeats, outcome)
-      if (repeats < 1 .or. repeats > most_repeats) call refuse(parser, 'the repeat count of ' &
-         & //printable(value%text)//' is out of range; allowed 1 to '//to_text(most_repeats))
+      if (repeats < 1 .or. repeats > most_repeats) then
+         call refuse(parser, 'the repeat count of '//printable(value%text) &
+            & //' is out of range; allowed 1 to '//to_text(most_repeats))
+      end if
       if (allocated(parser%error)) return
       value%text = value%text(star + 1:)
       if (len(value%text) > 0) return
@@ -305,7 +328,8 @@ contains
 
       name = ''
       if (index(letters, peek(parser)) == 0) return
-      name = lower(parser%text(parser%at:parser%at + verify(parser%text(parser%at:), letters//'0123456789') - 2))
+      name = lower(parser%text(parser%at:parser%at &
+         & + verify(parser%text(parser%at:), letters//'0123456789') - 2))
       parser%at = parser%at + len(name)
    end subroutine take_name
 

@@ -1,15 +1,17 @@
-!> The variables of the settings with their values as a namelist has them: read, listed, written and compared in this one form.
+!> The variables of the settings with their values as a namelist has them: read, listed, written and
+!> compared in this one form.
 !>
-!> `settings_schema`, which is made of docs/namelists.md, adds each group and variable, with what variable_type says of `kind`,
-!> `default`, `allowed`, `unit` and `meaning`, and turns components into texts and back.
+!> `settings_schema`, which is made of docs/namelists.md, adds each group and variable, with what
+!> variable_type says of `kind`, `default`, `allowed`, `unit` and `meaning`, and turns components
+!> into texts and back.
 module settings_list
    use kinds, only: wp
    use namelist_file, only: value_type
    use text, only: number_text, read_real
    implicit none
    private
-   public :: settings_list_type, group_type, variable_type, is_text, text_values, real_values, real_of, name_of, longest_item, &
-      & new_variable
+   public :: settings_list_type, group_type, variable_type, is_text, text_values, real_values, &
+      & real_of, name_of, longest_item, new_variable
 
    !> Bytes of a text in a list: the name of a quantity, or of a column with its header.
    integer, parameter :: longest_item = 128
@@ -22,8 +24,9 @@ module settings_list
 
    type :: variable_type
       character(len=:), allocatable :: group, name
-      !> As the page has it: 'integer', 'real', 'logical', 'text', 'choice' of some words, 'file' that must exist, 'choice or file', or
-      !> 'real for each constant', 'list of reals', 'list of texts'.
+      !> As the page has it: 'integer', 'real', 'logical', 'text', 'choice' of some words, 'file'
+      !> that must exist, 'choice or file', or 'real for each constant', 'list of reals', 'list of
+      !> texts'.
       character(len=:), allocatable :: kind
       !> Namelist text; '*' is required; 'unset' has no value.
       character(len=:), allocatable :: default
@@ -42,7 +45,8 @@ module settings_list
 contains
 
    !> A variable of a `group`, without values.
-   pure type(variable_type) function new_variable(group, name, kind, default, allowed, unit, meaning) result(v)
+   pure type(variable_type) function new_variable(group, name, kind, default, allowed, unit, &
+      & meaning) result(v)
       character(len=*), intent(in) :: group, name, kind, default, allowed, unit, meaning
 
       v = variable_type(group, name, kind, default, allowed, unit, meaning)

@@ -21,8 +21,8 @@ module settings_reader
 
 contains
 
-   !> Read the settings of a namelist. `needed`: groups that are as if given, separated by blanks, because of `command`, which is ''
-   !> where tables come as arrays, so that no file is required.
+   !> Read the settings of a namelist. `needed`: groups that are as if given, separated by blanks,
+   !> because of `command`, which is '' where tables come as arrays, so that no file is required.
    subroutine read_settings(path, file, command, needed, settings, error)
       character(len=*), intent(in) :: path
       type(entry_type), intent(in) :: file(:)
@@ -46,14 +46,18 @@ contains
             if (allocated(v%values) .or. allocated(missing) .or. v%default /= '*') cycle
             if (len(command) == 0 .and. v%kind == 'file') cycle
             ! Curves give the measurements; a plan makes them up; speeds take their place.
-            if (v%group == 'measurements' .and. find_entry(file, 'curves', '') + find_entry(file, 'plan', '') &
-               & + find_entry(file, 'measurements', 'velocities') > 0) cycle
+            if (v%group == 'measurements' .and. find_entry(file, 'curves', '') + find_entry(file, &
+               & 'plan', '') + find_entry(file, 'measurements', 'velocities') > 0) then
+               cycle
+            end if
             if (find_entry(file, v%group, '') > 0) then
-               call refuse(missing, place(path, v%group, v%name)//'the variable is missing; '//v%meaning//allowed_part(v))
+               call refuse(missing, place(path, v%group, v%name)//'the variable is missing; ' &
+                  & //v%meaning//allowed_part(v))
             else if (index(' '//needed//' ', ' '//v%group//' ') > 0) then
                reason = command
                if (v%group == 'problem') reason = 'every file'
-               call refuse(missing, place(path, v%group, '')//'the group is missing; '//reason//' needs it')
+               call refuse(missing, &
+                  & place(path, v%group, '')//'the group is missing; '//reason//' needs it')
             end if
          end associate
       end do
@@ -78,8 +82,8 @@ contains
             names = names//', &'//schema%groups(j)%name
          end do
          if (j <= size(schema%groups)) cycle
-         call refuse(error, place(path, file(i)%group, '')//'unknown group'//suggestion('&'//file(i)%group, names(3:)) &
-            & //'; allowed: '//names(3:))
+         call refuse(error, place(path, file(i)%group, '')//'unknown group' &
+            & //suggestion('&'//file(i)%group, names(3:))//'; allowed: '//names(3:))
          return
       end do
       do i = 1, size(file)
@@ -91,12 +95,15 @@ contains
                associate (v => schema%variables(j))
                   if (v%group == entry%group .and. v%name == entry%name) exit
                   if (v%group == entry%group) names = names//', '//v%name
-                  if (v%name == entry%name .and. len(near) == 0) near = ', did you mean '//v%name//' of &'//v%group//'?'
+                  if (v%name == entry%name .and. len(near) == 0) then
+                     near = ', did you mean '//v%name//' of &'//v%group//'?'
+                  end if
                end associate
             end do
             if (j <= size(schema%variables)) cycle
             if (len(suggestion(entry%name, names(3:))) > 0) near = suggestion(entry%name, names(3:))
-            call refuse(error, place(path, entry%group, entry%name)//'unknown variable'//near//'; allowed: '//names(3:))
+            call refuse(error, place(path, entry%group, entry%name)//'unknown variable'//near &
+               & //'; allowed: '//names(3:))
             return
          end associate
       end do
@@ -115,13 +122,17 @@ contains
       if (allocated(variable%values)) deallocate (variable%values)
       i = find_entry(file, variable%group, variable%name)
       if (i == 0) then
-         if (variable%default /= '*' .and. variable%default /= 'unset') variable%values = text_values([variable%default])
+         if (variable%default /= '*' .and. variable%default /= 'unset') then
+            variable%values = text_values([variable%default])
+         end if
          return
       end if
       variable%values = file(i)%values
       message = ''
-      if (index(variable%kind, 'list') + index(variable%kind, 'each') == 0 .and. size(variable%values) > 1) message = &
-         & to_text(size(variable%values))//' values; one is needed'//allowed_part(variable)
+      if (index(variable%kind, 'list') + index(variable%kind, 'each') == 0 &
+         & .and. size(variable%values) > 1) then
+         message = to_text(size(variable%values))//' values; one is needed'//allowed_part(variable)
+      end if
       do j = 1, size(variable%values)
          if (len(message) > 0) exit
          if (is_text(variable)) then
@@ -145,11 +156,13 @@ contains
          if (.not. value%quoted) then
             message = printable(string)//' is not in quotes; a text is needed'//allowed_part(v)
             ! The first bytes of these signs in UTF-8.
-            if (index(string, char(226)//char(128)) == 1) message = 'curly quotes stand around '//printable(string) &
-               & //'; straight quotes are needed, ''..'''
+            if (index(string, char(226)//char(128)) == 1) then
+               message = 'curly quotes stand around '//printable(string) &
+                  & //'; straight quotes are needed, ''..'''
+            end if
          else if (len(string) > longest) then
-            message = 'the text has '//to_text(len(string))//' bytes ('''//printable(string)//'''); at most ' &
-               & //to_text(longest)//' are allowed'
+            message = 'the text has '//to_text(len(string))//' bytes ('''//printable(string) &
+               & //'''); at most '//to_text(longest)//' are allowed'
          else if (any([(iachar(string(i:i)) < 32, i=1, len(string))])) then
             message = ''''//printable(string)//''' holds a control character; plain text is allowed'
          else if (v%kind == 'file' .and. len_trim(string) == 0) then
@@ -173,8 +186,12 @@ contains
       real(wp) :: number
       integer :: outcome
 
-      noun = trim(merge('an integer', merge('a logical ', 'a number  ', v%kind == 'logical'), v%kind == 'integer'))
-      if (value%quoted) message = 'the text '''//printable(value%text)//''' stands where '//noun//' is needed'//allowed_part(v)
+      noun = trim(merge('an integer', merge('a logical ', 'a number  ', v%kind == 'logical'), &
+         & v%kind == 'integer'))
+      if (value%quoted) then
+         message = 'the text '''//printable(value%text)//''' stands where '//noun//' is needed' &
+            & //allowed_part(v)
+      end if
       if (value%quoted) return
       if (v%kind == 'logical') then
          select case (lower(value%text))
@@ -188,7 +205,8 @@ contains
          return
       end if
       call read_real(value%text, number, outcome)
-      if (outcome == number_malformed .or. (v%kind == 'integer' .and. abs(number - anint(number)) > 0.0_wp)) then
+      if (outcome == number_malformed &
+         & .or. (v%kind == 'integer' .and. abs(number - anint(number)) > 0.0_wp)) then
          message = printable(value%text)//' is not '//noun//allowed_part(v)
       else if (outcome /= number_ok .and. verify(value%text, '+-0123456789') > 0) then
          message = printable(value%text)//' is not a finite number'//allowed_part(v)
@@ -236,7 +254,9 @@ contains
          if (index(' '//needed//' ', ' '//list%groups(i)%name//' ') == 0) cycle
          page = page//newline//'&'//list%groups(i)%name//newline
          do j = 1, size(list%variables)
-            if (list%variables(j)%group == list%groups(i)%name) page = page//line_of(list%variables(j))//newline
+            if (list%variables(j)%group == list%groups(i)%name) then
+               page = page//line_of(list%variables(j))//newline
+            end if
          end do
          page = page//'/'//newline
       end do
@@ -261,7 +281,8 @@ contains
       if (len(variable%unit) > 0) line = line//' ! '//variable%unit
    end function line_of
 
-   !> Add all settings to named values, 'group.variable', each a list of texts; what is unset is not there.
+   !> Add all settings to named values, 'group.variable', each a list of texts; what is unset is not
+   !> there.
    subroutine put_settings(settings, values)
       type(settings_type), intent(in) :: settings
       type(named_values_type), intent(inout) :: values

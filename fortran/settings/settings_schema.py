@@ -1,14 +1,21 @@
-"""settings_schema.f90 from docs/namelists.md: the types of the settings, and the table of all variables, of which the page is the only list.
+"""settings_schema.f90 from docs/namelists.md: the types of the settings, and the table of all
+variables, of which the page is the only list.
 
-A type for each group has a component for each variable, named as the variable; numbers are zero until they are read, and an allocatable component
-that is not allocated is unset.
+A type for each group has a component for each variable, named as the variable; numbers are zero
+until they are read, and an allocatable component that is not allocated is unset.
 """
 
 import sys
 from pathlib import Path
 
-TEXT, TEXTS, REAL, REALS = "character(len=:), allocatable", "character(len=longest_item), allocatable", "real(wp)", "real(wp), allocatable"
-#: What a component of each Fortran type is until it is read; its values as texts; and it from these.
+TEXT, TEXTS, REAL, REALS = (
+    "character(len=:), allocatable",
+    "character(len=longest_item), allocatable",
+    "real(wp)",
+    "real(wp), allocatable",
+)
+#: What a component of each Fortran type is until it is read; its values as texts; and it from
+#: these.
 COMPONENTS = {
     "integer": (" = 0", "text_values([to_text({})])", "nint(real_of({}(1)))"),
     "logical": (" = .false.", "text_values([to_text({})])", "{}(1)%text == '.true.'"),
@@ -85,7 +92,10 @@ def module(page: str) -> str:
     for number, line in enumerate(lines):
         if line.startswith("## `&"):
             group = line[5:-1]
-            types += [f"   type, public :: {group}_settings_type", "      logical :: given = .false."]
+            types += [
+                f"   type, public :: {group}_settings_type",
+                "      logical :: given = .false.",
+            ]
             place = len(table) - n + 1
             table += [f"      list%groups({place})%name = {text(group)}"]
             taken += [f"         g({place})%given = s%{group}%given"]
@@ -98,7 +108,10 @@ def module(page: str) -> str:
                 declared, start = f"{declared}, allocatable", ""
             types += [f"      {declared} :: {name}{start}"]
             words = ", &\n         & ".join(map(text, (default, allowed, unit, meaning)))
-            table += [f"      list%variables({n}) = new_variable({text(group)}, {text(name)}, {text(kind)}, &\n         & {words})"]
+            table += [
+                f"      list%variables({n}) = new_variable({text(group)}, {text(name)}, "
+                f"{text(kind)}, &\n         & {words})"
+            ]
             component, values = f"s%{group}%{name}", f"v({n})%values"
             known = f"if (allocated({component})) " if "allocatable" in declared else ""
             taken += [f"         {known}{values} = {texts.format(component)}"]
@@ -106,7 +119,12 @@ def module(page: str) -> str:
             if not lines[number + 1]:
                 types += [f"   end type {group}_settings_type", ""]
     groups = [line[5:-1] for line in lines if line.startswith("## `&")]
-    types += ["   type, public :: settings_type", *(f"      type({name}_settings_type) :: {name}" for name in groups), "   end type", ""]
+    types += [
+        "   type, public :: settings_type",
+        *(f"      type({name}_settings_type) :: {name}" for name in groups),
+        "   end type",
+        "",
+    ]
     return MODULE.format(
         types="\n".join(types),
         n_groups=len(groups),
@@ -119,4 +137,6 @@ def module(page: str) -> str:
 
 
 if __name__ == "__main__":
-    Path(sys.argv[2]).write_text(module(Path(sys.argv[1]).read_text(encoding="utf-8") + "\n"), encoding="utf-8")
+    Path(sys.argv[2]).write_text(
+        module(Path(sys.argv[1]).read_text(encoding="utf-8") + "\n"), encoding="utf-8"
+    )

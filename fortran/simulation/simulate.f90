@@ -1,19 +1,21 @@
-!> What &specimen, &indenter and &simulation ask for, behind one interface: one crystal in, its indentation modulus and curve out.
+!> What &specimen, &indenter and &simulation ask for, behind one interface: one crystal in, its
+!> indentation modulus and curve out.
 !>
-!> A crystal that cannot be simulated is an outcome with its message. Bad input, and what the machine could not do, are errors: they
-!> say nothing about the crystal.
+!> A crystal that cannot be simulated is an outcome with its message. Bad input, and what the
+!> machine could not do, are errors: they say nothing about the crystal.
 !>
-!> What makes two simulations the same physics is one line of JSON, keys sorted, under which campaigns store their results.
+!> What makes two simulations the same physics is one line of JSON, keys sorted, under which
+!> campaigns store their results.
 !>
-!> It has the variables of &specimen, &indenter and &simulation that the simulation reads. Stored texts are compared as they are: what
-!> changes here orphans every campaign.
+!> It has the variables of &specimen, &indenter and &simulation that the simulation reads. Stored
+!> texts are compared as they are: what changes here orphans every campaign.
 module simulate
    use indenters, only: indenter_type
    use basic_specimen, only: specimen_type
    use crystal_elasticity, only: logarithmic_mean
    use errors, only: error_type, exit_failure, refuse
-   use fe_indentation, only: indentation_model_type, indentation_result_type, new_indentation_model, numerics_revision, &
-      & simulate_indentation
+   use fe_indentation, only: indentation_model_type, indentation_result_type, &
+      & new_indentation_model, numerics_revision, simulate_indentation
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: wp
    use omp_lib, only: omp_get_wtime
@@ -24,8 +26,9 @@ module simulate
    use text, only: split_list, to_text
    implicit none
    private
-   public :: outcome_type, simulator_type, new_simulator, check_simulation, simulation_error, specimen_stiffness, &
-      & specimen_contact_radius, outcome_waiting, outcome_done, outcome_failed, identity_text
+   public :: outcome_type, simulator_type, new_simulator, check_simulation, simulation_error, &
+      & specimen_stiffness, specimen_contact_radius, outcome_waiting, outcome_done, &
+      & outcome_failed, identity_text
 
    !> What became of a crystal.
    integer, parameter :: outcome_waiting = 0, outcome_done = 1, outcome_failed = 2
@@ -42,7 +45,8 @@ module simulate
       character(len=:), allocatable :: message
    end type outcome_type
 
-   !> Read-only once made, so that threads share it: a model of finite elements, or without one the theory.
+   !> Read-only once made, so that threads share it: a model of finite elements, or without one the
+   !> theory.
    type :: simulator_type
       type(indentation_model_type), allocatable :: model
    contains
@@ -50,8 +54,8 @@ module simulate
    end type simulator_type
 
    !> What every simulation by finite elements reads.
-   character(len=*), parameter :: common = 'geometry, estimator, shape, depth_um, contact_radius_um, simulator, element, ' &
-      & //'integration, refine, extrapolate, depths'
+   character(len=*), parameter :: common = 'geometry, estimator, shape, depth_um, ' &
+      & //'contact_radius_um, simulator, element, integration, refine, extrapolate, depths'
 
 contains
 
@@ -72,8 +76,8 @@ contains
       if (.not. allocated(error)) has_theory = .not. specimen%has_length
    end subroutine check_simulation
 
-   !> The scale of what a specimen has beside the crystal, the geometric mean of the eigenvalues of its Kelvin stiffness, GPa; 0 where the
-   !> crystal's own scale changes moduli by a factor only.
+   !> The scale of what a specimen has beside the crystal, the geometric mean of the eigenvalues of
+   !> its Kelvin stiffness, GPa; 0 where the crystal's own scale changes moduli by a factor only.
    real(wp) function specimen_stiffness(settings) result(scale)
       type(settings_type), intent(in) :: settings
       class(specimen_type), allocatable :: specimen
@@ -86,7 +90,8 @@ contains
       if (maxval(own) > 0.0_wp) call logarithmic_mean(own, poisson, anisotropy, scale)
    end function specimen_stiffness
 
-   !> Contact radius (half-space) at the last depth of simulations of a specimen with a length of its own, um; 0 of one without.
+   !> Contact radius (half-space) at the last depth of simulations of a specimen with a length of
+   !> its own, um; 0 of one without.
    real(wp) function specimen_contact_radius(settings) result(radius)
       type(settings_type), intent(in) :: settings
       class(specimen_type), allocatable :: specimen
@@ -97,7 +102,8 @@ contains
       if (specimen%has_length) radius = specimen%contact_radius
    end function specimen_contact_radius
 
-   !> What finite elements, ours or others', indent; not allocated where theory takes their place, or it cannot be.
+   !> What finite elements, ours or others', indent; not allocated where theory takes their place,
+   !> or it cannot be.
    subroutine find_specimen(settings, specimen)
       type(settings_type), intent(in) :: settings
       class(specimen_type), allocatable, intent(out) :: specimen
@@ -121,8 +127,9 @@ contains
          call new_indentation_model(settings, simulator%model, error)
       case ('theory')
       case default
-         call refuse(error, "simulator '"//settings%simulation%simulator//"' cannot simulate: print the next points with " &
-            & //"'build --ask', import their moduli with 'build --tell', or lower &design budget")
+         call refuse(error, "simulator '"//settings%simulation%simulator &
+            & //"' cannot simulate: print the next points with 'build --ask', import their " &
+            & //"moduli with 'build --tell', or lower &design budget")
       end select
    end subroutine new_simulator
 
@@ -164,7 +171,8 @@ contains
       deallocate (error)
    end subroutine run
 
-   !> How large the error of the simulation may be for each crystal, and what is to be said of it, '' if nothing.
+   !> How large the error of the simulation may be for each crystal, and what is to be said of it,
+   !> '' if nothing.
    subroutine simulation_error(settings, stiffness, largest, warning)
       type(settings_type), intent(in) :: settings
       !> GPa (6, 6, crystals).
@@ -194,10 +202,14 @@ contains
       if (.not. any(largest > limit)) return
       percent = nint(100.0_wp*[minval(largest, largest > limit), maxval(largest)])
       warning = 'the crystal is'
-      if (size(largest) > 1) warning = to_text(count(largest > limit))//' of '//to_text(size(largest))//' crystals are'
-      warning = warning//' so near instability that the error of the mesh may reach about '//to_text(percent(1))
+      if (size(largest) > 1) then
+         warning = to_text(count(largest > limit))//' of '//to_text(size(largest))//' crystals are'
+      end if
+      warning = warning//' so near instability that the error of the mesh may reach about ' &
+         & //to_text(percent(1))
       if (percent(2) > percent(1)) warning = warning//' to '//to_text(percent(2))
-      warning = warning//' %: refine, extrapolate, or compare with the theory'//rows_of(largest > limit)
+      warning = warning//' %: refine, extrapolate, or compare with the theory' &
+         & //rows_of(largest > limit)
    end subroutine simulation_error
 
    !> The numbers of those that are chosen from several, in brackets.
@@ -253,7 +265,10 @@ contains
       list = list_settings(settings)
       do i = 1, size(list%variables)
          associate (v => list%variables(i))
-            if (all(['specimen  ', 'indenter  ', 'simulation'] /= v%group) .or. .not. allocated(v%values)) cycle
+            if (all(['specimen  ', 'indenter  ', 'simulation'] /= v%group) &
+               & .or. .not. allocated(v%values)) then
+               cycle
+            end if
             if (all(split_list(wanted) /= v%name)) cycle
             value = v%values(1)%text
             if (is_text(v)) value = '"'//value//'"'

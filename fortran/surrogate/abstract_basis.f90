@@ -1,8 +1,10 @@
-!> What a surrogate is linear in: terms of a crystal and its orientation, from which the indentation modulus M follows.
+!> What a surrogate is linear in: terms of a crystal and its orientation, from which the indentation
+!> modulus M follows.
 !>
-!> y = Σ A_k term_k, and M = scale y or, with a logarithmic basis, M = scale exp(spread y): the noise of a regression is one number in
-!> units of y, and grows with the crystal's spread in the modulus. A family of bases is a module that extends `basis_type` and
-!> `grain_model_type`, and a line in `bases`.
+!> y = Σ A_k term_k, and M = scale y or, with a logarithmic basis, M = scale exp(spread y): the
+!> noise of a regression is one number in units of y, and grows with the crystal's spread in the
+!> modulus. A family of bases is a module that extends `basis_type` and `grain_model_type`, and a
+!> line in `bases`.
 module abstract_basis
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: log_anisotropy
@@ -19,7 +21,8 @@ module abstract_basis
    integer, parameter, public :: growth_power = 3
 
    type, abstract :: basis_type
-      !> The crystals that it was made for, and what &surrogate says of it: from these follows all else.
+      !> The crystals that it was made for, and what &surrogate says of it: from these follows all
+      !> else.
       type(domain_type) :: domain
       type(surrogate_settings_type) :: settings
       integer :: n_terms = 0
@@ -31,8 +34,8 @@ module abstract_basis
       real(wp) :: noise_growth = 0.0_wp
       !> sds of a coefficient and of the noise before the first regression, in units of y.
       real(wp) :: first_sds(2) = 1.0_wp
-      !> How the prior sd of a coefficient depends on its term, (n_terms): 0 almost free, d that it decays with the degree d. Not
-      !> allocated: all are alike (Eq. 6).
+      !> How the prior sd of a coefficient depends on its term, (n_terms): 0 almost free, d that it
+      !> decays with the degree d. Not allocated: all are alike (Eq. 6).
       integer, allocatable :: prior_degrees(:)
    contains
       procedure(set_up_interface), deferred :: set_up
@@ -42,12 +45,13 @@ module abstract_basis
       procedure :: evaluate_crystals, to_y, to_modulus
    end type basis_type
 
-   !> The moduli that a surrogate gives certain grains, as a function of the crystal alone: what depends on the orientations is
-   !> computed once.
+   !> The moduli that a surrogate gives certain grains, as a function of the crystal alone: what
+   !> depends on the orientations is computed once.
    type, abstract :: grain_model_type
       !> Of the factor of the covariance of y.
       integer :: n_columns = 0
-      !> Degree of the surface harmonics with which the theory is read, where the model has theory in it: even. Set it before the grains.
+      !> Degree of the surface harmonics with which the theory is read, where the model has theory
+      !> in it: even. Set it before the grains.
       integer :: field_degree = 12
       logical :: has_theory = .false.
       !> How the noise grows with the crystal's anisotropy, see `spread_of`.
@@ -82,7 +86,8 @@ module abstract_basis
       subroutine evaluate_many_interface(self, c, euler, terms, scale, spread)
          import :: basis_type, wp
          class(basis_type), intent(in) :: self
-         !> Stiffness in crystal axes of stable crystals, GPa, (6, 6, n); Bunge-Euler angles, radians, (3, n).
+         !> Stiffness in crystal axes of stable crystals, GPa, (6, 6, n); Bunge-Euler angles,
+         !> radians, (3, n).
          real(wp), intent(in) :: c(:, :, :), euler(:, :)
          !> (n_terms, n), GPa, and relative.
          real(wp), intent(out) :: terms(:, :), scale(:), spread(:)
@@ -119,8 +124,8 @@ module abstract_basis
          real(wp), intent(out), contiguous :: modulus(:, :)
       end subroutine evaluate_crystals_interface
 
-      !> U with U Uᵀ the covariance of y between the grains, 1/beta not included. Rows of grains that were set at different times
-      !> belong together: the same coefficients predict them all.
+      !> U with U Uᵀ the covariance of y between the grains, 1/beta not included. Rows of grains
+      !> that were set at different times belong together: the same coefficients predict them all.
       pure subroutine evaluate_columns_interface(self, c, columns)
          import :: grain_model_type, wp
          class(grain_model_type), intent(in) :: self
@@ -133,7 +138,8 @@ module abstract_basis
 
 contains
 
-   !> The spread of a crystal, 1 or above: sd of what the terms cannot express, relative to that of a nearly isotropic crystal.
+   !> The spread of a crystal, 1 or above: sd of what the terms cannot express, relative to that of
+   !> a nearly isotropic crystal.
    pure real(wp) function spread_of(growth, c)
       !> Of the noise, per power of the log-anisotropy; stiffness of a stable crystal, GPa.
       real(wp), intent(in) :: growth, c(6, 6)
@@ -142,7 +148,8 @@ contains
       if (growth > 0.0_wp) spread_of = spread_of + growth*log_anisotropy(c)**growth_power
    end function spread_of
 
-   !> The terms of crystals of the domain's class, one after another: those of each do not depend on the others.
+   !> The terms of crystals of the domain's class, one after another: those of each do not depend on
+   !> the others.
    subroutine evaluate_crystals(self, constants, euler_deg, terms, scale, spread)
       class(basis_type), intent(in) :: self
       !> Constants (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
@@ -151,10 +158,11 @@ contains
       real(wp), allocatable, intent(out) :: terms(:, :), scale(:), spread(:)
       integer :: i
 
-      allocate (terms(self%n_terms, size(constants, 2)), scale(size(constants, 2)), spread(size(constants, 2)))
+      allocate (terms(self%n_terms, size(constants, 2)), scale(size(constants, 2)), &
+         & spread(size(constants, 2)))
       do i = 1, size(scale)
-         call self%evaluate_many(reshape(self%domain%class%stiffness(constants(:, i)), [6, 6, 1]), degree*euler_deg(:, i:i), &
-            & terms(:, i:i), scale(i:i), spread(i:i))
+         call self%evaluate_many(reshape(self%domain%class%stiffness(constants(:, i)), [6, 6, 1]), &
+            & degree*euler_deg(:, i:i), terms(:, i:i), scale(i:i), spread(i:i))
       end do
    end subroutine evaluate_crystals
 

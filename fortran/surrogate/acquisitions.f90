@@ -1,4 +1,5 @@
-!> The rules by which the next simulation may be chosen, by the variance of M or of log M that the posterior leaves.
+!> The rules by which the next simulation may be chosen, by the variance of M or of log M that the
+!> posterior leaves.
 module acquisitions
    use abstract_basis, only: basis_type
    use errors, only: error_type, refuse
@@ -9,11 +10,13 @@ module acquisitions
    private
    public :: acquisition_type, acquisition_names, new_acquisition
 
-   !> A new rule: its type, which extends `acquisition_type`, its name here, and its line in `new_acquisition`. All but the first, the third
-   !> and the fifth are older names.
-   character(len=*), parameter :: acquisition_names = 'imse, all_moduli, variance, modulus, relative_variance, log_modulus'
+   !> A new rule: its type, which extends `acquisition_type`, its name here, and its line in
+   !> `new_acquisition`. All but the first, the third and the fifth are older names.
+   character(len=*), parameter :: acquisition_names = 'imse, all_moduli, variance, modulus, ' &
+      & //'relative_variance, log_modulus'
 
-   !> The candidate of largest predictive variance (paper's section 2.1; active learning, MacKay 1992), of the modulus or of its logarithm.
+   !> The candidate of largest predictive variance (paper's section 2.1; active learning, MacKay
+   !> 1992), of the modulus or of its logarithm.
    type :: acquisition_type
       !> The variance of log M counts, not that of M.
       logical :: relative = .false.
@@ -21,8 +24,9 @@ module acquisitions
       procedure :: choose
    end type acquisition_type
 
-   !> The candidate that lowers the mean predictive variance over all candidates most: the integrated mean squared error (active learning,
-   !> Cohn 1996). Where the domain spreads crystals over their scale it is the variance of log M: else the stiffest would decide for all.
+   !> The candidate that lowers the mean predictive variance over all candidates most: the
+   !> integrated mean squared error (active learning, Cohn 1996). Where the domain spreads crystals
+   !> over their scale it is the variance of log M: else the stiffest would decide for all.
    type, extends(acquisition_type) :: imse_acquisition_type
    contains
       procedure :: choose => choose_for_mean
@@ -48,8 +52,9 @@ contains
       end select
    end subroutine new_acquisition
 
-   !> Choose `size(chosen)` available candidates, of which there are so many, each given all chosen before; the lowest number of
-   !> equals. Their moduli are not needed: afterwards the posterior's covariance is that of all data and all chosen.
+   !> Choose `size(chosen)` available candidates, of which there are so many, each given all chosen
+   !> before; the lowest number of equals. Their moduli are not needed: afterwards the posterior's
+   !> covariance is that of all data and all chosen.
    subroutine choose(self, design, basis, threads, chosen, variance)
       class(acquisition_type), intent(in) :: self
       type(design_type), intent(inout) :: design
@@ -69,7 +74,8 @@ contains
       end do
    end subroutine choose
 
-   !> Take the available candidate of largest gain, the lowest number of equals; it is available no more.
+   !> Take the available candidate of largest gain, the lowest number of equals; it is available no
+   !> more.
    subroutine take_largest(design, gain, chosen, variance)
       type(design_type), intent(inout) :: design
       !> Of each candidate.
@@ -78,7 +84,8 @@ contains
       integer, intent(out) :: chosen
       real(wp), intent(out) :: variance
 
-      chosen = findloc(design%available .and. gain >= (1.0_wp - tie)*maxval(gain, mask=design%available), .true., 1)
+      chosen = findloc(design%available &
+         & .and. gain >= (1.0_wp - tie)*maxval(gain, mask=design%available), .true., 1)
       variance = design%variance(chosen)
       design%available(chosen) = .false.
    end subroutine take_largest
@@ -91,7 +98,8 @@ contains
       integer, intent(in) :: threads
       integer, intent(out) :: chosen(:)
       real(wp), intent(out) :: variance(:)
-      real(wp), allocatable :: slope(:), weighted(:, :), gram(:, :), product(:, :), lowered(:, :), reduction(:)
+      real(wp), allocatable :: slope(:), weighted(:, :), gram(:, :), product(:, :), lowered(:, :), &
+         & reduction(:)
       integer :: j, k, n
 
       slope = sensitivity(design, basis, self%relative .or. basis%domain%has_scale())
@@ -108,8 +116,11 @@ contains
       call multiply(design%regression%covariance, product, lowered)
       call quadratic_forms(lowered, design%candidates, threads, reduction)
       do k = 1, size(chosen)
-         call take_largest(design, reduction/(design%variance + 1.0_wp/design%regression%beta), chosen(k), variance(k))
-         if (k < size(chosen)) call lower_reductions(design, chosen(k), variance(k), threads, lowered, reduction)
+         call take_largest(design, reduction/(design%variance + 1.0_wp/design%regression%beta), &
+            & chosen(k), variance(k))
+         if (k < size(chosen)) then
+            call lower_reductions(design, chosen(k), variance(k), threads, lowered, reduction)
+         end if
          call condition_on(design, design%candidates(:, chosen(k)), threads)
       end do
    end subroutine choose_for_mean
@@ -136,7 +147,8 @@ contains
       !$omp parallel do num_threads(threads) private(along) schedule(static) if(threads > 1)
       do j = 1, size(reduction)
          along = dot(design%candidates(:, j), v)
-         reduction(j) = max(0.0_wp, reduction(j) - along*(2.0_wp*dot(design%candidates(:, j), w) - own*along))
+         reduction(j) = max(0.0_wp, &
+            & reduction(j) - along*(2.0_wp*dot(design%candidates(:, j), w) - own*along))
       end do
       !$omp end parallel do
       w = w - 0.5_wp*own*v
@@ -145,7 +157,8 @@ contains
       end do
    end subroutine lower_reductions
 
-   !> |dM/dy| of each candidate, or |d log M/dy|, above 0: its square times the variance of y is the variance of M, or of log M.
+   !> |dM/dy| of each candidate, or |d log M/dy|, above 0: its square times the variance of y is the
+   !> variance of M, or of log M.
    function sensitivity(design, basis, relative) result(slope)
       type(design_type), intent(in) :: design
       class(basis_type), intent(in) :: basis
@@ -156,7 +169,9 @@ contains
       if (relative .neqv. basis%logarithmic) then
          slope = matmul(design%regression%mean, design%candidates)
          if (relative) slope = 1.0_wp/max(tiny(1.0_wp), abs(slope))
-         if (.not. relative) slope = basis%to_modulus(slope, design%scale, design%spread)*design%spread
+         if (.not. relative) then
+            slope = basis%to_modulus(slope, design%scale, design%spread)*design%spread
+         end if
       else
          slope = merge(design%spread, design%scale, relative)
       end if

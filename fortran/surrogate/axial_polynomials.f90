@@ -1,10 +1,12 @@
-!> Polynomials of the coordinates of a stiffness about the indenter's axis that do not change when the crystal is turned about that axis or
-!> mirrored: what a specimen with axial symmetry may depend on.
+!> Polynomials of the coordinates of a stiffness about the indenter's axis that do not change when
+!> the crystal is turned about that axis or mirrored: what a specimen with axial symmetry may depend
+!> on.
 !>
-!> Each is the real part of a product of order 0: numbers of order 0, and waves and conjugate waves whose orders cancel. There are 1, 5,
-!> 29, 141 of them up to degree 0, 1, 2, 3, and 1, 6, 35, 176 where the scale of the stiffness is one of the numbers. Each has a factor
-!> such that for two points the sum of the products of those of degree d is the mean of (x x')^d over all turns and mirrors of one of
-!> them: equal coefficients prefer no basis of the coordinates.
+!> Each is the real part of a product of order 0: numbers of order 0, and waves and conjugate waves
+!> whose orders cancel. There are 1, 5, 29, 141 of them up to degree 0, 1, 2, 3, and 1, 6, 35, 176
+!> where the scale of the stiffness is one of the numbers. Each has a factor such that for two
+!> points the sum of the products of those of degree d is the mean of (x x')^d over all turns and
+!> mirrors of one of them: equal coefficients prefer no basis of the coordinates.
 module axial_polynomials
    use kinds, only: wp
    use logarithmic_coordinates, only: n_axial, n_coordinates, n_waves, wave_orders
@@ -14,7 +16,8 @@ module axial_polynomials
    public :: axial_polynomials_type, new_axial_polynomials, evaluate_polynomials, greatest_degree
 
    integer, parameter :: greatest_degree = 4
-   !> Factors, numbered as the coordinates: numbers of order 0, waves, in place of imaginary parts their conjugates, the scale.
+   !> Factors, numbered as the coordinates: numbers of order 0, waves, in place of imaginary parts
+   !> their conjugates, the scale.
    integer, parameter :: n_factors = n_coordinates
    integer, parameter :: orders(n_factors) = [[0, 0, 0, 0], wave_orders, -wave_orders, 0]
 
@@ -38,7 +41,8 @@ contains
    pure type(axial_polynomials_type) function new_axial_polynomials(degree, centre) result(self)
       !> 0 to `greatest_degree`.
       integer, intent(in) :: degree
-      !> The value from which the last coordinate, the scale, is counted; without it they do not depend on that.
+      !> The value from which the last coordinate, the scale, is counted; without it they do not
+      !> depend on that.
       real(wp), intent(in), optional :: centre
       integer :: chosen(greatest_degree), d, k, last
 
@@ -77,14 +81,16 @@ contains
          real(wp) :: square
 
          conjugate = product(:d)
-         where (is_wave(conjugate)) conjugate = conjugate + merge(n_waves, -n_waves, conjugate <= n_axial + n_waves)
+         where (is_wave(conjugate)) conjugate = conjugate + merge(n_waves, -n_waves, &
+            & conjugate <= n_axial + n_waves)
          call sort_order(real(conjugate, wp), order)
          conjugate = conjugate(order)
          i = findloc(conjugate /= product(:d), .true., 1)
          if (i > 0) then
             if (conjugate(i) < product(i)) return
          end if
-         ! d!/(n1! n2! ..) of the factors' powers; half for each wave; twice if the product is not its own conjugate.
+         ! d!/(n1! n2! ..) of the factors' powers; half for each wave; twice if the product is not
+         ! its own conjugate.
          square = 1.0_wp
          do k = 1, d
             square = square*k/count(product(:k) == product(k))
@@ -116,9 +122,12 @@ contains
       integer :: chosen(greatest_degree), i, k
 
       factors(:, :n_axial) = x(:, :n_axial)
-      factors(:, n_axial + 1:last_wave) = cmplx(x(:, n_axial + 1:last_wave), x(:, last_wave + 1:last_wave + n_waves), wp)
+      factors(:, n_axial + 1:last_wave) = cmplx(x(:, n_axial + 1:last_wave), &
+         & x(:, last_wave + 1:last_wave + n_waves), wp)
       factors(:, last_wave + 1:last_wave + n_waves) = conjg(factors(:, n_axial + 1:last_wave))
-      if (self%n_coordinates == n_coordinates) factors(:, n_coordinates) = x(:, n_coordinates) - self%centre
+      if (self%n_coordinates == n_coordinates) then
+         factors(:, n_coordinates) = x(:, n_coordinates) - self%centre
+      end if
       product(:, 0) = 1.0_wp
       chosen = 0
       do k = 1, self%n

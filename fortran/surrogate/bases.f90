@@ -43,7 +43,8 @@ contains
       case ('paper')
          allocate (paper_basis_type :: basis)
       case default
-         call refuse(error, 'the model '''//model//''' is unknown; allowed: '//basis_names//', halfspace')
+         call refuse(error, 'the model '''//model//''' is unknown; allowed: '//basis_names &
+            & //', halfspace')
          return
       end select
       basis%settings%model = model
@@ -63,6 +64,8 @@ contains
       call found%put('least_noise', basis%least_noise)
       call found%put('noise_growth', basis%noise_growth)
       call found%put('logarithmic', basis%logarithmic)
-      if (allocated(basis%prior_degrees)) call found%put_integers('polynomial_degrees', basis%prior_degrees, [basis%n_terms])
+      if (allocated(basis%prior_degrees)) then
+         call found%put_integers('polynomial_degrees', basis%prior_degrees, [basis%n_terms])
+      end if
    end subroutine describe_basis
 end module bases

@@ -1,26 +1,33 @@
-!> The exact theory of the half-space, for crystals of every class, times a correction of the specimen: M = M_theory exp(y).
+!> The exact theory of the half-space, for crystals of every class, times a correction of the
+!> specimen: M = M_theory exp(y).
 !>
-!> Theory has the crystal's own anisotropy. y is a polynomial of the logarithm of the Kelvin stiffness in the frame of the indenter, which
-!> does not change when the crystal is turned about the axis, nor with its scale unless the domain states a
-!> range of that; its coefficients are the less likely to be large the higher their degree. Terms of the highest degree that the
-!> simulations have not decided are the misfit of the others: a function of the crystal, which grains of like orientation share.
+!> Theory has the crystal's own anisotropy. y is a polynomial of the logarithm of the Kelvin
+!> stiffness in the frame of the indenter, which does not change when the crystal is turned about
+!> the axis, nor with its scale unless the domain states a range of that; its coefficients are the
+!> less likely to be large the higher their degree. Terms of the highest degree that the simulations
+!> have not decided are the misfit of the others: a function of the crystal, which grains of like
+!> orientation share.
 !>
-!> The model 'halfspace' has no terms, and needs no simulation: its error is that of the expansion of the surface compliance, see
-!> `compliance_field`.
+!> The model 'halfspace' has no terms, and needs no simulation: its error is that of the expansion
+!> of the surface compliance, see `compliance_field`.
 module correction_basis
    use abstract_basis, only: basis_type, grain_model_type, growth_power, spread_of
-   use axial_polynomials, only: axial_polynomials_type, evaluate_polynomials, greatest_degree, new_axial_polynomials
-   use compliance_field, only: field_moduli, field_type, modulus_expansion_type, new_field, new_modulus_expansion
+   use axial_polynomials, only: axial_polynomials_type, evaluate_polynomials, greatest_degree, &
+      & new_axial_polynomials
+   use compliance_field, only: field_moduli, field_type, modulus_expansion_type, new_field, &
+      & new_modulus_expansion
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: log_anisotropy, rotation_matrix
    use errors, only: error_type, refuse
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: wp
    use labelled_values, only: labelled_values_type
-   use legendre_products, only: count_products, evaluate_products, legendre_products_type, new_legendre_products
-   use linear_algebra, only: add_gram, cholesky_factor, cholesky_solve, multiply, symmetric_eigen, transposed_product
-   use logarithmic_coordinates, only: axial_coordinates_of, kelvin_rotation, log_coordinates_type, logarithm_of, n_coordinates, &
-      & new_log_coordinates
+   use legendre_products, only: count_products, evaluate_products, legendre_products_type, &
+      & new_legendre_products
+   use linear_algebra, only: add_gram, cholesky_factor, cholesky_solve, multiply, symmetric_eigen, &
+      & transposed_product
+   use logarithmic_coordinates, only: axial_coordinates_of, kelvin_rotation, log_coordinates_type, &
+      & logarithm_of, n_coordinates, new_log_coordinates
    use random, only: new_random_stream, random_stream_type
    use surrogate_domain, only: domain_type, spread_crystals
    use text, only: to_text
@@ -28,10 +35,12 @@ module correction_basis
    private
    public :: correction_basis_type, correction_grain_model_type
 
-   !> Relative: least sd of the noise, and sds of a coefficient of degree 1 and of the noise before the first regression.
+   !> Relative: least sd of the noise, and sds of a coefficient of degree 1 and of the noise before
+   !> the first regression.
    real(wp), parameter :: least_noise = 1.7e-4_wp, first_sds(2) = [0.017_wp, 1.0e-3_wp]
 
-   !> How much larger than that of a nearly isotropic crystal the noise of a crystal at the domain's greatest log-anisotropy is, less 1.
+   !> How much larger than that of a nearly isotropic crystal the noise of a crystal at the domain's
+   !> greatest log-anisotropy is, less 1.
    real(wp), parameter :: spread_at_end = 8.0_wp
 
    type, extends(basis_type) :: correction_basis_type
@@ -52,12 +61,15 @@ module correction_basis
       real(wp), allocatable :: euler(:, :)
       type(axial_polynomials_type) :: polynomials
       type(log_coordinates_type) :: logarithms
-      !> From coordinates of log K to those about each axis for which moduli are computed, (axis, coordinate, n_constants).
+      !> From coordinates of log K to those about each axis for which moduli are computed, (axis,
+      !> coordinate, n_constants).
       real(wp), allocatable :: maps(:, :, :)
-      !> Of the polynomials, and F with F Fᵀ their covariance as far as it matters, (n_terms, n_columns).
+      !> Of the polynomials, and F with F Fᵀ their covariance as far as it matters, (n_terms,
+      !> n_columns).
       real(wp), allocatable :: coefficients(:), factor(:, :)
-      !> Where the class has few constants: products of its own coordinates, and their coefficients in y of the moduli that are computed
-      !> and in each column, (product, n_independent*(1 + n_columns)). Else there are none.
+      !> Where the class has few constants: products of its own coordinates, and their coefficients
+      !> in y of the moduli that are computed and in each column, (product, n_independent*(1 +
+      !> n_columns)). Else there are none.
       type(legendre_products_type) :: own
       real(wp), allocatable :: expanded(:, :)
    contains
@@ -73,12 +85,16 @@ contains
       self%logarithmic = .true.
       if (self%settings%model == 'halfspace') return
       associate (domain => self%domain, degree => self%settings%degree)
-         if (degree < 1 .or. degree > greatest_degree) call refuse(error, 'degree = '//to_text(degree)//' is outside 1 .. ' &
-            & //to_text(greatest_degree))
+         if (degree < 1 .or. degree > greatest_degree) then
+            call refuse(error, 'degree = '//to_text(degree)//' is outside 1 .. ' &
+               & //to_text(greatest_degree))
+         end if
          if (allocated(error)) return
          if (domain%has_scale()) then
-            ! The trace of log K over sqrt 6 is sqrt 6 times the logarithm of the geometric mean of the eigenvalues.
-            self%polynomials = new_axial_polynomials(degree, sqrt(6.0_wp)*0.5_wp*sum(log(domain%stiffness)))
+            ! The trace of log K over sqrt 6 is sqrt 6 times the logarithm of the geometric mean of
+            ! the eigenvalues.
+            self%polynomials = new_axial_polynomials(degree, &
+               & sqrt(6.0_wp)*0.5_wp*sum(log(domain%stiffness)))
          else
             self%polynomials = new_axial_polynomials(degree)
          end if
@@ -87,8 +103,9 @@ contains
       self%prior_degrees = self%polynomials%degrees
       self%least_noise = least_noise
       self%noise_growth = 0.0_wp
-      if (self%domain%log_anisotropy_max < huge(1.0_wp)) self%noise_growth = spread_at_end &
-         & /self%domain%log_anisotropy_max**growth_power
+      if (self%domain%log_anisotropy_max < huge(1.0_wp)) then
+         self%noise_growth = spread_at_end/self%domain%log_anisotropy_max**growth_power
+      end if
       self%first_sds = first_sds
    end subroutine set_up
 
@@ -115,7 +132,9 @@ contains
          spread(i) = spread_of(self%noise_growth, c(:, :, i))
          if (self%n_terms > 0) x(i, :) = turned_coordinates(logarithm_of(c(:, :, i)), euler(:, i))
       end do
-      if (self%n_terms > 0) call evaluate_polynomials(self%polynomials, x(:, :self%polynomials%n_coordinates), values)
+      if (self%n_terms > 0) then
+         call evaluate_polynomials(self%polynomials, x(:, :self%polynomials%n_coordinates), values)
+      end if
       do i = 1, size(scale)
          terms(:, i) = values(i, :)/spread(i)
       end do
@@ -156,8 +175,8 @@ contains
       call move_alloc(new, model)
    end subroutine new_grain_model
 
-   !> F with F Fᵀ the covariance but for 0.2 % of the variance of y, the mean over crystals of the class in the domain: most directions of
-   !> the coefficients hardly matter to any of them.
+   !> F with F Fᵀ the covariance but for 0.2 % of the variance of y, the mean over crystals of the
+   !> class in the domain: most directions of the coefficients hardly matter to any of them.
    subroutine factor_where_it_matters(self, class, covariance, factor, error)
       class(correction_basis_type), intent(in) :: self
       type(crystal_class_type), intent(in) :: class
@@ -205,7 +224,9 @@ contains
       integer :: i, k
 
       self%expansion%pays = .false.
-      if (self%full_above >= 0.0_wp) call new_modulus_expansion(self%class, self%field_degree, euler, self%expansion, error)
+      if (self%full_above >= 0.0_wp) then
+         call new_modulus_expansion(self%class, self%field_degree, euler, self%expansion, error)
+      end if
       if (allocated(error)) return
       self%euler = euler
       if (self%expansion%pays) self%euler = self%expansion%euler
@@ -215,8 +236,10 @@ contains
       if (allocated(error)) return
       self%full_cost = self%field_cost + 2.6_wp*self%n_independent
       self%field_cost = self%field_cost + 0.07_wp*self%n_independent
-      self%field_cost = self%field_cost + size(self%field%nodes, 2)*(0.09_wp + 0.004_wp*self%n_independent)
-      self%maps = reshape([real(wp) ::], [self%n_independent, self%polynomials%n_coordinates, self%logarithms%n], [0.0_wp])
+      self%field_cost = self%field_cost + size(self%field%nodes, &
+         & 2)*(0.09_wp + 0.004_wp*self%n_independent)
+      self%maps = reshape([real(wp) ::], &
+         & [self%n_independent, self%polynomials%n_coordinates, self%logarithms%n], [0.0_wp])
       do i = 1, self%n_independent
          do k = 1, self%logarithms%n
             x = turned_coordinates(self%logarithms%basis(:, :, k), self%euler(:, i))
@@ -241,7 +264,8 @@ contains
       if (count_products(k, maxval(self%polynomials%degrees), .true.) > self%polynomials%n) return
       self%own = new_legendre_products(k, maxval(self%polynomials%degrees), .true.)
       n = self%own%n_products
-      allocate (products(n, 2*n), values(self%n_independent*(1 + self%n_columns), 2*n), gram(n, n), source=0.0_wp)
+      allocate (products(n, 2*n), values(self%n_independent*(1 + self%n_columns), 2*n), &
+         & gram(n, n), source=0.0_wp)
       stream = new_random_stream(1, 1)
       do j = 1, 2*n
          call stream%normals(w)
@@ -258,14 +282,16 @@ contains
       if (.not. allocated(error)) call cholesky_solve(gram, self%expanded)
    end subroutine expand_in_class
 
-   !> Products of polynomials of log(3K/2G), the anisotropic coordinates and, if y depends on it, the scale.
+   !> Products of polynomials of log(3K/2G), the anisotropic coordinates and, if y depends on it,
+   !> the scale.
    pure function own_products(self, w) result(products)
       class(correction_grain_model_type), intent(in) :: self
       !> log K in the coordinates of its class.
       real(wp), intent(in) :: w(:)
       real(wp) :: products(self%own%n_products), x(size(w))
 
-      x = [(sqrt(5.0_wp)*w(1) - w(2))/sqrt(6.0_wp), w(3:), (w(1) + sqrt(5.0_wp)*w(2))/sqrt(6.0_wp) - self%polynomials%centre]
+      x = [(sqrt(5.0_wp)*w(1) - w(2))/sqrt(6.0_wp), w(3:), &
+         & (w(1) + sqrt(5.0_wp)*w(2))/sqrt(6.0_wp) - self%polynomials%centre]
       call evaluate_products(self%own, x/3.0_wp, products)
    end function own_products
 
@@ -278,7 +304,8 @@ contains
       real(wp), allocatable :: terms(:, :), x(:, :)
       integer :: k
 
-      allocate (terms(self%n_independent, self%polynomials%n), x(self%n_independent, self%polynomials%n_coordinates), source=0.0_wp)
+      allocate (terms(self%n_independent, self%polynomials%n), &
+         & x(self%n_independent, self%polynomials%n_coordinates), source=0.0_wp)
       do k = 1, size(w)
          x = x + w(k)*self%maps(:, :, k)
       end do
@@ -310,7 +337,8 @@ contains
       do i = 1, merge(size(c, 3), 0, self%polynomials%n > 0)
          w = self%logarithms%to_logarithms(c(:, :, i))
          if (self%own%n_products > 0) then
-            call transposed_product(self%own%n_products, size(y), self%expanded, own_products(self, w), y)
+            call transposed_product(self%own%n_products, size(y), self%expanded, &
+               & own_products(self, w), y)
          else
             y = matmul(terms_of_grains(self, w), self%coefficients)
          end if
@@ -328,10 +356,12 @@ contains
 
       allocate (independent(self%n_independent, self%n_columns))
       if (self%own%n_products > 0) then
-         call transposed_product(self%own%n_products, size(independent), self%expanded(:, self%n_independent + 1:), &
+         call transposed_product(self%own%n_products, size(independent), &
+            & self%expanded(:, self%n_independent + 1:), &
             & own_products(self, self%logarithms%to_logarithms(c)), independent)
       else
-         call multiply(terms_of_grains(self, self%logarithms%to_logarithms(c)), self%factor, independent)
+         call multiply(terms_of_grains(self, self%logarithms%to_logarithms(c)), self%factor, &
+            & independent)
       end if
       independent = independent/spread_of(self%noise_growth, c)
       call self%expansion%expand(independent, columns)

@@ -1,17 +1,19 @@
 !> Bayesian linear regression with maximised evidence (paper's Eq. 3-11).
 !>
-!> y = Φ A + noise of variance 1/beta; A ~ N(0, W²/alpha), W diagonal. With W = 1 the prior is the paper's Eq. 6. Where the terms have
-!> degrees, the widths W decay with them: 1 at degree 1, f at degree 2, f² at degree 3; a term of degree 0 is almost free. The decay rate f
-!> has the largest evidence, too. All is done for the whitened coefficients z = A/W, whose prior is N(0, 1/alpha).
+!> y = Φ A + noise of variance 1/beta; A ~ N(0, W²/alpha), W diagonal. With W = 1 the prior is the
+!> paper's Eq. 6. Where the terms have degrees, the widths W decay with them: 1 at degree 1, f at
+!> degree 2, f² at degree 3; a term of degree 0 is almost free. The decay rate f has the largest
+!> evidence, too. All is done for the whitened coefficients z = A/W, whose prior is N(0, 1/alpha).
 module evidence_regression
    use errors, only: error_type
    use kinds, only: pi, wp
-   use linear_algebra, only: add_gram, cholesky_factor, cholesky_inverse, cholesky_solve, multiply, &
-      & multiply_by_factor, symmetric_eigen
+   use linear_algebra, only: add_gram, cholesky_factor, cholesky_inverse, cholesky_solve, &
+      & multiply, multiply_by_factor, symmetric_eigen
    implicit none
    private
    public :: regression_type, new_regression, add_data, maximise_evidence, compute_posterior
-   public :: log_evidence, leave_groups_out, coefficient_mean, coefficient_covariance, scale_columns, factored_forms
+   public :: log_evidence, leave_groups_out, coefficient_mean, coefficient_covariance, &
+      & scale_columns, factored_forms
    public :: spectrum_type, compute_spectrum
 
    type :: regression_type
@@ -26,11 +28,13 @@ module evidence_regression
       !> Smallest standard deviation of the noise, in units of y.
       real(wp) :: least_noise = 0.0_wp
       real(wp) :: alpha = 1.0_wp, beta = 1.0_wp
-      !> Posterior of z: mean, covariance, and the right-hand side Σ terms y of the normal equations.
+      !> Posterior of z: mean, covariance, and the right-hand side Σ terms y of the normal
+      !> equations.
       real(wp), allocatable :: mean(:), covariance(:, :), moment(:)
    end type regression_type
 
-   !> The covariance of y is 1/beta + values/alpha along directions where y has the given squares, and 1/beta else where.
+   !> The covariance of y is 1/beta + values/alpha along directions where y has the given squares,
+   !> and 1/beta else where.
    type :: spectrum_type
       integer :: n_data = 0
       real(wp), allocatable :: values(:), squares(:)
@@ -46,15 +50,16 @@ contains
    subroutine new_regression(degrees, first_sds, least_noise, regression, error)
       !> Of each term, (n_terms), not negative.
       integer, intent(in) :: degrees(:)
-      !> sds of a coefficient of degree 1 and of the noise until the evidence is maximised, and the least sd of the noise, in units of y;
-      !> above 0.
+      !> sds of a coefficient of degree 1 and of the noise until the evidence is maximised, and the
+      !> least sd of the noise, in units of y; above 0.
       real(wp), intent(in) :: first_sds(2), least_noise
       type(regression_type), intent(out) :: regression
       type(error_type), allocatable, intent(out) :: error
 
       associate (n => size(degrees))
          regression%n_terms = n
-         allocate (regression%terms(n, 64), regression%targets(64), regression%mean(n), regression%covariance(n, n))
+         allocate (regression%terms(n, 64), regression%targets(64), regression%mean(n), &
+            & regression%covariance(n, n))
          allocate (regression%moment(n), source=0.0_wp)
          allocate (regression%prior_width(n), source=1.0_wp)
       end associate
@@ -66,7 +71,8 @@ contains
       call compute_posterior(regression, error)
    end subroutine new_regression
 
-   !> Let the widths of the prior decay at another rate; the posterior is that of before until it is computed.
+   !> Let the widths of the prior decay at another rate; the posterior is that of before until it is
+   !> computed.
    pure subroutine set_decay_rate(regression, decay_rate)
       type(regression_type), intent(inout) :: regression
       real(wp), intent(in) :: decay_rate
@@ -74,7 +80,8 @@ contains
       real(wp), parameter :: free = 100.0_wp
       real(wp) :: ratio(regression%n_terms)
 
-      ratio = merge(decay_rate**max(0, regression%degrees - 1), free, regression%degrees > 0)/regression%prior_width
+      ratio = merge(decay_rate**max(0, regression%degrees - 1), free, &
+         & regression%degrees > 0)/regression%prior_width
       regression%decay_rate = decay_rate
       regression%prior_width = regression%prior_width*ratio
       regression%moment = regression%moment*ratio
@@ -92,7 +99,8 @@ contains
       end do
    end subroutine scale_columns
 
-   !> Append observations: terms (n_terms, m) and y (m). The posterior is that of the earlier data until it is computed.
+   !> Append observations: terms (n_terms, m) and y (m). The posterior is that of the earlier data
+   !> until it is computed.
    subroutine add_data(regression, terms, y)
       type(regression_type), intent(inout) :: regression
       real(wp), intent(in) :: terms(:, :), y(:)
@@ -111,7 +119,8 @@ contains
       do j = 1, size(y)
          regression%terms(:, n + j) = regression%prior_width*terms(:, j)
          regression%targets(n + j) = y(j)
-         regression%moment = regression%moment + regression%targets(n + j)*regression%terms(:, n + j)
+         regression%moment = regression%moment + regression%targets(n + j)*regression%terms(:, &
+            & n + j)
       end do
       regression%n_data = n + size(y)
    end subroutine add_data
@@ -139,7 +148,8 @@ contains
          spectrum%squares = [(dot_product(gram(:, i), regression%targets(:n)), i=1, m)]**2
          return
       end if
-      ! What is left after projection is computed as a vector: the difference of squares would cancel for a good fit.
+      ! What is left after projection is computed as a vector: the difference of squares would
+      ! cancel for a good fit.
       projection = [(dot_product(gram(:, i), regression%moment), i=1, m)]
       where (spectrum%values > m*epsilon(1.0_wp)*maxval(spectrum%values))
          projection = projection/spectrum%values
@@ -149,7 +159,8 @@ contains
       end where
       spectrum%squares = projection**2*spectrum%values
       projection = matmul(gram, projection)
-      spectrum%rest = sum([(regression%targets(i) - dot_product(regression%terms(:, i), projection), i=1, n)]**2)
+      spectrum%rest = sum([(regression%targets(i) &
+         & - dot_product(regression%terms(:, i), projection), i=1, n)]**2)
    end subroutine compute_spectrum
 
    !> ln p(y | alpha, beta) of Eq. 8.
@@ -157,7 +168,8 @@ contains
       type(spectrum_type), intent(in) :: spectrum
       real(wp), intent(in) :: alpha, beta
 
-      value = -0.5_wp*(spectrum%n_data*log(2.0_wp*pi/beta) + sum(log(1.0_wp + spectrum%values*(beta/alpha))) &
+      value = -0.5_wp*(spectrum%n_data*log(2.0_wp*pi/beta) &
+         & + sum(log(1.0_wp + spectrum%values*(beta/alpha))) &
          & + beta*(sum(spectrum%squares/(1.0_wp + spectrum%values*(beta/alpha))) + spectrum%rest))
    end function log_evidence
 
@@ -167,11 +179,13 @@ contains
       real(wp), intent(in) :: ratio, least_noise
       real(wp) :: variance
 
-      variance = (sum(spectrum%squares/(1.0_wp + spectrum%values/ratio)) + spectrum%rest)/spectrum%n_data
+      variance = (sum(spectrum%squares/(1.0_wp + spectrum%values/ratio)) + spectrum%rest) &
+         & /spectrum%n_data
       beta = 1.0_wp/max(variance, least_noise**2)
    end function best_beta
 
-   !> alpha, beta and decay rate of largest evidence, 1/beta >= least_noise^2, the decay rate being known to a factor from experience.
+   !> alpha, beta and decay rate of largest evidence, 1/beta >= least_noise^2, the decay rate being
+   !> known to a factor from experience.
    subroutine maximise_evidence(regression, error, evidence)
       type(regression_type), intent(inout) :: regression
       type(error_type), allocatable, intent(out) :: error
@@ -210,8 +224,8 @@ contains
       call compute_posterior(regression, error, best%gram)
    end subroutine maximise_evidence
 
-   !> alpha/beta of largest evidence. For a given ratio of the two the best beta is known in closed form: one search along its logarithm,
-   !> each step O(terms), finds the global maximum.
+   !> alpha/beta of largest evidence. For a given ratio of the two the best beta is known in closed
+   !> form: one search along its logarithm, each step O(terms), finds the global maximum.
    pure subroutine maximise_over_ratio(spectrum, least_noise, ratio, evidence)
       type(spectrum_type), intent(in) :: spectrum
       real(wp), intent(in) :: least_noise
@@ -222,7 +236,8 @@ contains
       real(wp) :: scale, low, high, x(n_grid), a, b, c, d, fc, fd
       integer :: i, best
 
-      ! From a prior that only reins in what the data do not determine to one that the data cannot move.
+      ! From a prior that only reins in what the data do not determine to one that the data cannot
+      ! move.
       scale = log(max(maxval(spectrum%values), tiny(1.0_wp)))
       low = scale + log(1.0e-15_wp)
       high = scale + log(1.0e5_wp)
@@ -276,7 +291,8 @@ contains
       if (present(gram)) then
          regression%covariance = regression%beta*gram
       else if (regression%n_data > 0) then
-         call add_gram(regression%terms(:, :regression%n_data), regression%beta, regression%covariance, transposed=.false.)
+         call add_gram(regression%terms(:, :regression%n_data), regression%beta, &
+            & regression%covariance, transposed=.false.)
       end if
       do i = 1, regression%n_terms
          regression%covariance(i, i) = regression%covariance(i, i) + regression%alpha
@@ -289,9 +305,10 @@ contains
       call cholesky_inverse(regression%covariance)
    end subroutine compute_posterior
 
-   !> Residual y - prediction, and sd of y (noise included), of each observation when its whole group is left out; exact at the
-   !> present alpha, beta. With Q = I - H, H = beta Φ S Φᵀ, and r the residuals with all data, those without the group B are
-   !> (Q_BB)^-1 r_B, with covariance (Q_BB)^-1/beta.
+   !> Residual y - prediction, and sd of y (noise included), of each observation when its whole
+   !> group is left out; exact at the present alpha, beta. With Q = I - H, H = beta Φ S Φᵀ, and r
+   !> the residuals with all data, those without the group B are (Q_BB)^-1 r_B, with covariance
+   !> (Q_BB)^-1/beta.
    subroutine leave_groups_out(regression, groups, residual, sd, error)
       type(regression_type), intent(in) :: regression
       !> Group number of each observation, in any order.
@@ -306,13 +323,15 @@ contains
       integer :: n, i, j
 
       n = regression%n_data
-      associate (terms => regression%terms(:, :n), targets => regression%targets(:n), beta => regression%beta)
+      associate (terms => regression%terms(:, :n), targets => regression%targets(:n), &
+         & beta => regression%beta)
          over_data = n <= regression%n_terms
          if (.not. over_data) then
             allocate (projected(regression%n_terms, n))
             call multiply(regression%covariance, terms, projected)
             all_residuals = targets - matmul(regression%mean, terms)
-            over_data = any([(1.0_wp - beta*dot_product(terms(:, i), projected(:, i)), i=1, n)] < least)
+            over_data = any([(1.0_wp - beta*dot_product(terms(:, i), projected(:, i)), i=1, n)] &
+               & < least)
          end if
          if (over_data) then
             ! Q = (I + beta/alpha Φ Φᵀ)^-1, and r = Q y.
@@ -346,7 +365,8 @@ contains
       end associate
    end subroutine leave_groups_out
 
-   !> xᵀ S x of each vector x: |Lᵀ x|² with S = L Lᵀ, or, where S is singular to rounding, as it stands.
+   !> xᵀ S x of each vector x: |Lᵀ x|² with S = L Lᵀ, or, where S is singular to rounding, as it
+   !> stands.
    subroutine factored_forms(matrix, factor, vectors, values)
       !> S, symmetric and not negative, (n, n); (n, m).
       real(wp), intent(in), contiguous :: matrix(:, :), vectors(:, :)

@@ -1,21 +1,25 @@
 !> Products of orthonormal Legendre polynomials of several coordinates, and products of two of them.
 !>
-!> The covariance of y between grains i and j is K_iᵀ T(c) K_j with T_hh' = sum over q, q' of S_(h,q)(h',q') P_q P_q'. A product of
-!> two Legendre polynomials is a sum of them (Adams, Proc. R. Soc. 27, 63, 1878), so T is a polynomial of twice the degree whose
-!> coefficients are found once; evaluating it costs some thousand operations where the double sum costs hundreds of thousands.
+!> The covariance of y between grains i and j is K_iᵀ T(c) K_j with T_hh' = sum over q, q' of
+!> S_(h,q)(h',q') P_q P_q'. A product of two Legendre polynomials is a sum of them (Adams, Proc. R.
+!> Soc. 27, 63, 1878), so T is a polynomial of twice the degree whose coefficients are found once;
+!> evaluating it costs some thousand operations where the double sum costs hundreds of thousands.
 module legendre_products
    use kinds, only: wp
    implicit none
    private
-   public :: legendre_products_type, new_legendre_products, count_products, evaluate_products, covariance_polynomial
+   public :: legendre_products_type, new_legendre_products, count_products, evaluate_products, &
+      & covariance_polynomial
 
    type :: legendre_products_type
       integer :: n_coordinates = 0, n_products = 0
-      !> Largest degree in one coordinate; of each product in each coordinate, (n_coordinates, n_products).
+      !> Largest degree in one coordinate; of each product in each coordinate, (n_coordinates,
+      !> n_products).
       integer :: degree = 0
       integer, allocatable :: degrees(:, :)
       logical, private :: total = .false.
-      !> Product q is product parent(q) times the polynomial of degree factor_degree(q) in coordinate factor(q).
+      !> Product q is product parent(q) times the polynomial of degree factor_degree(q) in
+      !> coordinate factor(q).
       integer, allocatable, private :: parent(:), factor(:), factor_degree(:)
       !> p_(n+1) = a_n x p_n - b_n p_(n-1) for p_n = sqrt(2n+1) P_n.
       real(wp), allocatable, private :: a(:), b(:)
@@ -34,7 +38,8 @@ contains
       count = product([(merge((degree + i)/real(i, wp), degree + 1.0_wp, total), i=1, n)])
    end function count_products
 
-   !> All products up to a degree; those of lower total degree first, then the last coordinate fastest.
+   !> All products up to a degree; those of lower total degree first, then the last coordinate
+   !> fastest.
    pure type(legendre_products_type) function new_legendre_products(n, degree, total) result(self)
       !> Coordinates.
       integer, intent(in) :: n, degree
@@ -46,8 +51,8 @@ contains
       self%degree = degree
       self%total = total
       self%n_products = nint(count_products(n, degree, total))
-      allocate (self%degrees(n, self%n_products), self%parent(self%n_products), self%factor(self%n_products), &
-         & self%factor_degree(self%n_products))
+      allocate (self%degrees(n, self%n_products), self%parent(self%n_products), &
+         & self%factor(self%n_products), self%factor_degree(self%n_products))
       q = 0
       do sum_of_degrees = 0, merge(degree, n*degree, total)
          call fill_last(counter, sum_of_degrees, degree)
@@ -144,8 +149,8 @@ contains
       end do
    end subroutine evaluate_products
 
-   !> T(c): the products it is made of, and the coefficients of T_hh', h >= h', one column a pair in the order (1,1), (2,1), ..
-   !> (n,1), (2,2), ..
+   !> T(c): the products it is made of, and the coefficients of T_hh', h >= h', one column a pair in
+   !> the order (1,1), (2,1), .. (n,1), (2,2), ..
    subroutine covariance_polynomial(self, n, covariance, squares, coefficients)
       type(legendre_products_type), intent(in) :: self
       !> Harmonics.
@@ -156,7 +161,8 @@ contains
       !> (n_products of the squares, n (n + 1)/2).
       real(wp), allocatable, intent(out) :: coefficients(:, :)
       real(wp), allocatable :: table(:, :, :), sums(:, :), pair(:)
-      integer :: q, r, i, h, g, column, low(self%n_coordinates), high(self%n_coordinates), c(self%n_coordinates)
+      integer :: q, r, i, h, g, column, low(self%n_coordinates), high(self%n_coordinates), &
+         & c(self%n_coordinates)
       real(wp) :: weight
 
       allocate (table(0:self%degree, 0:self%degree, 0:2*self%degree))
@@ -177,7 +183,8 @@ contains
             high = self%degrees(:, q) + self%degrees(:, r)
             c = low
             do
-               weight = product([(table(self%degrees(i, q), self%degrees(i, r), c(i)), i=1, size(c))])
+               weight = &
+                  & product([(table(self%degrees(i, q), self%degrees(i, r), c(i)), i=1, size(c))])
                i = place_of(squares, c)
                sums(:, i) = sums(:, i) + weight*pair
                do i = size(c), 1, -1
@@ -209,8 +216,8 @@ contains
          do a = 0, d
             do r = 0, min(a, b)
                c = a + b - 2*r
-               table(a, b, c) = half(r)*half(a - r)*half(b - r)/half(a + b - r)*(2*c + 1)/real(2*a + 2*b - 2*r + 1, wp) &
-                               & *sqrt((2*a + 1)*(2*b + 1)/real(2*c + 1, wp))
+               table(a, b, c) = half(r)*half(a - r)*half(b - r)/half(a + b - r)*(2*c + 1)/real(2*a &
+                  & + 2*b - 2*r + 1, wp)*sqrt((2*a + 1)*(2*b + 1)/real(2*c + 1, wp))
             end do
          end do
       end do

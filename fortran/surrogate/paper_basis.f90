@@ -1,16 +1,17 @@
-!> The paper's terms (Eq. 1-2): symmetrised surface harmonics of the indentation direction times products of Legendre polynomials of
-!> the elastic constants of one crystal class.
+!> The paper's terms (Eq. 1-2): symmetrised surface harmonics of the indentation direction times
+!> products of Legendre polynomials of the elastic constants of one crystal class.
 !>
-!> Term k = h + (q-1) n_harmonics is K_h P_q. Both families are orthonormal for the mean: of K_h K_h' over the sphere and of
-!> P_q P_q' over the cube [-1, 1]^n, so that K_1 = P_1 = 1. The coordinates are the constants between their bounds, and M = y.
+!> Term k = h + (q-1) n_harmonics is K_h P_q. Both families are orthonormal for the mean: of K_h
+!> K_h' over the sphere and of P_q P_q' over the cube [-1, 1]^n, so that K_1 = P_1 = 1. The
+!> coordinates are the constants between their bounds, and M = y.
 module paper_basis
    use abstract_basis, only: basis_type, grain_model_type
    use crystal_class, only: crystal_class_type
    use errors, only: error_type, raise, refuse
    use kinds, only: wp
    use labelled_values, only: labelled_values_type
-   use legendre_products, only: count_products, covariance_polynomial, evaluate_products, legendre_products_type, &
-      & new_legendre_products
+   use legendre_products, only: count_products, covariance_polynomial, evaluate_products, &
+      & legendre_products_type, new_legendre_products
    use small_matrices, only: factor_definite
    use surrogate_domain, only: domain_type
    use symmetric_harmonics, only: evaluate_harmonics, harmonics_type, new_harmonics
@@ -63,22 +64,29 @@ contains
       real(wp) :: terms
 
       n = self%domain%class%n_constants
-      associate (truncation => self%settings%truncation, degree => self%settings%degree, bandlimit => self%settings%bandlimit)
+      associate (truncation => self%settings%truncation, degree => self%settings%degree, &
+         & bandlimit => self%settings%bandlimit)
          if (size(self%domain%lower) /= n) then
             call refuse(error, 'the paper''s model needs bounds of all constants')
          else if (truncation /= 'tensor' .and. truncation /= 'total') then
-            call refuse(error, 'truncation: '''//truncation//''' is unknown; allowed: '//truncation_names)
+            call refuse(error, 'truncation: '''//truncation//''' is unknown; allowed: ' &
+               & //truncation_names)
          else if (degree < 0 .or. degree > largest_degree) then
-            call refuse(error, 'degree = '//to_text(degree)//' is outside 0 .. '//to_text(largest_degree))
+            call refuse(error, 'degree = '//to_text(degree)//' is outside 0 .. ' &
+               & //to_text(largest_degree))
          else if (bandlimit < 0 .or. bandlimit > largest_bandlimit .or. mod(bandlimit, 2) /= 0) then
-            call refuse(error, 'bandlimit = '//to_text(bandlimit)//' is not an even number in 0 .. '//to_text(largest_bandlimit))
+            call refuse(error, 'bandlimit = '//to_text(bandlimit) &
+               & //' is not an even number in 0 .. '//to_text(largest_bandlimit))
          else
             call new_harmonics(self%domain%class%generators, bandlimit, self%harmonics, error)
          end if
          if (allocated(error)) return
          terms = self%harmonics%n*count_products(n, degree, truncation == 'total')
-         if (terms > most_terms) call refuse(error, 'degree = '//to_text(degree)//' and bandlimit = ' &
-            & //to_text(bandlimit)//' make '//to_text(terms, 4)//' terms; at most '//to_text(nint(most_terms))//' are possible')
+         if (terms > most_terms) then
+            call refuse(error, 'degree = '//to_text(degree)//' and bandlimit = ' &
+               & //to_text(bandlimit)//' make '//to_text(terms, 4)//' terms; at most ' &
+               & //to_text(nint(most_terms))//' are possible')
+         end if
          if (allocated(error)) return
          self%polynomials = new_legendre_products(n, degree, truncation == 'total')
       end associate
@@ -133,16 +141,20 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(paper_grain_model_type), allocatable :: new
 
-      if (class%name /= self%domain%class%name) call raise(error, 'this basis has no model of '//class%name//' grains')
+      if (class%name /= self%domain%class%name) then
+         call raise(error, 'this basis has no model of '//class%name//' grains')
+      end if
       if (allocated(error)) return
       allocate (new)
       new%domain = self%domain
       new%harmonics = self%harmonics
       new%polynomials = self%polynomials
-      new%coefficients = transpose(reshape(coefficients, [self%harmonics%n, self%polynomials%n_products]))
+      new%coefficients = transpose(reshape(coefficients, &
+         & [self%harmonics%n, self%polynomials%n_products]))
       if (size(covariance) > 0) then
          new%n_columns = self%harmonics%n
-         call covariance_polynomial(self%polynomials, self%harmonics%n, covariance, new%squares, new%covariance)
+         call covariance_polynomial(self%polynomials, self%harmonics%n, covariance, new%squares, &
+            & new%covariance)
       end if
       call move_alloc(new, model)
    end subroutine new_grain_model
@@ -179,7 +191,8 @@ contains
       real(wp), intent(in) :: c(6, 6)
       !> (n, n_columns).
       real(wp), intent(out), contiguous :: columns(:, :)
-      real(wp) :: p(self%squares%n_products), pairs(size(self%covariance, 2)), factor(self%n_columns, self%n_columns)
+      real(wp) :: p(self%squares%n_products), pairs(size(self%covariance, 2)), &
+         & factor(self%n_columns, self%n_columns)
       integer :: g, h, first
 
       call evaluate_products(self%squares, self%domain%coordinates_of(c), p)

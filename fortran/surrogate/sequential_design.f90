@@ -1,7 +1,8 @@
-!> The crystals and orientations that a design chooses from, those that it begins with, and the variance of y at each (paper's section 2.1).
+!> The crystals and orientations that a design chooses from, those that it begins with, and the
+!> variance of y at each (paper's section 2.1).
 !>
-!> The variance does not depend on the values to come, so that a batch is chosen one after another as if each were already
-!> simulated, exactly, at frozen alpha and beta.
+!> The variance does not depend on the values to come, so that a batch is chosen one after another
+!> as if each were already simulated, exactly, at frozen alpha and beta.
 !>
 !> A choice changes the covariance by one outer product and every variance by one square (Eq. 11).
 module sequential_design
@@ -17,8 +18,8 @@ module sequential_design
    use surrogate_domain, only: domain_type, spread_crystals
    implicit none
    private
-   public :: design_type, set_candidates, compute_variances, quadratic_forms, condition_on, update_posterior_mean, &
-      & candidates_type, new_candidates, initial_set
+   public :: design_type, set_candidates, compute_variances, quadratic_forms, condition_on, &
+      & update_posterior_mean, candidates_type, new_candidates, initial_set
 
    !> Candidates of one matrix product.
    integer, parameter :: block_size = 256
@@ -29,7 +30,8 @@ module sequential_design
 
    type :: design_type
       type(regression_type) :: regression
-      !> Whitened terms of the candidates (n_terms, n), and variance of y at each, noise not included.
+      !> Whitened terms of the candidates (n_terms, n), and variance of y at each, noise not
+      !> included.
       real(wp), allocatable :: candidates(:, :), variance(:)
       !> Scale of each candidate, GPa, and its spread.
       real(wp), allocatable :: scale(:), spread(:)
@@ -56,7 +58,8 @@ contains
       !> Constants (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
       real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
 
-      call basis%evaluate_crystals(constants, euler_deg, design%candidates, design%scale, design%spread)
+      call basis%evaluate_crystals(constants, euler_deg, design%candidates, design%scale, &
+         & design%spread)
       call scale_columns(design%regression%prior_width, design%candidates)
       design%variance = design%scale
       design%available = spread(.true., 1, size(design%scale))
@@ -93,7 +96,8 @@ contains
       !$omp end parallel do
    end subroutine quadratic_forms
 
-   !> As if a simulation with these whitened terms were in the data. The values do not depend on the number of threads.
+   !> As if a simulation with these whitened terms were in the data. The values do not depend on the
+   !> number of threads.
    subroutine condition_on(design, terms, threads)
       type(design_type), intent(inout) :: design
       !> (n_terms).
@@ -111,14 +115,16 @@ contains
       end associate
       !$omp parallel do num_threads(threads) schedule(static) if(threads > 1)
       do j = 1, size(design%variance)
-         design%variance(j) = max(0.0_wp, design%variance(j) - dot(design%candidates(:, j), change)**2)
+         design%variance(j) = max(0.0_wp, &
+            & design%variance(j) - dot(design%candidates(:, j), change)**2)
       end do
       !$omp end parallel do
       design%n_choices = design%n_choices + 1
    end subroutine condition_on
 
-   !> After the values of all chosen candidates were added as data: the posterior mean. From time to time, and always if
-   !> `exactly` (a choice that failed and gave no value), everything is computed afresh.
+   !> After the values of all chosen candidates were added as data: the posterior mean. From time to
+   !> time, and always if `exactly` (a choice that failed and gave no value), everything is computed
+   !> afresh.
    subroutine update_posterior_mean(design, exactly, error)
       type(design_type), intent(inout) :: design
       logical, intent(in) :: exactly
@@ -128,7 +134,8 @@ contains
          call compute_posterior(design%regression, error)
          if (.not. allocated(error)) call compute_variances(design)
       else
-         design%regression%mean = matmul(design%regression%covariance, design%regression%beta*design%regression%moment)
+         design%regression%mean = matmul(design%regression%covariance, &
+            & design%regression%beta*design%regression%moment)
       end if
    end subroutine update_posterior_mean
 
@@ -149,16 +156,23 @@ contains
             call factorial(basis%domain, design, seed, candidates, error)
          else
             ! The initial set is a hypercube of its own.
-            first = merge(min(design%initial, design%n_candidates), 0, design%initial_set == 'latin')
-            call spread_crystals(basis%domain, first, seed, candidates%constants, candidates%euler_deg, error)
-            if (.not. allocated(error)) call spread_crystals(basis%domain, design%n_candidates - first, &
-               & modulo(seed + seed_step, huge(seed)), constants, euler_deg, error)
+            first = merge(min(design%initial, design%n_candidates), 0, &
+               & design%initial_set == 'latin')
+            call spread_crystals(basis%domain, first, seed, candidates%constants, &
+               & candidates%euler_deg, error)
+            if (.not. allocated(error)) then
+               call spread_crystals(basis%domain, design%n_candidates - first, &
+                  & modulo(seed + seed_step, huge(seed)), constants, euler_deg, error)
+            end if
             if (allocated(error)) return
-            candidates%constants = reshape([candidates%constants, constants], [size(constants, 1), design%n_candidates])
-            candidates%euler_deg = reshape([candidates%euler_deg, euler_deg], [3, design%n_candidates])
+            candidates%constants = reshape([candidates%constants, constants], &
+               & [size(constants, 1), design%n_candidates])
+            candidates%euler_deg = reshape([candidates%euler_deg, euler_deg], &
+               & [3, design%n_candidates])
             if (design%orientations == 'declination') then
                ! Of a uniform direction the declination's cosine is uniform.
-               candidates%euler_deg(2, :) = 90.0_wp*(1.0_wp - cos(degree*candidates%euler_deg(2, :)))
+               candidates%euler_deg(2, &
+                  & :) = 90.0_wp*(1.0_wp - cos(degree*candidates%euler_deg(2, :)))
                candidates%euler_deg([1, 3], :) = 0.0_wp
             end if
          end if
@@ -199,19 +213,21 @@ contains
       if (allocated(error)) return
       call new_region(domain%class, region)
       call spread_of_directions(region, m, directions)
-      allocate (candidates%constants(size(crystals, 1), size(crystals, 2)*m), candidates%euler_deg(3, size(crystals, 2)*m))
+      allocate (candidates%constants(size(crystals, 1), size(crystals, 2)*m), &
+         & candidates%euler_deg(3, size(crystals, 2)*m))
       do i = 1, size(crystals, 2)
          do j = 1, m
             k = (i - 1)*m + j
             candidates%constants(:, k) = crystals(:, i)
-            candidates%euler_deg(:, k) = [0.0_wp, acos(min(1.0_wp, max(-1.0_wp, directions(3, j))))/degree, &
+            candidates%euler_deg(:, k) = [0.0_wp, &
+               & acos(min(1.0_wp, max(-1.0_wp, directions(3, j))))/degree, &
                & modulo(atan2(directions(1, j), directions(2, j))/degree, 360.0_wp)]
          end do
       end do
    end subroutine factorial
 
-   !> Candidates that are simulated before the variance chooses: 'latin', the first; 'boundary', those at the ends of the ranges, each
-   !> crystal once, in directions that take turns.
+   !> Candidates that are simulated before the variance chooses: 'latin', the first; 'boundary',
+   !> those at the ends of the ranges, each crystal once, in directions that take turns.
    subroutine initial_set(candidates, basis, design, numbers)
       type(candidates_type), intent(in) :: candidates
       class(basis_type), intent(in) :: basis
@@ -228,7 +244,8 @@ contains
       if (design%initial_set /= 'boundary') return
       allocate (order(n))
       associate (domain => basis%domain, constants => candidates%constants)
-         call sort_order([(-domain%normalised_distance(domain%class%stiffness(constants(:, i))), i=1, n)], order)
+         call sort_order([(-domain%normalised_distance(domain%class%stiffness(constants(:, i))), &
+            & i=1, n)], order)
       end associate
       crystal = number_equal(candidates%constants(:, order))
       firsts = pack(crystal, crystal == [(i, i=1, n)])
@@ -236,7 +253,9 @@ contains
       do while (size(numbers) < wanted)
          do j = 1, size(firsts)
             members = pack(order, crystal == firsts(j))
-            if (round < size(members)) numbers = [numbers, members(1 + mod(j - 1 + round, size(members)))]
+            if (round < size(members)) then
+               numbers = [numbers, members(1 + mod(j - 1 + round, size(members)))]
+            end if
          end do
          round = round + 1
       end do

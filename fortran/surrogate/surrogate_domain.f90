@@ -12,8 +12,9 @@ module surrogate_domain
    private
    public :: domain_type, complete_domain, exchange_domain, spread_crystals
 
-   !> Born-stable crystals of a class within limits: bounds of the constants and a cap on Eq. 14, or limits of the log-anisotropy, of
-   !> Poisson's ratio, that of the isotropic part of log K, and of the scale. What is not stated is no limit.
+   !> Born-stable crystals of a class within limits: bounds of the constants and a cap on Eq. 14, or
+   !> limits of the log-anisotropy, of Poisson's ratio, that of the isotropic part of log K, and of
+   !> the scale. What is not stated is no limit.
    type :: domain_type
       !> Of the constants by which crystals are given, and of all that are in the domain.
       type(crystal_class_type) :: class
@@ -21,9 +22,11 @@ module surrogate_domain
       character(len=:), allocatable :: members
       !> GPa, (n_constants), or of size 0.
       real(wp), allocatable :: lower(:), upper(:)
-      real(wp) :: anisotropy_cap = huge(1.0_wp), log_anisotropy_max = huge(1.0_wp), poisson(2) = [-1.0_wp, 0.5_wp]
-      !> Of the geometric mean of the six eigenvalues of the Kelvin stiffness, exp(tr log K/6), GPa: where it is stated the
-      !> specimen correction depends on it. Bounds of the constants go before it.
+      real(wp) :: anisotropy_cap = huge(1.0_wp), log_anisotropy_max = huge(1.0_wp), &
+         & poisson(2) = [-1.0_wp, 0.5_wp]
+      !> Of the geometric mean of the six eigenvalues of the Kelvin stiffness, exp(tr log K/6), GPa:
+      !> where it is stated the specimen correction depends on it. Bounds of the constants go before
+      !> it.
       real(wp) :: stiffness(2) = [0.0_wp, huge(1.0_wp)]
    contains
       procedure :: has_scale, is_limited, admits, is_of_class, normalised_distance, coordinates_of
@@ -31,8 +34,8 @@ module surrogate_domain
 
 contains
 
-   !> Give a domain, whose limits are stated, its class, of which it is where no members are; refused are classes that it does not hold, and
-   !> limits that are none.
+   !> Give a domain, whose limits are stated, its class, of which it is where no members are;
+   !> refused are classes that it does not hold, and limits that are none.
    subroutine complete_domain(class, domain, error)
       !> Name or synonym of the crystal class.
       character(len=*), intent(in) :: class
@@ -54,26 +57,34 @@ contains
          call refuse(error, trim(names(i))//' crystals are no '//domain%class%name//' ones')
          return
       end do
-      associate (n => domain%class%n_constants, lower => domain%lower, upper => domain%upper, poisson => domain%poisson, &
-         & stiffness => domain%stiffness)
-         if (.not. any(size(lower) == [0, n]) .or. size(upper) /= size(lower)) call refuse(error, 'the domain of ' &
-            & //domain%class%name//' crystals has bounds for each of '//to_text(n)//' constants, not '//to_text(size(lower)) &
-            & //' and '//to_text(size(upper)))
+      associate (n => domain%class%n_constants, lower => domain%lower, upper => domain%upper, &
+         & poisson => domain%poisson, stiffness => domain%stiffness)
+         if (.not. any(size(lower) == [0, n]) .or. size(upper) /= size(lower)) then
+            call refuse(error, 'the domain of '//domain%class%name &
+               & //' crystals has bounds for each of '//to_text(n)//' constants, not ' &
+               & //to_text(size(lower))//' and '//to_text(size(upper)))
+         end if
          if (allocated(error)) return
          i = findloc(upper - lower > 0.0_wp .and. upper - lower < huge(1.0_wp), .false., 1)
          if (i > 0) then
-            call refuse(error, 'the bounds of '//domain%class%constants(i)//' are '//to_text(lower(i))//' and ' &
-               & //to_text(upper(i))//' GPa; the lower must be below the upper')
-         else if (.not. (domain%anisotropy_cap > 0.0_wp .and. domain%anisotropy_cap <= huge(1.0_wp))) then
-            call refuse(error, 'anisotropy_cap = '//to_text(domain%anisotropy_cap)//' must be positive')
+            call refuse(error, 'the bounds of '//domain%class%constants(i) &
+               & //' are '//to_text(lower(i))//' and '//to_text(upper(i)) &
+               & //' GPa; the lower must be below the upper')
+         else if (.not. (domain%anisotropy_cap > 0.0_wp &
+            & .and. domain%anisotropy_cap <= huge(1.0_wp))) then
+            call refuse(error, 'anisotropy_cap = '//to_text(domain%anisotropy_cap) &
+               & //' must be positive')
          else if (.not. (domain%log_anisotropy_max > 0.0_wp)) then
-            call refuse(error, 'log_anisotropy_max = '//to_text(domain%log_anisotropy_max)//' must be positive')
-         else if (size(lower) == 0 .and. .not. (poisson(1) > -1.0_wp .and. poisson(1) < poisson(2) .and. poisson(2) < 0.5_wp)) then
-            call refuse(error, 'Poisson''s ratios from '//to_text(poisson(1))//' to '//to_text(poisson(2)) &
-               & //' are no range within -1 .. 0.5')
+            call refuse(error, 'log_anisotropy_max = '//to_text(domain%log_anisotropy_max) &
+               & //' must be positive')
+         else if (size(lower) == 0 .and. .not. (poisson(1) > -1.0_wp .and. poisson(1) < poisson(2) &
+            & .and. poisson(2) < 0.5_wp)) then
+            call refuse(error, 'Poisson''s ratios from '//to_text(poisson(1))//' to ' &
+               & //to_text(poisson(2))//' are no range within -1 .. 0.5')
          else if (.not. (merge(stiffness(1) > 0.0_wp, stiffness(1) <= 0.0_wp, domain%has_scale()) &
             & .and. stiffness(1) < stiffness(2))) then
-            call refuse(error, 'stiffnesses from '//to_text(stiffness(1))//' to '//to_text(stiffness(2)) &
+            call refuse(error, &
+               & 'stiffnesses from '//to_text(stiffness(1))//' to '//to_text(stiffness(2)) &
                & //' GPa are no range; the least must be positive and below the greatest')
          end if
       end associate
@@ -90,7 +101,8 @@ contains
    pure logical function is_limited(self)
       class(domain_type), intent(in) :: self
 
-      is_limited = size(self%lower) > 0 .or. min(self%anisotropy_cap, self%log_anisotropy_max) < huge(1.0_wp)
+      is_limited = size(self%lower) > 0 &
+         & .or. min(self%anisotropy_cap, self%log_anisotropy_max) < huge(1.0_wp)
    end function is_limited
 
    !> Write a domain, or read what was written.
@@ -147,11 +159,12 @@ contains
       real(wp), intent(in) :: c(6, 6)
       real(wp), parameter :: rounding = 1.0e-9_wp
 
-      is_of_class = maxval(abs(c - self%class%stiffness(self%class%constants_of(c)))) <= rounding*maxval(abs(c))
+      is_of_class = maxval(abs(c - self%class%stiffness(self%class%constants_of(c)))) &
+         & <= rounding*maxval(abs(c))
    end function is_of_class
 
-   !> How far out a stable crystal is: the largest of the coordinates that the domain limits, each relative to its range, 1 on the
-   !> boundary. The cap is none of them.
+   !> How far out a stable crystal is: the largest of the coordinates that the domain limits, each
+   !> relative to its range, 1 on the boundary. The cap is none of them.
    pure real(wp) function normalised_distance(self, c) result(distance)
       class(domain_type), intent(in) :: self
       !> Stiffness in crystal axes, GPa.
@@ -163,9 +176,12 @@ contains
          distance = maxval(abs(self%coordinates_of(c)))
       else if (self%log_anisotropy_max < huge(1.0_wp)) then
          call logarithmic_mean(c, poisson, anisotropy, stiffness)
-         distance = max(anisotropy/self%log_anisotropy_max, abs(position(poisson, self%poisson(1), self%poisson(2))))
-         if (self%has_scale()) distance = max(distance, abs(position(log(stiffness), log(self%stiffness(1)), &
-            & log(self%stiffness(2)))))
+         distance = max(anisotropy/self%log_anisotropy_max, &
+            & abs(position(poisson, self%poisson(1), self%poisson(2))))
+         if (self%has_scale()) then
+            distance = max(distance, &
+               & abs(position(log(stiffness), log(self%stiffness(1)), log(self%stiffness(2)))))
+         end if
       end if
    end function normalised_distance
 
@@ -186,7 +202,8 @@ contains
       position = (2.0_wp*value - least - greatest)/(greatest - least)
    end function position
 
-   !> n crystals of the domain of a Latin hypercube, with indentation directions uniform on the sphere.
+   !> n crystals of the domain of a Latin hypercube, with indentation directions uniform on the
+   !> sphere.
    subroutine spread_crystals(domain, n, seed, constants, euler_deg, error)
       type(domain_type), intent(in) :: domain
       integer, intent(in) :: n, seed
@@ -210,7 +227,8 @@ contains
       euler_deg(3, :) = 360.0_wp*angles(3, :)
    end subroutine spread_crystals
 
-   !> The first n points of a Latin hypercube of bounds and three numbers of the unit interval, (3, n), whose crystals are admitted.
+   !> The first n points of a Latin hypercube of bounds and three numbers of the unit interval, (3,
+   !> n), whose crystals are admitted.
    subroutine spread_in_box(domain, n, seed, constants, unit, error)
       type(domain_type), intent(in) :: domain
       integer, intent(in) :: n, seed
@@ -241,13 +259,16 @@ contains
             unit = points(k + 1:, :n)
             return
          end do
-         points_needed = ceiling(min(4.0_wp*points_needed, 1.02_wp*points_needed*n/max(1, n_kept) + 8.0_wp))
+         points_needed = ceiling(min(4.0_wp*points_needed, &
+            & 1.02_wp*points_needed*n/max(1, n_kept) + 8.0_wp))
       end do
-      call refuse(error, 'the domain holds (almost) no stable crystal below its anisotropy cap of '//to_text(domain%anisotropy_cap))
+      call refuse(error, 'the domain holds (almost) no stable crystal below its anisotropy ' &
+         & //'cap of '//to_text(domain%anisotropy_cap))
    end subroutine spread_in_box
 
-   !> Crystals whose log(3K/2G) and log-anisotropy are spread as the first two rows of `unit` (5 or 6, n) over the unit square, anisotropic
-   !> in random ways; the classes of the domain take turns. The logarithm of their scale is spread as row 6, or that of 100 GPa.
+   !> Crystals whose log(3K/2G) and log-anisotropy are spread as the first two rows of `unit` (5 or
+   !> 6, n) over the unit square, anisotropic in random ways; the classes of the domain take turns.
+   !> The logarithm of their scale is spread as row 6, or that of 100 GPa.
    subroutine spread_logarithms(domain, unit, seed, constants, error)
       type(domain_type), intent(in) :: domain
       real(wp), intent(in) :: unit(:, :)
@@ -277,7 +298,10 @@ contains
          associate (space => coordinates(1 + mod(i - 1, size(names))))
             between = contrast(1) + unit(1, i)*(contrast(2) - contrast(1))
             mean = log(typical)
-            if (domain%has_scale()) mean = (1.0_wp - unit(6, i))*log(domain%stiffness(1)) + unit(6, i)*log(domain%stiffness(2))
+            if (domain%has_scale()) then
+               mean = (1.0_wp - unit(6, i))*log(domain%stiffness(1)) + unit(6, &
+                  & i)*log(domain%stiffness(2))
+            end if
             w(1) = mean + 5.0_wp/6.0_wp*between
             w(2) = sqrt(5.0_wp)*(mean - between/6.0_wp)
             k = space%n

@@ -1,24 +1,26 @@
-!> The regression of a surrogate: the posterior of a basis' coefficients given the simulations so far, and the candidates for the next.
+!> The regression of a surrogate: the posterior of a basis' coefficients given the simulations so
+!> far, and the candidates for the next.
 !>
-!> And the training, batch by batch: the simulations, the posterior of the coefficients, the history of its errors, and whether that is
-!> enough.
+!> And the training, batch by batch: the simulations, the posterior of the coefficients, the history
+!> of its errors, and whether that is enough.
 module surrogate_learner
    use abstract_basis, only: basis_type, spread_of
    use acquisitions, only: acquisition_type, new_acquisition
    use errors, only: error_type, refuse
-   use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, leave_groups_out, maximise_evidence, &
-      & new_regression, scale_columns
+   use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, &
+      & leave_groups_out, maximise_evidence, new_regression, scale_columns
    use kinds, only: degree, wp
    use statistics, only: number_equal
-   use sequential_design, only: compute_variances, condition_on, design_type, refresh_interval, set_candidates, &
-      & update_posterior_mean
+   use sequential_design, only: compute_variances, condition_on, design_type, refresh_interval, &
+      & set_candidates, update_posterior_mean
    use settings_schema, only: design_settings_type
    use surrogate_model, only: simulations_type, surrogate_type
    use text, only: to_text
    implicit none
    private
-   public :: learner_type, new_learner, add_simulations, revert, fit_learner, predict_moduli, surrogate_of, learning_type, &
-      & history_type, new_learning, batch_end, learn, close_batch, refit_all, change_basis, why_to_stop, left_out
+   public :: learner_type, new_learner, add_simulations, revert, fit_learner, predict_moduli, &
+      & surrogate_of, learning_type, history_type, new_learning, batch_end, learn, close_batch, &
+      & refit_all, change_basis, why_to_stop, left_out
 
    type :: learner_type
       class(basis_type), allocatable :: basis
@@ -40,8 +42,8 @@ module surrogate_learner
    !> The state after a maximisation of the evidence.
    type :: history_type
       integer :: simulations = 0
-      !> Mean absolute errors, GPa: of each simulation left out, of each with all of its crystal, and of the next points before they were
-      !> data; the last is below 0 if there is none.
+      !> Mean absolute errors, GPa: of each simulation left out, of each with all of its crystal,
+      !> and of the next points before they were data; the last is below 0 if there is none.
       real(wp) :: loocv = 0.0_wp, leave_crystal_out = 0.0_wp, next = -1.0_wp
       real(wp) :: alpha = 0.0_wp, beta = 0.0_wp, decay_rate = 0.0_wp, log_evidence = 0.0_wp
       !> Of the coefficients, and their angle to those of the batch before, degrees.
@@ -73,17 +75,20 @@ contains
 
       degrees = 1
       if (allocated(basis%prior_degrees)) degrees = basis%prior_degrees
-      call new_regression(degrees, basis%first_sds, basis%least_noise, learner%design%regression, error)
+      call new_regression(degrees, basis%first_sds, basis%least_noise, &
+         & learner%design%regression, error)
       if (allocated(error)) return
       allocate (learner%basis, source=basis)
       associate (known => learner%simulations)
-         allocate (known%constants(basis%domain%class%n_constants, 0), known%euler_deg(3, 0), known%modulus(0))
+         allocate (known%constants(basis%domain%class%n_constants, 0), known%euler_deg(3, 0), &
+            & known%modulus(0))
          call set_candidates(learner%design, basis, known%constants, known%euler_deg)
       end associate
    end subroutine new_learner
 
-   !> Add simulations to the data. If the design has `chosen` them, it expects them and the posterior mean follows with
-   !> `update_posterior_mean`; else each is an update of the posterior (Eq. 11), or all at once are where there are many.
+   !> Add simulations to the data. If the design has `chosen` them, it expects them and the
+   !> posterior mean follows with `update_posterior_mean`; else each is an update of the posterior
+   !> (Eq. 11), or all at once are where there are many.
    subroutine add_simulations(learner, constants, euler_deg, modulus, chosen, error)
       type(learner_type), intent(inout) :: learner
       !> Constants (n_constants, n) and moduli (n), GPa; Bunge-Euler angles (3, n), degrees.
@@ -114,7 +119,8 @@ contains
       end associate
       associate (known => learner%simulations, regression => learner%design%regression)
          ! An array constructor would be on the stack, and these may be large.
-         known%constants = reshape(known%constants, [size(constants, 1), regression%n_data], constants)
+         known%constants = reshape(known%constants, &
+            & [size(constants, 1), regression%n_data], constants)
          known%euler_deg = reshape(known%euler_deg, [3, regression%n_data], euler_deg)
          known%modulus = [known%modulus, modulus]
       end associate
@@ -133,7 +139,8 @@ contains
       end associate
    end subroutine revert
 
-   !> Posterior from all simulations, and the variances of all candidates, at alpha and beta of largest evidence.
+   !> Posterior from all simulations, and the variances of all candidates, at alpha and beta of
+   !> largest evidence.
    subroutine fit_learner(learner, error)
       type(learner_type), intent(inout) :: learner
       type(error_type), allocatable, intent(out) :: error
@@ -174,7 +181,10 @@ contains
       integer :: n
 
       n = size(learner%simulations%modulus)
-      if (n < 2) call refuse(error, 'there are '//to_text(n)//' training simulations; at least 2 are needed')
+      if (n < 2) then
+         call refuse(error, &
+            & 'there are '//to_text(n)//' training simulations; at least 2 are needed')
+      end if
       if (allocated(error)) return
       allocate (surrogate%basis, source=learner%basis)
       associate (regression => learner%design%regression)
@@ -188,7 +198,8 @@ contains
       surrogate%provenance = provenance
    end subroutine surrogate_of
 
-   !> Without data; `initial` points before the evidence is first maximised, 0: as many as the basis needs.
+   !> Without data; `initial` points before the evidence is first maximised, 0: as many as the basis
+   !> needs.
    subroutine new_learning(basis, settings, learning, error)
       class(basis_type), intent(in) :: basis
       type(design_settings_type), intent(in) :: settings
@@ -196,12 +207,15 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       call new_learner(basis, learning%learner, error)
-      if (.not. allocated(error)) call new_acquisition(settings%variance_of, learning%learner%rule, error)
+      if (.not. allocated(error)) then
+         call new_acquisition(settings%variance_of, learning%learner%rule, error)
+      end if
       if (allocated(error)) return
       learning%settings = settings
       learning%fewest = fewest_points
       if (.not. allocated(basis%prior_degrees)) learning%fewest = basis%n_terms
-      learning%first = min(max(merge(settings%initial, learning%fewest, settings%initial > 0), 2), settings%budget)
+      learning%first = min(max(merge(settings%initial, learning%fewest, settings%initial > 0), 2), &
+         & settings%budget)
       learning%last_mean = coefficient_mean(learning%learner%design%regression)
       allocate (learning%history(0), learning%next_errors(0))
    end subroutine new_learning
@@ -218,14 +232,17 @@ contains
       type(learning_type), intent(in) :: learning
 
       batch_end = learning%first
-      if (learning%n() >= learning%first) batch_end = min(learning%settings%budget, &
-         & learning%first + learning%settings%batch*((learning%n() - learning%first)/learning%settings%batch + 1))
+      if (learning%n() >= learning%first) then
+         batch_end = min(learning%settings%budget, learning%first + learning%settings%batch &
+                        & *((learning%n() - learning%first)/learning%settings%batch + 1))
+      end if
    end function batch_end
 
    !> Take observations in; if they were chosen by the design, the covariance has them already.
    subroutine learn(learning, constants, euler_deg, modulus, chosen, error)
       type(learning_type), intent(inout) :: learning
-      !> Constants of the domain's class (n_constants, n) and moduli (n), GPa; Bunge-Euler angles (3, n), degrees.
+      !> Constants of the domain's class (n_constants, n) and moduli (n), GPa; Bunge-Euler angles
+      !> (3, n), degrees.
       real(wp), intent(in) :: constants(:, :), euler_deg(:, :), modulus(:)
       logical, intent(in) :: chosen
       type(error_type), allocatable, intent(out) :: error
@@ -248,8 +265,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       associate (n => learning%n(), before => learning%last_refit)
-         if (n > before .and. n >= learning%first .and. (before < learning%first .or. n - before >= learning%settings%refit &
-            & .or. n >= learning%settings%budget)) then
+         if (n > before .and. n >= learning%first .and. (before < learning%first &
+            & .or. n - before >= learning%settings%refit .or. n >= learning%settings%budget)) then
             call refit_all(learning, error)
          else
             call update_posterior_mean(learning%learner%design, exactly, error)
@@ -258,7 +275,8 @@ contains
       learning%last_mean = coefficient_mean(learning%learner%design%regression)
    end subroutine close_batch
 
-   !> alpha and beta of largest evidence, and an entry of the history; nothing if that was done with these simulations.
+   !> alpha and beta of largest evidence, and an entry of the history; nothing if that was done with
+   !> these simulations.
    subroutine refit_all(learning, error)
       type(learning_type), intent(inout) :: learning
       type(error_type), allocatable, intent(out) :: error
@@ -272,8 +290,10 @@ contains
       if (allocated(error)) return
       entry%simulations = learning%n()
       call left_out(learning%learner, [(i, i=1, learning%n())], entry%loocv, error)
-      if (.not. allocated(error)) call left_out(learning%learner, number_equal(learning%learner%simulations%constants), &
-         & entry%leave_crystal_out, error)
+      if (.not. allocated(error)) then
+         call left_out(learning%learner, number_equal(learning%learner%simulations%constants), &
+            & entry%leave_crystal_out, error)
+      end if
       if (allocated(error)) return
       associate (errors => learning%next_errors, regression => learning%learner%design%regression)
          if (size(errors) > 0) then
@@ -287,7 +307,8 @@ contains
       end associate
       entry%log_evidence = learning%learner%log_evidence
       entry%norm = norm2(mean)
-      cosine = dot_product(mean, learning%last_mean)/max(entry%norm*norm2(learning%last_mean), tiny(1.0_wp))
+      cosine = dot_product(mean, learning%last_mean)/max(entry%norm*norm2(learning%last_mean), &
+         & tiny(1.0_wp))
       entry%angle_deg = acos(min(1.0_wp, max(-1.0_wp, cosine)))/degree
       learning%history = [learning%history, entry]
       learning%last_refit = entry%simulations
@@ -303,7 +324,8 @@ contains
       call new_learner(basis, learner, error)
       if (allocated(error)) return
       associate (known => learning%learner%simulations)
-         call add_simulations(learner, known%constants, known%euler_deg, known%modulus, .false., error)
+         call add_simulations(learner, known%constants, known%euler_deg, known%modulus, &
+            & .false., error)
       end associate
       if (.not. allocated(error)) call fit_learner(learner, error)
       if (allocated(error)) return
@@ -320,7 +342,8 @@ contains
       !> GPa.
       real(wp), intent(out) :: error_gpa
       type(error_type), allocatable, intent(out) :: error
-      !> Modulus (GPa) of each simulation as the others predict it, and the error of this in units of its sd.
+      !> Modulus (GPa) of each simulation as the others predict it, and the error of this in units
+      !> of its sd.
       real(wp), dimension(:), intent(out), optional :: modulus, z
       real(wp), dimension(size(groups)) :: residual, sd, spread, predicted
       integer :: i
@@ -328,9 +351,12 @@ contains
       error_gpa = 0.0_wp
       call leave_groups_out(learner%design%regression, groups, residual, sd, error)
       if (allocated(error)) return
-      associate (basis => learner%basis, known => learner%simulations, y => learner%design%regression%targets(:size(groups)))
-         spread = [(spread_of(basis%noise_growth, basis%domain%class%stiffness(known%constants(:, i))), i=1, size(groups))]
-         predicted = known%modulus*(basis%to_modulus(y - residual, 1.0_wp, spread)/basis%to_modulus(y, 1.0_wp, spread))
+      associate (basis => learner%basis, known => learner%simulations, &
+         & y => learner%design%regression%targets(:size(groups)))
+         spread = [(spread_of(basis%noise_growth, &
+            & basis%domain%class%stiffness(known%constants(:, i))), i=1, size(groups))]
+         predicted = known%modulus*(basis%to_modulus(y - residual, 1.0_wp, &
+            & spread)/basis%to_modulus(y, 1.0_wp, spread))
          error_gpa = sum(abs(predicted - known%modulus))/size(groups)
       end associate
       if (present(modulus)) modulus = predicted
@@ -344,17 +370,23 @@ contains
       logical :: early(size(learning%history))
 
       reason = ''
-      if (size(learning%history) == 0 .or. learning%n() < max(learning%first, learning%fewest)) return
+      if (size(learning%history) == 0 .or. learning%n() < max(learning%first, learning%fewest)) then
+         return
+      end if
       associate (history => learning%history, last => learning%history(size(learning%history)), &
          & target_gpa => learning%settings%target_gpa, patience => learning%settings%patience)
-         if (target_gpa > 0.0_wp .and. last%next >= 0.0_wp .and. max(last%leave_crystal_out, last%next) <= target_gpa) then
-            reason = 'the errors of unseen crystals ('//to_text(last%leave_crystal_out, 3)//' and '//to_text(last%next, 3) &
-               & //' GPa) reached '//to_text(target_gpa)//' GPa'
+         if (target_gpa > 0.0_wp .and. last%next >= 0.0_wp &
+            & .and. max(last%leave_crystal_out, last%next) <= target_gpa) then
+            reason = 'the errors of unseen crystals ('//to_text(last%leave_crystal_out, 3) &
+               & //' and '//to_text(last%next, 3)//' GPa) reached '//to_text(target_gpa)//' GPa'
             return
          end if
          early = history%simulations <= learning%n() - patience
          if (patience == 0 .or. .not. any(early)) return
-         if (minval(history%leave_crystal_out, .not. early) <= improvement*minval(history%leave_crystal_out, early)) return
+         if (minval(history%leave_crystal_out, &
+            & .not. early) <= improvement*minval(history%leave_crystal_out, early)) then
+            return
+         end if
          reason = 'the error did not improve over the last '//to_text(patience)//' simulations'
       end associate
    end function why_to_stop

@@ -1,11 +1,11 @@
 !> A surrogate: the posterior of the coefficients of a basis, and what it predicts.
 !>
-!> All algebra is in y (see `basis`). The predicted modulus is that of the mean of y; its sd is by the delta method, |dM/dy| sd(y), and
-!> is that of a simulated modulus: it includes 1/beta.
+!> All algebra is in y (see `basis`). The predicted modulus is that of the mean of y; its sd is by
+!> the delta method, |dM/dy| sd(y), and is that of a simulated modulus: it includes 1/beta.
 !>
-!> Its file is text, one value or block of values a line or more, the first line naming format and version, the
-!> last a checksum. GPa, and degrees for the simulations' angles.
-!> Where a named surrogate is, and what a new one may be named, is the same for both programs.
+!> Its file is text, one value or block of values a line or more, the first line naming format and
+!> version, the last a checksum. GPa, and degrees for the simulations' angles. Where a named
+!> surrogate is, and what a new one may be named, is the same for both programs.
 module surrogate_model
    use abstract_basis, only: basis_type, grain_model_type
    use bases, only: allocate_basis, new_basis
@@ -22,25 +22,28 @@ module surrogate_model
    use text, only: to_text
    implicit none
    private
-   public :: surrogate_type, simulations_type, new_theory_surrogate, predict_crystals, new_grain_model, save_surrogate, &
-      & load_surrogate, check_replaceable, exchange_surrogate, theory_name, places_type, find_surrogate, &
-      & load_named_surrogate, check_new_name
+   public :: surrogate_type, simulations_type, new_theory_surrogate, predict_crystals, &
+      & new_grain_model, save_surrogate, load_surrogate, check_replaceable, exchange_surrogate, &
+      & theory_name, places_type, find_surrogate, load_named_surrogate, check_new_name
 
    !> What a surrogate was trained on.
    type :: simulations_type
-      !> Constants of the domain's class (n_constants, n) and moduli (n), GPa; Bunge-Euler angles (3, n), degrees.
+      !> Constants of the domain's class (n_constants, n) and moduli (n), GPa; Bunge-Euler angles
+      !> (3, n), degrees.
       real(wp), allocatable :: constants(:, :), euler_deg(:, :), modulus(:)
    end type simulations_type
 
    type :: surrogate_type
       class(basis_type), allocatable :: basis
-      !> Posterior mean (n_terms) and covariance (n_terms, n_terms) of the coefficients, in units of y.
+      !> Posterior mean (n_terms) and covariance (n_terms, n_terms) of the coefficients, in units of
+      !> y.
       real(wp), allocatable :: coefficients(:), covariance(:, :)
       !> Precision of the prior (of a term of degree 1) and of the noise, in units of y.
       real(wp) :: alpha = 1.0_wp, beta = 1.0_wp
       !> Of the prior's sd of a coefficient: its ratio from degree to degree.
       real(wp) :: decay_rate = 1.0_wp
-      !> At the last depth of the simulations, on a half-space, um; 0 where the specimen has no length of its own.
+      !> At the last depth of the simulations, on a half-space, um; 0 where the specimen has no
+      !> length of its own.
       real(wp) :: contact_radius = 0.0_wp
       type(simulations_type) :: simulations
       !> Where it comes from: a JSON object.
@@ -78,14 +81,15 @@ contains
       domain%poisson = [-0.999_wp, 0.499_wp]
       call complete_domain(general_class, domain, error)
       if (.not. allocated(error)) call new_basis(domain, settings, surrogate%basis, error)
-      allocate (surrogate%coefficients(0), surrogate%covariance(0, 0), surrogate%simulations%constants(21, 0), &
-         & surrogate%simulations%euler_deg(3, 0), surrogate%simulations%modulus(0))
+      allocate (surrogate%coefficients(0), surrogate%covariance(0, 0), &
+         & surrogate%simulations%constants(21, 0), surrogate%simulations%euler_deg(3, 0), &
+         & surrogate%simulations%modulus(0))
       surrogate%beta = huge(1.0_wp)
       surrogate%provenance = '{"model": "exact theory of the half-space"}'
    end subroutine new_theory_surrogate
 
-   !> Mean and sd (GPa) of the simulated indentation modulus of crystals. Refused are those for which it has no meaning: unstable, or
-   !> without the symmetry of the surrogate's class.
+   !> Mean and sd (GPa) of the simulated indentation modulus of crystals. Refused are those for
+   !> which it has no meaning: unstable, or without the symmetry of the surrogate's class.
    subroutine predict_crystals(surrogate, stiffness, euler, threads, modulus, sd, error)
       type(surrogate_type), intent(in) :: surrogate
       !> In crystal axes, GPa, (6, 6, n); Bunge-Euler angles, radians, (3, n).
@@ -102,14 +106,20 @@ contains
       first = huge(first)
       !$omp parallel do num_threads(threads) schedule(static) reduction(min: first)
       do i = 1, size(stiffness, 3)
-         if (is_stable(stiffness(:, :, i)) .and. surrogate%basis%domain%is_of_class(stiffness(:, :, i))) cycle
+         if (is_stable(stiffness(:, :, i)) &
+            & .and. surrogate%basis%domain%is_of_class(stiffness(:, :, i))) then
+            cycle
+         end if
          first = min(first, i)
       end do
       !$omp end parallel do
       if (first < huge(first)) then
          call check_stiffness(stiffness(:, :, first), error)
-         if (.not. allocated(error)) call refuse(error, 'the stiffness is not that of a '//surrogate%basis%domain%class%name &
-            & //' crystal in its axes, for which the surrogate is')
+         if (.not. allocated(error)) then
+            call refuse(error, &
+               & 'the stiffness is not that of a '//surrogate%basis%domain%class%name &
+               & //' crystal in its axes, for which the surrogate is')
+         end if
          error%message = 'crystal '//to_text(first)//': '//error%message
          return
       end if
@@ -119,7 +129,8 @@ contains
       !$omp parallel do num_threads(threads) schedule(static) private(last)
       do i = 1, size(stiffness, 3), at_once
          last = min(i + at_once - 1, size(stiffness, 3))
-         call predict_side_by_side(surrogate, stiffness(:, :, i:last), euler(:, i:last), modulus(i:last), sd(i:last), factor)
+         call predict_side_by_side(surrogate, stiffness(:, :, i:last), euler(:, i:last), &
+            & modulus(i:last), sd(i:last), factor)
       end do
       !$omp end parallel do
    end subroutine predict_crystals
@@ -137,7 +148,8 @@ contains
 
       call surrogate%basis%evaluate_many(c, euler, terms, scale, spread)
       do i = 1, size(modulus)
-         modulus(i) = surrogate%basis%to_modulus(dot_product(surrogate%coefficients, terms(:, i)), scale(i), spread(i))
+         modulus(i) = surrogate%basis%to_modulus(dot_product(surrogate%coefficients, terms(:, i)), &
+            & scale(i), spread(i))
       end do
       call factored_forms(surrogate%covariance, factor, terms, variance)
       sd = scale
@@ -146,7 +158,8 @@ contains
       sd = sd*sqrt(variance)
    end subroutine predict_side_by_side
 
-   !> The moduli of certain grains as a function of the crystal, and their covariance if that counts.
+   !> The moduli of certain grains as a function of the crystal, and their covariance if that
+   !> counts.
    subroutine new_grain_model(surrogate, class, euler, with_covariance, model, error)
       type(surrogate_type), intent(in) :: surrogate
       !> Of the crystals that will be asked for.
@@ -200,7 +213,9 @@ contains
       else
          call exchange_surrogate(surrogate, file)
          call file%finish()
-         if (allocated(file%error)) call refuse(error, path//': the surrogate is damaged: '//file%error%message)
+         if (allocated(file%error)) then
+            call refuse(error, path//': the surrogate is damaged: '//file%error%message)
+         end if
          surrogate%checksum = last_word(file%content)
       end if
    end subroutine load_surrogate
@@ -221,8 +236,10 @@ contains
       if (is_folder(path)) then
          call refuse(error, path//': is a folder; the surrogate is a file')
       else if (file_exists(path)) then
-         if (.not. is_surrogate(path)) call refuse(error, path//': is there and is not a surrogate, so it is not replaced; ' &
-            & //'give the surrogate another name')
+         if (.not. is_surrogate(path)) then
+            call refuse(error, path//': is there and is not a surrogate, so it is not replaced; ' &
+               & //'give the surrogate another name')
+         end if
       end if
    end subroutine check_replaceable
 
@@ -233,7 +250,8 @@ contains
       integer :: unit, status
 
       is_surrogate = .false.
-      open (newunit=unit, file=path, access='stream', form='unformatted', status='old', action='read', iostat=status)
+      open (newunit=unit, file=path, access='stream', form='unformatted', status='old', &
+         & action='read', iostat=status)
       if (status /= 0) return
       read (unit, iostat=status) start
       is_surrogate = status == 0 .and. start == label//' '
@@ -253,8 +271,10 @@ contains
          number = version
       end if
       call file%integer(label, number)
-      if (number /= version) call file%fail('it has version '//to_text(number)//' of the format, not '//to_text(version) &
-         & //'; build it anew')
+      if (number /= version) then
+         call file%fail('it has version '//to_text(number)//' of the format, not ' &
+            & //to_text(version)//'; build it anew')
+      end if
       call file%text('model', name)
       if (file%reading .and. .not. allocated(file%error)) then
          call allocate_basis(name, surrogate%basis, error)
@@ -275,7 +295,8 @@ contains
       call file%real('contact_radius_um', surrogate%contact_radius)
       call file%reals('coefficients', surrogate%coefficients)
       call exchange_covariance(surrogate, file)
-      call exchange_simulations(surrogate%simulations, surrogate%basis%domain%class%n_constants, file)
+      call exchange_simulations(surrogate%simulations, &
+         & surrogate%basis%domain%class%n_constants, file)
       call file%lines('provenance', surrogate%provenance)
       if (file%reading .and. .not. allocated(file%error)) call check_values(surrogate, file%error)
    end subroutine exchange_surrogate
@@ -297,8 +318,9 @@ contains
       call file%reals('covariance', packed)
       if (allocated(file%error) .or. .not. file%reading) return
       if (size(packed) /= n*(n + 1)/2 .or. size(surrogate%coefficients) /= n) then
-         call file%fail('there are '//to_text(size(surrogate%coefficients))//' coefficients and '//to_text(size(packed)) &
-            & //' covariances; '//to_text(n)//' and '//to_text(n*(n + 1)/2)//' are needed')
+         call file%fail('there are '//to_text(size(surrogate%coefficients))//' coefficients and ' &
+            & //to_text(size(packed))//' covariances; '//to_text(n)//' and '//to_text(n*(n + 1)/2) &
+            & //' are needed')
          return
       end if
       surrogate%covariance = unpack(packed, lower, 0.0_wp)
@@ -312,8 +334,10 @@ contains
       real(wp), allocatable :: constants(:), euler_deg(:)
       integer :: n
 
-      if (.not. allocated(simulations%modulus)) allocate (simulations%constants(n_constants, 0), simulations%euler_deg(3, 0), &
-         & simulations%modulus(0))
+      if (.not. allocated(simulations%modulus)) then
+         allocate (simulations%constants(n_constants, 0), simulations%euler_deg(3, 0), &
+            & simulations%modulus(0))
+      end if
       constants = reshape(simulations%constants, [size(simulations%constants)])
       euler_deg = reshape(simulations%euler_deg, [size(simulations%euler_deg)])
       call file%reals('simulated_constants', constants)
@@ -322,8 +346,8 @@ contains
       if (allocated(file%error) .or. .not. file%reading) return
       n = size(simulations%modulus)
       if (size(constants) /= size(simulations%constants, 1)*n .or. size(euler_deg) /= 3*n) then
-         call file%fail('the simulations have '//to_text(size(constants))//' constants, '//to_text(size(euler_deg)) &
-            & //' angles and '//to_text(n)//' moduli')
+         call file%fail('the simulations have '//to_text(size(constants))//' constants, ' &
+            & //to_text(size(euler_deg))//' angles and '//to_text(n)//' moduli')
          return
       end if
       simulations%constants = reshape(constants, [n_constants, n])
@@ -341,11 +365,14 @@ contains
 
       n = surrogate%basis%n_terms
       sd = [(surrogate%covariance(i, i), i=1, n)]
-      if (.not. (surrogate%alpha > 0.0_wp .and. surrogate%beta > 0.0_wp .and. surrogate%decay_rate > 0.0_wp)) then
-         call refuse(error, 'alpha = '//to_text(surrogate%alpha)//', beta = '//to_text(surrogate%beta)//' and fall = ' &
-            & //to_text(surrogate%decay_rate)//' must be positive')
+      if (.not. (surrogate%alpha > 0.0_wp .and. surrogate%beta > 0.0_wp &
+         & .and. surrogate%decay_rate > 0.0_wp)) then
+         call refuse(error, 'alpha = '//to_text(surrogate%alpha)//', beta = ' &
+            & //to_text(surrogate%beta)//' and fall = '//to_text(surrogate%decay_rate) &
+            & //' must be positive')
       else if (.not. all(sd > 0.0_wp)) then
-         call refuse(error, 'the variance of coefficient '//to_text(findloc(sd > 0.0_wp, .false., dim=1))//' is not positive')
+         call refuse(error, 'the variance of coefficient ' &
+            & //to_text(findloc(sd > 0.0_wp, .false., dim=1))//' is not positive')
       end if
       if (allocated(error)) return
       sd = sqrt(sd)
@@ -358,7 +385,8 @@ contains
       if (allocated(error)) error%message = 'the covariance is not one: '//error%message
    end subroutine check_values
 
-   !> The path of a surrogate, '' of the theory: a file of the output folder, of the namelist's folder, or one that comes with the package.
+   !> The path of a surrogate, '' of the theory: a file of the output folder, of the namelist's
+   !> folder, or one that comes with the package.
    subroutine find_surrogate(name, places, path, error)
       !> A shipped name, or the name of a file.
       character(len=*), intent(in) :: name
@@ -374,8 +402,9 @@ contains
       if (file_exists(path)) return
       path = places%data_folder//name//extension
       if (index(', '//places%shipped//',', ', '//name//',') > 0 .and. file_exists(path)) return
-      call refuse(error, ''''//printable(name)//''': there is no such surrogate; run build first, or state a file in the ' &
-         & //'output folder or beside the namelist, '//theory_name//', '//places%shipped)
+      call refuse(error, ''''//printable(name)//''': there is no such surrogate; run build ' &
+         & //'first, or state a file in the output folder or beside the namelist, '//theory_name &
+         & //', '//places%shipped)
    end subroutine find_surrogate
 
    !> Load a surrogate of crystals of a class.
@@ -400,7 +429,9 @@ contains
       call new_crystal_class(class, wanted, error)
       if (allocated(error)) return
       associate (own => surrogate%basis%domain%class)
-         if (.not. own%includes(wanted)) call refuse(error, path//' is for '//own%name//' crystals, not '//wanted%name//' ones')
+         if (.not. own%includes(wanted)) then
+            call refuse(error, path//' is for '//own%name//' crystals, not '//wanted%name//' ones')
+         end if
       end associate
    end subroutine load_named_surrogate
 
@@ -409,12 +440,14 @@ contains
       !> Of the file.
       character(len=*), intent(in) :: name
       type(error_type), allocatable, intent(out) :: error
-      character(len=*), parameter :: allowed = '; allowed: a name that ends in '//extension//', for example surrogate'//extension
+      character(len=*), parameter :: allowed = '; allowed: a name that ends in '//extension &
+         & //', for example surrogate'//extension
       integer :: stem
 
       stem = len(name) - len(extension)
       if (index(name, '/') > 0) then
-         call refuse(error, ''''//printable(name)//''': a new surrogate is kept in the output folder'//allowed)
+         call refuse(error, &
+            & ''''//printable(name)//''': a new surrogate is kept in the output folder'//allowed)
       else if (index(name, extension, back=.true.) /= stem + 1 .or. stem < 1) then
          call refuse(error, ''''//printable(name)//''' is no name of a new surrogate'//allowed)
       end if

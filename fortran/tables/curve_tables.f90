@@ -39,7 +39,8 @@ module curve_tables
 
 contains
 
-   !> Read curves, and the file of their tests; `prefix` and `tests_prefix` begin the messages on them.
+   !> Read curves, and the file of their tests; `prefix` and `tests_prefix` begin the messages on
+   !> them.
    subroutine read_curves(content, tests_path, prefix, tests_prefix, set, error)
       !> The neutral CSV; the path of the table of tests.
       character(len=*), intent(in) :: content, tests_path, prefix, tests_prefix
@@ -96,10 +97,13 @@ contains
             c%session = text_of(column(4))
             c%reference = len(reference) > 0
             place = 'line '//to_text(set%tests%line(i))//': test '//printable(c%name)
-            if (c%reference .eqv. len(c%material) > 0) call refuse(error, place//' has '//trim(merge('both', 'none', c%reference)) &
-               & //' of grain and reference; one of the two columns is needed')
-            if (any([(set%curves(j)%name == c%name, j=1, i - 1)])) call refuse(error, place//' is there twice; each test has one ' &
-               & //'row')
+            if (c%reference .eqv. len(c%material) > 0) then
+               call refuse(error, place//' has '//trim(merge('both', 'none', c%reference)) &
+                  & //' of grain and reference; one of the two columns is needed')
+            end if
+            if (any([(set%curves(j)%name == c%name, j=1, i - 1)])) then
+               call refuse(error, place//' is there twice; each test has one row')
+            end if
             if (allocated(error)) return
             if (c%reference) c%material = reference
          end associate
@@ -133,9 +137,14 @@ contains
       allocate (values(size(column) - 1, table%rows))
       k = 1
       do i = 1, table%rows
-         if (curves(k)%name /= table%cell(column(1), i)) k = findloc([(curves(j)%name == table%cell(column(1), i), j=1, &
-            & size(curves))], .true., 1)
-         if (k == 0) call table%refuse(column(1), i, ' is no test of the table of tests; each test needs a row there', error)
+         if (curves(k)%name /= table%cell(column(1), i)) then
+            k = findloc([(curves(j)%name == table%cell(column(1), i), j=1, size(curves))], .true., &
+               & 1)
+         end if
+         if (k == 0) then
+            call table%refuse(column(1), i, &
+               & ' is no test of the table of tests; each test needs a row there', error)
+         end if
          if (allocated(error)) return
          owner(i) = k
          do j = 2, size(column)
@@ -153,11 +162,16 @@ contains
             c%line = table%line(max(1, findloc(owner, k, 1)))
             rows = pack([(i, i=1, table%rows)], owner == k .and. all(abs(values) < no_value, 1))
             c%points = values(:, rows)
-            if (size(rows) == 0) call refuse(error, place//' of the table of tests has no points; give them, or leave its row out')
+            if (size(rows) == 0) then
+               call refuse(error, &
+                  & place//' of the table of tests has no points; give them, or leave its row out')
+            end if
             i = findloc(c%points(1, 2:) < c%points(1, :size(rows) - 1), .true., 1)
-            if (i > 0) call refuse(error, place//', line '//to_text(table%line(rows(i + 1)))//': the time runs backwards, ' &
-               & //to_text(c%points(1, i + 1))//' s after '//to_text(c%points(1, i))//' s; the points of a test are in the order ' &
-               & //'of time')
+            if (i > 0) then
+               call refuse(error, place//', line '//to_text(table%line(rows(i + 1))) &
+                  & //': the time runs backwards, '//to_text(c%points(1, i + 1))//' s after ' &
+                  & //to_text(c%points(1, i))//' s; the points of a test are in the order of time')
+            end if
             if (allocated(error)) return
          end associate
       end do

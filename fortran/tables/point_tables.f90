@@ -1,5 +1,5 @@
-!> The CSV tables that a problem names: crystals with orientations, measurements, candidates. Columns go by name; unknown
-!> ones are carried through.
+!> The CSV tables that a problem names: crystals with orientations, measurements, candidates.
+!> Columns go by name; unknown ones are carried through.
 module point_tables
    use files, only: hash_of, printable
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
@@ -8,29 +8,33 @@ module point_tables
    use kinds, only: degree, i8, nan, pi, wp
    use statistics, only: number_equal
    use settings_schema, only: measurements_settings_type
-   use table_columns, only: check_unit, column_list, degrees, find_column, find_modulus, find_ways, known_columns, name_columns, &
-      & nearest_to, read_directions, refused_column, standard_name
+   use table_columns, only: check_unit, column_list, degrees, find_column, find_modulus, &
+      & find_ways, known_columns, name_columns, nearest_to, read_directions, refused_column, &
+      & standard_name
    use tables, only: longest_name, read_table, table_type
    use text, only: join, to_text
    implicit none
    private
-   public :: points_type, read_crystals, read_measurements, read_orientations, first_rows, angles_look_like_radians, &
-      & read_angles, read_groups, read_column
+   public :: points_type, read_crystals, read_measurements, read_orientations, first_rows, &
+      & angles_look_like_radians, read_angles, read_groups, read_column
 
    !> One row a point. What a table has not is NaN.
    type :: points_type
       integer :: n = 0
       !> The cells as written.
       type(table_type) :: table
-      !> The crystal classes that rows have, and the number of each row's, (n); none in measurements.
+      !> The crystal classes that rows have, and the number of each row's, (n); none in
+      !> measurements.
       type(crystal_class_type), allocatable :: classes(:)
       integer, allocatable :: class(:)
       !> In the order of the class, padded with NaN, GPa, (21, n); crystal frame, GPa, (6, 6, n).
       real(wp), allocatable :: constants(:, :), stiffness(:, :, :)
-      !> Bunge-Euler angles, degrees, (3, n); whether the table has them, or only the indented direction of each.
+      !> Bunge-Euler angles, degrees, (3, n); whether the table has them, or only the indented
+      !> direction of each.
       real(wp), allocatable :: euler_deg(:, :)
       logical :: has_angles = .true.
-      !> Of the waves, which among measurements are the last rows; and how many of these were left out.
+      !> Of the waves, which among measurements are the last rows; and how many of these were left
+      !> out.
       type(path_type), allocatable :: paths(:)
       integer :: omitted = 0
       !> Of the rows of several tables, (n).
@@ -39,22 +43,26 @@ module point_tables
       real(wp), allocatable :: modulus_gpa(:), sd_gpa(:)
       !> Of measurements: which modulus was measured.
       character(len=:), allocatable :: modulus_kind
-      !> Of a measured grain: sd of the tilt of the indented direction per component, degrees; depth and contact radius of the
-      !> indentation and radius of the grain, um; and its group, 1, 2, .., (n).
-      real(wp), allocatable :: orientation_sd_deg(:), depth_um(:), contact_radius_um(:), grain_radius_um(:)
+      !> Of a measured grain: sd of the tilt of the indented direction per component, degrees; depth
+      !> and contact radius of the indentation and radius of the grain, um; and its group, 1, 2, ..,
+      !> (n).
+      real(wp), allocatable :: orientation_sd_deg(:), depth_um(:), contact_radius_um(:), &
+         & grain_radius_um(:)
       integer, allocatable :: group(:)
-      !> The column of the points' names, 0 if there is none, and the row of the table that a point stands for, (n), and
-      !> the point of each row.
+      !> The column of the points' names, 0 if there is none, and the row of the table that a point
+      !> stands for, (n), and the point of each row.
       integer :: named_by = 0
       integer, allocatable :: row(:), of_row(:)
-      !> Where a point is several tests combined: their numbers, and the chi-square of each one's tests about their mean, (n).
+      !> Where a point is several tests combined: their numbers, and the chi-square of each one's
+      !> tests about their mean, (n).
       integer, allocatable :: tests(:)
       real(wp), allocatable :: chi_square(:)
    contains
       procedure :: name, directions
    end type points_type
 
-   character(len=*), parameter :: angle_names(3) = [character(len=8) :: 'phi1_deg', 'Phi_deg', 'phi2_deg']
+   character(len=*), &
+      & parameter :: angle_names(3) = [character(len=8) :: 'phi1_deg', 'Phi_deg', 'phi2_deg']
    !> What a stiffness can be, GPa.
    real(wp), parameter, public :: stiffness_most = 5000.0_wp
 
@@ -74,11 +82,15 @@ contains
       if (.not. allocated(error)) call read_angles(points, .false., error)
       if (.not. allocated(error)) call read_constants(points, default_class, error)
       if (.not. allocated(error)) call find_column(points%table, 'modulus_gpa', column, error)
-      if (.not. allocated(error)) call read_column(points%table, trim(merge('modulus_gpa            ', 'indentation_modulus_gpa', &
-         & column > 0)), .true., points%modulus_gpa, error)
+      if (.not. allocated(error)) then
+         call read_column(points%table, trim(merge('modulus_gpa            ', &
+            & 'indentation_modulus_gpa', column > 0)), .true., points%modulus_gpa, error)
+      end if
       if (.not. allocated(error)) call find_column(points%table, 'propagation_deg', column, error)
       call read_column(points%table, 'propagation_deg', column == 0, along, error)
-      if (.not. allocated(error) .and. column > 0) points%paths = [(path_type(rayleigh, along(i)), i=1, points%n)]
+      if (.not. allocated(error) .and. column > 0) then
+         points%paths = [(path_type(rayleigh, along(i)), i=1, points%n)]
+      end if
       if (allocated(error)) error%message = prefix//error%message
    end subroutine read_crystals
 
@@ -126,7 +138,9 @@ contains
       character(len=:), allocatable :: name
       integer :: column, i
 
-      if (table%rows > most_rows) call refuse(error, to_text(table%rows)//' rows; allowed up to '//to_text(most_rows))
+      if (table%rows > most_rows) then
+         call refuse(error, to_text(table%rows)//' rows; allowed up to '//to_text(most_rows))
+      end if
       if (allocated(error)) return
       points%table = table
       call name_columns(points%table, asked%columns, error)
@@ -142,25 +156,37 @@ contains
       else if (.not. allocated(error)) then
          call read_orientations(points, asked%angles == 'radians', crystal, parameters, error)
       end if
-      if (.not. allocated(error)) call find_modulus(points%table, asked%modulus_kind, name, points%modulus_kind, error)
-      if (.not. allocated(error)) call read_column(points%table, name, .false., points%modulus_gpa, error)
+      if (.not. allocated(error)) then
+         call find_modulus(points%table, asked%modulus_kind, name, points%modulus_kind, error)
+      end if
+      if (.not. allocated(error)) then
+         call read_column(points%table, name, .false., points%modulus_gpa, error)
+      end if
       if (.not. allocated(error)) call find_column(points%table, 'sd_gpa', column, error)
-      if (.not. allocated(error) .and. column == 0 .and. asked%scale /= 'inferred') call refuse(error, 'the column sd_gpa is ' &
-         & //'missing; it may be absent only with scale = ''inferred''. If another column is it, state columns = ''sd_gpa = its ' &
-         & //'header''; the columns are '//column_list(points%table)//nearest_to(points%table, 'sd_gpa'))
-      if (.not. allocated(error) .and. column > 0) call read_column(points%table, 'sd_gpa', .false., points%sd_gpa, error)
+      if (.not. allocated(error) .and. column == 0 .and. asked%scale /= 'inferred') then
+         call refuse(error, 'the column sd_gpa is missing; it may be absent only ' &
+            & //'with scale = ''inferred''. If another column is it, state ' &
+            & //'columns = ''sd_gpa = its header''; the columns are '//column_list(points%table) &
+            & //nearest_to(points%table, 'sd_gpa'))
+      end if
+      if (.not. allocated(error) .and. column > 0) then
+         call read_column(points%table, 'sd_gpa', .false., points%sd_gpa, error)
+      end if
       call read_column(points%table, 'orientation_sd_deg', .true., points%orientation_sd_deg, error)
       call read_column(points%table, 'depth_um', .true., points%depth_um, error)
       call read_column(points%table, 'contact_radius_um', .true., points%contact_radius_um, error)
       call read_column(points%table, 'depth_nm', .true., depth_nm, error)
-      if (.not. allocated(error)) points%depth_um = merge(points%depth_um, 1.0e-3_wp*depth_nm, points%depth_um > 0.0_wp)
+      if (.not. allocated(error)) then
+         points%depth_um = merge(points%depth_um, 1.0e-3_wp*depth_nm, points%depth_um > 0.0_wp)
+      end if
       call add_zero_error()
       call read_column(points%table, 'grain_radius_um', .true., points%grain_radius_um, error)
       if (.not. allocated(error)) call read_groups(points)
 
    contains
 
-      !> Add to the sds what an uncertain zero of the depth does to the modulus of each test, E ~ P/(sqrt(R) h^1.5).
+      !> Add to the sds what an uncertain zero of the depth does to the modulus of each test, E ~
+      !> P/(sqrt(R) h^1.5).
       subroutine add_zero_error()
          real(wp), parameter :: power = 1.5_wp
          real(wp), allocatable :: zero_sd_nm(:)
@@ -169,9 +195,13 @@ contains
          call read_column(points%table, 'zero_sd_nm', .true., zero_sd_nm, error)
          if (allocated(error)) return
          zero_sd_nm = merge(zero_sd_nm, asked%zero_sd_nm, zero_sd_nm >= 0.0_wp)
-         i = findloc(zero_sd_nm > 0.0_wp .and. .not. (points%depth_um > 0.0_wp .and. points%sd_gpa > 0.0_wp), .true., dim=1)
-         if (i > 0) call refuse(error, 'line '//to_text(points%table%line(i))//': zero_sd_nm = '//to_text(zero_sd_nm(i)) &
-            & //' nm needs the depth of the test (column depth_nm or depth_um) and its sd_gpa')
+         i = findloc(zero_sd_nm > 0.0_wp &
+            & .and. .not. (points%depth_um > 0.0_wp .and. points%sd_gpa > 0.0_wp), .true., dim=1)
+         if (i > 0) then
+            call refuse(error, &
+               & 'line '//to_text(points%table%line(i))//': zero_sd_nm = '//to_text(zero_sd_nm(i)) &
+               & //' nm needs the depth of the test (column depth_nm or depth_um) and its sd_gpa')
+         end if
          if (allocated(error)) return
          where (zero_sd_nm > 0.0_wp) points%sd_gpa = sqrt(points%sd_gpa**2 &
             & + (power*1.0e-3_wp*zero_sd_nm/points%depth_um*points%modulus_gpa)**2)
@@ -199,15 +229,19 @@ contains
       if (allocated(error)) return
       if (way == 0) then
          call read_angles(points, radians, error)
-         if (allocated(error) .and. all(angles == 0)) error%message = error%message//'; instead of angles q0, q1, q2, q3, or u, ' &
-            & //'v, w, or h, k, l; if no orientation is known state orientations = ''unknown'''
+         if (allocated(error) .and. all(angles == 0)) then
+            error%message = error%message//'; instead of angles q0, q1, q2, q3, or u, v, w, or ' &
+               & //'h, k, l; if no orientation is known state orientations = ''unknown'''
+         end if
       else if (all(angles > 0)) then
-         call refuse(error, 'orientations are stated twice, by angles and by '//points%table%name(columns(1))//', ' &
-            & //points%table%name(columns(2))//', ..; one of them is allowed')
+         call refuse(error, 'orientations are stated twice, by angles and by ' &
+            & //points%table%name(columns(1))//', '//points%table%name(columns(2)) &
+            & //', ..; one of them is allowed')
       else
          call set_size(points)
          points%has_angles = .false.
-         call read_directions(points%table, way, columns, crystal, parameters, points%euler_deg, error)
+         call read_directions(points%table, way, columns, crystal, parameters, &
+            & points%euler_deg, error)
       end if
    end subroutine read_orientations
 
@@ -241,12 +275,15 @@ contains
          call find_column(points%table, trim(angle_names(j)), column, error, needed=.true.)
          if (allocated(error)) return
          if (.not. radians) call check_unit(points%table, column, degrees, error)
-         if (allocated(error)) error%message = 'column '//points%table%name(column)//' is in radians; degrees are needed, or ' &
-            & //'&measurements angles = ''radians'''
+         if (allocated(error)) then
+            error%message = 'column '//points%table%name(column) &
+               & //' is in radians; degrees are needed, or &measurements angles = ''radians'''
+         end if
          if (allocated(error)) return
          allowed = merge([0.0_wp, 180.0_wp], [-largest_turn, largest_turn], j == 2)*unit
-         call read_numbers(points%table, column, allowed + [0.0_wp, merge(rounding, 0.0_wp, radians .and. j == 2)], .false., &
-            & merge(' radians', ' degrees', radians), '; allowed '//to_text(allowed(1))//' to '//to_text(allowed(2)), values, error)
+         call read_numbers(points%table, column, allowed + [0.0_wp, merge(rounding, 0.0_wp, &
+            & radians .and. j == 2)], .false., merge(' radians', ' degrees', radians), &
+            & '; allowed '//to_text(allowed(1))//' to '//to_text(allowed(2)), values, error)
          if (allocated(error)) return
          points%euler_deg(j, :) = min(values, allowed(2))/unit
       end do
@@ -270,8 +307,11 @@ contains
          column(j) = points%table%find(general%constants(j))
          if (column(j) == 0) cycle
          call check_unit(points%table, column(j), ' gpa ', error)
-         if (.not. allocated(error)) call read_numbers(points%table, column(j), [-stiffness_most, stiffness_most], .true., &
-            & ' GPa', ' looks like MPa; allowed up to '//to_text(stiffness_most)//' GPa', values, error)
+         if (.not. allocated(error)) then
+            call read_numbers(points%table, column(j), [-stiffness_most, stiffness_most], .true., &
+               & ' GPa', ' looks like MPa; allowed up to '//to_text(stiffness_most)//' GPa', &
+               & values, error)
+         end if
          if (allocated(error)) return
          points%constants(j, :) = values
       end do
@@ -295,8 +335,8 @@ contains
             do k = 1, class%n_constants
                j = findloc(general%constants, class%constants(k), dim=1)
                if (column(j) == 0) then
-                  call refuse(error, 'the column '//class%constants(k)//' is missing; a '//class%name//' crystal has ' &
-                     & //join(class%constants, ', '))
+                  call refuse(error, 'the column '//class%constants(k)//' is missing; a ' &
+                     & //class%name//' crystal has '//join(class%constants, ', '))
                else if (.not. abs(entries(j)) <= stiffness_most) then
                   call table%number(column(j), i, entries(j), error)
                end if
@@ -308,13 +348,16 @@ contains
             implied = general%constants_of(points%stiffness(:, :, i))
             do j = 1, 21
                if (.not. abs(entries(j) - implied(j)) > 1.0e-3_wp*abs(implied(j)) + 1.0e-3_wp) cycle
-               call table%refuse(column(j), i, ' GPa does not apply to a '//class%name//' crystal, whose ' &
-                  & //general%constants(j)//' is '//to_text(implied(j))//' GPa; leave the cell empty', error)
+               call table%refuse(column(j), i, ' GPa does not apply to a '//class%name &
+                  & //' crystal, whose '//general%constants(j)//' is '//to_text(implied(j)) &
+                  & //' GPa; leave the cell empty', error)
                return
             end do
          end associate
          call check_stiffness(points%stiffness(:, :, i), error)
-         if (allocated(error)) error%message = 'line '//to_text(points%table%line(i))//': '//error%message
+         if (allocated(error)) then
+            error%message = 'line '//to_text(points%table%line(i))//': '//error%message
+         end if
       end subroutine take_constants
 
       !> The class of each row, which may say it.
@@ -341,18 +384,20 @@ contains
             if (allocated(error)) error%message = points%table%place(named, i)//error%message
             if (allocated(error)) return
             if (class%n_constants == 0) then
-               call refuse(error, 'the class of the crystals is missing; state &problem symmetry, or add a column symmetry')
+               call refuse(error, 'the class of the crystals is missing; state &problem ' &
+                  & //'symmetry, or add a column symmetry')
                return
             end if
-            j = findloc([(points%classes(j)%name == class%name, j=1, size(points%classes))], .true., dim=1)
+            j = findloc([(points%classes(j)%name == class%name, j=1, size(points%classes))], &
+               & .true., dim=1)
             if (j == 0) points%classes = [points%classes, class]
             points%class(i) = merge(size(points%classes), j, j == 0)
          end do
       end subroutine read_classes
    end subroutine read_constants
 
-   !> The `values` of one of `known_columns`. An `optional` one may be absent, and its cells may be empty: NaN there. Nothing is done
-   !> after an error.
+   !> The `values` of one of `known_columns`. An `optional` one may be absent, and its cells may be
+   !> empty: NaN there. Nothing is done after an error.
    subroutine read_column(table, name, optional, values, error)
       type(table_type), intent(in) :: table
       character(len=*), intent(in) :: name
@@ -361,22 +406,26 @@ contains
       type(error_type), allocatable, intent(inout) :: error
       integer :: column
 
-      if (.not. allocated(error)) call find_column(table, name, column, error, needed=.not. optional)
+      if (.not. allocated(error)) then
+         call find_column(table, name, column, error, needed=.not. optional)
+      end if
       if (allocated(error)) return
       associate (known => known_columns(findloc(known_columns%name, name, 1)))
-         call read_numbers(table, column, known%allowed, optional, trim(known%unit), trim(known%refusal), values, error)
+         call read_numbers(table, column, known%allowed, optional, trim(known%unit), &
+            & trim(known%refusal), values, error)
       end associate
    end subroutine read_column
 
-   !> The `values` of a `column`, NaN where its cells are empty, if they `may_be_empty`, or where it is 0.
+   !> The `values` of a `column`, NaN where its cells are empty, if they `may_be_empty`, or where it
+   !> is 0.
    subroutine read_numbers(table, column, allowed, may_be_empty, unit, refusal, values, error)
       type(table_type), intent(in) :: table
       integer, intent(in) :: column
       !> The least and the greatest.
       real(wp), intent(in) :: allowed(2)
       logical, intent(in) :: may_be_empty
-      !> What follows a cell that is not allowed: its unit, after a blank, and what is wrong, to which the range is added if it has no
-      !> semicolon.
+      !> What follows a cell that is not allowed: its unit, after a blank, and what is wrong, to
+      !> which the range is added if it has no semicolon.
       character(len=*), intent(in) :: unit, refusal
       real(wp), allocatable, intent(out) :: values(:)
       type(error_type), allocatable, intent(out) :: error

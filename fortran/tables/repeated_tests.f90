@@ -1,7 +1,9 @@
-!> Several tests of one grain (column `grain`), combined, and their scatter compared with what their sds say.
+!> Several tests of one grain (column `grain`), combined, and their scatter compared with what their
+!> sds say.
 !>
-!> The tests of a grain in one group are one measurement: the mean with weights 1/sd², whose sd is (sum of 1/sd²)^-1/2. Their chi-square,
-!> the sum of the squared deviations from that mean in sds, has one degree of freedom less than there are tests.
+!> The tests of a grain in one group are one measurement: the mean with weights 1/sd², whose sd is
+!> (sum of 1/sd²)^-1/2. Their chi-square, the sum of the squared deviations from that mean in sds,
+!> has one degree of freedom less than there are tests.
 module repeated_tests
    use crystal_class, only: crystal_class_type
    use distinct_directions, only: angle_between, new_region, region_type
@@ -16,22 +18,25 @@ module repeated_tests
    private
    public :: combine_tests, judge_scatter, refuse_copied_rows
 
-   !> Of a scatter of less probability a warning says so; of single grains it is divided by their number.
+   !> Of a scatter of less probability a warning says so; of single grains it is divided by their
+   !> number.
    real(wp), parameter :: improbable = 0.01_wp
 
 contains
 
-   !> Refuse rows that were pasted once more: several in succession, of more than one orientation, with all numbers of earlier ones. Equal
-   !> values of one grain are tests whose moduli were rounded.
+   !> Refuse rows that were pasted once more: several in succession, of more than one orientation,
+   !> with all numbers of earlier ones. Equal values of one grain are tests whose moduli were
+   !> rounded.
    subroutine refuse_copied_rows(points, error)
       type(points_type), intent(in) :: points
       type(error_type), allocatable, intent(out) :: error
       integer, parameter :: least = 3
-      character(len=*), parameter :: count_twice = 'Rows that count twice make the sds of the constants too small: remove them'
+      character(len=*), parameter :: count_twice = 'Rows that count twice make the sds of the ' &
+         & //'constants too small: remove them'
       integer :: first(points%n), copies(points%n), i, begin, grain
 
-      first = number_equal(reshape([(points%euler_deg(:, i), points%modulus_gpa(i), points%sd_gpa(i), real(points%group(i), wp), &
-         & i=1, points%n)], [6, points%n]))
+      first = number_equal(reshape([(points%euler_deg(:, i), points%modulus_gpa(i), &
+         & points%sd_gpa(i), real(points%group(i), wp), i=1, points%n)], [6, points%n]))
       call find_column(points%table, 'grain', grain, error)
       if (allocated(error) .or. points%n == 0) return
       copies = 0
@@ -40,20 +45,24 @@ contains
       end do
       ! Of rounded tests some are alike by chance, but not all of them as often.
       i = maxval(copies)
-      if (grain == 0 .and. i > 1 .and. count(copies > 0) >= least .and. all(copies == 0 .or. copies == i) .and. any(abs( &
-         & points%euler_deg - spread(points%euler_deg(:, 1), 2, points%n)) > 0.0_wp)) call refuse(error, 'each row is there ' &
-         & //to_text(i)//' times with the same angles, modulus and sd. '//count_twice)
+      if (grain == 0 .and. i > 1 .and. count(copies > 0) >= least &
+         & .and. all(copies == 0 .or. copies == i) .and. any(abs(points%euler_deg &
+         & - spread(points%euler_deg(:, 1), 2, points%n)) > 0.0_wp)) then
+         call refuse(error, 'each row is there '//to_text(i) &
+            & //' times with the same angles, modulus and sd. '//count_twice)
+      end if
       if (allocated(error)) return
       begin = 1
       do i = 2, points%n + 1
          if (i <= points%n) then
             if (first(i) < i .and. first(i) == first(i - 1) + 1 .and. first(i - 1) < i - 1) cycle
          end if
-         if (i - begin >= least .and. any(abs(points%euler_deg(:, begin:i - 1) - spread(points%euler_deg(:, begin), 2, i - begin)) &
-            & > 0.0_wp)) then
+         if (i - begin >= least .and. any(abs(points%euler_deg(:, begin:i - 1) &
+            & - spread(points%euler_deg(:, begin), 2, i - begin)) > 0.0_wp)) then
             associate (line => points%table%line)
-               call refuse(error, 'lines '//to_text(line(begin))//' to '//to_text(line(i - 1))//' repeat lines ' &
-                  & //to_text(line(first(begin)))//' to '//to_text(line(first(i - 1)))//' with the same angles, moduli and sds. ' &
+               call refuse(error, 'lines '//to_text(line(begin))//' to '//to_text(line(i - 1)) &
+                  & //' repeat lines '//to_text(line(first(begin)))//' to ' &
+                  & //to_text(line(first(i - 1)))//' with the same angles, moduli and sds. ' &
                   & //count_twice)
             end associate
             return
@@ -62,7 +71,8 @@ contains
       end do
    end subroutine refuse_copied_rows
 
-   !> Let each grain of a group be one point, in the order of their first tests; these give the orientation.
+   !> Let each grain of a group be one point, in the order of their first tests; these give the
+   !> orientation.
    subroutine combine_tests(class, points, error)
       !> Of the grains: equivalent orientations are one.
       type(crystal_class_type), intent(in) :: class
@@ -76,7 +86,10 @@ contains
       call find_column(points%table, 'grain', column, error)
       if (allocated(error) .or. column == 0) return
       i = findloc([(points%table%is_empty(column, i), i=1, points%n)], .true., dim=1)
-      if (i > 0) call refuse(error, points%table%place(column, i)//'the cell is empty; the name or number of the grain is needed')
+      if (i > 0) then
+         call refuse(error, points%table%place(column, i) &
+            & //'the cell is empty; the name or number of the grain is needed')
+      end if
       if (allocated(error)) return
       points%named_by = column
       key(1, :) = points%group
@@ -94,17 +107,23 @@ contains
          type(region_type) :: region
          real(wp) :: direction(3, points%n), angle
 
-         if (.not. all(points%sd_gpa > 0.0_wp)) call refuse(error, 'the column '//printable(points%table%name(column)) &
-            & //' has several tests of one grain, and to combine them the column sd_gpa is needed')
+         if (.not. all(points%sd_gpa > 0.0_wp)) then
+            call refuse(error, 'the column '//printable(points%table%name(column)) &
+               & //' has several tests of one grain, and to combine them the column ' &
+               & //'sd_gpa is needed')
+         end if
          if (allocated(error)) return
          call new_region(class, region)
          if (region%dimension == 0) return
          direction = points%directions()
          do i = 1, points%n
             angle = angle_between(region, direction(:, i), direction(:, first(i)))/degree
-            if (angle > alike) call points%table%refuse(column, i, ' is indented '//fixed(angle, 1)//' degrees away from its ' &
-               & //'direction on line '//to_text(points%table%line(first(i)))//'; tests of one grain are within 5 degrees of ' &
-               & //'each other', error)
+            if (angle > alike) then
+               call points%table%refuse(column, i, &
+                  & ' is indented '//fixed(angle, 1)//' degrees away from its direction on line ' &
+                  & //to_text(points%table%line(first(i))) &
+                  & //'; tests of one grain are within 5 degrees of each other', error)
+            end if
             if (allocated(error)) return
          end do
       end subroutine check_tests
@@ -160,7 +179,8 @@ contains
       end function means_of
    end subroutine combine_tests
 
-   !> Warn of tests that scatter more or less than their sds say: all together, and in single grains.
+   !> Warn of tests that scatter more or less than their sds say: all together, and in single
+   !> grains.
    subroutine judge_scatter(points, prefix, warnings)
       type(points_type), intent(in) :: points
       !> Of the lines.
@@ -174,17 +194,22 @@ contains
       repeated = count(points%tests > 1)
       above = chi_square_above(sum(points%chi_square), freedom)
       if (above < improbable) then
-         call warn(warnings, prefix//': tests of a grain scatter more than their stated sds, '//in_words(sum(points%chi_square), &
-            & freedom)//', so sd_gpa is too small, or the grains are not uniform; scale = ''inferred'' estimates it')
+         call warn(warnings, prefix//': tests of a grain scatter more than their stated sds, ' &
+            & //in_words(sum(points%chi_square), freedom)//', so sd_gpa is too small, or the ' &
+            & //'grains are not uniform; scale = ''inferred'' estimates it')
       else if (above > 1.0_wp - improbable) then
-         call warn(warnings, prefix//': tests of a grain scatter less than their stated sds, '//in_words(sum(points%chi_square), &
-            & freedom)//', so sd_gpa is too large, or has an error in it that the tests share, which belongs to calibration_sd')
+         call warn(warnings, prefix//': tests of a grain scatter less than their stated sds, ' &
+            & //in_words(sum(points%chi_square), freedom)//', so sd_gpa is too large, or has an ' &
+            & //'error in it that the tests share, which belongs to calibration_sd')
       end if
       do i = 1, points%n
          if (points%tests(i) < 2) cycle
-         if (chi_square_above(points%chi_square(i), points%tests(i) - 1) > improbable/repeated) cycle
-         call warn(warnings, prefix//': the '//to_text(points%tests(i))//' tests of grain '//printable(points%name(i)) &
-            & //' disagree with each other, '//in_words(points%chi_square(i), points%tests(i) - 1))
+         if (chi_square_above(points%chi_square(i), points%tests(i) - 1) > improbable/repeated) then
+            cycle
+         end if
+         call warn(warnings, prefix//': the '//to_text(points%tests(i))//' tests of grain ' &
+            & //printable(points%name(i))//' disagree with each other, ' &
+            & //in_words(points%chi_square(i), points%tests(i) - 1))
       end do
    end subroutine judge_scatter
 
@@ -194,7 +219,7 @@ contains
       integer, intent(in) :: freedom
       character(len=:), allocatable :: words
 
-      words = fixed(sqrt(chi_square/freedom), 1)//' times as much (chi-square '//fixed(chi_square, 1)//', degrees of freedom ' &
-         & //to_text(freedom)//')'
+      words = fixed(sqrt(chi_square/freedom), 1)//' times as much (chi-square ' &
+         & //fixed(chi_square, 1)//', degrees of freedom '//to_text(freedom)//')'
    end function in_words
 end module repeated_tests

@@ -1,5 +1,6 @@
-!> A whole stiffness that is known with its covariance, as from density functional theory: a CSV with a column `row` and one for each
-!> constant of the class; the row 'mean' (GPa) and one row of the covariance (GPa²) for each constant, in any order.
+!> A whole stiffness that is known with its covariance, as from density functional theory: a CSV
+!> with a column `row` and one for each constant of the class; the row 'mean' (GPa) and one row of
+!> the covariance (GPa²) for each constant, in any order.
 module stiffness_table
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: check_stiffness
@@ -39,28 +40,36 @@ contains
       labels = [character(len=4) :: 'mean', class%constants]
       column = [(table%find(trim(headers(j))), j=1, size(column))]
       j = findloc(column, 0, dim=1)
-      if (j > 0) call refuse(error, 'the column '//trim(headers(j))//' is missing; a '//class%name//' crystal needs ' &
-         & //join(headers, ', '))
+      if (j > 0) then
+         call refuse(error, 'the column '//trim(headers(j))//' is missing; a '//class%name &
+            & //' crystal needs '//join(headers, ', '))
+      end if
       if (allocated(error)) return
       do j = 1, table%columns
-         if (all(column /= j)) call refuse(error, 'the column '//printable(table%name(j))//' is none of '//join(headers, ', ') &
-            & //', the constants of a '//class%name//' crystal')
+         if (all(column /= j)) then
+            call refuse(error, 'the column '//printable(table%name(j))//' is none of ' &
+               & //join(headers, ', ')//', the constants of a '//class%name//' crystal')
+         end if
          if (allocated(error)) return
       end do
       row = 0
       do i = 1, table%rows
          j = findloc(labels == table%cell(column(1), i), .true., dim=1)
          if (j == 0) cycle
-         if (row(j) > 0) call refuse(error, 'line '//to_text(table%line(i))//': the row '//trim(labels(j))//' is there twice')
+         if (row(j) > 0) then
+            call refuse(error, 'line '//to_text(table%line(i))//': the row '//trim(labels(j)) &
+               & //' is there twice')
+         end if
          if (allocated(error)) return
          row(j) = i
       end do
       j = findloc(row, 0, dim=1)
       if (j > 0) then
-         call refuse(error, 'the row '//trim(labels(j))//' is missing; the rows are mean (GPa) and those of the covariance ' &
-            & //'(GPa^2), '//join(class%constants, ', '))
+         call refuse(error, 'the row '//trim(labels(j))//' is missing; the rows are mean (GPa) ' &
+            & //'and those of the covariance (GPa^2), '//join(class%constants, ', '))
       else if (table%rows /= size(row)) then
-         call refuse(error, to_text(table%rows)//' rows; '//to_text(size(row))//' are needed: '//join(labels, ', '))
+         call refuse(error, to_text(table%rows)//' rows; '//to_text(size(row))//' are needed: ' &
+            & //join(labels, ', '))
       end if
       do i = 1, size(row)
          do j = 1, class%n_constants
@@ -72,8 +81,10 @@ contains
       self%mean = values(:, 1)
       self%covariance = transpose(values(:, 2:))
       j = findloc(abs(self%mean) <= stiffness_most, .false., dim=1)
-      if (j > 0) call refuse(error, 'the mean of '//class%constants(j)//', '//to_text(self%mean(j)) &
-         & //' GPa, looks like MPa; allowed up to '//to_text(stiffness_most)//' GPa')
+      if (j > 0) then
+         call refuse(error, 'the mean of '//class%constants(j)//', '//to_text(self%mean(j)) &
+            & //' GPa, looks like MPa; allowed up to '//to_text(stiffness_most)//' GPa')
+      end if
       if (allocated(error)) return
       call check_stiffness(class%stiffness(self%mean), error)
       if (allocated(error)) error%message = 'the mean: '//error%message
@@ -88,14 +99,18 @@ contains
 
          associate (c => self%covariance, names => class%constants)
             i = findloc([(c(i, i) > 0.0_wp, i=1, class%n_constants)], .false., dim=1)
-            if (i > 0) call refuse(error, 'the variance of '//names(i)//' is '//to_text(c(i, i))//' GPa^2; above 0 is allowed')
+            if (i > 0) then
+               call refuse(error, 'the variance of '//names(i)//' is '//to_text(c(i, i)) &
+                  & //' GPa^2; above 0 is allowed')
+            end if
             if (allocated(error)) return
             do j = 1, class%n_constants
                do i = 1, class%n_constants
                   correlation(i, j) = c(i, j)/sqrt(c(i, i))/sqrt(c(j, j))
                   if (abs(c(i, j) - c(j, i)) <= tolerance*sqrt(c(i, i))*sqrt(c(j, j))) cycle
-                  call refuse(error, 'the covariance is not symmetric: '//to_text(c(i, j))//' GPa^2 in row '//names(i) &
-                     & //', column '//names(j)//', but '//to_text(c(j, i))//' GPa^2 in row '//names(j)//', column '//names(i))
+                  call refuse(error, 'the covariance is not symmetric: '//to_text(c(i, j)) &
+                     & //' GPa^2 in row '//names(i)//', column '//names(j)//', but ' &
+                     & //to_text(c(j, i))//' GPa^2 in row '//names(j)//', column '//names(i))
                   return
                end do
             end do
@@ -105,8 +120,8 @@ contains
          call cholesky_factor(correlation, error)
          if (.not. allocated(error)) return
          deallocate (error)
-         call refuse(error, 'the covariance is not positive definite; it must say that no combination of the constants is known ' &
-            & //'exactly')
+         call refuse(error, 'the covariance is not positive definite; it must say that no ' &
+            & //'combination of the constants is known exactly')
       end subroutine check_covariance
    end subroutine new_stiffness_table
 end module stiffness_table

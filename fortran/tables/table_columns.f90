@@ -1,11 +1,11 @@
-!> Which column of a table is which quantity: the names that tables have, whatever the case, with their units in brackets, after a
-!> slash, as the last word or in a row of their own.
+!> Which column of a table is which quantity: the names that tables have, whatever the case, with
+!> their units in brackets, after a slash, as the last word or in a row of their own.
 !>
-!> The indented direction of grains, from columns that state it otherwise than by Euler angles: unit quaternions, or the crystal direction
-!> or plane normal along the indenter.
+!> The indented direction of grains, from columns that state it otherwise than by Euler angles: unit
+!> quaternions, or the crystal direction or plane normal along the indenter.
 !>
-!> Of a half-space only that direction matters, in crystal axes; a turn about it is free. So these become angles (0, Phi, phi2) whose g
-!> takes the sample's z to it.
+!> Of a half-space only that direction matters, in crystal axes; a turn about it is free. So these
+!> become angles (0, Phi, phi2) whose g takes the sample's z to it.
 module table_columns
    use crystal_class, only: crystal_class_type, lattice_parameters, lattice_type, new_lattice
    use errors, only: error_type, refuse, suggestion
@@ -19,62 +19,71 @@ module table_columns
    public :: column_list, nearest_to, check_unit, column_hint, name_columns, degrees
    public :: find_ways, read_directions, angles_of_direction
 
-   !> A column, other names that it may have without their unit, the words for its unit, each between blanks, and what its numbers can be.
+   !> A column, other names that it may have without their unit, the words for its unit, each
+   !> between blanks, and what its numbers can be.
    type :: column_type
       character(len=longest_name) :: name
       !> Separated by ', '.
       character(len=176) :: others
       character(len=36) :: units
-      !> The least and the greatest; the unit as messages have it, after a blank; and what is said of other numbers.
+      !> The least and the greatest; the unit as messages have it, after a blank; and what is said
+      !> of other numbers.
       real(wp) :: allowed(2) = [-huge(1.0_wp), huge(1.0_wp)]
       character(len=8) :: unit = ''
       character(len=60) :: refusal = ''
    end type column_type
-   character(len=*), parameter :: degrees = ' deg degrees degree ° ', angle_units = degrees//'rad radians ', &
-      & gpa = ' gpa ', um = ' um µm μm ', speed = ' m/s m_s ', no_modulus = ' is no modulus of a metal'
-   !> What a modulus of a metal can be, GPa; a depth or the size of a grain, um; the speed of a surface wave, m/s; and a direction, degrees.
-   real(wp), parameter :: moduli(2) = [1.0_wp, 2000.0_wp], lengths(2) = [1.0e-6_wp, 1.0e6_wp], speeds(2) = [100.0_wp, 30000.0_wp], &
-      & turns(2) = [-360.0_wp, 360.0_wp], no_less = tiny(1.0_wp)
+   character(len=*), parameter :: degrees = ' deg degrees degree ° ', &
+      & angle_units = degrees//'rad radians ', gpa = ' gpa ', um = ' um µm μm ', &
+      & speed = ' m/s m_s ', no_modulus = ' is no modulus of a metal'
+   !> What a modulus of a metal can be, GPa; a depth or the size of a grain, um; the speed of a
+   !> surface wave, m/s; and a direction, degrees.
+   real(wp), parameter :: moduli(2) = [1.0_wp, 2000.0_wp], lengths(2) = [1.0e-6_wp, 1.0e6_wp], &
+      & speeds(2) = [100.0_wp, 30000.0_wp], turns(2) = [-360.0_wp, 360.0_wp], no_less = tiny(1.0_wp)
    !> The columns of an indent that may lie in another grain. Measurements with one are refused.
    character(len=*), parameter :: refused_column = 'other_probability'
-   type(column_type), parameter :: known_columns(*) = [ &
-      & column_type('phi1_deg', 'phi1, phi_1, φ1, euler1, euler_1, euler_angle_1', angle_units), &
+   type(column_type), parameter :: known_columns(*) = [column_type('phi1_deg', &
+      & 'phi1, phi_1, φ1, euler1, euler_1, euler_angle_1', angle_units), &
       & column_type('Phi_deg', 'phi, φ, Φ, euler2, euler_2, euler_angle_2', angle_units), &
       & column_type('phi2_deg', 'phi2, phi_2, φ2, euler3, euler_3, euler_angle_3', angle_units), &
-      & column_type('modulus_gpa', 'modulus, e, youngs_modulus, young_modulus, elastic_modulus', gpa, moduli, ' GPa', no_modulus), &
-      & column_type('indentation_modulus_gpa', 'indentation_modulus, plane_strain_modulus, m', gpa, moduli, ' GPa', no_modulus), &
-      & column_type('effective_modulus_gpa', 'effective_modulus, reduced_modulus, er, e_r, eeff, e_eff, e*, ereduced, ' &
-      & //'e_reduced', gpa, moduli, ' GPa', no_modulus), &
-      & column_type('sample_modulus_gpa', 'sample_modulus, es, e_s, eit, e_it', gpa, moduli, ' GPa', no_modulus), &
-      & column_type('sd_gpa', 'sd, std, stdev, st_dev, std_dev, stddev, error, err, uncertainty, standard_deviation, ' &
-      & //'standard_error, std_error, std_err, se, sem, sigma, ±', gpa, [no_less, moduli(2)], ' GPa', &
-      & '; a standard deviation is above 0, up to 2000.0 GPa'), &
-      & column_type('orientation_sd_deg', 'orientation_sd', degrees, [0.0_wp, 20.0_wp], ' degrees'), &
-      & column_type(refused_column, 'other_phi1, other_phi, other_phi2', degrees), &
-      & column_type('depth_um', 'depth', um, lengths, ' um'), &
-      & column_type('depth_nm', 'depth', ' nm ', 1.0e3_wp*lengths, ' nm'), &
-      & column_type('contact_radius_um', '', um, lengths, ' um'), &
-      & column_type('zero_sd_nm', '', ' nm ', [0.0_wp, 1000.0_wp], ' nm'), column_type('grain_radius_um', '', um, lengths, ' um'), &
-      & column_type('propagation_deg', 'propagation', degrees, turns, ' degrees'), &
-      & column_type('rayleigh_velocity_m_s', 'rayleigh_velocity, rayleigh_speed, saw_velocity, velocity, velocity_m_s', speed, &
-      & speeds, ' m/s', ' is no speed of a wave'), &
-      & column_type('sd_m_s', 'sd, std, stdev, error, uncertainty, standard_deviation', speed, [no_less, speeds(2)], ' m/s', &
-      & '; a standard deviation is above 0, up to 30000.0 m/s'), &
+      & column_type('modulus_gpa', 'modulus, e, youngs_modulus, young_modulus, elastic_modulus', &
+      & gpa, moduli, ' GPa', no_modulus), column_type('indentation_modulus_gpa', &
+      & 'indentation_modulus, plane_strain_modulus, m', gpa, moduli, ' GPa', no_modulus), &
+      & column_type('effective_modulus_gpa', &
+      & 'effective_modulus, reduced_modulus, er, e_r, eeff, e_eff, e*, ereduced, e_reduced', &
+      & gpa, moduli, ' GPa', no_modulus), column_type('sample_modulus_gpa', &
+      & 'sample_modulus, es, e_s, eit, e_it', gpa, moduli, ' GPa', no_modulus), &
+      & column_type('sd_gpa', 'sd, std, stdev, st_dev, std_dev, stddev, error, err, uncertainty, ' &
+      & //'standard_deviation, standard_error, std_error, std_err, se, sem, sigma, ±', gpa, &
+      & [no_less, moduli(2)], ' GPa', '; a standard deviation is above 0, up to 2000.0 GPa'), &
+      & column_type('orientation_sd_deg', 'orientation_sd', degrees, [0.0_wp, 20.0_wp], &
+      & ' degrees'), column_type(refused_column, 'other_phi1, other_phi, other_phi2', degrees), &
+      & column_type('depth_um', 'depth', um, lengths, ' um'), column_type('depth_nm', 'depth', &
+      & ' nm ', 1.0e3_wp*lengths, ' nm'), column_type('contact_radius_um', '', um, lengths, &
+      & ' um'), column_type('zero_sd_nm', '', ' nm ', [0.0_wp, 1000.0_wp], ' nm'), &
+      & column_type('grain_radius_um', '', um, lengths, ' um'), column_type('propagation_deg', &
+      & 'propagation', degrees, turns, ' degrees'), column_type('rayleigh_velocity_m_s', &
+      & 'rayleigh_velocity, rayleigh_speed, saw_velocity, velocity, velocity_m_s', &
+      & speed, speeds, ' m/s', ' is no speed of a wave'), &
+      & column_type('sd_m_s', 'sd, std, stdev, error, uncertainty, standard_deviation', speed, &
+      & [no_less, speeds(2)], ' m/s', '; a standard deviation is above 0, up to 30000.0 m/s'), &
       & column_type('x_um', 'x', um), column_type('y_um', 'y', um), column_type('group', '', ''), &
-      & column_type('grain', 'grain_id, grain_number, grain_no', ''), column_type('test', 'test_id, test_number', ''), &
-      & column_type('reference', '', ''), column_type('session', '', ''), column_type('time_s', 'time', ' s '), &
-      & column_type('load_mn', 'load, force', ' mn '), column_type('stiffness_n_m', 'stiffness', ' n/m n_m '), &
-      & column_type('drift_nm_s', 'drift', ' nm/s nm_s ', [-5.0_wp, 5.0_wp], ' nm/s', ' is no drift of an instrument')]
+      & column_type('grain', 'grain_id, grain_number, grain_no', ''), column_type('test', &
+      & 'test_id, test_number', ''), column_type('reference', '', ''), column_type('session', '', &
+      & ''), column_type('time_s', 'time', ' s '), column_type('load_mn', 'load, force', ' mn '), &
+      & column_type('stiffness_n_m', 'stiffness', ' n/m n_m '), column_type('drift_nm_s', 'drift', &
+      & ' nm/s nm_s ', [-5.0_wp, 5.0_wp], ' nm/s', ' is no drift of an instrument')]
    !> The rows of the moduli; all but the first name their kind, and then the unit.
    integer, parameter :: plain = 4, last_modulus = 7
    character(len=*), parameter :: modulus_unit = '_gpa'
    !> What may be a unit in a name.
-   character(len=*), parameter :: unit_words = ' deg degrees degree rad radians gpa mpa kpa pa um nm mm % mn un '
+   character(len=*), &
+      & parameter :: unit_words = ' deg degrees degree rad radians gpa mpa kpa pa um nm mm % mn un '
    !> Fewer letters are near to everything.
    integer, parameter :: shortest_misspelt = 4
 
    !> Ways to state a direction: the columns of each. The first three have all names.
-   integer, parameter :: quaternions = 1, four_directions = 2, four_planes = 3, directions = 4, planes = 5
+   integer, parameter :: quaternions = 1, four_directions = 2, four_planes = 3, &
+      & directions = 4, planes = 5
    character(len=14), parameter :: ways(5) = [ &
       & 'q0, q1, q2, q3', 'u, v, t, w    ', 'h, k, i, l    ', 'u, v, w       ', 'h, k, l       ']
    !> What is rounded away in a file, relative.
@@ -95,20 +104,26 @@ contains
       integer :: i, j
 
       i = findloc(known_columns%name, name, dim=1)
-      found = pack([(j, j=1, table%columns)], [(is_other_name(table%called(j), i), j=1, table%columns)])
+      found = pack([(j, j=1, table%columns)], &
+         & [(is_other_name(table%called(j), i), j=1, table%columns)])
       column = table%find(name)
-      if (column == 0 .and. size(found) > 1) call refuse(error, 'the columns '//printable(table%name(found(1)))//' and ' &
-         & //printable(table%name(found(2)))//' are both '//name//'; one of them is allowed, or one that is named '//name)
+      if (column == 0 .and. size(found) > 1) then
+         call refuse(error, 'the columns '//printable(table%name(found(1))) &
+            & //' and '//printable(table%name(found(2)))//' are both '//name &
+            & //'; one of them is allowed, or one that is named '//name)
+      end if
       if (allocated(error)) return
       if (column == 0 .and. size(found) == 1) column = found(1)
       if (column > 0) call check_unit(table, column, known_columns(i)%units, error)
       if (.not. present(needed)) return
-      if (needed .and. column == 0) call refuse(error, 'the column '//name//' is missing; the columns are ' &
-         & //column_list(table)//nearest_to(table, name))
+      if (needed .and. column == 0) then
+         call refuse(error, 'the column '//name//' is missing; the columns are ' &
+            & //column_list(table)//nearest_to(table, name))
+      end if
    end subroutine find_column
 
-   !> Whether a name is another one of row `i` of `known_columns`, whatever its unit; of a depth the unit decides. That of an sd may begin
-   !> with the name of a modulus.
+   !> Whether a name is another one of row `i` of `known_columns`, whatever its unit; of a depth the
+   !> unit decides. That of an sd may begin with the name of a modulus.
    pure logical function is_other_name(name, i)
       character(len=*), intent(in) :: name
       integer, intent(in) :: i
@@ -119,16 +134,22 @@ contains
       if (known_columns(i)%name == 'sd_gpa') then
          do k = 2, len(word) - 1
             if (word(k:k) /= '_') cycle
-            if (.not. any([(any(split_list(known_columns(j)%others) == word(:k - 1)), j=plain, last_modulus)])) cycle
+            if (.not. any([(any(split_list(known_columns(j)%others) == word(:k - 1)), j=plain, &
+               & last_modulus)])) then
+               cycle
+            end if
             word = word(k + 1:)
             exit
          end do
       end if
       is_other_name = any(split_list(known_columns(i)%others) == word)
-      if (word == 'depth') is_other_name = is_other_name .and. index(known_columns(i)%units, ' '//unit//' ') > 0
+      if (word == 'depth') then
+         is_other_name = is_other_name .and. index(known_columns(i)%units, ' '//unit//' ') > 0
+      end if
    end function is_other_name
 
-   !> What a header means: one of `known_columns` or of the ways to state directions; '' is nothing that is read.
+   !> What a header means: one of `known_columns` or of the ways to state directions; '' is nothing
+   !> that is read.
    pure function standard_name(header) result(name)
       character(len=*), intent(in) :: header
       character(len=longest_name) :: name
@@ -137,7 +158,9 @@ contains
       name = lower(header)
       if (all(split_list(join(ways(:3), ', ')) /= name)) name = ''
       do i = size(known_columns), 1, -1
-         if (is_other_name(header, i) .or. lower(known_columns(i)%name) == lower(header)) name = known_columns(i)%name
+         if (is_other_name(header, i) .or. lower(known_columns(i)%name) == lower(header)) then
+            name = known_columns(i)%name
+         end if
       end do
    end function standard_name
 
@@ -157,15 +180,20 @@ contains
          if (i == 2) unit = trim(table%units(column))
          if (len(unit) == 0 .or. index(units, ' '//unit//' ') > 0) cycle
          ! Of a column that the user names, other words in brackets are no unit.
-         if (table%called(column) /= table%name(column) .and. index(unit_words, ' '//unit//' ') == 0) cycle
+         if (table%called(column) /= table%name(column) &
+            & .and. index(unit_words, ' '//unit//' ') == 0) then
+            cycle
+         end if
          allowed = 'allowed'//trim(units)
          if (len_trim(units) == 0) allowed = 'this column has none'
-         call refuse(error, 'column '//printable(table%name(column))//': the unit '//printable(unit)//' is not read; '//allowed)
+         call refuse(error, 'column '//printable(table%name(column))//': the unit ' &
+            & //printable(unit)//' is not read; '//allowed)
          return
       end do
    end subroutine check_unit
 
-   !> 'reduced_modulus' and 'gpa' of 'Reduced modulus (GPa)', 'reduced-modulus / GPa' or 'reduced_modulus_GPa'.
+   !> 'reduced_modulus' and 'gpa' of 'Reduced modulus (GPa)', 'reduced-modulus / GPa' or
+   !> 'reduced_modulus_GPa'.
    pure subroutine split_name(name, word, unit)
       character(len=*), intent(in) :: name
       character(len=:), allocatable, intent(out) :: word, unit
@@ -229,24 +257,28 @@ contains
       name = trim(names(plain))
       if (allocated(stated)) kind = stated
       if (len(found) == 0) then
-         call refuse(error, 'no column is a modulus; allowed '//join(names(plain + 1:), ', ')//', or modulus_gpa with ' &
-            & //'modulus_kind. If another one is, state columns = '''//trim(names(last_modulus - 1))//' = its header''; the ' &
-            & //'columns are '//column_list(table)//nearest_to(table, join(names, ', ')))
+         call refuse(error, 'no column is a modulus; allowed '//join(names(plain + 1:), ', ') &
+            & //', or modulus_gpa with modulus_kind. If another one is, state columns = ''' &
+            & //trim(names(last_modulus - 1))//' = its header''; the columns are ' &
+            & //column_list(table)//nearest_to(table, join(names, ', ')))
       else if (allocated(stated) .and. own == 0 .and. columns(plain) == 0) then
-         call refuse(error, 'modulus_kind = '''//stated//''', but the moduli are those of the column '//found(6:) &
-            & //'; leave modulus_kind out, or name the column modulus_gpa')
+         call refuse(error, 'modulus_kind = '''//stated//''', but the moduli are those of the ' &
+            & //'column '//found(6:)//'; leave modulus_kind out, or name the column modulus_gpa')
       else if (.not. allocated(stated) .and. count(columns > 0) > 1) then
-         call refuse(error, 'the columns '//found(6:)//' are moduli; state modulus_kind to take one: '//choices)
+         call refuse(error, &
+            & 'the columns '//found(6:)//' are moduli; state modulus_kind to take one: '//choices)
       else if (.not. allocated(stated) .and. columns(plain) > 0) then
-         call refuse(error, 'the column '//found(6:)//' does not say which modulus was measured, nor does modulus_kind; allowed ' &
-            & //choices//' (effective_modulus: reduced modulus, Er; sample_modulus: EIT, Young''s modulus)')
+         call refuse(error, 'the column '//found(6:)//' does not say which ' &
+            & //'modulus was measured, nor does modulus_kind; allowed '//choices &
+            & //' (effective_modulus: reduced modulus, Er; sample_modulus: EIT, Young''s modulus)')
       else if (own > 0) then
          name = trim(names(own))
          kind = trim(kinds(own))
       end if
    end subroutine find_modulus
 
-   !> '; X: did you mean Y?' of the column that is nearest to one of `names` (separated by ', ') or their other names; or nothing.
+   !> '; X: did you mean Y?' of the column that is nearest to one of `names` (separated by ', ') or
+   !> their other names; or nothing.
    function nearest_to(table, names) result(words)
       type(table_type), intent(in) :: table
       !> Of `known_columns`.
@@ -256,7 +288,9 @@ contains
 
       allowed = names
       do j = 1, size(known_columns)
-         if (any(split_list(names) == known_columns(j)%name)) allowed = allowed//', '//trim(known_columns(j)%others)
+         if (any(split_list(names) == known_columns(j)%name)) then
+            allowed = allowed//', '//trim(known_columns(j)%others)
+         end if
       end do
       words = ''
       do j = 1, table%columns
@@ -267,7 +301,8 @@ contains
       end do
    end function nearest_to
 
-   !> ', did you mean X?' of a `column` whose name nobody knows but which is near to one that is known; else nothing.
+   !> ', did you mean X?' of a `column` whose name nobody knows but which is near to one that is
+   !> known; else nothing.
    function column_hint(table, column, allowed) result(words)
       type(table_type), intent(in) :: table
       !> Its number.
@@ -277,9 +312,14 @@ contains
       character(len=:), allocatable :: words
 
       words = ''
-      if (len(table%name(column)) < shortest_misspelt .or. len_trim(standard_name(table%called(column))) > 0) return
+      if (len(table%name(column)) < shortest_misspelt &
+         & .or. len_trim(standard_name(table%called(column))) > 0) then
+         return
+      end if
       if (present(allowed)) words = suggestion(table%name(column), allowed)
-      if (.not. present(allowed)) words = suggestion(table%name(column), join(known_columns%name, ', '))
+      if (.not. present(allowed)) then
+         words = suggestion(table%name(column), join(known_columns%name, ', '))
+      end if
    end function column_hint
 
    function column_list(table) result(list)
@@ -321,12 +361,14 @@ contains
          k = findloc([(lower(known(k)) == lower(name), k=1, size(known))], .true., dim=1)
          column = table%find(header)
          if (len(name) == 0 .or. len(header) == 0) then
-            call refuse(error, place//'a name, = and the header of its column are needed, such as ''modulus_gpa = E (raw)''')
+            call refuse(error, place//'a name, = and the header of its column are needed, ' &
+               & //'such as ''modulus_gpa = E (raw)''')
          else if (k == 0) then
-            call refuse(error, place//'no column '//printable(name)//' is read'//suggestion(name, names)//'; allowed '//names)
+            call refuse(error, place//'no column '//printable(name)//' is read' &
+               & //suggestion(name, names)//'; allowed '//names)
          else if (column == 0) then
-            call refuse(error, place//'the table has no column '//printable(header)//suggestion(header, column_list(table)) &
-               & //'; the columns are '//column_list(table))
+            call refuse(error, place//'the table has no column '//printable(header) &
+               & //suggestion(header, column_list(table))//'; the columns are '//column_list(table))
          else if (any(given == known(k)) .or. len_trim(given(column)) > 0) then
             call refuse(error, place//'the name or the column is there twice; each is allowed once')
          end if
@@ -336,7 +378,8 @@ contains
       table%given_names = given
    end subroutine name_columns
 
-   !> The number of the way in which a table states directions, and its columns; 0 if it does in none. Two are refused.
+   !> The number of the way in which a table states directions, and its columns; 0 if it does in
+   !> none. Two are refused.
    subroutine find_ways(table, way, columns, error)
       type(table_type), intent(in) :: table
       integer, intent(out) :: way
@@ -353,9 +396,14 @@ contains
          own = [(table%find(trim(names(j))), j=1, size(names))]
          if (any(own == 0)) cycle
          ! Three of four indices are no way of their own.
-         if ((way == four_directions .and. i == directions) .or. (way == four_planes .and. i == planes)) cycle
-         if (way > 0) call refuse(error, 'orientations are stated twice, by '//trim(ways(way))//' and by '//trim(ways(i)) &
-            & //'; one of them is allowed')
+         if ((way == four_directions .and. i == directions) &
+            & .or. (way == four_planes .and. i == planes)) then
+            cycle
+         end if
+         if (way > 0) then
+            call refuse(error, 'orientations are stated twice, by '//trim(ways(way))//' and by ' &
+               & //trim(ways(i))//'; one of them is allowed')
+         end if
          if (allocated(error)) return
          way = i
          columns = own
@@ -388,17 +436,25 @@ contains
             if (allocated(error)) return
          end do
          if (way == quaternions) then
-            if (abs(norm2(row) - 1.0_wp) > rounding) call table%refuse(columns(1), i, ' is of no unit quaternion: q0^2 + q1^2 + ' &
-               & //'q2^2 + q3^2 = '//to_text(sum(row**2))//', and 1 is needed', error)
-            ! The sample's z in crystal axes, the third column of the matrix of the rotation from sample to crystal axes.
+            if (abs(norm2(row) - 1.0_wp) > rounding) then
+               call table%refuse(columns(1), i, ' is of no unit quaternion: q0^2 + q1^2 + q2^2 + ' &
+                  & //'q3^2 = '//to_text(sum(row**2))//', and 1 is needed', error)
+            end if
+            ! The sample's z in crystal axes, the third column of the matrix of the rotation from
+            ! sample to crystal axes.
             associate (q => row/norm2(row))
-               v = [2.0_wp*(q(2)*q(4) + q(1)*q(3)), 2.0_wp*(q(3)*q(4) - q(1)*q(2)), q(1)**2 - q(2)**2 - q(3)**2 + q(4)**2]
+               v = [2.0_wp*(q(2)*q(4) + q(1)*q(3)), 2.0_wp*(q(3)*q(4) - q(1)*q(2)), &
+                  & q(1)**2 - q(2)**2 - q(3)**2 + q(4)**2]
             end associate
          else
-            if (maxval(abs(row)) <= 0.0_wp) call table%refuse(columns(1), i, ' and all other indices are 0: no direction', error)
+            if (maxval(abs(row)) <= 0.0_wp) then
+               call table%refuse(columns(1), i, ' and all other indices are 0: no direction', error)
+            end if
             if (size(columns) == 4) then
-               if (abs(sum(row(:3))) > rounding*maxval(abs(row))) call table%refuse(columns(3), i, ': the first three of four ' &
-                  & //'indices have the sum '//to_text(sum(row(:3)))//', and 0 is needed', error)
+               if (abs(sum(row(:3))) > rounding*maxval(abs(row))) then
+                  call table%refuse(columns(3), i, ': the first three of four indices have ' &
+                     & //'the sum '//to_text(sum(row(:3)))//', and 0 is needed', error)
+               end if
                if (way == four_directions) row(:2) = row(:2) - row(3)
                row(3) = row(4)
             end if
@@ -421,12 +477,15 @@ contains
          else if (len(open) == 0) then
             call new_lattice(class, [real(wp) ::], lattice, error)
          else
-            call refuse(error, 'the columns '//trim(ways(way))//' are indices of a '//class%name//' crystal, whose directions ' &
-               & //'depend on its cell: &problem lattice = '//open//' (lengths in any unit, angles in degrees) is needed')
+            call refuse(error, 'the columns '//trim(ways(way))//' are indices of a '//class%name &
+               & //' crystal, whose directions depend on its cell: &problem lattice = '//open &
+               & //' (lengths in any unit, angles in degrees) is needed')
          end if
-         if (.not. allocated(error) .and. size(columns) == 4 .and. .not. lattice%is_hexagonal) call refuse(error, 'the columns ' &
-            & //trim(ways(way))//' are four indices, which only cells with 120 degrees between a and b have; a '//class%name &
-            & //' crystal has three')
+         if (.not. allocated(error) .and. size(columns) == 4 .and. .not. lattice%is_hexagonal) then
+            call refuse(error, 'the columns '//trim(ways(way)) &
+               & //' are four indices, which only cells with 120 degrees between a and b have; a ' &
+               & //class%name//' crystal has three')
+         end if
       end subroutine find_lattice
    end subroutine read_directions
 
@@ -436,7 +495,8 @@ contains
       real(wp), intent(in) :: v(3)
       real(wp) :: euler_deg(3)
 
-      euler_deg = [0.0_wp, acos(max(-1.0_wp, min(1.0_wp, v(3)))), modulo(atan2(v(1), v(2)), 2.0_wp*pi)]/degree
+      euler_deg = [0.0_wp, acos(max(-1.0_wp, min(1.0_wp, v(3)))), &
+         & modulo(atan2(v(1), v(2)), 2.0_wp*pi)]/degree
    end function angles_of_direction
 
 end module table_columns

@@ -1,12 +1,15 @@
-!> Tables of text cells from CSV, and back: a header row, then rows; lines that start with # are comments.
+!> Tables of text cells from CSV, and back: a header row, then rows; lines that start with # are
+!> comments.
 !>
-!> Cells are separated by commas, semicolons or tabs, whichever the header has most of; if not by commas, numbers may have decimal ones.
-!> Cells may be in double quotes (RFC 4180); blank lines, rows of empty cells and empty cells beyond the header are skipped; CRLF and a byte
-!> order mark are accepted. A row of units may follow the header.
+!> Cells are separated by commas, semicolons or tabs, whichever the header has most of; if not by
+!> commas, numbers may have decimal ones. Cells may be in double quotes (RFC 4180); blank lines,
+!> rows of empty cells and empty cells beyond the header are skipped; CRLF and a byte order mark are
+!> accepted. A row of units may follow the header.
 module tables
    use errors, only: error_type, refuse
    use files, only: checksum, new_file_type, printable, read_text_file
-   use text, only: append, lower, newline, number_malformed, number_ok, quoted, read_real, short_text, split_list, to_text
+   use text, only: append, lower, newline, number_malformed, number_ok, quoted, read_real, &
+      & short_text, split_list, to_text
    use kinds, only: wp
    implicit none
    private
@@ -15,7 +18,8 @@ module tables
    !> Bytes of a name that a program gives to a column, and of the longest word of a row of units.
    integer, parameter :: longest_name = 32, longest_unit = 7
    !> Words of a row of units.
-   character(len=*), parameter :: known_units = ' deg degrees degree ° rad radians gpa mpa kpa pa um µm μm nm mm n mn % - '
+   character(len=*), parameter :: known_units = ' deg degrees degree ° rad radians gpa mpa kpa ' &
+      & //'pa um µm μm nm mm n mn % - '
    character, parameter :: return = achar(13), tab = achar(9)
    character(len=*), parameter :: delimiters = ',;'//tab
 
@@ -28,7 +32,8 @@ module tables
       character(len=longest_name), allocatable :: given_names(:)
       !> What a row of units says, in lower case, (columns), empty where it says nothing.
       character(len=longest_unit), allocatable :: units(:)
-      !> The text, in which cells are without quotes, and first and last byte of each, (2, columns, 0:rows); row 0 is the header.
+      !> The text, in which cells are without quotes, and first and last byte of each, (2, columns,
+      !> 0:rows); row 0 is the header.
       character(len=:), allocatable, private :: buffer
       integer, allocatable, private :: bounds(:, :, :)
       logical, private :: decimal_comma = .false.
@@ -71,7 +76,8 @@ contains
       table%line = line(above + 1:rows)
       allocate (table%bounds(2, table%columns, 0:table%rows))
       table%bounds(:, :, 0) = bounds(:, :table%columns)
-      table%bounds(:, :, 1:) = reshape(bounds(:, above*table%columns + 1:rows*table%columns), [2, table%columns, table%rows])
+      table%bounds(:, :, 1:) = reshape(bounds(:, above*table%columns + 1:rows*table%columns), &
+         & [2, table%columns, table%rows])
       call check_header()
       if (allocated(error)) return
       if (table%rows == 0) call refuse(error, 'the table is empty: no row follows the header')
@@ -89,7 +95,9 @@ contains
          do j = 1, table%columns
             ! 'gpa' of '[GPa]'.
             word = lower(table%buffer(bounds(1, j):bounds(2, j)))
-            if (scan(word, '([') == 1 .and. scan(word, ')]') == len(word)) word = word(2:len(word) - 1)
+            if (scan(word, '([') == 1 .and. scan(word, ')]') == len(word)) then
+               word = word(2:len(word) - 1)
+            end if
             word = trim(adjustl(word))
             if (len(word) > 0 .and. index(known_units, ' '//word//' ') == 0) return
             units(j) = word
@@ -109,17 +117,23 @@ contains
             call read_real(table%name(j), value, outcome)
             if (outcome /= number_malformed) numbers = numbers + 1
          end do
-         if (numbers > table%columns/2) call refuse(error, 'line '//to_text(line(1)) &
-            & //': numbers where the header row with the names of the columns must be')
+         if (numbers > table%columns/2) then
+            call refuse(error, 'line '//to_text(line(1)) &
+               & //': numbers where the header row with the names of the columns must be')
+         end if
          do j = 2, table%columns
             if (allocated(error)) return
-            if (len(table%name(j)) > 0 .and. any([(table%name(i) == table%name(j), i=1, j - 1)])) call refuse(error, 'line ' &
-               & //to_text(line(1))//': the column '//printable(table%name(j))//' is there twice')
+            if (len(table%name(j)) > 0 &
+               & .and. any([(table%name(i) == table%name(j), i=1, j - 1)])) then
+               call refuse(error, 'line '//to_text(line(1))//': the column ' &
+                  & //printable(table%name(j))//' is there twice')
+            end if
          end do
       end subroutine check_header
    end subroutine parse_table
 
-   !> What separates the cells: of comma, semicolon and tab that which the header has most of, outside quotes.
+   !> What separates the cells: of comma, semicolon and tab that which the header has most of,
+   !> outside quotes.
    pure character function delimiter_of(header)
       character(len=*), intent(in) :: header
       integer :: counts(len(delimiters)), i, k
@@ -140,7 +154,8 @@ contains
    subroutine split(content, table, bounds, line, rows, error)
       character(len=*), intent(in) :: content
       type(table_type), intent(inout) :: table
-      !> Of the cells, row by row from the header; the lines on which rows begin, and the number of rows.
+      !> Of the cells, row by row from the header; the lines on which rows begin, and the number of
+      !> rows.
       integer, allocatable, intent(out) :: bounds(:, :), line(:)
       integer, intent(out) :: rows
       type(error_type), allocatable, intent(out) :: error
@@ -163,9 +178,11 @@ contains
       number = 1
       i = 1
       do while (i <= len(table%buffer))
-         ! At the start of a line: skip it if # is the first that is not blank, or if all is blank: then both places are 0.
+         ! At the start of a line: skip it if # is the first that is not blank, or if all is blank:
+         ! then both places are 0.
          last = i - 2 + index(table%buffer(i:), newline)
-         if (index(table%buffer(i:last), '#') == verify(table%buffer(i:last), ' '//tab//return)) then
+         if (index(table%buffer(i:last), '#') == verify(table%buffer(i:last), &
+            & ' '//tab//return)) then
             i = last + 2
             number = number + 1
             cycle
@@ -197,16 +214,20 @@ contains
          if (rows == 1) table%columns = cells
          if (cells - above == table%columns) cycle
          words = ''
-         if (delimiter == ',' .and. cells - above > table%columns) words = '; if commas are decimal, separate the cells by ' &
-            & //'semicolons'
-         if (table%columns == 1) words = '; if line '//to_text(line(1))//' is a title, put # before it'
-         call refuse(error, 'line '//to_text(line(rows))//': '//to_text(cells - above)//' cells where the header has ' &
-            & //to_text(table%columns)//words)
+         if (delimiter == ',' .and. cells - above > table%columns) then
+            words = '; if commas are decimal, separate the cells by semicolons'
+         end if
+         if (table%columns == 1) then
+            words = '; if line '//to_text(line(1))//' is a title, put # before it'
+         end if
+         call refuse(error, 'line '//to_text(line(rows))//': '//to_text(cells - above) &
+            & //' cells where the header has '//to_text(table%columns)//words)
          return
       end do
    end subroutine split
 
-   !> The cell at byte `i`, which is left at what ends it. A text in quotes is moved to the front, over these.
+   !> The cell at byte `i`, which is left at what ends it. A text in quotes is moved to the front,
+   !> over these.
    subroutine take_cell(buffer, delimiter, i, line, bounds, error)
       ! allow(C072)
       character(len=*), intent(inout) :: buffer
@@ -242,7 +263,9 @@ contains
       do while (index(' '//tab//return, buffer(i:i)) > 0 .and. buffer(i:i) /= delimiter)
          i = i + 1
       end do
-      if (index(delimiter//newline, buffer(i:i)) == 0) call refuse(error, 'text follows a closing double quote')
+      if (index(delimiter//newline, buffer(i:i)) == 0) then
+         call refuse(error, 'text follows a closing double quote')
+      end if
    end subroutine take_cell
 
    !> The cell in a `column` and `row`.
@@ -273,8 +296,10 @@ contains
       integer :: j
 
       do j = 1, other%columns
-         if (self%find(other%name(j)) > 0) call refuse(error, 'the column '//printable(self%name(self%find(other%name(j)))) &
-            & //' is there, and follows from the other table; leave it out')
+         if (self%find(other%name(j)) > 0) then
+            call refuse(error, 'the column '//printable(self%name(self%find(other%name(j)))) &
+               & //' is there, and follows from the other table; leave it out')
+         end if
          if (allocated(error)) return
       end do
       allocate (bounds(2, self%columns + other%columns, 0:self%rows))
@@ -321,7 +346,8 @@ contains
       if (len(string) == 0) string = self%name(column)
    end function called
 
-   !> Number of the column that was given this name, or has it, exactly or else whatever the case; 0 if there is none.
+   !> Number of the column that was given this name, or has it, exactly or else whatever the case; 0
+   !> if there is none.
    pure integer function find(self, name)
       class(table_type), intent(in) :: self
       character(len=*), intent(in) :: name
@@ -330,7 +356,9 @@ contains
       find = findloc(self%given_names, name, dim=1)
       if (find > 0) return
       find = findloc([(self%called(j) == name, j=1, self%columns)], .true., dim=1)
-      if (find == 0) find = findloc([(lower(self%called(j)) == lower(name), j=1, self%columns)], .true., dim=1)
+      if (find == 0) then
+         find = findloc([(lower(self%called(j)) == lower(name), j=1, self%columns)], .true., dim=1)
+      end if
    end function find
 
    !> The finite number `value` in a cell; a refusal names line, `column` and value.
@@ -343,22 +371,28 @@ contains
       integer :: outcome, comma
       character(len=:), allocatable :: string, words
 
-      call read_real(self%buffer(self%bounds(1, column, row):self%bounds(2, column, row)), value, outcome)
+      call read_real(self%buffer(self%bounds(1, column, row):self%bounds(2, column, row)), &
+         & value, outcome)
       if (outcome == number_ok) return
       words = ''
       string = self%cell(column, row)
       comma = index(string, ',')
-      if (.not. self%decimal_comma .and. comma > 0) words = '; decimal commas are read where semicolons or tabs separate the cells'
-      if (self%decimal_comma .and. index(string, '.') == 0 .and. index(string, ',', back=.true.) == comma) then
+      if (.not. self%decimal_comma .and. comma > 0) then
+         words = '; decimal commas are read where semicolons or tabs separate the cells'
+      end if
+      if (self%decimal_comma .and. index(string, '.') == 0 &
+         & .and. index(string, ',', back=.true.) == comma) then
          if (comma > 0) string(comma:comma) = '.'
       end if
       call read_real(string, value, outcome)
       if (len(string) == 0) then
          call refuse(error, self%place(column, row)//'the cell is empty; a number is needed')
       else if (outcome == number_malformed) then
-         call refuse(error, self%place(column, row)//''''//printable(string)//''' is not a number'//words)
+         call refuse(error, self%place(column, row)//''''//printable(string) &
+            & //''' is not a number'//words)
       else if (outcome /= number_ok) then
-         call refuse(error, self%place(column, row)//printable(string)//' is not finite; a finite number is needed')
+         call refuse(error, self%place(column, row)//printable(string) &
+            & //' is not finite; a finite number is needed')
       end if
    end subroutine number
 
@@ -391,10 +425,13 @@ contains
 
       cell = string
       if (scan(string, ',"'//achar(10)//achar(13)) > 0 .or. index(string, '#') == 1 &
-         & .or. string /= adjustl(string) .or. len(string) /= len_trim(string)) cell = quoted(string, '"')
+         & .or. string /= adjustl(string) .or. len(string) /= len_trim(string)) then
+         cell = quoted(string, '"')
+      end if
    end function csv_cell
 
-   !> Write a table with the columns `names`, separated by commas; its own of these names are left out.
+   !> Write a table with the columns `names`, separated by commas; its own of these names are left
+   !> out.
    subroutine write_table(table, path, names, values, error)
       type(table_type), intent(in) :: table
       character(len=*), intent(in) :: path, names

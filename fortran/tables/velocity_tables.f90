@@ -1,4 +1,5 @@
-!> The table of measured speeds of waves, beside or instead of moduli: a row of each follows the rows of the moduli.
+!> The table of measured speeds of waves, beside or instead of moduli: a row of each follows the
+!> rows of the moduli.
 module velocity_tables
    use crystal_elasticity, only: no_wave, path_type, rayleigh, wave_names
    use errors, only: error_type
@@ -41,7 +42,8 @@ contains
             if (path%wave == no_wave) then
                call table%refuse(column, i, ' is no wave; allowed '//join(wave_names, ', '), error)
             else if (path%wave == rayleigh .and. .not. abs(along(i)) <= huge(1.0_wp)) then
-               call table%refuse(column, i, ': propagation_deg is missing, the direction of the wave in the surface', error)
+               call table%refuse(column, i, &
+                  & ': propagation_deg is missing, the direction of the wave in the surface', error)
             else if (.not. abs(along(i)) <= huge(1.0_wp)) then
                path = path_type(path%wave, inclination_deg=90.0_wp)
             end if
@@ -50,7 +52,8 @@ contains
       end do
    end subroutine read_velocities
 
-   !> Let rows of speeds follow the moduli, with groups of their own, in place of those that are there; without moduli they are all.
+   !> Let rows of speeds follow the moduli, with groups of their own, in place of those that are
+   !> there; without moduli they are all.
    subroutine append_velocities(points, velocities, kept)
       type(points_type), allocatable, intent(inout) :: points
       type(points_type), intent(in) :: velocities
@@ -66,13 +69,16 @@ contains
          points%modulus_kind = 'indentation_modulus'
       end if
       n = count(points%paths%wave == no_wave)
-      points%names = [character(len=longest_name) :: (points%name(i), i=1, n), (velocities%name(rows(i)), i=1, size(rows))]
+      points%names = [character(len=longest_name) :: (points%name(i), i=1, n), &
+         & (velocities%name(rows(i)), i=1, size(rows))]
       points%n = n + size(rows)
       points%omitted = velocities%n - size(rows)
-      points%euler_deg = reshape([points%euler_deg(:, :n), velocities%euler_deg(:, rows)], [3, points%n])
+      points%euler_deg = reshape([points%euler_deg(:, :n), velocities%euler_deg(:, rows)], &
+         & [3, points%n])
       points%modulus_gpa = [points%modulus_gpa(:n), velocities%modulus_gpa(rows)]
       points%sd_gpa = [points%sd_gpa(:n), velocities%sd_gpa(rows)]
-      points%orientation_sd_deg = [points%orientation_sd_deg(:n), velocities%orientation_sd_deg(rows)]
+      points%orientation_sd_deg = [points%orientation_sd_deg(:n), &
+         & velocities%orientation_sd_deg(rows)]
       points%group = [points%group(:n), maxval([0, points%group(:n)]) + velocities%group(rows)]
       points%row = [points%row(:n), velocities%row(rows)]
       points%paths = [points%paths(:n), velocities%paths(rows)]

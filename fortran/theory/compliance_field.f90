@@ -1,47 +1,57 @@
-!> Moduli of many grains of one crystal at once: the surface compliance of every orientation from one field over directions.
+!> Moduli of many grains of one crystal at once: the surface compliance of every orientation from
+!> one field over directions.
 !>
-!> The matrix B of the half-space theory depends on the direction t in the surface alone, not on the surface. So F(t) = B^-1(t)/(8 pi^2)
-!> of a crystal is one even field of symmetric matrices over the directions, with the crystal's symmetry, and every grain reads it
-!> along its own great circle: h(theta) = n.F(t(theta)).n, n its surface normal. The field is expanded in surface harmonics of even
-!> degree up to a limit by least squares over nodes: all images, under the crystal's group, of some directions of its region. Of h its mean
-!> and the harmonics 2 and 4 of theta are kept, from degree 24 on 6, from 32 on 8 too: a contact of small eccentricity e weighs the
-!> harmonic 2 m with e^m.
-!> Everything that depends on the grains alone is computed once; a crystal then costs its nodes, one matrix product, and a minimum
-!> over the shape of the contact ellipse for each grain (`contact_ellipse`).
+!> The matrix B of the half-space theory depends on the direction t in the surface alone, not on the
+!> surface. So F(t) = B^-1(t)/(8 pi^2) of a crystal is one even field of symmetric matrices over the
+!> directions, with the crystal's symmetry, and every grain reads it along its own great circle:
+!> h(theta) = n.F(t(theta)).n, n its surface normal. The field is expanded in surface harmonics of
+!> even degree up to a limit by least squares over nodes: all images, under the crystal's group, of
+!> some directions of its region. Of h its mean and the harmonics 2 and 4 of theta are kept, from
+!> degree 24 on 6, from 32 on 8 too: a contact of small eccentricity e weighs the harmonic 2 m with
+!> e^m. Everything that depends on the grains alone is computed once; a crystal then costs its
+!> nodes, one matrix product, and a minimum over the shape of the contact ellipse for each grain
+!> (`contact_ellipse`).
 !>
 !> Those of very many grains come from those in a few directions.
 !>
-!> The modulus depends on the indented direction alone and is smooth: an even function on the sphere with the crystal's symmetry, which few
-!> surface harmonics hold. They are found by least squares from the moduli in directions spread over the region of distinct ones; a grain
-!> then costs as many products as there are harmonics. Who uses it compares with the theory, see `problem_posterior`.
+!> The modulus depends on the indented direction alone and is smooth: an even function on the sphere
+!> with the crystal's symmetry, which few surface harmonics hold. They are found by least squares
+!> from the moduli in directions spread over the region of distinct ones; a grain then costs as many
+!> products as there are harmonics. Who uses it compares with the theory, see `problem_posterior`.
 module compliance_field
    use contact_ellipse, only: highest_mode, minimise_compliance, most_modes
    use halfspace_theory, only: contraction_maps, inverse_barnett, lanes, plane_products
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: rotation_matrix
-   use distinct_directions, only: group_rotations, new_region, region_type, representative, spread_of_directions
+   use distinct_directions, only: group_rotations, new_region, region_type, representative, &
+      & spread_of_directions
    use errors, only: error_type
    use kinds, only: pi, wp
-   use linear_algebra, only: add_gram, cholesky_factor, cholesky_solve, multiply, multiply_by_factor, transposed_product
+   use linear_algebra, only: add_gram, cholesky_factor, cholesky_solve, multiply, &
+      & multiply_by_factor, transposed_product
    use small_matrices, only: solve_lower
    use symmetric_harmonics, only: evaluate_harmonics, harmonics_type, largest_degree, new_harmonics
    implicit none
    private
-   public :: field_type, new_field, field_moduli, even_directions, modulus_expansion_type, new_modulus_expansion
+   public :: field_type, new_field, field_moduli, even_directions, modulus_expansion_type, &
+      & new_modulus_expansion
 
    !> Images of nodes for each coefficient of the expansion.
    real(wp), parameter :: oversampling = 1.4_wp
-   !> Least eigenvalue of the harmonics' mean square over the images; 1 if these were all directions.
+   !> Least eigenvalue of the harmonics' mean square over the images; 1 if these were all
+   !> directions.
    real(wp), parameter :: well_determined = 0.03_wp
 
    type :: field_type
       integer :: n_grains = 0
       !> Directions at which the field is computed, crystal axes (3, nodes).
       real(wp), allocatable :: nodes(:, :)
-      !> Of two directions m and n perpendicular to a node and to each other, a block of nodes at a time: m_k n_l, l fastest,
-      !> (lanes, 9, blocks), and m_k m_l and n_k n_l for kl = 11, 22, 33, 23, 13, 12, (lanes, 6, blocks).
+      !> Of two directions m and n perpendicular to a node and to each other, a block of nodes at a
+      !> time: m_k n_l, l fastest, (lanes, 9, blocks), and m_k m_l and n_k n_l for kl = 11, 22, 33,
+      !> 23, 13, 12, (lanes, 6, blocks).
       real(wp), allocatable, private :: mn(:, :, :), mm(:, :, :), nn(:, :, :)
-      !> From F at the nodes (lanes, components 11, 22, 33, 23, 13, 12, blocks) to the modes of the grains, (6 x nodes, grains x modes).
+      !> From F at the nodes (lanes, components 11, 22, 33, 23, 13, 12, blocks) to the modes of the
+      !> grains, (6 x nodes, grains x modes).
       real(wp), allocatable, private :: to_modes(:, :)
    end type field_type
 
@@ -58,7 +68,8 @@ module compliance_field
       real(wp) :: cost = 0.0_wp
       !> Bunge-Euler angles of the directions that are computed, (3, direction), radians.
       real(wp), allocatable :: euler(:, :)
-      !> From their moduli to coefficients, (harmonic, direction), and from these to grains, (grain, harmonic).
+      !> From their moduli to coefficients, (harmonic, direction), and from these to grains, (grain,
+      !> harmonic).
       real(wp), allocatable, private :: fit(:, :), reading(:, :)
    contains
       procedure :: expand, condense
@@ -137,7 +148,8 @@ contains
       nodes = nodes(:, :n)
    end subroutine even_directions
 
-   !> Two directions perpendicular to each node, and their products; the last block is filled up with its last node.
+   !> Two directions perpendicular to each node, and their products; the last block is filled up
+   !> with its last node.
    pure subroutine set_planes(field)
       type(field_type), intent(inout) :: field
       real(wp) :: t(3), m(3), n(3)
@@ -145,7 +157,8 @@ contains
 
       n_nodes = size(field%nodes, 2)
       n_blocks = (n_nodes + lanes - 1)/lanes
-      allocate (field%mn(lanes, 9, n_blocks), field%mm(lanes, 6, n_blocks), field%nn(lanes, 6, n_blocks))
+      allocate (field%mn(lanes, 9, n_blocks), field%mm(lanes, 6, n_blocks), &
+         & field%nn(lanes, 6, n_blocks))
       do block = 1, n_blocks
          do lane = 1, lanes
             t = field%nodes(:, min(n_nodes, lanes*(block - 1) + lane))
@@ -155,7 +168,8 @@ contains
             m = m - dot_product(m, t)*t
             m = m/norm2(m)
             n = [t(2)*m(3) - t(3)*m(2), t(3)*m(1) - t(1)*m(3), t(1)*m(2) - t(2)*m(1)]
-            call plane_products(m, n, field%mn(lane, :, block), field%mm(lane, :, block), field%nn(lane, :, block))
+            call plane_products(m, n, field%mn(lane, :, block), field%mm(lane, :, block), &
+               & field%nn(lane, :, block))
          end do
       end do
    end subroutine set_planes
@@ -179,7 +193,8 @@ contains
       do i = 1, size(nodes, 2)
          do g = 1, size(rotations, 3)
             image = image + 1
-            call evaluate_harmonics(harmonics, matmul(rotations(:, :, g), nodes(:, i)), fit(:, image))
+            call evaluate_harmonics(harmonics, matmul(rotations(:, :, g), nodes(:, i)), &
+               & fit(:, image))
          end do
       end do
       gram = 0.0_wp
@@ -196,30 +211,35 @@ contains
       if (.not. allocated(error)) call cholesky_solve(gram, fit)
    end subroutine fit_images
 
-   !> What each grain reads: the modes of n.F(t).n along its great circle, as a linear function of F at the nodes.
+   !> What each grain reads: the modes of n.F(t).n along its great circle, as a linear function of F
+   !> at the nodes.
    subroutine read_circles(harmonics, rotations, fit, euler, field)
       type(harmonics_type), intent(in) :: harmonics
       real(wp), intent(in) :: rotations(:, :, :), fit(:, :), euler(:, :)
       type(field_type), intent(inout) :: field
       real(wp), allocatable :: circle(:, :), waves(:, :), weight(:, :)
       real(wp) :: g(3, 3), theta(maxval(harmonics%degrees)/2 + 4), turned(3), square(6)
-      integer :: grain, i, k, r, image, n_points, n_rotations, m, n_grains, row, n_retained, first, last
+      integer :: grain, i, k, r, image, n_points, n_rotations, m, n_grains, row, &
+         & n_retained, first, last
 
       n_grains = size(euler, 2)
       n_retained = 1 + 2*max(2, min(highest_mode, maxval(harmonics%degrees)/8))
       n_rotations = size(rotations, 3)
-      ! A polynomial of degree L on a circle has L/2 harmonics of 2 theta: so many points integrate the modes exactly.
+      ! A polynomial of degree L on a circle has L/2 harmonics of 2 theta: so many points integrate
+      ! the modes exactly.
       n_points = size(theta)
       theta = [(pi*(k - 1)/n_points, k=1, n_points)]
       allocate (field%to_modes(size(field%mm), n_grains*n_retained), source=0.0_wp)
       allocate (circle(harmonics%n, n_points), waves(n_points, most_modes))
       do k = 1, n_points
-         waves(k, :) = [0.5_wp, (cos(2.0_wp*m*theta(k)), sin(2.0_wp*m*theta(k)), m=1, highest_mode)]*2.0_wp/n_points
+         waves(k, :) = [0.5_wp, &
+            & (cos(2.0_wp*m*theta(k)), sin(2.0_wp*m*theta(k)), m=1, highest_mode)]*2.0_wp/n_points
       end do
       do grain = 1, n_grains
          g = rotation_matrix(euler(:, grain))
          do k = 1, n_points
-            call evaluate_harmonics(harmonics, g(:, 1)*cos(theta(k)) + g(:, 2)*sin(theta(k)), circle(:, k))
+            call evaluate_harmonics(harmonics, g(:, 1)*cos(theta(k)) + g(:, 2)*sin(theta(k)), &
+               & circle(:, k))
          end do
          weight = matmul(transpose(matmul(circle, waves)), fit)
          image = 0
@@ -230,10 +250,12 @@ contains
                image = image + 1
                ! F at an image is R F R^T, so n.(R F R^T).n = (R^T n).F.(R^T n).
                turned = matmul(g(:, 3), rotations(:, :, r))
-               square = [turned**2, 2.0_wp*turned(2)*turned(3), 2.0_wp*turned(1)*turned(3), 2.0_wp*turned(1)*turned(2)]
+               square = [turned**2, 2.0_wp*turned(2)*turned(3), 2.0_wp*turned(1)*turned(3), &
+                  & 2.0_wp*turned(1)*turned(2)]
                do m = 1, n_retained
                   row = grain + n_grains*(m - 1)
-                  field%to_modes(first:last:lanes, row) = field%to_modes(first:last:lanes, row) + weight(m, image)*square
+                  field%to_modes(first:last:lanes, row) = field%to_modes(first:last:lanes, &
+                     & row) + weight(m, image)*square
                end do
             end do
          end do
@@ -253,7 +275,8 @@ contains
       real(wp), allocatable :: f(:, :), read(:, :)
       integer :: first, n, n_retained, i
 
-      allocate (f(size(field%to_modes, 1), min(most, size(c, 3))), read(size(field%to_modes, 2), min(most, size(c, 3))))
+      allocate (f(size(field%to_modes, 1), min(most, size(c, 3))), &
+         & read(size(field%to_modes, 2), min(most, size(c, 3))))
       n_retained = size(read, 1)/max(1, field%n_grains)
       do first = 1, size(c, 3), most
          n = min(most, size(c, 3) - first + 1)
@@ -261,9 +284,12 @@ contains
             call evaluate_nodes(field, c(:, :, first + i - 1), f(:, i))
          end do
          if (n > 1) call multiply(field%to_modes, f(:, :n), read(:, :n), transposed=.true.)
-         if (n == 1) call transposed_product(size(f, 1), size(read, 1), field%to_modes, f(:, 1), read(:, 1))
+         if (n == 1) then
+            call transposed_product(size(f, 1), size(read, 1), field%to_modes, f(:, 1), read(:, 1))
+         end if
          do i = 1, n
-            call minimise_compliance(field%n_grains, n_retained, read(:, i), moduli(:, first + i - 1))
+            call minimise_compliance(field%n_grains, n_retained, read(:, i), &
+               & moduli(:, first + i - 1))
          end do
       end do
    end subroutine field_moduli
@@ -324,13 +350,16 @@ contains
       call new_harmonics(class%generators, min(largest_degree, degree + finer), harmonics, error)
       if (allocated(error)) return
       call new_region(class, region)
-      call spread_of_directions(region, ceiling(directions_per_harmonic*harmonics%n) + 8, directions)
+      call spread_of_directions(region, &
+         & ceiling(directions_per_harmonic*harmonics%n) + 8, directions)
       expansion%pays = n > 2*size(directions, 2)
       if (.not. expansion%pays) return
       allocate (expansion%euler(3, size(directions, 2)), source=0.0_wp)
-      allocate (values(harmonics%n, size(directions, 2)), gram(harmonics%n, harmonics%n), source=0.0_wp)
+      allocate (values(harmonics%n, size(directions, 2)), gram(harmonics%n, harmonics%n), &
+         & source=0.0_wp)
       do i = 1, size(directions, 2)
-         ! The third row of g is not needed: the indented direction is its third column, (sin phi2 sin Phi, cos phi2 sin Phi, cos Phi).
+         ! The third row of g is not needed: the indented direction is its third column, (sin phi2
+         ! sin Phi, cos phi2 sin Phi, cos Phi).
          expansion%euler(2, i) = acos(min(1.0_wp, max(-1.0_wp, directions(3, i))))
          expansion%euler(3, i) = modulo(atan2(directions(1, i), directions(2, i)), 2.0_wp*pi)
          call evaluate_harmonics(harmonics, directions(:, i), values(:, i))
@@ -348,7 +377,8 @@ contains
       expansion%cost = 0.0002_wp*size(expansion%reading)
    end subroutine new_modulus_expansion
 
-   !> Read few values in place of those of many grains: |values - W reading a|^2 = |condensed - reading' a|^2 + rest for all a.
+   !> Read few values in place of those of many grains: |values - W reading a|^2 = |condensed -
+   !> reading' a|^2 + rest for all a.
    subroutine condense(self, weights, values, condensed, rest)
       class(modulus_expansion_type), intent(inout) :: self
       !> W is diagonal, (grain).
@@ -375,7 +405,8 @@ contains
       call multiply_by_factor(gram, self%reading)
    end subroutine condense
 
-   !> What grains have from what directions have, of some crystals or columns: the same where it does not pay.
+   !> What grains have from what directions have, of some crystals or columns: the same where it
+   !> does not pay.
    pure subroutine expand(self, of_directions, of_grains)
       class(modulus_expansion_type), intent(in) :: self
       !> (direction, n).

@@ -1,7 +1,8 @@
 !> The contact ellipse of many grains at once, from harmonics of their surface compliance.
 !>
-!> 1/M = min over the ellipse's shape (a, b) of the integral of h(theta)/sqrt(1 + a cos 2 theta + b sin 2 theta) over half a turn
-!> (Willis, J. Mech. Phys. Solids 14, 163, 1966): Newton's method from the minimum for a small anisotropy.
+!> 1/M = min over the ellipse's shape (a, b) of the integral of h(theta)/sqrt(1 + a cos 2 theta + b
+!> sin 2 theta) over half a turn (Willis, J. Mech. Phys. Solids 14, 163, 1966): Newton's method from
+!> the minimum for a small anisotropy.
 module contact_ellipse
    use kinds, only: pi, wp
    implicit none
@@ -21,7 +22,8 @@ contains
       real(wp), intent(in) :: modes(n, n_modes)
       real(wp), intent(out) :: moduli(n)
       integer, parameter :: most_steps = 8
-      !> A step leaves an error of the order of its square, and the modulus is stationary: an error of its fourth power.
+      !> A step leaves an error of the order of its square, and the modulus is stationary: an error
+      !> of its fourth power.
       real(wp), parameter :: largest = 0.95_wp, smallest = 1.0e-2_wp
       !> The mean, then its derivatives a, b, aa, ab, bb.
       real(wp) :: means(n, 6)
@@ -47,8 +49,9 @@ contains
       moduli = 1.0_wp/(pi*(means(:, 1) + 0.5_wp*(means(:, 2)*da + means(:, 3)*db)))
    end subroutine minimise_compliance
 
-   !> The means as series in s = a^2 + b^2: with z = a + i b and the harmonic p cos 2 m theta + q sin 2 m theta of h the mean is the sum
-   !> over m of d_m(s) Re((p - i q) z^m), and d_m follows from the binomial series of the root.
+   !> The means as series in s = a^2 + b^2: with z = a + i b and the harmonic p cos 2 m theta + q
+   !> sin 2 m theta of h the mean is the sum over m of d_m(s) Re((p - i q) z^m), and d_m follows
+   !> from the binomial series of the root.
    pure subroutine expand_means(n, n_modes, modes, a, b, means)
       integer, intent(in) :: n, n_modes
       real(wp), intent(in) :: modes(n, n_modes), a(n), b(n)
@@ -58,11 +61,12 @@ contains
       integer, parameter :: last = 160
       integer :: j, k, m, terms
       !> Of s^k in d_m: (-1)^m (2 j)!/(8^j j! k! (m + k)!), j = m + 2 k.
-      real(wp), parameter :: series(0:last, 0:highest_mode) = reshape([(((-1)**m*exp(log_gamma(2.0_wp*m + 4.0_wp*k + 1.0_wp) &
-         & - (m + 2*k)*log(8.0_wp) - log_gamma(m + 2.0_wp*k + 1.0_wp) - log_gamma(k + 1.0_wp) - log_gamma(m + k + 1.0_wp)), &
-         & k=0, last), m=0, highest_mode)], [last + 1, highest_mode + 1])
-      !> Real and imaginary part of z^m and of the two powers before; and the sums with the first derivative of d_m, with its
-      !> derivatives a and b, and with the second derivative.
+      real(wp), parameter :: series(0:last, 0:highest_mode) = reshape([(((-1)**m &
+         & *exp(log_gamma(2.0_wp*m + 4.0_wp*k + 1.0_wp) - (m + 2*k)*log(8.0_wp) - log_gamma(m &
+         & + 2.0_wp*k + 1.0_wp) - log_gamma(k + 1.0_wp) - log_gamma(m + k + 1.0_wp)), k=0, last), &
+         & m=0, highest_mode)], [last + 1, highest_mode + 1])
+      !> Real and imaginary part of z^m and of the two powers before; and the sums with the first
+      !> derivative of d_m, with its derivatives a and b, and with the second derivative.
       real(wp) :: power(n, 2), before(n, 2), earlier(n, 2), first(n, 4)
       real(wp) :: s(n), d(n), d1(n), d2(n), l, p, q, f
 
@@ -109,8 +113,10 @@ contains
       end do
       means(:, 2) = means(:, 2) + 2.0_wp*a*first(:, 1)
       means(:, 3) = means(:, 3) + 2.0_wp*b*first(:, 1)
-      means(:, 6) = -means(:, 4) + 4.0_wp*b*first(:, 3) + 2.0_wp*first(:, 1) + 4.0_wp*b**2*first(:, 4)
-      means(:, 4) = means(:, 4) + 4.0_wp*a*first(:, 2) + 2.0_wp*first(:, 1) + 4.0_wp*a**2*first(:, 4)
+      means(:, 6) = -means(:, 4) + 4.0_wp*b*first(:, 3) + 2.0_wp*first(:, &
+         & 1) + 4.0_wp*b**2*first(:, 4)
+      means(:, 4) = means(:, 4) + 4.0_wp*a*first(:, 2) + 2.0_wp*first(:, &
+         & 1) + 4.0_wp*a**2*first(:, 4)
       means(:, 5) = means(:, 5) + 2.0_wp*(b*first(:, 2) + a*first(:, 3)) + 4.0_wp*a*b*first(:, 4)
    end subroutine expand_means
 end module contact_ellipse

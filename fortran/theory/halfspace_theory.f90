@@ -1,16 +1,19 @@
 !> Exact indentation modulus of an anisotropic half-space under a frictionless rigid sphere.
 !>
-!> The surface Green's function is that of Barnett & Lothe; the contact ellipse minimises the compliance (Willis, J. Mech.
-!> Phys. Solids 14, 163, 1966). With a circle instead of the ellipse the modulus is that of Vlassak & Nix (J. Mech. Phys.
-!> Solids 42, 1223, 1994), which is never larger.
+!> The surface Green's function is that of Barnett & Lothe; the contact ellipse minimises the
+!> compliance (Willis, J. Mech. Phys. Solids 14, 163, 1966). With a circle instead of the ellipse
+!> the modulus is that of Vlassak & Nix (J. Mech. Phys. Solids 42, 1223, 1994), which is never
+!> larger.
 !>
-!> The Barnett-Lothe tensor L is inverted for several directions of a crystal at once.
-!> B of the half-space theory is L/(4 pi), and -L is the lower left block of the mean, over the turn of m and n about t, of Stroh's
-!> matrix N = [A, D; E, A^T], A = -(nn)^-1 (nm), D = (nn)^-1, E = (mn)(nn)^-1 (nm) - (mm) (Barnett & Lothe, Phys. Norvegica 7, 13,
-!> 1973). A turn by phi maps N as it maps the cotangent of an angle: N(phi) = (N cos phi - sin phi)(cos phi + N sin phi)^-1. So
-!> the trapezoid rule F over n equally spaced angles of half a turn obeys F_2n = (F_n - F_n^-1)/2, the rule of cot 2 x: one inverse of a
-!> 6 x 6 matrix doubles the angles, where the sum would need n inverses of (nn). F_n^-1 has the blocks of N too; D is positive and E
-!> negative definite in both, being means of (nn)^-1, so that the 3 x 3 inverses below need no pivots.
+!> The Barnett-Lothe tensor L is inverted for several directions of a crystal at once. B of the
+!> half-space theory is L/(4 pi), and -L is the lower left block of the mean, over the turn of m and
+!> n about t, of Stroh's matrix N = [A, D; E, A^T], A = -(nn)^-1 (nm), D = (nn)^-1, E = (mn)(nn)^-1
+!> (nm) - (mm) (Barnett & Lothe, Phys. Norvegica 7, 13, 1973). A turn by phi maps N as it maps the
+!> cotangent of an angle: N(phi) = (N cos phi - sin phi)(cos phi + N sin phi)^-1. So the trapezoid
+!> rule F over n equally spaced angles of half a turn obeys F_2n = (F_n - F_n^-1)/2, the rule of cot
+!> 2 x: one inverse of a 6 x 6 matrix doubles the angles, where the sum would need n inverses of
+!> (nn). F_n^-1 has the blocks of N too; D is positive and E negative definite in both, being means
+!> of (nn)^-1, so that the 3 x 3 inverses below need no pivots.
 module halfspace_theory
    use crystal_elasticity, only: check_stiffness, rotate_stiffness, rotation_matrix, voigt_index
    use errors, only: error_type, raise
@@ -18,8 +21,9 @@ module halfspace_theory
    use text, only: to_text
    implicit none
    private
-   public :: halfspace_type, halfspace_modulus, halfspace_moduli, lanes, contraction_maps, inverse_barnett, &
-      & plane_products, double_angles, invert, multiply, multiply_transposed, transposed
+   public :: halfspace_type, halfspace_modulus, halfspace_moduli, lanes, contraction_maps, &
+      & inverse_barnett, plane_products, double_angles, invert, multiply, &
+      & multiply_transposed, transposed
 
    !> What the theory says of one crystal under the indenter.
    type :: halfspace_type
@@ -31,23 +35,25 @@ module halfspace_theory
    integer, parameter :: lanes = 8
    !> Directions of the coarsest grid that is accepted, and of the finest grid.
    integer, parameter :: coarsest = 2*lanes, finest = 4096
-   !> Of the harmonic of h at 3/4 of what a grid resolves, relative to the mean. With the doubling of the grid it guards against a
-   !> change that is small by the phase of a harmonic alone.
+   !> Of the harmonic of h at 3/4 of what a grid resolves, relative to the mean. With the doubling
+   !> of the grid it guards against a change that is small by the phase of a harmonic alone.
    real(wp), parameter :: allowed_tail = 3.0e-4_wp
 
    integer :: k
-   !> Of directions theta in half a turn, such that the first n = 8, 16, 32, .. are equally spaced: after the first eight those that
-   !> double a grid are half way between its own. Each element is an expression of its number: gfortran needs half a minute for
-   !> cos(array).
+   !> Of directions theta in half a turn, such that the first n = 8, 16, 32, .. are equally spaced:
+   !> after the first eight those that double a grid are half way between its own. Each element is
+   !> an expression of its number: gfortran needs half a minute for cos(array).
    real(wp), parameter :: cosines(finest) = [(cos(pi*(k/real(lanes, wp))), k=0, lanes - 1), &
       & (cos(pi*((k + 0.5_wp)/2**int(log(k + 0.5_wp)/log(2.0_wp)) - 1.0_wp)), k=lanes, finest - 1)]
    real(wp), parameter :: sines(finest) = [(sin(pi*(k/real(lanes, wp))), k=0, lanes - 1), &
       & (sin(pi*((k + 0.5_wp)/2**int(log(k + 0.5_wp)/log(2.0_wp)) - 1.0_wp)), k=lanes, finest - 1)]
    !> Of 2 theta.
-   real(wp), parameter :: cosine(finest) = 2.0_wp*cosines**2 - 1.0_wp, sine(finest) = 2.0_wp*sines*cosines
+   real(wp), parameter :: cosine(finest) = 2.0_wp*cosines**2 - 1.0_wp, &
+      & sine(finest) = 2.0_wp*sines*cosines
 
-   !> Relative change of the modulus on doubling the directions below which the finer grid is accepted. The rule converges exponentially on
-   !> these periodic integrands, so that the error left is about the square of the change.
+   !> Relative change of the modulus on doubling the directions below which the finer grid is
+   !> accepted. The rule converges exponentially on these periodic integrands, so that the error
+   !> left is about the square of the change.
    real(wp), parameter :: tolerance = 2.0e-5_wp
    !> The same of A on doubling the angles; and doublings at most.
    real(wp), parameter :: close = 4.0e-5_wp
@@ -59,7 +65,8 @@ module halfspace_theory
 
 contains
 
-   !> Indentation modulus along sample -z of the crystal `c` (GPa, crystal frame) at Bunge-Euler angles `euler` (radians).
+   !> Indentation modulus along sample -z of the crystal `c` (GPa, crystal frame) at Bunge-Euler
+   !> angles `euler` (radians).
    pure subroutine halfspace_modulus(c, euler, result, error)
       real(wp), intent(in) :: c(6, 6), euler(3)
       type(halfspace_type), intent(out) :: result
@@ -80,8 +87,8 @@ contains
          if (change <= tolerance .and. tail(h(:n)) <= allowed_tail) return
          n = 2*n
       end do
-      call raise(error, 'the surface Green''s function of a nearly unstable crystal did not converge on ' &
-         & //to_text(finest)//' directions')
+      call raise(error, 'the surface Green''s function of a nearly unstable crystal did not ' &
+         & //'converge on '//to_text(finest)//' directions')
    end subroutine halfspace_modulus
 
    !> The moduli of many crystals on `threads` threads; the error is that of the first that has one.
@@ -111,8 +118,8 @@ contains
       error%message = 'crystal '//to_text(i)//': '//error%message
    end subroutine halfspace_moduli
 
-   !> h(theta) of u_z = h/r for a unit normal point force, 1/GPa, in the directions after the first `done`; theta is counted from sample x
-   !> in the surface.
+   !> h(theta) of u_z = h/r for a unit normal point force, 1/GPa, in the directions after the first
+   !> `done`; theta is counted from sample x in the surface.
    pure subroutine extend_grid(c, done, h)
       !> In axes of the sample.
       real(wp), intent(in) :: c(6, 6)
@@ -127,12 +134,14 @@ contains
          y = -cosines(block + 1:block + lanes)
          do j = 1, 3
             do i = 1, 3
-               mn(:, i + 3*(j - 1)) = x*c(voigt_index(1, i), voigt_index(j, 3)) + y*c(voigt_index(2, i), voigt_index(j, 3))
+               mn(:, i + 3*(j - 1)) = x*c(voigt_index(1, i), &
+                  & voigt_index(j, 3)) + y*c(voigt_index(2, i), voigt_index(j, 3))
             end do
          end do
          do i = 1, 6
             associate (one => voigt_index(:, first(i)), other => voigt_index(:, second(i)))
-               mm(:, i) = x**2*c(one(1), other(1)) + x*y*(c(one(1), other(2)) + c(one(2), other(1))) + y**2*c(one(2), other(2))
+               mm(:, i) = x**2*c(one(1), other(1)) &
+                  & + x*y*(c(one(1), other(2)) + c(one(2), other(1))) + y**2*c(one(2), other(2))
                nn(:, i) = c(one(3), other(3))
             end associate
          end do
@@ -141,8 +150,9 @@ contains
       end do
    end subroutine extend_grid
 
-   !> Amplitude of the harmonic 2 (3 n/8) of theta in h on n = 16, 32, .. directions, relative to the mean: n/8 is a power of two, and
-   !> with the cube of exp(2 i theta) any symmetry of the surface about its normal has that harmonic.
+   !> Amplitude of the harmonic 2 (3 n/8) of theta in h on n = 16, 32, .. directions, relative to
+   !> the mean: n/8 is a power of two, and with the cube of exp(2 i theta) any symmetry of the
+   !> surface about its normal has that harmonic.
    pure real(wp) function tail(h)
       real(wp), intent(in), contiguous :: h(:)
       real(wp) :: c(size(h)), s(size(h))
@@ -159,7 +169,8 @@ contains
       tail = 2.0_wp*sqrt(sum(h*c)**2 + sum(h*s)**2)/sum(h)
    end function tail
 
-   !> Minimise the convex compliance over the shape (a, b) of the contact ellipse by Newton's method.
+   !> Minimise the convex compliance over the shape (a, b) of the contact ellipse by Newton's
+   !> method.
    pure subroutine fit_contact_ellipse(h, shape, result, change)
       !> In n equally spaced directions, of which the first half are equally spaced too.
       real(wp), intent(in), contiguous :: h(:)
@@ -168,7 +179,8 @@ contains
       type(halfspace_type), intent(out) :: result
       !> Of the modulus on leaving the second half out, relative.
       real(wp), intent(out) :: change
-      !> Steps of less leave an error of the order of their square, and of its square in the modulus.
+      !> Steps of less leave an error of the order of their square, and of its square in the
+      !> modulus.
       real(wp), parameter :: smallest = 1.0e-3_wp
       !> Shapes and steps for which Newton's method needs no watching.
       real(wp), parameter :: safe_shape = 0.7_wp, safe_step = 0.1_wp
@@ -177,7 +189,9 @@ contains
 
       n = size(h)
       ! The quadratic expansion about a circle.
-      if (.not. any(abs(shape) > 0.0_wp)) shape = 4.0_wp/3.0_wp*[sum(h*cosine(:n)), sum(h*sine(:n))]/sum(h)
+      if (.not. any(abs(shape) > 0.0_wp)) then
+         shape = 4.0_wp/3.0_wp*[sum(h*cosine(:n)), sum(h*sine(:n))]/sum(h)
+      end if
       do iteration = 1, 50
          call differentiate(h, shape, gradient, hessian)
          determinant = hessian(1)*hessian(3) - hessian(2)**2
@@ -246,7 +260,8 @@ contains
       hessian = [aa, ab, bb]
    end subroutine differentiate
 
-   !> The contractions (ab)_ij = a_k C_kijl b_l of a stiffness as linear functions of the products a_k b_l.
+   !> The contractions (ab)_ij = a_k C_kijl b_l of a stiffness as linear functions of the products
+   !> a_k b_l.
    pure subroutine contraction_maps(c, one, both)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
@@ -261,11 +276,15 @@ contains
       end do
       do concurrent(i=1:6, j=1:6)
          both(i, j) = c(voigt_index(first(i), first(j)), voigt_index(second(j), second(i)))
-         if (i > 3) both(i, j) = both(i, j) + c(voigt_index(second(i), first(j)), voigt_index(second(j), first(i)))
+         if (i > 3) then
+            both(i, j) = both(i, j) + c(voigt_index(second(i), first(j)), &
+               & voigt_index(second(j), first(i)))
+         end if
       end do
    end subroutine contraction_maps
 
-   !> Of two directions what the maps take: `mn` is m_k n_l, l fastest; `mm` and `nn` are m_k m_l and n_k n_l, kl = 11, 22, 33, 23, 13, 12.
+   !> Of two directions what the maps take: `mn` is m_k n_l, l fastest; `mm` and `nn` are m_k m_l
+   !> and n_k n_l, kl = 11, 22, 33, 23, 13, 12.
    pure subroutine plane_products(m, n, mn, mm, nn)
       !> Unit vectors.
       real(wp), intent(in) :: m(3), n(3)
@@ -278,8 +297,8 @@ contains
 
    !> B^-1/(8 pi^2) = L^-1/(2 pi), 1/GPa: components 11, 22, 33, 23, 13, 12.
    pure subroutine inverse_barnett(mm, mn, nn, f)
-      !> The contractions (ab)_ij = a_k C_kijl b_l with two directions perpendicular to t and to each other, GPa: those six components of
-      !> (mm) and (nn), and (mn) by columns.
+      !> The contractions (ab)_ij = a_k C_kijl b_l with two directions perpendicular to t and to
+      !> each other, GPa: those six components of (mm) and (nn), and (mn) by columns.
       real(wp), intent(in) :: mm(lanes, 6), mn(lanes, 9), nn(lanes, 6)
       !> Those of B^-1/(8 pi^2) in the axes of the contractions.
       real(wp), intent(out) :: f(lanes, 6)
@@ -311,12 +330,12 @@ contains
       real(wp), intent(inout) :: a(lanes, 9), d(lanes, 6), e(lanes, 6)
       !> That of A, the largest of its elements, which have no unit.
       real(wp), intent(out) :: change
-      real(wp) :: p1, p2, p3, p4, p5, p6, k11, k21, k31, k12, k22, k32, k13, k23, k33, s1, s2, s3, s4, s5, s6, t1, t2, t3, t4, t5, &
-         & t6, w11, w21, w31, w12, w22, w32, w13, w23, w33, scale
+      real(wp) :: p1, p2, p3, p4, p5, p6, k11, k21, k31, k12, k22, k32, k13, k23, k33, s1, s2, s3, &
+         & s4, s5, s6, t1, t2, t3, t4, t5, t6, w11, w21, w31, w12, w22, w32, w13, w23, w33, scale
       integer :: i
 
-      ! K = D^-1 A, S = E - A^T K, and its inverse T, the upper right block of F^-1; W = T K^T: F^-1 = [-W, T; D^-1 + W^T K^T, -W^T].
-      ! As scalars they are in registers.
+      ! K = D^-1 A, S = E - A^T K, and its inverse T, the upper right block of F^-1; W = T K^T: F^-1
+      ! = [-W, T; D^-1 + W^T K^T, -W^T]. As scalars they are in registers.
       change = 0.0_wp
       !$omp simd simdlen(8) reduction(max: change)
       do i = 1, lanes
@@ -392,7 +411,8 @@ contains
          w13 = w13 - 0.5_wp*a(i, 7)
          w23 = w23 - 0.5_wp*a(i, 8)
          w33 = w33 - 0.5_wp*a(i, 9)
-         change = max(change, abs(w11), abs(w21), abs(w31), abs(w12), abs(w22), abs(w32), abs(w13), abs(w23), abs(w33))
+         change = max(change, abs(w11), abs(w21), abs(w31), abs(w12), abs(w22), abs(w32), &
+            & abs(w13), abs(w23), abs(w33))
          a(i, 1) = a(i, 1) + w11
          a(i, 2) = a(i, 2) + w21
          a(i, 3) = a(i, 3) + w31

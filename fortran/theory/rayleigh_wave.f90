@@ -1,21 +1,26 @@
-!> Surface (Rayleigh) waves of an anisotropic half-space: speed, and the displacement of the surface.
+!> Surface (Rayleigh) waves of an anisotropic half-space: speed, and the displacement of the
+!> surface.
 !>
-!> Below the limiting speed the impedance Z = D^-1 (1 + i A) is Hermitian (Lothe & Barnett, J. Appl. Phys. 47, 428, 1976), with D and A
-!> the blocks of the mean of Stroh's matrix (see `halfspace_theory`), in which (mm) is less by rho v^2. Z is positive definite up to the
-!> speed of the surface wave, where its smallest eigenvalue is zero (Fu & Mielke, Proc. R. Soc. A 458, 2523, 2002). With P = D^-1 and w
-!> the vector of the antisymmetric P A: det Z = det P - w.P.w. Its root is sought over s = sqrt(1 - (v/v_limiting)^2), in which it is
-!> smooth. At the root Z has one null vector a, and |n.a|^2/|a|^2 follows from the adjugate of Z, whose real part is adj P - w w^T.
+!> Below the limiting speed the impedance Z = D^-1 (1 + i A) is Hermitian (Lothe & Barnett, J. Appl.
+!> Phys. 47, 428, 1976), with D and A the blocks of the mean of Stroh's matrix (see
+!> `halfspace_theory`), in which (mm) is less by rho v^2. Z is positive definite up to the speed of
+!> the surface wave, where its smallest eigenvalue is zero (Fu & Mielke, Proc. R. Soc. A 458, 2523,
+!> 2002). With P = D^-1 and w the vector of the antisymmetric P A: det Z = det P - w.P.w. Its root
+!> is sought over s = sqrt(1 - (v/v_limiting)^2), in which it is smooth. At the root Z has one null
+!> vector a, and |n.a|^2/|a|^2 follows from the adjugate of Z, whose real part is adj P - w w^T.
 !>
-!> In strongly anisotropic crystals the branch may run just below the slowest bulk wave of its direction, or hardly move along the
-!> normal: then it is neither excited nor detected, and what a measurement shows is the pseudo-surface wave, which is faster.
-!> (Nearness to the limiting speed is no such sign: most waves of copper are within 3 % of it, and well excited.)
+!> In strongly anisotropic crystals the branch may run just below the slowest bulk wave of its
+!> direction, or hardly move along the normal: then it is neither excited nor detected, and what a
+!> measurement shows is the pseudo-surface wave, which is faster. (Nearness to the limiting speed is
+!> no such sign: most waves of copper are within 3 % of it, and well excited.)
 !>
-!> "Modulus" of a wave is rho v^2. Of bulk waves it is an eigenvalue of the acoustic (Christoffel) tensor of the direction.
+!> "Modulus" of a wave is rho v^2. Of bulk waves it is an eigenvalue of the acoustic (Christoffel)
+!> tensor of the direction.
 module rayleigh_wave
    use crystal_elasticity, only: check_stiffness, longitudinal, path_type, rayleigh, rotation_matrix
    use errors, only: error_type
-   use halfspace_theory, only: contraction_maps, double_angles, invert, lanes, multiply, multiply_transposed, plane_products, &
-      & transposed
+   use halfspace_theory, only: contraction_maps, double_angles, invert, lanes, multiply, &
+      & multiply_transposed, plane_products, transposed
    use kinds, only: degree, pi, wp
    use text, only: to_text
    implicit none
@@ -31,15 +36,17 @@ module rayleigh_wave
       procedure :: is_detected
    end type wave_type
 
-   !> Directions of propagation on surfaces, a block of `lanes` at a time: products of the direction m and the normal n, see
-   !> `halfspace_theory`, and the normals; crystal axes. The last block is filled up with the last direction.
+   !> Directions of propagation on surfaces, a block of `lanes` at a time: products of the direction
+   !> m and the normal n, see `halfspace_theory`, and the normals; crystal axes. The last block is
+   !> filled up with the last direction.
    type :: surface_type
       integer :: n = 0
       integer, allocatable, private :: wave(:)
       real(wp), allocatable, private :: mn(:, :, :), mm(:, :, :), nn(:, :, :), normal(:, :, :)
    end type surface_type
 
-   !> The greatest speed over that of the bulk wave, and the least share of the normal displacement, of a wave that is detected.
+   !> The greatest speed over that of the bulk wave, and the least share of the normal displacement,
+   !> of a wave that is detected.
    real(wp), parameter :: nearest = 0.97_wp, weakest = 0.2_wp
    !> Of s: the least that is tried, and the change after which the root is found.
    real(wp), parameter :: least = 1.0e-3_wp, close = 1.0e-8_wp
@@ -74,8 +81,8 @@ contains
       surface%n = size(paths)
       surface%wave = paths%wave
       blocks = (surface%n + lanes - 1)/lanes
-      allocate (surface%mn(lanes, 9, blocks), surface%mm(lanes, 6, blocks), surface%nn(lanes, 6, blocks), &
-         & surface%normal(lanes, 3, blocks))
+      allocate (surface%mn(lanes, 9, blocks), surface%mm(lanes, 6, blocks), &
+         & surface%nn(lanes, 6, blocks), surface%normal(lanes, 3, blocks))
       do block = 1, blocks
          do lane = 1, lanes
             i = min(surface%n, lanes*(block - 1) + lane)
@@ -84,8 +91,9 @@ contains
             angle = paths(i)%propagation_deg*degree
             tilt = paths(i)%inclination_deg*degree
             along = cos(angle)*g(:, 1) + sin(angle)*g(:, 2)
-            call plane_products(cos(tilt)*along + sin(tilt)*g(:, 3), cos(tilt)*g(:, 3) - sin(tilt)*along, &
-               & surface%mn(lane, :, block), surface%mm(lane, :, block), surface%nn(lane, :, block))
+            call plane_products(cos(tilt)*along + sin(tilt)*g(:, 3), &
+               & cos(tilt)*g(:, 3) - sin(tilt)*along, surface%mn(lane, :, block), &
+               & surface%mm(lane, :, block), surface%nn(lane, :, block))
          end do
       end do
    end subroutine new_surface
@@ -125,7 +133,8 @@ contains
       end do
    end subroutine surface_waves
 
-   !> The wave of each of many crystals in one direction; the error is that of the first that has one.
+   !> The wave of each of many crystals in one direction; the error is that of the first that has
+   !> one.
    subroutine rayleigh_waves(stiffness, euler_deg, paths, waves, error)
       !> GPa (6, 6, n), Bunge-Euler angles (3, n), degrees.
       real(wp), intent(in) :: stiffness(:, :, :), euler_deg(:, :)
@@ -179,8 +188,11 @@ contains
          end if
          do i = 1, lanes
             if (abs(s(i) - before(i)) < close) cycle
-            further(i) = s(i) - value(i)*(s(i) - before(i))/sign(max(abs(value(i) - last(i)), tiny(1.0_wp)), value(i) - last(i))
-            if (.not. (further(i) > low(i) .and. further(i) < high(i))) further(i) = sqrt(low(i)*high(i))
+            further(i) = s(i) - value(i)*(s(i) - before(i))/sign(max(abs(value(i) - last(i)), &
+               & tiny(1.0_wp)), value(i) - last(i))
+            if (.not. (further(i) > low(i) .and. further(i) < high(i))) then
+               further(i) = sqrt(low(i)*high(i))
+            end if
             before(i) = s(i)
             last(i) = value(i)
             s(i) = further(i)
@@ -202,7 +214,8 @@ contains
          !> The error left is about the square of the change.
          real(wp), parameter :: tolerance = 1.0e-7_wp
          integer, parameter :: most_doublings = 40
-         real(wp) :: turned_a(lanes, 9), turned_d(lanes, 6), turned_e(lanes, 6), p(lanes, 6), x(lanes, 9), w(lanes, 3), change
+         real(wp) :: turned_a(lanes, 9), turned_d(lanes, 6), turned_e(lanes, 6), p(lanes, 6), &
+            & x(lanes, 9), w(lanes, 3), change
          integer :: k
 
          turned_a = a
@@ -219,11 +232,13 @@ contains
          call multiply(p, turned_a, x)
          w = 0.5_wp*(x(:, [6, 7, 2]) - x(:, [8, 3, 4]))
          ! The adjugate of P is D det P.
-         x(:, 1) = p(:, 1)*(p(:, 2)*p(:, 3) - p(:, 4)**2) - p(:, 6)*(p(:, 6)*p(:, 3) - p(:, 4)*p(:, 5)) &
-            & + p(:, 5)*(p(:, 6)*p(:, 4) - p(:, 2)*p(:, 5))
+         x(:, 1) = p(:, 1)*(p(:, 2)*p(:, 3) - p(:, 4)**2) - p(:, &
+            & 6)*(p(:, 6)*p(:, 3) - p(:, 4)*p(:, 5)) + p(:, 5)*(p(:, 6)*p(:, 4) - p(:, 2)*p(:, 5))
          found = x(:, 1) - along(p, w)
-         if (present(normal_share)) normal_share = (x(:, 1)*along(turned_d, normal) - sum(w*normal, 2)**2) &
-            & /(x(:, 1)*sum(turned_d(:, :3), 2) - sum(w**2, 2))
+         if (present(normal_share)) then
+            normal_share = (x(:, 1)*along(turned_d, normal) - sum(w*normal, 2)**2)/(x(:, &
+               & 1)*sum(turned_d(:, :3), 2) - sum(w**2, 2))
+         end if
       end subroutine determinant
 
       !> x.S.x of symmetric matrices.
@@ -231,13 +246,14 @@ contains
          real(wp), intent(in) :: matrix(lanes, 6), x(lanes, 3)
          real(wp) :: along(lanes)
 
-         along = sum(matrix(:, :3)*x**2, 2) + 2.0_wp*(matrix(:, 4)*x(:, 2)*x(:, 3) + matrix(:, 5)*x(:, 1)*x(:, 3) &
-            & + matrix(:, 6)*x(:, 1)*x(:, 2))
+         along = sum(matrix(:, :3)*x**2, 2) + 2.0_wp*(matrix(:, 4)*x(:, 2)*x(:, 3) + matrix(:, &
+            & 5)*x(:, 1)*x(:, 3) + matrix(:, 6)*x(:, 1)*x(:, 2))
       end function along
    end subroutine find_waves
 
-   !> Moduli of bulk waves, GPa: of the slowest along m, and the limiting one, which is, over directions in the plane of m and n of the
-   !> slope p to m, the least eigenvalue of the acoustic tensor times 1 + p^2.
+   !> Moduli of bulk waves, GPa: of the slowest along m, and the limiting one, which is, over
+   !> directions in the plane of m and n of the slope p to m, the least eigenvalue of the acoustic
+   !> tensor times 1 + p^2.
    pure subroutine bulk_moduli(mm, mn, nn, limiting, along)
       !> As in `find_waves`.
       real(wp), intent(in) :: mm(lanes, 6), mn(lanes, 9), nn(lanes, 6)
@@ -264,7 +280,8 @@ contains
       do k = 0, n - 1
          minima(k, :) = .not. values(:, k) > min(values(:, k - 1), values(:, k + 1))
       end do
-      ! The first minima of all lanes, then the second ones; a lane that has no more repeats its last.
+      ! The first minima of all lanes, then the second ones; a lane that has no more repeats its
+      ! last.
       do while (any(minima))
          do i = 1, lanes
             k = findloc(minima(:, i), .true., dim=1) - 1
@@ -300,10 +317,11 @@ contains
       end function least_eigenvalues
    end subroutine bulk_moduli
 
-   !> The greatest (0), the least (1) or the other (2) eigenvalues of symmetric matrices, in the order of `wave_names`. The greatest is
-   !> mean + 2 r cos(alpha/3), with r the length of the deviator over sqrt 6 and cos(alpha) half its determinant over r^3; the least is
-   !> that of the negative matrix. Vector units have no arc cosine: y = cos(acos(x)/3) is a root of
-   !> (2 y - 1) sqrt((1 + y)/2) = sqrt((1 + x)/2).
+   !> The greatest (0), the least (1) or the other (2) eigenvalues of symmetric matrices, in the
+   !> order of `wave_names`. The greatest is mean + 2 r cos(alpha/3), with r the length of the
+   !> deviator over sqrt 6 and cos(alpha) half its determinant over r^3; the least is that of the
+   !> negative matrix. Vector units have no arc cosine: y = cos(acos(x)/3) is a root of (2 y - 1)
+   !> sqrt((1 + y)/2) = sqrt((1 + x)/2).
    pure recursive function eigenvalues(matrix, which) result(values)
       !> Components 11, 22, 33, 23, 13, 12.
       real(wp), intent(in) :: matrix(lanes, 6)
@@ -312,7 +330,8 @@ contains
       integer :: i, k
 
       if (which == 2) then
-         values = matrix(:, 1) + matrix(:, 2) + matrix(:, 3) - eigenvalues(matrix, 0) - eigenvalues(matrix, 1)
+         values = matrix(:, 1) + matrix(:, 2) + matrix(:, 3) - eigenvalues(matrix, &
+            & 0) - eigenvalues(matrix, 1)
          return
       end if
       side = merge(1.0_wp, -1.0_wp, which == 0)
@@ -326,12 +345,14 @@ contains
          x5 = matrix(i, 5)
          x6 = matrix(i, 6)
          r = sqrt((x1**2 + x2**2 + x3**2 + 2.0_wp*(x4**2 + x5**2 + x6**2))/6.0_wp)
-         y = 0.5_wp*(x1*(x2*x3 - x4**2) - x6*(x6*x3 - x4*x5) + x5*(x6*x4 - x2*x5))/max(r, tiny(1.0_wp)**0.25_wp)**3
+         y = 0.5_wp*(x1*(x2*x3 - x4**2) - x6*(x6*x3 - x4*x5) + x5*(x6*x4 - x2*x5))/max(r, &
+            & tiny(1.0_wp)**0.25_wp)**3
          goal = sqrt(0.5_wp*(1.0_wp + max(-1.0_wp, min(1.0_wp, side*y))))
          ! Near to it, and two steps of Newton's.
          y = 0.5_wp + goal*(0.56416_wp - 0.06416_wp*goal)
          do k = 1, 2
-            y = y - (2.0_wp*(1.0_wp + y)*(2.0_wp*y - 1.0_wp) - 4.0_wp*goal*sqrt(0.5_wp*(1.0_wp + y)))/(6.0_wp*y + 3.0_wp)
+            y = y - (2.0_wp*(1.0_wp + y)*(2.0_wp*y - 1.0_wp) &
+               & - 4.0_wp*goal*sqrt(0.5_wp*(1.0_wp + y)))/(6.0_wp*y + 3.0_wp)
          end do
          values(i) = mean + side*2.0_wp*r*y
       end do

@@ -1,7 +1,9 @@
-"""Single-crystal elastic constants, with honest uncertainty, from spherical indentation of single grains.
+"""Single-crystal elastic constants, with honest uncertainty, from spherical indentation of single
+grains.
 
-`bi.extract(table, "cubic")` infers the constants from a table of grains; `bi.summary`, `bi.report`, `bi.compare`, `bi.next_grain` and the plots take what it
-gives. help(bi.extract) lists every keyword.
+`bi.extract(table, "cubic")` infers the constants from a table of grains; `bi.summary`, `bi.report`,
+`bi.compare`, `bi.next_grain` and the plots take what it gives. help(bi.extract) lists every
+keyword.
 """
 
 from importlib import import_module
@@ -12,10 +14,15 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    """Import all that the package offers when some of it is first used: numpy and the core take a tenth of a second."""
+    """Import all that the package offers when some of it is first used: numpy and the core take a
+    tenth of a second.
+    """
     if name == "__all__" or not name.startswith("_"):
         interface = import_module(".interface", __name__)
-        globals().update({offered: getattr(interface, offered) for offered in interface.__all__}, __all__=interface.__all__)
+        globals().update(
+            {offered: getattr(interface, offered) for offered in interface.__all__},
+            __all__=interface.__all__,
+        )
         if name in globals():
             return globals()[name]
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

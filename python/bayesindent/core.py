@@ -9,12 +9,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-# One thread in each call of BLAS: more would change the last bits of results with the number of cores. Threads are the core's own.
+# One thread in each call of BLAS: more would change the last bits of results with the number of
+# cores. Threads are the core's own.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def _choose_kernels() -> str:
-    """Name the vector kernels that OpenBLAS shall use, before it is loaded; the module of the core that uses like instructions.
+    """Name the vector kernels that OpenBLAS shall use, before it is loaded; the module of the core
+    that uses like instructions.
 
     What the batch program does, too (cpp/processor.cpp). A user's own choice stands.
     """
@@ -25,7 +27,9 @@ def _choose_kernels() -> str:
     if kernels:
         os.environ.setdefault("OPENBLAS_CORETYPE", kernels)
     wide = processor.bayesindent_is_wide(os.environ.get("OPENBLAS_CORETYPE", "").encode())
-    return ".x86_64_v3._core" if wide and Path(__file__).with_name("x86_64_v3").is_dir() else "._core"
+    return (
+        ".x86_64_v3._core" if wide and Path(__file__).with_name("x86_64_v3").is_dir() else "._core"
+    )
 
 
 _MODULE = _choose_kernels()
@@ -45,7 +49,9 @@ class InputError(BayesindentError, ValueError):
 
 
 class MachineError(BayesindentError):
-    """The machine could not do it (memory, disk): no result about the input; it may work next time."""
+    """The machine could not do it (memory, disk): no result about the input; it may work next
+    time.
+    """
 
 
 class BayesindentWarning(UserWarning):
@@ -57,7 +63,9 @@ HEADER = struct.Struct("<cBxxiq4q")
 
 
 def encode(values: Mapping) -> bytes:
-    """Named values as the core takes them: texts and paths, logicals, integers, reals, and arrays of reals. What is None is left out."""
+    """Named values as the core takes them: texts and paths, logicals, integers, reals, and arrays
+    of reals. What is None is left out.
+    """
     pieces = []
     for name, value in values.items():
         shape: tuple[int, ...] = ()
@@ -73,7 +81,9 @@ def encode(values: Mapping) -> bytes:
             # The axes are reversed there.
             kind, content, shape = b"r", array.tobytes(), array.shape[::-1]
         label = name.encode()
-        header = HEADER.pack(kind, len(shape), len(label), len(content), *shape, *[0] * (4 - len(shape)))
+        header = HEADER.pack(
+            kind, len(shape), len(label), len(content), *shape, *[0] * (4 - len(shape))
+        )
         pieces += [header, label, bytes(-len(label) % 8), content, bytes(-len(content) % 8)]
     return b"".join(pieces)
 
@@ -98,13 +108,25 @@ def decode(content: np.ndarray) -> dict:
 
 
 #: Operations that give up Python's lock; see fortran/facade/core.f90 for why not all do.
-LONG = {"crystal.theory", "crystal.waves", "indentation.run", "indentation.fields", "simulator.run", "surrogate.predict", "basis.fit"}
+LONG = {
+    "crystal.theory",
+    "crystal.waves",
+    "indentation.run",
+    "indentation.fields",
+    "simulator.run",
+    "surrogate.predict",
+    "basis.fit",
+}
 
 
 def call(operation: str, handle: int = 0, /, **values: Any) -> dict:
-    """What an operation of the core gives for named values: 'KIND.VERB', of an object by its handle. Its errors become exceptions."""
+    """What an operation of the core gives for named values: 'KIND.VERB', of an object by its
+    handle. Its errors become exceptions.
+    """
     do = native.core_do_long if operation in LONG else native.core_do
-    reply, address, words, status = do(operation.encode(), handle, np.frombuffer(encode(values) or bytes(8), dtype=np.int64))
+    reply, address, words, status = do(
+        operation.encode(), handle, np.frombuffer(encode(values) or bytes(8), dtype=np.int64)
+    )
     found = decode(np.array((ctypes.c_uint8 * (8 * words)).from_address(address)))
     native.core_release(reply)
     if status:
@@ -115,8 +137,9 @@ def call(operation: str, handle: int = 0, /, **values: Any) -> dict:
 class NativeObject:
     """What the core holds for Python: one handle, freed with the last reference to this object.
 
-    A subclass sets the handle with `_hold` in its constructor; from then on it is frozen, or once `_frozen` is set. Copies and pickles carry
-    no handle: `__reduce__` of a subclass says how the object is made anew, and without one they are refused.
+    A subclass sets the handle with `_hold` in its constructor; from then on it is frozen, or once
+    `_frozen` is set. Copies and pickles carry no handle: `__reduce__` of a subclass says how the
+    object is made anew, and without one they are refused.
     """
 
     #: What the core calls it: 'surrogate', 'posterior', ..
@@ -138,7 +161,9 @@ class NativeObject:
 
     def __setattr__(self, name: str, value: Any) -> None:
         if self._frozen:
-            raise AttributeError(f"{type(self).__name__} is frozen: make a new one with another '{name}'")
+            raise AttributeError(
+                f"{type(self).__name__} is frozen: make a new one with another '{name}'"
+            )
         object.__setattr__(self, name, value)
 
     def __delattr__(self, name: str) -> None:
@@ -150,4 +175,7 @@ class NativeObject:
             native.core_release(handle)
 
     def __reduce__(self) -> tuple:
-        raise TypeError(f"a {type(self).__name__} lives in this process alone: it cannot be copied or pickled; make a new one")
+        raise TypeError(
+            f"a {type(self).__name__} lives in this process alone: it cannot be copied or "
+            "pickled; make a new one"
+        )

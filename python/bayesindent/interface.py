@@ -23,8 +23,29 @@ from .settings.problem import Problem
 from .surrogate.surrogate import Surrogate
 
 __all__ = [
-    "BayesindentError", "BayesindentWarning", "Indentation", "IndentationResult", "InputError", "MachineError", "Problem",
-    "Surrogate", "anisotropy_index", "build", "compare", "constants", "curves", "extract", "halfspace_modulus", "log_anisotropy",
-    "next_grain", "plan", "polycrystal_averages", "quantities", "rayleigh_velocity", "report", "stiffness", "summary",
-]  # fmt: skip
+    "BayesindentError",
+    "BayesindentWarning",
+    "Indentation",
+    "IndentationResult",
+    "InputError",
+    "MachineError",
+    "Problem",
+    "Surrogate",
+    "anisotropy_index",
+    "build",
+    "compare",
+    "constants",
+    "curves",
+    "extract",
+    "halfspace_modulus",
+    "log_anisotropy",
+    "next_grain",
+    "plan",
+    "polycrystal_averages",
+    "quantities",
+    "rayleigh_velocity",
+    "report",
+    "stiffness",
+    "summary",
+]
 __all__ += plots.__all__

@@ -1,9 +1,11 @@
-"""Whether advice holds when it is followed: the sds that `extract` promises for further knowledge, against those of a run that has it.
+"""Whether advice holds when it is followed: the sds that `extract` promises for further knowledge,
+against those of a run that has it.
 
     ./bayesindent bench advice [--cases 20] [--first 0] [--others]
 
-Twenty sets of synthetic moduli of crystals that no test uses, of 8 to 40 grains with noise of 1 to 5 %. The knowledge that would narrow
-a constant the most is stated in a second run, with a value drawn about the truth.
+Twenty sets of synthetic moduli of crystals that no test uses, of 8 to 40 grains with noise of 1 to
+5 %. The knowledge that would narrow a constant the most is stated in a second run, with a value
+drawn about the truth.
 """
 
 import argparse
@@ -44,9 +46,19 @@ OTHERS = {
 
 def measured(symmetry, constants, rng):
     n, noise = int(rng.integers(8, 41)), rng.uniform(0.01, 0.05)
-    euler = np.column_stack([rng.uniform(0, 360, n), np.degrees(np.arccos(rng.uniform(-1, 1, n))), rng.uniform(0, 360, n)])
+    euler = np.column_stack(
+        [
+            rng.uniform(0, 360, n),
+            np.degrees(np.arccos(rng.uniform(-1, 1, n))),
+            rng.uniform(0, 360, n),
+        ]
+    )
     moduli = bi.halfspace_modulus(stiffness_rows(symmetry, [constants])[0], euler)
-    return {"euler_deg": euler, "modulus_gpa": moduli * (1 + noise * rng.normal(size=n)), "sd_gpa": noise * moduli}
+    return {
+        "euler_deg": euler,
+        "modulus_gpa": moduli * (1 + noise * rng.normal(size=n)),
+        "sd_gpa": noise * moduli,
+    }
 
 
 def follow(name, seed):
@@ -59,18 +71,33 @@ def follow(name, seed):
     parameters = document["parameters"]
     rows = [row for row in document["identifiability"] if row["kind"] == "knowledge"]
     _, constant, row = min(
-        ((row["sd_then"][c] / parameters[c]["sd"], c, row) for row in rows for c in row["sd_then"]), key=lambda item: item[:2]
+        ((row["sd_then"][c] / parameters[c]["sd"], c, row) for row in rows for c in row["sd_then"]),
+        key=lambda item: item[:2],
     )
     named = row["name"].split(", ")
     true = bi.quantities(symmetry, constants, names=named)
-    sds = {quantity: row.get("known_sd", row["relative_sd"] * abs(value)) for quantity, value in true.items()}
-    knowledge = {quantity: (value + sds[quantity] * rng.normal(), sds[quantity]) for quantity, value in true.items()}
+    sds = {
+        quantity: row.get("known_sd", row["relative_sd"] * abs(value))
+        for quantity, value in true.items()
+    }
+    knowledge = {
+        quantity: (value + sds[quantity] * rng.normal(), sds[quantity])
+        for quantity, value in true.items()
+    }
     then = bi.summary(bi.extract(table, **settings, knowledge=knowledge))["parameters"]
-    return constant, row["name"], parameters[constant]["sd"], row["sd_then"][constant], then[constant]["sd"]
+    return (
+        constant,
+        row["name"],
+        parameters[constant]["sd"],
+        row["sd_then"][constant],
+        then[constant]["sd"],
+    )
 
 
 def main(argv=None) -> None:
-    parser = argparse.ArgumentParser(prog="bayesindent bench advice", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog="bayesindent bench advice", description=__doc__.splitlines()[0]
+    )
     parser.add_argument("--cases", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="number of the first case")
     parser.add_argument("--others", action="store_true", help="another set of crystals")
@@ -82,7 +109,11 @@ def main(argv=None) -> None:
         name = crystals[i % len(crystals)]
         constant, advice, now, promised, then = follow(name, (200 if options.others else 100) + i)
         held += abs(then / promised - 1) <= 0.25
-        print(f"{name:10} {constant}  {advice:30.30}  sd {now:6.1f} GPa, promised {promised:5.1f}, then {then:5.1f}", flush=True)
+        print(
+            f"{name:10} {constant}  {advice:30.30}  sd {now:6.1f} GPa, promised "
+            f"{promised:5.1f}, then {then:5.1f}",
+            flush=True,
+        )
     print(f"within 25 %: {held} of {cases}")
 
 

@@ -1,16 +1,22 @@
-"""Choosing a simulation and learning from it, on one thread and in one run, beside numpy and scikit-learn with like work.
+"""Choosing a simulation and learning from it, on one thread and in one run, beside numpy and
+scikit-learn with like work.
 
-A step is: a candidate is chosen by the variances of all, its modulus becomes data, and mean, covariance and the variances of all
-candidates are those of the new posterior. Moduli are those of the half-space theory, since no simulation is timed here. Times are
-CPU times of the process, which other work on the machine disturbs less.
+A step is: a candidate is chosen by the variances of all, its modulus becomes data, and mean,
+covariance and the variances of all candidates are those of the new posterior. Moduli are those of
+the half-space theory, since no simulation is timed here. Times are CPU times of the process, which
+other work on the machine disturbs less.
 
 Alpha and beta frozen, the hexagonal paper case (729 terms, 3200 candidates):
 - update: this package.
-- Cholesky: numpy and scipy; the Gram matrix is updated, factored anew, and solved for the candidates' variances.
-Alpha and beta anew, the paper case and the correction (141 terms, 20 points), of 3200 and of 100,000 candidates:
-- step: this package, at frozen alpha and beta, the choice included; of a correction by the mean variance that it leaves.
-- refit: this package; the evidence is maximised (of a correction over the fall of the prior, too), then the posterior and all variances.
-- BayesianRidge: scikit-learn fits alpha, beta and the posterior, and predicts the sd of the candidates. It has no prior that falls with the
+- Cholesky: numpy and scipy; the Gram matrix is updated, factored anew, and solved for the
+candidates' variances. Alpha and beta anew, the paper case and the correction (141 terms, 20
+points), of 3200 and of 100,000 candidates:
+- step: this package, at frozen alpha and beta, the choice included; of a correction by the mean
+variance that it leaves.
+- refit: this package; the evidence is maximised (of a correction over the fall of the prior, too),
+then the posterior and all variances.
+- BayesianRidge: scikit-learn fits alpha, beta and the posterior, and predicts the sd of the
+candidates. It has no prior that falls with the
   degree: the terms of a correction are given to it with the widths that this package has found.
 """
 
@@ -32,11 +38,25 @@ BLOCK = 4000
 
 def main(argv=None) -> int:
     """Run the benchmark and print a table."""
-    parser = argparse.ArgumentParser(prog="bench build", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--initial", type=int, default=760, help="points before the first step (760)")
+    parser = argparse.ArgumentParser(
+        prog="bench build",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "--initial", type=int, default=760, help="points before the first step (760)"
+    )
     parser.add_argument("--steps", type=int, default=2040, help="sequential steps (1440 + 600)")
-    parser.add_argument("--candidates", type=int, default=3200, help="points in all to choose from (3200)")
-    parser.add_argument("--many", type=int, nargs="+", default=[3200, 100_000], help="numbers of candidates of a refit (3200 100000)")
+    parser.add_argument(
+        "--candidates", type=int, default=3200, help="points in all to choose from (3200)"
+    )
+    parser.add_argument(
+        "--many",
+        type=int,
+        nargs="+",
+        default=[3200, 100_000],
+        help="numbers of candidates of a refit (3200 100000)",
+    )
     parser.add_argument("--refits", type=int, default=3, help="refits timed of each (3)")
     arguments = parser.parse_args(argv)
     with one_thread():
@@ -44,7 +64,9 @@ def main(argv=None) -> int:
 
 
 def one_thread():
-    """All contestants' BLAS on one thread, where threadpoolctl (which comes with scikit-learn) can see to it."""
+    """All contestants' BLAS on one thread, where threadpoolctl (which comes with scikit-learn) can
+    see to it.
+    """
     try:
         from threadpoolctl import threadpool_limits
     except ImportError:
@@ -54,13 +76,20 @@ def one_thread():
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the benchmark."""
-    basis = Basis.from_keywords("hexagonal", DOMAINS["hexagonal"], model="paper", truncation="tensor", degree=2, bandlimit=4)
+    basis = Basis.from_keywords(
+        "hexagonal", DOMAINS["hexagonal"], model="paper", truncation="tensor", degree=2, bandlimit=4
+    )
     constants, angles = spread_crystals(basis, arguments.candidates, 1)
     # Of a uniform direction the declination's cosine is uniform; the paper's declination is.
-    angles = np.column_stack([0 * angles[:, 0], 90 * (1 - np.cos(np.radians(angles[:, 1]))), 0 * angles[:, 2]])
+    angles = np.column_stack(
+        [0 * angles[:, 0], 90 * (1 - np.cos(np.radians(angles[:, 1]))), 0 * angles[:, 2]]
+    )
     terms, _ = terms_of(basis, constants, angles)
     modulus = halfspace_modulus(stiffness_rows("hexagonal", constants), angles)
-    print(f"{basis.n_terms} terms, {len(modulus)} candidates, {arguments.initial} + {arguments.steps} points, one thread")
+    print(
+        f"{basis.n_terms} terms, {len(modulus)} candidates, {arguments.initial} + "
+        f"{arguments.steps} points, one thread"
+    )
 
     learner = Learner(basis)
     first = np.arange(arguments.initial)
@@ -77,10 +106,16 @@ def run(arguments: argparse.Namespace) -> int:
     step = (time.process_time() - start) / arguments.steps
 
     cholesky, difference = time_cholesky(terms, modulus, np.array(order), arguments.refits, learner)
-    print(f"largest difference of mean and variances from a refit after all steps: {difference:.1e} (relative)")
+    print(
+        "largest difference of mean and variances from a refit after all steps: "
+        f"{difference:.1e} (relative)"
+    )
     print_table("alpha, beta frozen", {"update": step, "Cholesky refit": cholesky})
     points = arguments.initial + arguments.steps // 2
-    for name, model, rule, n in (("paper", basis, "variance", points), ("correction", Basis.from_keywords(), "imse", 20)):
+    for name, model, rule, n in (
+        ("paper", basis, "variance", points),
+        ("correction", Basis.from_keywords(), "imse", 20),
+    ):
         for candidates in arguments.many:
             print_table(
                 f"{name}: {model.n_terms} terms, {n} points, {candidates} candidates",
@@ -98,7 +133,9 @@ def print_table(title: str, seconds: dict[str, float]) -> None:
 
 
 def time_fit(basis: Basis, rule: str, n: int, candidates: int, repeats: int) -> dict[str, float]:
-    """Seconds of what is done once, at a step, and at a refit, with n points and so many candidates."""
+    """Seconds of what is done once, at a step, and at a refit, with n points and so many
+    candidates.
+    """
     constants, angles = spread_crystals(basis, n, 1)
     modulus = halfspace_modulus(stiffness_rows(basis.symmetry, constants), angles)
     learner, others = Learner(basis), spread_crystals(basis, candidates, 2)
@@ -110,7 +147,9 @@ def time_fit(basis: Basis, rule: str, n: int, candidates: int, repeats: int) -> 
     def step() -> None:
         chosen, _ = learner.choose(1)
         learner.add(
-            others[0][chosen], others[1][chosen], halfspace_modulus(stiffness_rows(basis.symmetry, others[0][chosen]), others[1][chosen])
+            others[0][chosen],
+            others[1][chosen],
+            halfspace_modulus(stiffness_rows(basis.symmetry, others[0][chosen]), others[1][chosen]),
         )
         learner.update()
 
@@ -119,7 +158,12 @@ def time_fit(basis: Basis, rule: str, n: int, candidates: int, repeats: int) -> 
     if (ridge := bayesian_ridge()) is not None:
         rows, y = np.ascontiguousarray((width[:, None] * terms).T), to_y(basis, modulus, scale)
         blocks = [slice(i, i + BLOCK) for i in range(0, candidates, BLOCK)]
-        wide = [np.ascontiguousarray((width[:, None] * terms_of(basis, others[0][block], others[1][block])[0]).T) for block in blocks]
+        wide = [
+            np.ascontiguousarray(
+                (width[:, None] * terms_of(basis, others[0][block], others[1][block])[0]).T
+            )
+            for block in blocks
+        ]
 
         def refit() -> None:
             fitted = ridge.fit(rows, y)
@@ -149,7 +193,9 @@ def bayesian_ridge():
 
 
 def time_cholesky(terms, y, data, refits: int, learner: Learner) -> tuple[float, float]:
-    """Seconds of a refit by Cholesky factorisation at the learner's alpha and beta, and how far the updated posterior is from it."""
+    """Seconds of a refit by Cholesky factorisation at the learner's alpha and beta, and how far the
+    updated posterior is from it.
+    """
     n, precisions = len(terms), learner.precisions()
     alpha, beta = precisions["alpha"], precisions["beta"]
     matrix = alpha * np.eye(n) + beta * terms[:, data] @ terms[:, data].T

@@ -1,15 +1,20 @@
-"""Simulation-based calibration of Step 2 (Talts et al. 2018): classes, every kind of error and knowledge, and a rough correction.
+"""Simulation-based calibration of Step 2 (Talts et al. 2018): classes, every kind of error and
+knowledge, and a rough correction.
 
-Truths are drawn from the prior within explicit bounds, or from the default prior (below), measurements from the model that is assumed: with what a group shares, heavy tails,
-one unknown scale, tilted directions, or a bulk modulus known beforehand; moduli are those of the exact theory, or drawn with what a correction
-does not know, which all grains share. The rank of each truth among the draws of its posterior must be uniform: of every constant, and of the
-logarithm of the density. p-values are those of a chi-square test with ten bins, after Holm's correction over all that one run has looked at.
+Truths are drawn from the prior within explicit bounds, or from the default prior (below),
+measurements from the model that is assumed: with what a group shares, heavy tails, one unknown
+scale, tilted directions, or a bulk modulus known beforehand; moduli are those of the exact theory,
+or drawn with what a correction does not know, which all grains share. The rank of each truth among
+the draws of its posterior must be uniform: of every constant, and of the logarithm of the density.
+p-values are those of a chi-square test with ten bins, after Holm's correction over all that one run
+has looked at.
 
-The default prior has its scale about the mean measurement, and so depends on the data. Truths are drawn with the scale about a number that is
-fixed before, CENTRE, and the draws of each posterior are weighted by the ratio of the prior with this scale to that with the data's: the
-ranks are exact. They are also tested without weights, as users get them. What extract would call unusable (R-hat, effective samples)
-depends on data and chains alone, not on the truth, so that the ranks of the other data sets must be uniform by themselves: p-values of all
-data sets, and of the usable ones.
+The default prior has its scale about the mean measurement, and so depends on the data. Truths are
+drawn with the scale about a number that is fixed before, CENTRE, and the draws of each posterior
+are weighted by the ratio of the prior with this scale to that with the data's: the ranks are exact.
+They are also tested without weights, as users get them. What extract would call unusable (R-hat,
+effective samples) depends on data and chains alone, not on the truth, so that the ranks of the
+other data sets must be uniform by themselves: p-values of all data sets, and of the usable ones.
 
     ./bayesindent bench calibration                       # all cases, 200 data sets each: hours
     ./bayesindent bench calibration --case cubic --repeats 50
@@ -24,7 +29,13 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
-from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, quantities, rayleigh_velocity, stiffness_rows
+from bayesindent.crystal.elasticity import (
+    constant_names,
+    halfspace_modulus,
+    quantities,
+    rayleigh_velocity,
+    stiffness_rows,
+)
 from bayesindent.surrogate.surrogate import Surrogate
 from benchmarks.bench_studies import BINS, DRAWS, effective_size, holm
 from benchmarks.reference_density import LogPosterior
@@ -56,13 +67,15 @@ CASES: dict[str, tuple[str, int, dict]] = {
     "correction, cubic": ("copper", 12, {"simulations": 10, "noise": 0.003}),
     "correction, orthorhombic": ("forsterite", 16, {"simulations": 10, "noise": 0.002}),
     "misalignment": ("Zn", 12, {"misalignment_sd_deg": 3.0}),
-    # As many speeds at 0.5 % as moduli, with errors that each kind shares, or each of two groups of a kind.
+    # As many speeds at 0.5 % as moduli, with errors that each kind shares, or each of two groups of
+    # a kind.
     "speeds, cubic": ("copper", 8, {"calibration_sd": 0.03, **SPEEDS}),
     "speeds, hexagonal": ("Zn", 10, {"calibration_sd": 0.03, "group": 2, **SPEEDS}),
 }
 #: Relative sd of a measurement, and of the bounds about the literature's constants.
 NOISE, HALF_WIDTH = 0.02, 0.3
-#: GPa; and orientations whose moduli are ranked, as many as there are visible combinations (`default` of a case).
+#: GPa; and orientations whose moduli are ranked, as many as there are visible combinations
+#: (`default` of a case).
 CENTRE, VISIBLE = 140.0, np.array([[0, 0, 0], [0, 54.7356, 45], [0, 90, 0], [0, 45, 0]], float)
 #: GPa; other measurements are refused. This, too, depends on the data alone.
 PLAUSIBLE = 1.0, 2000.0
@@ -88,14 +101,21 @@ class Study:
         self.noise = self.extra.pop("noise", NOISE)
         self.visible = self.extra.pop("default", 0)
         self.inferred = self.extra.get("scale") == "inferred"
-        self.correction = rough_correction(self.extra.pop("simulations")) if "simulations" in self.extra else None
+        self.correction = (
+            rough_correction(self.extra.pop("simulations")) if "simulations" in self.extra else None
+        )
         self.settings = {
-            "symmetry": self.symmetry, "surrogate": self.correction or Surrogate.load("halfspace"), "modulus_kind": "indentation_modulus",
-            "bounds": dict(zip(self.names, zip(self.low, self.high, strict=True), strict=True)), **self.extra,
-        }  # fmt: skip
+            "symmetry": self.symmetry,
+            "surrogate": self.correction or Surrogate.load("halfspace"),
+            "modulus_kind": "indentation_modulus",
+            "bounds": dict(zip(self.names, zip(self.low, self.high, strict=True), strict=True)),
+            **self.extra,
+        }
         if self.visible:
             del self.settings["bounds"]
-            self.prior = LogPosterior(SYNONYMS.get(self.symmetry, self.symmetry), None, np.array([CENTRE]), None)
+            self.prior = LogPosterior(
+                SYNONYMS.get(self.symmetry, self.symmetry), None, np.array([CENTRE]), None
+            )
         self.known = None
         if "knowledge" in self.extra:
             ((quantity, relative),) = self.extra["knowledge"].items()
@@ -107,7 +127,11 @@ class Study:
         """A point of the prior, by rejection where there are bounds."""
         if self.visible:
             return self.prior.crystals(self.prior.draw_prior(self.rng))[0]
-        settings = {key: value for key, value in self.settings.items() if key in ("symmetry", "surrogate", "modulus_kind", "bounds")}
+        settings = {
+            key: value
+            for key, value in self.settings.items()
+            if key in ("symmetry", "surrogate", "modulus_kind", "bounds")
+        }
         table = self.table(self.typical, np.zeros((1, 3)))
         prior = Posterior.of(table, what=PRIOR, **settings)
         while True:
@@ -128,19 +152,41 @@ class Study:
         return {**columns, "modulus_gpa": modulus, "sd_gpa": self.noise * modulus}
 
     def measure(self, truth: np.ndarray) -> tuple[dict, list[float]]:
-        """Measurements of a truth with all the errors of the case, and what was drawn for the parameters beside the constants."""
+        """Measurements of a truth with all the errors of the case, and what was drawn for the
+        parameters beside the constants.
+        """
         rng, n = self.rng, self.grains
-        euler = np.column_stack([rng.uniform(0, 360, n), np.degrees(np.arccos(rng.uniform(-1, 1, n))), rng.uniform(0, 360, n)])
+        euler = np.column_stack(
+            [
+                rng.uniform(0, 360, n),
+                np.degrees(np.arccos(rng.uniform(-1, 1, n))),
+                rng.uniform(0, 360, n),
+            ]
+        )
         true = euler
         if "orientation_sd_deg" in self.extra:
-            true = tilted(euler, np.radians(self.extra["orientation_sd_deg"]) * rng.normal(size=(2, n)))
+            true = tilted(
+                euler, np.radians(self.extra["orientation_sd_deg"]) * rng.normal(size=(2, n))
+            )
         if "misalignment_sd_deg" in self.extra:
-            true = tilted(euler, np.radians(self.extra["misalignment_sd_deg"]) * rng.normal(size=(2, 1)).repeat(n, axis=1))
+            true = tilted(
+                euler,
+                np.radians(self.extra["misalignment_sd_deg"])
+                * rng.normal(size=(2, 1)).repeat(n, axis=1),
+            )
         table = self.table(truth, euler)
         # By the theory as the posterior reads it, so that sds however small find no difference.
-        plain = {key: value for key, value in self.settings.items() if key in ("symmetry", "surrogate", "modulus_kind", "bounds")}
+        plain = {
+            key: value
+            for key, value in self.settings.items()
+            if key in ("symmetry", "surrogate", "modulus_kind", "bounds")
+        }
         grains = table | {"modulus_gpa": np.clip(table["modulus_gpa"], *PLAUSIBLE)}
-        modulus = self.simulated(truth, true) if self.correction else Posterior.of(grains, **plain).moduli(truth, true)[0][0]
+        modulus = (
+            self.simulated(truth, true)
+            if self.correction
+            else Posterior.of(grains, **plain).moduli(truth, true)[0][0]
+        )
         sd = table["sd_gpa"]
         noise, drawn = rng.normal(size=n), []
         if "student_dof" in self.extra:
@@ -152,7 +198,9 @@ class Study:
             noise, drawn = factor * noise, [np.log(factor)]
         if "calibration_sd" in self.extra:
             of = np.arange(n) % max(1, self.group)
-            modulus = modulus * (1 + self.extra["calibration_sd"] * rng.normal(size=max(1, self.group))[of])
+            modulus = modulus * (
+                1 + self.extra["calibration_sd"] * rng.normal(size=max(1, self.group))[of]
+            )
             if self.group:
                 table["group"] = [f"tip {k}" for k in of]
         table["modulus_gpa"] = modulus + sd * noise
@@ -161,23 +209,43 @@ class Study:
         return table, drawn
 
     def speeds(self, truth: np.ndarray, euler_deg: np.ndarray) -> dict:
-        """Speeds in random directions of the same grains: the density of a truth is another one, to first order."""
-        rng, along, density = self.rng, self.rng.uniform(0, 180, len(euler_deg)), self.extra["density_kg_m3"]
-        exact = rayleigh_velocity(stiffness_rows(self.symmetry, [truth])[0], euler_deg, along, density)
+        """Speeds in random directions of the same grains: the density of a truth is another one, to
+        first order.
+        """
+        rng, along, density = (
+            self.rng,
+            self.rng.uniform(0, 180, len(euler_deg)),
+            self.extra["density_kg_m3"],
+        )
+        exact = rayleigh_velocity(
+            stiffness_rows(self.symmetry, [truth])[0], euler_deg, along, density
+        )
         of = np.arange(len(along)) % max(1, self.group)
         share = self.extra["velocity_calibration_sd"] * rng.normal(size=of.max() + 1)[of]
         share = share - 0.5 * self.extra["density_sd_kg_m3"] / density * rng.normal()
         measured = exact * (1 + share) + 0.005 * exact * rng.normal(size=len(along))
-        columns = {"rayleigh_velocity_m_s": measured, "sd_m_s": 0.005 * exact, "group": [f"day {k}" for k in of]}
+        columns = {
+            "rayleigh_velocity_m_s": measured,
+            "sd_m_s": 0.005 * exact,
+            "group": [f"day {k}" for k in of],
+        }
         return {"euler_deg": euler_deg, "propagation_deg": along, **columns}
 
     def simulated(self, constants: np.ndarray, euler_deg: np.ndarray) -> np.ndarray:
-        """Moduli of grains by coefficients of the correction that are drawn from what is known of them."""
+        """Moduli of grains by coefficients of the correction that are drawn from what is known of
+        them.
+        """
         # The constants of a triclinic crystal, row by row.
         triclinic = stiffness_rows(self.symmetry, [constants])[0][np.triu_indices(6)]
-        terms, theory = terms_of(self.correction.basis, np.tile(triclinic, (len(euler_deg), 1)), euler_deg)
-        coefficients = self.rng.multivariate_normal(self.correction.coefficients, self.correction.covariance, method="cholesky")
-        return theory * np.exp(coefficients @ terms + self.rng.normal(size=len(theory)) / np.sqrt(self.correction.beta))
+        terms, theory = terms_of(
+            self.correction.basis, np.tile(triclinic, (len(euler_deg), 1)), euler_deg
+        )
+        coefficients = self.rng.multivariate_normal(
+            self.correction.coefficients, self.correction.covariance, method="cholesky"
+        )
+        return theory * np.exp(
+            coefficients @ terms + self.rng.normal(size=len(theory)) / np.sqrt(self.correction.beta)
+        )
 
     @property
     def labels(self) -> list[str]:
@@ -187,11 +255,20 @@ class Study:
 
     @property
     def kept(self) -> list[str]:
-        """What is kept of a data set: the ranks, and with the default prior those without weights and whether it is usable."""
-        return self.labels if not self.visible else [*self.labels, *(f"{label}, as given" for label in self.labels), "usable"]
+        """What is kept of a data set: the ranks, and with the default prior those without weights
+        and whether it is usable.
+        """
+        return (
+            self.labels
+            if not self.visible
+            else [*self.labels, *(f"{label}, as given" for label in self.labels), "usable"]
+        )
 
-    def ranks(self, threads: int, seed: int, *, samples: int = 1000, burn_in: int = 4000, chains: int = 4) -> np.ndarray:
-        """Share of the draws below the truth, of which half a draw more: of each parameter, and of the logarithm of the density.
+    def ranks(
+        self, threads: int, seed: int, *, samples: int = 1000, burn_in: int = 4000, chains: int = 4
+    ) -> np.ndarray:
+        """Share of the draws below the truth, of which half a draw more: of each parameter, and of
+        the logarithm of the density.
 
         What `kept` lists.
         """
@@ -199,10 +276,20 @@ class Study:
         while True:
             truth = self.truth()
             table, drawn = self.measure(truth)
-            if PLAUSIBLE[0] < table["modulus_gpa"].min() and table["modulus_gpa"].max() < PLAUSIBLE[1]:
+            if (
+                PLAUSIBLE[0] < table["modulus_gpa"].min()
+                and table["modulus_gpa"].max() < PLAUSIBLE[1]
+            ):
                 break
         posterior = Posterior.of(table, seed=seed, workers=threads, **self.settings)
-        draws, _, _ = posterior.sample(method="ensemble", samples=samples, burn_in=burn_in, chains=chains, threads=threads, seed=seed)
+        draws, _, _ = posterior.sample(
+            method="ensemble",
+            samples=samples,
+            burn_in=burn_in,
+            chains=chains,
+            threads=threads,
+            seed=seed,
+        )
         flat = draws.reshape(-1, draws.shape[2])
         size = min(DRAWS, int(effective_size(draws)))
         chosen = flat[np.linspace(0, len(flat) - 1, max(9, size)).astype(int)]
@@ -221,7 +308,9 @@ class Study:
         return np.concatenate([weighted, plain, [usable(draws)]])
 
     def weights(self, constants: np.ndarray, modulus: np.ndarray) -> np.ndarray:
-        """Of draws, by the ratio of the prior with its scale about CENTRE to that about the mean measurement; their mean is one."""
+        """Of draws, by the ratio of the prior with its scale about CENTRE to that about the mean
+        measurement; their mean is one.
+        """
         ours = LogPosterior(SYNONYMS.get(self.symmetry, self.symmetry), None, modulus, None)
         x = ours.coordinates(constants)
         change = self.prior.log_prior(x) - ours.log_prior(x)
@@ -230,16 +319,22 @@ class Study:
 
 
 def usable(draws: np.ndarray) -> bool:
-    """Whether chains (chains, samples, k) are enough for `extract`: R-hat and effective samples of every constant."""
+    """Whether chains (chains, samples, k) are enough for `extract`: R-hat and effective samples of
+    every constant.
+    """
     import arviz as az
 
     columns = [draws[:, :, j] for j in range(draws.shape[2])]
-    effective = min(float(az.ess(column, method=method)) for column in columns for method in ("bulk", "tail"))
+    effective = min(
+        float(az.ess(column, method=method)) for column in columns for method in ("bulk", "tail")
+    )
     return effective >= 100 and max(float(az.rhat(column)) for column in columns) <= 1.05
 
 
 def rough_correction(simulations: int) -> Surrogate:
-    """The correction of the paper's block after its first simulations, those of the one that comes with the package."""
+    """The correction of the paper's block after its first simulations, those of the one that comes
+    with the package.
+    """
     data = {name: values[:simulations] for name, values in Surrogate.load("block").data.items()}
     return Surrogate.fit(**data)
 
@@ -248,7 +343,11 @@ class Kept:
     """Ranks in a CSV, a row each, of data sets as they come; without a path in memory alone."""
 
     def __init__(self, path: Path | None, seed: int, sampling: dict[str, int]):
-        self.path, self.sampling, self.run = path, sampling, tuple(map(str, (seed, *sampling.values())))
+        self.path, self.sampling, self.run = (
+            path,
+            sampling,
+            tuple(map(str, (seed, *sampling.values()))),
+        )
         self.ranks: dict[tuple[str, int], dict[str, float]] = {}
         if path and path.exists():
             with path.open(encoding="utf-8", newline="") as file:
@@ -263,22 +362,35 @@ class Kept:
             kept = dict(zip(study.kept, study.ranks(threads, number, **self.sampling), strict=True))
             if self.path:
                 with self.path.open("a", encoding="utf-8", newline="") as file:
-                    csv.writer(file).writerows((*self.run, case, number, label, rank) for label, rank in kept.items())
+                    csv.writer(file).writerows(
+                        (*self.run, case, number, label, rank) for label, rank in kept.items()
+                    )
         return [kept[label] for label in study.kept]
 
 
 def tilted(euler_deg: np.ndarray, tilt: np.ndarray) -> np.ndarray:
-    """Orientations whose indented direction is tilted by small angles (2, n), radians, towards the sample's x and y."""
+    """Orientations whose indented direction is tilted by small angles (2, n), radians, towards the
+    sample's x and y.
+    """
     phi1, phi, phi2 = np.radians(euler_deg).T
     # The indented direction in crystal axes, and the sample's x and y there.
-    c1, s1, c, s, c2, s2 = np.cos(phi1), np.sin(phi1), np.cos(phi), np.sin(phi), np.cos(phi2), np.sin(phi2)
+    c1, s1, c, s, c2, s2 = (
+        np.cos(phi1),
+        np.sin(phi1),
+        np.cos(phi),
+        np.sin(phi),
+        np.cos(phi2),
+        np.sin(phi2),
+    )
     z = np.array([s2 * s, c2 * s, c])
     x = np.array([c1 * c2 - s1 * s2 * c, -c1 * s2 - s1 * c2 * c, s1 * s])
     y = np.array([s1 * c2 + c1 * s2 * c, -s1 * s2 + c1 * c2 * c, -c1 * s])
     z = z + tilt[0] * x + tilt[1] * y
     z /= np.linalg.norm(z, axis=0)
     # A turn about the direction itself changes no modulus: phi1 is free.
-    return np.column_stack([np.zeros_like(phi), np.degrees(np.arccos(z[2])), np.degrees(np.arctan2(z[0], z[1]))])
+    return np.column_stack(
+        [np.zeros_like(phi), np.degrees(np.arccos(z[2])), np.degrees(np.arctan2(z[0], z[1]))]
+    )
 
 
 def uniformity(ranks: np.ndarray) -> float:
@@ -288,31 +400,56 @@ def uniformity(ranks: np.ndarray) -> float:
 
 def main(argv=None) -> int:
     """Rank, test, tabulate; 1 if anything is not uniform."""
-    parser = argparse.ArgumentParser(prog="bench calibration", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--case", choices=tuple(CASES), action="append", help="only this one; may be given again")
+    parser = argparse.ArgumentParser(
+        prog="bench calibration",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "--case", choices=tuple(CASES), action="append", help="only this one; may be given again"
+    )
     parser.add_argument("--repeats", type=int, default=200, help="data sets of a case (200)")
     parser.add_argument("--samples", type=int, default=1000, help="of each chain (1000)")
     parser.add_argument("--burn-in", type=int, default=4000, help="sweeps before them (4000)")
     parser.add_argument("--chains", type=int, default=4, help="chains (4)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--keep", type=Path, help="a CSV of the ranks as they come; those that are there are not computed again")
+    parser.add_argument(
+        "--keep",
+        type=Path,
+        help="a CSV of the ranks as they come; those that are there are not computed again",
+    )
     arguments = parser.parse_args(argv)
-    sampling = {"samples": arguments.samples, "burn_in": arguments.burn_in, "chains": arguments.chains}
+    sampling = {
+        "samples": arguments.samples,
+        "burn_in": arguments.burn_in,
+        "chains": arguments.chains,
+    }
     p_values, kept = {}, Kept(arguments.keep, arguments.seed, sampling)
     for name in arguments.case or CASES:
         start, study = time.perf_counter(), Study(name, arguments.seed)
-        table = np.array([kept.of(study, name, k + 1, arguments.threads) for k in range(arguments.repeats)])
+        table = np.array(
+            [kept.of(study, name, k + 1, arguments.threads) for k in range(arguments.repeats)]
+        )
         for label, column in zip(study.kept, table.T, strict=True):
             if label == "usable":
                 good = column > 0
-                print(f"{name}: {np.count_nonzero(~good)} of {len(good)} results are unusable; among the others")
+                print(
+                    f"{name}: {np.count_nonzero(~good)} of {len(good)} results are unusable; "
+                    "among the others"
+                )
                 for ranked, values in zip(study.labels, table[good].T, strict=False):
                     print(f"  {ranked:22} p = {uniformity(values):.3f}")
             else:
                 p_values[name, label] = uniformity(column)
-                print(f"  {label:22} 90 % intervals hold {100 * np.mean(np.abs(column - 0.5) < 0.45):.1f} % of the truths")
-        print(f"{name}: {arguments.repeats} data sets in {time.perf_counter() - start:.0f} s", flush=True)
+                print(
+                    f"  {label:22} 90 % intervals hold "
+                    f"{100 * np.mean(np.abs(column - 0.5) < 0.45):.1f} % of the truths"
+                )
+        print(
+            f"{name}: {arguments.repeats} data sets in {time.perf_counter() - start:.0f} s",
+            flush=True,
+        )
     corrected = holm(p_values)
     for (name, label), p in p_values.items():
         print(f"  {name:26} {label:22} p = {p:.3f}, corrected {corrected[name, label]:.3f}")

@@ -1,7 +1,9 @@
-"""How often the intervals of Step 0 cover the truth, on synthetic curves, and beside the least squares of the field.
+"""How often the intervals of Step 0 cover the truth, on synthetic curves, and beside the least
+squares of the field.
 
-Each data set: 12 grains with three tests, ten tests of fused quartz, nuisances from the priors that the program is given (tests/support/synthetic_curves.py).
-Least squares: P = k (h - h0)^1.5 up to 10 mN in every test, one radius from the quartz, the sd from the scatter of a grain's tests.
+Each data set: 12 grains with three tests, ten tests of fused quartz, nuisances from the priors that
+the program is given (tests/support/synthetic_curves.py). Least squares: P = k (h - h0)^1.5 up to 10
+mN in every test, one radius from the quartz, the sd from the scatter of a grain's tests.
 
     ./bayesindent bench curves
     ./bayesindent bench curves --sets 200 --constants 200
@@ -52,17 +54,30 @@ def least_squares(curves: list, tests: list) -> dict[str, tuple[float, float]]:
         chosen = np.flatnonzero((load[:peak] > 0.3) & (load[:peak] < 10))
         h, p = depth[chosen] / 1e3, load[chosen]
         (k, _), _ = curve_fit(
-            lambda h, k, h0: k * np.maximum(h - h0, 1e-9) ** 1.5, h, p, p0=(p[-1] / (h[-1] - h[0]) ** 1.5, h[0] - 0.01), maxfev=5000
+            lambda h, k, h0: k * np.maximum(h - h0, 1e-9) ** 1.5,
+            h,
+            p,
+            p0=(p[-1] / (h[-1] - h[0]) ** 1.5, h[0] - 0.01),
+            maxfev=5000,
         )
         slopes.setdefault(reference or grain, []).append(k)
     root = np.mean(slopes.pop("quartz")) * 0.75 / float(effective(QUARTZ[0] / (1 - QUARTZ_NU**2)))
-    return {g: (0.75 * np.mean(k) / root, np.std(k, ddof=1) / np.mean(k) / len(k) ** 0.5) for g, k in slopes.items()}
+    return {
+        g: (0.75 * np.mean(k) / root, np.std(k, ddof=1) / np.mean(k) / len(k) ** 0.5)
+        for g, k in slopes.items()
+    }
 
 
 def study(seed: int, changes: dict, folder: Path, constants: bool) -> dict[str, list[float]]:
     """Residuals of one data set in sds, by quantity, and relative errors of the moduli."""
     rng = np.random.default_rng(seed)
-    angles = np.degrees([rng.uniform(0, 2 * np.pi, 12), np.arccos(rng.uniform(0, 1, 12)), rng.uniform(0, 2 * np.pi, 12)]).T
+    angles = np.degrees(
+        [
+            rng.uniform(0, 2 * np.pi, 12),
+            np.arccos(rng.uniform(0, 1, 12)),
+            rng.uniform(0, 2 * np.pi, 12),
+        ]
+    ).T
     crystals = np.repeat(bi.stiffness("cubic", *COPPER)[None], 12, axis=0)
     truth = Truth(rng, moduli=np.asarray(bi.halfspace_modulus(crystals, angles)), **changes)
     curves, tests = truth.draw()
@@ -71,7 +86,9 @@ def study(seed: int, changes: dict, folder: Path, constants: bool) -> dict[str, 
     run_batch(folder)
     document = json.loads((folder / "here" / "curves.json").read_text())
     radius = document["tip"]["radius_um"]
-    found: dict[str, list[float]] = {"radius": [np.log(radius["mean"] / truth.radius) * radius["mean"] / radius["sd"]]}
+    found: dict[str, list[float]] = {
+        "radius": [np.log(radius["mean"] / truth.radius) * radius["mean"] / radius["sd"]]
+    }
     fits = least_squares(curves, tests)
     for row in document["grains"]:
         true = truth.effective_gpa[int(row["grain"][1:]) - 1]
@@ -83,20 +100,36 @@ def study(seed: int, changes: dict, folder: Path, constants: bool) -> dict[str, 
         found.setdefault("least squares", []).append(np.log(modulus / true) / sd)
         found.setdefault("error of least squares", []).append(np.log(modulus / true))
     if constants:
-        table, shared = read(folder / "here" / "measurements.csv"), read(folder / "here" / "shared_errors.csv")
+        table, shared = (
+            read(folder / "here" / "measurements.csv"),
+            read(folder / "here" / "shared_errors.csv"),
+        )
         order = [int(name[1:]) - 1 for name in table["grain"]]
-        values = {name: table[name] for name in ("effective_modulus_gpa", "sd_gpa")} | {"euler_deg": angles[order]}
+        values = {name: table[name] for name in ("effective_modulus_gpa", "sd_gpa")} | {
+            "euler_deg": angles[order]
+        }
         for label, more in (
             ("constants", {name: shared[name] for name in shared if name != "grain"}),
             ("constants, shared errors left out", {}),
         ):
             known = {"bulk_modulus": (rng.normal(137.07, 3), 3)}
-            result = bi.extract(values | more, "cubic", knowledge=known, samples=1000, burn_in=2000, chains=2, seed=seed + 1, workers=1)
+            result = bi.extract(
+                values | more,
+                "cubic",
+                knowledge=known,
+                samples=1000,
+                burn_in=2000,
+                chains=2,
+                seed=seed + 1,
+                workers=1,
+            )
             for name, true in zip(("C11", "C12", "C44"), COPPER, strict=True):
                 draws = result.posterior[name].values.ravel()
                 # The rank as a normal number, so that a skewed posterior is judged by its interval.
                 share = np.clip(np.mean(draws < true), 1e-4, 1 - 1e-4)
-                found.setdefault(label, []).append(NINETY * (1.0 if 0.05 <= share <= 0.95 else 2.0) * np.sign(share - 0.5) * 0.999)
+                found.setdefault(label, []).append(
+                    NINETY * (1.0 if 0.05 <= share <= 0.95 else 2.0) * np.sign(share - 0.5) * 0.999
+                )
     return found
 
 
@@ -105,7 +138,13 @@ def run_batch(folder: Path) -> float:
     batch = shutil.which("bayesindent-batch") or Path(sys.executable).with_name("bayesindent-batch")
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    subprocess.run([batch, "a.nml", "--output", "here"], cwd=folder, check=True, capture_output=True, env=environment)
+    subprocess.run(
+        [batch, "a.nml", "--output", "here"],
+        cwd=folder,
+        check=True,
+        capture_output=True,
+        env=environment,
+    )
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
@@ -115,13 +154,17 @@ def speed(folder: Path) -> None:
     for curves, points in SPEED:
         # A tenth of `points` before the contact and a quarter for unloading are added.
         truth = Truth(
-            np.random.default_rng(1), grains=(curves - 10) // 3, references=curves - (curves - 10) // 3 * 3, points=points * 20 // 27
+            np.random.default_rng(1),
+            grains=(curves - 10) // 3,
+            references=curves - (curves - 10) // 3 * 3,
+            points=points * 20 // 27,
         )
         rows, tests = truth.draw()
         write(folder, rows, tests)
         (folder / "a.nml").write_text(NAMELIST)
         print(
-            f"{len(tests)} curves of {len(rows) / len(tests):.0f} points: {run_batch(folder):.1f} s of CPU on one thread, reading included"
+            f"{len(tests)} curves of {len(rows) / len(tests):.0f} points: "
+            f"{run_batch(folder):.1f} s of CPU on one thread, reading included"
         )
 
 
@@ -134,11 +177,22 @@ def read(path: Path) -> dict[str, list]:
 
 def main(argv=None) -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(prog="bayesindent bench curves", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog="bayesindent bench curves", description=__doc__.splitlines()[0]
+    )
     parser.add_argument("--sets", type=int, default=40, help="data sets of each case")
-    parser.add_argument("--constants", type=int, default=0, help="data sets of the first case that go on to constants")
-    parser.add_argument("--case", action="append", choices=CASES, help="this case alone; may be repeated (all)")
-    parser.add_argument("--speed", action="store_true", help="the time of many curves, and nothing else")
+    parser.add_argument(
+        "--constants",
+        type=int,
+        default=0,
+        help="data sets of the first case that go on to constants",
+    )
+    parser.add_argument(
+        "--case", action="append", choices=CASES, help="this case alone; may be repeated (all)"
+    )
+    parser.add_argument(
+        "--speed", action="store_true", help="the time of many curves, and nothing else"
+    )
     arguments = parser.parse_args(argv)
     if arguments.speed:
         with tempfile.TemporaryDirectory() as folder:
@@ -155,7 +209,12 @@ def main(argv=None) -> None:
             refused = 0
             for seed in range(arguments.sets):
                 try:
-                    found = study(seed, changes, Path(folder), case == "the model" and seed < arguments.constants)
+                    found = study(
+                        seed,
+                        changes,
+                        Path(folder),
+                        case == "the model" and seed < arguments.constants,
+                    )
                 except subprocess.CalledProcessError as error:
                     # A tip that is more than three sds from the stated radius.
                     print(f"data set {seed}: {error.stderr.decode().strip()}", flush=True)
@@ -163,12 +222,24 @@ def main(argv=None) -> None:
                     continue
                 for name, values in found.items():
                     all_found.setdefault(name, []).extend(values)
-        print(f"\n{case}, {arguments.sets} data sets, {refused} refused\n| quantity | values | 90 % intervals cover |\n|---|---|---|")
+        print(
+            f"\n{case}, {arguments.sets} data sets, {refused} refused\n| quantity | values | 90 "
+            "% intervals cover |\n|---|---|---|"
+        )
         for name, values in all_found.items():
             if not name.startswith("error"):
-                print(f"| {name} | {len(values)} | {100 * np.mean(np.abs(values) < NINETY):.1f} % |")
-        errors = [100 * np.sqrt(np.mean(np.square(all_found[name]))) for name in ("error of moduli", "error of least squares")]
-        print(f"root mean square error of the moduli: {errors[0]:.2f} %; of least squares {errors[1]:.2f} %", flush=True)
+                print(
+                    f"| {name} | {len(values)} | {100 * np.mean(np.abs(values) < NINETY):.1f} % |"
+                )
+        errors = [
+            100 * np.sqrt(np.mean(np.square(all_found[name])))
+            for name in ("error of moduli", "error of least squares")
+        ]
+        print(
+            f"root mean square error of the moduli: {errors[0]:.2f} %; of least squares "
+            f"{errors[1]:.2f} %",
+            flush=True,
+        )
     print(f"\n{time.process_time() - started:.0f} s of CPU in this process")
 
 

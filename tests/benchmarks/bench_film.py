@@ -1,8 +1,11 @@
-"""The quickstart's copper film over many draws of the noise: do the intervals of what indentation sees cover the truth?
+"""The quickstart's copper film over many draws of the noise: do the intervals of what indentation
+sees cover the truth?
 
-The correction is the quickstart's. The moduli without noise are simulated once with the finer elements that its data were made with. For each draw
-Step 2 is done twice, with the correction and with the theory of the half-space alone. What indentation sees of a cubic crystal are two
-combinations of the constants: here the moduli of the half-space along [100] and [111]. Results are kept as they come; run again to go on.
+The correction is the quickstart's. The moduli without noise are simulated once with the finer
+elements that its data were made with. For each draw Step 2 is done twice, with the correction and
+with the theory of the half-space alone. What indentation sees of a cubic crystal are two
+combinations of the constants: here the moduli of the half-space along [100] and [111]. Results are
+kept as they come; run again to go on.
 """
 
 import argparse
@@ -29,7 +32,9 @@ SD_GPA = 2.0
 
 def main(argv=None) -> int:
     """Simulate, sample, tabulate."""
-    parser = argparse.ArgumentParser(prog="bench film", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        prog="bench film", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--draws", type=int, default=200, help="draws of the noise (200)")
     parser.add_argument("--workers", type=int, default=0, help="threads (0: all cores)")
     parser.add_argument("--output", type=Path, default=Path("runs/film"), help="folder (runs/film)")
@@ -38,7 +43,9 @@ def main(argv=None) -> int:
     show_progress(True)
     surrogate = bi.Surrogate.load(build(Problem(QUICKSTART, "build"), arguments.output)["file"])
     angles, modulus = without_noise(arguments)
-    truth = halfspace_modulus(stiffness_rows("cubic", len(DIRECTIONS) * [TRUTH]), list(DIRECTIONS.values()))
+    truth = halfspace_modulus(
+        stiffness_rows("cubic", len(DIRECTIONS) * [TRUTH]), list(DIRECTIONS.values())
+    )
     kept = arguments.output / "draws.json"
     rows = json.loads(kept.read_text()) if kept.exists() else []
     with progress_bar("draws", arguments.draws) as advance:
@@ -46,7 +53,10 @@ def main(argv=None) -> int:
         for seed in range(len(rows), arguments.draws):
             noisy = modulus + np.random.default_rng(seed).normal(0, SD_GPA, len(modulus))
             rows.append(
-                {name: seen(angles, noisy, model, seed, arguments) for name, model in (("correction", surrogate), ("theory", "halfspace"))}
+                {
+                    name: seen(angles, noisy, model, seed, arguments)
+                    for name, model in (("correction", surrogate), ("theory", "halfspace"))
+                }
             )
             kept.write_text(json.dumps(rows))
             advance(1)
@@ -55,21 +65,41 @@ def main(argv=None) -> int:
         # Bounds, mean and sd of each constant in each draw.
         low, high, mean, sd = np.moveaxis(np.array([row[name] for row in rows]), -1, 0)
         covered = np.mean((low <= truth) & (truth <= high), axis=0)
-        print(f"| {name}: in the 90 % interval | " + " | ".join(f"{100 * share:.1f} %" for share in covered) + " |")
-        print(f"| {name}: mean bias, sds | " + " | ".join(f"{value:+.2f}" for value in np.mean((mean - truth) / sd, axis=0)) + " |")
+        print(
+            f"| {name}: in the 90 % interval | "
+            + " | ".join(f"{100 * share:.1f} %" for share in covered)
+            + " |"
+        )
+        print(
+            f"| {name}: mean bias, sds | "
+            + " | ".join(f"{value:+.2f}" for value in np.mean((mean - truth) / sd, axis=0))
+            + " |"
+        )
         pairs = zip(sd.mean(axis=0), mean.std(axis=0), strict=True)
-        print(f"| {name}: mean sd, and spread of the means, GPa | " + " | ".join(f"{a:.2f}, {b:.2f}" for a, b in pairs) + " |")
+        print(
+            f"| {name}: mean sd, and spread of the means, GPa | "
+            + " | ".join(f"{a:.2f}, {b:.2f}" for a, b in pairs)
+            + " |"
+        )
     return 0
 
 
 def without_noise(arguments) -> tuple[np.ndarray, np.ndarray]:
-    """Angles (n, 3) of the quickstart's grains, and their moduli (n,) in GPa in the film of copper."""
+    """Angles (n, 3) of the quickstart's grains, and their moduli (n,) in GPa in the film of
+    copper.
+    """
     namelist = f90nml.read(QUICKSTART)
-    angles = read_measurements(QUICKSTART.parent / namelist["measurements"].pop("file"), "cubic", **namelist["measurements"]).euler_deg
+    angles = read_measurements(
+        QUICKSTART.parent / namelist["measurements"].pop("file"),
+        "cubic",
+        **namelist["measurements"],
+    ).euler_deg
     file = arguments.output / "without_noise.txt"
     if not file.exists():
         film = Indentation(**namelist["specimen"], refine=1.5, extrapolate=True)
-        results = film.run_many(stiffness_rows("cubic", len(angles) * [TRUTH]), angles, workers=arguments.workers)
+        results = film.run_many(
+            stiffness_rows("cubic", len(angles) * [TRUTH]), angles, workers=arguments.workers
+        )
         np.savetxt(file, [result.indentation_modulus_gpa for result in results])
     return angles, np.loadtxt(file)
 
@@ -79,10 +109,22 @@ def seen(angles, modulus, surrogate, seed: int, arguments) -> list[list[float]]:
     known = f90nml.read(QUICKSTART)["knowledge"]
     table = {"euler_deg": angles, "modulus_gpa": modulus, "sd_gpa": np.full(len(modulus), SD_GPA)}
     posterior = bi.extract(
-        table, symmetry="cubic", modulus_kind="indentation_modulus", surrogate=surrogate, seed=seed, samples=1500, chains=2,
-        knowledge={known["quantity"]: (known["mean"], known["sd"])}, workers=arguments.workers,
-    ).posterior  # fmt: skip
+        table,
+        symmetry="cubic",
+        modulus_kind="indentation_modulus",
+        surrogate=surrogate,
+        seed=seed,
+        samples=1500,
+        chains=2,
+        knowledge={known["quantity"]: (known["mean"], known["sd"])},
+        workers=arguments.workers,
+    ).posterior
     draws = np.column_stack([posterior[name].values.ravel() for name in ("C11", "C12", "C44")])[::5]
     matrices = stiffness_rows("cubic", draws)
-    moduli = [halfspace_modulus(matrices, len(draws) * [direction]) for direction in DIRECTIONS.values()]
-    return [[*np.quantile(values, [0.05, 0.95]).tolist(), float(values.mean()), float(values.std())] for values in moduli]
+    moduli = [
+        halfspace_modulus(matrices, len(draws) * [direction]) for direction in DIRECTIONS.values()
+    ]
+    return [
+        [*np.quantile(values, [0.05, 0.95]).tolist(), float(values.mean()), float(values.std())]
+        for values in moduli
+    ]

@@ -1,10 +1,14 @@
-"""Whether the loop closes: films of metals for which the quickstart's first fifteen simulations are wrong, and simulations at the posterior.
+"""Whether the loop closes: films of metals for which the quickstart's first fifteen simulations are
+wrong, and simulations at the posterior.
 
-    ./bayesindent bench focus [--metals iridium,lead] [--film 1.0,163,0.223] [--seeds 5] [--many 200] [--output DIR]
+    ./bayesindent bench focus [--metals iridium,lead] [--film 1.0,163,0.223] [--seeds 5] [--many
+    200] [--output DIR]
 
-Synthetic moduli of eleven grains, by finer simulations than those of the loop, with a noise of 2 GPa or 1.5 % and the bulk modulus known to
-2 %. Each is inferred by `run` with its defaults. Then the draws are weighted by what a surrogate of `--many` simulations at the posterior
-makes of their density (0: not): chains of that surrogate may stay where its polynomial has crystals of its own, beyond all simulations.
+Synthetic moduli of eleven grains, by finer simulations than those of the loop, with a noise of 2
+GPa or 1.5 % and the bulk modulus known to 2 %. Each is inferred by `run` with its defaults. Then
+the draws are weighted by what a surrogate of `--many` simulations at the posterior makes of their
+density (0: not): chains of that surrogate may stay where its polynomial has crystals of its own,
+beyond all simulations.
 """
 
 import argparse
@@ -51,14 +55,23 @@ CASE = """\
 LOOP, COMPARED = {"samples": 5000, "chains": 4}, {"samples": 10000, "chains": 12}
 #: Every so many draws are weighted.
 STRIDE = 12
-WIDE = "&domain log_anisotropy_max = {}, poisson_min = -0.9, poisson_max = 0.49, stiffness_min_gpa = 5, stiffness_max_gpa = 2000 /\n"
+WIDE = (
+    "&domain log_anisotropy_max = {}, poisson_min = -0.9, poisson_max = 0.49, stiffness_min_gpa "
+    "= 5, stiffness_max_gpa = 2000 /\n"
+)
 
 
 def truth_of(metal, folder, film):
     """Moduli of the grains, kept from call to call."""
     symmetry, constants = (METALS | OTHERS)[metal]
     rng = np.random.default_rng(7)
-    euler = np.column_stack([rng.uniform(0, 360, GRAINS), np.degrees(np.arccos(rng.uniform(-1, 1, GRAINS))), rng.uniform(0, 360, GRAINS)])
+    euler = np.column_stack(
+        [
+            rng.uniform(0, 360, GRAINS),
+            np.degrees(np.arccos(rng.uniform(-1, 1, GRAINS))),
+            rng.uniform(0, 360, GRAINS),
+        ]
+    )
     file = folder / f"{metal}.txt"
     if not file.exists():
         indentation = bi.Indentation(**FILM, **film, refine=1.5, extrapolate=True)
@@ -71,7 +84,10 @@ def run(name, text, folder, output, command="run"):
     """A command with its standard streams aside."""
     file = folder / f"{name}.nml"
     file.write_text(text)
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as said:
+    with (
+        contextlib.redirect_stdout(io.StringIO()),
+        contextlib.redirect_stderr(io.StringIO()) as said,
+    ):
         status = bayesindent([command, str(file), "--output", str(output)])
     if status not in (0, 3):
         raise RuntimeError(said.getvalue())
@@ -88,17 +104,25 @@ def candidates(names, posteriors, euler, file, count=600):
     some = []
     for draws in posteriors:
         far = np.argsort(np.abs((draws - draws.mean(axis=0)) / draws.std(axis=0)).max(axis=1))
-        # Half of them from the outermost twentieth, where few draws are and much of the variance comes from.
+        # Half of them from the outermost twentieth, where few draws are and much of the variance
+        # comes from.
         for one in (draws, draws[far[-len(draws) // 20 :]]):
             some += list(one[:: max(1, len(one) * 2 * len(posteriors) // count)])
     with file.open("w") as page:
         print(*names, "phi1_deg", "Phi_deg", "phi2_deg", sep=",", file=page)
         for i, row in enumerate(some):
-            print(*(f"{value:.6f}" for value in row), *(f"{angle:.4f}" for angle in euler[i % len(euler)]), sep=",", file=page)
+            print(
+                *(f"{value:.6f}" for value in row),
+                *(f"{angle:.4f}" for angle in euler[i % len(euler)]),
+                sep=",",
+                file=page,
+            )
 
 
 def widths(draws, weight):
-    """Of each constant the sd and the widths of the central intervals of 95 and 68 %, which a long tail moves less; (constant, 3)."""
+    """Of each constant the sd and the widths of the central intervals of 95 and 68 %, which a long
+    tail moves less; (constant, 3).
+    """
     rows = []
     for x in draws.T:
         order = np.argsort(x)
@@ -108,10 +132,14 @@ def widths(draws, weight):
 
 
 def main(argv=None) -> None:
-    parser = argparse.ArgumentParser(prog="bayesindent bench focus", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog="bayesindent bench focus", description=__doc__.splitlines()[0]
+    )
     parser.add_argument("--metals", default=",".join(METALS), help=f"also {', '.join(OTHERS)}")
     parser.add_argument(
-        "--film", default="1.0,163,0.223", help="its thickness in um; Young's modulus in GPa and Poisson's ratio of the substrate"
+        "--film",
+        default="1.0,163,0.223",
+        help="its thickness in um; Young's modulus in GPa and Poisson's ratio of the substrate",
     )
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--many", type=int, default=200)
@@ -121,7 +149,13 @@ def main(argv=None) -> None:
     # What is kept there belongs to one film.
     folder = (options.output or Path(tempfile.mkdtemp())) / options.film.replace(",", "_")
     folder.mkdir(parents=True, exist_ok=True)
-    film = dict(zip(("thickness_um", "substrate_young_gpa", "substrate_nu"), map(float, options.film.split(",")), strict=True))
+    film = dict(
+        zip(
+            ("thickness_um", "substrate_young_gpa", "substrate_nu"),
+            map(float, options.film.split(",")),
+            strict=True,
+        )
+    )
     for metal in options.metals.split(","):
         symmetry, constants = (METALS | OTHERS)[metal]
         euler, moduli = truth_of(metal, folder, film)
@@ -133,7 +167,9 @@ def main(argv=None) -> None:
             data = folder / f"{metal}_{seed}.csv"
             rows = np.column_stack([euler, moduli + sd * rng.normal(size=GRAINS), sd])
             header = "phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa"
-            np.savetxt(data, rows, delimiter=",", header=header, comments="# synthetic\n", fmt="%.6f")
+            np.savetxt(
+                data, rows, delimiter=",", header=header, comments="# synthetic\n", fmt="%.6f"
+            )
             cases[seed] = {
                 "symmetry": symmetry,
                 "film": ", ".join(f"{name} = {value}" for name, value in film.items()),
@@ -143,13 +179,29 @@ def main(argv=None) -> None:
                 "bulk_sd": 0.02 * bulk,
             }
             output = folder / f"{metal}_{seed}"
-            run(f"{metal}_{seed}", CASE.format(design=options.design, **LOOP, **cases[seed]), folder, output)
-            build, found = (json.loads((output / document).read_text()) for document in ("build.json", "summary.json"))
+            run(
+                f"{metal}_{seed}",
+                CASE.format(design=options.design, **LOOP, **cases[seed]),
+                folder,
+                output,
+            )
+            build, found = (
+                json.loads((output / document).read_text())
+                for document in ("build.json", "summary.json")
+            )
             posteriors[seed] = draws_of(output)
-            z = [(one["mean"] - true) / one["sd"] for one, true in zip(found["parameters"].values(), constants, strict=True)]
+            z = [
+                (one["mean"] - true) / one["sd"]
+                for one, true in zip(found["parameters"].values(), constants, strict=True)
+            ]
             share = max(one["surrogate"] or 0.0 for one in found["error_budget"].values())
-            line = f"{metal:10} {seed}: {build['simulations']} simulations, {build['failed']} failed; surrogate's share {share:.2f}; z"
-            line += "".join(f" {value:.1f}" for value in z) + ("" if found["usable"] else f"; unusable: {found['reasons'][0]}")
+            line = (
+                f"{metal:10} {seed}: {build['simulations']} simulations, {build['failed']} "
+                f"failed; surrogate's share {share:.2f}; z"
+            )
+            line += "".join(f" {value:.1f}" for value in z) + (
+                "" if found["usable"] else f"; unusable: {found['reasons'][0]}"
+            )
             print(line, flush=True)
         if not options.many:
             continue
@@ -157,24 +209,48 @@ def main(argv=None) -> None:
         if not table.exists():
             candidates(bi.constants(symmetry), list(posteriors.values()), euler, table)
         surrogates = ((folder / f"{metal}_{seed}" / "surrogate.txt").read_text() for seed in cases)
-        farthest = max(float(re.search(r"^log_anisotropy_max (\S+)", text, flags=re.M)[1]) for text in surrogates)
+        farthest = max(
+            float(re.search(r"^log_anisotropy_max (\S+)", text, flags=re.M)[1])
+            for text in surrogates
+        )
         design = f"budget = {options.many}, focus = 'domain', candidates = '{table}'"
         many = CASE.format(design=design, **LOOP, **cases[1]) + WIDE.format(farthest)
         run(f"{metal}_many", many, folder, folder / f"{metal}_many", "build")
         for seed, values in cases.items():
             own = folder / f"{metal}_{seed}"
-            run(f"{metal}_own_{seed}", CASE.format(design=options.design, **COMPARED, **values), folder, own, "extract")
-            draws, table_of = draws_of(own)[::STRIDE], np.genfromtxt(values["data"], delimiter=",", skip_header=2)
-            asked = {"modulus_kind": "indentation_modulus", "knowledge": {"bulk_modulus": (values["bulk"], values["bulk_sd"])}}
+            run(
+                f"{metal}_own_{seed}",
+                CASE.format(design=options.design, **COMPARED, **values),
+                folder,
+                own,
+                "extract",
+            )
+            draws, table_of = (
+                draws_of(own)[::STRIDE],
+                np.genfromtxt(values["data"], delimiter=",", skip_header=2),
+            )
+            asked = {
+                "modulus_kind": "indentation_modulus",
+                "knowledge": {"bulk_modulus": (values["bulk"], values["bulk_sd"])},
+            }
             density, other = (
-                Posterior.of(table_of, surrogate=bi.Surrogate.load(place / "surrogate.txt"), symmetry=symmetry, **asked).evaluate(draws)[0]
+                Posterior.of(
+                    table_of,
+                    surrogate=bi.Surrogate.load(place / "surrogate.txt"),
+                    symmetry=symmetry,
+                    **asked,
+                ).evaluate(draws)[0]
                 for place in (own, folder / f"{metal}_many")
             )
             weight = np.exp(other - density - (other - density).max())
             weight /= weight.sum()
             ratios = widths(draws, np.full(len(draws), 1 / len(draws))) / widths(draws, weight)
             words = "; ".join(" ".join(map("{:.2f}".format, row)) for row in ratios)
-            print(f"{metal:10} {seed}: sd, widths of 95 and 68 % over those of {options.many} simulations: {words}", end="")
+            print(
+                f"{metal:10} {seed}: sd, widths of 95 and 68 % over those of {options.many} "
+                f"simulations: {words}",
+                end="",
+            )
             print(f"; {1 / (weight @ weight):.0f} of {len(draws)} draws effective", flush=True)
 
 

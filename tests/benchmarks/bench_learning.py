@@ -1,10 +1,14 @@
-"""How many simulations a correction needs: error on unseen crystals of several kinds against the number of simulations, and whether its sd is honest.
+"""How many simulations a correction needs: error on unseen crystals of several kinds against the
+number of simulations, and whether its sd is honest.
 
-The unseen crystals are simulated once and kept in campaign.sqlite (run again to go on): on the paper's block those of the literature in random
-directions, of the paper's two domains, and random orthorhombic ones; on a film or in a grain cubic, hexagonal and orthorhombic ones that are spread
-over the domain, where there is a scale up to three times as stiff as the surroundings or as compliant, and errors are in per cent. For each seed a
-correction is built with its defaults, step by step; beside it theory alone, and theory times the one ratio of the correction's simulations. One and
-the same correction for all kinds of crystals. On the block there is also the paper's own model, which learns a class at a time, as in inputs/case_studies.
+The unseen crystals are simulated once and kept in campaign.sqlite (run again to go on): on the
+paper's block those of the literature in random directions, of the paper's two domains, and random
+orthorhombic ones; on a film or in a grain cubic, hexagonal and orthorhombic ones that are spread
+over the domain, where there is a scale up to three times as stiff as the surroundings or as
+compliant, and errors are in per cent. For each seed a correction is built with its defaults, step
+by step; beside it theory alone, and theory times the one ratio of the correction's simulations. One
+and the same correction for all kinds of crystals. On the block there is also the paper's own model,
+which learns a class at a time, as in inputs/case_studies.
 """
 
 import argparse
@@ -17,7 +21,13 @@ from scipy.linalg import expm
 
 from bayesindent.common.progress import show_progress
 from bayesindent.common.result_files import write_csv
-from bayesindent.crystal.elasticity import anisotropy_index, constant_names, halfspace_modulus, log_anisotropy, stiffness_rows
+from bayesindent.crystal.elasticity import (
+    anisotropy_index,
+    constant_names,
+    halfspace_modulus,
+    log_anisotropy,
+    stiffness_rows,
+)
 from bayesindent.pipeline.stage import run_stage
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.basis import Basis
@@ -28,42 +38,79 @@ from support.paper_domains import DOMAINS
 
 CRYSTALS = Path(__file__).parents[1] / "reference" / "crystals.csv"
 CASE_STUDIES = Path(__file__).parents[2] / "inputs" / "case_studies"
-#: Simulations that the paper's model of a class learns from: it needs as many as it has terms, 135 and 729.
+#: Simulations that the paper's model of a class learns from: it needs as many as it has terms, 135
+#: and 729.
 PAPER_SIZES = {"cubic": (150, 300), "hexagonal": (760,)}
 #: Random crystals of one class: greatest log-anisotropy, and the range of log(3K/2G).
 ORTHORHOMBIC = (1.3, 0.2, 1.6)
 #: &specimen of each that can be asked for: thickness 4, radii 5 contact radii.
 SPECIMENS: dict[str, dict] = {
     "block": {"geometry": "block"},
-    "film": {"geometry": "film", "thickness_um": 2.0, "substrate_young_gpa": 160.0, "substrate_nu": 0.22},
+    "film": {
+        "geometry": "film",
+        "thickness_um": 2.0,
+        "substrate_young_gpa": 160.0,
+        "substrate_nu": 0.22,
+    },
     "grain": {"geometry": "grain", "grain_radius_um": 2.5},
-    "matrix": {"geometry": "grain", "grain_radius_um": 2.5, "matrix": "isotropic", "matrix_young_gpa": 200.0},
+    "matrix": {
+        "geometry": "grain",
+        "grain_radius_um": 2.5,
+        "matrix": "isotropic",
+        "matrix_young_gpa": 200.0,
+    },
 }
 
 
 def main(argv=None) -> int:
     """Simulate, build, tabulate, draw."""
-    parser = argparse.ArgumentParser(prog="bench learning", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument(
-        "--specimen", choices=SPECIMENS, default="block", help="the paper's block; a film; a grain in its own polycrystal or a given matrix"
+    parser = argparse.ArgumentParser(
+        prog="bench learning",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--unseen", type=int, default=320, help="unseen crystals of each kind (320)")
-    parser.add_argument("--unseen-seed", type=int, default=12345, help="other unseen crystals (12345)")
-    parser.add_argument("--seeds", type=int, default=5, help="corrections, each from other candidates (5; 0: the shipped one alone)")
-    parser.add_argument("--sizes", default="8,12,20,30,40,60,100,150", help="numbers of simulations")
-    parser.add_argument("--without-paper", action="store_true", help="leave out the paper's model on the block")
+    parser.add_argument(
+        "--specimen",
+        choices=SPECIMENS,
+        default="block",
+        help="the paper's block; a film; a grain in its own polycrystal or a given matrix",
+    )
+    parser.add_argument(
+        "--unseen", type=int, default=320, help="unseen crystals of each kind (320)"
+    )
+    parser.add_argument(
+        "--unseen-seed", type=int, default=12345, help="other unseen crystals (12345)"
+    )
+    parser.add_argument(
+        "--seeds",
+        type=int,
+        default=5,
+        help="corrections, each from other candidates (5; 0: the shipped one alone)",
+    )
+    parser.add_argument(
+        "--sizes", default="8,12,20,30,40,60,100,150", help="numbers of simulations"
+    )
+    parser.add_argument(
+        "--without-paper", action="store_true", help="leave out the paper's model on the block"
+    )
     parser.add_argument("--variance-of", default="imse", help="what chooses, see &design (imse)")
-    parser.add_argument("--workers", type=int, default=0, help="simulations at a time (0: all cores)")
+    parser.add_argument(
+        "--workers", type=int, default=0, help="simulations at a time (0: all cores)"
+    )
     parser.add_argument("--output", type=Path, help="folder (runs/learning_SPECIMEN)")
     arguments = parser.parse_args(argv)
     show_progress(True)
     arguments.output = arguments.output or Path("runs") / f"learning_{arguments.specimen}"
     arguments.output.mkdir(parents=True, exist_ok=True)
-    unseen = {name: simulated(arguments, name, points) for name, points in unseen_crystals(arguments).items()}
+    unseen = {
+        name: simulated(arguments, name, points)
+        for name, points in unseen_crystals(arguments).items()
+    }
     for name, (matrices, angles, modulus) in unseen.items():
         ratio = modulus / halfspace_modulus(matrices, angles)
         print(
-            f"{name}: {len(modulus)} unseen, simulation over theory {ratio.mean():.4f}, sd {ratio.std():.4f}, {ratio.min():.4f} .. {ratio.max():.4f}"
+            f"{name}: {len(modulus)} unseen, simulation over theory {ratio.mean():.4f}, sd "
+            f"{ratio.std():.4f}, {ratio.min():.4f} .. {ratio.max():.4f}"
         )
     if arguments.specimen == "block":
         print_shipped(unseen)
@@ -84,29 +131,44 @@ def main(argv=None) -> int:
 
 
 def print_shipped(unseen: dict) -> None:
-    """How large the errors of the shipped correction are beside its sds, by kind and by log-anisotropy."""
+    """How large the errors of the shipped correction are beside its sds, by kind and by
+    log-anisotropy.
+    """
     block = Surrogate.load("block")
-    print("| shipped block | crystals | error, % | sd, % | within 1 sd | within 2 sd | rms of z |\n|---|---|---|---|---|---|---|")
+    print(
+        "| shipped block | crystals | error, % | sd, % | within 1 sd | within 2 sd | rms of z "
+        "|\n|---|---|---|---|---|---|---|"
+    )
     kinds = {}
     for name, (matrices, angles, modulus) in unseen.items():
         mean, sd = block.predict(matrices, angles)
-        kinds[name] = np.column_stack([(modulus - mean) / sd, sd / mean, [log_anisotropy(matrix) for matrix in matrices]])
+        kinds[name] = np.column_stack(
+            [(modulus - mean) / sd, sd / mean, [log_anisotropy(matrix) for matrix in matrices]]
+        )
     everything = np.concatenate(list(kinds.values()))
     for low, high in ((0, 0.4), (0.4, 0.8), (0.8, 1.2), (1.2, 1.5), (1.5, 9)):
-        kinds[f"log-anisotropy {low} to {high}"] = everything[(everything[:, 2] >= low) & (everything[:, 2] < high)]
+        kinds[f"log-anisotropy {low} to {high}"] = everything[
+            (everything[:, 2] >= low) & (everything[:, 2] < high)
+        ]
     for name, rows in kinds.items():
         z, sd = np.abs(rows[:, 0]), rows[:, 1]
         print(
-            f"| {name} | {len(z)} | {100 * np.sqrt(np.mean((z * sd) ** 2)):.3f} | {100 * np.median(sd):.3f} "
+            f"| {name} | {len(z)} | {100 * np.sqrt(np.mean((z * sd) ** 2)):.3f} | "
+            f"{100 * np.median(sd):.3f} "
             f"| {np.mean(z < 1):.2f} | {np.mean(z < 2):.2f} | {np.sqrt(np.mean(z**2)):.2f} |"
         )
 
 
 def unseen_crystals(arguments) -> dict[str, list[tuple]]:
-    """Crystals of each kind, those of the literature in n // 16 directions, as (class, constants in GPa, angles in degrees)."""
+    """Crystals of each kind, those of the literature in n // 16 directions, as (class, constants in
+    GPa, angles in degrees).
+    """
     n, seed = arguments.unseen, arguments.unseen_seed
     if arguments.specimen != "block":
-        return {name: spread_over_domain(arguments.specimen, name, n, seed) for name in ("cubic", "hexagonal", "orthorhombic")}
+        return {
+            name: spread_over_domain(arguments.specimen, name, n, seed)
+            for name in ("cubic", "hexagonal", "orthorhombic")
+        }
     rng = np.random.default_rng(seed)
     known = []
     for row in read_rows(CRYSTALS):
@@ -118,7 +180,10 @@ def unseen_crystals(arguments) -> dict[str, list[tuple]]:
         while len(points) < n:
             constants = rng.uniform(domain["c_min"], domain["c_max"])
             matrix = stiffness_rows(symmetry, [constants])[0]
-            if np.linalg.eigvalsh(matrix)[0] > 0 and anisotropy_index(matrix) <= domain["anisotropy_cap"]:
+            if (
+                np.linalg.eigvalsh(matrix)[0] > 0
+                and anisotropy_index(matrix) <= domain["anisotropy_cap"]
+            ):
                 points.append((symmetry, tuple(constants.tolist())))
         found[symmetry] = in_directions(points, rng)
     found["orthorhombic"] = in_directions([random_orthorhombic(rng) for _ in range(n)], rng)
@@ -127,15 +192,28 @@ def unseen_crystals(arguments) -> dict[str, list[tuple]]:
 
 def spread_over_domain(specimen: str, symmetry: str, n: int, seed: int) -> list[tuple]:
     """Crystals of a class of the domain that a correction of this specimen has by default."""
-    basis = Basis(Problem.from_keywords("learning", specimen=SPECIMENS[specimen], domain={"classes": [symmetry]}))
+    basis = Basis(
+        Problem.from_keywords(
+            "learning", specimen=SPECIMENS[specimen], domain={"classes": [symmetry]}
+        )
+    )
     constants, angles = spread_crystals(basis, n, seed)
-    return [(basis.symmetry, tuple(row), tuple(euler)) for row, euler in zip(constants.tolist(), angles.tolist(), strict=True)]
+    return [
+        (basis.symmetry, tuple(row), tuple(euler))
+        for row, euler in zip(constants.tolist(), angles.tolist(), strict=True)
+    ]
 
 
 def in_directions(points: list[tuple], rng) -> list[tuple]:
     """The crystals with random orientations."""
     n = len(points)
-    angles = np.column_stack([rng.uniform(0, 360, n), np.degrees(np.arccos(rng.uniform(-1, 1, n))), rng.uniform(0, 360, n)])
+    angles = np.column_stack(
+        [
+            rng.uniform(0, 360, n),
+            np.degrees(np.arccos(rng.uniform(-1, 1, n))),
+            rng.uniform(0, 360, n),
+        ]
+    )
     return [(*point, tuple(row)) for point, row in zip(points, angles.tolist(), strict=True)]
 
 
@@ -156,9 +234,13 @@ def random_orthorhombic(rng) -> tuple:
     greatest, low, high = ORTHORHOMBIC
     contrast, direction = rng.uniform(low, high), rng.normal(size=len(space) - 2)
     direction *= greatest * rng.uniform() / np.linalg.norm(direction)
-    logarithm = np.log(100) * np.eye(6) + contrast * dilatation + np.tensordot(direction, space[2:], axes=1)
+    logarithm = (
+        np.log(100) * np.eye(6) + contrast * dilatation + np.tensordot(direction, space[2:], axes=1)
+    )
     matrix = expm(logarithm) / np.outer(roots, roots)
-    return "orthorhombic", tuple(float(matrix[int(name[1]) - 1, int(name[2]) - 1]) for name in names)
+    return "orthorhombic", tuple(
+        float(matrix[int(name[1]) - 1, int(name[2]) - 1]) for name in names
+    )
 
 
 def namelist_of(variables: dict) -> str:
@@ -166,25 +248,44 @@ def namelist_of(variables: dict) -> str:
     return ", ".join(f"{name} = {value!r}" for name, value in variables.items())
 
 
-def simulated(arguments, name: str, points: list[tuple]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Stiffnesses, angles and moduli of the unseen crystals of a kind, from the campaign or simulated now."""
-    folder, specimen = arguments.output / f"unseen_{name}", namelist_of(SPECIMENS[arguments.specimen])
+def simulated(
+    arguments, name: str, points: list[tuple]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Stiffnesses, angles and moduli of the unseen crystals of a kind, from the campaign or
+    simulated now.
+    """
+    folder, specimen = (
+        arguments.output / f"unseen_{name}",
+        namelist_of(SPECIMENS[arguments.specimen]),
+    )
     names, angles = constant_names("triclinic"), ("phi1_deg", "Phi_deg", "phi2_deg")
     crystals = [
-        {"symmetry": symmetry} | dict(zip(constant_names(symmetry), constants)) | dict(zip(angles, e)) for symmetry, constants, e in points
+        {"symmetry": symmetry}
+        | dict(zip(constant_names(symmetry), constants))
+        | dict(zip(angles, e))
+        for symmetry, constants, e in points
     ]
     header = ["symmetry", *names, *angles]
     empty = dict.fromkeys(header, "")
-    write_csv(folder / "points.csv", header, [list((empty | crystal).values()) for crystal in crystals])
+    write_csv(
+        folder / "points.csv", header, [list((empty | crystal).values()) for crystal in crystals]
+    )
     (folder / "unseen.nml").write_text(
-        f"&problem symmetry = 'triclinic' /\n&crystals points = 'points.csv' /\n&specimen {specimen} /\n"
+        "&problem symmetry = 'triclinic' /\n&crystals points = 'points.csv' /\n&specimen "
+        f"{specimen} /\n"
         f"&execution workers = {arguments.workers} /\n"
     )
     results = run_stage(Problem(folder / "unseen.nml", "simulate"), "simulate", folder)["results"]
     moduli = [row["indentation_modulus_gpa"] for row in results]
-    matrices = np.array([stiffness_rows(symmetry, [constants])[0] for symmetry, constants, _ in points])
+    matrices = np.array(
+        [stiffness_rows(symmetry, [constants])[0] for symmetry, constants, _ in points]
+    )
     done = np.array([modulus is not None for modulus in moduli])
-    return matrices[done], np.array([point[2] for point in points])[done], np.array([m for m in moduli if m is not None])
+    return (
+        matrices[done],
+        np.array([point[2] for point in points])[done],
+        np.array([m for m in moduli if m is not None]),
+    )
 
 
 def curve(arguments, seed: int, unseen: dict) -> list[dict]:
@@ -195,8 +296,10 @@ def curve(arguments, seed: int, unseen: dict) -> list[dict]:
     for size in map(int, arguments.sizes.split(",")):
         path = folder / f"build_{size}.nml"
         path.write_text(
-            f"&problem title = 'Learning: {arguments.specimen}', seed = {seed} /\n&specimen {specimen} /\n"
-            f"&design budget = {size}, variance_of = '{arguments.variance_of}' /\n&execution workers = {arguments.workers} /\n"
+            f"&problem title = 'Learning: {arguments.specimen}', seed = {seed} /\n&specimen "
+            f"{specimen} /\n"
+            f"&design budget = {size}, variance_of = '{arguments.variance_of}' /\n&execution "
+            f"workers = {arguments.workers} /\n"
         )
         document = build(Problem(path, "build"), folder)
         surrogate = Surrogate.load(document["file"])
@@ -204,15 +307,23 @@ def curve(arguments, seed: int, unseen: dict) -> list[dict]:
             mean, sd = surrogate.predict(matrices, angles)
             theory, z = halfspace_modulus(matrices, angles), np.abs(mean - modulus) / sd
             unit = 1.0 if arguments.specimen == "block" else 0.01 * modulus
-            errors = [np.mean(np.abs(value - modulus) / unit) for value in (theory, document["baselines"]["ratio"] * theory, mean)]
+            errors = [
+                np.mean(np.abs(value - modulus) / unit)
+                for value in (theory, document["baselines"]["ratio"] * theory, mean)
+            ]
             shares = (np.mean(z <= 1), np.mean(z <= 2), np.quantile(z, 0.99))
             columns = ("theory", "ratio", "correction", "within_1_sd", "within_2_sd", "z_99")
-            rows.append({"seed": seed, "set": name, "simulations": size} | dict(zip(columns, (*errors, *shares), strict=True)))
+            rows.append(
+                {"seed": seed, "set": name, "simulations": size}
+                | dict(zip(columns, (*errors, *shares), strict=True))
+            )
     return rows
 
 
 def print_paper_model(arguments, unseen: dict) -> None:
-    """Errors of the paper's model of each class on the same unseen crystals, GPa, by the number of simulations of that class alone."""
+    """Errors of the paper's model of each class on the same unseen crystals, GPa, by the number of
+    simulations of that class alone.
+    """
     print("\n| the paper's model | simulations | error, GPa |\n|---|---|---|")
     for symmetry, sizes in PAPER_SIZES.items():
         folder = arguments.output / f"paper_{symmetry}"
@@ -226,7 +337,11 @@ def print_paper_model(arguments, unseen: dict) -> None:
             namelist.write(path, force=True)
             surrogate = Surrogate.load(build(Problem(path, "build"), folder)["file"])
             matrices, angles, modulus = unseen[symmetry]
-            print(f"| {symmetry} | {size} | {np.mean(np.abs(surrogate.predict(matrices, angles)[0] - modulus)):.2f} |", flush=True)
+            print(
+                f"| {symmetry} | {size} | "
+                f"{np.mean(np.abs(surrogate.predict(matrices, angles)[0] - modulus)):.2f} |",
+                flush=True,
+            )
 
 
 def kinds(rows: list[dict]) -> list[str]:
@@ -236,7 +351,9 @@ def kinds(rows: list[dict]) -> list[str]:
 
 def means(rows: list[dict], name: str, size: int, column: str) -> float:
     """The mean over the seeds."""
-    return float(np.mean([row[column] for row in rows if row["set"] == name and row["simulations"] == size]))
+    return float(
+        np.mean([row[column] for row in rows if row["set"] == name and row["simulations"] == size])
+    )
 
 
 def print_tables(rows: list[dict], unit: str) -> None:
@@ -253,7 +370,11 @@ def print_tables(rows: list[dict], unit: str) -> None:
     for name in kinds(rows):
         print(f"\n| {name} | " + " | ".join(map(str, sizes)) + " |\n|" + "---|" * (len(sizes) + 1))
         for column, label in labels.items():
-            print(f"| {label} | " + " | ".join(f"{means(rows, name, size, column):.2f}" for size in sizes) + " |")
+            print(
+                f"| {label} | "
+                + " | ".join(f"{means(rows, name, size, column):.2f}" for size in sizes)
+                + " |"
+            )
 
 
 def draw(rows: list[dict], unit: str, arguments) -> None:
@@ -266,9 +387,17 @@ def draw(rows: list[dict], unit: str, arguments) -> None:
     sizes = sorted({row["simulations"] for row in rows})
     figure, axes = pyplot.subplots(figsize=(5.5, 3.6), layout="constrained")
     for name, marker in zip(kinds(rows), "os^D", strict=False):
-        line = axes.plot(sizes, [means(rows, name, size, "correction") for size in sizes], marker=marker, ms=4, label=name)[0]
+        line = axes.plot(
+            sizes,
+            [means(rows, name, size, "correction") for size in sizes],
+            marker=marker,
+            ms=4,
+            label=name,
+        )[0]
         axes.axhline(means(rows, name, sizes[-1], "ratio"), color=line.get_color(), lw=0.8, ls="--")
-    axes.set(xlabel="simulations", ylabel=f"mean absolute error ({unit})", xscale="log", yscale="log")
+    axes.set(
+        xlabel="simulations", ylabel=f"mean absolute error ({unit})", xscale="log", yscale="log"
+    )
     axes.set_xticks(sizes, [str(size) for size in sizes])
     axes.minorticks_off()
     axes.legend(title="unseen crystals; dashed: one ratio")

@@ -1,9 +1,11 @@
-"""Inputs with a few bytes changed: each is read, or refused in one line that names the file; nothing else happens, and nothing is slow.
+"""Inputs with a few bytes changed: each is read, or refused in one line that names the file;
+nothing else happens, and nothing is slow.
 
-Namelists and tables of inputs/, tables as laboratories have them, spreadsheets, curves and their tests, files of an instrument, orientation
-maps and their points, surface waves, shared errors, stated stiffnesses, and the surrogate that comes with the package lose, repeat or swap
-bytes and lines, or get numbers, signs and bytes that nobody means. All in this process, but for some checks by both programs, whose verdicts
-must be the same where both read the file.
+Namelists and tables of inputs/, tables as laboratories have them, spreadsheets, curves and their
+tests, files of an instrument, orientation maps and their points, surface waves, shared errors,
+stated stiffnesses, and the surrogate that comes with the package lose, repeat or swap bytes and
+lines, or get numbers, signs and bytes that nobody means. All in this process, but for some checks
+by both programs, whose verdicts must be the same where both read the file.
 """
 
 import argparse
@@ -53,10 +55,31 @@ def text(*lines: str) -> bytes:
 
 def orientation_maps() -> dict[str, bytes]:
     """Two grains of six by four points each, by the ending of the file."""
-    head = ["Channel Text File", "Prj\ta", "Author\tb", "JobMode\tGrid", "XCells\t12", "YCells\t4", "XStep\t1", "YStep\t1"]
-    head += ["AcqE1\t0", "AcqE2\t0", "AcqE3\t0", "Euler angles refer to Sample Coordinate system (CS0)!\tMag\t100", "Phases\t1"]
-    head += ["2.866;2.866;2.866\t90;90;90\tIron\t11\t229\t\t\t", "Phase\tX\tY\tBands\tError\tEuler1\tEuler2\tEuler3\tMAD\tBC\tBS"]
-    points = [f"1\t{k % 12}\t{k // 12}\t8\t0\t{30 if k % 12 < 6 else 200}\t40\t70\t0.5\t100\t100" for k in range(48)]
+    head = [
+        "Channel Text File",
+        "Prj\ta",
+        "Author\tb",
+        "JobMode\tGrid",
+        "XCells\t12",
+        "YCells\t4",
+        "XStep\t1",
+        "YStep\t1",
+    ]
+    head += [
+        "AcqE1\t0",
+        "AcqE2\t0",
+        "AcqE3\t0",
+        "Euler angles refer to Sample Coordinate system (CS0)!\tMag\t100",
+        "Phases\t1",
+    ]
+    head += [
+        "2.866;2.866;2.866\t90;90;90\tIron\t11\t229\t\t\t",
+        "Phase\tX\tY\tBands\tError\tEuler1\tEuler2\tEuler3\tMAD\tBC\tBS",
+    ]
+    points = [
+        f"1\t{k % 12}\t{k // 12}\t8\t0\t{30 if k % 12 < 6 else 200}\t40\t70\t0.5\t100\t100"
+        for k in range(48)
+    ]
     found = {".ctf": text(*head, *points)}
     with tempfile.TemporaryDirectory() as folder:
         (path := Path(folder, "map.ctf")).write_bytes(found[".ctf"])
@@ -71,40 +94,89 @@ def orientation_maps() -> dict[str, bytes]:
 def curve(name: str, modulus: float) -> list[str]:
     """Rows of an elastic contact with a sphere of 5 um: test, s, nm, mN."""
     loads = [0.5 * k for k in range(1, 61)]
-    return [f"{name},{0.2 * k},{1e3 * (0.75 * load / modulus / 5**0.5) ** (2 / 3):.4f},{load}" for k, load in enumerate(loads)]
+    return [
+        f"{name},{0.2 * k},{1e3 * (0.75 * load / modulus / 5**0.5) ** (2 / 3):.4f},{load}"
+        for k, load in enumerate(loads)
+    ]
 
 
 def laboratory_tables() -> list[bytes]:
-    """Units below the header, statistics, decimal commas, repeated tests without sds, indices, and other encodings."""
+    """Units below the header, statistics, decimal commas, repeated tests without sds, indices, and
+    other encodings.
+    """
     head, units = "Grain;Test;phi1;Phi;phi2;Er;StDev;N", ";;°;°;°;GPa;GPa;"
     rows = [f"G{k};{k};{46 + k},3;{88 - 9 * k},7;{19 * k},3;{180 + k},0;3,5;4" for k in range(6)]
-    plain = "\n".join(["Sample;Fe", "", head, units, *rows, "Mean;;;;;183;3,5;", "Std. Dev.;;;;;2;;", ""])
-    repeated = ["Direction\tTest\tGrain\tMean Er (GPa)", *(f"[1 {k // 2} 0]\t{k}\tg {k // 2}\t{200 + k} GPa" for k in range(8))]
+    plain = "\n".join(
+        ["Sample;Fe", "", head, units, *rows, "Mean;;;;;183;3,5;", "Std. Dev.;;;;;2;;", ""]
+    )
+    repeated = [
+        "Direction\tTest\tGrain\tMean Er (GPa)",
+        *(f"[1 {k // 2} 0]\t{k}\tg {k // 2}\t{200 + k} GPa" for k in range(8)),
+    ]
     errors = ["[001];109.7 ± 3.0", "[011];112.3 ± 2.5", "[111];120.4 ± 3.1"]
-    return [plain.encode("utf-16"), plain.encode("cp1252"), text(*repeated), text("plane;Er (GPa)", *errors)]
+    return [
+        plain.encode("utf-16"),
+        plain.encode("cp1252"),
+        text(*repeated),
+        text("plane;Er (GPa)", *errors),
+    ]
 
 
 def exported(modulus: float) -> bytes:
     """A curve as a Hysitron exports it."""
     rows = [row.split(",") for row in curve("a", modulus)]
-    return text("Number of Points = 60", "", "Depth (nm)\tLoad (mN)\tTime (s)", *("\t".join([*row[2:], row[1]]) for row in rows))
+    return text(
+        "Number of Points = 60",
+        "",
+        "Depth (nm)\tLoad (mN)\tTime (s)",
+        *("\t".join([*row[2:], row[1]]) for row in rows),
+    )
 
 
 MAPS = orientation_maps()
 #: Kinds of files: the ending, their contents, and how many tries of a hundred each has.
 SEEDS = {
     "namelist": (".nml", contents("inputs/*.nml", "inputs/case_studies/*.nml"), 30),
-    "table": (".csv", [(SOURCE / f"inputs/data/{name}.csv").read_bytes() for name in ("fe3si", "titanium", "zinc", "copper_film")], 10),
+    "table": (
+        ".csv",
+        [
+            (SOURCE / f"inputs/data/{name}.csv").read_bytes()
+            for name in ("fe3si", "titanium", "zinc", "copper_film")
+        ],
+        10,
+    ),
     "laboratory table": (".csv", laboratory_tables(), 10),
     "spreadsheet": (".xlsx", [spreadsheet()], 10),
-    "crystals": (".csv", [(SOURCE / f"inputs/data/{name}.csv").read_bytes() for name in ("copper", "isotropic")], 2),
-    "curves": (".csv", [text("test,time_s,depth_nm,load_mn", *curve("a", 100), *curve("q", 69.6))], 7),
-    "tests": (".csv", [text("test,grain,reference,session,phi1_deg,Phi_deg,phi2_deg", "a,g,,s1,10,20,30", "q,,quartz,s1,,,")], 4),
+    "crystals": (
+        ".csv",
+        [(SOURCE / f"inputs/data/{name}.csv").read_bytes() for name in ("copper", "isotropic")],
+        2,
+    ),
+    "curves": (
+        ".csv",
+        [text("test,time_s,depth_nm,load_mn", *curve("a", 100), *curve("q", 69.6))],
+        7,
+    ),
+    "tests": (
+        ".csv",
+        [
+            text(
+                "test,grain,reference,session,phi1_deg,Phi_deg,phi2_deg",
+                "a,g,,s1,10,20,30",
+                "q,,quartz,s1,,,",
+            )
+        ],
+        4,
+    ),
     "instrument": (".txt", [exported(100)], 4),
     "map": (".ctf", [MAPS[".ctf"]], 4),
     "map of EDAX": (".ang", [MAPS[".ang"]], 4),
     "map of HDF5": (".h5", [MAPS[".h5"]], 4),
-    "points": (".csv", [text("x_um,y_um,map_x_um,map_y_um", "0,0,0,0", "0,3,0,3", "11,0,11,0", "11,3.1,11,3")], 3),
+    "points": (
+        ".csv",
+        [text("x_um,y_um,map_x_um,map_y_um", "0,0,0,0", "0,3,0,3", "11,0,11,0", "11,3.1,11,3")],
+        3,
+    ),
     "velocities": (
         ".csv",
         [
@@ -116,7 +188,11 @@ SEEDS = {
         ],
         3,
     ),
-    "shared errors": (".csv", [text("grain,shared_1,shared_2", "a,0.02,0.01", "b,0.02,-0.01", "c,0.02,0.0")], 2),
+    "shared errors": (
+        ".csv",
+        [text("grain,shared_1,shared_2", "a,0.02,0.01", "b,0.02,-0.01", "c,0.02,0.0")],
+        2,
+    ),
     "stiffness": (".csv", contents("inputs/data/titanium_dft.csv"), 2),
     "orientations": (".csv", [text("grain,phi1_deg,Phi_deg,phi2_deg", "a,1,2,3", "b,40,50,60")], 2),
     "surrogate": (".txt", contents("python/bayesindent/data/block.txt"), 3),
@@ -126,33 +202,73 @@ BESIDE = {
     "curves.csv": SEEDS["curves"][1][0],
     "tests.csv": SEEDS["tests"][1][0],
     "map.ctf": MAPS[".ctf"],
-    "grains.csv": text("grain,phi1_deg,Phi_deg,phi2_deg,Er,sd", "a,1,2,3,150,3", "b,4,50,6,160,3", "c,7,8,9,170,3"),
+    "grains.csv": text(
+        "grain,phi1_deg,Phi_deg,phi2_deg,Er,sd", "a,1,2,3,150,3", "b,4,50,6,160,3", "c,7,8,9,170,3"
+    ),
     "indents.csv": text("x_um,y_um,Er,sd", "2,1,200,4", "9,2,210,4"),
 }
-STEP_0 = "&curves {} radius_um = 5 / &references name = 'quartz', young_gpa = 72, young_sd_gpa = 0.5, nu = 0.17 /"
-CUBIC, ON_MAP = "&problem symmetry = 'cubic' /", "&problem symmetry = 'cubic' / &measurements file = 'indents.csv', "
+STEP_0 = (
+    "&curves {} radius_um = 5 / &references name = 'quartz', young_gpa = 72, young_sd_gpa = "
+    "0.5, nu = 0.17 /"
+)
+CUBIC, ON_MAP = (
+    "&problem symmetry = 'cubic' /",
+    "&problem symmetry = 'cubic' / &measurements file = 'indents.csv', ",
+)
 #: A namelist that names the changed file, and the stage that it is opened for.
 NAMELISTS = {
-    "table": ("extract", f"{CUBIC} &measurements file = '{{file}}', modulus_kind = 'indentation_modulus' /"),
+    "table": (
+        "extract",
+        f"{CUBIC} &measurements file = '{{file}}', modulus_kind = 'indentation_modulus' /",
+    ),
     "laboratory table": ("extract", f"{CUBIC} &measurements file = '{{file}}' /"),
-    "spreadsheet": ("extract", f"{CUBIC} &measurements file = '{{file}}', modulus_kind = 'indentation_modulus' /"),
+    "spreadsheet": (
+        "extract",
+        f"{CUBIC} &measurements file = '{{file}}', modulus_kind = 'indentation_modulus' /",
+    ),
     "crystals": ("theory", f"{CUBIC} &crystals points = '{{file}}' /"),
     "curves": ("curves", STEP_0.format("file = '{file}', tests = 'tests.csv'")),
     "tests": ("curves", STEP_0.format("file = 'curves.csv', tests = '{file}'")),
     "instrument": ("curves", STEP_0.format("files = '{file}', 'q.txt', tests = 'instrument.csv'")),
-    **dict.fromkeys(("map", "map of EDAX", "map of HDF5"), ("extract", f"{ON_MAP}ebsd = '{{file}}' /")),
+    **dict.fromkeys(
+        ("map", "map of EDAX", "map of HDF5"), ("extract", f"{ON_MAP}ebsd = '{{file}}' /")
+    ),
     "points": ("extract", f"{ON_MAP}ebsd = 'map.ctf', ebsd_points = '{{file}}' /"),
-    "velocities": ("extract", "&problem symmetry = 'cubic', density_kg_m3 = 8960 / &measurements velocities = '{file}' /"),
-    "shared errors": ("extract", f"{CUBIC} &measurements file = 'grains.csv', shared_errors = '{{file}}' /"),
+    "velocities": (
+        "extract",
+        "&problem symmetry = 'cubic', density_kg_m3 = 8960 / &measurements velocities = '{file}' /",
+    ),
+    "shared errors": (
+        "extract",
+        f"{CUBIC} &measurements file = 'grains.csv', shared_errors = '{{file}}' /",
+    ),
     "stiffness": (
         "extract",
-        "&problem symmetry = 'hexagonal' / &measurements file = 'grains.csv' / &knowledge stiffness_file = '{file}' /",
+        "&problem symmetry = 'hexagonal' / &measurements file = 'grains.csv' / &knowledge "
+        "stiffness_file = '{file}' /",
     ),
-    "orientations": ("plan", f"{CUBIC} &plan constants = 168, 121, 75, grains = 2, noise = 0.02, orientations = '{{file}}' /"),
-    "surrogate": ("extract", f"{CUBIC} &measurements file = 'grains.csv' / &surrogate file = '{{file}}' /"),
+    "orientations": (
+        "plan",
+        f"{CUBIC} &plan constants = 168, 121, 75, grains = 2, noise = 0.02, orientations = "
+        "'{file}' /",
+    ),
+    "surrogate": (
+        "extract",
+        f"{CUBIC} &measurements file = 'grains.csv' / &surrogate file = '{{file}}' /",
+    ),
 }
 #: Kinds of files that the batch program reads as well.
-OF_BOTH = ("namelist", "crystals", "curves", "tests", "velocities", "shared errors", "stiffness", "orientations", "surrogate")
+OF_BOTH = (
+    "namelist",
+    "crystals",
+    "curves",
+    "tests",
+    "velocities",
+    "shared errors",
+    "stiffness",
+    "orientations",
+    "surrogate",
+)
 #: What is put in: marks of the syntax, and values that nobody means.
 PIECES = [
     *(
@@ -176,7 +292,20 @@ PIECES = [
         b"%",
         b"\t",
     ),
-    *(b"1e999", b"1e308", b"nan", b"-inf", b"-1", b"1e-320", b"999999999999999999999", b"0", b"1d5", b".", b"", b"3,5"),
+    *(
+        b"1e999",
+        b"1e308",
+        b"nan",
+        b"-inf",
+        b"-1",
+        b"1e-320",
+        b"999999999999999999999",
+        b"0",
+        b"1d5",
+        b".",
+        b"",
+        b"3,5",
+    ),
 ]
 #: Seconds that reading one file may take.
 SLOW = 5.0
@@ -189,7 +318,9 @@ def mutated(content: bytes, rng: random.Random) -> bytes:
         with zipfile.ZipFile(io.BytesIO(content)) as before, zipfile.ZipFile(changed, "w") as after:
             chosen = rng.choice(before.namelist())
             for name in before.namelist():
-                after.writestr(name, mutated(before.read(name), rng) if name == chosen else before.read(name))
+                after.writestr(
+                    name, mutated(before.read(name), rng) if name == chosen else before.read(name)
+                )
         return changed.getvalue()
     for _ in range(rng.choice([1, 1, 2, 5])):
         first = rng.randrange(len(content) + 1)
@@ -202,7 +333,9 @@ def mutated(content: bytes, rng: random.Random) -> bytes:
         elif kind == 2:
             content = content[:first] + rng.choice(PIECES) + content[first:]
         elif kind == 3:
-            content = content[:first] + rng.choice([1, 3, 50]) * content[first:last] + content[first:]
+            content = (
+                content[:first] + rng.choice([1, 3, 50]) * content[first:last] + content[first:]
+            )
         elif kind == 4:
             lines = content.split(b"\n")
             lines.insert(rng.randrange(len(lines)), lines.pop(rng.randrange(len(lines))))
@@ -234,7 +367,11 @@ def read(path: Path, kind: str, command: str) -> str:
     except BayesindentError as error:
         words = str(error)
         named = words.startswith((str(path), str(path.with_suffix(".nml"))))
-        outcome = "refused" if named and "\n" not in words else f"refused in words that are none: {words!r}"
+        outcome = (
+            "refused"
+            if named and "\n" not in words
+            else f"refused in words that are none: {words!r}"
+        )
     return outcome if time.perf_counter() - start < SLOW else f"{outcome}, slowly"
 
 
@@ -252,7 +389,9 @@ def write(kind: str, content: bytes, folder: Path) -> Path:
     path = folder / f"changed{SEEDS[kind][0]}"
     path.write_bytes(content)
     if kind in NAMELISTS:
-        path.with_suffix(".nml").write_text(NAMELISTS[kind][1].format(file=path.name).replace(" / ", " /\n") + "\n")
+        path.with_suffix(".nml").write_text(
+            NAMELISTS[kind][1].format(file=path.name).replace(" / ", " /\n") + "\n"
+        )
     return path
 
 
@@ -264,7 +403,9 @@ def keep(path: Path, case: Path) -> None:
 
 
 def try_in_process(tries: int, seed: int, folder: Path) -> tuple[Counter, list[str]]:
-    """How many were read and refused by kind of file, and what else happened; the files of each such case are kept in `folder`."""
+    """How many were read and refused by kind of file, and what else happened; the files of each
+    such case are kept in `folder`.
+    """
     rng, counted, failures = random.Random(seed), Counter(), []
     prepare(folder)
     commands = [stage.name for stage in stages()]
@@ -287,16 +428,28 @@ def try_in_process(tries: int, seed: int, folder: Path) -> tuple[Counter, list[s
 
 
 def try_programs(tries: int, seed: int, folder: Path) -> list[str]:
-    """Whether a check by a program ends in time with status 0 or 2 and, if it refuses, one line; by both alike where both read the file."""
+    """Whether a check by a program ends in time with status 0 or 2 and, if it refuses, one line; by
+    both alike where both read the file.
+    """
     rng, failures = random.Random(seed), []
     prepare(folder)
     for number in range(tries):
         kind = rng.choice(["namelist"] * len(SEEDS) + list(SEEDS))
         path = write(kind, mutated(rng.choice(SEEDS[kind][1]), rng), folder).with_suffix(".nml")
-        programs = [[sys.executable, "-m", "bayesindent", "run", "--check"], *([[str(BATCH), "--check"]] if kind in OF_BOTH else [])]
+        programs = [
+            [sys.executable, "-m", "bayesindent", "run", "--check"],
+            *([[str(BATCH), "--check"]] if kind in OF_BOTH else []),
+        ]
         outcomes = [outcome_of([*program, path], folder) for program in programs]
-        if any(outcome != outcomes[0] for outcome in outcomes) or outcomes[0][0] not in (0, 2) or len(outcomes[0][1]) > 1:
-            keep(write(kind, (folder / f"changed{SEEDS[kind][0]}").read_bytes(), folder), folder / f"both_{number}")
+        if (
+            any(outcome != outcomes[0] for outcome in outcomes)
+            or outcomes[0][0] not in (0, 2)
+            or len(outcomes[0][1]) > 1
+        ):
+            keep(
+                write(kind, (folder / f"changed{SEEDS[kind][0]}").read_bytes(), folder),
+                folder / f"both_{number}",
+            )
             failures.append(f"both_{number}, {kind}: {outcomes}")
     return failures
 
@@ -313,18 +466,31 @@ def outcome_of(words: list, folder: Path) -> tuple[int | str, list[str]]:
 
 def main(argv=None) -> int:
     """Try, count; 1 if anything else happened."""
-    parser = argparse.ArgumentParser(prog="bench mutations", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        prog="bench mutations",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("--tries", type=int, default=2000, help="files in this process (2000)")
-    parser.add_argument("--programs", type=int, default=100, help="files that both programs check (100)")
+    parser.add_argument(
+        "--programs", type=int, default=100, help="files that both programs check (100)"
+    )
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args(argv)
     folder = Path(tempfile.mkdtemp(prefix="mutations_"))
     counted, failures = try_in_process(arguments.tries, arguments.seed, folder)
     print("| file | read | refused | anything else |\n|---|---|---|---|")
     for kind in SEEDS:
-        print(f"| {kind} | " + " | ".join(str(counted[kind, outcome]) for outcome in ("read", "refused", "wrong")) + " |")
+        print(
+            f"| {kind} | "
+            + " | ".join(str(counted[kind, outcome]) for outcome in ("read", "refused", "wrong"))
+            + " |"
+        )
     differences = try_programs(arguments.programs, arguments.seed, folder)
-    print(f"checked by the programs: {arguments.programs} files, {len(differences)} judged differently or not in one line")
+    print(
+        f"checked by the programs: {arguments.programs} files, {len(differences)} judged "
+        "differently or not in one line"
+    )
     for failure in failures + differences:
         print(failure)
     if failures or differences:

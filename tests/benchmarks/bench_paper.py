@@ -1,10 +1,13 @@
-"""The paper's two surrogates, whole, for several seeds, and the correction that comes with the package on the same unseen simulations.
+"""The paper's two surrogates, whole, for several seeds, and the correction that comes with the
+package on the same unseen simulations.
 
-Runs inputs/case_studies/SYMMETRY_paper.nml once for each seed, as `build` does: every simulation is kept, and running again goes on.
+Runs inputs/case_studies/SYMMETRY_paper.nml once for each seed, as `build` does: every simulation is
+kept, and running again goes on.
 
 With --figures: those of the first seed, for docs/verification.
 
-With --step 2: both steps of inputs/case_studies/iron_paper.nml or titanium_paper.nml, and the exact posterior beside the paper's method.
+With --step 2: both steps of inputs/case_studies/iron_paper.nml or titanium_paper.nml, and the exact
+posterior beside the paper's method.
 """
 
 import argparse
@@ -29,16 +32,41 @@ INPUTS = Path(__file__).parents[2] / "inputs" / "case_studies"
 
 def main(argv=None) -> int:
     """Build, compare, print the tables."""
-    parser = argparse.ArgumentParser(prog="bench paper", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--step", type=int, choices=(1, 2), default=1, help="1: the surrogates, 2: the constants (1)")
+    parser = argparse.ArgumentParser(
+        prog="bench paper",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "--step",
+        type=int,
+        choices=(1, 2),
+        default=1,
+        help="1: the surrogates, 2: the constants (1)",
+    )
     parser.add_argument("--symmetry", choices=("cubic", "hexagonal"), default="cubic")
     parser.add_argument("--seeds", default="1", help="seeds, for example 1,2,3,4,5 (1)")
-    parser.add_argument("--cap", type=float, default=0.0, help="cap on the anisotropy index (default: the file's)")
-    parser.add_argument("--simulator", choices=("fe", "theory"), default=None,
-                        help="finite elements on the paper's block, or the half-space theory in their place (default: the file's)")  # fmt: skip
-    parser.add_argument("--workers", type=int, default=0, help="simulations at a time (0: all cores)")
-    parser.add_argument("--output", type=Path, default=None, help="folder (default: runs/paper_SYMMETRY)")
-    parser.add_argument("--figures", action="store_true", help="write the figures of docs/verification")
+    parser.add_argument(
+        "--cap", type=float, default=0.0, help="cap on the anisotropy index (default: the file's)"
+    )
+    parser.add_argument(
+        "--simulator",
+        choices=("fe", "theory"),
+        default=None,
+        help=(
+            "finite elements on the paper's block, or the half-space theory in their place "
+            "(default: the file's)"
+        ),
+    )
+    parser.add_argument(
+        "--workers", type=int, default=0, help="simulations at a time (0: all cores)"
+    )
+    parser.add_argument(
+        "--output", type=Path, default=None, help="folder (default: runs/paper_SYMMETRY)"
+    )
+    parser.add_argument(
+        "--figures", action="store_true", help="write the figures of docs/verification"
+    )
     arguments = parser.parse_args(argv)
     output = arguments.output or Path("runs") / f"paper_{arguments.symmetry}"
     show_progress(True)
@@ -59,26 +87,64 @@ def main(argv=None) -> int:
         seconds = time.perf_counter() - start
         (folder / "resolved.nml").write_text(problem.resolved)
         validation = document["validation"]
-        rows.append([seed, document["loocv_gpa"], document["leave_crystal_out_gpa"], validation["mean_absolute_gpa"],
-                     validation["within_1_sd"], validation["within_2_sd"], document["failed"], document["new_simulations"], seconds])  # fmt: skip
+        rows.append(
+            [
+                seed,
+                document["loocv_gpa"],
+                document["leave_crystal_out_gpa"],
+                validation["mean_absolute_gpa"],
+                validation["within_1_sd"],
+                validation["within_2_sd"],
+                document["failed"],
+                document["new_simulations"],
+                seconds,
+            ]
+        )
         ours.append(on_same_unseen(arguments.symmetry, validation))
         scans.append(document["scan"])
         if arguments.figures and len(rows) == 1:
             write_figures(Results(folder), arguments.symmetry)
     unseen = f"{validation['points']} unseen"
-    print_rows(["seed", "leave-one-out", "one-crystal-out", unseen, "within 1 sd", "within 2 sd", "failed", "new", "seconds"], rows)
+    print_rows(
+        [
+            "seed",
+            "leave-one-out",
+            "one-crystal-out",
+            unseen,
+            "within 1 sd",
+            "within 2 sd",
+            "failed",
+            "new",
+            "seconds",
+        ],
+        rows,
+    )
     print(f"\nother truncations, seed {seed}")
     for entry in document.get("scan", []):
-        print(f"degree {entry['degree']}, bandlimit {entry['bandlimit']}: leave-one-out {entry['loocv_gpa']:.2f} GPa, "
-              f"log evidence {entry['log_evidence']:.0f}, {entry['terms']} terms")  # fmt: skip
-    print("\nof these the leave-one-out error, GPa, by the number of simulations, mean of the seeds")
+        print(
+            f"degree {entry['degree']}, bandlimit {entry['bandlimit']}: leave-one-out "
+            f"{entry['loocv_gpa']:.2f} GPa, "
+            f"log evidence {entry['log_evidence']:.0f}, {entry['terms']} terms"
+        )
+    print(
+        "\nof these the leave-one-out error, GPa, by the number of simulations, mean of the seeds"
+    )
     for entries in zip(*scans, strict=True):
         values = np.mean([entry["curve"]["loocv_gpa"] for entry in entries], axis=0)
-        of_numbers = [f"{number:.0f}: {value:.1f}" for number, value in zip(entries[0]["curve"]["simulations"], values, strict=True)]
-        print(f"degree {entries[0]['degree']}, bandlimit {entries[0]['bandlimit']}: {', '.join(of_numbers)}")
+        of_numbers = [
+            f"{number:.0f}: {value:.1f}"
+            for number, value in zip(entries[0]["curve"]["simulations"], values, strict=True)
+        ]
+        print(
+            f"degree {entries[0]['degree']}, bandlimit {entries[0]['bandlimit']}: "
+            f"{', '.join(of_numbers)}"
+        )
     error, ratio, *within = np.mean(ours, axis=0)
-    print(f"\nthe correction 'block' on the same {unseen}: mean absolute error {error:.3f} GPa, theory x ratio {ratio:.3f}; within 1 and 2 sd "
-          f"{within[0]:.2f}, {within[1]:.2f}, 99 % quantile of |z| {within[2]:.1f}")  # fmt: skip
+    print(
+        f"\nthe correction 'block' on the same {unseen}: mean absolute error {error:.3f} GPa, "
+        f"theory x ratio {ratio:.3f}; within 1 and 2 sd "
+        f"{within[0]:.2f}, {within[1]:.2f}, 99 % quantile of |z| {within[2]:.1f}"
+    )
     return 0
 
 
@@ -99,23 +165,48 @@ def variant(arguments, seed: int, folder: Path) -> Problem:
 
 
 def write_figures(results: Results, symmetry: str) -> None:
-    """Figs. 1 to 3 of the paper, or 6 to 8: truncations, norm and angle of the coefficients, unseen simulations."""
+    """Figs. 1 to 3 of the paper, or 6 to 8: truncations, norm and angle of the coefficients, unseen
+    simulations.
+    """
     history = results.documents["build"]["history"][1:]
     with house_style():
         figure, places = panels(3.0, 1, 2)
-        labels = {"norm": "norm of the coefficients (GPa)", "angle_deg": "angle to those before (degrees)"}
+        labels = {
+            "norm": "norm of the coefficients (GPa)",
+            "angle_deg": "angle to those before (degrees)",
+        }
         for axes, (name, label) in zip(places, labels.items(), strict=True):
-            axes.plot([entry["simulations"] for entry in history], [entry[name] for entry in history], ".-")
+            axes.plot(
+                [entry["simulations"] for entry in history],
+                [entry[name] for entry in history],
+                ".-",
+            )
             axes.set(xlabel="simulations", ylabel=label)
-        figures = {"truncations.svg": truncations(results).figure, "coefficients.svg": figure, "validation.png": validation(results).figure}
+        figures = {
+            "truncations.svg": truncations(results).figure,
+            "coefficients.svg": figure,
+            "validation.png": validation(results).figure,
+        }
         for name, drawn in figures.items():
-            drawn.savefig(FIGURES / f"{symmetry}_paper_{name}", metadata={"Date": None} if name.endswith("svg") else None, dpi=130)
+            drawn.savefig(
+                FIGURES / f"{symmetry}_paper_{name}",
+                metadata={"Date": None} if name.endswith("svg") else None,
+                dpi=130,
+            )
 
 
 def on_same_unseen(symmetry: str, validation: dict) -> list[float]:
-    """Mean absolute errors of the correction and of theory times one ratio, shares within 1 and 2 sd, and the 99 % quantile of |z|."""
-    matrices, angles = stiffness_rows(symmetry, np.array(validation["constants"])), np.array(validation["euler_deg"])
-    modulus, theory = np.array(validation["simulated"]), halfspace_modulus(matrices, validation["euler_deg"])
+    """Mean absolute errors of the correction and of theory times one ratio, shares within 1 and 2
+    sd, and the 99 % quantile of |z|.
+    """
+    matrices, angles = (
+        stiffness_rows(symmetry, np.array(validation["constants"])),
+        np.array(validation["euler_deg"]),
+    )
+    modulus, theory = (
+        np.array(validation["simulated"]),
+        halfspace_modulus(matrices, validation["euler_deg"]),
+    )
     mean, sd = Surrogate.load("block").predict(matrices, angles)
     z, ratio = np.abs(mean - modulus) / sd, np.exp(np.mean(np.log(modulus / theory)))
     errors = [np.mean(np.abs(value - modulus)) for value in (mean, ratio * theory)]
@@ -127,7 +218,11 @@ def print_rows(header, rows) -> None:
     print("".join(f"{name:>16}" for name in header))
     mean = ["mean", *np.mean(np.array(rows)[:, 1:], axis=0)]
     for row in [*rows, mean] if len(rows) > 1 else rows:
-        print(f"{row[0]:>16}" + "".join(f"{value:16.2f}" for value in row[1:6]) + "".join(f"{value:16.0f}" for value in row[6:]))
+        print(
+            f"{row[0]:>16}"
+            + "".join(f"{value:16.2f}" for value in row[1:6])
+            + "".join(f"{value:16.0f}" for value in row[6:])
+        )
 
 
 if __name__ == "__main__":

@@ -2,9 +2,11 @@
 
 - predict: points from a CSV to a CSV by the command line, with the correction of the paper's block
 - extract: grains of a cubic crystal to a posterior by the command line, with the exact theory
-- campaign: rows of a campaign that were made elsewhere are imported; then a build opens it, chooses a batch of 16 and stores their results
+- campaign: rows of a campaign that were made elsewhere are imported; then a build opens it, chooses
+a batch of 16 and stores their results
 
-Each size is a process of its own, on as many threads as there are processors. What the machine does beside counts: CPU seconds do not wait.
+Each size is a process of its own, on as many threads as there are processors. What the machine does
+beside counts: CPU seconds do not wait.
 """
 
 import argparse
@@ -26,7 +28,11 @@ from bayesindent.settings.problem import Problem, read_crystals
 from bayesindent.surrogate.basis import Basis
 from support.learner import spread_crystals
 
-SIZES = {"predict": (1000, 10000, 100000, 1000000), "extract": (10, 100, 1000, 10000), "campaign": (100, 1000, 10000, 100000)}
+SIZES = {
+    "predict": (1000, 10000, 100000, 1000000),
+    "extract": (10, 100, 1000, 10000),
+    "campaign": (100, 1000, 10000, 100000),
+}
 FIGURE = Path(__file__).parents[2] / "docs" / "figures" / "scale.png"
 COPPER = {"C11": 168.4, "C12": 121.4, "C44": 75.4}
 BATCH = 16
@@ -43,10 +49,18 @@ print(json.dumps([code, time.monotonic() - start, used.ru_utime + used.ru_stime,
 
 def main(argv=None) -> int:
     """Run what is asked for, print its table, and draw all with --figures."""
-    parser = argparse.ArgumentParser(prog="bench scale", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        prog="bench scale",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("parts", nargs="*", choices=[*SIZES, []], help="what to measure (all)")
     parser.add_argument("--most", type=int, default=10**6, help="leave larger sizes out")
-    parser.add_argument("--figures", action="store_true", help=f"draw {FIGURE.name} of docs/figures; needs all parts")
+    parser.add_argument(
+        "--figures",
+        action="store_true",
+        help=f"draw {FIGURE.name} of docs/figures; needs all parts",
+    )
     parser.add_argument("--campaign", nargs=2, metavar=("ROWS", "FOLDER"), help=argparse.SUPPRESS)
     arguments = parser.parse_args(argv)
     if arguments.campaign:
@@ -60,14 +74,21 @@ def main(argv=None) -> int:
                 with tempfile.TemporaryDirectory() as folder:
                     found[part].append({"size": size} | MEASURES[part](size, Path(folder)))
                 print(
-                    f"{part} {size}: " + ", ".join(f"{name} {value:.4g}" for name, value in found[part][-1].items() if name != "size"),
+                    f"{part} {size}: "
+                    + ", ".join(
+                        f"{name} {value:.4g}"
+                        for name, value in found[part][-1].items()
+                        if name != "size"
+                    ),
                     flush=True,
                 )
     for part, rows in found.items():
         names = list(rows[0])
         print(f"\n| {part}: {' | '.join(names)} |\n|{'---|' * len(names)}")
         for row in rows:
-            print(f"| {' | '.join(f'{row[name]:,}' if name == 'size' else f'{row[name]:.3g}' for name in names)} |")
+            print(
+                f"| {' | '.join(f'{row[name]:,}' if name == 'size' else f'{row[name]:.3g}' for name in names)} |"
+            )
     if arguments.figures:
         draw(found)
     return 0
@@ -75,12 +96,26 @@ def main(argv=None) -> int:
 
 def angles(n: int, rng: np.random.Generator) -> np.ndarray:
     """Orientations (n, 3) in degrees, uniform."""
-    return np.column_stack([rng.uniform(0, 360, n), np.degrees(np.arccos(rng.uniform(-1, 1, n))), rng.uniform(0, 360, n)])
+    return np.column_stack(
+        [
+            rng.uniform(0, 360, n),
+            np.degrees(np.arccos(rng.uniform(-1, 1, n))),
+            rng.uniform(0, 360, n),
+        ]
+    )
 
 
 def process(command: list, folder: Path) -> dict:
-    """Seconds, CPU seconds and peak MB of a command, which must succeed; what it prints is kept in folder/printed."""
-    done = subprocess.run([sys.executable, "-S", "-c", LAUNCH, *map(str, command)], cwd=folder, capture_output=True, text=True, check=True)
+    """Seconds, CPU seconds and peak MB of a command, which must succeed; what it prints is kept in
+    folder/printed.
+    """
+    done = subprocess.run(
+        [sys.executable, "-S", "-c", LAUNCH, *map(str, command)],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     code, seconds, cpu, peak = json.loads(done.stdout)
     if code:
         raise SystemExit(f"{command} ended with status {code}")
@@ -93,22 +128,48 @@ def measure_predict(size: int, folder: Path) -> dict:
     constants = np.array(list(COPPER.values())) * (1 + 0.1 * rng.random((size, 3)))
     header = ",".join([*COPPER, "phi1_deg", "Phi_deg", "phi2_deg"])
     np.savetxt(
-        folder / "points.csv", np.column_stack([constants, angles(size, rng)]), delimiter=",", header=header, comments="", fmt="%.3f"
+        folder / "points.csv",
+        np.column_stack([constants, angles(size, rng)]),
+        delimiter=",",
+        header=header,
+        comments="",
+        fmt="%.3f",
     )
-    return process(["-m", "bayesindent", "predict", "--surrogate", "block", "--symmetry", "cubic", "--points", "points.csv"], folder)
+    return process(
+        [
+            "-m",
+            "bayesindent",
+            "predict",
+            "--surrogate",
+            "block",
+            "--symmetry",
+            "cubic",
+            "--points",
+            "points.csv",
+        ],
+        folder,
+    )
 
 
 def measure_extract(size: int, folder: Path) -> dict:
     """Copper, measured with an sd of 3 GPa."""
     rng = np.random.default_rng(1)
     euler_deg = angles(size, rng)
-    moduli = bi.halfspace_modulus(bi.stiffness("cubic", **COPPER), euler_deg) + rng.normal(0, 3, size)
+    moduli = bi.halfspace_modulus(bi.stiffness("cubic", **COPPER), euler_deg) + rng.normal(
+        0, 3, size
+    )
     header = "phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa"
     np.savetxt(
-        folder / "grains.csv", np.column_stack([euler_deg, moduli, np.full(size, 3)]), delimiter=",", header=header, comments="", fmt="%.3f"
+        folder / "grains.csv",
+        np.column_stack([euler_deg, moduli, np.full(size, 3)]),
+        delimiter=",",
+        header=header,
+        comments="",
+        fmt="%.3f",
     )
     (folder / "a.nml").write_text(
-        "&problem symmetry = 'cubic', synthetic = .true. /\n&measurements file = 'grains.csv', modulus_kind = 'indentation_modulus' /\n"
+        "&problem symmetry = 'cubic', synthetic = .true. /\n&measurements file = 'grains.csv', "
+        "modulus_kind = 'indentation_modulus' /\n"
     )
     return process(["-m", "bayesindent", "extract", "a.nml"], folder)
 
@@ -120,12 +181,19 @@ def measure_campaign(size: int, folder: Path) -> dict:
 
 
 def campaign_steps(rows: int, folder: Path) -> dict:
-    """CPU seconds to import so many rows, to open them, to choose a batch; milliseconds to store a row; bytes of the file a row.
+    """CPU seconds to import so many rows, to open them, to choose a batch; milliseconds to store a
+    row; bytes of the file a row.
 
-    The rows are crystals of every class, with 1.1 times the theory's modulus. All are learnt before the variance chooses (`initial`), and alpha
-    and beta are learnt once.
+    The rows are crystals of every class, with 1.1 times the theory's modulus. All are learnt before
+    the variance chooses (`initial`), and alpha and beta are learnt once.
     """
-    design = {"n_candidates": rows + 2000, "budget": rows + 2 * BATCH, "initial": rows, "batch": BATCH, "refit": 100000}
+    design = {
+        "n_candidates": rows + 2000,
+        "budget": rows + 2 * BATCH,
+        "initial": rows,
+        "batch": BATCH,
+        "refit": 100000,
+    }
     problem = Problem.from_keywords("bench scale", specimen={"geometry": "block"}, design=design)
     constants, euler_deg = spread_crystals(Basis(problem), rows, 1)
     moduli = 1.1 * halfspace_modulus(stiffness_rows("triclinic", constants), euler_deg)
@@ -175,7 +243,10 @@ def draw(found: dict[str, list[dict]]) -> None:
     curves = {
         "predict": ("points", {"s": "s", "CPU s": "CPU s"}),
         "extract": ("grains", {"s": "s", "CPU s": "CPU s"}),
-        "campaign": ("rows", {"import, CPU s": "import", "open, CPU s": "open", "choose 16, CPU s": "choose 16"}),
+        "campaign": (
+            "rows",
+            {"import, CPU s": "import", "open, CPU s": "open", "choose 16, CPU s": "choose 16"},
+        ),
     }
     with house_style():
         figure = Figure(figsize=(9, 5), layout="constrained")
@@ -184,7 +255,13 @@ def draw(found: dict[str, list[dict]]) -> None:
             sizes = np.array([row["size"] for row in found[part]])
             above, below = axes[:, column]
             for k, (name, label) in enumerate(lines.items()):
-                above.loglog(sizes, [row[name] for row in found[part]], MARKERS[k] + "-", color=CYCLE[k], label=label)
+                above.loglog(
+                    sizes,
+                    [row[name] for row in found[part]],
+                    MARKERS[k] + "-",
+                    color=CYCLE[k],
+                    label=label,
+                )
             last = max(found[part][-1][name] for name in lines)
             above.loglog(sizes, last * sizes / sizes[-1], ":", color="0.5", label="in proportion")
             above.set(title=part, ylabel="CPU s" if part == "campaign" else "seconds")

@@ -1,8 +1,10 @@
-"""Step 2 on crystals, classes and numbers of grains that no other test has: does it find the truth, and do its seeds agree?
+"""Step 2 on crystals, classes and numbers of grains that no other test has: does it find the truth,
+and do its seeds agree?
 
-Observations are the exact half-space theory of constants from the literature, in random orientations, with normal noise. For each case the
-distance of each constant's posterior mean from the truth in posterior sds (z); with --seeds also the largest distance of a mean of one seed
-from that of all of them, in sds. Results that are not usable are marked and count as the others do.
+Observations are the exact half-space theory of constants from the literature, in random
+orientations, with normal noise. For each case the distance of each constant's posterior mean from
+the truth in posterior sds (z); with --seeds also the largest distance of a mean of one seed from
+that of all of them, in sds. Results that are not usable are marked and count as the others do.
 
     ./bayesindent bench truths                                  # every case, one seed
     ./bayesindent bench truths --seeds 5 --case beryllium       # whether the seeds agree
@@ -16,7 +18,12 @@ from typing import NamedTuple
 import numpy as np
 
 import bayesindent as bi
-from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, quantities, stiffness_rows
+from bayesindent.crystal.elasticity import (
+    constant_names,
+    halfspace_modulus,
+    quantities,
+    stiffness_rows,
+)
 
 #: Share of the prior above which a constant is marked.
 MOST = 0.5
@@ -34,8 +41,9 @@ class Truth(NamedTuple):
     quantities: tuple[str, ...] = ("bulk_modulus",)  # that are known
 
 
-#: Rounded values of the compilations: of Hirth and Lothe (Theory of Dislocations, 1982), Simmons and Wang (Single Crystal Elastic Constants,
-#: 1971), Bass (Elasticity of Minerals, Glasses, and Melts, 1995), and of Gammon et al. (1983, ice). They are not in crystals.csv.
+#: Rounded values of the compilations: of Hirth and Lothe (Theory of Dislocations, 1982), Simmons
+#: and Wang (Single Crystal Elastic Constants, 1971), Bass (Elasticity of Minerals, Glasses, and
+#: Melts, 1995), and of Gammon et al. (1983, ice). They are not in crystals.csv.
 TRUTHS = [
     Truth("aluminium", "cubic", (108.2, 61.3, 28.5), 8, 0.02),
     Truth("gold", "cubic", (186, 157, 42), 20, 0.03),
@@ -74,7 +82,8 @@ TRUTHS = [
     Truth("zinc, 2,000 grains", "hexagonal", (161.1, 34.2, 38.3, 61.1, 50.3), 2000, 0.02),
     Truth("titanium, 1,000 grains", "hexagonal", (162.4, 92.0, 46.7, 180.7, 69.0), 1000, 0.02),
     Truth("rutile, 1,000 grains", "4/mmm", (269, 177, 146, 480, 124, 192), 1000, 0.02),
-    # What the measurements leave to a prior that lies elsewhere. A case's place in this list is in the seed of its data.
+    # What the measurements leave to a prior that lies elsewhere. A case's place in this list is in
+    # the seed of its data.
     Truth("gold, bulk known", "cubic", (186, 157, 42), 20, 0.03, 0.02),
     Truth("indium, bulk known", "4/mmm", (44.5, 39.5, 40.5, 44.4, 6.55, 12.2), 16, 0.02, 0.02),
     # Proposals of a near density lost chains here.
@@ -93,13 +102,25 @@ TRUTHS = [
 def measured(truth: Truth, stream: int) -> tuple[dict, dict]:
     """The table of a case, and the settings of its posterior."""
     rng, n = np.random.default_rng([TRUTHS.index(truth), stream]), truth.grains
-    euler = np.column_stack([rng.uniform(0, 360, n), np.degrees(np.arccos(rng.uniform(-1, 1, n))), rng.uniform(0, 360, n)])
+    euler = np.column_stack(
+        [
+            rng.uniform(0, 360, n),
+            np.degrees(np.arccos(rng.uniform(-1, 1, n))),
+            rng.uniform(0, 360, n),
+        ]
+    )
     exact = halfspace_modulus(stiffness_rows(truth.symmetry, [truth.constants])[0], euler)
-    table = {"euler_deg": euler, "modulus_gpa": exact * (1 + truth.noise * rng.normal(size=n)), "sd_gpa": truth.noise * exact}
+    table = {
+        "euler_deg": euler,
+        "modulus_gpa": exact * (1 + truth.noise * rng.normal(size=n)),
+        "sd_gpa": truth.noise * exact,
+    }
     settings = {"symmetry": truth.symmetry, "modulus_kind": "indentation_modulus"}
     if truth.known:
         values = quantities(truth.symmetry, np.array(truth.constants), truth.quantities)
-        settings["knowledge"] = {name: (float(value), truth.known * float(value)) for name, value in values.items()}
+        settings["knowledge"] = {
+            name: (float(value), truth.known * float(value)) for name, value in values.items()
+        }
     return table, settings
 
 
@@ -119,7 +140,9 @@ class Seeds:
             shares = [document["parameters"][name]["share"]["prior"] for name in names]
             self.prior = np.array([1.0 if share is None else share for share in shares])
             self.r_hat.append(max(values["r_hat"] for values in document["parameters"].values()))
-            self.effective.append(min(values["ess_bulk"] for values in document["parameters"].values()))
+            self.effective.append(
+                min(values["ess_bulk"] for values in document["parameters"].values())
+            )
         draws = np.array(draws)
         self.seconds = time.process_time() - start
         self.mean, self.sd = draws.mean(axis=(0, 2)), draws.std(axis=(0, 2))
@@ -129,19 +152,33 @@ class Seeds:
 
     def agree(self) -> bool:
         """Whether every usable seed's means are within 0.15 sds of those of all."""
-        return all(apart <= 0.15 for apart, usable in zip(self.apart, self.usable, strict=True) if usable)
+        return all(
+            apart <= 0.15 for apart, usable in zip(self.apart, self.usable, strict=True) if usable
+        )
 
 
 def main(argv=None) -> int:
-    """A row for each case, and how often the truth is within one and two sds; 1 if seeds disagree."""
-    parser = argparse.ArgumentParser(prog="bench truths", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--case", action="append", choices=[truth.name for truth in TRUTHS], help="only this one; may be given again")
+    """A row for each case, and how often the truth is within one and two sds; 1 if seeds
+    disagree.
+    """
+    parser = argparse.ArgumentParser(
+        prog="bench truths",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "--case",
+        action="append",
+        choices=[truth.name for truth in TRUTHS],
+        help="only this one; may be given again",
+    )
     parser.add_argument("--seeds", type=int, default=1, help="of the chains (1)")
     parser.add_argument("--stream", type=int, default=1, help="of orientations and noise (1)")
     arguments = parser.parse_args(argv)
     warnings.simplefilter("ignore", bi.BayesindentWarning)
     print(
-        "| crystal | class | grains | noise | bulk modulus or compressibilities known | z of each constant | largest sd, GPa | usable | R-hat | ESS | seeds apart, sd | CPU s |"
+        "| crystal | class | grains | noise | bulk modulus or compressibilities known | z of "
+        "each constant | largest sd, GPa | usable | R-hat | ESS | seeds apart, sd | CPU s |"
     )
     print(f"|{'---|' * 12}")
     z, prior, inside, wrong = [], [], [], []
@@ -155,11 +192,15 @@ def main(argv=None) -> int:
         if not seeds.agree():
             wrong.append(truth.name)
         values = zip(constant_names(truth.symmetry), seeds.z, seeds.prior, strict=True)
-        listed = ", ".join(f"{name} {value:+.1f}{'*' * int(share > MOST)}" for name, value, share in values)
+        listed = ", ".join(
+            f"{name} {value:+.1f}{'*' * int(share > MOST)}" for name, value, share in values
+        )
         known = f"{100 * truth.known:g} %" if truth.known else ""
         print(
-            f"| {truth.name} | {truth.symmetry} | {truth.grains} | {100 * truth.noise:g} % | {known} | {listed} | {seeds.sd.max():.1f} "
-            f"| {sum(seeds.usable)} of {arguments.seeds} | {max(seeds.r_hat):.3f} | {min(seeds.effective):,.0f} "
+            f"| {truth.name} | {truth.symmetry} | {truth.grains} | {100 * truth.noise:g} % | "
+            f"{known} | {listed} | {seeds.sd.max():.1f} "
+            f"| {sum(seeds.usable)} of {arguments.seeds} | {max(seeds.r_hat):.3f} | "
+            f"{min(seeds.effective):,.0f} "
             f"| {' '.join(f'{apart:.2f}' for apart in seeds.apart) if arguments.seeds > 1 else ''} | {seeds.seconds:.0f} |",
             flush=True,
         )
@@ -167,7 +208,9 @@ def main(argv=None) -> int:
     for what, chosen in (("all", np.ones(len(z), bool)), ("others", np.array(prior) <= MOST)):
         size = np.abs(z)[chosen]
         if len(size):
-            within = " %, ".join(f"|z| < {limit} {100 * np.mean(size < limit):.0f}" for limit in (1, 2))
+            within = " %, ".join(
+                f"|z| < {limit} {100 * np.mean(size < limit):.0f}" for limit in (1, 2)
+            )
             print(f"{what}: {len(size)} constants, {within} %, worst {size.max():.1f}")
     print(f"within the central 90 % of the draws: {100 * np.mean(inside):.0f} %")
     if wrong:

@@ -1,14 +1,19 @@
-"""What a person waits for: seconds and CPU seconds of processes, beside the machine's rates of SGEMM and of memory.
+"""What a person waits for: seconds and CPU seconds of processes, beside the machine's rates of
+SGEMM and of memory.
 
 - start: `import bayesindent`, `bayesindent --help`
-- extract: eleven cubic, fifty hexagonal, thirty grains of quartz, forty of forsterite, a hundred with 21 constants
+- extract: eleven cubic, fifty hexagonal, thirty grains of quartz, forty of forsterite, a hundred
+with 21 constants
 - theory: moduli a second on one core
-- curve: one curve on the paper's block, in per cent of SGEMM's rate; the hexagonal paper campaign, 2,800 such curves on two cores by CPU time
+- curve: one curve on the paper's block, in per cent of SGEMM's rate; the hexagonal paper campaign,
+2,800 such curves on two cores by CPU time
 - grains: extract of 10,000 grains of copper
 - quickstart: `run inputs/quickstart.nml` in a new folder; then `report` and `report --paper` of it
-- setup: a copy of the source tree without environment and build: `./bayesindent --version`. Only where it is asked for
+- setup: a copy of the source tree without environment and build: `./bayesindent --version`. Only
+where it is asked for
 
-Each but theory and curve is a process of its own. On a busy machine only CPU seconds count; they are those of all its threads.
+Each but theory and curve is a process of its own. On a busy machine only CPU seconds count; they
+are those of all its threads.
 """
 
 import argparse
@@ -43,12 +48,20 @@ CAMPAIGN = 2800
 
 def main(argv=None) -> int:
     """Print one table."""
-    parser = argparse.ArgumentParser(prog="bench wait", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("parts", nargs="*", choices=[*PARTS, "setup", []], help="what to measure (all but setup)")
+    parser = argparse.ArgumentParser(
+        prog="bench wait", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "parts", nargs="*", choices=[*PARTS, "setup", []], help="what to measure (all but setup)"
+    )
     arguments = parser.parse_args(argv)
-    print(f"SGEMM on one core: {sgemm_rate():.1f} Gflop/s; memory: {memory_rate():.1f} GB/s read and written by one core")
     print(
-        f"load average {os.getloadavg()[0]:.1f} on {len(os.sched_getaffinity(0))} cores\n\n| what | seconds | CPU seconds |\n|---|---|---|"
+        f"SGEMM on one core: {sgemm_rate():.1f} Gflop/s; memory: {memory_rate():.1f} GB/s read "
+        "and written by one core"
+    )
+    print(
+        f"load average {os.getloadavg()[0]:.1f} on {len(os.sched_getaffinity(0))} cores\n\n| "
+        "what | seconds | CPU seconds |\n|---|---|---|"
     )
     for part in arguments.parts or PARTS:
         with tempfile.TemporaryDirectory() as folder:
@@ -68,7 +81,13 @@ def row(name: str, command: list, times: int = 1, **options) -> tuple[str, str, 
     walls, cpus = [], []
     for _ in range(times):
         before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
-        done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, **options)
+        done = subprocess.run(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            **options,
+        )
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         walls.append(time.monotonic() - start)
         cpus.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
@@ -92,9 +111,12 @@ def measure_extract(folder: Path):
 def extract(name: str, folder: Path, table: str, symmetry: str):
     """The program's `extract` of a table of indentation moduli."""
     (folder / "extract.nml").write_text(
-        f"&problem symmetry = '{symmetry}', synthetic = .true. /\n&measurements file = '{table}', modulus_kind = 'indentation_modulus' /\n"
+        f"&problem symmetry = '{symmetry}', synthetic = .true. /\n&measurements file = "
+        f"'{table}', modulus_kind = 'indentation_modulus' /\n"
     )
-    return row(f"extract: {name}", [PROGRAM, "extract", folder / "extract.nml", "--output", folder / name])
+    return row(
+        f"extract: {name}", [PROGRAM, "extract", folder / "extract.nml", "--output", folder / name]
+    )
 
 
 def measure_theory(folder: Path):
@@ -112,22 +134,41 @@ def measure_curve(folder: Path):
     cpu = min(timed(lambda: model.run(ZINC, (0, 30, 0)))[0] for _ in range(5))
     share = 100e-9 * model.factor_operations / cpu / sgemm_rate()
     yield f"one curve on the paper's block: {share:.0f} % of SGEMM's rate", "", f"{cpu:.3f}"
-    yield f"{CAMPAIGN:,} such curves, at least", f"{CAMPAIGN * cpu / 2:.0f} on two free cores", f"{CAMPAIGN * cpu:.0f}"
+    yield (
+        f"{CAMPAIGN:,} such curves, at least",
+        f"{CAMPAIGN * cpu / 2:.0f} on two free cores",
+        f"{CAMPAIGN * cpu:.0f}",
+    )
 
 
 def measure_grains(folder: Path):
     """Copper at random orientations, sd 2 %."""
     rng, copper = np.random.default_rng(1), bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)
-    angles = np.column_stack([rng.uniform(0, 360, 10000), np.degrees(np.arccos(rng.uniform(-1, 1, 10000))), rng.uniform(0, 360, 10000)])
+    angles = np.column_stack(
+        [
+            rng.uniform(0, 360, 10000),
+            np.degrees(np.arccos(rng.uniform(-1, 1, 10000))),
+            rng.uniform(0, 360, 10000),
+        ]
+    )
     moduli = bi.halfspace_modulus(np.broadcast_to(copper, (10000, 6, 6)), angles)
     rows = np.column_stack([angles, moduli * rng.normal(1, 0.02, 10000), 0.02 * moduli])
-    np.savetxt(folder / "grains.csv", rows, delimiter=",", header="phi1_deg,Phi_deg,phi2_deg,indentation_modulus_gpa,sd_gpa", comments="")
+    np.savetxt(
+        folder / "grains.csv",
+        rows,
+        delimiter=",",
+        header="phi1_deg,Phi_deg,phi2_deg,indentation_modulus_gpa,sd_gpa",
+        comments="",
+    )
     yield extract("10,000 grains", folder, "grains.csv", "cubic")
 
 
 def measure_quickstart(folder: Path):
     """Everything, then reports of its folder."""
-    yield row("run inputs/quickstart.nml", [PROGRAM, "run", SOURCE / "inputs" / "quickstart.nml", "--output", folder])
+    yield row(
+        "run inputs/quickstart.nml",
+        [PROGRAM, "run", SOURCE / "inputs" / "quickstart.nml", "--output", folder],
+    )
     yield row("report", [PROGRAM, "report", folder], 3)
     yield row("report --paper", [PROGRAM, "report", folder, "--paper"], 3)
 
@@ -135,7 +176,13 @@ def measure_quickstart(folder: Path):
 def measure_setup(folder: Path):
     """Without what the launcher makes; Debian packages are those of the machine."""
     tree = folder / "tree"
-    shutil.copytree(SOURCE, tree, ignore=shutil.ignore_patterns(".venv", "build", "build-*", "runs", ".git", ".mypy_cache", "__pycache__"))
+    shutil.copytree(
+        SOURCE,
+        tree,
+        ignore=shutil.ignore_patterns(
+            ".venv", "build", "build-*", "runs", ".git", ".mypy_cache", "__pycache__"
+        ),
+    )
     yield row("set-up: ./bayesindent --version in a new copy", [tree / "bayesindent", "--version"])
 
 

@@ -1,6 +1,8 @@
-"""The two cores of a portable wheel beside the installed package: what they cost on one thread, CPU time, and which digits differ.
+"""The two cores of a portable wheel beside the installed package: what they cost on one thread, CPU
+time, and which digits differ.
 
-The wheel must be one of this Python. Each is a process of its own; the shortest of the repeats counts.
+The wheel must be one of this Python. Each is a process of its own; the shortest of the repeats
+counts.
 """
 
 import argparse
@@ -55,7 +57,11 @@ def least(found: list[tuple[dict, dict]], key: str) -> float:
 
 def main(argv=None) -> int:
     """Print both tables."""
-    parser = argparse.ArgumentParser(prog="bench wheel", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        prog="bench wheel",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("wheel", type=Path)
     parser.add_argument("--repeats", type=int, default=2)
     arguments = parser.parse_args(argv)
@@ -68,7 +74,10 @@ def main(argv=None) -> int:
         runs = {}
         for name, place in places.items():
             runs[name] = [run(place) for _ in range(arguments.repeats)]
-        kernels = {name: run(places["x86-64-v3"], OPENBLAS_CORETYPE=name)[1] for name in ("PRESCOTT", "HASWELL", "SKYLAKEX")}
+        kernels = {
+            name: run(places["x86-64-v3"], OPENBLAS_CORETYPE=name)[1]
+            for name in ("PRESCOTT", "HASWELL", "SKYLAKEX")
+        }
     print(f"| | {' | '.join(places)} |\n|---|---|---|---|")
     for key, (words, scale) in ROWS.items():
         cells = [f"{scale * least(found, key):.2f}" for found in runs.values()]
@@ -82,6 +91,14 @@ def main(argv=None) -> int:
 
 def run(place: Path | None, **more: str) -> tuple[dict[str, float], dict[str, float]]:
     """CPU seconds and moduli of a package in a folder, or of the installed one."""
-    environment = os.environ | {"OMP_NUM_THREADS": "1"} | more | ({"PYTHONPATH": str(place)} if place else {})
-    done = subprocess.run([sys.executable, "-c", SCRIPT, str(REFERENCE)], env=environment, stdout=subprocess.PIPE, text=True, check=True)
+    environment = (
+        os.environ | {"OMP_NUM_THREADS": "1"} | more | ({"PYTHONPATH": str(place)} if place else {})
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT, str(REFERENCE)],
+        env=environment,
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    )
     return json.loads(done.stdout)

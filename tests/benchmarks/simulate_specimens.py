@@ -1,4 +1,6 @@
-"""Films and embedded grains for `bench simulate`: against exact values, against the half-space, and what they cost."""
+"""Films and embedded grains for `bench simulate`: against exact values, against the half-space, and
+what they cost.
+"""
 
 import csv
 import time
@@ -10,21 +12,46 @@ import bayesindent as bi
 from support.layered_halfspace import LayeredContact, random_pairs, thick_layer
 from support.tree import REFERENCE
 
-__all__ = ["CRYSTALS", "SPECIMENS", "alike", "around", "coated", "costs", "large", "pairs", "unlike"]
+__all__ = [
+    "CRYSTALS",
+    "SPECIMENS",
+    "alike",
+    "around",
+    "coated",
+    "costs",
+    "large",
+    "pairs",
+    "unlike",
+]
 
 #: Of three classes, each in a general orientation.
 CRYSTALS = ("copper", "Zn", "Ti", "rutile", "quartz")
 ANGLES = (200.0, 50.0, 25.0)
 #: Layer and substrate of unlike pairs: Young's modulus, GPa, and Poisson's ratio.
-PAIRS = [((200, 0.3), (100, 0.3)), ((100, 0.3), (200, 0.3)), ((70, 0.35), (200, 0.28)), ((400, 0.2), (160, 0.22)),
-         ((200, 0.3), (70, 0.2)), ((70, 0.3), (400, 0.25)), ((130, 0.45), (130, 0.1))]  # fmt: skip
+PAIRS = [
+    ((200, 0.3), (100, 0.3)),
+    ((100, 0.3), (200, 0.3)),
+    ((70, 0.35), (200, 0.28)),
+    ((400, 0.2), (160, 0.22)),
+    ((200, 0.3), (70, 0.2)),
+    ((70, 0.3), (400, 0.25)),
+    ((130, 0.45), (130, 0.1)),
+]
 #: Specimens by what is printed of them, contact radius 0.5 um.
 SPECIMENS: dict[str, dict] = {
-    **{f"film, {t} um": {"geometry": "film", "thickness_um": t} for t in (0.2, 0.3, 0.5, 0.65, 0.7, 1.0, 2.0, 5.0, 10.0, 50.0)},
-    **{f"hemisphere, {r} um": {"geometry": "grain", "grain_radius_um": r} for r in (1.5, 2.5, 5.0, 10.0, 50.0)},
-    **{f"cylinder, {r} x {d} um": {"geometry": "grain", "grain_radius_um": r, "grain_depth_um": d}
-       for r, d in ((1.5, 1.0), (4.0, 2.0), (4.0, 8.0), (10.0, 5.0), (50.0, 50.0))},
-}  # fmt: skip
+    **{
+        f"film, {t} um": {"geometry": "film", "thickness_um": t}
+        for t in (0.2, 0.3, 0.5, 0.65, 0.7, 1.0, 2.0, 5.0, 10.0, 50.0)
+    },
+    **{
+        f"hemisphere, {r} um": {"geometry": "grain", "grain_radius_um": r}
+        for r in (1.5, 2.5, 5.0, 10.0, 50.0)
+    },
+    **{
+        f"cylinder, {r} x {d} um": {"geometry": "grain", "grain_radius_um": r, "grain_depth_um": d}
+        for r, d in ((1.5, 1.0), (4.0, 2.0), (4.0, 8.0), (10.0, 5.0), (50.0, 50.0))
+    },
+}
 
 
 def isotropic(young: float, nu: float) -> np.ndarray:
@@ -34,9 +61,13 @@ def isotropic(young: float, nu: float) -> np.ndarray:
 
 
 def hill(crystal) -> tuple[float, float]:
-    """Young's modulus (GPa) and Poisson's ratio of the polycrystal, means of Voigt's and Reuss's."""
+    """Young's modulus (GPa) and Poisson's ratio of the polycrystal, means of Voigt's and
+    Reuss's.
+    """
     average = bi.polycrystal_averages(crystal)
-    bulk, shear = (float(average[f"{kind}_voigt"] + average[f"{kind}_reuss"]) / 2 for kind in ("bulk", "shear"))
+    bulk, shear = (
+        float(average[f"{kind}_voigt"] + average[f"{kind}_reuss"]) / 2 for kind in ("bulk", "shear")
+    )
     return 9 * bulk * shear / (3 * bulk + shear), (3 * bulk - 2 * shear) / (6 * bulk + 2 * shear)
 
 
@@ -61,33 +92,61 @@ def coated() -> Iterator[tuple]:
         errors, sizes, edge = [], [], 0.0
         for extrapolate in (False, True):
             film = bi.Indentation(
-                geometry="film", thickness_um=case["thickness_um"], substrate_young_gpa=case["substrate_young_gpa"],
-                substrate_nu=case["substrate_nu"], depth_um=case["depth_um"], extrapolate=extrapolate,
-            )  # fmt: skip
+                geometry="film",
+                thickness_um=case["thickness_um"],
+                substrate_young_gpa=case["substrate_young_gpa"],
+                substrate_nu=case["substrate_nu"],
+                depth_um=case["depth_um"],
+                extrapolate=extrapolate,
+            )
             result = film.run(layer, (0, 0, 0))
             errors.append(100 * (result.force_mn[-1] / case["force_mn"] - 1))
             sizes.append(film.elements)
-            edge = max(edge, abs(result.contact_radius_um[-1] - case["contact_radius_um"]) / (0.5 / 9.5))
-        yield (f"{row['layer_young_gpa']}, {row['layer_nu']}", f"{row['substrate_young_gpa']}, {row['substrate_nu']}",
-               row["thickness_um"], *(f"{error:+.3f}" for error in errors), f"{edge:.2f}", *sizes)  # fmt: skip
+            edge = max(
+                edge, abs(result.contact_radius_um[-1] - case["contact_radius_um"]) / (0.5 / 9.5)
+            )
+        yield (
+            f"{row['layer_young_gpa']}, {row['layer_nu']}",
+            f"{row['substrate_young_gpa']}, {row['substrate_nu']}",
+            row["thickness_um"],
+            *(f"{error:+.3f}" for error in errors),
+            f"{edge:.2f}",
+            *sizes,
+        )
 
 
 def pairs(count: int) -> Iterator[tuple]:
-    """M of isotropic films drawn at random, on one mesh and as by default, against the exact contact."""
+    """M of isotropic films drawn at random, on one mesh and as by default, against the exact
+    contact.
+    """
     for ratio, nu, below, thickness in random_pairs(count):
-        settings = {"geometry": "film", "thickness_um": 0.5 * thickness, "substrate_young_gpa": 100.0, "substrate_nu": below}
+        settings = {
+            "geometry": "film",
+            "thickness_um": 0.5 * thickness,
+            "substrate_young_gpa": 100.0,
+            "substrate_nu": below,
+        }
         exact = LayeredContact((100 * ratio, nu), (100.0, below), 0.5 * thickness)
         results = [
-            bi.Indentation(**settings, **options).run(isotropic(100 * ratio, nu), (0, 0, 0)) for options in ({"extrapolate": False}, {})
+            bi.Indentation(**settings, **options).run(isotropic(100 * ratio, nu), (0, 0, 0))
+            for options in ({"extrapolate": False}, {})
         ]
         modulus = exact.modulus_of_curve(results[0].depth_um)
-        yield (f"{ratio:.2f}", f"{nu:.2f}", f"{below:.2f}", f"{thickness:.2f}",
-               *(f"{100 * (result.indentation_modulus_gpa / modulus - 1):+.3f}" for result in results),
-               len(results[1].modulus_of_mesh_gpa), f"{results[1].seconds / results[0].seconds:.2f}")  # fmt: skip
+        yield (
+            f"{ratio:.2f}",
+            f"{nu:.2f}",
+            f"{below:.2f}",
+            f"{thickness:.2f}",
+            *(f"{100 * (result.indentation_modulus_gpa / modulus - 1):+.3f}" for result in results),
+            len(results[1].modulus_of_mesh_gpa),
+            f"{results[1].seconds / results[0].seconds:.2f}",
+        )
 
 
 def two_meshes(settings: dict, stiffness, angles) -> np.ndarray:
-    """The modulus at the default and extrapolated, GPa: the finer mesh of an extrapolation is the default one."""
+    """The modulus at the default and extrapolated, GPa: the finer mesh of an extrapolation is the
+    default one.
+    """
     result = bi.Indentation(**(settings | {"extrapolate": True})).run(stiffness, angles)
     return np.array([result.modulus_of_mesh_gpa[0], result.indentation_modulus_gpa])
 
@@ -95,48 +154,89 @@ def two_meshes(settings: dict, stiffness, angles) -> np.ndarray:
 def alike() -> Iterator[tuple]:
     """Where a specimen and its surroundings are alike it is a half-space, and has its modulus."""
     cases = [(200.0, nu, isotropic(200.0, nu)) for nu in (0.1, 0.3, 0.45)]
-    expected = [two_meshes({"extrapolate": True}, stiffness, (0, 0, 0)) for _, _, stiffness in cases]
+    expected = [
+        two_meshes({"extrapolate": True}, stiffness, (0, 0, 0)) for _, _, stiffness in cases
+    ]
     for name, settings in SPECIMENS.items():
         found = np.array(
-            [100 * (two_meshes(around(settings, young, nu), c, (0, 0, 0)) / m - 1) for (young, nu, c), m in zip(cases, expected)]
+            [
+                100 * (two_meshes(around(settings, young, nu), c, (0, 0, 0)) / m - 1)
+                for (young, nu, c), m in zip(cases, expected)
+            ]
         )
-        yield name, *(f"{value:+.3f}" for value in found[:, 0]), *(f"{value:+.3f}" for value in found[:, 1])
+        yield (
+            name,
+            *(f"{value:+.3f}" for value in found[:, 0]),
+            *(f"{value:+.3f}" for value in found[:, 1]),
+        )
 
 
 def large() -> Iterator[tuple]:
-    """Anisotropic crystals where the surroundings, of their average, are far away: a/t = a/R = 0.002."""
+    """Anisotropic crystals where the surroundings, of their average, are far away: a/t = a/R =
+    0.002.
+    """
     rows = {row["name"]: row for row in reference_rows("crystals.csv")}
     for name in CRYSTALS:
         row = rows[name]
-        crystal = bi.stiffness(row["symmetry"], **{c: float(row[c]) for c in bi.constants(row["symmetry"])})
+        crystal = bi.stiffness(
+            row["symmetry"], **{c: float(row[c]) for c in bi.constants(row["symmetry"])}
+        )
         average = hill(crystal)
-        half, exact = two_meshes({"extrapolate": True}, crystal, ANGLES), bi.halfspace_modulus(crystal, ANGLES)
+        half, exact = (
+            two_meshes({"extrapolate": True}, crystal, ANGLES),
+            bi.halfspace_modulus(crystal, ANGLES),
+        )
         for specimen, settings in (
             ("half-space", None),
             ("film, 250 um", {"geometry": "film", "thickness_um": 250.0}),
             ("hemisphere, 250 um", {"geometry": "grain", "grain_radius_um": 250.0}),
         ):
-            found = half if settings is None else two_meshes(around(settings, *average), crystal, ANGLES)
-            yield (name, row["symmetry"], specimen, *(f"{100 * x:+.3f}" for x in found / half - 1),
-                   *(f"{100 * x:+.3f}" for x in found / exact - 1))  # fmt: skip
+            found = (
+                half
+                if settings is None
+                else two_meshes(around(settings, *average), crystal, ANGLES)
+            )
+            yield (
+                name,
+                row["symmetry"],
+                specimen,
+                *(f"{100 * x:+.3f}" for x in found / half - 1),
+                *(f"{100 * x:+.3f}" for x in found / exact - 1),
+            )
 
 
 def unlike() -> Iterator[tuple]:
-    """Isotropic films a hundred times as thick as the contact radius, on a substrate that is another."""
+    """Isotropic films a hundred times as thick as the contact radius, on a substrate that is
+    another.
+    """
     for layer, substrate in PAIRS:
         depth, force = thick_layer(layer, substrate, 50.0, 0.5, 16.0)
         settings = around({"geometry": "film", "thickness_um": 50.0, "depth_um": depth}, *substrate)
-        forces = [bi.Indentation(**settings, extrapolate=e).run(isotropic(*layer), (0, 0, 0)).force_mn[-1] for e in (False, True)]
+        forces = [
+            bi.Indentation(**settings, extrapolate=e).run(isotropic(*layer), (0, 0, 0)).force_mn[-1]
+            for e in (False, True)
+        ]
         half = 4 / 3 * layer[0] / (1 - layer[1] ** 2) * 4 * depth**1.5
-        yield (f"{layer[0]}, {layer[1]}", f"{substrate[0]}, {substrate[1]}", f"{100 * (force / half - 1):+.3f}",
-               *(f"{100 * (found / force - 1):+.3f}" for found in forces))  # fmt: skip
+        yield (
+            f"{layer[0]}, {layer[1]}",
+            f"{substrate[0]}, {substrate[1]}",
+            f"{100 * (force / half - 1):+.3f}",
+            *(f"{100 * (found / force - 1):+.3f}" for found in forces),
+        )
 
 
 def costs(crystal) -> Iterator[tuple]:
     """Set-up and one curve of each specimen, CPU time."""
     specimens = {"half-space": {}, "block, the paper's": {"geometry": "block"}}
     specimens |= {name: around(settings, 160.0, 0.25) for name, settings in SPECIMENS.items()}
-    specimens |= {f"film, {t} um, on what is rigid": {"geometry": "film", "thickness_um": t, "substrate": "rigid"} for t in (1.0, 10.0)}
+    specimens |= {
+        f"film, {t} um, on what is rigid": {
+            "geometry": "film",
+            "thickness_um": t,
+            "substrate": "rigid",
+        }
+        for t in (1.0, 10.0)
+    }
     for name, settings in specimens.items():
         start = time.process_time()
         model = bi.Indentation(**settings)
@@ -146,5 +246,12 @@ def costs(crystal) -> Iterator[tuple]:
             start = time.process_time()
             model.run(crystal, (0, 30, 0))
             curve.append(time.process_time() - start)
-        yield (name, model.elements, model.unknowns, f"{1e-9 * model.factor_operations:.1f}", f"{1e-6 * model.workspace_bytes:.0f}",
-               f"{set_up:.2f}", f"{min(curve):.2f}")  # fmt: skip
+        yield (
+            name,
+            model.elements,
+            model.unknowns,
+            f"{1e-9 * model.factor_operations:.1f}",
+            f"{1e-6 * model.workspace_bytes:.0f}",
+            f"{set_up:.2f}",
+            f"{min(curve):.2f}",
+        )

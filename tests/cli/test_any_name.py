@@ -36,15 +36,29 @@ def write(folder: Path, name: str) -> str:
     moduli = bi.halfspace_modulus(bi.stiffness("cubic", **COPPER), np.array(ANGLES, dtype=float))
     with open(folder / f"{name}.csv", "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(["grain", *COPPER, "phi1_deg", "Phi_deg", "phi2_deg", "indentation_modulus_gpa", "sd_gpa"])
+        writer.writerow(
+            [
+                "grain",
+                *COPPER,
+                "phi1_deg",
+                "Phi_deg",
+                "phi2_deg",
+                "indentation_modulus_gpa",
+                "sd_gpa",
+            ]
+        )
         rows = zip(ANGLES, moduli.tolist(), strict=True)
-        writer.writerows([f"{name[:20]} {k}", *COPPER.values(), *angles, modulus, 2] for k, (angles, modulus) in enumerate(rows))
+        writer.writerows(
+            [f"{name[:20]} {k}", *COPPER.values(), *angles, modulus, 2]
+            for k, (angles, modulus) in enumerate(rows)
+        )
     table = quoted(f"{name}.csv")
     (folder / f"{name}.nml").write_bytes(
         os.fsencode(
             f"&problem symmetry = 'cubic', title = {quoted(name)} /\n&crystals points = {table} /\n"
             "&simulation simulator = 'theory' /\n&design n_candidates = 60, budget = 8 /\n"
-            f"&surrogate degree = 1, file = {quoted(name[:100] + '.txt')} /\n&measurements file = {table} /\n"
+            f"&surrogate degree = 1, file = {quoted(name[:100] + '.txt')} /\n&measurements file "
+            f"= {table} /\n"
             "&sampler samples = 400, burn_in = 1000, chains = 2 /\n&next count = 1 /\n"
         )
     )
@@ -71,7 +85,9 @@ def test_every_command(bayesindent, batch, tmp_path, name):
     done(file, "--output", f"{name}/batch", program=batch)
     # Both programs have chosen and learnt the same.
     surrogate = f"{name[:100]}.txt"
-    learnt = [bi.Surrogate.load(folder / output / surrogate).coefficients for output in ("out", "batch")]
+    learnt = [
+        bi.Surrogate.load(folder / output / surrogate).coefficients for output in ("out", "batch")
+    ]
     assert np.array_equal(*learnt)
     points = ("--points", f"{name}/{name}.csv", "--symmetry", "cubic")
     assert len(done("predict", "--surrogate", f"{name}/out/{surrogate}", *points).splitlines()) == 5
@@ -79,7 +95,9 @@ def test_every_command(bayesindent, batch, tmp_path, name):
     page = (folder / "out" / "report.html").read_text(encoding="utf-8")
     assert name.strip().replace("'", "&#39;") in page
     summary = json.loads((folder / "out" / "summary.json").read_text())
-    assert [row.get("grain") for row in summary["predicted"]] == [f"{name[:20]} {k}".strip() for k in range(4)]
+    assert [row.get("grain") for row in summary["predicted"]] == [
+        f"{name[:20]} {k}".strip() for k in range(4)
+    ]
     shutil.copytree(folder / "out", folder / "other")
     done("compare", f"{name}/out", f"{name}/other", "--output", f"{name}/both")
     done("init", "cubic", "--metal", "Cu", "--output", f"{name}/new")
@@ -99,12 +117,16 @@ def test_the_library(tmp_path, name):
     assert problem.stages[0] == "simulate"
     assert Path(problem.settings.crystals.points).name == f"{NAMES[name]}.csv"
     table = folder / f"{NAMES[name]}.csv"
-    assert read_crystals(table, "cubic").euler_deg.tolist() == [list(map(float, angles)) for angles in ANGLES]
+    assert read_crystals(table, "cubic").euler_deg.tolist() == [
+        list(map(float, angles)) for angles in ANGLES
+    ]
     surrogate = bi.Surrogate.load("block")
     file = folder / f"{NAMES[name][:100]}.txt"
     surrogate.save(file)
     assert np.array_equal(bi.Surrogate.load(file).coefficients, surrogate.coefficients)
-    assert np.array_equal(bi.Surrogate.load(file.name, folder=folder).coefficients, surrogate.coefficients)
+    assert np.array_equal(
+        bi.Surrogate.load(file.name, folder=folder).coefficients, surrogate.coefficients
+    )
     bi.build(problem, folder / "out")
     assert bi.report(folder / "out").exists()
     with pytest.raises(bi.InputError, match="there is no such surrogate"):
@@ -133,7 +155,11 @@ def test_what_is_told_is_utf8(tmp_path):
 
 def test_a_terminal_without_the_signs(tmp_path):
     """What it cannot show is written as an escape; nothing fails."""
-    (tmp_path / "a.csv").write_text("phi1,Phi,phi2,Er (GPa)\n4,5,6,130 ± 2\n7,80,9,131 ± 2\n", encoding="utf-8")
+    (tmp_path / "a.csv").write_text(
+        "phi1,Phi,phi2,Er (GPa)\n4,5,6,130 ± 2\n7,80,9,131 ± 2\n", encoding="utf-8"
+    )
     command = [sys.executable, "-m", "bayesindent", "table", str(tmp_path / "a.csv")]
-    done = subprocess.run(command, capture_output=True, env=os.environ | {"PYTHONIOENCODING": "ascii"}, check=False)
+    done = subprocess.run(
+        command, capture_output=True, env=os.environ | {"PYTHONIOENCODING": "ascii"}, check=False
+    )
     assert done.returncode == 0 and b"\\xb1" in done.stdout + done.stderr, done.stderr

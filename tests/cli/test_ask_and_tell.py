@@ -26,15 +26,31 @@ def test_ask_and_tell(bayesindent, tmp_path):
         writer.writerow([*header, "modulus_gpa"])
         for row in rows:
             c11, c12, c44, *euler = map(float, row)
-            writer.writerow([*row, float(bi.halfspace_modulus(bi.stiffness("cubic", C11=c11, C12=c12, C44=c44), euler))])
+            writer.writerow(
+                [
+                    *row,
+                    float(
+                        bi.halfspace_modulus(
+                            bi.stiffness("cubic", C11=c11, C12=c12, C44=c44), euler
+                        )
+                    ),
+                ]
+            )
     told = bayesindent("build", file, "--tell", results)
-    assert (told.returncode, told.stdout) == (0, "Campaign: 10 results imported, 10 simulations in all\n"), told.stderr
-    assert json.loads(bayesindent("build", file, "--tell", results, "--json").stdout)["imported"] == 0
+    assert (told.returncode, told.stdout) == (
+        0,
+        "Campaign: 10 results imported, 10 simulations in all\n",
+    ), told.stderr
+    assert (
+        json.loads(bayesindent("build", file, "--tell", results, "--json").stdout)["imported"] == 0
+    )
     built = json.loads(bayesindent("build", file, "--json").stdout)
     assert (built["simulations"], built["new_simulations"]) == (10, 0)
     # The same points with other moduli: refused as a whole.
     lines = results.read_text().splitlines()
-    results.write_text("\n".join([lines[0], *(f"{line.rsplit(',', 1)[0]},77.5" for line in lines[1:])]) + "\n")
+    results.write_text(
+        "\n".join([lines[0], *(f"{line.rsplit(',', 1)[0]},77.5" for line in lines[1:])]) + "\n"
+    )
     refused = bayesindent("build", file, "--tell", results)
     assert refused.returncode == 2
     assert refused.stderr.startswith(f"{results}: row 1 ")

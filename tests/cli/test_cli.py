@@ -48,7 +48,9 @@ def test_version(process):
     assert done.stdout.startswith("bayesindent 0.")
 
 
-@pytest.mark.parametrize("arguments", [(), ("unknown",), ("run",), ("predict", "--surrogate", "halfspace")])
+@pytest.mark.parametrize(
+    "arguments", [(), ("unknown",), ("run",), ("predict", "--surrogate", "halfspace")]
+)
 def test_wrong_usage_exits_2(process, arguments):
     done = process(*arguments)
     assert done.returncode == 2

@@ -31,7 +31,10 @@ def test_prior_and_order(bayesindent, tmp_path):
     lines = [line.strip() for line in done.stdout.splitlines()]
     begin = lines.index("Measurements, prior and surrogate:") + 1
     assert lines[begin : begin + 4] == PRIOR
-    assert re.fullmatch(r"surrogate: the exact theory of the half-space, harmonics to degree \d+, .* % of its sd", lines[begin + 4])
+    assert re.fullmatch(
+        r"surrogate: the exact theory of the half-space, harmonics to degree \d+, .* % of its sd",
+        lines[begin + 4],
+    )
     rows = [line.split() for line in lines if re.match(r"C\d\d ", line)]
     document = json.loads((tmp_path / "runs" / "a" / "summary.json").read_text())
     assert document["usable"]
@@ -53,34 +56,56 @@ def test_prior_and_order(bayesindent, tmp_path):
     # The table is last, and a terminal of 80 columns has room for it.
     assert [line[:3] for line in lines[-3:]] == ["C11", "C12", "C44"]
     assert max(map(len, done.stdout.split("Elastic constants (GPa)")[1].splitlines())) <= 80
-    done = subprocess.run([BATCH, "a.nml", "--output", "b"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [BATCH, "a.nml", "--output", "b"], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
     assert set(PRIOR) <= set(done.stdout.splitlines())
 
 
 @pytest.mark.long
 def test_contradiction_is_a_warning_of_both_programs(bayesindent, tmp_path):
     (tmp_path / "a.nml").write_text(CASE.replace("KNOWN", "300"))
-    batch = subprocess.run([BATCH, "a.nml", "--output", "b"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    batch = subprocess.run(
+        [BATCH, "a.nml", "--output", "b"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
     done = bayesindent("extract", "a.nml")
     for one, first in ((done, done.stdout), (batch, batch.stderr)):
         assert one.returncode == 3, one.stderr
-        assert first.lower().startswith("the result cannot be used: bulk_modulus = 300.0 ± 3.3 gpa is ")
-        told = re.search(r"warning: the stated bulk_modulus = 300.0 ± 3.3 GPa contradicts all else .* by ([0-9.]+) sd", one.stderr)
+        assert first.lower().startswith(
+            "the result cannot be used: bulk_modulus = 300.0 ± 3.3 gpa is "
+        )
+        told = re.search(
+            r"warning: the stated bulk_modulus = 300.0 ± 3.3 GPa contradicts all else .* by "
+            r"([0-9.]+) sd",
+            one.stderr,
+        )
         # The bounds alone keep the bulk modulus below (250 + 2 150)/3 = 183 GPa.
         assert float(told[1]) > (300 - 184) / 3.3 - 1
 
 
 @pytest.mark.parametrize("unit", ["degrees", "radians"])
 def test_angles(bayesindent, tmp_path, unit):
-    rows = list(csv.DictReader(line for line in (SOURCE / "inputs" / "data" / "fe3si.csv").open() if not line.startswith("#")))
+    rows = list(
+        csv.DictReader(
+            line
+            for line in (SOURCE / "inputs" / "data" / "fe3si.csv").open()
+            if not line.startswith("#")
+        )
+    )
     if unit == "radians":
         for row in rows:
-            row |= {name: str(float(row[name]) * 3.141592653589793 / 180) for name in ("phi1_deg", "Phi_deg", "phi2_deg")}
+            row |= {
+                name: str(float(row[name]) * 3.141592653589793 / 180)
+                for name in ("phi1_deg", "Phi_deg", "phi2_deg")
+            }
     with (tmp_path / "grains.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, rows[0])
         writer.writeheader()
         writer.writerows(rows)
-    text = "&problem symmetry = 'cubic' /\n&measurements file = 'grains.csv', modulus_kind = 'indentation_modulus', ANGLES /\n"
+    text = (
+        "&problem symmetry = 'cubic' /\n&measurements file = 'grains.csv', modulus_kind = "
+        "'indentation_modulus', ANGLES /\n"
+    )
     (tmp_path / "stated.nml").write_text(text.replace("ANGLES", f"angles = '{unit}'"))
     (tmp_path / "unstated.nml").write_text(text.replace(", ANGLES", ""))
     assert bayesindent("run", "stated.nml", "--check").returncode == 0

@@ -1,4 +1,6 @@
-"""Kills, damaged files, a full disk, no permission: nothing is lost, and what is wrong is told in one line. `bench faults` is the long form."""
+"""Kills, damaged files, a full disk, no permission: nothing is lost, and what is wrong is told in
+one line. `bench faults` is the long form.
+"""
 
 import pytest
 
@@ -24,7 +26,12 @@ def ended_well(found: dict) -> bool:
 def test_a_campaign_that_is_killed_is_the_one_that_is_not(tmp_path, program, kills, campaign):
     found = disturbed(program, tmp_path, kills, seed=7, **campaign)
     assert found["kills"] == kills
-    assert (found["lost"], found["repeated"], found["half-written files"], found["other"]) == (0, 0, [], [])
+    assert (found["lost"], found["repeated"], found["half-written files"], found["other"]) == (
+        0,
+        0,
+        [],
+        [],
+    )
 
 
 @pytest.mark.long
@@ -44,7 +51,9 @@ def test_a_damaged_file_is_named(tmp_path, file):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("program, sizes", [("bayesindent-batch", range(0, 40, 8)), ("bayesindent", range(12, 13))])
+@pytest.mark.parametrize(
+    "program, sizes", [("bayesindent-batch", range(0, 40, 8)), ("bayesindent", range(12, 13))]
+)
 def test_a_full_disk_is_told_and_loses_nothing(program, sizes):
     found = full_disk(program, sizes, "build")
     if not found["tries"]:

@@ -1,4 +1,6 @@
-"""A program that is killed costs no finished simulation, and goes on where it was. Each has work for minutes, so that the kill is never late."""
+"""A program that is killed costs no finished simulation, and goes on where it was. Each has work
+for minutes, so that the kill is never late.
+"""
 
 import subprocess
 import time
@@ -13,7 +15,12 @@ pytestmark = pytest.mark.long
 
 def killed_after(rows: int, command: list, folder) -> list:
     """What a program has stored in out/ when it is killed, as soon as it has so many rows."""
-    process = subprocess.Popen([*command, "--output", "out"], cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        [*command, "--output", "out"],
+        cwd=folder,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
     deadline = time.monotonic() + HANGS_S
     while len(stored(folder / "out")) < rows and time.monotonic() < deadline:
         assert process.poll() is None
@@ -27,7 +34,8 @@ def test_simulations(batch, tmp_path):
     rows = [HEADER, *(f"200,120,90,{turn},{angle},0" for turn in range(20) for angle in range(90))]
     (tmp_path / "points.csv").write_text("\n".join(rows) + "\n")
     (tmp_path / "a.nml").write_text(
-        "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&simulation refine = 0.6 /\n&execution workers = 1 /\n"
+        "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&simulation refine = "
+        "0.6 /\n&execution workers = 1 /\n"
     )
     before = killed_after(1, [BATCH, "a.nml"], tmp_path)
     assert 0 < len(before) < 1800
@@ -53,7 +61,9 @@ def test_a_build(batch, tmp_path):
     large(tmp_path, budget)
     done = batch("small.nml", "--output", "out")
     # With two more for validation.
-    assert (done.returncode, f"{budget} simulations, 7 new" in done.stdout) == (0, True), done.stdout + done.stderr
+    assert (done.returncode, f"{budget} simulations, 7 new" in done.stdout) == (0, True), (
+        done.stdout + done.stderr
+    )
     assert [row for row in stored(tmp_path / "out") if row in before] == before
     # As if nothing had happened.
     assert batch("small.nml", "--output", "whole").returncode == 0

@@ -9,12 +9,31 @@ import pytest
 
 from support.tree import SOURCE
 
-TOOLS = ("bash", "cat", "date", "dirname", "env", "find", "flock", "grep", "mkdir", "mv", "readlink", "rm", "sed", "sh", "tail", "touch")
+TOOLS = (
+    "bash",
+    "cat",
+    "date",
+    "dirname",
+    "env",
+    "find",
+    "flock",
+    "grep",
+    "mkdir",
+    "mv",
+    "readlink",
+    "rm",
+    "sed",
+    "sh",
+    "tail",
+    "touch",
+)
 
 
 @pytest.fixture
 def bare_machine(tmp_path):
-    """Run a copy of the launcher on a machine with the programs of TOOLS alone, and those written here."""
+    """Run a copy of the launcher on a machine with the programs of TOOLS alone, and those written
+    here.
+    """
     folder = tmp_path / "bin"
     folder.mkdir()
     for tool in TOOLS:
@@ -29,7 +48,11 @@ def bare_machine(tmp_path):
             file.chmod(0o755)
         launcher = [str(folder / "bash"), str(tmp_path / "bayesindent"), "--version"]
         return subprocess.run(
-            launcher, env={"PATH": str(folder)} | (environment or {}), capture_output=True, text=True, stdin=subprocess.DEVNULL
+            launcher,
+            env={"PATH": str(folder)} | (environment or {}),
+            capture_output=True,
+            text=True,
+            stdin=subprocess.DEVNULL,
         )
 
     return run
@@ -39,7 +62,10 @@ def test_prints_the_command_where_apt_get_may_not_be_used(bare_machine):
     done = bare_machine(id="echo 1000", apt_get="exit 1", sudo="exit 1")
     assert done.returncode == 1
     assert done.stdout == ""
-    assert "\n  sudo sh -c 'apt-get update && apt-get install --yes --no-install-recommends gfortran g++ " in done.stderr
+    assert (
+        "\n  sudo sh -c 'apt-get update && apt-get install --yes --no-install-recommends "
+        "gfortran g++ " in done.stderr
+    )
 
 
 def test_names_the_packages_where_there_is_no_apt_get(bare_machine):
@@ -55,14 +81,19 @@ def test_shows_the_log_of_a_failed_step(bare_machine):
     assert "E: no network" in done.stderr
     assert "failed: installing Debian packages: gfortran" in done.stderr
     # What will be installed is said before.
-    assert done.stderr.startswith("bayesindent: the following Debian packages will be installed as root: gfortran g++ ")
+    assert done.stderr.startswith(
+        "bayesindent: the following Debian packages will be installed as root: gfortran g++ "
+    )
 
 
 def test_installs_no_package_where_the_user_forbids_it(bare_machine):
     done = bare_machine({"BAYESINDENT_APT": "no"}, id="echo 0", apt_get="echo apt-get ran >&2")
     assert done.returncode == 1
     assert "apt-get ran" not in done.stderr
-    assert "BAYESINDENT_APT=no" in done.stderr and "\n  apt-get update && apt-get install --yes " in done.stderr
+    assert (
+        "BAYESINDENT_APT=no" in done.stderr
+        and "\n  apt-get update && apt-get install --yes " in done.stderr
+    )
 
 
 def test_is_a_program():

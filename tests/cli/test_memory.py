@@ -1,4 +1,5 @@
-"""Too little memory is a failure of the machine: nothing crashes, nothing is stored, and another attempt succeeds.
+"""Too little memory is a failure of the machine: nothing crashes, nothing is stored, and another
+attempt succeeds.
 
 Modules: system.cpp, machine.f90.
 """
@@ -64,31 +65,52 @@ for name, more in (("none fits", 0.5 * workspace), ("again", None)):
 
 @pytest.mark.long
 def test_too_little_memory_is_retried_and_never_stored(tmp_path):
-    done = subprocess.run([sys.executable, "-c", SCRIPT, str(tmp_path)], capture_output=True, text=True, env=with_tests())
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT, str(tmp_path)],
+        capture_output=True,
+        text=True,
+        env=with_tests(),
+    )
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
-    assert lines[0].startswith("finest mesh MachineError bi.Indentation: simulation: too little memory for a mesh of")
+    assert lines[0].startswith(
+        "finest mesh MachineError bi.Indentation: simulation: too little memory for a mesh of"
+    )
     assert lines[1].startswith("none fits MachineError too little memory for a factor of")
     assert lines[2] == "rows 0 []"
     assert lines[3] == "again worked 0"
     assert lines[4] == "rows 3 [True, True, True]"
 
 
-@pytest.mark.skipif(SANITIZED, reason="AddressSanitizer reserves more addresses than the limit leaves")
+@pytest.mark.skipif(
+    SANITIZED, reason="AddressSanitizer reserves more addresses than the limit leaves"
+)
 def test_batch_program_without_memory_stores_nothing_and_goes_on_later(tmp_path):
-    (tmp_path / "a.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,0,0\n168.4,121.4,75.4,0,40,0\n")
+    (tmp_path / "a.csv").write_text(
+        "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,0,0\n168.4,121.4,75.4,0,40,0\n"
+    )
     (tmp_path / "a.nml").write_text(
-        "&problem symmetry = 'cubic' /\n&crystals points = 'a.csv' /\n&simulation refine = 0.6 /\n&execution workers = 1 /\n"
+        "&problem symmetry = 'cubic' /\n&crystals points = 'a.csv' /\n&simulation refine = 0.6 "
+        "/\n&execution workers = 1 /\n"
     )
 
     def run(megabytes):
         limit = int(1e6 * megabytes) if megabytes else resource.RLIM_INFINITY
         return subprocess.run(
-            [BATCH, "a.nml", "--output", "out"], cwd=tmp_path, capture_output=True, text=True, env=os.environ | {"OMP_NUM_THREADS": "1",
-            "OPENBLAS_NUM_THREADS": "1"}, timeout=HANGS_S, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
-        )  # fmt: skip
+            [BATCH, "a.nml", "--output", "out"],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+            timeout=HANGS_S,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
+        )
 
-    done = next(done for done in map(run, range(160, 400, 3)) if "too little memory for the factor" in done.stderr)
+    done = next(
+        done
+        for done in map(run, range(160, 400, 3))
+        if "too little memory for the factor" in done.stderr
+    )
     assert done.returncode == 1
     assert done.stderr.startswith("a.nml: &simulation: too little memory")
     done = run(None)

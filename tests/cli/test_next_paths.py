@@ -1,4 +1,6 @@
-"""One gain of the next measurement, whatever the path of commands that led there, and that of quadrature."""
+"""One gain of the next measurement, whatever the path of commands that led there, and that of
+quadrature.
+"""
 
 import json
 
@@ -12,7 +14,12 @@ from support.tree import SOURCE
 IRON = SOURCE / "inputs" / "data" / "fe3si.csv"
 BOUNDS = {"C11": (200, 270), "C12": (100, 170), "C44": (80, 140)}
 BULK = (165, 3)
-SETTINGS = {"symmetry": "cubic", "modulus_kind": "indentation_modulus", "bounds": BOUNDS, "samples": 5000}
+SETTINGS = {
+    "symmetry": "cubic",
+    "modulus_kind": "indentation_modulus",
+    "bounds": BOUNDS,
+    "samples": 5000,
+}
 NAMELIST = f"""
 &problem symmetry = 'cubic' synthetic = .true. /
 &measurements file = '{IRON}' modulus_kind = 'indentation_modulus' /
@@ -31,10 +38,17 @@ def paths(tmp_path, bayesindent, batch):
         for command in commands:
             assert bayesindent(command, "n.nml", "--output", folder).returncode == 0
     assert batch("n.nml", "--output", "batch").returncode == 0
-    found = [json.loads((tmp_path / folder / "next.json").read_text()) for folder in ("run", "alone", "after", "batch")]
+    found = [
+        json.loads((tmp_path / folder / "next.json").read_text())
+        for folder in ("run", "alone", "after", "batch")
+    ]
     settings = SETTINGS | {"knowledge": {"bulk_modulus": BULK}}
     result = bi.extract(IRON, **settings)
-    return [*found, bi.next_grain(IRON, result=result, count=2, **settings), bi.next_grain(IRON, count=2, **settings)]
+    return [
+        *found,
+        bi.next_grain(IRON, result=result, count=2, **settings),
+        bi.next_grain(IRON, count=2, **settings),
+    ]
 
 
 def gain_by_quadrature(euler_deg, sd):
@@ -45,13 +59,17 @@ def gain_by_quadrature(euler_deg, sd):
     crystals = stiffness_rows("cubic", grid)
     misfit = ((grid[:, 0] + 2 * grid[:, 1]) / 3 - BULK[0]) ** 2 / BULK[1] ** 2
     for *angles, modulus, own in rows:
-        misfit += ((bi.halfspace_modulus(crystals, np.tile(angles, (len(grid), 1))) - modulus) / own) ** 2
+        misfit += (
+            (bi.halfspace_modulus(crystals, np.tile(angles, (len(grid), 1))) - modulus) / own
+        ) ** 2
     weights = np.exp(-0.5 * (misfit - misfit.min()))
     kept = weights > 1e-7
     weights = weights[kept] / weights[kept].sum()
     predicted = bi.halfspace_modulus(crystals[kept], np.tile(euler_deg, (kept.sum(), 1)))
     values = np.arange(predicted.min() - 6 * sd, predicted.max() + 6 * sd, sd / 4)
-    density = np.array([weights @ np.exp(-0.5 * ((value - predicted) / sd) ** 2) for value in values]) / (sd * np.sqrt(2 * np.pi))
+    density = np.array(
+        [weights @ np.exp(-0.5 * ((value - predicted) / sd) ** 2) for value in values]
+    ) / (sd * np.sqrt(2 * np.pi))
     inside = density[density > 0]
     return -np.sum(inside * np.log(inside)) * sd / 4 - 0.5 * np.log(2 * np.pi * np.e * sd**2)
 
@@ -60,11 +78,21 @@ def gain_by_quadrature(euler_deg, sd):
 def test_every_path_gives_one_gain(paths):
     first = paths[0]["suggestions"]
     for document in paths[1:]:
-        assert [item["euler_deg"] for item in document["suggestions"]] == [item["euler_deg"] for item in first]
-        assert [item["gain"] for item in document["suggestions"]] == pytest.approx([item["gain"] for item in first], rel=1e-12)
-    # A gain is that of 2,000 draws, whose variance has an error of 3 % or more: some posteriors of other seeds beside it.
+        assert [item["euler_deg"] for item in document["suggestions"]] == [
+            item["euler_deg"] for item in first
+        ]
+        assert [item["gain"] for item in document["suggestions"]] == pytest.approx(
+            [item["gain"] for item in first], rel=1e-12
+        )
+    # A gain is that of 2,000 draws, whose variance has an error of 3 % or more: some posteriors of
+    # other seeds beside it.
     settings = SETTINGS | {"knowledge": {"bulk_modulus": BULK}}
-    others = [bi.next_grain(IRON, count=1, seed=seed, **settings)["suggestions"][0] for seed in range(2, 8)]
+    others = [
+        bi.next_grain(IRON, count=1, seed=seed, **settings)["suggestions"][0]
+        for seed in range(2, 8)
+    ]
     assert all(other["euler_deg"] == first[0]["euler_deg"] for other in others)
     gain = np.mean([one["gain"] for one in (first[0], *others)])
-    assert gain == pytest.approx(gain_by_quadrature(first[0]["euler_deg"], paths[0]["sd_gpa"]), rel=0.05)
+    assert gain == pytest.approx(
+        gain_by_quadrature(first[0]["euler_deg"], paths[0]["sd_gpa"]), rel=0.05
+    )

@@ -1,4 +1,6 @@
-"""Nothing that a command did not make is replaced: names of output files stay in the output folder, and simulations stay."""
+"""Nothing that a command did not make is replaced: names of output files stay in the output folder,
+and simulations stay.
+"""
 
 import os
 import shutil
@@ -23,7 +25,12 @@ def first(tmp_path_factory):
     """A campaign of nine simulations in out/, and a copy of it in a folder beside."""
     folder = tmp_path_factory.mktemp("first")
     (folder / "a.nml").write_text(NAMELIST.format("mine.txt"))
-    subprocess.run([sys.executable, "-m", "bayesindent", "build", "a.nml", "--output", "out"], cwd=folder, env=os.environ, check=True)
+    subprocess.run(
+        [sys.executable, "-m", "bayesindent", "build", "a.nml", "--output", "out"],
+        cwd=folder,
+        env=os.environ,
+        check=True,
+    )
     (folder / "other").mkdir()
     shutil.copy(folder / "out" / "campaign.sqlite", folder / "other" / "file")
     return folder
@@ -49,18 +56,30 @@ NAMES = [
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_surrogate_replaces_nothing_else(bayesindent, built, name):
-    before = {path: path.read_bytes() for path in built.rglob("*") if path.name not in ("a.nml", "run.log") and path.is_file()}
+    before = {
+        path: path.read_bytes()
+        for path in built.rglob("*")
+        if path.name not in ("a.nml", "run.log") and path.is_file()
+    }
     (built / "a.nml").write_text(NAMELIST.format(name.format(folder=built)))
     for command in (["run", "--check"], ["build"]):
         done = bayesindent(*command, "a.nml", "--output", "out")
         assert done.returncode == 2
         (line,) = done.stderr.splitlines()
         assert line.startswith("a.nml: &surrogate file: ")
-        assert count_rows(built / "out" / "campaign.sqlite") == count_rows(built / "other" / "file") == 9
-        kept = {path: path.read_bytes() for path in built.rglob("*") if path.name not in ("a.nml", "run.log") and path.is_file()}
-        assert {path for path in before.keys() | kept.keys() if before.get(path) != kept.get(path)} <= {
-            built / "out" / name for name in ("resolved.nml", "inputs.json")
+        assert (
+            count_rows(built / "out" / "campaign.sqlite")
+            == count_rows(built / "other" / "file")
+            == 9
+        )
+        kept = {
+            path: path.read_bytes()
+            for path in built.rglob("*")
+            if path.name not in ("a.nml", "run.log") and path.is_file()
         }
+        assert {
+            path for path in before.keys() | kept.keys() if before.get(path) != kept.get(path)
+        } <= {built / "out" / name for name in ("resolved.nml", "inputs.json")}
 
 
 def test_a_file_that_is_no_surrogate_is_not_replaced(bayesindent, built):

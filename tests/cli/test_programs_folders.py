@@ -56,7 +56,10 @@ def made(tmp_path_factory):
     place = tmp_path_factory.mktemp("both")
     (place / "points.csv").write_text(POINTS)
     (place / "a.nml").write_text(NAMELIST)
-    for program, output in ((runner([sys.executable, "-m", "bayesindent"], place), "python"), (runner([BATCH], place), "batch")):
+    for program, output in (
+        (runner([sys.executable, "-m", "bayesindent"], place), "python"),
+        (runner([BATCH], place), "batch"),
+    ):
         done = program(*(["run"] if output == "python" else []), "a.nml", "--output", output)
         assert done.returncode == 0, done.stderr
     return place
@@ -75,7 +78,15 @@ def test_the_same_files_with_the_same_content(folders):
     assert {path.name for path in one.iterdir()} == names | OF_PYTHON
     documents = "simulate.json theory.json build.json summary.json next.json inputs.json"
     tables = "moduli.csv curves.csv theory.csv posterior.csv"
-    assert names == {*documents.split(), *tables.split(), ".lock", "campaign.sqlite", "posterior.bin", "resolved.nml", "surrogate.txt"}
+    assert names == {
+        *documents.split(),
+        *tables.split(),
+        ".lock",
+        "campaign.sqlite",
+        "posterior.bin",
+        "resolved.nml",
+        "surrogate.txt",
+    }
     for name in documents.split():
         read = [plain(json.loads((folder / name).read_text()), folder.name) for folder in folders]
         assert read[0] == read[1], name
@@ -87,7 +98,9 @@ def test_the_same_files_with_the_same_content(folders):
         if name == "document":
             assert plain(json.loads(value), "python") == plain(json.loads(values[1][name]), "batch")
         elif name not in FREE:
-            assert np.array_equal(value, values[1][name], equal_nan=isinstance(value, np.ndarray | float)), name
+            assert np.array_equal(
+                value, values[1][name], equal_nan=isinstance(value, np.ndarray | float)
+            ), name
 
 
 def test_what_reads_a_folder_reads_either(bayesindent, folders):
@@ -108,7 +121,9 @@ def test_what_reads_a_folder_reads_either(bayesindent, folders):
     done = bayesindent("compare", *folders, "--json")
     assert done.returncode == 0, done.stderr
     document = json.loads(done.stdout)
-    assert document["same_data"] and all(row["difference_gpa"] == 0 for row in document["differences"])
+    assert document["same_data"] and all(
+        row["difference_gpa"] == 0 for row in document["differences"]
+    )
     assert all(row["elpd_difference"] in (None, 0) for row in document["models"])
 
 
@@ -116,22 +131,45 @@ def test_single_stages(batch, bayesindent, tmp_path):
     (tmp_path / "points.csv").write_text(POINTS)
     (tmp_path / "a.nml").write_text(NAMELIST)
     done = batch("a.nml", "--stage", "theory", "--output", "out")
-    assert (done.returncode, done.stdout) == (0, "theory: 2 crystals: out/theory.csv\n"), done.stderr
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {".lock", "inputs.json", "resolved.nml", "theory.csv", "theory.json"}
-    rows = list(csv.DictReader(line for line in (tmp_path / "out" / "theory.csv").read_text().splitlines() if not line.startswith("#")))
+    assert (done.returncode, done.stdout) == (0, "theory: 2 crystals: out/theory.csv\n"), (
+        done.stderr
+    )
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        ".lock",
+        "inputs.json",
+        "resolved.nml",
+        "theory.csv",
+        "theory.json",
+    }
+    rows = list(
+        csv.DictReader(
+            line
+            for line in (tmp_path / "out" / "theory.csv").read_text().splitlines()
+            if not line.startswith("#")
+        )
+    )
     told = json.loads(bayesindent("theory", "a.nml", "--json").stdout)["results"]
     moduli = [float(row["indentation_modulus_gpa"]) for row in rows]
     assert moduli == pytest.approx([row["indentation_modulus_gpa"] for row in told], rel=1e-9)
-    for name, words in (("hardness", "no command is named 'hardness'; allowed: run, simulate"), ("next", "&next")):
+    for name, words in (
+        ("hardness", "no command is named 'hardness'; allowed: run, simulate"),
+        ("next", "&next"),
+    ):
         text = NAMELIST if name != "next" else NAMELIST.split("&measurements")[0]
         (tmp_path / "a.nml").write_text(text)
         done = batch("a.nml", "--stage", name)
-        assert done.returncode == 2 and (words in done.stderr or "&measurements" in done.stderr), done.stderr
+        assert done.returncode == 2 and (words in done.stderr or "&measurements" in done.stderr), (
+            done.stderr
+        )
 
 
 def examples():
     """The commands of the help."""
-    return [re.split(r" {2,}", line.strip())[0] for line in HELP["examples"].splitlines() if line.startswith("  bayesindent ")]
+    return [
+        re.split(r" {2,}", line.strip())[0]
+        for line in HELP["examples"].splitlines()
+        if line.startswith("  bayesindent ")
+    ]
 
 
 @pytest.mark.parametrize("example", examples())

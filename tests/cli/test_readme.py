@@ -29,7 +29,9 @@ def numbers(line):
 
 
 def check_constant(value, wanted):
-    """One row of the constants: a fourth of its sd for another order of simulations, which another processor may choose."""
+    """One row of the constants: a fourth of its sd for another order of simulations, which another
+    processor may choose.
+    """
     quarter = wanted[1] / 4
     assert value[:2] == pytest.approx(wanted[:2], abs=quarter)
     assert value[2:4] == pytest.approx(wanted[2:4], abs=3 * quarter)
@@ -43,7 +45,9 @@ INDICES = np.array(list(np.ndindex(10, 10, 10)))[1:]
 
 
 def too_far_deg(row):
-    """How much farther than 2 degrees, or than the nearest indices up to 9, the indices of a row of `next` are from the direction of its angles."""
+    """How much farther than 2 degrees, or than the nearest indices up to 9, the indices of a row of
+    `next` are from the direction of its angles.
+    """
     phi, phi2 = np.radians(row[1:3])
     along = np.array([np.sin(phi) * np.sin(phi2), np.sin(phi) * np.cos(phi2), np.cos(phi)])
     indices = np.vstack([INDICES, row[4:7]])
@@ -52,12 +56,15 @@ def too_far_deg(row):
 
 
 def check_suggestions(values, wanted):
-    """Rows of `next`: indices are those of the angles, gains fall and are as large as shown; who is second may depend on the processor."""
+    """Rows of `next`: indices are those of the angles, gains fall and are as large as shown; who is
+    second may depend on the processor.
+    """
     # Angles are printed to 0.05 degrees.
     assert max(map(too_far_deg, values)) < 0.05
     gains = [row[-1] for row in values]
     assert gains == sorted(gains, reverse=True)
-    # Of 2,000 draws a gain has an sd of 4 % over seeds; on another processor draws and simulations are others: two such gains, and four sds.
+    # Of 2,000 draws a gain has an sd of 4 % over seeds; on another processor draws and simulations
+    # are others: two such gains, and four sds.
     assert gains == pytest.approx([row[-1] for row in wanted], rel=4 * np.sqrt(2) * 0.04)
     # The best one is known to some degrees.
     first, shown = (np.radians(rows[0][1]) for rows in (values, wanted))
@@ -72,7 +79,10 @@ def numbers_by_name(lines):
 def test_the_quickstart_prints_this(process):
     done = process("run", SOURCE / "inputs" / "quickstart.nml")
     assert done.returncode == 0, done.stderr
-    shown, printed = block("Elastic constants (GPa)", FILM).strip().splitlines(), done.stdout.strip().splitlines()
+    shown, printed = (
+        block("Elastic constants (GPa)", FILM).strip().splitlines(),
+        done.stdout.strip().splitlines(),
+    )
     assert [words(line) for line in printed] == [words(line) for line in shown]
     values, wanted = numbers_by_name(printed), numbers_by_name(shown)
     for name in ("C11", "C12", "C44"):
@@ -80,19 +90,26 @@ def test_the_quickstart_prints_this(process):
     # Chains of the theory alone, whose sd is some 4 GPa, with thousands of effective samples.
     assert values["Theory"] == pytest.approx(wanted["Theory"], abs=0.3)
     *counts, loocv, mean, largest, anisotropy, poisson, scale = values["Surrogate:"]
-    # Another processor's rounding leads to other draws, so that the loop may end one round earlier or later: within the budget of 25.
+    # Another processor's rounding leads to other draws, so that the loop may end one round earlier
+    # or later: within the budget of 25.
     assert counts[0] == counts[1] and 15 < counts[0] <= 25 and counts[2:] == [0, 176]
     assert 0.5 < loocv < 2 and mean < 0.3 and mean < largest < 1.5
     # The crystal of that largest sd is one of the posterior's: copper's log-anisotropy is 1.17.
     assert 0.5 < anisotropy < 2.5 and 0.25 < poisson < 0.45 and 40 < scale < 460
     begin = next(number for number, line in enumerate(shown) if line.startswith("phi1")) + 1
     suggestions = slice(begin, begin + 5)
-    check_suggestions(list(map(numbers, printed[suggestions])), list(map(numbers, shown[suggestions])))
+    check_suggestions(
+        list(map(numbers, printed[suggestions])), list(map(numbers, shown[suggestions]))
+    )
 
 
 def test_the_table_of_grains_gives_these_constants(process, tmp_path, monkeypatch):
     """From a terminal and in Python; the table begins with the rows that are shown."""
-    table = [line for line in (SOURCE / "inputs" / "data" / "fe3si.csv").read_text().splitlines() if not line.startswith("#")]
+    table = [
+        line
+        for line in (SOURCE / "inputs" / "data" / "fe3si.csv").read_text().splitlines()
+        if not line.startswith("#")
+    ]
     assert block("phi1_deg").splitlines() == table[:3]
     (tmp_path / "grains.csv").write_text("\n".join(table))
     namelist = block("&problem")
@@ -100,9 +117,16 @@ def test_the_table_of_grains_gives_these_constants(process, tmp_path, monkeypatc
     (tmp_path / "grains.nml").write_text(namelist)
     done = process(*block("run grains.nml").split()[1:])
     assert done.returncode == 0, done.stderr
-    shown, printed = block("Elastic constants (GPa)").strip().splitlines(), done.stdout.strip().splitlines()[-5:]
+    shown, printed = (
+        block("Elastic constants (GPa)").strip().splitlines(),
+        done.stdout.strip().splitlines()[-5:],
+    )
     assert list(map(words, printed)) == list(map(words, shown))
-    rows = [(numbers(line), numbers(printed[at])) for at, line in enumerate(shown) if line.startswith("C")]
+    rows = [
+        (numbers(line), numbers(printed[at]))
+        for at, line in enumerate(shown)
+        if line.startswith("C")
+    ]
     for wanted, value in rows:
         check_constant(value, wanted)
     assert (tmp_path / "runs" / "grains" / "report.html").exists()

@@ -54,7 +54,9 @@ SMALLEST = {
 TRUTH = {"C11": 168.4, "C12": 121.4, "C44": 75.4}
 
 
-@pytest.fixture(params=[SMALLEST, pytest.param(SMALL, marks=pytest.mark.long)], ids=["smallest", "small"])
+@pytest.fixture(
+    params=[SMALLEST, pytest.param(SMALL, marks=pytest.mark.long)], ids=["smallest", "small"]
+)
 def finished(request, process, tmp_path):
     file = reduced_quickstart(tmp_path, **request.param)
     done = process("run", file, "--json")
@@ -77,7 +79,9 @@ def test_whole_path(finished, process, request):
     assert read_json(output / "summary.json") == document["extract"]
     page = (output / "report.html").read_text()
     check_page(page)
-    again = json.loads(process("run" if budget == SMALL["budget"] else "build", file, "--json").stdout)
+    again = json.loads(
+        process("run" if budget == SMALL["budget"] else "build", file, "--json").stdout
+    )
     assert again.get("build", again)["new_simulations"] == 0
     if "extract" in again:
         assert again["extract"]["parameters"] == document["extract"]["parameters"]
@@ -88,27 +92,37 @@ def test_whole_path(finished, process, request):
     header, row = predicted.stdout.splitlines()
     assert header == "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa"
     modulus, sd = map(float, row.split(",")[-2:])
-    # The silicon below is more compliant than this film: exact, of bonded isotropic layers, at this thickness within a few per cent.
+    # The silicon below is more compliant than this film: exact, of bonded isotropic layers, at this
+    # thickness within a few per cent.
     assert 0.85 * 200 / 0.91 < modulus < 0.97 * 200 / 0.91
     assert 0 < sd < 10
 
 
 @pytest.mark.long
 def test_step_two_alone(process):
-    """Titanium: no simulation is needed, and what the data decide is what the reference posterior says."""
+    """Titanium: no simulation is needed, and what the data decide is what the reference posterior
+    says.
+    """
     done = process("run", SOURCE / "inputs" / "titanium.nml", "--json")
     assert done.returncode == 0, done.stderr
     document = json.loads(done.stdout)
     assert list(document) == ["extract", "next", "report", "warnings"]
     reference = json.loads((REFERENCE / "hex_titanium.json").read_text())
-    for item, mean, sd in zip(document["extract"]["predicted"], reference["predicted_mean"], reference["predicted_sd"], strict=True):
+    for item, mean, sd in zip(
+        document["extract"]["predicted"],
+        reference["predicted_mean"],
+        reference["predicted_sd"],
+        strict=True,
+    ):
         assert item["mean"] == pytest.approx(mean, abs=0.2)
         assert item["sd"] == pytest.approx(sd, rel=0.06)
     assert any("truncated by the lower limit of C12" in warning for warning in document["warnings"])
 
 
 class Page(html.parser.HTMLParser):
-    """What matters of a page: that its elements close, its pictures have words, and nothing comes from elsewhere."""
+    """What matters of a page: that its elements close, its pictures have words, and nothing comes
+    from elsewhere.
+    """
 
     def __init__(self):
         super().__init__()
@@ -155,7 +169,9 @@ def check_page(text):
 def test_killed_in_the_middle_and_resumed(process, tmp_path):
     file = reduced_quickstart(tmp_path, **SMALL)
     command = [sys.executable, "-m", "bayesindent", "build", str(file), "--json"]
-    killed = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=os.environ)
+    killed = subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=os.environ
+    )
     campaign = tmp_path / "runs" / "reduced" / "campaign.sqlite"
     deadline = time.monotonic() + HANGS_S
     while count_rows(campaign) < 2 and time.monotonic() < deadline and killed.poll() is None:

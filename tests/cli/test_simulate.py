@@ -21,13 +21,18 @@ def test_isotropic_crystal(bayesindent, tmp_path):
     first = bayesindent("run", SOURCE / "inputs" / "isotropic.nml", "--json")
     assert first.returncode == 0, first.stderr
     output = tmp_path / "runs" / "isotropic"
-    files = ".lock campaign.sqlite curves.csv inputs.json moduli.csv report.html resolved.nml run.log simulate.json theory.csv theory.json"
+    files = (
+        ".lock campaign.sqlite curves.csv inputs.json moduli.csv report.html resolved.nml "
+        "run.log simulate.json theory.csv theory.json"
+    )
     assert {path.name for path in output.iterdir()} == set(files.split())
     document = json.loads(first.stdout)
     assert document["simulate"]["new_simulations"] == 1
     result = document["simulate"]["results"][0]
     exact = 200 / (1 - 0.3**2)
-    assert document["theory"]["results"][0]["indentation_modulus_gpa"] == pytest.approx(exact, rel=1e-6)
+    assert document["theory"]["results"][0]["indentation_modulus_gpa"] == pytest.approx(
+        exact, rel=1e-6
+    )
     # Measured: 0.08 %.
     assert result["indentation_modulus_gpa"] == pytest.approx(exact, rel=1e-3)
     curve = list(csv.DictReader((output / "curves.csv").open()))
@@ -42,14 +47,19 @@ def test_rows_that_are_done_are_kept(bayesindent, tmp_path):
 
     def simulate(*declinations):
         rows = [",".join(map(str, [*ZINC, 0, declination, 0])) for declination in declinations]
-        (tmp_path / "points.csv").write_text("\n".join(["C11,C12,C44,C33,C13,phi1_deg,Phi_deg,phi2_deg", *rows]) + "\n")
+        (tmp_path / "points.csv").write_text(
+            "\n".join(["C11,C12,C44,C33,C13,phi1_deg,Phi_deg,phi2_deg", *rows]) + "\n"
+        )
         (tmp_path / "zinc.nml").write_text(
-            "&problem\n symmetry = 'hexagonal'\n/\n&crystals\n points = 'points.csv'\n/\n&simulation\n refine = 0.6\n/\n"
+            "&problem\n symmetry = 'hexagonal'\n/\n&crystals\n points = 'points.csv'\n/\n"
+            "&simulation\n refine = 0.6\n/\n"
         )
         done = bayesindent("simulate", "zinc.nml", "--json")
         assert done.returncode == 0, done.stderr
         document = json.loads(done.stdout)
-        return document["new_simulations"], [row["indentation_modulus_gpa"] for row in document["results"]]
+        return document["new_simulations"], [
+            row["indentation_modulus_gpa"] for row in document["results"]
+        ]
 
     count, (first, second) = simulate(30, 30)
     assert (count, first) == (1, second)
@@ -60,7 +70,8 @@ def test_rows_that_are_done_are_kept(bayesindent, tmp_path):
 
 def test_the_theory_may_stand_in_for_the_simulation(bayesindent, tmp_path):
     (tmp_path / "theory.nml").write_text(
-        f"&problem\n symmetry = 'hexagonal'\n/\n&crystals\n points = '{SOURCE}/inputs/data/zinc.csv'\n/\n"
+        "&problem\n symmetry = 'hexagonal'\n/\n&crystals\n points = "
+        f"'{SOURCE}/inputs/data/zinc.csv'\n/\n"
         "&simulation\n simulator = 'theory'\n/\n"
     )
     done = bayesindent("run", "theory.nml", "--json")
@@ -72,7 +83,8 @@ def test_the_theory_may_stand_in_for_the_simulation(bayesindent, tmp_path):
 
 def test_a_mesh_that_cannot_be_meant_is_refused(bayesindent, tmp_path):
     (tmp_path / "coarse.nml").write_text(
-        f"&problem\n symmetry = 'hexagonal'\n/\n&crystals\n points = '{SOURCE}/inputs/data/zinc.csv'\n/\n&simulation\n refine = 0.3\n/\n"
+        "&problem\n symmetry = 'hexagonal'\n/\n&crystals\n points = "
+        f"'{SOURCE}/inputs/data/zinc.csv'\n/\n&simulation\n refine = 0.3\n/\n"
     )
     done = bayesindent("simulate", "coarse.nml")
     assert done.returncode == 2
@@ -83,7 +95,8 @@ def test_a_mesh_that_cannot_be_meant_is_refused(bayesindent, tmp_path):
 
 def test_fields_and_decks(bayesindent, tmp_path):
     (tmp_path / "files.nml").write_text(
-        f"&problem\n symmetry = 'cubic'\n/\n&crystals\n points = '{SOURCE}/inputs/data/isotropic.csv'\n/\n"
+        "&problem\n symmetry = 'cubic'\n/\n&crystals\n points = "
+        f"'{SOURCE}/inputs/data/isotropic.csv'\n/\n"
         "&simulation\n refine = 0.6\n vtu = .true.\n inp = .true.\n/\n"
     )
     done = bayesindent("simulate", "files.nml", "--json")
@@ -103,25 +116,38 @@ SOFT = "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,20,0\n136,132,
 @pytest.mark.long
 def test_a_crystal_near_instability_is_warned_of(bayesindent, tmp_path):
     (tmp_path / "points.csv").write_text(SOFT)
-    (tmp_path / "a.nml").write_text("&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&simulation /\n")
+    (tmp_path / "a.nml").write_text(
+        "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&simulation /\n"
+    )
     done = bayesindent("simulate", "a.nml", "--output", "out", "--json")
     assert done.returncode == 0, done.stderr
     (warning,) = json.loads(done.stdout)["warnings"]
-    assert warning.startswith("a.nml: &simulation: 1 of 2 crystals are so near instability that the error of the mesh may reach about")
+    assert warning.startswith(
+        "a.nml: &simulation: 1 of 2 crystals are so near instability that the error of the mesh "
+        "may reach about"
+    )
     assert warning.endswith("(rows 2)")
     # Stored results are warned of like new ones, and by the batch program in the same words.
-    assert json.loads(bayesindent("simulate", "a.nml", "--output", "out", "--json").stdout)["warnings"] == [warning]
+    assert json.loads(bayesindent("simulate", "a.nml", "--output", "out", "--json").stdout)[
+        "warnings"
+    ] == [warning]
     done = batch(tmp_path)
     assert f"warning: {warning}\n" in done.stderr
 
 
 def test_when_every_simulation_fails_the_command_fails(bayesindent, tmp_path):
-    (tmp_path / "points.csv").write_text("C11,C12,C44,C33,C13,phi1_deg,Phi_deg,phi2_deg\n100,99.9,50,100,50,0,90,0\n")
+    (tmp_path / "points.csv").write_text(
+        "C11,C12,C44,C33,C13,phi1_deg,Phi_deg,phi2_deg\n100,99.9,50,100,50,0,90,0\n"
+    )
     (tmp_path / "a.nml").write_text(
-        "&problem symmetry = 'hexagonal' /\n&crystals points = 'points.csv' /\n&simulation refine = 0.7 /\n"
+        "&problem symmetry = 'hexagonal' /\n&crystals points = 'points.csv' /\n&simulation "
+        "refine = 0.7 /\n"
         "&specimen geometry = 'grain' grain_radius_um = 1.5 /\n"
     )
-    for command in (lambda: bayesindent("simulate", "a.nml", "--output", "out"), lambda: batch(tmp_path)):
+    for command in (
+        lambda: bayesindent("simulate", "a.nml", "--output", "out"),
+        lambda: batch(tmp_path),
+    ):
         for _ in range(2):
             done = command()
             assert done.returncode == 1
@@ -129,15 +155,23 @@ def test_when_every_simulation_fails_the_command_fails(bayesindent, tmp_path):
 
 
 def batch(folder):
-    return subprocess.run([BATCH, "a.nml", "--output", "batch"], cwd=folder, capture_output=True, text=True)
+    return subprocess.run(
+        [BATCH, "a.nml", "--output", "batch"], cwd=folder, capture_output=True, text=True
+    )
 
 
 def test_a_block_under_a_cone(bayesindent, tmp_path):
-    """Theory knows only the half-space: `run` leaves it out, and who asks for it is refused; both programs have the same numbers."""
-    (tmp_path / "points.csv").write_text("C11,C12,C44,C33,C13,phi1_deg,Phi_deg,phi2_deg\n161.1,34.2,38.3,61.1,50.3,0,30,0\n")
+    """Theory knows only the half-space: `run` leaves it out, and who asks for it is refused; both
+    programs have the same numbers.
+    """
+    (tmp_path / "points.csv").write_text(
+        "C11,C12,C44,C33,C13,phi1_deg,Phi_deg,phi2_deg\n161.1,34.2,38.3,61.1,50.3,0,30,0\n"
+    )
     text = (
-        "&problem symmetry = 'hexagonal' /\n&crystals points = 'points.csv' /\n&specimen geometry = 'block' height_um = 6 /\n"
-        "&indenter shape = 'cone' half_angle_deg = 75 depth_um = 0.2 /\n&simulation refine = 0.7 depths = 4 /\n"
+        "&problem symmetry = 'hexagonal' /\n&crystals points = 'points.csv' /\n&specimen "
+        "geometry = 'block' height_um = 6 /\n"
+        "&indenter shape = 'cone' half_angle_deg = 75 depth_um = 0.2 /\n&simulation refine = "
+        "0.7 depths = 4 /\n"
     )
     (tmp_path / "a.nml").write_text(text)
     done = bayesindent("run", "a.nml", "--output", "out", "--json")
@@ -149,14 +183,18 @@ def test_a_block_under_a_cone(bayesindent, tmp_path):
     unit_force = 2 / np.pi * np.tan(np.radians(75)) * np.array(result["depth_um"]) ** 2
     assert result["modulus_by_depth_gpa"] == pytest.approx(result["force_mn"] / unit_force)
     # Measured with refine = 0.7: the block is 8 % stiffer than the half-space, the more the deeper.
-    exact = bi.halfspace_modulus(bi.stiffness("hexagonal", C11=161.1, C12=34.2, C44=38.3, C33=61.1, C13=50.3), (0, 30, 0))
+    exact = bi.halfspace_modulus(
+        bi.stiffness("hexagonal", C11=161.1, C12=34.2, C44=38.3, C33=61.1, C13=50.3), (0, 30, 0)
+    )
     assert 1.04 < result["indentation_modulus_gpa"] / exact < 1.12
     assert "under a rigid cone" in (tmp_path / "out" / "report.html").read_text()
     done = batch(tmp_path)
     assert done.returncode == 0, done.stderr
     curves = list(csv.DictReader((tmp_path / "batch" / "curves.csv").open()))
     assert [float(row["force_mn"]) for row in curves] == pytest.approx(result["force_mn"], rel=1e-9)
-    assert [float(row["modulus_gpa"]) for row in curves] == pytest.approx(result["modulus_by_depth_gpa"], rel=1e-9)
+    assert [float(row["modulus_gpa"]) for row in curves] == pytest.approx(
+        result["modulus_by_depth_gpa"], rel=1e-9
+    )
     refused = "a.nml: &specimen geometry: 'block' has no exact theory; allowed 'halfspace'\n"
     done = bayesindent("theory", "a.nml")
     assert (done.returncode, done.stderr) == (2, refused)
@@ -166,7 +204,9 @@ def test_a_block_under_a_cone(bayesindent, tmp_path):
 
 
 def test_theory_of_a_table_that_mixes_all_classes(bayesindent, tmp_path):
-    """Seventeen crystals of nine classes in six directions each; entries that depend on others may be stated or empty."""
+    """Seventeen crystals of nine classes in six directions each; entries that depend on others may
+    be stated or empty.
+    """
     crystals = {row["name"]: row for row in read_rows(REFERENCE / "crystals.csv")}
     rows = read_rows(REFERENCE / "crystal_moduli.csv")
     header = [*next(iter(crystals.values())), "phi1_deg", "Phi_deg", "phi2_deg"]
@@ -174,11 +214,22 @@ def test_theory_of_a_table_that_mixes_all_classes(bayesindent, tmp_path):
         writer = csv.DictWriter(file, header, extrasaction="ignore")
         writer.writeheader()
         writer.writerows(row | crystals[row["name"]] for row in rows)
-    (tmp_path / "all.nml").write_text("&problem symmetry = 'triclinic' /\n&crystals points = 'points.csv' /\n")
+    (tmp_path / "all.nml").write_text(
+        "&problem symmetry = 'triclinic' /\n&crystals points = 'points.csv' /\n"
+    )
     done = bayesindent("theory", "all.nml", "--json")
     assert done.returncode == 0, done.stderr
     results = json.loads(done.stdout)["results"]
     moduli = [row["indentation_modulus_gpa"] for row in results]
     assert moduli == pytest.approx([float(row["M_elliptic"]) for row in rows], rel=1e-6)
-    quartz = next(result for result, row in zip(results, rows, strict=True) if row["name"] == "quartz")
-    assert quartz["constants"] == {"C11": 86.6, "C12": 6.7, "C13": 12.6, "C14": -17.8, "C33": 106.1, "C44": 57.8}
+    quartz = next(
+        result for result, row in zip(results, rows, strict=True) if row["name"] == "quartz"
+    )
+    assert quartz["constants"] == {
+        "C11": 86.6,
+        "C12": 6.7,
+        "C13": 12.6,
+        "C14": -17.8,
+        "C33": 106.1,
+        "C44": 57.8,
+    }

@@ -1,4 +1,5 @@
-"""Stopped by a signal, in any stage, both programs end at once: what was finished is kept, and how to go on is said.
+"""Stopped by a signal, in any stage, both programs end at once: what was finished is kept, and how
+to go on is said.
 
 Modules: running_command.cpp, running_command.f90.
 """
@@ -41,7 +42,10 @@ def working(folder, stage) -> bool:
 
 @pytest.mark.long
 @pytest.mark.parametrize("program", PROGRAMS)
-@pytest.mark.parametrize(("stage", "number"), [("simulate", signal.SIGINT), ("build", signal.SIGTERM), ("extract", signal.SIGHUP)])
+@pytest.mark.parametrize(
+    ("stage", "number"),
+    [("simulate", signal.SIGINT), ("build", signal.SIGTERM), ("extract", signal.SIGHUP)],
+)
 def test_three_signals_in_a_row_end_at_once_and_lose_nothing(program, stage, number, tmp_path):
     process = start(tmp_path, program, stage)
     wait_for(lambda: working(tmp_path, stage), process)
@@ -51,7 +55,10 @@ def test_three_signals_in_a_row_end_at_once_and_lose_nothing(program, stage, num
     out, err = process.communicate(timeout=HANGS_S)
     # With work for minutes before it; `bench stop` measures how long it takes.
     assert (process.returncode, out) == (128 + number, "")
-    told = f"stopped by {number.name}; what was finished is kept in out, and the same command goes on from there"
+    told = (
+        f"stopped by {number.name}; what was finished is kept in out, and the same command goes "
+        "on from there"
+    )
     assert err.splitlines()[-1] == told
     assert err.count("stopped by") == 1
     assert "Traceback" not in err
@@ -79,7 +86,14 @@ def test_signals_that_are_ignored_stay_so(program, tmp_path):
     (tmp_path / "a.nml").write_text(STAGES["simulate"])
     command = [*PROGRAMS[program]("simulate"), "a.nml", "--output", "out"]
     ignore = lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN)  # noqa: E731, what nohup does
-    process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, preexec_fn=ignore)
+    process = subprocess.Popen(
+        command,
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        preexec_fn=ignore,
+    )
     wait_for(lambda: len(stored(tmp_path)) > 0, process)
     process.send_signal(signal.SIGHUP)
     assert process.wait(timeout=HANGS_S) == 0
@@ -92,17 +106,24 @@ def test_while_it_waits_for_another_process(tmp_path):
     command = [*PROGRAMS["bayesindent"]("build"), "mine.nml", "--output", "out", "--ask", "2"]
     with open(tmp_path / "out" / ".lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        process = subprocess.Popen(
+            command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
         # Until then it may still be starting.
         wait_for(lambda: has_open(process.pid, tmp_path / "out" / ".lock"), process)
         process.send_signal(signal.SIGTERM)
-        assert process.communicate(timeout=HANGS_S) == ("", "stopped by SIGTERM; the same command begins anew\n")
+        assert process.communicate(timeout=HANGS_S) == (
+            "",
+            "stopped by SIGTERM; the same command begins anew\n",
+        )
         assert process.returncode == 128 + signal.SIGTERM
 
 
 def has_open(process, file) -> bool:
     try:
-        return any(os.path.realpath(link) == str(file) for link in Path(f"/proc/{process}/fd").iterdir())
+        return any(
+            os.path.realpath(link) == str(file) for link in Path(f"/proc/{process}/fd").iterdir()
+        )
     except FileNotFoundError:  # It was closed meanwhile.
         return False
 
@@ -118,12 +139,16 @@ STEP_2 = f"""&problem symmetry = 'cubic' /
 def test_finished_chains_are_gone_on_with_to_the_bit(bayesindent, tmp_path):
     """By the other program."""
     (tmp_path / "a.nml").write_text(STEP_2)
-    subprocess.run([BATCH, "a.nml", "--output", "whole"], cwd=tmp_path, check=True, capture_output=True)
+    subprocess.run(
+        [BATCH, "a.nml", "--output", "whole"], cwd=tmp_path, check=True, capture_output=True
+    )
     output = tmp_path / "stopped"
     # Again, where it has ended before the signal comes.
     for _ in range(10):
         shutil.rmtree(output, ignore_errors=True)
-        process = subprocess.Popen([BATCH, "a.nml", "--output", "stopped"], cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+        process = subprocess.Popen(
+            [BATCH, "a.nml", "--output", "stopped"], cwd=tmp_path, stderr=subprocess.PIPE, text=True
+        )
         # The first chain of the posterior, which its stream names.
         while not list(output.glob(".chain-*-1")) and process.poll() is None:
             time.sleep(0.005)
@@ -142,5 +167,7 @@ def test_finished_chains_are_gone_on_with_to_the_bit(bayesindent, tmp_path):
     done = bayesindent("extract", "a.nml", "--output", "stopped")
     assert done.returncode == 0, done.stderr
     draws = xarray.open_dataset(output / "posterior.nc", group="posterior", engine="h5netcdf")
-    assert all((draws[name].to_numpy().ravel() == whole[name]).all() for name in ("C11", "C12", "C44"))
+    assert all(
+        (draws[name].to_numpy().ravel() == whole[name]).all() for name in ("C11", "C12", "C44")
+    )
     assert not list(output.glob(".chain-*"))

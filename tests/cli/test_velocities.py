@@ -19,8 +19,13 @@ NAMELIST = """
 ANGLES = "phi1_deg,Phi_deg,phi2_deg"
 TABLES = {
     "points.csv": f"C11,C12,{ANGLES},propagation_deg\n77.5,15.5,10,20,30,40\n",
-    "moduli.csv": f"{ANGLES},indentation_modulus_gpa,sd_gpa\n0,0,0,74,1.5\n10,50,7,75,1.5\n0,90,20,74.4,1.5\n",
-    "speeds.csv": f"grain,{ANGLES},propagation_deg,rayleigh_velocity_m_s,sd_m_s\na,0,0,0,0,3425,17\nb,20,70,300,15,3410,17\n",
+    "moduli.csv": (
+        f"{ANGLES},indentation_modulus_gpa,sd_gpa\n0,0,0,74,1.5\n10,50,7,75,1.5\n0,90,20,74.4,1.5\n"
+    ),
+    "speeds.csv": (
+        f"grain,{ANGLES},propagation_deg,rayleigh_velocity_m_s,sd_m_s\na,0,0,0,0,3425,17\n"
+        "b,20,70,300,15,3410,17\n"
+    ),
 }
 
 
@@ -38,9 +43,18 @@ def test_both_programs_have_the_same_answer(bayesindent, batch, tmp_path):
     assert done.returncode == 0, done.stderr
     for name in ("theory.csv", "posterior.csv"):
         assert (tmp_path / "python" / name).read_bytes() == (tmp_path / "batch" / name).read_bytes()
-    found = [json.loads((tmp_path / folder / "summary.json").read_text()) for folder in ("python", "batch")]
+    found = [
+        json.loads((tmp_path / folder / "summary.json").read_text())
+        for folder in ("python", "batch")
+    ]
     assert found[0]["predicted"] == found[1]["predicted"]
-    assert [item.get("propagation_deg") for item in found[0]["predicted"]] == [None, None, None, 0, 15]
+    assert [item.get("propagation_deg") for item in found[0]["predicted"]] == [
+        None,
+        None,
+        None,
+        0,
+        15,
+    ]
     assert found[0]["velocities_left_out"] == 0
     parameters = found[0]["parameters"]
     assert abs(parameters["C11"]["mean"] - 77.5) < 3 * parameters["C11"]["sd"] < 45
@@ -52,7 +66,9 @@ def test_both_programs_have_the_same_answer(bayesindent, batch, tmp_path):
     # Rayleigh's equation.
     k = 31 / 77.5
     squares = np.roots([1, -8, 24 - 16 * k, -16 * (1 - k)])
-    expected = np.sqrt(1e9 * 31 / 2200 * min(x.real for x in squares if abs(x.imag) < 1e-9 and 0 < x.real < 1))
+    expected = np.sqrt(
+        1e9 * 31 / 2200 * min(x.real for x in squares if abs(x.imag) < 1e-9 and 0 < x.real < 1)
+    )
     assert np.isclose(float(theory[1].split(",")[-1]), expected, rtol=1e-6)
 
 

@@ -16,7 +16,8 @@ module known_targets
       procedure :: evaluate
    end type banana_type
 
-   !> (x1, x2 + 0.8 sin 2 x1, x3 + 0.3 x1², x4, ..) are standard normal, and x1 > -1. No polynomial makes it straight.
+   !> (x1, x2 + 0.8 sin 2 x1, x3 + 0.3 x1², x4, ..) are standard normal, and x1 > -1. No polynomial
+   !> makes it straight.
    type, extends(target_type) :: wavy_type
    contains
       procedure :: draw_start => draw_wavy_start

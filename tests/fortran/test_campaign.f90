@@ -1,4 +1,5 @@
-!> The store of simulations: what it gives back, what it refuses, and how fast it is. test_campaign.py looks at it with Python's sqlite3.
+!> The store of simulations: what it gives back, what it refuses, and how fast it is.
+!> test_campaign.py looks at it with Python's sqlite3.
 program test_campaign
    use campaign, only: campaign_type, row_type
    use campaign_import, only: import_points
@@ -11,8 +12,10 @@ program test_campaign
    use text, only: to_text
    implicit none
 
-   character(len=*), parameter :: path = 'test_campaign/a/campaign.sqlite', theory = '{"simulator": "theory"}'
-   real(wp), parameter :: copper(3) = [168.4_wp, 121.4_wp, 75.4_wp], angles(3) = [10.0_wp, 20.0_wp, 30.0_wp]
+   character(len=*), parameter :: path = 'test_campaign/a/campaign.sqlite', &
+      & theory = '{"simulator": "theory"}'
+   real(wp), parameter :: copper(3) = [168.4_wp, 121.4_wp, 75.4_wp], &
+      & angles(3) = [10.0_wp, 20.0_wp, 30.0_wp]
 
    call remove(path)
    call test_rows()
@@ -61,8 +64,9 @@ contains
       call store%open(path, theory, error)
       call store%find('cubic', copper/3.0_wp, angles, back, found, error)
       call check('a point is found', found)
-      same = all(back%constants == copper/3.0_wp) .and. all(back%euler_deg == angles) .and. back%position == 0 &
-         & .and. back%outcome%status == outcome_done .and. back%outcome%modulus == 0.1_wp + 0.2_wp &
+      same = all(back%constants == copper/3.0_wp) .and. all(back%euler_deg == angles) &
+         & .and. back%position == 0 .and. back%outcome%status == outcome_done &
+         & .and. back%outcome%modulus == 0.1_wp + 0.2_wp &
          & .and. back%outcome%elements == 12 .and. back%outcome%seconds == 1.5_wp &
          & .and. all(back%outcome%depth == [0.1_wp, 1.0e-5_wp]) .and. .not. back%imported
       call check('to the last bit', same)
@@ -110,8 +114,8 @@ contains
       points%constants(:, 1) = 3.0_wp*copper
       points%modulus_gpa(2) = 269.0_wp
       call import_points(store, points, n, error)
-      call check_refused('a contradiction', error, 'row 2 (C11 336.8, C12 242.8, C44 150.8): modulus_gpa is 269.0, but the same ' &
-         & //'point has 268.0 GPa in the campaign; ')
+      call check_refused('a contradiction', error, 'row 2 (C11 336.8, C12 242.8, C44 150.8): ' &
+         & //'modulus_gpa is 269.0, but the same point has 268.0 GPa in the campaign; ')
       points%constants(:, 2) = points%constants(:, 1)
       call import_points(store, points, n, error)
       call check_refused('among the rows', error, 'has 134.0 GPa in an earlier row; ')
@@ -149,7 +153,8 @@ contains
       all_found = .true.
       do i = 1, n
          call store%find('cubic', copper*i/real(n, wp), angles/i, row, found, error)
-         all_found = all_found .and. found .and. row%outcome%modulus == real(i, wp) .and. row%position == i - 1
+         all_found = all_found .and. found .and. row%outcome%modulus == real(i, wp) &
+            & .and. row%position == i - 1
       end do
       call check('are found', all_found)
       call store%rows('cubic', rows, error)
@@ -168,7 +173,8 @@ contains
       call database%run('CREATE TABLE recipes (name TEXT)', error)
       call database%close()
       call store%open(path, theory, error)
-      call check_refused('a database of others', error, path//': is a database, but not a campaign of bayesindent; ')
+      call check_refused('a database of others', error, &
+         & path//': is a database, but not a campaign of bayesindent; ')
       call remove(path)
       call store%open(path, theory, error)
       call store%file%close()
@@ -176,9 +182,11 @@ contains
       call database%run('PRAGMA user_version = 3', error)
       call database%close()
       call store%open(path, theory, error)
-      call check_refused('another format', error, path//': is a campaign of format 3, not 2; move it away to start a new one')
+      call check_refused('another format', error, &
+         & path//': is a campaign of format 3, not 2; move it away to start a new one')
       call store%open('test_campaign', theory, error)
-      call check_refused('a folder', error, 'test_campaign: the campaign cannot be used: unable to open database file')
+      call check_refused('a folder', error, &
+         & 'test_campaign: the campaign cannot be used: unable to open database file')
    end subroutine test_foreign
 
    subroutine remove(name)

@@ -1,4 +1,5 @@
-!> Chains that a stopped run has kept: they come back to the bit, and only for what they were drawn from.
+!> Chains that a stopped run has kept: they come back to the bit, and only for what they were drawn
+!> from.
 program test_chain_checkpoints
    use abstract_sampler, only: sampler_type
    use errors, only: error_type
@@ -6,7 +7,8 @@ program test_chain_checkpoints
    use kinds, only: wp
    use known_targets, only: banana_type
    use running_command, only: remove_files
-   use samplers, only: chains_type, checkpoint_type, new_checkpoint, new_sampler, run_settings_type, sample_chains
+   use samplers, only: chains_type, checkpoint_type, new_checkpoint, new_sampler, &
+      & run_settings_type, sample_chains
    use testing, only: check, check_success, finish
    use text, only: to_text
    implicit none
@@ -36,18 +38,20 @@ program test_chain_checkpoints
    call sample_chains(banana, sampler, settings, whole, error, checkpoint_type())
    call sample_chains(banana, sampler, settings, kept, error, checkpoint)
    call check_success('chains are drawn and kept', error)
-   call check('keeping changes nothing', all(whole%draws == kept%draws) .and. all(whole%log_density == kept%log_density) &
+   call check('keeping changes nothing', &
+      & all(whole%draws == kept%draws) .and. all(whole%log_density == kept%log_density) &
       & .and. all(whole%acceptance == kept%acceptance))
    call sample_chains(banana, sampler, settings, again, error, checkpoint)
-   call check('they come back to the bit', all(whole%draws == again%draws) .and. all(whole%log_density == again%log_density) &
+   call check('they come back to the bit', &
+      & all(whole%draws == again%draws) .and. all(whole%log_density == again%log_density) &
       & .and. all(whole%acceptance == again%acceptance))
 
    draws = whole%draws(:, :, 1)
    density = whole%log_density(:, 1)
    do k = 11, 13
       call checkpoint%restore(k, draws, density, share, found)
-      call check('chain of stream '//to_text(k), found .and. all(draws == whole%draws(:, :, k - 10)) .and. &
-         & share == whole%acceptance(k - 10))
+      call check('chain of stream '//to_text(k), found &
+         & .and. all(draws == whole%draws(:, :, k - 10)) .and. share == whole%acceptance(k - 10))
    end do
    call checkpoint%restore(14, draws, density, share, found)
    call check('there are no others', .not. found)
@@ -64,12 +68,14 @@ program test_chain_checkpoints
    draws = 0.25_wp
    call checkpoint%store(12, draws, density, 0.5_wp)
    call sample_chains(banana, sampler, settings, again, error, checkpoint)
-   call check('a kept chain is not drawn', all(again%draws(:, :, 2) == 0.25_wp) .and. again%acceptance(2) == 0.5_wp)
+   call check('a kept chain is not drawn', all(again%draws(:, :, 2) == 0.25_wp) &
+      & .and. again%acceptance(2) == 0.5_wp)
    call check('beside it all is as before', all(again%draws(:, :, ::2) == whole%draws(:, :, ::2)))
 
    call damage()
    call sample_chains(banana, sampler, settings, again, error, checkpoint)
-   call check('a damaged one is drawn again', .not. allocated(error) .and. all(again%draws == whole%draws))
+   call check('a damaged one is drawn again', .not. allocated(error) &
+      & .and. all(again%draws == whole%draws))
    call remove_files(folder, '.chain-')
    call checkpoint%restore(11, draws, density, share, found)
    call check('removed ones are gone', .not. found)

@@ -4,23 +4,25 @@ program test_fe
    use errors, only: error_type
    use fe_assembly, only: assemble, assembly_type, new_assembly
    use fe_grid, only: contact_residual, solve_contact
-   use fe_element, only: brick_full, brick_incompatible, brick_selective, brick_stiffness, brick_strain, &
-      & infinite_stiffness
+   use fe_element, only: brick_full, brick_incompatible, brick_selective, brick_stiffness, &
+      & brick_strain, infinite_stiffness
    use fe_mesh, only: mesh_type, new_mesh
    use kinds, only: pi, wp
    use linear_algebra, only: cholesky_factor, symmetric_eigen
-   use basic_specimen, only: clamped_bottom, layers_of_ratio, mesh_plan_type, mesh_stage_type, to_ball, to_cylinder
+   use basic_specimen, only: clamped_bottom, layers_of_ratio, mesh_plan_type, mesh_stage_type, &
+      & to_ball, to_cylinder
    use random, only: new_random_stream, random_stream_type
-   use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factorise, free_analysis, &
-      & release_factor, retained_factor, solve_factored
+   use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factorise, &
+      & free_analysis, release_factor, retained_factor, solve_factored
    use testing, only: check, check_close, check_refused, check_success, finish, stiffness_of
    use text, only: to_text
    implicit none
 
    integer, parameter :: formulations(3) = [brick_full, brick_selective, brick_incompatible]
-   character(len=*), parameter :: names(3) = ['c3d8, full     ', 'c3d8, selective', 'c3d8i          ']
-   real(wp), parameter :: cube(3, 8) = reshape([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1], &
-      & [3, 8])
+   character(len=*), &
+      & parameter :: names(3) = ['c3d8, full     ', 'c3d8, selective', 'c3d8i          ']
+   real(wp), parameter :: cube(3, 8) = reshape([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, 1, 0, &
+      & 1, 1, 1, 1, 0, 1, 1], [3, 8])
    !> An isotropic half-space under a point load.
    real(wp), parameter :: mu = 60.0_wp, nu = 0.3_wp, load = 1.0_wp
 
@@ -69,7 +71,8 @@ contains
 
    !> Exact on linear displacement, six rigid modes and no more, positive semidefinite.
    subroutine test_brick()
-      real(wp) :: x(3, 8), c(6, 6), k(24, 24), u(3, 8), gradient(3, 3), strain(6), stress(6), f(24), values(24)
+      real(wp) :: x(3, 8), c(6, 6), k(24, 24), u(3, 8), gradient(3, 3), strain(6), stress(6), &
+         & f(24), values(24)
       real(wp) :: b(6, 33, 8), volume(8), expected(24), modes(24, 24)
       type(error_type), allocatable :: error
       logical :: valid
@@ -77,7 +80,8 @@ contains
 
       x = distorted()
       c = triclinic()
-      gradient = reshape([0.3_wp, -0.2_wp, 0.5_wp, 0.1_wp, 0.7_wp, -0.4_wp, 0.2_wp, 0.6_wp, -0.1_wp], [3, 3])
+      gradient = reshape([0.3_wp, -0.2_wp, 0.5_wp, 0.1_wp, 0.7_wp, -0.4_wp, 0.2_wp, 0.6_wp, &
+         & -0.1_wp], [3, 3])
       u = matmul(gradient, x)
       strain = [gradient(1, 1), gradient(2, 2), gradient(3, 3), gradient(2, 3) + gradient(3, 2), &
          & gradient(1, 3) + gradient(3, 1), gradient(1, 2) + gradient(2, 1)]
@@ -92,8 +96,8 @@ contains
          call check('a distorted brick is valid: '//names(i), valid)
          f = matmul(k, reshape(u, [24]))
          ! Rounding: 24 products of stiffness 1e2 GPa times size.
-         call check('patch test of one distorted brick: '//names(i), maxval(abs(f - expected)) < 1.0e-11_wp, &
-            & to_text(maxval(abs(f - expected))))
+         call check('patch test of one distorted brick: '//names(i), &
+            & maxval(abs(f - expected)) < 1.0e-11_wp, to_text(maxval(abs(f - expected))))
          modes = k
          call symmetric_eigen(modes, values, error)
          call check('six rigid modes: '//names(i), all(abs(values(:6)) < 1.0e-10_wp*values(24)) &
@@ -104,8 +108,9 @@ contains
       call check('a brick turned inside out is not valid', .not. valid)
    end subroutine test_brick
 
-   !> Small plans that take in all that the generator can do: layers and a coarser surface; the same around a film that ends inside the
-   !> box, or where layers reach the interface; a grain that is a ball, or a cylinder.
+   !> Small plans that take in all that the generator can do: layers and a coarser surface; the same
+   !> around a film that ends inside the box, or where layers reach the interface; a grain that is a
+   !> ball, or a cylinder.
    function small_plan(kind) result(plan)
       character(len=*), intent(in) :: kind
       type(mesh_plan_type) :: plan
@@ -125,7 +130,8 @@ contains
          stage%plane = 0.9_wp
          stage%material = 2
          stage%coarsen = .true.
-         plan%stages = [mesh_stage_type(growth=2.0_wp, floor_levels=2, floor_depth=0.8_wp, plane=0.9_wp, material=2), stage]
+         plan%stages = [mesh_stage_type(growth=2.0_wp, floor_levels=2, floor_depth=0.8_wp, &
+            & plane=0.9_wp, material=2), stage]
       case ('thick film')
          plan%stages = [stage, layers_of_ratio(1.6_wp, 1.6_wp, 1.0_wp)]
          plan%stages(1)%coarsen = .true.
@@ -148,9 +154,11 @@ contains
       end select
    end function small_plan
 
-   !> Linear displacement is in equilibrium at all inner nodes of the meshes, hanging ones included, and materials fill what they should.
+   !> Linear displacement is in equilibrium at all inner nodes of the meshes, hanging ones included,
+   !> and materials fill what they should.
    subroutine test_mesh_patch()
-      character(len=*), parameter :: kinds(5) = ['layers    ', 'thin film ', 'thick film', 'ball      ', 'cylinder  ']
+      character(len=*), parameter :: kinds(5) = ['layers    ', 'thin film ', 'thick film', &
+         & 'ball      ', 'cylinder  ']
       !> Of materials 1 and 2, um3.
       real(wp) :: expected(2)
       integer :: i
@@ -181,7 +189,8 @@ contains
       type(assembly_type) :: assembly
       type(error_type), allocatable :: error
       real(wp), allocatable :: values(:), u(:), f(:)
-      real(wp) :: gradient(3, 3), c(6, 6, 2), b(6, 33, 8), corner_volume(8), volume(2), worst, tolerance
+      real(wp) :: gradient(3, 3), c(6, 6, 2), b(6, 33, 8), corner_volume(8), volume(2), &
+         & worst, tolerance
       integer :: i, j, p, e, r
       logical, allocatable :: outside(:)
 
@@ -197,11 +206,13 @@ contains
       tolerance = 1.0e-12_wp
       if (kind == 'ball') tolerance = 0.12_wp
       if (kind == 'cylinder') tolerance = 0.02_wp
-      call check('bricks fill the volumes of the materials: '//kind, all(abs(volume - expected) <= tolerance*(1.0_wp + expected)), &
-         & to_text(volume(1))//' '//to_text(volume(2))//' for '//to_text(expected(1))//' '//to_text(expected(2)))
+      call check('bricks fill the volumes of the materials: '//kind, &
+         & all(abs(volume - expected) <= tolerance*(1.0_wp + expected)), to_text(volume(1))//' ' &
+         & //to_text(volume(2))//' for '//to_text(expected(1))//' '//to_text(expected(2)))
       call new_assembly(mesh, assembly)
       c = spread(triclinic(), 3, 2)
-      gradient = reshape([0.3_wp, -0.2_wp, 0.5_wp, 0.1_wp, 0.7_wp, -0.4_wp, 0.2_wp, 0.6_wp, -0.1_wp], [3, 3])
+      gradient = reshape([0.3_wp, -0.2_wp, 0.5_wp, 0.1_wp, 0.7_wp, -0.4_wp, 0.2_wp, 0.6_wp, &
+         & -0.1_wp], [3, 3])
       allocate (u(assembly%unknowns), f(assembly%unknowns), outside(assembly%unknowns))
       outside = .false.
       do i = 1, size(mesh%x, 2)
@@ -227,12 +238,13 @@ contains
             end do
          end do
          worst = maxval(abs(f), mask=.not. outside)/maxval(abs(f))
-         call check('patch test of the mesh: '//kind//', '//names(p), worst < 1.0e-13_wp .and. count(.not. outside) > 30, &
-            & to_text(worst))
+         call check('patch test of the mesh: '//kind//', '//names(p), &
+            & worst < 1.0e-13_wp .and. count(.not. outside) > 30, to_text(worst))
       end do
    end subroutine test_patch_of
 
-   !> Nodes of the outer faces of the last layer, which has as many facets as the last bricks have in common with no other.
+   !> Nodes of the outer faces of the last layer, which has as many facets as the last bricks have
+   !> in common with no other.
    function outermost(mesh) result(node)
       type(mesh_type), intent(in) :: mesh
       integer, allocatable :: node(:)
@@ -248,19 +260,22 @@ contains
       node = pack([(i, i=1, size(outer))], outer .and. .not. inner)
    end function outermost
 
-   !> The energy outside a hemisphere under a point load on an isotropic half-space (Boussinesq's field, exactly 1/r), with
-   !> the infinite elements carrying its nodal values.
+   !> The energy outside a hemisphere under a point load on an isotropic half-space (Boussinesq's
+   !> field, exactly 1/r), with the infinite elements carrying its nodal values.
    subroutine test_infinite()
       real(wp) :: c(6, 6), errors(2), exact
       integer :: i
 
-      c = stiffness_of('cubic', 2.0_wp*mu*[(1.0_wp - nu)/(1.0_wp - 2.0_wp*nu), nu/(1.0_wp - 2.0_wp*nu), 0.5_wp])
+      c = stiffness_of('cubic', &
+         & 2.0_wp*mu*[(1.0_wp - nu)/(1.0_wp - 2.0_wp*nu), nu/(1.0_wp - 2.0_wp*nu), 0.5_wp])
       exact = exterior_energy()
       do i = 1, 2
          errors(i) = abs(infinite_energy(12*i, c)/exact - 1.0_wp)
       end do
-      call check('infinite elements carry the field of a point load', errors(2) < 0.01_wp, to_text(errors(2)))
-      call check_close('their error falls with the square of the facet', log(errors(1)/errors(2))/log(2.0_wp), 2.0_wp, 0.2_wp)
+      call check('infinite elements carry the field of a point load', errors(2) < 0.01_wp, &
+         & to_text(errors(2)))
+      call check_close('their error falls with the square of the facet', &
+         & log(errors(1)/errors(2))/log(2.0_wp), 2.0_wp, 0.2_wp)
       do i = 1, 2
          errors(i) = abs(layer_energy(12*i, 1.5_wp, c)/(exact*(1.0_wp - 1.0_wp/1.5_wp)) - 1.0_wp)
       end do
@@ -280,8 +295,8 @@ contains
       u(3) = -load/(4.0_wp*pi*mu)*(z**2/r**3 + 2.0_wp*(1.0_wp - nu)/r)
    end function boussinesq
 
-   !> Twice the strain energy outside the unit hemisphere: the work of tractions -sigma_rr, which are radial under a point
-   !> load, integrated with Gauss-like midpoints in cos(theta).
+   !> Twice the strain energy outside the unit hemisphere: the work of tractions -sigma_rr, which
+   !> are radial under a point load, integrated with Gauss-like midpoints in cos(theta).
    real(wp) function exterior_energy()
       integer, parameter :: n = 4000
       real(wp) :: z, x(3)
@@ -339,7 +354,8 @@ contains
       end do
    end function infinite_energy
 
-   !> uᵀ K u of bricks between that hemisphere and one `growth` times as large, nodes at the exact displacement.
+   !> uᵀ K u of bricks between that hemisphere and one `growth` times as large, nodes at the exact
+   !> displacement.
    real(wp) function layer_energy(n, growth, c) result(energy)
       integer, intent(in) :: n
       real(wp), intent(in) :: growth, c(6, 6)
@@ -374,7 +390,8 @@ contains
       x = [sin(theta)*cos(phi), sin(theta)*sin(phi), -cos(theta)]
    end function point
 
-   !> Factor, solution and Schur complement of a random sparse matrix against dense LAPACK; an indefinite one is refused.
+   !> Factor, solution and Schur complement of a random sparse matrix against dense LAPACK; an
+   !> indefinite one is refused.
    subroutine test_cholesky()
       integer, parameter :: n = 240, retained = 17
       real(wp) :: dense(n, n), lower(n, n), x(n, 2), b(n, 2), schur(retained, retained), value
@@ -426,7 +443,8 @@ contains
          call solve_factored(cholesky%handle, factor, b(:, j))
       end do
       ! The factor is of single precision.
-      call check('solution of two right-hand sides', maxval(abs(b - x)) < 1.0e-5_wp, to_text(maxval(abs(b - x))))
+      call check('solution of two right-hand sides', maxval(abs(b - x)) < 1.0e-5_wp, &
+         & to_text(maxval(abs(b - x))))
       call retained_factor(cholesky%handle, factor, schur)
       lower = dense
       call cholesky_factor(lower, error)
@@ -436,11 +454,13 @@ contains
          end do
       end do
       value = maxval(abs(schur - lower(n - retained + 1:, n - retained + 1:)))
-      call check('factor of the Schur complement of the retained unknowns', value < 1.0e-5_wp*maxval(dense), to_text(value))
+      call check('factor of the Schur complement of the retained unknowns', &
+         & value < 1.0e-5_wp*maxval(dense), to_text(value))
       p = start(100)
       values(p) = -1.0_wp
       call factorise(cholesky, factor, values, error)
-      call check_refused('an indefinite matrix', error, 'not positive definite (unknown 100 of 240)')
+      call check_refused('an indefinite matrix', error, &
+         & 'not positive definite (unknown 100 of 240)')
       values(p) = dense(100, 100)
       call factorise(cholesky, factor, values, error)
       call check_success('the workspace is good again after a refusal', error)

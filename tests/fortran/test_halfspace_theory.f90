@@ -2,18 +2,21 @@
 program test_halfspace_theory
    use compliance_field, only: field_moduli, field_type, new_field
    use crystal_class, only: crystal_class_type, new_crystal_class
-   use crystal_elasticity, only: anisotropy_index, is_stable, log_anisotropy, path_type, rayleigh, voigt_index
+   use crystal_elasticity, only: anisotropy_index, is_stable, log_anisotropy, path_type, &
+      & rayleigh, voigt_index
    use errors, only: error_type
    use halfspace_theory, only: halfspace_modulus, halfspace_type, inverse_barnett, lanes
    use kinds, only: pi, wp
    use logarithmic_coordinates, only: log_coordinates_type, log_frame_type, new_log_coordinates
-   use rayleigh_wave, only: rayleigh_waves, surface_type, surface_waves, new_surface, wave_speed, wave_type
+   use rayleigh_wave, only: rayleigh_waves, surface_type, surface_waves, new_surface, &
+      & wave_speed, wave_type
    use random, only: new_random_stream, random_stream_type
    use testing, only: check, check_close, check_success, finish
    implicit none
 
-   character(len=12), parameter :: classes(10) = [character(len=12) :: 'isotropic', 'cubic', 'hexagonal', 'tetragonal', '4/m', &
-      & 'trigonal', '-3', 'orthorhombic', 'monoclinic', 'triclinic']
+   character(len=12), &
+      & parameter :: classes(10) = [character(len=12) :: 'isotropic', 'cubic', 'hexagonal', &
+      & 'tetragonal', '4/m', 'trigonal', '-3', 'orthorhombic', 'monoclinic', 'triclinic']
    integer :: k
 
    do k = 1, size(classes)
@@ -29,7 +32,8 @@ program test_halfspace_theory
 
 contains
 
-   !> Rayleigh's cubic for v^2 over that of shear waves, and the displacement of its root, in any orientation.
+   !> Rayleigh's cubic for v^2 over that of shear waves, and the displacement of its root, in any
+   !> orientation.
    subroutine test_isotropic_wave()
       real(wp), parameter :: shear = 80.0_wp, longitudinal(3) = shear*[1.6_wp, 3.5_wp, 30.0_wp]
       type(crystal_class_type) :: class
@@ -42,8 +46,9 @@ contains
       do i = 1, 3
          c(:, :, i) = class%stiffness([longitudinal(i), longitudinal(i) - 2.0_wp*shear])
       end do
-      call rayleigh_waves(c, reshape([0.0_wp, 0.0_wp, 0.0_wp, 10.0_wp, 50.0_wp, 70.0_wp, 200.0_wp, 90.0_wp, 5.0_wp], [3, 3]), &
-         & [path_type(rayleigh), path_type(rayleigh, 33.0_wp), path_type(rayleigh, 90.0_wp)], waves, error)
+      call rayleigh_waves(c, reshape([0.0_wp, 0.0_wp, 0.0_wp, 10.0_wp, 50.0_wp, 70.0_wp, 200.0_wp, &
+         & 90.0_wp, 5.0_wp], [3, 3]), [path_type(rayleigh), path_type(rayleigh, 33.0_wp), &
+         & path_type(rayleigh, 90.0_wp)], waves, error)
       call check_success('waves of isotropic solids', error)
       do i = 1, 3
          low = 0.0_wp
@@ -70,7 +75,8 @@ contains
       rayleigh_cubic = x**3 - 8.0_wp*x**2 + (24.0_wp - 16.0_wp*k)*x - 16.0_wp*(1.0_wp - k)
    end function rayleigh_cubic
 
-   !> Silicon (001)[100] by Stoneley's secular equation of a symmetric cut, and many directions at once as one by one.
+   !> Silicon (001)[100] by Stoneley's secular equation of a symmetric cut, and many directions at
+   !> once as one by one.
    subroutine test_silicon_wave()
       real(wp), parameter :: c11 = 165.7_wp, c12 = 63.9_wp, c44 = 79.6_wp
       type(crystal_class_type) :: class
@@ -83,7 +89,8 @@ contains
 
       call new_crystal_class('cubic', class, error)
       associate (c => class%stiffness([c11, c12, c44]))
-         call rayleigh_waves(reshape(c, [6, 6, 1]), reshape([0.0_wp, 0.0_wp, 0.0_wp], [3, 1]), [path_type(rayleigh)], wave, error)
+         call rayleigh_waves(reshape(c, [6, 6, 1]), reshape([0.0_wp, 0.0_wp, 0.0_wp], [3, 1]), &
+            & [path_type(rayleigh)], wave, error)
          low = 0.0_wp
          high = c44
          do i = 1, 60
@@ -95,7 +102,8 @@ contains
             end if
          end do
          call check_close('Stoneley''s secular equation', wave(1)%modulus, x, 1.0e-9_wp)
-         call check_close('silicon (001)[100], literature 4921 m/s', wave_speed(wave(1)%modulus, 2330.0_wp), 4919.0_wp, 3.0_wp)
+         call check_close('silicon (001)[100], literature 4921 m/s', &
+            & wave_speed(wave(1)%modulus, 2330.0_wp), 4919.0_wp, 3.0_wp)
          euler = reshape([(0.7_wp*i, i=1, 33)], [3, 11])
          paths = [(path_type(rayleigh, 20.0_wp*i), i=1, 11)]
          call new_surface(euler, paths, surface)
@@ -108,7 +116,8 @@ contains
       end associate
    end subroutine test_silicon_wave
 
-   !> Doubled angles against the trapezoid rule written out, for directions of a crystal without symmetry.
+   !> Doubled angles against the trapezoid rule written out, for directions of a crystal without
+   !> symmetry.
    subroutine test_doubling()
       integer, parameter :: n_angles = 512
       type(crystal_class_type) :: class
@@ -130,7 +139,8 @@ contains
          t = t/norm2(t)
          first = first - dot_product(first, t)*t
          first = first/norm2(first)
-         second = [t(2)*first(3) - t(3)*first(2), t(3)*first(1) - t(1)*first(3), t(1)*first(2) - t(2)*first(1)]
+         second = [t(2)*first(3) - t(3)*first(2), t(3)*first(1) - t(1)*first(3), &
+            & t(1)*first(2) - t(2)*first(1)]
          mm(lane, :) = components(contraction(c, first, first))
          mn(lane, :) = reshape(contraction(c, first, second), [9])
          nn(lane, :) = components(contraction(c, second, second))
@@ -143,7 +153,8 @@ contains
          m = cos(phi)*first + sin(phi)*second
          n = cos(phi)*second - sin(phi)*first
          product = contraction(c, m, n)
-         b = b + contraction(c, m, m) - matmul(product, matmul(inverse_of(contraction(c, n, n)), transpose(product)))
+         b = b + contraction(c, m, m) - matmul(product, &
+            & matmul(inverse_of(contraction(c, n, n)), transpose(product)))
       end do
       ! B = sum 2 pi/n / (8 pi^2), and f = B^-1/(8 pi^2).
       expected = inverse_of(b*2.0_wp*pi/n_angles/(8.0_wp*pi**2))/(8.0_wp*pi**2)
@@ -153,10 +164,12 @@ contains
       end do
    end subroutine test_doubling
 
-   !> Along the axis of a hexagonal crystal the modulus has a closed form, however anisotropic the crystal.
+   !> Along the axis of a hexagonal crystal the modulus has a closed form, however anisotropic the
+   !> crystal.
    subroutine test_hexagonal_axis()
       real(wp), parameter :: c11 = 300.0_wp, c12 = 120.0_wp, c13(3) = [60.0_wp, 20.0_wp, 12.0_wp]
-      real(wp), parameter :: c33(3) = [150.0_wp, 30.0_wp, 6.0_wp], c44(3) = [60.0_wp, 6.0_wp, 1.5_wp]
+      real(wp), parameter :: c33(3) = [150.0_wp, 30.0_wp, 6.0_wp], &
+         & c44(3) = [60.0_wp, 6.0_wp, 1.5_wp]
       type(crystal_class_type) :: class
       type(halfspace_type) :: found
       type(error_type), allocatable :: error
@@ -166,16 +179,18 @@ contains
       call new_crystal_class('hexagonal', class, error)
       do i = 1, 3
          c = class%stiffness([c11, c12, c44(i), c33(i), c13(i)])
-         expected = 2.0_wp*sqrt((c11*c33(i) - c13(i)**2)/c11/(1.0_wp/c44(i) + 2.0_wp/(sqrt(c11*c33(i)) + c13(i))))
+         expected = 2.0_wp*sqrt((c11*c33(i) - c13(i)**2)/c11 &
+            & /(1.0_wp/c44(i) + 2.0_wp/(sqrt(c11*c33(i)) + c13(i))))
          call halfspace_modulus(c, [0.3_wp, 0.0_wp, 0.0_wp], found, error)
          call check_success('along the axis', error)
-         call check_close('along the axis of a hexagonal crystal', found%modulus, expected, 1.0e-8_wp*expected)
+         call check_close('along the axis of a hexagonal crystal', found%modulus, expected, &
+            & 1.0e-8_wp*expected)
       end do
       call check('the last of these is very anisotropic', anisotropy_index(c) > 66.0_wp)
    end subroutine test_hexagonal_axis
 
-   !> The modulus does not change as the crystal turns about the surface's normal: the grids are accepted for what they resolve, not
-   !> because a harmonic happens to vanish on them.
+   !> The modulus does not change as the crystal turns about the surface's normal: the grids are
+   !> accepted for what they resolve, not because a harmonic happens to vanish on them.
    subroutine test_turn_about_normal()
       integer, parameter :: turns = 400
       type(crystal_class_type) :: class
@@ -191,7 +206,8 @@ contains
             call halfspace_modulus(c, [pi*i/turns, 0.5_wp*tilted, 0.2_wp*tilted], found, error)
             moduli(i) = found%modulus
          end do
-         call check('a turn about the normal changes nothing', maxval(moduli) - minval(moduli) < 1.0e-7_wp*minval(moduli))
+         call check('a turn about the normal changes nothing', &
+            & maxval(moduli) - minval(moduli) < 1.0e-7_wp*minval(moduli))
       end do
    end subroutine test_turn_about_normal
 
@@ -269,7 +285,8 @@ contains
       call coordinates%from_logarithms(w, c, frame)
    end subroutine make_crystal
 
-   !> There and back, the norm that is the log-anisotropy, and the volume against the determinant of differences.
+   !> There and back, the norm that is the log-anisotropy, and the volume against the determinant of
+   !> differences.
    subroutine test_coordinates(name)
       character(len=*), intent(in) :: name
       type(crystal_class_type) :: class
@@ -290,9 +307,12 @@ contains
       do i = 1, 2
          call make_crystal(class, stream, w, c)
          call check(name//': stable', is_stable(c))
-         call check(name//': there and back', maxval(abs(coordinates%to_logarithms(c) - w)) < 1.0e-9_wp)
-         call check(name//': of the class', maxval(abs(class%stiffness(class%constants_of(c)) - c)) < 1.0e-9_wp)
-         call check_close(name//': the norm is the log-anisotropy', norm2(w(3:)), log_anisotropy(c), 1.0e-6_wp)
+         call check(name//': there and back', &
+            & maxval(abs(coordinates%to_logarithms(c) - w)) < 1.0e-9_wp)
+         call check(name//': of the class', &
+            & maxval(abs(class%stiffness(class%constants_of(c)) - c)) < 1.0e-9_wp)
+         call check_close(name//': the norm is the log-anisotropy', norm2(w(3:)), &
+            & log_anisotropy(c), 1.0e-6_wp)
          call coordinates%from_logarithms(w, c, frame)
          volume(i) = coordinates%log_volume(frame)
          if (allocated(jacobian)) deallocate (jacobian)
@@ -308,7 +328,8 @@ contains
          found(i) = log_determinant(jacobian)
       end do
       ! Differences of second order: errors of step^2 in each of up to 21 columns.
-      call check_close(name//': the volume, up to a constant', volume(2) - volume(1), found(2) - found(1), 1.0e-7_wp)
+      call check_close(name//': the volume, up to a constant', volume(2) - volume(1), &
+         & found(2) - found(1), 1.0e-7_wp)
    end subroutine test_coordinates
 
    !> log |det a| by elimination.
@@ -325,11 +346,13 @@ contains
          rest(pivot, :) = rest(i, :)
          rest(i, :) = row
          log_determinant = log_determinant + log(abs(row(i)))
-         rest(i + 1:, :) = rest(i + 1:, :) - spread(rest(i + 1:, i)/row(i), 2, size(row))*spread(row, 1, size(row) - i)
+         rest(i + 1:, :) = rest(i + 1:, :) - spread(rest(i + 1:, i)/row(i), 2, &
+            & size(row))*spread(row, 1, size(row) - i)
       end do
    end function log_determinant
 
-   !> Moduli of random directions against the quadrature: the error falls with the degree, and is small where Step 2 wants it.
+   !> Moduli of random directions against the quadrature: the error falls with the degree, and is
+   !> small where Step 2 wants it.
    subroutine test_field(name)
       character(len=*), intent(in) :: name
       integer, parameter :: n = 15, degrees(3) = [8, 12, 16]
@@ -361,6 +384,7 @@ contains
          largest(j) = maxval(abs(moduli(:, 1)/exact%modulus - 1.0_wp))
       end do
       call check(name//': moduli', all(largest < allowed))
-      call check(name//': better with every degree', all(largest(2:) < 0.5_wp*largest(:2) .or. largest(2:) < 1.0e-7_wp))
+      call check(name//': better with every degree', &
+         & all(largest(2:) < 0.5_wp*largest(:2) .or. largest(2:) < 1.0e-7_wp))
    end subroutine test_field
 end program test_halfspace_theory

@@ -1,9 +1,10 @@
-!> Specimens by name, indenters, Hertz' solution, what a model states of its accuracy, and what is refused; the identity of a physics.
+!> Specimens by name, indenters, Hertz' solution, what a model states of its accuracy, and what is
+!> refused; the identity of a physics.
 program test_indentation
    use basic_specimen, only: specimen_type
    use errors, only: error_type, machine_failure
-   use fe_indentation, only: free_indentation_model, indentation_model_type, indentation_result_type, new_indentation_model, &
-      & simulate_indentation
+   use fe_indentation, only: free_indentation_model, indentation_model_type, &
+      & indentation_result_type, new_indentation_model, simulate_indentation
    use fe_mesh, only: mesh_type, new_mesh
    use indenters, only: indenter_names, indenter_type, new_indenter
    use kinds, only: pi, wp
@@ -11,10 +12,11 @@ program test_indentation
    use settings_schema, only: settings_type
    use settings_list, only: settings_list_type
    use settings_schema, only: list_settings
-   use simulate, only: identity_text, new_simulator, outcome_done, outcome_failed, outcome_type, simulation_error, &
-      & simulator_type
+   use simulate, only: identity_text, new_simulator, outcome_done, outcome_failed, outcome_type, &
+      & simulation_error, simulator_type
    use specimens, only: geometry_names, new_indentation
-   use testing, only: check, check_close, check_refused, check_success, default_settings, finish, stiffness_of
+   use testing, only: check, check_close, check_refused, check_success, default_settings, finish, &
+      & stiffness_of
    use text, only: split_list, to_text
    implicit none
 
@@ -55,19 +57,22 @@ contains
          call check_success('specimen '//names(i), error)
          call new_mesh(specimen%plan(0.6_wp), mesh, error)
          call check_success('mesh '//names(i), error)
-         call check('contact nodes, and something that holds the mesh: '//names(i), size(mesh%contact) > 50 &
-            & .and. (size(mesh%facet, 2) > 0 .neqv. size(mesh%clamped) > 0))
+         call check('contact nodes, and something that holds the mesh: '//names(i), &
+            & size(mesh%contact) > 50 .and. (size(mesh%facet, 2) > 0 .neqv. size(mesh%clamped) > 0))
       end do
       settings%specimen%geometry = 'dome'
       settings%indenter%contact_radius_um = 0.5_wp
       call new_indentation(settings, indenter, specimen, error)
-      call check_refused('an unknown specimen', error, "geometry: 'dome' is unknown; allowed: "//geometry_names)
+      call check_refused('an unknown specimen', error, &
+         & "geometry: 'dome' is unknown; allowed: "//geometry_names)
    end subroutine test_specimens
 
-   !> The default block is the paper's; others have their size, bricks of nearly equal edges under the contact, and layers that grow alike.
+   !> The default block is the paper's; others have their size, bricks of nearly equal edges under
+   !> the contact, and layers that grow alike.
    subroutine test_blocks()
       !> Width, height, contact radius, um, and bricks.
-      real(wp), parameter :: blocks(4, 4) = reshape([9.6_wp, 4.8_wp, 0.5_wp, 12400.0_wp, 9.6_wp, 19.2_wp, 0.5_wp, 41200.0_wp, &
+      real(wp), parameter :: blocks(4, &
+         & 4) = reshape([9.6_wp, 4.8_wp, 0.5_wp, 12400.0_wp, 9.6_wp, 19.2_wp, 0.5_wp, 41200.0_wp, &
          & 100.0_wp, 25.0_wp, 2.0_wp, 10000.0_wp, 4.0_wp, 2.0_wp, 1.0_wp, 6400.0_wp], [4, 4])
       class(specimen_type), allocatable :: specimen
       class(indenter_type), allocatable :: indenter
@@ -88,31 +93,40 @@ contains
          call new_mesh(specimen%plan(1.0_wp), mesh, error)
          call check_success('its mesh', error)
          associate (x => mesh%x, first => mesh%brick(:, 1))
-            call check_close('its width', maxval(x(1, :)) - minval(x(2, :)), blocks(1, i), 1.0e-12_wp*blocks(1, i))
-            call check_close('its height', maxval(x(3, :)) - minval(x(3, :)), blocks(2, i), 1.0e-12_wp*blocks(2, i))
-            call check_close('bricks as high as wide', (x(3, first(5)) - x(3, first(1)))/mesh%element_size, 1.0_wp, 1.0e-9_wp)
-            call check('clamped at the bottom', all(abs(x(3, mesh%clamped) + blocks(2, i)) < 1.0e-9_wp))
+            call check_close('its width', maxval(x(1, :)) - minval(x(2, :)), blocks(1, i), &
+               & 1.0e-12_wp*blocks(1, i))
+            call check_close('its height', maxval(x(3, :)) - minval(x(3, :)), blocks(2, i), &
+               & 1.0e-12_wp*blocks(2, i))
+            call check_close('bricks as high as wide', &
+               & (x(3, first(5)) - x(3, first(1)))/mesh%element_size, 1.0_wp, 1.0e-9_wp)
+            call check('clamped at the bottom', &
+               & all(abs(x(3, mesh%clamped) + blocks(2, i)) < 1.0e-9_wp))
          end associate
-         call check_close('elements to the contact radius', blocks(3, i)/mesh%element_size, 1.0_wp/0.13_wp, 1.0e-9_wp)
-         call check('bricks', size(mesh%brick, 2) == nint(blocks(4, i)), to_text(size(mesh%brick, 2)))
+         call check_close('elements to the contact radius', blocks(3, i)/mesh%element_size, &
+            & 1.0_wp/0.13_wp, 1.0e-9_wp)
+         call check('bricks', size(mesh%brick, 2) == nint(blocks(4, i)), &
+            & to_text(size(mesh%brick, 2)))
       end do
       settings%indenter%contact_radius_um = 1.1_wp
       call new_indentation(settings, indenter, specimen, error)
-      call check_refused('a contact too large for the block', error, 'width_um: 4.0 um is too narrow for a contact ' &
-         & //'radius of 1.1 um; allowed from 4.4 um')
+      call check_refused('a contact too large for the block', error, &
+         & 'width_um: 4.0 um is too narrow for a contact radius of 1.1 um; allowed from 4.4 um')
       settings%specimen%height_um = 8.1_wp
       settings%indenter%contact_radius_um = 0.5_wp
       call new_indentation(settings, indenter, specimen, error)
-      call check_refused('a pillar', error, 'height_um: 8.1 um does not go with width_um = 4.0; allowed 0.5 to 8.0 um')
+      call check_refused('a pillar', error, &
+         & 'height_um: 8.1 um does not go with width_um = 4.0; allowed 0.5 to 8.0 um')
    end subroutine test_blocks
 
-   !> What closed forms of any shape obey: d(force)/d(depth) = 2 a M (Sneddon), inverse functions, and the shape that is asked for.
+   !> What closed forms of any shape obey: d(force)/d(depth) = 2 a M (Sneddon), inverse functions,
+   !> and the shape that is asked for.
    subroutine test_indenters()
       character(len=len(indenter_names)), allocatable :: names(:)
       type(settings_type) :: settings
       class(indenter_type), allocatable :: indenter, other
       type(error_type), allocatable :: error
-      real(wp), parameter :: radii(7) = [1.0e-5_wp, 0.01_wp, 0.5_wp, 2.3_wp, 2.5_wp, 9.0_wp, 15.5_wp]
+      real(wp), &
+         & parameter :: radii(7) = [1.0e-5_wp, 0.01_wp, 0.5_wp, 2.3_wp, 2.5_wp, 9.0_wp, 15.5_wp]
       real(wp) :: h, dh, slope
       integer :: i, j
 
@@ -127,9 +141,11 @@ contains
             call check_close('contact radius of the depth of a contact radius: '//names(i), &
                & indenter%contact_radius_of(h)/radii(j), 1.0_wp, 1.0e-12_wp)
             dh = 1.0e-3_wp*h
-            slope = (8.0_wp*(indenter%unit_force(h + dh) - indenter%unit_force(h - dh)) - indenter%unit_force(h + 2.0_wp*dh) &
-               & + indenter%unit_force(h - 2.0_wp*dh))/(12.0_wp*dh)
-            call check_close('stiffness of the contact: '//names(i), slope/(2.0_wp*radii(j)), 1.0_wp, 1.0e-9_wp)
+            slope = (8.0_wp*(indenter%unit_force(h + dh) - indenter%unit_force(h - dh)) &
+               & - indenter%unit_force(h + 2.0_wp*dh) + indenter%unit_force(h - 2.0_wp*dh)) &
+               & /(12.0_wp*dh)
+            call check_close('stiffness of the contact: '//names(i), slope/(2.0_wp*radii(j)), &
+               & 1.0_wp, 1.0e-9_wp)
          end do
          call check_close('the last point', indenter%contact_radius, 0.5_wp, 1.0e-15_wp)
          settings%indenter%depth_um = indenter%depth
@@ -157,31 +173,37 @@ contains
       call new_indenter(settings%indenter, cone, error)
       call check_close('gap of a paraboloid', paraboloid%gap(a), 2.0_wp, 1.0e-14_wp)
       call check_close('gap of a sphere', sphere%gap(a), 16.0_wp - sqrt(192.0_wp), 1.0e-14_wp)
-      call check('no sphere beyond its radius', sphere%gap(16.0_wp) > 100.0_wp .and. sphere%gap(40.0_wp) > 100.0_wp)
+      call check('no sphere beyond its radius', sphere%gap(16.0_wp) > 100.0_wp &
+         & .and. sphere%gap(40.0_wp) > 100.0_wp)
       call check_close('gap of a cone', cone%gap(a), a/sqrt(3.0_wp), 1.0e-14_wp)
       ! a = R/2: h = (R/4) ln 3, P/M = (R2/8) (5 ln 3 - 4).
       call check_close('depth of a sphere', sphere%depth_of(a), 4.0_wp*log(3.0_wp), 1.0e-14_wp)
-      call check_close('force under a sphere', sphere%unit_force(4.0_wp*log(3.0_wp)), 32.0_wp*(5.0_wp*log(3.0_wp) - 4.0_wp), &
-         & 1.0e-12_wp)
-      call check_close('force under a cone', cone%unit_force(1.0_wp), 2.0_wp*sqrt(3.0_wp)/pi, 1.0e-14_wp)
+      call check_close('force under a sphere', sphere%unit_force(4.0_wp*log(3.0_wp)), &
+         & 32.0_wp*(5.0_wp*log(3.0_wp) - 4.0_wp), 1.0e-12_wp)
+      call check_close('force under a cone', cone%unit_force(1.0_wp), &
+         & 2.0_wp*sqrt(3.0_wp)/pi, 1.0e-14_wp)
       ! P = 4/3 sqrt(R) h^1.5 (1 - (1/10) h/R ..): the series of both in a/R, to second order.
-      call check_close('a small sphere is a paraboloid', sphere%unit_force(1.6e-3_wp)/paraboloid%unit_force(1.6e-3_wp), &
-         & 1.0_wp - 1.0e-5_wp, 1.0e-8_wp)
+      call check_close('a small sphere is a paraboloid', sphere%unit_force(1.6e-3_wp) &
+         & /paraboloid%unit_force(1.6e-3_wp), 1.0_wp - 1.0e-5_wp, 1.0e-8_wp)
       settings = default_settings()
       settings%indenter%shape = 'sphere'
       settings%indenter%contact_radius_um = 16.0_wp
       call new_indenter(settings%indenter, sphere, error)
-      call check_refused('a contact as wide as the sphere', error, 'contact_radius_um: 16.0 um is beyond the sphere; allowed below')
+      call check_refused('a contact as wide as the sphere', error, &
+         & 'contact_radius_um: 16.0 um is beyond the sphere; allowed below')
       settings%indenter%shape = 'pyramid'
       call new_indenter(settings%indenter, sphere, error)
-      call check_refused('an unknown shape', error, "shape: 'pyramid' is unknown; allowed: "//indenter_names)
+      call check_refused('an unknown shape', error, &
+         & "shape: 'pyramid' is unknown; allowed: "//indenter_names)
    end subroutine test_shapes
 
-   !> True sphere and cone on an isotropic half-space: force at each resolved depth, contact radius, and the modulus by depth.
+   !> True sphere and cone on an isotropic half-space: force at each resolved depth, contact radius,
+   !> and the modulus by depth.
    subroutine test_sneddon()
       character(len=6), parameter :: shapes(3) = ['sphere', 'sphere', 'cone  ']
       !> Radius of the indenter over the last contact radius; relative errors allowed.
-      real(wp), parameter :: radius(3) = [5.0_wp, 1.0_wp/0.6_wp, 16.0_wp], tolerance(3) = [5.0e-3_wp, 5.0e-3_wp, 1.0e-2_wp]
+      real(wp), parameter :: radius(3) = [5.0_wp, 1.0_wp/0.6_wp, 16.0_wp], &
+         & tolerance(3) = [5.0e-3_wp, 5.0e-3_wp, 1.0e-2_wp]
       type(settings_type) :: settings
       type(indentation_model_type) :: model
       type(indentation_result_type) :: result
@@ -196,23 +218,27 @@ contains
          settings%indenter%radius_um = radius(i)
          call new_indentation_model(settings, model, error)
          call check_success('a model', error)
-         call simulate_indentation(model, stiffness_of('cubic', [200.0_wp, 80.0_wp, 60.0_wp]), [0.1_wp, 0.2_wp, 0.3_wp], &
-            & result, error)
+         call simulate_indentation(model, stiffness_of('cubic', [200.0_wp, 80.0_wp, 60.0_wp]), &
+            & [0.1_wp, 0.2_wp, 0.3_wp], result, error)
          call check_success('its simulation', error)
          if (allocated(error)) return
          associate (indenter => model%indenter)
-            worst = maxval(abs(result%force(6:)/(exact*indenter%unit_force(result%depth(6:))) - 1.0_wp))
+            worst = maxval(abs(result%force(6:)/(exact*indenter%unit_force(result%depth(6:))) &
+               & - 1.0_wp))
             call check('force by Sneddon: '//shapes(i), worst < tolerance(i), to_text(worst))
             call check_close('modulus', result%modulus/exact, 1.0_wp, tolerance(i))
-            call check_close('modulus of the last depth', result%modulus_by_depth(10), result%modulus_last, 1.0e-9_wp)
+            call check_close('modulus of the last depth', result%modulus_by_depth(10), &
+               & result%modulus_last, 1.0e-9_wp)
             worst = maxval(abs(result%contact_radius - indenter%contact_radius_of(result%depth)))
-            call check('contact radius within one element: '//shapes(i), worst < model%grid(1)%mesh%element_size, to_text(worst))
+            call check('contact radius within one element: '//shapes(i), &
+               & worst < model%grid(1)%mesh%element_size, to_text(worst))
          end associate
          call free_indentation_model(model)
       end do
    end subroutine test_sneddon
 
-   !> An isotropic half-space: close to E/(1-nu2), and the error of C3D8 falls with the square of the element size.
+   !> An isotropic half-space: close to E/(1-nu2), and the error of C3D8 falls with the square of
+   !> the element size.
    subroutine test_hertz()
       real(wp), parameter :: refine(3) = [1.0_wp, 0.6_wp, 1.0_wp]
       character(len=5), parameter :: element(3) = ['c3d8i', 'c3d8 ', 'c3d8 ']
@@ -237,17 +263,21 @@ contains
          call check_success('indentation of an isotropic half-space', error)
          if (allocated(error)) return
          errors(i) = abs(result%modulus/exact - 1.0_wp)
-         call check('contact conditions hold', result%contact_residual <= 1.0e-10_wp, to_text(result%contact_residual))
+         call check('contact conditions hold', result%contact_residual <= 1.0e-10_wp, &
+            & to_text(result%contact_residual))
          call check('reactions balance the force', result%equilibrium_residual <= 1.0e-8_wp, &
             & to_text(result%equilibrium_residual))
          call free_indentation_model(model)
       end do
       call check('Hertz within 0.2 %', errors(1) < 0.002_wp, to_text(errors(1)))
-      ! The edge of the contact lies between nodes, which adds a noise of 0.05 % to errors of 0.6 and 0.2 %.
-      call check_close('observed order against Hertz', log(errors(2)/errors(3))/log(1.0_wp/0.6_wp), 2.0_wp, 0.5_wp)
+      ! The edge of the contact lies between nodes, which adds a noise of 0.05 % to errors of 0.6
+      ! and 0.2 %.
+      call check_close('observed order against Hertz', &
+         & log(errors(2)/errors(3))/log(1.0_wp/0.6_wp), 2.0_wp, 0.5_wp)
    end subroutine test_hertz
 
-   !> The stated error grows towards instability and falls with the mesh; an ordinary crystal has no warning.
+   !> The stated error grows towards instability and falls with the mesh; an ordinary crystal has no
+   !> warning.
    subroutine test_resolution()
       type(settings_type) :: settings
       real(wp) :: pair(6, 6, 2), coarse(2), fine(2), extrapolated(2), automatic(2), block(2)
@@ -264,22 +294,22 @@ contains
       call simulation_error(settings, pair, extrapolated, warning)
       deallocate (settings%simulation%extrapolate)
       call simulation_error(settings, pair, automatic, warning)
-      call check('what is not stated is as needed', .not. any(abs(automatic - [coarse(1), extrapolated(2)]) > 0.0_wp) &
-         & .and. extrapolated(1) < coarse(1))
-      call check('what remains is warned of', index(warning, '1 of 2 crystals are so near instability') == 1 &
-         & .and. index(warning, 'with the theory (rows 2)') > 0, warning)
+      call check('what is not stated is as needed', .not. any(abs(automatic &
+         & - [coarse(1), extrapolated(2)]) > 0.0_wp) .and. extrapolated(1) < coarse(1))
+      call check('what remains is warned of', index(warning, '1 of 2 crystals are so near ' &
+         & //'instability') == 1 .and. index(warning, 'with the theory (rows 2)') > 0, warning)
       settings%simulation%extrapolate = .false.
       settings%specimen%geometry = 'block'
       call simulation_error(settings, pair, block, warning)
-      call check('copper within 0.3 %, the other beyond 2 %', coarse(1) < 0.003_wp .and. coarse(2) > 0.02_wp, &
-         & to_text(coarse(1))//' '//to_text(coarse(2)))
-      call check('a finer mesh, extrapolation and the better element promise less', fine(2) < 0.5_wp*coarse(2) &
-         & .and. extrapolated(2) < coarse(2) .and. block(2) > 1.5_wp*coarse(2))
+      call check('copper within 0.3 %, the other beyond 2 %', coarse(1) < 0.003_wp &
+         & .and. coarse(2) > 0.02_wp, to_text(coarse(1))//' '//to_text(coarse(2)))
+      call check('a finer mesh, extrapolation and the better element promise less', fine(2) &
+         & < 0.5_wp*coarse(2) .and. extrapolated(2) < coarse(2) .and. block(2) > 1.5_wp*coarse(2))
       call simulation_error(settings, pair(:, :, :1), block(:1), warning)
       call check('no warning for copper', warning == '')
       call simulation_error(settings, pair, block, warning)
-      call check('a warning for the other', index(warning, '1 of 2 crystals are so near instability') == 1 &
-         & .and. index(warning, '(rows 2)') > 0, warning)
+      call check('a warning for the other', index(warning, '1 of 2 crystals are so near ' &
+         & //'instability') == 1 .and. index(warning, '(rows 2)') > 0, warning)
    end subroutine test_resolution
 
    !> What the machine cannot hold is an error of the machine, not of the input.
@@ -290,8 +320,11 @@ contains
       call check_memory(1.0e6_wp, 'a megabyte', error)
       call check_success('a megabyte', error)
       call check_memory(1.0e18_wp, 'a mesh', error)
-      call check_refused('more than any machine has', error, 'too little memory for a mesh: 1000000 TB are needed')
-      if (allocated(error)) call check('it is the machine''s fault', error%status == machine_failure)
+      call check_refused('more than any machine has', error, &
+         & 'too little memory for a mesh: 1000000 TB are needed')
+      if (allocated(error)) then
+         call check('it is the machine''s fault', error%status == machine_failure)
+      end if
    end subroutine test_memory
 
    subroutine test_refusals()
@@ -306,12 +339,12 @@ contains
       settings%specimen%grain_radius_um = 1.5_wp
       call new_indentation_model(settings, model, error)
       call check_success('a coarse model', error)
-      call simulate_indentation(model, stiffness_of('cubic', [100.0_wp, 120.0_wp, 60.0_wp]), [0.0_wp, 0.0_wp, 0.0_wp], &
-         & result, error)
+      call simulate_indentation(model, stiffness_of('cubic', [100.0_wp, 120.0_wp, 60.0_wp]), &
+         & [0.0_wp, 0.0_wp, 0.0_wp], result, error)
       call check_refused('an unstable crystal', error, 'unstable')
       ! Nearly unstable: the contact is an ellipse longer than the small grain holds.
-      call simulate_indentation(model, stiffness_of('hexagonal', [100.0_wp, 99.9_wp, 50.0_wp, 100.0_wp, 50.0_wp]), &
-         & [0.0_wp, 0.5_wp*pi, 0.0_wp], result, error)
+      call simulate_indentation(model, stiffness_of('hexagonal', [100.0_wp, 99.9_wp, 50.0_wp, &
+         & 100.0_wp, 50.0_wp]), [0.0_wp, 0.5_wp*pi, 0.0_wp], result, error)
       call check_refused('contact beyond the refined zone', error, &
          & 'and no wider zone can be made: grain_radius_um: 1.5 um does not hold')
       call free_indentation_model(model)
@@ -329,23 +362,28 @@ contains
       type(settings_type) :: settings
 
       settings = default_settings()
-      call check('of the half-space', identity_text(settings) == '{"contact_radius_um": 0.5, "depths": 10, "element": "", ' &
-         & //'"estimator": "curve", "extrapolate": false, "geometry": "halfspace", "growth": 1.13, ' &
-         & //'"integration": "selective", "numerics": 7, "outer": 5.0, "radius_um": 16.0, "refine": 1.0, "shape": "paraboloid", ' &
-         & //'"simulator": "fe"}', identity_text(settings))
+      call check('of the half-space', identity_text(settings) == '{"contact_radius_um": ' &
+         & //'0.5, "depths": 10, "element": "", "estimator": "curve", "extrapolate": ' &
+         & //'false, "geometry": "halfspace", "growth": ' &
+         & //'1.13, "integration": "selective", "numerics": 7, "outer": 5.0, "radius_um": ' &
+         & //'16.0, "refine": 1.0, "shape": "paraboloid", "simulator": "fe"}', &
+         & identity_text(settings))
       settings%specimen%geometry = 'block'
       settings%indenter%shape = 'cone'
       settings%indenter%depth_um = 0.25_wp
       deallocate (settings%indenter%contact_radius_um)
-      call check('of a block', identity_text(settings) == '{"depth_um": 0.25, "depths": 10, "element": "", ' &
-         & //'"estimator": "curve", "extrapolate": false, "geometry": "block", ' &
-         & //'"half_angle_deg": 70.3, "height_um": 4.8, "integration": "selective", "numerics": 7, "refine": 1.0, ' &
-         & //'"shape": "cone", "simulator": "fe", "width_um": 9.6}', identity_text(settings))
+      call check('of a block', identity_text(settings) == '{"depth_um": ' &
+         & //'0.25, "depths": 10, "element": "", "estimator": "curve", "extrapolate": ' &
+         & //'false, "geometry": "block", "half_angle_deg": 70.3, "height_um": ' &
+         & //'4.8, "integration": "selective", "numerics": 7, "refine": ' &
+         & //'1.0, "shape": "cone", "simulator": "fe", "width_um": 9.6}', identity_text(settings))
       settings%simulation%simulator = 'theory'
-      call check('of the theory', identity_text(settings) == '{"simulator": "theory"}', identity_text(settings))
+      call check('of the theory', identity_text(settings) == '{"simulator": "theory"}', &
+         & identity_text(settings))
    end subroutine test_identity
 
-   !> Every variable of the three groups is in the identity of some specimen and indenter, but for those that change no result.
+   !> Every variable of the three groups is in the identity of some specimen and indenter, but for
+   !> those that change no result.
    subroutine test_identity_is_complete()
       character(len=3), parameter :: change_nothing(2) = ['vtu', 'inp']
       character(len=len(geometry_names)), allocatable :: geometries(:)
@@ -377,8 +415,8 @@ contains
       do i = 1, size(schema%variables)
          associate (group => schema%variables(i)%group, name => schema%variables(i)%name)
             if (all(['specimen  ', 'indenter  ', 'simulation'] /= group)) cycle
-            call check(name//' is part of the identity, or changes no result', &
-               & index(identities, '"'//name//'": ') > 0 .neqv. any(change_nothing == name), identities)
+            call check(name//' is part of the identity, or changes no result', index(identities, &
+               & '"'//name//'": ') > 0 .neqv. any(change_nothing == name), identities)
          end associate
       end do
    end subroutine test_identity_is_complete
@@ -398,8 +436,8 @@ contains
       settings%simulation%simulator = 'theory'
       call new_simulator(settings, simulator, error)
       call simulator%run(copper, euler, outcome, error)
-      call check('theory gives a modulus and no curve', outcome%status == outcome_done .and. outcome%modulus > 100.0_wp &
-         & .and. size(outcome%depth) == 0)
+      call check('theory gives a modulus and no curve', outcome%status == outcome_done &
+         & .and. outcome%modulus > 100.0_wp .and. size(outcome%depth) == 0)
       settings%simulation%simulator = 'import'
       call new_simulator(settings, simulator, error)
       call check_refused('import simulates nothing', error, "'import' cannot simulate")
@@ -407,16 +445,18 @@ contains
       call new_simulator(settings, simulator, error)
       call check_success('finite elements', error)
       call simulator%run(copper, euler, outcome, error)
-      call check('a modulus and a curve', outcome%status == outcome_done .and. size(outcome%force) == 10 &
-         & .and. outcome%elements > 3000)
+      call check('a modulus and a curve', outcome%status == outcome_done &
+         & .and. size(outcome%force) == 10 .and. outcome%elements > 3000)
       settings%specimen%geometry = 'grain'
       settings%specimen%grain_radius_um = 1.5_wp
       call new_simulator(settings, simulator, error)
-      call simulator%run(stiffness_of('hexagonal', [100.0_wp, 99.9_wp, 50.0_wp, 100.0_wp, 50.0_wp]), euler, outcome, error)
+      call simulator%run(stiffness_of('hexagonal', &
+         & [100.0_wp, 99.9_wp, 50.0_wp, 100.0_wp, 50.0_wp]), euler, outcome, error)
       call check_success('a crystal that cannot be simulated is an outcome', error)
-      call check('with its message', outcome%status == outcome_failed .and. index(outcome%message, 'refined zone') > 0, &
-         & outcome%message)
-      call simulator%run(stiffness_of('cubic', [100.0_wp, 120.0_wp, 60.0_wp]), euler, outcome, error)
+      call check('with its message', outcome%status == outcome_failed &
+         & .and. index(outcome%message, 'refined zone') > 0, outcome%message)
+      call simulator%run(stiffness_of('cubic', [100.0_wp, 120.0_wp, 60.0_wp]), euler, &
+         & outcome, error)
       call check_refused('an unstable crystal is bad input', error, 'unstable')
    end subroutine test_simulators
 end program test_indentation

@@ -29,7 +29,8 @@ program test_inference
       call test_error_models()
       call test_mixture()
       call test_wavy_density(6, 1000, 10000, 0.05_wp)
-      ! Chains are worth 6000 independent draws along the ridge (the paper's: 400) and 13000 or more across it.
+      ! Chains are worth 6000 independent draws along the ridge (the paper's: 400) and 13000 or more
+      ! across it.
       call test_sampler('ensemble', 20000, 20000, 0.05_wp)
       call test_sampler('scmh', 200000, 5000, 0.05_wp)
       call test_diagnostics()
@@ -46,7 +47,8 @@ contains
          x(i) = -60.0_wp + 3.31_wp*i
       end do
       call exp_all(x, y)
-      call check('exp_all to two units in the last place', maxval(abs(y/exp(x) - 1.0_wp)) <= 4.0_wp*epsilon(1.0_wp))
+      call check('exp_all to two units in the last place', &
+         & maxval(abs(y/exp(x) - 1.0_wp)) <= 4.0_wp*epsilon(1.0_wp))
       do i = 1, 6
          a(:, i) = sin(x*i)
       end do
@@ -54,18 +56,22 @@ contains
       call check('transposed_product', maxval(abs(z - matmul(transpose(a), x))) < 1.0e-11_wp)
    end subroutine test_kernels
 
-   !> A hundred points, then sixty more copies of the most probable one: with these alone any temperature would do.
+   !> A hundred points, then sixty more copies of the most probable one: with these alone any
+   !> temperature would do.
    subroutine test_cooling()
       integer :: i
       real(wp) :: weights(100)
       real(wp), parameter :: density(100) = [(-0.1_wp*i, i=1, 99), 5.0_wp]
 
       weights = exp(next_inverse(density, 0.0_wp)*density)
-      call check_close('a quarter of the points is of use', sum(weights)**2/sum(weights**2), 25.0_wp, 0.01_wp)
-      call check('copies are one point', next_inverse(density([(min(i, 100), i=1, 160)]), 0.0_wp) < 1.0e-6_wp)
+      call check_close('a quarter of the points is of use', sum(weights)**2/sum(weights**2), &
+         & 25.0_wp, 0.01_wp)
+      call check('copies are one point', &
+         & next_inverse(density([(min(i, 100), i=1, 160)]), 0.0_wp) < 1.0e-6_wp)
    end subroutine test_cooling
 
-   !> The same covariance by no more columns than it has directions, whatever their order, and none where nothing matters.
+   !> The same covariance by no more columns than it has directions, whatever their order, and none
+   !> where nothing matters.
    subroutine test_factor_columns()
       integer, parameter :: m = 12, n = 30, rank = 5
       real(wp) :: u(m, n), directions(m, rank), shares(rank, n)
@@ -80,13 +86,15 @@ contains
          end do
       end do
       call factor_columns(u, f)
-      call check_close('a whole covariance', maxval(abs(matmul(f, transpose(f)) - matmul(u, transpose(u)))), 0.0_wp, 1.0e-7_wp)
+      call check_close('a whole covariance', &
+         & maxval(abs(matmul(f, transpose(f)) - matmul(u, transpose(u)))), 0.0_wp, 1.0e-7_wp)
       directions = u(:, :rank)
       shares = u(:rank, :)
       u = matmul(directions, shares)
       call factor_columns(u, f)
       call check('one of few directions has as few columns', size(f, 2) == rank)
-      call check_close('and is the same', maxval(abs(matmul(f, transpose(f)) - matmul(u, transpose(u)))), 0.0_wp, 1.0e-7_wp)
+      call check_close('and is the same', &
+         & maxval(abs(matmul(f, transpose(f)) - matmul(u, transpose(u)))), 0.0_wp, 1.0e-7_wp)
       call factor_columns(u*1.0e-6_wp, f)
       call check('what does not matter beside the noise has none', size(f, 2) == 0)
    end subroutine test_factor_columns
@@ -108,31 +116,35 @@ contains
          large = 10.0_wp**k
          u = 0.5_wp*large
          call model%integrate(r, u, b, l, value)
-         expected = -0.5_wp*(sum(r**2) - sum(0.5_wp*r)**2 + sum(0.5_wp*r)**2/(1.0_wp + 2.0_wp*large**2)) &
-            & - 0.5_wp*log(1.0_wp + 2.0_wp*large**2) - 2.0_wp*log(2.0_wp*pi)
+         expected = -0.5_wp*(sum(r**2) - sum(0.5_wp*r)**2 + sum(0.5_wp*r)**2/(1.0_wp &
+            & + 2.0_wp*large**2)) - 0.5_wp*log(1.0_wp + 2.0_wp*large**2) - 2.0_wp*log(2.0_wp*pi)
          call check_close('shared errors of sd 10^'//to_text(k), value, expected, 1.0e-9_wp)
       end do
-      call check_close('normal density', model%log_density(r, 2.0_wp), -sum(r**2)/8.0_wp - 4.0_wp*log(2.0_wp) &
-         & - 2.0_wp*log(2.0_wp*pi), 1.0e-13_wp)
+      call check_close('normal density', model%log_density(r, 2.0_wp), &
+         & -sum(r**2)/8.0_wp - 4.0_wp*log(2.0_wp) - 2.0_wp*log(2.0_wp*pi), 1.0e-13_wp)
       call new_error_model(likelihood_of('student', 3.0_wp), model, error)
-      call check_close('Student''s t of sd 1: its scale', model%scale, 1.0_wp/sqrt(3.0_wp), 1.0e-15_wp)
+      call check_close('Student''s t of sd 1: its scale', model%scale, &
+         & 1.0_wp/sqrt(3.0_wp), 1.0e-15_wp)
       ! Three degrees of freedom: 2/(pi sqrt(3)) (1 + x²/3)^-2.
       call check_close('density of Student''s t', model%log_density([1.5_wp], 1.0_wp), &
          & log(2.0_wp/(pi*sqrt(3.0_wp))/1.75_wp**2), 1.0e-14_wp)
       u = 0.0_wp
       call model%integrate(r, u, b, l, value)
-      call check_close('Student''s t without shared errors', value, model%log_density(r, 1.0_wp), 1.0e-13_wp)
+      call check_close('Student''s t without shared errors', value, &
+         & model%log_density(r, 1.0_wp), 1.0e-13_wp)
       call new_error_model(likelihood_of('student', 1.5_wp), model, error)
       call check_close('without a variance the sd is the scale', model%scale, 1.0_wp, 0.0_wp)
       call new_error_model(likelihood_of('laplace', 1.0_wp), model, error)
       call check_refused('another likelihood', error, 'normal, student')
 
-      settings = measurements_settings_type(indenter_modulus_gpa=1140.0_wp, indenter_nu=0.07_wp, sample_nu=0.3_wp)
+      settings = measurements_settings_type(indenter_modulus_gpa=1140.0_wp, indenter_nu=0.07_wp, &
+         & sample_nu=0.3_wp)
       call new_observable('effective_modulus', settings, observable, error)
       modulus = 200.0_wp
       slope = 1.0_wp
       call observable%to_measured(modulus, slope)
-      call check_close('effective modulus', modulus(1), 1.0_wp/(1.0_wp/200.0_wp + (1.0_wp - 0.07_wp**2)/1140.0_wp), 1.0e-12_wp)
+      call check_close('effective modulus', modulus(1), &
+         & 1.0_wp/(1.0_wp/200.0_wp + (1.0_wp - 0.07_wp**2)/1140.0_wp), 1.0e-12_wp)
       call check_close('and its slope', slope(1), (modulus(1)/200.0_wp)**2, 1.0e-15_wp)
       call new_observable('modulus', settings, observable, error)
       call check_refused('another kind', error, 'sample_modulus')
@@ -165,7 +177,8 @@ contains
          end do
       end do
       call check_close('a mixture integrates to one', total, 1.0_wp, 1.0e-4_wp)
-      call check_close('weight of the far cloud', sum(mixture%weight, mixture%mean(:, 1) > 4.0_wp), 0.25_wp, 0.01_wp)
+      call check_close('weight of the far cloud', &
+         & sum(mixture%weight, mixture%mean(:, 1) > 4.0_wp), 0.25_wp, 0.01_wp)
       total = 0.0_wp
       do i = 1, 20000
          call draw_mixture(mixture, stream, u)
@@ -199,19 +212,24 @@ contains
       wavy%dimension = dimension
       words = 'a wavy density in '//to_text(dimension)
       call new_sampler('ensemble', burn_in, sampler, error)
-      call sample_chains(wavy, sampler, run_settings_type(samples, 4, 2, 3), chains, error, checkpoint_type())
+      call sample_chains(wavy, sampler, run_settings_type(samples, 4, 2, 3), chains, error, &
+         & checkpoint_type())
       call check_success(trim(words)//': chains', error)
       mean = normal_density(-1.0_wp)/(0.5_wp*(1.0_wp + erf(1.0_wp/sqrt(2.0_wp))))
       second = chains%draws(2, :, :) + 0.8_wp*sin(2.0_wp*chains%draws(1, :, :))
       third = chains%draws(3, :, :) + 0.3_wp*chains%draws(1, :, :)**2
-      call check_close(trim(words)//': a cut normal', average(chains%draws(1, :, :)), mean, tolerance)
-      call check_close(trim(words)//': its square', average(chains%draws(1, :, :)**2), 1.0_wp - mean, tolerance)
+      call check_close(trim(words)//': a cut normal', average(chains%draws(1, :, :)), &
+         & mean, tolerance)
+      call check_close(trim(words)//': its square', average(chains%draws(1, :, :)**2), &
+         & 1.0_wp - mean, tolerance)
       call check_close(trim(words)//': the wave', average(second**2), 1.0_wp, 1.4_wp*tolerance)
       call check_close(trim(words)//': the wave does not depend', &
          & average(second*sin(2.0_wp*chains%draws(1, :, :))), 0.0_wp, tolerance)
       call check_close(trim(words)//': the bend', average(third**2), 1.0_wp, 1.4_wp*tolerance)
-      call check_close(trim(words)//': the bend does not depend', average(third*chains%draws(1, :, :)), 0.0_wp, tolerance)
-      call check_close(trim(words)//': the others', average(chains%draws(dimension, :, :)**2), 1.0_wp, 1.4_wp*tolerance)
+      call check_close(trim(words)//': the bend does not depend', &
+         & average(third*chains%draws(1, :, :)), 0.0_wp, tolerance)
+      call check_close(trim(words)//': the others', average(chains%draws(dimension, :, :)**2), &
+         & 1.0_wp, 1.4_wp*tolerance)
    end subroutine test_wavy_density
 
    !> Moments of a curved ridge that bounds cut, and the same chains on 1, 2 and 4 threads.
@@ -232,25 +250,30 @@ contains
       banana%upper = [b, 10.0_wp, 5.0_wp]
       call new_sampler(name, burn_in, sampler, error)
       call check_success(name//': is known', error)
-      call sample_chains(banana, sampler, run_settings_type(samples, 4, 1, 7), chains, error, checkpoint_type())
+      call sample_chains(banana, sampler, run_settings_type(samples, 4, 1, 7), chains, error, &
+         & checkpoint_type())
       call check_success(name//': chains', error)
       mass = 0.5_wp*(erf(b/sqrt(2.0_wp)) - erf(a/sqrt(2.0_wp)))
       mean = (normal_density(a) - normal_density(b))/mass
       square = 1.0_wp + (a*normal_density(a) - b*normal_density(b))/mass
-      call check_close(name//': mean along the ridge', average(chains%draws(1, :, :)), mean, tolerance)
+      call check_close(name//': mean along the ridge', average(chains%draws(1, :, :)), &
+         & mean, tolerance)
       call check_close(name//': mean across it', average(chains%draws(2, :, :)), square, tolerance)
-      call check_close(name//': square along it', average(chains%draws(1, :, :)**2), square, tolerance)
-      call check_close(name//': variance across it', average((chains%draws(2, :, :) - chains%draws(1, :, :)**2)**2), &
-         & 0.01_wp, 0.0005_wp)
-      call check_close(name//': the third parameter', average(chains%draws(3, :, :)**2), 1.0_wp, tolerance)
+      call check_close(name//': square along it', average(chains%draws(1, :, :)**2), &
+         & square, tolerance)
+      call check_close(name//': variance across it', &
+         & average((chains%draws(2, :, :) - chains%draws(1, :, :)**2)**2), 0.01_wp, 0.0005_wp)
+      call check_close(name//': the third parameter', average(chains%draws(3, :, :)**2), &
+         & 1.0_wp, tolerance)
       if (name == 'scmh') then
          acceptance = average(reshape(chains%acceptance, [4, 1]))
          call check_close(name//': acceptance', acceptance, 0.23_wp, 0.03_wp)
       end if
       do threads = 2, 4, 2
-         call sample_chains(banana, sampler, run_settings_type(samples, 4, threads, 7), other, error, checkpoint_type())
-         call check(name//': the same to the bit on more threads', all(other%draws == chains%draws) .and. &
-            & all(other%log_density == chains%log_density))
+         call sample_chains(banana, sampler, run_settings_type(samples, 4, threads, 7), other, &
+            & error, checkpoint_type())
+         call check(name//': the same to the bit on more threads', &
+            & all(other%draws == chains%draws) .and. all(other%log_density == chains%log_density))
       end do
    end subroutine test_sampler
 
@@ -268,27 +291,33 @@ contains
 
    !> Against ess (bulk, tail) and rhat (rank) of ArviZ 0.23.4.
    subroutine test_diagnostics()
-      real(wp), parameter :: probability(6) = [1.0e-300_wp, 1.0e-10_wp, 2.0e-6_wp, 0.02_wp, 0.3_wp, 0.975_wp]
+      real(wp), parameter :: probability(6) = [1.0e-300_wp, 1.0e-10_wp, 2.0e-6_wp, 0.02_wp, &
+         & 0.3_wp, 0.975_wp]
       ! By scipy.stats.norm.ppf.
-      real(wp), parameter :: quantile(6) = [-37.0470962993612_wp, -6.361340902404056_wp, -4.611382362302668_wp, &
-         & -2.053748910631823_wp, -0.5244005127080409_wp, 1.959963984540054_wp]
+      real(wp), parameter :: quantile(6) = [-37.0470962993612_wp, -6.361340902404056_wp, &
+         & -4.611382362302668_wp, -2.053748910631823_wp, -0.5244005127080409_wp, &
+         & 1.959963984540054_wp]
       type(diagnostics_type) :: found
       real(wp) :: i(4000, 3), c(4000, 3)
       integer :: k
 
       do k = 1, size(probability)
-         call check_close('normal quantile', normal_quantile(probability(k)), quantile(k), 1.0e-14_wp*abs(quantile(k)))
+         call check_close('normal quantile', normal_quantile(probability(k)), quantile(k), &
+            & 1.0e-14_wp*abs(quantile(k)))
       end do
       call check_close('normal median', normal_quantile(0.5_wp), 0.0_wp, 1.0e-15_wp)
       i = spread([(real(k, wp), k=1, 4000)], 2, 3)
       c = spread([1.0_wp, 2.0_wp, 3.0_wp], 1, 4000)
-      call compare('mixed chains', sin(i(:101, :)**2 + 7.0_wp*c(:101, :)), 307.0556532955_wp, 212.5921975008_wp, 1.002567893611_wp)
-      call compare('slow chains', mod(i(:, :2) + 1300.0_wp*c(:, :2), 3001.0_wp), 27.23538127568_wp, 62.83359749428_wp, &
-         & 1.059267583708_wp)
-      call compare('repeated values', aint(4.0_wp + 4.0_wp*sin(i(:500, :2)**2/7.0_wp + c(:500, :2))), 1029.45935826_wp, 1000.0_wp, &
-         & 1.000030083023_wp)
-      call compare('antithetic chains', mod(i(:200, :2), 2.0_wp), 1040.823996531_wp, 400.0_wp, 0.9949874371066_wp)
-      call compare('five samples', sin(i(:5, :2)**2 + 7.0_wp*c(:5, :2)), 7.224719895936_wp, 7.224719895936_wp, 1.626075932895_wp)
+      call compare('mixed chains', sin(i(:101, :)**2 + 7.0_wp*c(:101, :)), 307.0556532955_wp, &
+         & 212.5921975008_wp, 1.002567893611_wp)
+      call compare('slow chains', mod(i(:, :2) + 1300.0_wp*c(:, :2), 3001.0_wp), &
+         & 27.23538127568_wp, 62.83359749428_wp, 1.059267583708_wp)
+      call compare('repeated values', aint(4.0_wp + 4.0_wp*sin(i(:500, :2)**2/7.0_wp &
+         & + c(:500, :2))), 1029.45935826_wp, 1000.0_wp, 1.000030083023_wp)
+      call compare('antithetic chains', mod(i(:200, :2), 2.0_wp), 1040.823996531_wp, 400.0_wp, &
+         & 0.9949874371066_wp)
+      call compare('five samples', sin(i(:5, :2)**2 + 7.0_wp*c(:5, :2)), 7.224719895936_wp, &
+         & 7.224719895936_wp, 1.626075932895_wp)
       found = diagnose_chains(sin(0.3_wp*i(:200, :1)))
       call check_close('one chain, bulk', found%ess_bulk, 35.03893156518_wp, 1.0e-8_wp)
       call check_close('one chain, tail', found%ess_tail, 181.7125961025_wp, 1.0e-8_wp)
@@ -299,7 +328,8 @@ contains
       found = diagnose_chains(c(:100, :2))
       call check('one value a chain', found%ess_bulk < 3.0_wp .and. found%r_hat > 1.0e6_wp)
       found = diagnose_chains(i(:3, :))
-      call check('three samples say nothing', ieee_is_nan(found%ess_bulk) .and. ieee_is_nan(found%ess_tail))
+      call check('three samples say nothing', ieee_is_nan(found%ess_bulk) &
+         & .and. ieee_is_nan(found%ess_tail))
    end subroutine test_diagnostics
 
    subroutine compare(name, draws, ess_bulk, ess_tail, r_hat)

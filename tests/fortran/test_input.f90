@@ -17,7 +17,8 @@ program test_input
    use settings_checks, only: check_settings
    use settings_reader, only: read_settings
    use specimens, only: geometry_names
-   use text, only: join, number_malformed, number_not_finite, number_ok, number_text, read_integer, read_real, split_list
+   use text, only: join, number_malformed, number_not_finite, number_ok, number_text, &
+      & read_integer, read_real, split_list
    use random, only: new_random_stream, random_stream_type
    use tables, only: csv_cell, parse_table, table_type
    use testing, only: check, check_refused, check_success, finish
@@ -77,8 +78,8 @@ contains
          same = same .and. outcome == number_ok .and. .not. abs(again - value) > 0.0_wp
       end do
       call check('2000 numbers as text and back', same)
-      call check('few digits where few do', number_text(0.1_wp) == '0.1' .and. number_text(16.0_wp) == '16.0' &
-         & .and. number_text(225.125_wp) == '225.125')
+      call check('few digits where few do', number_text(0.1_wp) == '0.1' &
+         & .and. number_text(16.0_wp) == '16.0' .and. number_text(225.125_wp) == '225.125')
    end subroutine test_round_trip
 
    subroutine check_real(string, expected, expected_outcome)
@@ -89,7 +90,8 @@ contains
       integer :: outcome
 
       call read_real(string, value, outcome)
-      call check('real '''//string//'''', outcome == expected_outcome .and. .not. abs(value - expected) > 0.0_wp)
+      call check('real '''//string//'''', outcome == expected_outcome &
+         & .and. .not. abs(value - expected) > 0.0_wp)
    end subroutine check_real
 
    subroutine check_integer(string, expected, expected_outcome)
@@ -106,8 +108,8 @@ contains
       type(error_type), allocatable :: error
       real(wp) :: value
 
-      call parse_table('# c'//newline//'a, "b ""c"", d",e'//achar(13)//newline//newline//'1,"2'//newline//'3",'//newline &
-         & //' # c'//newline//'4 , 5,"6"', table, error)
+      call parse_table('# c'//newline//'a, "b ""c"", d",e'//achar(13)//newline//newline//'1,"2' &
+         & //newline//'3",'//newline//' # c'//newline//'4 , 5,"6"', table, error)
       call check_success('a table with quotes, comments and blank lines', error)
       call check('its shape', table%rows == 2 .and. table%columns == 3)
       call check('a quoted name', table%name(2) == 'b "c", d')
@@ -120,7 +122,8 @@ contains
       call check('a number', .not. allocated(error) .and. nint(value) == 4)
       call table%number(3, 1, value, error)
       call check_refused('an empty number', error, 'line 4, column e: the cell is empty')
-      call check('a cell as CSV', csv_cell('a "b", c') == '"a ""b"", c"' .and. csv_cell('a b') == 'a b')
+      call check('a cell as CSV', csv_cell('a "b", c') == '"a ""b"", c"' &
+         & .and. csv_cell('a b') == 'a b')
    end subroutine test_tables
 
    subroutine test_syntax()
@@ -134,7 +137,8 @@ contains
       call check('names in lower case', file(1)%group == 'a' .and. file(3)%name == 'y')
       call check('an empty group', size(file) == 4 .and. len(file(1)%name//file(4)%name) == 0)
       call check('repeated values', size(file(2)%values) == 3 .and. file(2)%values(2)%text == '1.5')
-      call check('a doubled quote', file(2)%values(3)%text == 'it''s' .and. file(2)%values(3)%quoted)
+      call check('a doubled quote', file(2)%values(3)%text == 'it''s' &
+         & .and. file(2)%values(3)%quoted)
       call parse_namelist('f', '&a x = 10001*1 /', file, error)
       call check_refused('too many repetitions', error, 'repeat count')
       call parse_namelist('f', '&a x = 1 y (2) = 3 /', file, error)
@@ -151,16 +155,20 @@ contains
       s = list_settings(unset)
       do i = 1, size(s%variables)
          associate (v => s%variables(i))
-            if (v%kind == 'choice') call check('row '//v%group//' '//v%name//' has words', len(v%allowed) > 0)
-            call check('row '//v%group//' '//v%name//' is there once', count([(s%variables(j)%group == v%group .and. &
-               & s%variables(j)%name == v%name, j=1, size(s%variables))]) == 1)
+            if (v%kind == 'choice') then
+               call check('row '//v%group//' '//v%name//' has words', len(v%allowed) > 0)
+            end if
+            call check('row '//v%group//' '//v%name//' is there once', &
+               & count([(s%variables(j)%group == v%group .and. s%variables(j)%name == v%name, j=1, &
+               & size(s%variables))]) == 1)
             call check('row '//v%group//' '//v%name//' has a meaning', len(v%meaning) > 0)
             if (v%kind == 'integer' .or. index(v%kind, 'real') > 0) then
                n = index(v%allowed, ' to ')
                call check('row '//v%group//' '//v%name//' has a range', n > 0)
                call read_real(v%allowed(index(v%allowed(:n - 1), ' ') + 1:n - 1), low, outcome(1))
                call read_real(v%allowed(index(v%allowed, ' ', back=.true.) + 1:), high, outcome(2))
-               call check('row '//v%group//' '//v%name//' has two ends', all(outcome == number_ok) .and. low < high)
+               call check('row '//v%group//' '//v%name//' has two ends', &
+                  & all(outcome == number_ok) .and. low < high)
             end if
          end associate
       end do
@@ -194,7 +202,8 @@ contains
          call check('the words of '//name, allowed == ''''//join(each, ''', ''')//'''', allowed)
       end associate
       do i = 1, size(each)
-         call parse_namelist('f', '&'//group//' '//name//' = '''//trim(each(i))//''' /', file, error)
+         call parse_namelist('f', '&'//group//' '//name//' = '''//trim(each(i))//''' /', &
+            & file, error)
          call read_settings('f', file, '', '', read, error)
          known = .true.
          ! Another variable of the group may be missing.
@@ -215,21 +224,27 @@ contains
 
       call parse_namelist('f', '&execution /', file, error)
       call read_settings('f', file, '', '', s, error)
-      call check('defaults', s%specimen%geometry == 'halfspace' .and. nint(s%indenter%radius_um) == 16 &
-         & .and. .not. s%simulation%given .and. s%design%budget == 40)
-      call check('unset without default', .not. allocated(s%prior%c_min) .and. .not. allocated(s%problem%symmetry))
-      call parse_namelist('f', '&problem symmetry = ''Cubic'' / &prior c_max = 3*250 / &knowledge quantity = ''C11'', ' &
-         & //'''C12/C11'' mean = 2*1.5 sd = 1 2 / &simulation vtu = t extrapolate = .f. depths = 3 /', file, error)
+      call check('defaults', s%specimen%geometry == 'halfspace' .and. nint(s%indenter%radius_um) &
+         & == 16 .and. .not. s%simulation%given .and. s%design%budget == 40)
+      call check('unset without default', .not. allocated(s%prior%c_min) &
+         & .and. .not. allocated(s%problem%symmetry))
+      call parse_namelist('f', '&problem symmetry = ''Cubic'' / &prior c_max = 3*250 / ' &
+         & //'&knowledge quantity = ''C11'', ''C12/C11'' mean = 2*1.5 sd = 1 2 / &simulation vtu ' &
+         & //'= t extrapolate = .f. depths = 3 /', file, error)
       call check_success('a file', error)
       call read_settings('f', file, 'build', 'problem design', s, error)
       call check_success('its settings', error)
       call check('a word in lower case', s%problem%symmetry == 'cubic')
       call check('one bound alone', .not. allocated(s%prior%c_min) .and. size(s%prior%c_max) == 3)
-      call check('lists', s%knowledge%quantity(2) == 'C12/C11' .and. size(s%knowledge%mean) == 2 .and. nint(s%knowledge%sd(2)) == 2)
-      call check('numbers and logicals', s%simulation%vtu .and. .not. s%simulation%extrapolate .and. s%simulation%depths == 3)
-      call check('groups that are given', s%simulation%given .and. s%prior%given .and. .not. s%design%given)
+      call check('lists', s%knowledge%quantity(2) == 'C12/C11' .and. size(s%knowledge%mean) == 2 &
+         & .and. nint(s%knowledge%sd(2)) == 2)
+      call check('numbers and logicals', s%simulation%vtu .and. .not. s%simulation%extrapolate &
+         & .and. s%simulation%depths == 3)
+      call check('groups that are given', s%simulation%given .and. s%prior%given &
+         & .and. .not. s%design%given)
       call read_settings('f', file, 'extract', 'problem measurements', s, error)
-      call check_refused('a group that is needed', error, 'f: &measurements: the group is missing; extract needs it')
+      call check_refused('a group that is needed', error, &
+         & 'f: &measurements: the group is missing; extract needs it')
       call parse_namelist('f', '&prior c_max = 3*250 /', file, error)
       call read_settings('f', file, '', '', s, error)
       call check_settings('f', s, class, error)

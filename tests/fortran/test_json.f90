@@ -29,28 +29,35 @@ program test_json
    call document%put('matrix', reshape([1.0_wp, 2.0_wp, 3.0_wp, 4.0_wp], [2, 2]))
    call document%put('empty', [real(wp) ::])
    call document%end_object()
-   call check('every kind of value', document%text() == '{'//newline &
-      & //' "text": "a \"b\" \\ c\n\u0001",'//newline//' "real": -0.1,'//newline//' "large": 1e+22,'//newline &
-      & //' "integer": 7,'//newline//' "logical": false,'//newline//' "nan": null,'//newline//' "none": null,'//newline &
+   call check('every kind of value', &
+      & document%text() == '{'//newline//' "text": "a \"b\" \\ c\n\u0001",'//newline &
+      & //' "real": -0.1,'//newline//' "large": 1e+22,'//newline//' "integer": 7,'//newline &
+      & //' "logical": false,'//newline//' "nan": null,'//newline//' "none": null,'//newline &
       & //' "rows": ['//newline//'  [1.0, null],'//newline//'  {}'//newline//' ],'//newline &
-      & //' "matrix": ['//newline//'  [1.0, 3.0],'//newline//'  [2.0, 4.0]'//newline//' ],'//newline &
-      & //' "empty": []'//newline//'}'//newline, document%text())
+      & //' "matrix": ['//newline//'  [1.0, 3.0],'//newline//'  [2.0, 4.0]'//newline//' ],' &
+      & //newline//' "empty": []'//newline//'}'//newline, document%text())
 
    ! As Python's repr writes them: stored identities of physics depend on it.
-   call check('numbers as Python writes them', number_text(16.0_wp)//' '//number_text(0.1_wp)//' '//number_text(1.0e-5_wp)//' ' &
-      & //number_text(1.0e15_wp)//' '//number_text(1.5e16_wp)//' '//number_text(-0.0625_wp)//' '//number_text(1.0_wp/3.0_wp) &
-      & //' '//number_text(123456.789_wp)//' '//number_text(0.0_wp)//' '//number_text(2.5e-4_wp) &
-      & == '16.0 0.1 1e-05 1000000000000000.0 1.5e+16 -0.0625 0.3333333333333333 123456.789 0.0 0.00025')
-   call check('at powers of two, at the end of the range, below nothing', number_text(2.0_wp**(-44))//' ' &
-      & //number_text(tiny(1.0_wp)/2.0_wp**52)//' '//number_text(huge(1.0_wp))//' '//number_text(-0.0_wp) &
-      & == '5.684341886080802e-14 5e-324 1.7976931348623157e+308 -0.0')
+   call check('numbers as Python writes them', &
+      & number_text(16.0_wp)//' '//number_text(0.1_wp)//' '//number_text(1.0e-5_wp)//' ' &
+      & //number_text(1.0e15_wp)//' '//number_text(1.5e16_wp)//' '//number_text(-0.0625_wp)//' ' &
+      & //number_text(1.0_wp/3.0_wp)//' '//number_text(123456.789_wp)//' '//number_text(0.0_wp) &
+      & //' '//number_text(2.5e-4_wp) == '16.0 0.1 1e-05 1000000000000000.0 1.5e+16 -0.0625 ' &
+      & //'0.3333333333333333 123456.789 0.0 0.00025')
+   call check('at powers of two, at the end of the range, below nothing', &
+      & number_text(2.0_wp**(-44))//' '//number_text(tiny(1.0_wp)/2.0_wp**52) &
+      & //' '//number_text(huge(1.0_wp))//' ' &
+      & //number_text(-0.0_wp) == '5.684341886080802e-14 5e-324 1.7976931348623157e+308 -0.0')
 
    ! Out of range is also what has no exponent, or one that does not decide alone.
-   call check('too large', all([outcome_of('1d400'), outcome_of(repeat('1', 400)//'e-5'), outcome_of('-inf')] == number_not_finite))
-   call check('too small', all([outcome_of('1e-400'), outcome_of('0.'//repeat('0', 400)//'1e5')] == number_ok))
+   call check('too large', all([outcome_of('1d400'), outcome_of(repeat('1', 400)//'e-5'), &
+      & outcome_of('-inf')] == number_not_finite))
+   call check('too small', &
+      & all([outcome_of('1e-400'), outcome_of('0.'//repeat('0', 400)//'1e5')] == number_ok))
    call read_real('1d-400', tiny_value, i)
    call check('too small is zero', i == number_ok .and. .not. abs(tiny_value) > 0.0_wp)
-   call check('no number', all([outcome_of('+-1'), outcome_of('1e'), outcome_of('.'), outcome_of('')] == number_malformed))
+   call check('no number', all([outcome_of('+-1'), outcome_of('1e'), outcome_of('.'), &
+      & outcome_of('')] == number_malformed))
 
    document = json_type()
    call document%begin_array()

@@ -1,5 +1,6 @@
-!> Operations that tests alone need: the training of a surrogate step by step, and the density of Step 2 point by point. They are those of
-!> a core of its own, beside the one that is tested; see tests/support/testing_core.py.
+!> Operations that tests alone need: the training of a surrogate step by step, and the density of
+!> Step 2 point by point. They are those of a core of its own, beside the one that is tested; see
+!> tests/support/testing_core.py.
 module test_operations
    use, intrinsic :: ieee_arithmetic, only: ieee_negative_inf, ieee_value
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_loc
@@ -8,7 +9,8 @@ module test_operations
    use acquisitions, only: new_acquisition
    use constants_posterior, only: posterior_type
    use crystal_elasticity, only: path_type
-   use evidence_regression, only: coefficient_covariance, coefficient_mean, compute_posterior, leave_groups_out
+   use evidence_regression, only: coefficient_covariance, coefficient_mean, compute_posterior, &
+      & leave_groups_out
    use exchange, only: exchange_type, find_object, register_object, release_object
    use kinds, only: degree, wp
    use operations, only: perform
@@ -19,7 +21,8 @@ module test_operations
    use samplers, only: chains_type, checkpoint_type, new_sampler, run_settings_type, sample_chains
    use sequential_design, only: compute_variances, set_candidates, update_posterior_mean
    use surrogate_domain, only: spread_crystals
-   use surrogate_learner, only: add_simulations, fit_learner, learner_type, left_out, new_learner, surrogate_of
+   use surrogate_learner, only: add_simulations, fit_learner, learner_type, left_out, new_learner, &
+      & surrogate_of
    use surrogate_model, only: surrogate_type
    implicit none
    private
@@ -28,7 +31,8 @@ module test_operations
 contains
 
    !> Do an operation, of these or of the core; see `core_do`.
-   subroutine test_do(operation, length, handle, n, request, reply, address, words, status) bind(c, name='bayesindent_test_do')
+   subroutine test_do(operation, length, handle, n, request, reply, address, words, status) &
+      & bind(c, name='bayesindent_test_do')
       integer(c_int64_t), intent(in), value :: length, handle, n
       character(kind=c_char), intent(in) :: operation(length)
       integer(c_int64_t), intent(in), target :: request(n)
@@ -97,13 +101,14 @@ contains
       select case (name)
       case ('basis.crystals')
          ! Some that are spread over the domain by a seed.
-         call spread_crystals(basis%domain, x%in%integer('count'), x%in%integer('seed'), found, others, x%error)
+         call spread_crystals(basis%domain, x%in%integer('count'), x%in%integer('seed'), found, &
+            & others, x%error)
          if (allocated(x%error)) return
          call x%out%put_array('constants', found, shape(found))
          call x%out%put_array('euler_deg', others, shape(others))
       case ('basis.terms')
-         call basis%evaluate_crystals(x%in%columns('constants', basis%domain%class%n_constants), x%in%columns('euler_deg', 3), &
-            & x%values, scale, spread)
+         call basis%evaluate_crystals(x%in%columns('constants', basis%domain%class%n_constants), &
+            & x%in%columns('euler_deg', 3), x%values, scale, spread)
          call x%out%put_array('scale', scale, shape(scale))
          do i = 1, size(spread)
             x%values(:, i) = spread(i)*x%values(:, i)
@@ -155,7 +160,8 @@ contains
       case ('posterior.sample')
          call new_sampler(x%in%text('method'), x%in%integer('burn_in'), sampler, x%error)
          if (allocated(x%error)) return
-         run = run_settings_type(x%in%integer('samples'), x%in%integer('chains'), x%threads(), x%in%integer('seed'))
+         run = run_settings_type(x%in%integer('samples'), x%in%integer('chains'), x%threads(), &
+            & x%in%integer('seed'))
          call sample_chains(density, sampler, run, chains, x%error, checkpoint_type())
          if (allocated(x%error)) return
          call x%out%put_array('draws', chains%draws, shape(chains%draws))
@@ -168,20 +174,23 @@ contains
          do i = 1, size(points, 2)
             x%values(i, 2) = x%values(i, 1) - density%log_prior(density%stiffness(points(:, i)))
          end do
-         where (spread(.not. x%values(:, 1) > -huge(0.0_wp), 2, 2)) x%values = ieee_value(1.0_wp, ieee_negative_inf)
+         where (spread(.not. x%values(:, 1) > -huge(0.0_wp), 2, 2)) x%values = ieee_value(1.0_wp, &
+            & ieee_negative_inf)
       case ('posterior.read_theory')
          ! From now on as finely as Step 2 does for these draws.
          call choose_field_degree(density, points, x%threads(), x%error)
       case ('posterior.moduli')
-         ! Indentation moduli (GPa) of any grains, with the surrogate's error drawn given the data, and one plus the calibration error of
-         ! each group, drawn likewise.
+         ! Indentation moduli (GPa) of any grains, with the surrogate's error drawn given the data,
+         ! and one plus the calibration error of each group, drawn likewise.
          allocate (paths(size(x%in%columns('euler_deg', 3), 2)))
          call density%new_grains(degree*x%in%columns('euler_deg', 3), paths, grains, x%error)
          if (allocated(x%error)) return
-         allocate (x%values(size(paths), size(points, 2)), factor(density%n_groups, size(points, 2)))
+         allocate (x%values(size(paths), size(points, 2)), &
+            & factor(density%n_groups, size(points, 2)))
          stream = new_random_stream(x%in%integer('seed'), 0)
          do i = 1, size(points, 2)
-            call grains%evaluate_crystals(reshape(density%stiffness(points(:, i)), [6, 6, 1]), x%values(:, i:i))
+            call grains%evaluate_crystals(reshape(density%stiffness(points(:, i)), [6, 6, 1]), &
+               & x%values(:, i:i))
             call add_shared(density, points(:, i), grains, stream, x%values(:, i), factor(:, i))
          end do
          call x%out%put_array('factor', factor, shape(factor))
@@ -218,13 +227,18 @@ contains
             values = coefficient_mean(design%regression)
             call x%out%put_array('mean', values, shape(values))
             call x%out%put_array('prior_width', design%regression%prior_width, shape(values))
-            if (allocated(design%variance)) call x%out%put_array('variances', design%variance, shape(design%variance))
+            if (allocated(design%variance)) then
+               call x%out%put_array('variances', design%variance, shape(design%variance))
+            end if
          end associate
       case ('learner.set_candidates')
          call new_acquisition(x%in%text('rule'), learner%rule, x%error)
-         if (.not. allocated(x%error)) call set_candidates(learner%design, learner%basis, constants, euler_deg)
+         if (.not. allocated(x%error)) then
+            call set_candidates(learner%design, learner%basis, constants, euler_deg)
+         end if
       case ('learner.add')
-         call add_simulations(learner, constants, euler_deg, x%in%reals('modulus_gpa'), x%in%logical('chosen'), x%error)
+         call add_simulations(learner, constants, euler_deg, x%in%reals('modulus_gpa'), &
+            & x%in%logical('chosen'), x%error)
       case ('learner.fit')
          if (x%in%has('alpha')) then
             learner%design%regression%alpha = x%in%real('alpha')

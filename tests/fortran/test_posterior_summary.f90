@@ -1,4 +1,5 @@
-!> What chains say: intervals, combinations, the point of largest density, and the gain of a further measurement.
+!> What chains say: intervals, combinations, the point of largest density, and the gain of a further
+!> measurement.
 program test_posterior_summary
    use constants_prior, only: prior_type
    use crystal_class, only: new_crystal_class
@@ -6,8 +7,10 @@ program test_posterior_summary
    use kinds, only: wp
    use known_targets, only: banana_type
    use logarithmic_coordinates, only: log_frame_type, new_log_coordinates
-   use next_measurement, only: candidates_type, choose_measurements, expected_gains, suggestions_type
-   use posterior_summary, only: climb, combination_type, correlate, find_combinations, parameter_type, summarise_parameters
+   use next_measurement, only: candidates_type, choose_measurements, expected_gains, &
+      & suggestions_type
+   use posterior_summary, only: climb, combination_type, correlate, find_combinations, &
+      & parameter_type, summarise_parameters
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type
    use statistics, only: flattened
@@ -38,11 +41,15 @@ contains
       end do
       call summarise_parameters(chains, 2, parameters)
       call check_close('mean', parameters(1)%mean, 500.5_wp, 1.0e-10_wp)
-      call check_close('unbiased sd', parameters(1)%sd, sqrt((1000.0_wp**2 - 1.0_wp)/12.0_wp*1000.0_wp/999.0_wp), 1.0e-10_wp)
-      call check_close('interval of equal steps: the first', parameters(1)%hdi_95(1), 1.0_wp, 0.0_wp)
+      call check_close('unbiased sd', parameters(1)%sd, &
+         & sqrt((1000.0_wp**2 - 1.0_wp)/12.0_wp*1000.0_wp/999.0_wp), 1.0e-10_wp)
+      call check_close('interval of equal steps: the first', parameters(1)%hdi_95(1), &
+         & 1.0_wp, 0.0_wp)
       call check_close('of 951 values', parameters(1)%hdi_95(2), 951.0_wp, 0.0_wp)
-      call check_close('the narrowest is at the dense end', parameters(2)%hdi_95(2), 951.0_wp**2, 0.0_wp)
-      call check('a sawtooth mixes', parameters(1)%diagnostics%r_hat < 1.01_wp .and. parameters(1)%diagnostics%ess_bulk > 500.0_wp)
+      call check_close('the narrowest is at the dense end', parameters(2)%hdi_95(2), &
+         & 951.0_wp**2, 0.0_wp)
+      call check('a sawtooth mixes', parameters(1)%diagnostics%r_hat < 1.01_wp &
+         & .and. parameters(1)%diagnostics%ess_bulk > 500.0_wp)
    end subroutine test_parameters
 
    !> Normal logarithms whose covariances are known.
@@ -74,17 +81,23 @@ contains
          posterior%draws(:, i, 1) = constants_at(about, [6.0_wp, 11.0_wp] + [0.004_wp, 0.2_wp]*z)
       end do
       correlation = correlate(posterior, 2)
-      call check('the two trade off', correlation(1, 2) < -0.8_wp .and. abs(correlation(1, 1) - 1.0_wp) < 1.0e-12_wp)
-      call find_combinations(about, flattened(posterior%draws), flattened(prior%draws), found, values, error)
+      call check('the two trade off', correlation(1, 2) < -0.8_wp &
+         & .and. abs(correlation(1, 1) - 1.0_wp) < 1.0e-12_wp)
+      call find_combinations(about, flattened(posterior%draws), flattened(prior%draws), found, &
+         & values, error)
       call check_success('combinations', error)
       mean = sum(posterior%draws(:, :, 1), 2)/samples
       ! Four standard errors of a variance of 4000 draws are 9 %.
-      call check_close('the bulk modulus is known', (found(1)%sd/found(1)%prior_sd)**2, 0.02_wp**2, 0.13_wp*0.02_wp**2)
-      call check_close('with the powers that C11 + 2 C12 has', found(1)%exponents(2)/found(1)%exponents(1), &
-         & 2.0_wp*mean(2)/mean(1), 0.01_wp)
-      call check_close('to its sd', found(1)%sd*maxval([mean(1), 2.0_wp*mean(2)])/(mean(1) + 2.0_wp*mean(2)), 0.004_wp, 3.0e-4_wp)
-      call check_close('the shear modulus is not', (found(2)%sd/found(2)%prior_sd)**2, 1.0_wp, 0.13_wp)
-      call check('it goes with C12 as one goes down', found(2)%exponents(1)*found(2)%exponents(2) < 0.0_wp)
+      call check_close('the bulk modulus is known', (found(1)%sd/found(1)%prior_sd)**2, &
+         & 0.02_wp**2, 0.13_wp*0.02_wp**2)
+      call check_close('with the powers that C11 + 2 C12 has', &
+         & found(1)%exponents(2)/found(1)%exponents(1), 2.0_wp*mean(2)/mean(1), 0.01_wp)
+      call check_close('to its sd', found(1)%sd*maxval([mean(1), 2.0_wp*mean(2)]) &
+         & /(mean(1) + 2.0_wp*mean(2)), 0.004_wp, 3.0e-4_wp)
+      call check_close('the shear modulus is not', (found(2)%sd/found(2)%prior_sd)**2, &
+         & 1.0_wp, 0.13_wp)
+      call check('it goes with C12 as one goes down', &
+         & found(2)%exponents(1)*found(2)%exponents(2) < 0.0_wp)
    end subroutine test_combinations
 
    function constants_at(about, w) result(constants)
@@ -127,8 +140,8 @@ contains
       real(wp) :: z
       integer :: i
 
-      allocate (candidates%predicted(draws, 1), candidates%shared_variance(draws, 1), candidates%target(draws), &
-         & candidates%angle(1, 1), source=0.0_wp)
+      allocate (candidates%predicted(draws, 1), candidates%shared_variance(draws, 1), &
+         & candidates%target(draws), candidates%angle(1, 1), source=0.0_wp)
       candidates%least_angle = 0.1_wp
       candidates%shared_variance = 0.0_wp
       candidates%sd = [sd]
@@ -160,7 +173,8 @@ contains
       variance = sum((values - sum(values)/size(values))**2)/size(values)
    end function variance
 
-   !> Normal predictions have closed forms: 0.5 log(1 + V/sd²) nats, and V r²/(V + sd²) of a target's variance.
+   !> Normal predictions have closed forms: 0.5 log(1 + V/sd²) nats, and V r²/(V + sd²) of a
+   !> target's variance.
    subroutine test_gains()
       real(wp), parameter :: sd = 2.0_wp
       type(candidates_type) :: candidates
@@ -168,11 +182,13 @@ contains
 
       call normal_case(40000, sd, candidates)
       v = variance(candidates%predicted(:, 1))
-      r = (sum(candidates%predicted(:, 1)*candidates%target)/40000 - sum(candidates%predicted(:, 1))/40000 &
-          & *sum(candidates%target)/40000)**2/(v*variance(candidates%target))
-      call check_close('share of a normal target''s variance', gain_of(candidates), r*v/(v + sd**2), 0.01_wp)
+      r = (sum(candidates%predicted(:, 1)*candidates%target)/40000 - sum(candidates%predicted(:, &
+         & 1))/40000*sum(candidates%target)/40000)**2/(v*variance(candidates%target))
+      call check_close('share of a normal target''s variance', gain_of(candidates), &
+         & r*v/(v + sd**2), 0.01_wp)
       candidates%target = [real(wp) ::]
-      call check_close('information of a normal prediction', gain_of(candidates), 0.5_wp*log(1.0_wp + v/sd**2), 0.01_wp)
+      call check_close('information of a normal prediction', gain_of(candidates), &
+         & 0.5_wp*log(1.0_wp + v/sd**2), 0.01_wp)
    end subroutine test_gains
 
    !> The cost of a measurement however precise is bounded, and its gain is that of the limit.
@@ -187,8 +203,10 @@ contains
          call normal_case(4000, sd, candidates)
          v = variance(candidates%predicted(:, 1))
          r = 25.0_wp/41.0_wp
-         ! 4000 draws, 100 or more within a kernel: the variance that is left is known to a few per cent of itself.
-         call check_close('all that a value can tell of the target', gain_of(candidates), r, 0.03_wp)
+         ! 4000 draws, 100 or more within a kernel: the variance that is left is known to a few per
+         ! cent of itself.
+         call check_close('all that a value can tell of the target', &
+            & gain_of(candidates), r, 0.03_wp)
          call choose_measurements(candidates, 1, 48, 1, 1, suggestions)
          call check('a precise measurement is chosen', all(suggestions%chosen == [1]))
          candidates%target = [real(wp) ::]
@@ -198,7 +216,8 @@ contains
       call check_close('of what is known already', gain_of(candidates), 0.0_wp, 1.0e-3_wp)
    end subroutine test_precise_measurements
 
-   !> What a measurement says of errors that measurements share is not about the constants: 0.5 log(1 + V/(S + sd²)) nats.
+   !> What a measurement says of errors that measurements share is not about the constants: 0.5
+   !> log(1 + V/(S + sd²)) nats.
    subroutine test_shared_errors()
       real(wp), parameter :: sd = 1.0_wp, shared = 4.0_wp
       type(candidates_type) :: candidates
@@ -215,7 +234,7 @@ contains
          call stream%normal(z)
          candidates%predicted(i, 1) = candidates%predicted(i, 1) + sqrt(shared)*z
       end do
-      call check_close('information about the constants alone', gain_of(candidates), 0.5_wp*log(1.0_wp + v/(shared + sd**2)), &
-         & 0.02_wp)
+      call check_close('information about the constants alone', gain_of(candidates), &
+         & 0.5_wp*log(1.0_wp + v/(shared + sd**2)), 0.02_wp)
    end subroutine test_shared_errors
 end program test_posterior_summary

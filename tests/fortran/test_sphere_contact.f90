@@ -6,8 +6,8 @@ program test_sphere_contact
    use text, only: to_text
    implicit none
 
-   real(wp), parameter :: modulus = 120.0_wp, radius = 4.5_wp, betas(4) = [0.0_wp, 1.0_wp, 3.0_wp, -0.8_wp], &
-      & loads(4) = [0.01_wp, 1.0_wp, 40.0_wp, 200.0_wp], exact = 1.0e-10_wp
+   real(wp), parameter :: modulus = 120.0_wp, radius = 4.5_wp, betas(4) = [0.0_wp, 1.0_wp, 3.0_wp, &
+      & -0.8_wp], loads(4) = [0.01_wp, 1.0_wp, 40.0_wp, 200.0_wp], exact = 1.0e-10_wp
    integer :: i, j
 
    do j = 1, size(loads)
@@ -35,14 +35,16 @@ contains
       call check_close('Hertz: d ln h/d ln E', c%by_modulus/depth, -2.0_wp/3.0_wp, exact)
       call check_close('Hertz: d ln h/d ln R', c%by_radius/depth, -1.0_wp/3.0_wp, exact)
       ! P = 4/3 E sqrt(R) h^1.5, so that dP/dh = 2 E sqrt(R h).
-      call check_close('Hertz: stiffness', 2.0_wp*modulus*c%radius/(1.5_wp*load/depth), 1.0_wp, exact)
+      call check_close('Hertz: stiffness', 2.0_wp*modulus*c%radius/(1.5_wp*load/depth), &
+         & 1.0_wp, exact)
    end subroutine test_paraboloid
 
    !> Load, depth and stiffness by Sneddon's integrals over the profile; derivatives by differences.
    subroutine test_profile(load, beta)
       real(wp), intent(in) :: load, beta
       !> Central differences that are exact for polynomials of degree six.
-      real(wp), parameter :: weights(3) = [45.0_wp, -9.0_wp, 1.0_wp]/30.0_wp, step = 0.03_wp, change = 1.0e-5_wp
+      real(wp), parameter :: weights(3) = [45.0_wp, -9.0_wp, 1.0_wp]/30.0_wp, step = 0.03_wp, &
+         & change = 1.0e-5_wp
       type(contact_type) :: c, ahead, behind
       real(wp) :: slope(2)
       character(len=:), allocatable :: name
@@ -59,19 +61,24 @@ contains
                & sneddon_depth(a, beta) - sneddon_depth(b, beta)]
          end associate
       end do
-      call check_close(name//'stiffness', 2.0_wp*modulus*c%radius/(slope(1)/slope(2)), 1.0_wp, exact)
+      call check_close(name//'stiffness', 2.0_wp*modulus*c%radius/(slope(1)/slope(2)), &
+         & 1.0_wp, exact)
       ahead = contact_at(load, modulus*exp(change), radius, beta)
       behind = contact_at(load, modulus*exp(-change), radius, beta)
-      call check_close(name//'by modulus', (ahead%depth - behind%depth)/(2.0_wp*change), c%by_modulus, 1.0e-8_wp*c%depth)
+      call check_close(name//'by modulus', (ahead%depth - behind%depth)/(2.0_wp*change), &
+         & c%by_modulus, 1.0e-8_wp*c%depth)
       ahead = contact_at(load, modulus, radius*exp(change), beta)
       behind = contact_at(load, modulus, radius*exp(-change), beta)
-      call check_close(name//'by radius', (ahead%depth - behind%depth)/(2.0_wp*change), c%by_radius, 1.0e-8_wp*c%depth)
+      call check_close(name//'by radius', (ahead%depth - behind%depth)/(2.0_wp*change), &
+         & c%by_radius, 1.0e-8_wp*c%depth)
       ahead = contact_at(load, modulus, radius, beta + change)
       behind = contact_at(load, modulus, radius, beta - change)
-      call check_close(name//'by beta', (ahead%depth - behind%depth)/(2.0_wp*change), c%by_beta, 1.0e-8_wp*c%depth)
+      call check_close(name//'by beta', (ahead%depth - behind%depth)/(2.0_wp*change), c%by_beta, &
+         & 1.0e-8_wp*c%depth)
    end subroutine test_profile
 
-   !> A true sphere in closed form: what beta = 1 leaves out is of the next order, below 0.1 % of the depth at a contact radius of 0.3 R.
+   !> A true sphere in closed form: what beta = 1 leaves out is of the next order, below 0.1 % of
+   !> the depth at a contact radius of 0.3 R.
    subroutine test_sphere()
       real(wp) :: off(2), a, logarithm, load
       type(contact_type) :: c
@@ -85,7 +92,8 @@ contains
          off(k) = c%depth/(0.5_wp*a*logarithm) - 1.0_wp
       end do
       call check('sphere: depth', abs(off(1)) < 1.0e-3_wp, to_text(off(1)))
-      call check_close('sphere: order of what is left out', log(off(1)/off(2))/log(2.0_wp), 4.0_wp, 0.2_wp)
+      call check_close('sphere: order of what is left out', log(off(1)/off(2))/log(2.0_wp), &
+         & 4.0_wp, 0.2_wp)
    end subroutine test_sphere
 
    !> A blunt tip has no contact beyond where the load stops to grow.
@@ -122,8 +130,8 @@ contains
       integral = 0.0_wp
       do k = 0, n
          sine = sin(0.5_wp*pi*k/n)
-         integral = integral + merge(1, merge(4, 2, mod(k, 2) == 1), k == 0 .or. k == n)*sine**power &
-                   & *(a*sine/radius + 0.5_wp*beta*(a*sine)**3/radius**3)
+         integral = integral + merge(1, merge(4, 2, mod(k, 2) == 1), &
+            & k == 0 .or. k == n)*sine**power*(a*sine/radius + 0.5_wp*beta*(a*sine)**3/radius**3)
       end do
       integral = integral*pi/(6.0_wp*n)
    end function integral

@@ -10,10 +10,11 @@ program test_surrogate_learner
    use sequential_design, only: set_candidates
    use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, spread_crystals
-   use surrogate_learner, only: add_simulations, fit_learner, learner_type, new_learner, surrogate_of
+   use surrogate_learner, only: add_simulations, fit_learner, learner_type, new_learner, &
+      & surrogate_of
    use surrogate_model, only: surrogate_type
-   use testing, only: check, check_close, check_refused, check_success, evaluate_terms, finish, new_domain, new_wide_domain, &
-      & predict
+   use testing, only: check, check_close, check_refused, check_success, evaluate_terms, finish, &
+      & new_domain, new_wide_domain, predict
    implicit none
 
    call test_fits('cubic', 'paper', 2, 4, 200, 6.0_wp)
@@ -25,7 +26,8 @@ program test_surrogate_learner
 
 contains
 
-   !> A basis over the paper's domain of a class, or over that of all crystals, of any scale or between two, GPa.
+   !> A basis over the paper's domain of a class, or over that of all crystals, of any scale or
+   !> between two, GPa.
    subroutine make_basis(symmetry, model, degree_of_terms, bandlimit, basis, stiffness)
       !> The class, or ''; 'paper' or 'correction'.
       character(len=*), intent(in) :: symmetry, model
@@ -37,9 +39,11 @@ contains
       type(error_type), allocatable :: error
 
       if (symmetry == 'cubic') then
-         call new_domain(symmetry, [50.0_wp, 40.0_wp, 15.0_wp], [250.0_wp, 150.0_wp, 120.0_wp], 7.2_wp, domain, error)
+         call new_domain(symmetry, [50.0_wp, 40.0_wp, 15.0_wp], [250.0_wp, 150.0_wp, 120.0_wp], &
+            & 7.2_wp, domain, error)
       else
-         call new_wide_domain('triclinic', 'triclinic', 1.5_wp, [0.05_wp, 0.45_wp], domain, error, stiffness)
+         call new_wide_domain('triclinic', 'triclinic', 1.5_wp, [0.05_wp, 0.45_wp], domain, &
+            & error, stiffness)
       end if
       settings%model = model
       settings%truncation = 'tensor'
@@ -49,8 +53,8 @@ contains
       if (allocated(error)) call check_success('new_basis', error)
    end subroutine make_basis
 
-   !> Crystals of the basis' domain, angles in degrees, and their moduli: what the theory gives them, and a factor such as a specimen with
-   !> axial symmetry may add.
+   !> Crystals of the basis' domain, angles in degrees, and their moduli: what the theory gives
+   !> them, and a factor such as a specimen with axial symmetry may add.
    subroutine simulate(basis, n, constants, euler_deg, modulus)
       class(basis_type), intent(in) :: basis
       integer, intent(in) :: n
@@ -91,7 +95,8 @@ contains
       call add_simulations(learner, constants(:, :1), euler_deg(:, :1), modulus(:1), .true., error)
       call surrogate_of(learner, '{}', surrogate, error)
       call check_refused('one simulation', error, 'at least 2')
-      call add_simulations(learner, constants(:, 2:n), euler_deg(:, 2:n), modulus(2:n), .true., error)
+      call add_simulations(learner, constants(:, 2:n), euler_deg(:, 2:n), modulus(2:n), &
+         & .true., error)
       call fit_learner(learner, error)
       call check_success('a fit', error)
       call surrogate_of(learner, '{}', surrogate, error)
@@ -103,13 +108,15 @@ contains
          difference(i) = abs(mean - modulus(n + i))
          covered = covered .and. basis%domain%admits(c)
       end do
-      call check_close(model//': mean absolute error on unseen crystals', sum(difference)/unseen, 0.0_wp, limit)
+      call check_close(model//': mean absolute error on unseen crystals', sum(difference)/unseen, &
+         & 0.0_wp, limit)
       call check('every crystal of the domain is covered', covered)
       call add_simulations(learner, constants(:, :1), euler_deg(:, :1), [-1.0_wp], .true., error)
       call check_refused('a negative modulus', error, 'not positive')
    end subroutine test_fits
 
-   !> The rules against the variances themselves: the largest, or that of all that a choice would leave, of log M where the scale varies.
+   !> The rules against the variances themselves: the largest, or that of all that a choice would
+   !> leave, of log M where the scale varies.
    subroutine test_choice(stiffness)
       !> The range of the scale, if it counts.
       real(wp), intent(in), optional :: stiffness(2)
@@ -118,7 +125,8 @@ contains
       type(surrogate_type) :: surrogate
       type(error_type), allocatable :: error
       real(wp), allocatable :: constants(:, :), euler_deg(:, :), modulus(:)
-      character(len=*), parameter :: rules(3) = [character(len=17) :: 'variance', 'relative_variance', 'imse'], &
+      character(len=*), &
+         & parameter :: rules(3) = [character(len=17) :: 'variance', 'relative_variance', 'imse'], &
          & older(3) = [character(len=11) :: 'modulus', 'log_modulus', 'all_moduli']
       real(wp) :: mean(200), sd(200), variance(3), c(6, 6), scale, spread(200)
       real(wp), allocatable :: terms(:, :), reach(:)
@@ -128,9 +136,11 @@ contains
       allocate (terms(basis%n_terms, 200))
       call simulate(basis, 230, constants, euler_deg, modulus)
       call new_learner(basis, learner, error)
-      call add_simulations(learner, constants(:, 201:), euler_deg(:, 201:), modulus(201:), .true., error)
+      call add_simulations(learner, constants(:, 201:), euler_deg(:, 201:), modulus(201:), &
+         & .true., error)
       call new_acquisition('guess', learner%rule, error)
-      call check_refused('an unknown rule', error, '''guess'' is unknown; allowed: imse, all_moduli, variance, modulus')
+      call check_refused('an unknown rule', error, &
+         & '''guess'' is unknown; allowed: imse, all_moduli, variance, modulus')
       do rule = 1, 3
          call new_acquisition(trim(rules(rule)), learner%rule, error)
          call set_candidates(learner%design, basis, constants(:, :200), euler_deg(:, :200))
@@ -145,8 +155,8 @@ contains
          if (rule == 3) then
             do i = 1, 200
                reach = matmul(surrogate%covariance, terms(:, i))
-               sd(i) = sum(merge(1.0_wp, mean**2, present(stiffness))*(spread*matmul(reach, terms))**2) &
-                  & /(dot_product(reach, terms(:, i)) + 1.0_wp/surrogate%beta)
+               sd(i) = sum(merge(1.0_wp, mean**2, present(stiffness))*(spread*matmul(reach, &
+                  & terms))**2)/(dot_product(reach, terms(:, i)) + 1.0_wp/surrogate%beta)
             end do
          end if
          call learner%rule%choose(learner%design, basis, 1, chosen, variance)

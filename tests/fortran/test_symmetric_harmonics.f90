@@ -1,4 +1,5 @@
-!> Symmetrised harmonics: counts of the eleven Laue groups, invariance, orthonormality, known functions.
+!> Symmetrised harmonics: counts of the eleven Laue groups, invariance, orthonormality, known
+!> functions.
 program test_symmetric_harmonics
    use crystal_class, only: crystal_class_names, crystal_class_type, rotations_about
    use errors, only: error_type
@@ -8,10 +9,10 @@ program test_symmetric_harmonics
    use text, only: split_list, to_text
    implicit none
 
-   character(len=*), parameter :: laue_groups(11) = [character(len=5) :: '-1', '2/m', 'mmm', '4/m', '4/mmm', '-3', '-3m', &
-      & '6/m', '6/mmm', 'm-3', 'm-3m']
-   character(len=*), parameter :: generators(11) = [character(len=10) :: '', '2 y', '2 z, 2 x', '4 z', '4 z, 2 x', '3 z', &
-      & '3 z, 2 x', '6 z', '6 z, 2 x', '2 z, 3 xyz', '4 z, 3 xyz']
+   character(len=*), parameter :: laue_groups(11) = [character(len=5) :: '-1', '2/m', 'mmm', &
+      & '4/m', '4/mmm', '-3', '-3m', '6/m', '6/mmm', 'm-3', 'm-3m']
+   character(len=*), parameter :: generators(11) = [character(len=10) :: '', '2 y', '2 z, 2 x', &
+      & '4 z', '4 z, 2 x', '3 z', '3 z, 2 x', '6 z', '6 z, 2 x', '2 z, 3 xyz', '4 z, 3 xyz']
    !> How many have a degree up to 10.
    integer, parameter :: totals(11) = [66, 36, 21, 18, 12, 22, 14, 12, 9, 7, 5]
 
@@ -37,11 +38,12 @@ contains
          call check_success(laue_groups(i), error)
          right = .true.
          do l = 0, 16, 2
-            right = right .and. count(harmonics%degrees == l) == expected_count(trim(laue_groups(i)), l)
+            right = right &
+               & .and. count(harmonics%degrees == l) == expected_count(trim(laue_groups(i)), l)
          end do
          call check(trim(laue_groups(i))//', counts of each degree', right)
-         call check(trim(laue_groups(i))//', total to degree 10', count(harmonics%degrees <= 10) == totals(i), &
-            & to_text(count(harmonics%degrees <= 10)))
+         call check(trim(laue_groups(i))//', total to degree 10', &
+            & count(harmonics%degrees <= 10) == totals(i), to_text(count(harmonics%degrees <= 10)))
          call check_invariance(trim(laue_groups(i)), harmonics, rotations)
          call check_orthonormality(trim(laue_groups(i)), harmonics)
       end do
@@ -50,7 +52,8 @@ contains
    pure integer function expected_count(group, l) result(n)
       character(len=*), intent(in) :: group
       integer, intent(in) :: l
-      integer, parameter :: tetrahedral(0:8) = [1, 0, 1, 2, 1, 2, 3, 2, 3], octahedral(0:8) = [1, 0, 1, 1, 1, 1, 2, 1, 2]
+      integer, parameter :: tetrahedral(0:8) = [1, 0, 1, 2, 1, 2, 3, 2, 3], &
+         & octahedral(0:8) = [1, 0, 1, 1, 1, 1, 2, 1, 2]
 
       select case (group)
       case ('-1')
@@ -118,7 +121,8 @@ contains
       call check_close(name//', unchanged by the group', worst, 0.0_wp, 1.0e-10_wp)
    end subroutine check_invariance
 
-   !> The Gram matrix by a product rule: Clenshaw-Curtis in height (exact to degree 64), 80 longitudes.
+   !> The Gram matrix by a product rule: Clenshaw-Curtis in height (exact to degree 64), 80
+   !> longitudes.
    subroutine check_orthonormality(name, harmonics)
       character(len=*), intent(in) :: name
       type(harmonics_type), intent(in) :: harmonics
@@ -131,7 +135,8 @@ contains
          weight = clenshaw_curtis_weight(i, 64)/(2*80)
          do j = 1, 80
             phi = 2.0_wp*pi*(j - 0.3_wp)/80
-            call evaluate_harmonics(harmonics, [sin(theta)*cos(phi), sin(theta)*sin(phi), cos(theta)], k)
+            call evaluate_harmonics(harmonics, &
+               & [sin(theta)*cos(phi), sin(theta)*sin(phi), cos(theta)], k)
             do h = 1, harmonics%n
                gram(:, h) = gram(:, h) + weight*k*k(h)
             end do
@@ -151,10 +156,12 @@ contains
 
       n = [2.0_wp, 3.0_wp, 6.0_wp]/7.0_wp
       call harmonics_of('cubic', 12, harmonics)
-      call check('degrees of the cubic harmonics', all(harmonics%degrees == [0, 4, 6, 8, 10, 12, 12]))
+      call check('degrees of the cubic harmonics', &
+         & all(harmonics%degrees == [0, 4, 6, 8, 10, 12, 12]))
       call evaluate_harmonics(harmonics, n, k)
       call check_close('cubic, l = 4', k(2), sqrt(21.0_wp)/4*(5*sum(n**4) - 3), 1.0e-12_wp)
-      call check_close('cubic, l = 6', k(3), sqrt(13.0_wp/128)*(462*(n(1)*n(2)*n(3))**2 + 21*sum(n**4) - 17), 1.0e-12_wp)
+      call check_close('cubic, l = 6', k(3), &
+         & sqrt(13.0_wp/128)*(462*(n(1)*n(2)*n(3))**2 + 21*sum(n**4) - 17), 1.0e-12_wp)
       call harmonics_of('hexagonal', 4, harmonics)
       call evaluate_harmonics(harmonics, [0.48_wp, -0.64_wp, 0.6_wp], k(:3))
       call check_close('zonal, l = 2', k(2), sqrt(5.0_wp)*(3*0.36_wp - 1)/2, 1.0e-13_wp)

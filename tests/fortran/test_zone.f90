@@ -1,8 +1,8 @@
 !> Contacts that are longer than the refined zone of the mesh.
 program test_zone
    use errors, only: error_type
-   use fe_indentation, only: free_indentation_model, indentation_model_type, indentation_result_type, new_indentation_model, &
-      & new_wider_model, simulate_indentation
+   use fe_indentation, only: free_indentation_model, indentation_model_type, &
+      & indentation_result_type, new_indentation_model, new_wider_model, simulate_indentation
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: pi, wp
    use settings_schema, only: settings_type
@@ -23,8 +23,10 @@ contains
       type(indentation_result_type) :: result
       type(halfspace_type) :: theory
       type(error_type), allocatable :: error
-      !> The theory is of a paraboloid; under a cone so long an ellipse is some 4 % stiffer, on fine meshes too.
-      real(wp), parameter :: euler(3) = [270.0_wp, 80.0_wp, 0.0_wp]*pi/180.0_wp, expected(2) = [1.0_wp, 1.04_wp]
+      !> The theory is of a paraboloid; under a cone so long an ellipse is some 4 % stiffer, on fine
+      !> meshes too.
+      real(wp), parameter :: euler(3) = [270.0_wp, 80.0_wp, 0.0_wp]*pi/180.0_wp, &
+         & expected(2) = [1.0_wp, 1.04_wp]
       real(wp) :: elongated(6, 6)
       integer :: i
 
@@ -38,17 +40,21 @@ contains
          call simulate_indentation(model, elongated, euler, result, error)
          call check_success('a long contact ellipse: '//shapes(i), error)
          if (allocated(error)) return
-         call check('both solves count', result%zone > 1.0_wp .and. result%elements > 2*model%elements)
-         call check('the depths are those of every crystal', maxval(abs(result%depth - model%depth)) < 1.0e-12_wp)
+         call check('both solves count', result%zone > 1.0_wp &
+            & .and. result%elements > 2*model%elements)
+         call check('the depths are those of every crystal', &
+            & maxval(abs(result%depth - model%depth)) < 1.0e-12_wp)
          call check_close('its modulus', result%modulus/theory%modulus, expected(i), 0.01_wp)
          call free_indentation_model(model)
       end do
    end subroutine test_long_contact
 
-   !> A wider zone leaves the specimen as it is: the modulus changes by little, compared with half-spaces of 0.1 %, which is what the
-   !> coarse mesh leaves. A specimen of another size would show: that of a film half as thick again differs by 5 %.
+   !> A wider zone leaves the specimen as it is: the modulus changes by little, compared with
+   !> half-spaces of 0.1 %, which is what the coarse mesh leaves. A specimen of another size would
+   !> show: that of a film half as thick again differs by 5 %.
    subroutine test_wider_zone()
-      character(len=9), parameter :: geometries(4) = [character(len=9) :: 'halfspace', 'block', 'film', 'grain']
+      character(len=9), &
+         & parameter :: geometries(4) = [character(len=9) :: 'halfspace', 'block', 'film', 'grain']
       type(settings_type) :: settings
       type(indentation_model_type) :: model, wider
       type(indentation_result_type) :: result(2)
@@ -75,7 +81,8 @@ contains
          call simulate_indentation(model, c, [0.3_wp, 0.5_wp, 0.2_wp], result(1), error)
          call simulate_indentation(wider, c, [0.3_wp, 0.5_wp, 0.2_wp], result(2), error)
          call check_success('both simulations', error)
-         call check_close('moduli with two zones: '//geometries(i), result(2)%modulus/result(1)%modulus, 1.0_wp, 2.0e-3_wp)
+         call check_close('moduli with two zones: '//geometries(i), &
+            & result(2)%modulus/result(1)%modulus, 1.0_wp, 2.0e-3_wp)
          call free_indentation_model(model)
          call free_indentation_model(wider)
       end do

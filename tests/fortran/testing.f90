@@ -10,8 +10,10 @@ module testing
    use text, only: to_text
    implicit none
    private
-   public :: check, check_close, check_success, check_refused, class_of, stiffness_of, default_settings, wide, finish
-   public :: clenshaw_curtis_weight, evaluate_terms, long_cases, predict, new_domain, new_wide_domain
+   public :: check, check_close, check_success, check_refused, class_of, stiffness_of, &
+      & default_settings, wide, finish
+   public :: clenshaw_curtis_weight, evaluate_terms, long_cases, predict, new_domain, &
+      & new_wide_domain
 
    integer :: count = 0, failures = 0
 
@@ -26,7 +28,8 @@ contains
       type(error_type), allocatable :: error
       real(wp) :: moduli(1), sds(1)
 
-      call predict_crystals(surrogate, reshape(c, [6, 6, 1]), reshape(euler, [3, 1]), 1, moduli, sds, error)
+      call predict_crystals(surrogate, reshape(c, [6, 6, 1]), reshape(euler, [3, 1]), 1, &
+         & moduli, sds, error)
       if (allocated(error)) call check_success('a prediction', error)
       modulus = moduli(1)
       sd = sds(1)
@@ -122,7 +125,8 @@ contains
       settings%simulation%extrapolate = .false.
    end function default_settings
 
-   !> The domain of a class between bounds (GPa) below a cap, of any scale or within the range `stiffness`, GPa.
+   !> The domain of a class between bounds (GPa) below a cap, of any scale or within the range
+   !> `stiffness`, GPa.
    subroutine new_domain(class, lower, upper, anisotropy_cap, domain, error, stiffness)
       character(len=*), intent(in) :: class
       real(wp), intent(in) :: lower(:), upper(:), anisotropy_cap
@@ -137,7 +141,8 @@ contains
       call complete_domain(class, domain, error)
    end subroutine new_domain
 
-   !> The domain of all crystals of a class up to a log-anisotropy, between two Poisson's ratios, of `members`.
+   !> The domain of all crystals of a class up to a log-anisotropy, between two Poisson's ratios, of
+   !> `members`.
    subroutine new_wide_domain(class, members, log_anisotropy_max, poisson, domain, error, stiffness)
       character(len=*), intent(in) :: class, members
       real(wp), intent(in) :: log_anisotropy_max, poisson(2)
@@ -188,14 +193,16 @@ contains
       c = found%stiffness(constants)
    end function stiffness_of
 
-   !> Weight of node cos(pi i/n), 0 <= i <= n, of the rule that integrates polynomials of degree n over [-1, 1]; n is even.
+   !> Weight of node cos(pi i/n), 0 <= i <= n, of the rule that integrates polynomials of degree n
+   !> over [-1, 1]; n is even.
    pure real(wp) function clenshaw_curtis_weight(i, n) result(weight)
       integer, intent(in) :: i, n
       integer :: k
 
       weight = 1.0_wp
       do k = 1, n/2
-         weight = weight - merge(1.0_wp, 2.0_wp, 2*k == n)*cos(2.0_wp*pi*k*i/n)/(4.0_wp*k*k - 1.0_wp)
+         weight = weight - merge(1.0_wp, 2.0_wp, &
+            & 2*k == n)*cos(2.0_wp*pi*k*i/n)/(4.0_wp*k*k - 1.0_wp)
       end do
       weight = weight*merge(1.0_wp, 2.0_wp, i == 0 .or. i == n)/n
    end function clenshaw_curtis_weight

@@ -1,4 +1,6 @@
-"""The loop of Step 1 with the half-space theory in place of simulations: resuming, stopping, importing, refusing."""
+"""The loop of Step 1 with the half-space theory in place of simulations: resuming, stopping,
+importing, refusing.
+"""
 
 import itertools
 import json
@@ -25,12 +27,17 @@ from support.specimen_factor import specimen
 
 @pytest.fixture
 def specimens(monkeypatch):
-    """Simulations of a specimen that is no half-space: the theory, and a factor that a specimen might add."""
+    """Simulations of a specimen that is no half-space: the theory, and a factor that a specimen
+    might add.
+    """
     theory = Simulations.__call__
 
     def simulate(self, job):
         result = theory(self, job)
-        return result | {"modulus_gpa": result["modulus_gpa"] * float(specimen(job.stiffness[None], job.euler_deg[None])[0])}
+        return result | {
+            "modulus_gpa": result["modulus_gpa"]
+            * float(specimen(job.stiffness[None], job.euler_deg[None])[0])
+        }
 
     monkeypatch.setattr(Simulations, "__call__", simulate)
 
@@ -41,22 +48,44 @@ def model(request):
 
 
 def before_each_simulation(monkeypatch, act) -> None:
-    """Call act() before each simulation; what it returns, if anything, stands for the simulation's result."""
+    """Call act() before each simulation; what it returns, if anything, stands for the simulation's
+    result.
+    """
     simulate = Simulations.__call__
     monkeypatch.setattr(Simulations, "__call__", lambda self, job: act() or simulate(self, job))
 
 
 def test_build_writes_what_it_promises(tmp_path, specimens, model):
     document = build(make_problem(tmp_path, model=model), tmp_path / "out")
-    assert {"simulations", "new_simulations", "failed", "terms", "loocv_gpa", "alpha", "beta", "history"} <= set(document)
+    assert {
+        "simulations",
+        "new_simulations",
+        "failed",
+        "terms",
+        "loocv_gpa",
+        "alpha",
+        "beta",
+        "history",
+    } <= set(document)
     terms = 16 if model is PAPER else 29
-    assert (document["simulations"], document["new_simulations"], document["failed"], document["terms"]) == (16, 16, 0, terms)
+    assert (
+        document["simulations"],
+        document["new_simulations"],
+        document["failed"],
+        document["terms"],
+    ) == (16, 16, 0, terms)
     assert document["history"][-1]["simulations"] == 16
     assert document["stopped"] == "the budget is used"
     surrogate = Surrogate.load(tmp_path / "out" / "surrogate.txt")
-    assert (surrogate.alpha, surrogate.beta, surrogate.fall) == tuple(document[name] for name in ("alpha", "beta", "fall"))
+    assert (surrogate.alpha, surrogate.beta, surrogate.fall) == tuple(
+        document[name] for name in ("alpha", "beta", "fall")
+    )
     data = surrogate.data
-    stiffness, angles, modulus = stiffness_rows(surrogate.symmetry, data["constants"]), data["euler_deg"], data["modulus_gpa"]
+    stiffness, angles, modulus = (
+        stiffness_rows(surrogate.symmetry, data["constants"]),
+        data["euler_deg"],
+        data["modulus_gpa"],
+    )
     theory = bi.halfspace_modulus(stiffness, angles)
     assert len(modulus) == 16
     assert modulus == pytest.approx(theory * specimen(stiffness, angles), rel=1e-9)
@@ -71,7 +100,8 @@ def test_build_writes_what_it_promises(tmp_path, specimens, model):
     }
     assert document["baselines"] == pytest.approx(expected, rel=1e-6)
     assert document["domain"]["largest_relative_sd"] >= document["domain"]["mean_relative_sd"] > 0
-    # The errors of the last state, from a refit without each simulation at the same alpha, beta and fall.
+    # The errors of the last state, from a refit without each simulation at the same alpha, beta and
+    # fall.
     learner = Learner(surrogate.basis)
     learner.add(data["constants"], angles, modulus, chosen=True)
     learner.fit()
@@ -108,11 +138,14 @@ def test_an_interrupted_build_goes_on_where_it_was(tmp_path, monkeypatch, model,
     assert posterior_of(tmp_path / "b") == posterior_of(tmp_path / "a")
     assert stored(tmp_path / "b") == stored(tmp_path / "a")
     assert resumed["new_simulations"] + len(made) in (24, 25)
-    # Once more: nothing new; then more points for a finished campaign, the same as with the larger budget at once.
+    # Once more: nothing new; then more points for a finished campaign, the same as with the larger
+    # budget at once.
     assert build(problem(tmp_path / "b", 24), tmp_path / "b")["new_simulations"] == 0
     assert build(problem(tmp_path / "b", 32), tmp_path / "b")["new_simulations"] == 8
     build(problem(tmp_path / "c", 32), tmp_path / "c")
-    assert {row[1:] for row in stored(tmp_path / "b")} == {row[1:] for row in stored(tmp_path / "c")}
+    assert {row[1:] for row in stored(tmp_path / "b")} == {
+        row[1:] for row in stored(tmp_path / "c")
+    }
 
 
 def test_an_interrupt_starts_no_more_and_keeps_what_is_done(tmp_path, monkeypatch):
@@ -126,7 +159,11 @@ def test_an_interrupt_starts_no_more_and_keeps_what_is_done(tmp_path, monkeypatc
             raise KeyboardInterrupt
 
     before_each_simulation(monkeypatch, interrupted)
-    problem = make_problem(tmp_path, design={"n_candidates": 200, "budget": 150, "batch": 150}, execution={"workers": 2})
+    problem = make_problem(
+        tmp_path,
+        design={"n_candidates": 200, "budget": 150, "batch": 150},
+        execution={"workers": 2},
+    )
     with pytest.raises(KeyboardInterrupt):
         build(problem, tmp_path)
     assert 20 <= len(calls) <= 24
@@ -138,23 +175,33 @@ def test_workers_do_not_change_the_numbers(tmp_path, specimens, model):
     for workers in (1, 3):
         folder = tmp_path / str(workers)
         design = {"n_candidates": 1000, "budget": 20, "batch": 4, "validation": 3}
-        document = build(make_problem(folder, model=model, design=design, execution={"workers": workers}), folder)
+        document = build(
+            make_problem(folder, model=model, design=design, execution={"workers": workers}), folder
+        )
         results.append((stored(folder), numbers_of(document), posterior_of(folder)))
     assert results[0] == results[1]
 
 
 def test_a_failed_point_stays_failed(tmp_path, monkeypatch):
     calls = itertools.count(1)
-    before_each_simulation(monkeypatch, lambda: {"message": "the contact did not converge"} if next(calls) in (3, 10) else None)
+    before_each_simulation(
+        monkeypatch,
+        lambda: {"message": "the contact did not converge"} if next(calls) in (3, 10) else None,
+    )
     document = build(make_problem(tmp_path), tmp_path)
     assert (document["simulations"], document["new_simulations"], document["failed"]) == (16, 18, 2)
-    assert any("2 of 18 simulations failed: the stated errors do not include" in warning for warning in document["warnings"])
+    assert any(
+        "2 of 18 simulations failed: the stated errors do not include" in warning
+        for warning in document["warnings"]
+    )
     assert build(make_problem(tmp_path), tmp_path)["new_simulations"] == 0
 
 
 @pytest.mark.parametrize("times", [1, 100])
 def test_what_the_machine_could_not_do_is_no_result(tmp_path, monkeypatch, times):
-    """Too little memory: tried once more; if that fails too nothing is stored of this crystal, and the next run goes on."""
+    """Too little memory: tried once more; if that fails too nothing is stored of this crystal, and
+    the next run goes on.
+    """
     calls = itertools.count(1)
 
     def failing():
@@ -164,7 +211,11 @@ def test_what_the_machine_could_not_do_is_no_result(tmp_path, monkeypatch, times
     before_each_simulation(monkeypatch, failing)
     if times == 1:
         document = build(make_problem(tmp_path), tmp_path)
-        assert (document["simulations"], document["new_simulations"], document["failed"]) == (16, 16, 0)
+        assert (document["simulations"], document["new_simulations"], document["failed"]) == (
+            16,
+            16,
+            0,
+        )
         return
     with pytest.raises(bi.MachineError, match="not enough memory"):
         build(make_problem(tmp_path), tmp_path)
@@ -174,16 +225,22 @@ def test_what_the_machine_could_not_do_is_no_result(tmp_path, monkeypatch, times
     assert (document["simulations"], document["new_simulations"], document["failed"]) == (16, 14, 0)
 
 
-@pytest.mark.parametrize("machine, words", [(False, "every simulation failed"), (True, "no memory")])
+@pytest.mark.parametrize(
+    "machine, words", [(False, "every simulation failed"), (True, "no memory")]
+)
 @pytest.mark.parametrize("command", ["build", "simulate"])
-def test_a_run_in_which_every_simulation_failed_says_so(tmp_path, monkeypatch, capsys, command, machine, words):
+def test_a_run_in_which_every_simulation_failed_says_so(
+    tmp_path, monkeypatch, capsys, command, machine, words
+):
     def failing():
         if machine:
             raise bi.MachineError("no memory")
         return {"message": "no contact"}
 
     before_each_simulation(monkeypatch, failing)
-    (tmp_path / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,0,0\n168.4,121.4,75.4,0,45,0\n")
+    (tmp_path / "points.csv").write_text(
+        "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,0,0\n168.4,121.4,75.4,0,45,0\n"
+    )
     problem = make_problem(tmp_path, crystals={"points": "'points.csv'"})
     for _ in range(2):
         assert main([command, str(problem.path), "--output", str(tmp_path / "out")]) == 1
@@ -195,7 +252,13 @@ def test_a_run_in_which_every_simulation_failed_says_so(tmp_path, monkeypatch, c
 
 def test_surrogates_share_a_campaign(tmp_path):
     build(make_problem(tmp_path), tmp_path)
-    document = build(make_problem(tmp_path, surrogate={"model": "'paper'", "degree": 1, "bandlimit": 2, "file": "'other.txt'"}), tmp_path)
+    document = build(
+        make_problem(
+            tmp_path,
+            surrogate={"model": "'paper'", "degree": 1, "bandlimit": 2, "file": "'other.txt'"},
+        ),
+        tmp_path,
+    )
     assert document["new_simulations"] == 0
     assert (tmp_path / "other.txt").exists()
     chosen = build(
@@ -210,20 +273,30 @@ def test_surrogates_share_a_campaign(tmp_path):
 
 
 def test_what_other_classes_taught_is_used(tmp_path, specimens):
-    """A correction of all crystals learns from the cubic ones of the same campaign; one of cubic crystals not from the others."""
+    """A correction of all crystals learns from the cubic ones of the same campaign; one of cubic
+    crystals not from the others.
+    """
     cubic = build(make_problem(tmp_path), tmp_path)
-    document = build(make_problem(tmp_path, model=CORRECTION, design={"n_candidates": 100, "budget": 30}), tmp_path)
+    document = build(
+        make_problem(tmp_path, model=CORRECTION, design={"n_candidates": 100, "budget": 30}),
+        tmp_path,
+    )
     inside = ~Surrogate.load(tmp_path / "surrogate.txt").outside(
         stiffness_rows("cubic", [json.loads(row[1]) for row in stored(tmp_path)[:16]])
     )
     assert 5 <= inside.sum() < cubic["simulations"]
     assert (document["simulations"], document["new_simulations"]) == (30, 30 - inside.sum())
     left = 16 - inside.sum()
-    assert any(f"{left} simulations of the campaign are outside the surrogate's domain" in line for line in document["warnings"])
+    assert any(
+        f"{left} simulations of the campaign are outside the surrogate's domain" in line
+        for line in document["warnings"]
+    )
     data = Surrogate.load(tmp_path / "surrogate.txt").data
     assert data["constants"].shape == (30, 21)
     # The same crystals with a surrogate of their own.
-    again = build(make_problem(tmp_path, surrogate=PAPER["surrogate"] | {"file": "'cubic.txt'"}), tmp_path)
+    again = build(
+        make_problem(tmp_path, surrogate=PAPER["surrogate"] | {"file": "'cubic.txt'"}), tmp_path
+    )
     assert again["new_simulations"] == 0
     assert numbers_of(again)["history"] == cubic["history"][-1:] or again["simulations"] == 16
 
@@ -251,17 +324,27 @@ def test_designs(tmp_path, specimens, model, initial_set, candidates):
     validation = document["validation"]
     assert validation["points"] == 5
     surrogate = Surrogate.load(tmp_path / "surrogate.txt")
-    stiffness, angles = stiffness_rows(surrogate.symmetry, validation["constants"]), np.array(validation["euler_deg"])
+    stiffness, angles = (
+        stiffness_rows(surrogate.symmetry, validation["constants"]),
+        np.array(validation["euler_deg"]),
+    )
     simulated = bi.halfspace_modulus(stiffness, angles) * specimen(stiffness, angles)
     assert validation["simulated"] == pytest.approx(simulated.tolist())
     mean, sd = surrogate.predict(stiffness, angles)
     assert validation["predicted"] == pytest.approx(mean.tolist(), rel=1e-12)
     assert validation["sd"] == pytest.approx(sd.tolist(), rel=1e-12)
-    assert validation["mean_absolute_gpa"] == pytest.approx(np.abs(mean - simulated).mean(), rel=1e-9)
+    assert validation["mean_absolute_gpa"] == pytest.approx(
+        np.abs(mean - simulated).mean(), rel=1e-9
+    )
     assert validation["within_1_sd"] == np.mean(np.abs(mean - simulated) <= sd)
     # They were not learnt from.
-    learnt = {tuple(row) for row in np.hstack([surrogate.data["constants"], surrogate.data["euler_deg"]]).tolist()}
-    assert not learnt & {tuple(row) for row in np.hstack([validation["constants"], angles]).tolist()}
+    learnt = {
+        tuple(row)
+        for row in np.hstack([surrogate.data["constants"], surrogate.data["euler_deg"]]).tolist()
+    }
+    assert not learnt & {
+        tuple(row) for row in np.hstack([validation["constants"], angles]).tolist()
+    }
     again = build(problem, tmp_path)
     assert again["new_simulations"] == 0
     assert again["validation"]["simulated"] == document["validation"]["simulated"]
@@ -281,35 +364,64 @@ def test_stopping_at_a_target(tmp_path, specimens):
         if state["simulations"] >= 8
     )
     # Never with fewer points than terms under a prior of equal coefficients.
-    problem = make_problem(tmp_path / "flat", design={"n_candidates": 200, "initial": 4, "budget": 60, "target_gpa": 100.0})
+    problem = make_problem(
+        tmp_path / "flat",
+        design={"n_candidates": 200, "initial": 4, "budget": 60, "target_gpa": 100.0},
+    )
     assert build(problem, tmp_path / "flat")["simulations"] == 16
 
 
 def test_a_larger_budget_goes_beyond_where_it_stopped(tmp_path, specimens):
-    """A target that was reached ends a build of any budget at the same simulation; without it, it goes on."""
+    """A target that was reached ends a build of any budget at the same simulation; without it, it
+    goes on.
+    """
     design = {"n_candidates": 400, "budget": 40, "target_gpa": 2.0}
     first = build(make_problem(tmp_path, model=CORRECTION, design=design), tmp_path)
-    again = build(make_problem(tmp_path, model=CORRECTION, design=design | {"budget": 60}), tmp_path)
+    again = build(
+        make_problem(tmp_path, model=CORRECTION, design=design | {"budget": 60}), tmp_path
+    )
     assert first["simulations"] == again["simulations"] < 40
     assert again["new_simulations"] == 0
     del design["target_gpa"]
-    assert build(make_problem(tmp_path, model=CORRECTION, design=design), tmp_path)["simulations"] == 40
+    assert (
+        build(make_problem(tmp_path, model=CORRECTION, design=design), tmp_path)["simulations"]
+        == 40
+    )
 
 
 def test_more_terms_than_points_under_equal_priors_is_refused(tmp_path):
-    with pytest.raises(bi.InputError, match="&design budget: 16 simulations are fewer than the 54 terms"):
-        build(make_problem(tmp_path, surrogate={"model": "'paper'", "degree": 2, "bandlimit": 4}), tmp_path)
-    assert build(make_problem(tmp_path, model=CORRECTION, surrogate={"degree": 3}), tmp_path)["terms"] == 141
+    with pytest.raises(
+        bi.InputError, match="&design budget: 16 simulations are fewer than the 54 terms"
+    ):
+        build(
+            make_problem(tmp_path, surrogate={"model": "'paper'", "degree": 2, "bandlimit": 4}),
+            tmp_path,
+        )
+    assert (
+        build(make_problem(tmp_path, model=CORRECTION, surrogate={"degree": 3}), tmp_path)["terms"]
+        == 141
+    )
 
 
 def test_scan_compares_truncations(tmp_path):
     problem = make_problem(
         tmp_path,
-        surrogate={"model": "'paper'", "degree": 2, "bandlimit": 4, "truncation": "'total'", "scan": "'1, 2 x 0, 4'"},
+        surrogate={
+            "model": "'paper'",
+            "degree": 2,
+            "bandlimit": 4,
+            "truncation": "'total'",
+            "scan": "'1, 2 x 0, 4'",
+        },
         design={"n_candidates": 200, "budget": 30},
     )
     document = build(problem, tmp_path)
-    assert [(row["degree"], row["bandlimit"], row["terms"]) for row in document["scan"]] == [(1, 0, 4), (1, 4, 8), (2, 0, 10), (2, 4, 20)]
+    assert [(row["degree"], row["bandlimit"], row["terms"]) for row in document["scan"]] == [
+        (1, 0, 4),
+        (1, 4, 8),
+        (2, 0, 10),
+        (2, 4, 20),
+    ]
     assert document["scan"][3]["log_evidence"] == pytest.approx(document["log_evidence"], rel=1e-9)
     assert document["scan"][3]["loocv_gpa"] == pytest.approx(document["loocv_gpa"], rel=1e-6)
     for row in document["scan"]:
@@ -336,7 +448,10 @@ def test_ask_and_tell(tmp_path):
         "\n".join(
             [
                 text.splitlines()[0] + ",modulus_gpa",
-                *(f"{line},{m!r}" for line, m in zip(text.splitlines()[1:], modulus.tolist(), strict=True)),
+                *(
+                    f"{line},{m!r}"
+                    for line, m in zip(text.splitlines()[1:], modulus.tolist(), strict=True)
+                ),
             ]
         )
         + "\n"
@@ -347,7 +462,14 @@ def test_ask_and_tell(tmp_path):
     document = build(problem, tmp_path)
     assert (document["simulations"], document["new_simulations"]) == (12, 0)
     with pytest.raises(bi.InputError, match="&simulation: simulator 'import' cannot simulate"):
-        build(make_problem(tmp_path, simulation={"simulator": "'import'"}, design={"n_candidates": 200, "budget": 16}), tmp_path)
+        build(
+            make_problem(
+                tmp_path,
+                simulation={"simulator": "'import'"},
+                design={"n_candidates": 200, "budget": 16},
+            ),
+            tmp_path,
+        )
     (tmp_path / "bare.csv").write_text(text)
     with pytest.raises(bi.InputError, match="modulus_gpa"):
         tell(problem, tmp_path, read_crystals(tmp_path / "bare.csv", "cubic"))
@@ -356,33 +478,57 @@ def test_ask_and_tell(tmp_path):
 def test_candidates_of_a_table(tmp_path):
     rows = spread_crystals(Basis.from_keywords("cubic", DOMAINS["cubic"]), 30, 3)
     outside = "100,99,120,0,0,0"
-    lines = ["C11,C12,C44,phi1_deg,Phi_deg,phi2_deg", *(",".join(map(repr, row)) for row in np.hstack(rows).tolist()), outside]
+    lines = [
+        "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg",
+        *(",".join(map(repr, row)) for row in np.hstack(rows).tolist()),
+        outside,
+    ]
     (tmp_path / "mine.csv").write_text("\n".join(lines) + "\n")
-    document = build(make_problem(tmp_path, design={"candidates": "'mine.csv'", "budget": 16}), tmp_path)
+    document = build(
+        make_problem(tmp_path, design={"candidates": "'mine.csv'", "budget": 16}), tmp_path
+    )
     assert document["warnings"] == [
-        f"{tmp_path}/problem.nml: &design candidates: 1 of 31 rows of mine.csv lie outside &domain and are left out"
+        f"{tmp_path}/problem.nml: &design candidates: 1 of 31 rows of mine.csv lie outside "
+        "&domain and are left out"
     ]
     known = {tuple(row) for row in np.hstack(rows).tolist()}
     data = Surrogate.load(tmp_path / "surrogate.txt").data
-    assert {tuple(row) for row in np.hstack([data["constants"], data["euler_deg"]]).tolist()} <= known
-    document = build(make_problem(tmp_path, design={"candidates": "'mine.csv'", "budget": 31}), tmp_path)
+    assert {
+        tuple(row) for row in np.hstack([data["constants"], data["euler_deg"]]).tolist()
+    } <= known
+    document = build(
+        make_problem(tmp_path, design={"candidates": "'mine.csv'", "budget": 31}), tmp_path
+    )
     assert document["simulations"] == 30
     assert "no candidate is left" in document["warnings"][-1]
 
 
 def test_stopping_without_improvement(tmp_path):
     # The error settles at what truncation leaves out.
-    document = build(make_problem(tmp_path, design={"n_candidates": 300, "budget": 250, "patience": 30}), tmp_path)
+    document = build(
+        make_problem(tmp_path, design={"n_candidates": 300, "budget": 250, "patience": 30}),
+        tmp_path,
+    )
     assert document["simulations"] < 250
     assert "did not improve over the last 30" in document["stopped"]
     errors = {state["simulations"]: state["leave_crystal_out_gpa"] for state in document["history"]}
     before = min(error for n, error in errors.items() if n <= document["simulations"] - 30)
-    assert min(error for n, error in errors.items() if n > document["simulations"] - 30) > 0.98 * before
+    assert (
+        min(error for n, error in errors.items() if n > document["simulations"] - 30)
+        > 0.98 * before
+    )
 
 
 def test_told_moduli_of_a_specimen_teach_a_correction(tmp_path):
-    """Simulations made elsewhere, in rounds: what is asked for next takes account of what was told."""
-    problem = make_problem(tmp_path, model=CORRECTION, simulation={"simulator": "'import'"}, design={"n_candidates": 300, "budget": 24})
+    """Simulations made elsewhere, in rounds: what is asked for next takes account of what was
+    told.
+    """
+    problem = make_problem(
+        tmp_path,
+        model=CORRECTION,
+        simulation={"simulator": "'import'"},
+        design={"n_candidates": 300, "budget": 24},
+    )
     asked = []
     for _ in range(3):
         points = ask(problem, tmp_path, 8)["points"]
@@ -393,7 +539,10 @@ def test_told_moduli_of_a_specimen_teach_a_correction(tmp_path):
         modulus = bi.halfspace_modulus(stiffness, angles) * specimen(stiffness, angles)
         lines = [
             ",".join([*points[0], "modulus_gpa"]),
-            *(",".join(map(repr, [*row, m])) for row, m in zip(rows.tolist(), modulus.tolist(), strict=True)),
+            *(
+                ",".join(map(repr, [*row, m]))
+                for row, m in zip(rows.tolist(), modulus.tolist(), strict=True)
+            ),
         ]
         (tmp_path / "told.csv").write_text("\n".join(lines) + "\n")
         tell(problem, tmp_path, read_crystals(tmp_path / "told.csv", "triclinic"))
@@ -404,21 +553,45 @@ def test_told_moduli_of_a_specimen_teach_a_correction(tmp_path):
 
 def test_what_was_not_simulated_is_named(tmp_path):
     """Candidates of a narrow table in a wide domain."""
-    narrow = Basis.from_keywords(domain={"log_anisotropy_max": 0.4, "poisson_min": 0.2, "poisson_max": 0.3})
+    narrow = Basis.from_keywords(
+        domain={"log_anisotropy_max": 0.4, "poisson_min": 0.2, "poisson_max": 0.3}
+    )
     rows = np.hstack(spread_crystals(narrow, 20, 1))
     names = [*bi.constants("triclinic"), "phi1_deg", "Phi_deg", "phi2_deg"]
-    (tmp_path / "mine.csv").write_text("\n".join([",".join(names), *(",".join(map(repr, row)) for row in rows.tolist())]) + "\n")
-    document = build(make_problem(tmp_path, model=CORRECTION, design={"candidates": "'mine.csv'", "budget": 12}), tmp_path)
+    (tmp_path / "mine.csv").write_text(
+        "\n".join([",".join(names), *(",".join(map(repr, row)) for row in rows.tolist())]) + "\n"
+    )
+    document = build(
+        make_problem(tmp_path, model=CORRECTION, design={"candidates": "'mine.csv'", "budget": 12}),
+        tmp_path,
+    )
     words = "\n".join(document["warnings"])
-    assert re.search(r"no crystal above a log-anisotropy of 0\.[34]\d* was simulated; the domain reaches 1\.2", words)
-    assert re.search(r"only crystals with Poisson's ratios from 0\.2\d* to 0\.(29|30?) were simulated", words)
+    assert re.search(
+        r"no crystal above a log-anisotropy of 0\.[34]\d* was simulated; the domain reaches 1\.2",
+        words,
+    )
+    assert re.search(
+        r"only crystals with Poisson's ratios from 0\.2\d* to 0\.(29|30?) were simulated", words
+    )
 
 
 def test_a_build_over_the_scale(tmp_path, specimens):
-    """Crystals of every scale are candidates; an interrupted build goes on; what of the scale was not simulated is named."""
-    model = CORRECTION | {"domain": {"log_anisotropy_max": "1.2", "stiffness_min_gpa": "50", "stiffness_max_gpa": "450"}}
-    first = build(make_problem(tmp_path, model=model, design={"n_candidates": 300, "budget": 12}), tmp_path)
-    again = build(make_problem(tmp_path, model=model, design={"n_candidates": 300, "budget": 24}), tmp_path)
+    """Crystals of every scale are candidates; an interrupted build goes on; what of the scale was
+    not simulated is named.
+    """
+    model = CORRECTION | {
+        "domain": {
+            "log_anisotropy_max": "1.2",
+            "stiffness_min_gpa": "50",
+            "stiffness_max_gpa": "450",
+        }
+    }
+    first = build(
+        make_problem(tmp_path, model=model, design={"n_candidates": 300, "budget": 12}), tmp_path
+    )
+    again = build(
+        make_problem(tmp_path, model=model, design={"n_candidates": 300, "budget": 24}), tmp_path
+    )
     assert (first["terms"], again["simulations"], again["new_simulations"]) == (35, 24, 12)
     assert not any("of a scale" in line for line in again["warnings"])
     assert re.search(r" and a scale of \d+(\.\d+)? GPa$", again["domain"]["words"])
@@ -426,17 +599,41 @@ def test_a_build_over_the_scale(tmp_path, specimens):
     scale = surrogate.basis.coverage(stiffness_rows("triclinic", surrogate.data["constants"]))[2]
     assert scale.min() < 60
     assert scale.max() > 375
-    whole = build(make_problem(tmp_path / "b", model=model, design={"n_candidates": 300, "budget": 24}), tmp_path / "b")
-    assert [again[key] for key in ("alpha", "beta", "fall", "loocv_gpa")] == [whole[key] for key in ("alpha", "beta", "fall", "loocv_gpa")]
+    whole = build(
+        make_problem(tmp_path / "b", model=model, design={"n_candidates": 300, "budget": 24}),
+        tmp_path / "b",
+    )
+    assert [again[key] for key in ("alpha", "beta", "fall", "loocv_gpa")] == [
+        whole[key] for key in ("alpha", "beta", "fall", "loocv_gpa")
+    ]
     rows = np.hstack(
         spread_crystals(
-            Basis.from_keywords(domain={"stiffness_min_gpa": 100.0, "stiffness_max_gpa": 200.0, "log_anisotropy_max": 1.2}), 20, 1
+            Basis.from_keywords(
+                domain={
+                    "stiffness_min_gpa": 100.0,
+                    "stiffness_max_gpa": 200.0,
+                    "log_anisotropy_max": 1.2,
+                }
+            ),
+            20,
+            1,
         )
     )
     names = [*bi.constants("triclinic"), "phi1_deg", "Phi_deg", "phi2_deg"]
-    (tmp_path / "mine.csv").write_text("\n".join([",".join(names), *(",".join(map(repr, row)) for row in rows.tolist())]) + "\n")
-    few = build(make_problem(tmp_path / "c", model=model, design={"candidates": "'../mine.csv'", "budget": 12}), tmp_path / "c")
+    (tmp_path / "mine.csv").write_text(
+        "\n".join([",".join(names), *(",".join(map(repr, row)) for row in rows.tolist())]) + "\n"
+    )
+    few = build(
+        make_problem(
+            tmp_path / "c", model=model, design={"candidates": "'../mine.csv'", "budget": 12}
+        ),
+        tmp_path / "c",
+    )
     assert any(
-        re.search(r"only crystals of a scale .* from 1\d\d\.?\d* to (1|2)\d\d\.?\d* GPa were simulated; the domain", line)
+        re.search(
+            r"only crystals of a scale .* from 1\d\d\.?\d* to (1|2)\d\d\.?\d* GPa were "
+            r"simulated; the domain",
+            line,
+        )
         for line in few["warnings"]
     )

@@ -1,8 +1,8 @@
 """Simulation-based calibration in short: the cases of `bench calibration` but the longest.
 
-Where all is right the ranks of truths among draws of their posteriors are uniform, and so their normal scores are standard normal (Cook,
-Gelman and Rubin, J. Comput. Graph. Stat. 15, 675, 2006). A few data sets tell a wrong place by the mean of these, a wrong width by their
-sum of squares.
+Where all is right the ranks of truths among draws of their posteriors are uniform, and so their
+normal scores are standard normal (Cook, Gelman and Rubin, J. Comput. Graph. Stat. 15, 675, 2006). A
+few data sets tell a wrong place by the mean of these, a wrong width by their sum of squares.
 """
 
 import numpy as np
@@ -21,7 +21,8 @@ LONGEST = ("correction, orthorhombic",)
 
 
 def least_p(name, change=None, times=1, **settings):
-    """The least p-value after Holm's correction of a case, of which `change` may alter the data and `settings` the posterior.
+    """The least p-value after Holm's correction of a case, of which `change` may alter the data and
+    `settings` the posterior.
 
     `times` as many data sets as usual.
     """
@@ -32,7 +33,10 @@ def least_p(name, change=None, times=1, **settings):
         study.measure = lambda truth: change(*exact(truth))
     # With the default prior the weighted ranks come first.
     sets = range(times * DATA_SETS[CASES[name][0]])
-    ranks = [study.ranks(threads=1, seed=k + 1, samples=1000, chains=1)[: len(study.labels)] for k in sets]
+    ranks = [
+        study.ranks(threads=1, seed=k + 1, samples=1000, chains=1)[: len(study.labels)]
+        for k in sets
+    ]
     p_values = {}
     for label, scores in zip(study.labels, stats.norm.ppf(ranks).T, strict=True):
         width = stats.chi2(len(scores)).cdf((scores**2).sum())
@@ -46,7 +50,12 @@ SHORT = ("cubic",)
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[] if name in SHORT else pytest.mark.long) for name in CASES if name not in LONGEST]
+    "name",
+    [
+        pytest.param(name, marks=[] if name in SHORT else pytest.mark.long)
+        for name in CASES
+        if name not in LONGEST
+    ],
 )
 def test_ranks_are_uniform(name):
     assert least_p(name) > 1e-3
@@ -54,7 +63,10 @@ def test_ranks_are_uniform(name):
 
 @pytest.mark.long
 def test_errors_three_times_as_large_as_stated_are_found():
-    assert least_p("cubic", lambda table, drawn: (table | {"sd_gpa": table["sd_gpa"] / 3}, drawn)) < 1e-3
+    assert (
+        least_p("cubic", lambda table, drawn: (table | {"sd_gpa": table["sd_gpa"] / 3}, drawn))
+        < 1e-3
+    )
 
 
 @pytest.mark.long

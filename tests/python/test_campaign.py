@@ -1,4 +1,5 @@
-"""campaign.sqlite: what it keeps, what it refuses, and that nothing in it changes. What is stored is read by Python's sqlite3.
+"""campaign.sqlite: what it keeps, what it refuses, and that nothing in it changes. What is stored
+is read by Python's sqlite3.
 
 tests/fortran/test_campaign.f90 looks at the module itself.
 """
@@ -25,20 +26,31 @@ COPPER, ANGLES = (168.4, 121.4, 75.4), (10.0, 20.0, 30.0)
 
 
 def simulated(folder, points, simulate=None, simulator="theory"):
-    """The document of `simulate` of these points, kept in the folder; what became of each job is what `simulate` says."""
+    """The document of `simulate` of these points, kept in the folder; what became of each job is
+    what `simulate` says.
+    """
     folder.mkdir(exist_ok=True)
     table(folder, points)
-    text = f"&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&simulation simulator = '{simulator}', refine = 0.6 /\n"
+    text = (
+        "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&simulation "
+        f"simulator = '{simulator}', refine = 0.6 /\n"
+    )
     (folder / "a.nml").write_text(text + "&execution workers = 1 /\n")
     return run_stage(Problem(folder / "a.nml", "simulate"), "simulate", folder, simulate=simulate)
 
 
 def crystals(n, seed=1):
-    """Points (n, 6) of stable crystals, among them powers of two and numbers next to them, which have the fewest digits in ways of their own."""
+    """Points (n, 6) of stable crystals, among them powers of two and numbers next to them, which
+    have the fewest digits in ways of their own.
+    """
     rng = np.random.default_rng(seed)
     c12 = np.concatenate([rng.uniform(1, 100, n // 2), 2.0 ** rng.integers(0, 7, n - n // 2)])
-    c44 = np.concatenate([rng.uniform(10, 100, n // 2), 2.0 ** rng.integers(3, 7, n - n // 2) * (1 + 2.0**-52)])
-    angles = np.concatenate([rng.uniform(0, 180, (n // 2, 3)), 2.0 ** rng.integers(-40, 7, (n - n // 2, 3))])
+    c44 = np.concatenate(
+        [rng.uniform(10, 100, n // 2), 2.0 ** rng.integers(3, 7, n - n // 2) * (1 + 2.0**-52)]
+    )
+    angles = np.concatenate(
+        [rng.uniform(0, 180, (n // 2, 3)), 2.0 ** rng.integers(-40, 7, (n - n // 2, 3))]
+    )
     points = np.column_stack([c12 + 2.0 ** rng.integers(5, 7, n), c12, c44, angles])
     points[0] = 230.0, 0.1 + 0.2, 64.0, 1e-05, -0.0, 2.0**-44
     return points
@@ -55,27 +67,49 @@ def test_rows_come_back_to_the_last_bit(tmp_path):
         made.append((depth, force))
         if len(made) == 8:
             return {"message": "the contact did not converge"}
-        return {"modulus_gpa": depth[0] + 0.1, "seconds": 0.25 + len(made), "elements": 7, "depth_um": depth, "force_mn": force}
+        return {
+            "modulus_gpa": depth[0] + 0.1,
+            "seconds": 0.25 + len(made),
+            "elements": 7,
+            "depth_um": depth,
+            "force_mn": force,
+        }
 
     document = simulated(tmp_path, points, simulate, "fe")
     assert (document["new_simulations"], document["failed"]) == (400, 1)
     stored = rows(tmp_path / "campaign.sqlite")
     assert [row.position for row in stored] == list(range(400))
-    assert [(*row.constants, *row.euler_deg) for row in stored] == [tuple(point) for point in points.tolist()]
+    assert [(*row.constants, *row.euler_deg) for row in stored] == [
+        tuple(point) for point in points.tolist()
+    ]
     for i, (row, (depth, force)) in enumerate(zip(stored, made, strict=True)):
         if i == 7:
-            assert (row.message, row.modulus_gpa, row.depth_um) == ("the contact did not converge", None, None)
+            assert (row.message, row.modulus_gpa, row.depth_um) == (
+                "the contact did not converge",
+                None,
+                None,
+            )
         else:
             assert row[5:] == ("", depth[0] + 0.1, 1.25 + i, 7, depth, force)
     with closing(sqlite3.connect(tmp_path / "campaign.sqlite")) as file:
         assert file.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
-        texts = file.execute("SELECT symmetry, constants, euler_deg, depth_um, force_mn, origin, status FROM simulation ORDER BY position")
-        for i, (texts_of_row, point, curve) in enumerate(zip(texts, points.tolist(), made, strict=True)):
+        texts = file.execute(
+            "SELECT symmetry, constants, euler_deg, depth_um, force_mn, origin, status FROM "
+            "simulation ORDER BY position"
+        )
+        for i, (texts_of_row, point, curve) in enumerate(
+            zip(texts, points.tolist(), made, strict=True)
+        ):
             failed = i == 7
             curve = [None, None] if failed else [json.dumps(values) for values in curve]
             assert texts_of_row == (
-                "cubic", json.dumps(point[:3]), json.dumps(point[3:]), *curve, "simulated", "failed" if failed else "done",
-            )  # fmt: skip
+                "cubic",
+                json.dumps(point[:3]),
+                json.dumps(point[3:]),
+                *curve,
+                "simulated",
+                "failed" if failed else "done",
+            )
         (created,) = file.execute("SELECT created FROM simulation WHERE position = 399").fetchone()
         written = time.mktime(time.strptime(created, "%Y-%m-%dT%H:%M:%S+00:00")) - time.timezone
         assert abs(time.time() - written) < 600
@@ -95,7 +129,9 @@ def test_many_rows_are_found(tmp_path):
     document = simulated(tmp_path, points)
     assert time.process_time() - start < 30
     assert document["new_simulations"] == 0
-    assert [row["indentation_modulus_gpa"] for row in document["results"]] == [point[0] / 3 for point in points]
+    assert [row["indentation_modulus_gpa"] for row in document["results"]] == [
+        point[0] / 3 for point in points
+    ]
     stored = rows(path)
     assert len(stored) == len(unique)
     assert (stored[7].imported, stored[7].seconds) == (True, None)
@@ -127,7 +163,9 @@ def test_processes_share_a_file(tmp_path):
     told(tmp_path / "campaign", [(*COPPER, *ANGLES)], [134.0])
     for k in range(3):
         command = [sys.executable, "-c", WRITER, tmp_path / str(k), str(k)]
-        writers.append(subprocess.Popen(command, stdin=subprocess.PIPE, text=True, env=with_tests()))
+        writers.append(
+            subprocess.Popen(command, stdin=subprocess.PIPE, text=True, env=with_tests())
+        )
     for writer in writers:
         writer.stdin.write("\n")
         writer.stdin.flush()
@@ -135,16 +173,23 @@ def test_processes_share_a_file(tmp_path):
         writer.communicate()
         assert writer.returncode == 0
     # Each has the 25 points of even i, which are one and the same, and 25 of its own.
-    assert sorted(row.position for row in rows(tmp_path / "campaign" / "campaign.sqlite")) == list(range(101))
+    assert sorted(row.position for row in rows(tmp_path / "campaign" / "campaign.sqlite")) == list(
+        range(101)
+    )
 
 
 def test_no_row_is_ever_changed(tmp_path):
     path = tmp_path / "campaign.sqlite"
     told(tmp_path, [(*COPPER, *ANGLES)], [134.0])
-    assert simulated(tmp_path, [(*COPPER, *ANGLES)])["results"][0]["indentation_modulus_gpa"] == 134.0
+    assert (
+        simulated(tmp_path, [(*COPPER, *ANGLES)])["results"][0]["indentation_modulus_gpa"] == 134.0
+    )
     assert [row.modulus_gpa for row in rows(path)] == [134.0]
     with closing(sqlite3.connect(path)) as file:
-        for statement in ("UPDATE simulation SET indentation_modulus_gpa = 1", "DELETE FROM simulation"):
+        for statement in (
+            "UPDATE simulation SET indentation_modulus_gpa = 1",
+            "DELETE FROM simulation",
+        ):
             with pytest.raises(sqlite3.IntegrityError, match="never"):
                 file.execute(statement)
 
@@ -152,7 +197,9 @@ def test_no_row_is_ever_changed(tmp_path):
 def test_physics_are_kept_apart(tmp_path):
     point = [(*COPPER, *ANGLES)]
     told(tmp_path, point, [134.0])
-    assert simulated(tmp_path, point, lambda job: {"modulus_gpa": 140.0}, "fe")["new_simulations"] == 1
+    assert (
+        simulated(tmp_path, point, lambda job: {"modulus_gpa": 140.0}, "fe")["new_simulations"] == 1
+    )
     path = tmp_path / "campaign.sqlite"
     assert [row.modulus_gpa for row in rows(path, '{"simulator": "theory"}')] == [134.0]
     assert sorted(row.modulus_gpa for row in rows(path)) == [134.0, 140.0]
@@ -168,14 +215,23 @@ def test_a_modulus_that_is_none_is_a_failure(tmp_path, modulus):
     with pytest.raises(bi.BayesindentError, match="every simulation failed"):
         simulated(tmp_path, [(*COPPER, *ANGLES)], lambda job: {"modulus_gpa": modulus})
     (row,) = rows(tmp_path / "campaign.sqlite")
-    assert re.fullmatch("the modulus is (nan|-1.0|infinity) GPa", row.message) and row.modulus_gpa is None
+    assert (
+        re.fullmatch("the modulus is (nan|-1.0|infinity) GPa", row.message)
+        and row.modulus_gpa is None
+    )
 
 
 def test_import(tmp_path):
     points = np.array([(*COPPER, *ANGLES), (225.0, 135.0, 124.0, *ANGLES)])
-    assert told(tmp_path, points, [134.0, 214.0]) == {"imported": 2, "simulations": 2, "warnings": []}
+    assert told(tmp_path, points, [134.0, 214.0]) == {
+        "imported": 2,
+        "simulations": 2,
+        "warnings": [],
+    }
     assert told(tmp_path, points, [134.0, 214.0])["imported"] == 0
-    with pytest.raises(bi.InputError, match=r"told.csv: row 2 .*215.*same point has 214.0 GPa in the campaign"):
+    with pytest.raises(
+        bi.InputError, match=r"told.csv: row 2 .*215.*same point has 214.0 GPa in the campaign"
+    ):
         told(tmp_path, points, [134.0, 215.0])
     with pytest.raises(bi.InputError, match="row 2 .*same point has 150.0 GPa in an earlier row"):
         told(tmp_path, [(*points[0, :3] + 1, *ANGLES)] * 2, [150.0, 151.0])
@@ -189,7 +245,10 @@ def test_import(tmp_path):
 
 def test_foreign_and_damaged_files_are_refused(tmp_path):
     path = tmp_path / "campaign.sqlite"
-    path.write_text("this is not a database, but it is long enough to look like a file with something in it" * 20)
+    path.write_text(
+        "this is not a database, but it is long enough to look like a file with something in it"
+        * 20
+    )
     with pytest.raises(bi.InputError, match="is not a campaign, or is damaged"):
         told(tmp_path, [(*COPPER, *ANGLES)], [134.0])
     assert path.read_text().startswith("this is not")
@@ -205,6 +264,9 @@ def test_foreign_and_damaged_files_are_refused(tmp_path):
     content = bytearray(path.read_bytes())
     content[8192:12288] = b"\x55" * 4096
     path.write_bytes(content)
-    for attempt in (lambda: told(tmp_path, points[:1], [100.0]), lambda: simulated(tmp_path, points[:1])):
+    for attempt in (
+        lambda: told(tmp_path, points[:1], [100.0]),
+        lambda: simulated(tmp_path, points[:1]),
+    ):
         with pytest.raises(bi.InputError, match="damaged"):
             attempt()

@@ -18,12 +18,18 @@ def reference_rows():
     return read_rows(REFERENCE / "halfspace_moduli.csv")
 
 
-@pytest.mark.parametrize("row", reference_rows(), ids=lambda row: f"{row['material']}-{row['orientation']}")
+@pytest.mark.parametrize(
+    "row", reference_rows(), ids=lambda row: f"{row['material']}-{row['orientation']}"
+)
 def test_theory_meets_reference(row):
     stiffness = stiffness_of(row)
     euler = numbers([row], ANGLES)[0]
-    assert bi.halfspace_modulus(stiffness, euler) == pytest.approx(float(row["M_elliptic"]), rel=2e-6)
-    assert bi.halfspace_modulus(stiffness, euler, circular=True) == pytest.approx(float(row["M_vn"]), rel=2e-6)
+    assert bi.halfspace_modulus(stiffness, euler) == pytest.approx(
+        float(row["M_elliptic"]), rel=2e-6
+    )
+    assert bi.halfspace_modulus(stiffness, euler, circular=True) == pytest.approx(
+        float(row["M_vn"]), rel=2e-6
+    )
     assert bi.anisotropy_index(stiffness) == pytest.approx(float(row["A_U"]), abs=1e-6)
 
 
@@ -40,13 +46,20 @@ def test_theory_of_every_class(row):
 
 
 @pytest.mark.parametrize(
-    "symmetry, constants", [("cubic", [129.1, 109.7, 82.4]), ("cubic", [100.0, 96.5, 95.0]), ("hexagonal", [300.0, 120.0, 1.5, 6.0, 12.0])]
+    "symmetry, constants",
+    [
+        ("cubic", [129.1, 109.7, 82.4]),
+        ("cubic", [100.0, 96.5, 95.0]),
+        ("hexagonal", [300.0, 120.0, 1.5, 6.0, 12.0]),
+    ],
 )
 def test_theory_of_very_anisotropic_crystals(symmetry, constants):
     """Indices 8, 63 and 91 against sums over many angles and a general minimiser."""
     stiffness = stiffness_rows(symmetry, [constants])[0]
     angles = np.array([[10.0, 50.0, 20.0]])
-    assert bi.halfspace_modulus(stiffness, angles) == pytest.approx(direct_modulus(stiffness, angles, points=256, angles=192), rel=2e-6)
+    assert bi.halfspace_modulus(stiffness, angles) == pytest.approx(
+        direct_modulus(stiffness, angles, points=256, angles=192), rel=2e-6
+    )
 
 
 def test_rows_of_an_array_do_not_depend_on_each_other():
@@ -54,7 +67,9 @@ def test_rows_of_an_array_do_not_depend_on_each_other():
     stiffness = np.array([stiffness_of(row) for row in rows])
     angles = numbers(rows, ANGLES)
     moduli = bi.halfspace_modulus(stiffness, angles)
-    assert (moduli == [bi.halfspace_modulus(*row) for row in zip(stiffness, angles, strict=True)]).all()
+    assert (
+        moduli == [bi.halfspace_modulus(*row) for row in zip(stiffness, angles, strict=True)]
+    ).all()
     assert (moduli[::-1] == bi.halfspace_modulus(stiffness[::-1], angles[::-1], threads=2)).all()
     assert (moduli == bi.Surrogate.load("halfspace").predict(stiffness, angles)[0]).all()
 
@@ -62,7 +77,9 @@ def test_rows_of_an_array_do_not_depend_on_each_other():
 def test_names_of_classes():
     assert bi.constants("M-3m") == bi.constants("cubic") == ("C11", "C12", "C44")
     assert bi.constants("-1") == tuple(f"C{i}{j}" for i in range(1, 7) for j in range(i, 7))
-    with pytest.raises(bi.InputError, match="'kubic' is no crystal class; allowed isotropic, cubic, m-3m"):
+    with pytest.raises(
+        bi.InputError, match="'kubic' is no crystal class; allowed isotropic, cubic, m-3m"
+    ):
         bi.stiffness("kubic", C11=1)
     with pytest.raises(bi.InputError, match="takes the constants C11, C12, not C11"):
         bi.stiffness("isotropic", C11=1)
@@ -70,9 +87,15 @@ def test_names_of_classes():
 
 def test_averages_of_arrays():
     copper = bi.stiffness("cubic", C11=[[168.4], [100.0]], C12=121.4, C44=75.4)
-    index, logarithmic, averages = bi.anisotropy_index(copper), bi.log_anisotropy(copper), bi.polycrystal_averages(copper)
+    index, logarithmic, averages = (
+        bi.anisotropy_index(copper),
+        bi.log_anisotropy(copper),
+        bi.polycrystal_averages(copper),
+    )
     assert index.shape == logarithmic.shape == averages["bulk_voigt"].shape == (2, 1)
-    assert index[0, 0] == pytest.approx(1.824218, abs=1e-6) and logarithmic[0, 0] == pytest.approx(1.28, abs=0.005)
+    assert index[0, 0] == pytest.approx(1.824218, abs=1e-6) and logarithmic[0, 0] == pytest.approx(
+        1.28, abs=0.005
+    )
     assert averages["bulk_reuss"][0, 0] == pytest.approx((168.4 + 2 * 121.4) / 3)
     assert np.isnan([index[1, 0], logarithmic[1, 0], averages["shear_reuss"][1, 0]]).all()
 

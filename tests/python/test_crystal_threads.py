@@ -20,7 +20,11 @@ def test_crystals_from_several_threads_at_once():
     expected = [stiffness_rows(symmetry, [constants])[0] for symmetry, constants in cases]
     try:
         with ThreadPoolExecutor(4) as pool:
-            found = list(pool.map(lambda i: stiffness_rows(cases[i % 2][0], [cases[i % 2][1]])[0], range(4000)))
+            found = list(
+                pool.map(
+                    lambda i: stiffness_rows(cases[i % 2][0], [cases[i % 2][1]])[0], range(4000)
+                )
+            )
     finally:
         sys.setswitchinterval(interval)
     for i, matrix in enumerate(found):

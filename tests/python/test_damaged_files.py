@@ -1,4 +1,6 @@
-"""Files that were damaged are refused in one line that names them; rows of a campaign know when they were changed."""
+"""Files that were damaged are refused in one line that names them; rows of a campaign know when
+they were changed.
+"""
 
 import json
 import random
@@ -36,17 +38,30 @@ def bits_changed(content: bytes, count: int, seed: int = 1):
 
 
 def simulated(folder, count: int = 20, simulator: str = "theory") -> list:
-    """What `simulate` says of crystals in a folder. Those that its campaign has not are simulated by a formula."""
+    """What `simulate` says of crystals in a folder. Those that its campaign has not are simulated
+    by a formula.
+    """
     lines = [f"{200 + i / 7!r},100,50,{0.1 * i!r},0,0\n" for i in range(count)]
     (folder / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n" + "".join(lines))
-    text = "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&execution workers = 1 /\n"
+    text = (
+        "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&execution workers = "
+        "1 /\n"
+    )
     (folder / "a.nml").write_text(f"{text}&simulation simulator = '{simulator}', refine = 0.6 /\n")
 
     def simulate(job):
         modulus = 150.0 + (job.stiffness[0, 0] - 200) * 7 / 3
-        return {"modulus_gpa": modulus, "seconds": 0.1, "elements": 8, "depth_um": [0.1, 0.2], "force_mn": [1.0, modulus]}
+        return {
+            "modulus_gpa": modulus,
+            "seconds": 0.1,
+            "elements": 8,
+            "depth_um": [0.1, 0.2],
+            "force_mn": [1.0, modulus],
+        }
 
-    return run_stage(Problem(folder / "a.nml", "simulate"), "simulate", folder, simulate=simulate)["results"]
+    return run_stage(Problem(folder / "a.nml", "simulate"), "simulate", folder, simulate=simulate)[
+        "results"
+    ]
 
 
 @pytest.mark.parametrize(
@@ -76,7 +91,10 @@ def test_a_row_that_was_changed_is_refused(tmp_path, change):
 
 def learnt(folder) -> int:
     """How many simulations of the campaign a build learns from."""
-    text = (folder / "a.nml").read_text() + "&domain log_anisotropy_max = 3 /\n&design budget = 20 /\n&surrogate degree = 1 /\n"
+    text = (
+        (folder / "a.nml").read_text()
+        + "&domain log_anisotropy_max = 3 /\n&design budget = 20 /\n&surrogate degree = 1 /\n"
+    )
     (folder / "b.nml").write_text(text)
     return 20 - Stage(Problem(folder / "b.nml", "build"), "build", folder).expected
 
@@ -107,7 +125,8 @@ def test_bits_of_a_campaign(tmp_path):
         path.write_bytes(bad)
         try:
             assert simulated(tmp_path) == results
-            # Another identity of the physics, or another crystal: the row is one that nobody asks for, and the asked one is made anew.
+            # Another identity of the physics, or another crystal: the row is one that nobody asks
+            # for, and the asked one is made anew.
             assert learnt(tmp_path) == 20
             assert [row[1:] for row in rows(path, THEORY)] == [row[1:] for row in stored]
         except InputError as error:
@@ -129,21 +148,35 @@ def test_other_files_are_no_campaign(tmp_path, content):
 def test_rows_without_a_checksum_are_refused(tmp_path):
     simulated(tmp_path)
     with closing(sqlite3.connect(tmp_path / "campaign.sqlite")) as file:
-        file.executescript("DROP TRIGGER simulation_is_not_changed; UPDATE simulation SET checksum = NULL WHERE position = 7")
+        file.executescript(
+            "DROP TRIGGER simulation_is_not_changed; UPDATE simulation SET checksum = NULL "
+            "WHERE position = 7"
+        )
     with pytest.raises(InputError, match="the row of position 7 was changed"):
         simulated(tmp_path)
 
 
 def test_bits_of_a_surrogate(tmp_path):
     path = tmp_path / "surrogate.txt"
-    rows = np.hstack([np.random.default_rng(1).uniform((150, 50, 40), (200, 90, 80), (12, 3)), np.zeros((12, 3))])
+    rows = np.hstack(
+        [np.random.default_rng(1).uniform((150, 50, 40), (200, 90, 80), (12, 3)), np.zeros((12, 3))]
+    )
     moduli = bi.halfspace_modulus(stiffness_rows("cubic", rows[:, :3]), rows[:, 3:])
     domain = {"c_min": (50, 40, 15), "c_max": (250, 150, 120)}
     settings = {"model": "paper", "degree": 1, "bandlimit": 0}
-    Surrogate.fit(rows[:, :3], rows[:, 3:], moduli, symmetry="cubic", domain=domain, **settings).save(path)
+    Surrogate.fit(
+        rows[:, :3], rows[:, 3:], moduli, symmetry="cubic", domain=domain, **settings
+    ).save(path)
     content = path.read_bytes()
     Surrogate.load(path)
-    for bad in [b"", content[:-1], content[:100], content + b"\n", bytes(1000), *bits_changed(content, 80)]:
+    for bad in [
+        b"",
+        content[:-1],
+        content[:100],
+        content + b"\n",
+        bytes(1000),
+        *bits_changed(content, 80),
+    ]:
         path.write_bytes(bad)
         with pytest.raises(InputError) as error:
             Surrogate.load(path)
@@ -155,8 +188,17 @@ def test_bits_of_a_surrogate(tmp_path):
 def sampled(tmp_path_factory):
     """A folder with a posterior."""
     folder = tmp_path_factory.mktemp("sampled")
-    text = f"&problem symmetry = 'cubic' /\n&surrogate file = 'halfspace' /\n&measurements file = '{REFERENCE / 'cubic_fe3si.csv'}', "
-    (folder / "a.nml").write_text(text + "modulus_kind = 'indentation_modulus' /\n&sampler samples = 600, burn_in = 1000, chains = 2 /\n")
+    text = (
+        "&problem symmetry = 'cubic' /\n&surrogate file = 'halfspace' /\n&measurements file = "
+        f"'{REFERENCE / 'cubic_fe3si.csv'}', "
+    )
+    (folder / "a.nml").write_text(
+        text
+        + (
+            "modulus_kind = 'indentation_modulus' /\n&sampler samples = 600, burn_in = 1000, "
+            "chains = 2 /\n"
+        )
+    )
     assert main(["extract", str(folder / "a.nml"), "--output", str(folder / "out")]) == 0
     return folder / "out"
 
@@ -167,7 +209,14 @@ def test_bits_of_a_posterior(sampled, tmp_path, capsys):
     content, values = path.read_bytes(), read_posterior(folder)
     drawn = numbers(read_rows(folder / "posterior.csv"), ["C11", "C12", "C44"])
     assert values["draws"].reshape(-1, 3).tolist() == drawn.tolist()
-    for bad in [b"", content[:-1], content[:100], content + b"\n", bytes(1000), *bits_changed(content, 80)]:
+    for bad in [
+        b"",
+        content[:-1],
+        content[:100],
+        content + b"\n",
+        bytes(1000),
+        *bits_changed(content, 80),
+    ]:
         path.write_bytes(bad)
         with pytest.raises(InputError, match="posterior.bin: is damaged"):
             read_posterior(folder)
@@ -178,14 +227,21 @@ def test_bits_of_a_posterior(sampled, tmp_path, capsys):
         assert line.startswith(f"{path}: is damaged")
     path.write_bytes(content)
     again = read_posterior(folder)
-    assert again.keys() == values.keys() and (again["draws"] == values["draws"]).all() and again["inputs"] == values["inputs"]
+    assert (
+        again.keys() == values.keys()
+        and (again["draws"] == values["draws"]).all()
+        and again["inputs"] == values["inputs"]
+    )
 
 
 def test_the_copy_for_arviz_is_read_by_its_name(sampled):
     import h5netcdf
 
     with h5netcdf.File(sampled / "posterior.nc", "r") as file:
-        assert file["posterior"]["C11"][...].tolist() == read_posterior(sampled)["draws"][..., 0].tolist()
+        assert (
+            file["posterior"]["C11"][...].tolist()
+            == read_posterior(sampled)["draws"][..., 0].tolist()
+        )
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[1]", b"\xff\xfe", b'{"a": 1}}', b"[" * 100000])
@@ -202,8 +258,17 @@ def test_documents_that_are_none(tmp_path, capsys, content):
 
 
 def test_bits_of_a_document(tmp_path):
-    """Whatever bit is changed: the document is refused by the name of its file, or it is the same."""
-    path, document = tmp_path / "summary.json", {"C11": {"mean": 168.4, "sd": 0.1 + 0.2}, "rows": [[1, None], [-0.0, 1e-300]], "words": "µ"}
+    """Whatever bit is changed: the document is refused by the name of its file, or it is the
+    same.
+    """
+    path, document = (
+        tmp_path / "summary.json",
+        {
+            "C11": {"mean": 168.4, "sd": 0.1 + 0.2},
+            "rows": [[1, None], [-0.0, 1e-300]],
+            "words": "µ",
+        },
+    )
     write_json(path, document)
     assert read_json(path) == document
     content, outcomes = path.read_bytes(), []
@@ -213,7 +278,10 @@ def test_bits_of_a_document(tmp_path):
             # The name of the checksum alone may be another one: all else is whole then.
             outcomes.append(document.items() <= read_json(path).items())
         except InputError as error:
-            assert re.fullmatch(r"\S*summary.json: is damaged, or is no JSON document \(.*\); remove it, .*", str(error))
+            assert re.fullmatch(
+                r"\S*summary.json: is damaged, or is no JSON document \(.*\); remove it, .*",
+                str(error),
+            )
             outcomes.append(None)
     assert False not in outcomes and outcomes.count(None) > 300
     path.write_text(json.dumps(document))
@@ -234,12 +302,17 @@ def test_results_of_another_namelist_are_not_mixed(sampled, tmp_path, capsys):
 
 
 def test_a_full_disk_is_told_in_words(tmp_path, monkeypatch):
-    """/dev/full stands for a file that is written; for the files of the core see tests/cli/test_faults.py."""
+    """/dev/full stands for a file that is written; for the files of the core see
+    tests/cli/test_faults.py.
+    """
     from bayesindent.common import result_files
 
     kept = tmp_path / "kept.json"
     write_json(kept, {"a": 1})
-    full = lambda path, name: type(path)("/dev/full") if name.startswith(".") else path.parent / name  # noqa: E731
+
+    def full(path, name):
+        return type(path)("/dev/full") if name.startswith(".") else path.parent / name
+
     monkeypatch.setattr(result_files.Path, "with_name", full)
     monkeypatch.setattr(result_files.Path, "unlink", lambda *_, **__: None)
     monkeypatch.setattr(result_files.os, "O_EXCL", 0)
@@ -252,18 +325,33 @@ def test_a_full_disk_is_told_in_words(tmp_path, monkeypatch):
 def test_a_core_that_cannot_write_says_so(tmp_path):
     """A folder of the system takes no files from anybody."""
     simulated(tmp_path)
-    with pytest.raises(BayesindentError, match="/sys/kernel/campaign.sqlite: the campaign cannot be used"):
+    with pytest.raises(
+        BayesindentError, match="/sys/kernel/campaign.sqlite: the campaign cannot be used"
+    ):
         Stage(Problem(tmp_path / "a.nml", "simulate"), "simulate", "/sys/kernel")
 
 
 def test_every_writer_goes_through_one_helper():
-    """In Python `result_files`, in Fortran `files`; a surrogate is unpickled by way of a folder of its own that is gone at once."""
-    python = re.compile(r"\.write_(text|bytes)\(|open\([^)]*[\"'][wax]b?[\"']|\.to_netcdf\(|\.dump\(|\.save\(\s*[\"']")
-    fortran = re.compile(r"action\s*=\s*'(read)?write'|status\s*=\s*'(replace|new|unknown)'", re.IGNORECASE)
+    """In Python `result_files`, in Fortran `files`; a surrogate is unpickled by way of a folder of
+    its own that is gone at once.
+    """
+    python = re.compile(
+        r"\.write_(text|bytes)\(|open\([^)]*[\"'][wax]b?[\"']|\.to_netcdf\(|\.dump\(|\.save\(\s*[\"']"
+    )
+    fortran = re.compile(
+        r"action\s*=\s*'(read)?write'|status\s*=\s*'(replace|new|unknown)'", re.IGNORECASE
+    )
     found = []
-    for folder, pattern, kind, helper in (("python", python, "*.py", "result_files.py"), ("fortran", fortran, "*.f90", "files.f90")):
+    for folder, pattern, kind, helper in (
+        ("python", python, "*.py", "result_files.py"),
+        ("fortran", fortran, "*.f90", "files.f90"),
+    ):
         for path in (SOURCE / folder).rglob(kind):
             if path.name != helper:
-                found += [f"{path.name}: {line.strip()}" for line in path.read_text().splitlines() if pattern.search(line)]
+                found += [
+                    f"{path.name}: {line.strip()}"
+                    for line in path.read_text().splitlines()
+                    if pattern.search(line)
+                ]
     # Tables of Python on their way to the core, and a surrogate, in temporary folders.
     assert sorted(line.partition(":")[0] for line in found) == ["curves.py", "surrogate.py"]

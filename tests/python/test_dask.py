@@ -1,4 +1,6 @@
-"""Simulations on the workers of a real Dask scheduler: the same numbers, with a worker killed on the way."""
+"""Simulations on the workers of a real Dask scheduler: the same numbers, with a worker killed on
+the way.
+"""
 
 import json
 import signal
@@ -29,7 +31,14 @@ def cluster(tmp_path_factory):
     file = folder / "scheduler.json"
 
     def start(kind: str, *arguments: str) -> subprocess.Popen:
-        command = [sys.executable, "-c", START.format(kind), "--scheduler-file", str(file), *arguments]
+        command = [
+            sys.executable,
+            "-c",
+            START.format(kind),
+            "--scheduler-file",
+            str(file),
+            *arguments,
+        ]
         with open(folder / f"{kind}.log", "a") as log:
             return subprocess.Popen(command, cwd=folder, env=with_tests(), stdout=log, stderr=log)
 
@@ -37,7 +46,9 @@ def cluster(tmp_path_factory):
     end = time.monotonic() + HANGS_S
     while not file.exists() and time.monotonic() < end:
         time.sleep(0.1)
-    workers = [start("dask_worker", "--nthreads", "1", "--no-nanny", "--no-dashboard") for _ in range(2)]
+    workers = [
+        start("dask_worker", "--nthreads", "1", "--no-nanny", "--no-dashboard") for _ in range(2)
+    ]
     yield json.loads(file.read_text())["address"], workers
     for process in workers + processes:
         process.kill()
@@ -65,7 +76,10 @@ def test_each_worker_makes_the_job_once(cluster, tmp_path):
 
 def test_an_exception_starts_no_more_and_keeps_what_is_done(cluster, tmp_path):
     found = {}
-    with engine_with_two(cluster[0]) as engine, pytest.raises(bi.InputError, match="less than nothing"):
+    with (
+        engine_with_two(cluster[0]) as engine,
+        pytest.raises(bi.InputError, match="less than nothing"),
+    ):
         engine.map(Counted(tmp_path / "made"), [*range(5), -1, *range(5, 400)], found.__setitem__)
     assert len(found) < 200 and all(found[i][1] == i**2 for i in found if i < 5)
 
@@ -78,7 +92,10 @@ def test_a_build_whose_worker_is_killed_gives_the_same_numbers(cluster, tmp_path
         "&problem title = 'On workers', seed = 3 /\n&simulation refine = 0.6, depths = 4 /\n"
         "&design budget = 12, batch = 4, n_candidates = 200 /\n&surrogate degree = 1 /\n"
     )
-    for name, execution in (("local", ""), ("dask", f"&execution engine = 'dask', scheduler = '{address}' /\n")):
+    for name, execution in (
+        ("local", ""),
+        ("dask", f"&execution engine = 'dask', scheduler = '{address}' /\n"),
+    ):
         (tmp_path / f"{name}.nml").write_text(problem + execution)
     build(Problem(tmp_path / "local.nml", "build"), tmp_path / "local")
 
@@ -93,10 +110,15 @@ def test_a_build_whose_worker_is_killed_gives_the_same_numbers(cluster, tmp_path
     def rows(name: str) -> list[tuple]:
         with sqlite3.connect(tmp_path / name / "campaign.sqlite") as campaign:
             columns = "position, symmetry, constants, euler_deg, indentation_modulus_gpa, force_mn"
-            return campaign.execute(f"SELECT {columns} FROM simulation ORDER BY position").fetchall()
+            return campaign.execute(
+                f"SELECT {columns} FROM simulation ORDER BY position"
+            ).fetchall()
 
     assert len(rows("dask")) == 12 and rows("dask") == rows("local")
-    coefficients = [bi.Surrogate.load(tmp_path / name / "surrogate.txt").coefficients.tolist() for name in ("dask", "local")]
+    coefficients = [
+        bi.Surrogate.load(tmp_path / name / "surrogate.txt").coefficients.tolist()
+        for name in ("dask", "local")
+    ]
     assert coefficients[0] == coefficients[1]
 
 
@@ -110,7 +132,10 @@ def test_every_engine_serves_many_crystals(cluster):
     address, _ = cluster
     model = bi.Indentation(refine=0.6, depths=1)
     copper = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)
-    crystals, angles = [copper, 1.1 * copper, 1e-9 * copper - copper], [[0, 0, 0], [0, 45, 0], [0, 0, 0]]
+    crystals, angles = (
+        [copper, 1.1 * copper, 1e-9 * copper - copper],
+        [[0, 0, 0], [0, 45, 0], [0, 0, 0]],
+    )
     here = model.run_many(crystals, angles, errors="return")
     there = model.run_many(crystals, angles, errors="return", engine="dask", scheduler=address)
     assert [getattr(result, "indentation_modulus_gpa", str(result)) for result in there] == [

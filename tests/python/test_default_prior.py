@@ -22,12 +22,17 @@ FURTHER = {
 }
 
 
-@pytest.mark.parametrize("symmetry", ["cubic", *(pytest.param(name, marks=pytest.mark.long) for name in ("hexagonal", "trigonal"))])
+@pytest.mark.parametrize(
+    "symmetry",
+    ["cubic", *(pytest.param(name, marks=pytest.mark.long) for name in ("hexagonal", "trigonal"))],
+)
 def test_draws_of_the_prior(symmetry):
     """Three weak measurements; the draws of the prior that are reported beside the posterior."""
     table = table_of(ANGLES, np.full(3, 140.0), np.full(3, 30.0))
     result = bi.extract(table, symmetry=symmetry, samples=500, chains=2, **KIND)
-    draws = np.stack([result.prior[name].values.ravel() for name in constant_names(symmetry)], axis=1)
+    draws = np.stack(
+        [result.prior[name].values.ravel() for name in constant_names(symmetry)], axis=1
+    )
     contrast, anisotropy, scale = parts_of(stiffness_rows(symmetry, draws))
     k = draws.shape[1] - 2
     # Of an isotropic solid with M = 140 GPa.
@@ -42,7 +47,11 @@ def test_draws_of_the_prior(symmetry):
 def real_crystals():
     with (REFERENCE / "crystals.csv").open() as file:
         for row in csv.DictReader(line for line in file if not line.startswith("#")):
-            yield row["name"], row["symmetry"], [float(row[name]) for name in constant_names(row["symmetry"])]
+            yield (
+                row["name"],
+                row["symmetry"],
+                [float(row[name]) for name in constant_names(row["symmetry"])],
+            )
     for name, (symmetry, constants) in FURTHER.items():
         yield name, symmetry, constants
 
@@ -62,10 +71,17 @@ def test_titanium_without_knowledge():
     """Twenty-five grains at 5 %: a flat prior leaves C11 at 2237 ± 1896 GPa."""
     truth = bi.stiffness("hexagonal", C11=162, C12=92, C44=47, C33=180, C13=69)
     rng = np.random.default_rng(4)
-    euler = np.column_stack([rng.uniform(0, 360, 25), np.degrees(np.arccos(rng.uniform(-1, 1, 25))), rng.uniform(0, 360, 25)])
+    euler = np.column_stack(
+        [
+            rng.uniform(0, 360, 25),
+            np.degrees(np.arccos(rng.uniform(-1, 1, 25))),
+            rng.uniform(0, 360, 25),
+        ]
+    )
     moduli = bi.halfspace_modulus(truth, euler)
     table = table_of(euler, moduli * (1 + 0.05 * rng.normal(size=25)), 0.05 * moduli)
     found = bi.summary(bi.extract(table, symmetry="hexagonal", samples=2000, **KIND))["parameters"]
-    # The sds are 66 GPa, of 12 data sets 65 to 113: rare draws far out make up much of them. So the 95 % interval is judged.
+    # The sds are 66 GPa, of 12 data sets 65 to 113: rare draws far out make up much of them. So the
+    # 95 % interval is judged.
     widths = [np.diff(parameter["hdi_95"]).item() for parameter in found.values()]
     assert max(widths) / (2 * stats.norm.ppf(0.975)) < 65

@@ -21,7 +21,9 @@ def test_lattice_of_the_standard_triangle():
 
 
 def test_lattice_of_an_arc():
-    assert euler_of(spread_of_directions("hexagonal"))[:, 1] == pytest.approx(np.arange(0, 91, 2), abs=1e-6)
+    assert euler_of(spread_of_directions("hexagonal"))[:, 1] == pytest.approx(
+        np.arange(0, 91, 2), abs=1e-6
+    )
 
 
 def test_angles_and_directions():
@@ -36,13 +38,20 @@ def test_spread_covers_the_standard_triangle():
     assert euler_of(spread_of_directions("hexagonal", 4))[:, 1] == pytest.approx([0, 30, 60, 90])
 
 
-@pytest.mark.parametrize("symmetry", ["cubic", "4/m", "-3m", "-3", "mmm", "2/m", "-1", "hexagonal", "isotropic"])
+@pytest.mark.parametrize(
+    "symmetry", ["cubic", "4/m", "-3m", "-3", "mmm", "2/m", "-1", "hexagonal", "isotropic"]
+)
 def test_equivalent_directions_have_one_modulus(symmetry):
     rng = np.random.default_rng(3)
     directions = rng.normal(size=(4, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    values = {name: 150 + 8 * i if name[1] == name[2] and int(name[1]) < 4 else 3 * i for i, name in enumerate(bi.constants(symmetry))}
+    values = {
+        name: 150 + 8 * i if name[1] == name[2] and int(name[1]) < 4 else 3 * i
+        for i, name in enumerate(bi.constants(symmetry))
+    }
     values |= {name: 40 + 5 * i for i, name in enumerate(values) if name in ("C44", "C55", "C66")}
     crystal = bi.stiffness(symmetry, **values)
     images = representative(symmetry, directions)
-    assert bi.halfspace_modulus(crystal, euler_of(images)) == pytest.approx(bi.halfspace_modulus(crystal, euler_of(directions)), rel=1e-8)
+    assert bi.halfspace_modulus(crystal, euler_of(images)) == pytest.approx(
+        bi.halfspace_modulus(crystal, euler_of(directions)), rel=1e-8
+    )

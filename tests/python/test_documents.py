@@ -38,7 +38,11 @@ def test_links_lead_somewhere(page):
 @pytest.mark.parametrize("page", PAGES, ids=relative)
 def test_files_that_are_named_exist(page):
     # Capitals stand for what a reader chooses: `bench_NAME.py`.
-    for name in re.findall(rf"(?:^|[\s`(])((?:{'|'.join(map(re.escape, TOP))})/[\w./-]*\w/?)", page.read_text(), flags=re.M):
+    for name in re.findall(
+        rf"(?:^|[\s`(])((?:{'|'.join(map(re.escape, TOP))})/[\w./-]*\w/?)",
+        page.read_text(),
+        flags=re.M,
+    ):
         if not re.search(r"[A-Z]{2}|\bX\b|_X\.", name):
             assert (SOURCE / name).exists(), name
 
@@ -56,11 +60,21 @@ def test_benchmarks_that_are_named_exist(page):
 @pytest.mark.parametrize("page", [page for page in PAGES if page.stem != "equations"], ids=relative)
 def test_a_table_of_numbers_says_where_they_come_from(page):
     """A command, test or file, in the section of the table or above the first one."""
-    number = r"\**[-+<>≤]?\d[\d.,]*(e[-+]?\d+)?( ?(\.\.|to|±) ?[\d.,]+)?( ?(%|GPa|s|ms|MB|kB|×|µs))?\**"
-    named = r"bench [a-z]+|bayesindent(-batch)? (--schema|wheel|run|build|extract|test)|(tests|inputs)/[\w./]+|test_\w+"
+    number = (
+        r"\**[-+<>≤]?\d[\d.,]*(e[-+]?\d+)?( ?(\.\.|to|±) ?[\d.,]+)?( ?(%|GPa|s|ms|MB|kB|×|µs))?\**"
+    )
+    named = (
+        r"bench [a-z]+|bayesindent(-batch)? "
+        r"(--schema|wheel|run|build|extract|test)|(tests|inputs)/[\w./]+|test_\w+"
+    )
     opening, *sections = re.split(r"(?m)^(?=##)", page.read_text())
     for section in (opening, *sections):
-        cells = [cell.strip() for row in section.splitlines() if row.startswith("|") for cell in row.split("|")]
+        cells = [
+            cell.strip()
+            for row in section.splitlines()
+            if row.startswith("|")
+            for cell in row.split("|")
+        ]
         if sum(bool(re.fullmatch(number, cell)) for cell in cells) > 3:
             assert re.search(named, opening + section), section.partition("\n")[0]
 
@@ -79,7 +93,10 @@ def test_modules_of_the_architecture_exist():
         # The first row of the second table is of the package itself.
         places = places or [package]
         for module in modules:
-            assert any((place / module).exists() or [*place.glob(f"{module}.*")] for place in (*places, SOURCE)), f"{folders}: {module}"
+            assert any(
+                (place / module).exists() or [*place.glob(f"{module}.*")]
+                for place in (*places, SOURCE)
+            ), f"{folders}: {module}"
             checked += 1
     assert checked > 80
 

@@ -1,4 +1,6 @@
-"""The quickstart through the library: the numbers of the namelist, with a simulation function of the user's."""
+"""The quickstart through the library: the numbers of the namelist, with a simulation function of
+the user's.
+"""
 
 import importlib.util
 import json
@@ -13,7 +15,9 @@ from support.tree import SOURCE
 
 @pytest.fixture
 def driver():
-    specification = importlib.util.spec_from_file_location("drive_quickstart", SOURCE / "inputs" / "drive_quickstart.py")
+    specification = importlib.util.spec_from_file_location(
+        "drive_quickstart", SOURCE / "inputs" / "drive_quickstart.py"
+    )
     module = importlib.util.module_from_spec(specification)
     specification.loader.exec_module(module)
     return module
@@ -33,14 +37,25 @@ def test_the_driver_gives_the_numbers_of_the_namelist(driver, tmp_path, capsys):
         text = text.replace(old, new)
     (tmp_path / "quick.nml").write_text(text)
     assert main(["run", str(tmp_path / "quick.nml"), "--output", str(tmp_path / "run")]) == 0
-    with pytest.warns(bi.BayesindentWarning, match="errors of the surrogate may change the variance"):
-        surrogate, posterior, suggestions = driver.main(tmp_path / "drive", driver.simulator(refine=0.6), budget=8, samples=1000)
-    expected, found = json.loads((tmp_path / "run" / "summary.json").read_text()), bi.summary(posterior)
+    with pytest.warns(
+        bi.BayesindentWarning, match="errors of the surrogate may change the variance"
+    ):
+        surrogate, posterior, suggestions = driver.main(
+            tmp_path / "drive", driver.simulator(refine=0.6), budget=8, samples=1000
+        )
+    expected, found = (
+        json.loads((tmp_path / "run" / "summary.json").read_text()),
+        bi.summary(posterior),
+    )
     assert found["parameters"] == expected["parameters"]
     assert suggestions == json.loads((tmp_path / "run" / "next.json").read_text())["suggestions"]
-    built, kept = (json.loads((tmp_path / folder / "build.json").read_text()) for folder in ("run", "drive"))
+    built, kept = (
+        json.loads((tmp_path / folder / "build.json").read_text()) for folder in ("run", "drive")
+    )
     assert kept["history"] == built["history"]
-    assert 'alt="Leave-one-out: the 8 simulations' in (tmp_path / "drive" / "report.html").read_text()
+    assert (
+        'alt="Leave-one-out: the 8 simulations' in (tmp_path / "drive" / "report.html").read_text()
+    )
     assert "of crystals of every class: 8 simulations" in repr(surrogate)
     # Again: nothing is simulated.
     again = bi.build(tmp_path / "quick.nml", tmp_path / "run")
@@ -48,8 +63,14 @@ def test_the_driver_gives_the_numbers_of_the_namelist(driver, tmp_path, capsys):
 
 
 def test_simulations_of_the_user(tmp_path):
-    """Theory stands for them: called once a crystal, a failure is kept as one, and only 'import' admits them."""
-    keywords = {"problem": {"symmetry": "cubic"}, "design": {"budget": 12}, "surrogate": {"degree": 1}}
+    """Theory stands for them: called once a crystal, a failure is kept as one, and only 'import'
+    admits them.
+    """
+    keywords = {
+        "problem": {"symmetry": "cubic"},
+        "design": {"budget": 12},
+        "surrogate": {"degree": 1},
+    }
     imported = bi.Problem.from_keywords("test", simulation={"simulator": "import"}, **keywords)
     calls = []
 
@@ -68,13 +89,19 @@ def test_simulations_of_the_user(tmp_path):
     assert mean[0] == pytest.approx(1.1 * bi.halfspace_modulus(copper, [0.0, 30.0, 10.0]), rel=0.01)
     bi.build(imported, tmp_path, simulate=simulate)
     assert len(calls) == document["new_simulations"]
-    for problem, function in ((imported, None), (bi.Problem.from_keywords("test", **keywords), simulate)):
+    for problem, function in (
+        (imported, None),
+        (bi.Problem.from_keywords("test", **keywords), simulate),
+    ):
         with pytest.raises(bi.InputError, match="test: &simulation simulator: "):
             bi.build(problem, tmp_path / "other", simulate=function)
 
 
 def test_objects_say_what_they_are():
-    assert repr(bi.Surrogate.load("halfspace")) == "<Surrogate of crystals of every class: the exact theory>"
+    assert (
+        repr(bi.Surrogate.load("halfspace"))
+        == "<Surrogate of crystals of every class: the exact theory>"
+    )
     problem = bi.Problem.from_keywords("mine", problem={"symmetry": "cubic"})
     assert repr(problem) == "<Problem mine: cubic; asks for nothing>"
     assert repr(bi.Indentation(refine=0.6)).startswith(

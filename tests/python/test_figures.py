@@ -17,14 +17,20 @@ from bayesindent.report.results import NothingToShow
 
 
 def test_youngs_modulus_of_a_cubic_crystal():
-    # 1/E = S11 - 2 (S11 - S12 - S44/2) (x²y² + y²z² + z²x²), and 2 (1 + nu) G of an isotropic one in every direction.
+    # 1/E = S11 - 2 (S11 - S12 - S44/2) (x²y² + y²z² + z²x²), and 2 (1 + nu) G of an isotropic one
+    # in every direction.
     c11, c12, c44 = 168.4, 121.4, 75.4
     s11, s12 = (c11 + c12) / ((c11 - c12) * (c11 + 2 * c12)), -c12 / ((c11 - c12) * (c11 + 2 * c12))
     directions = np.random.default_rng(3).standard_normal((50, 3))
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     x, y, z = directions.T**2
     expected = 1 / (s11 - 2 * (s11 - s12 - 0.5 / c44) * (x * y + y * z + z * x))
-    crystals = np.stack([bi.stiffness("cubic", C11=c11, C12=c12, C44=c44), bi.stiffness("isotropic", C11=269.23077, C12=115.38462)])
+    crystals = np.stack(
+        [
+            bi.stiffness("cubic", C11=c11, C12=c12, C44=c44),
+            bi.stiffness("isotropic", C11=269.23077, C12=115.38462),
+        ]
+    )
     copper, steel = youngs_modulus(crystals, directions)
     assert copper == pytest.approx(expected, rel=1e-12)
     assert steel == pytest.approx(200.0, rel=1e-7)

@@ -10,45 +10,83 @@ from bayesindent.crystal.elasticity import stiffness_rows
 from support.densities import Posterior
 
 COPPER = (168.4, 121.4, 75.4)
-#: What a specimen does to the exact modulus of a half-space: a made-up one, smooth in the crystal, by up to 30 %.
-ANGLES = np.column_stack([np.linspace(5, 340, 9), np.degrees(np.arccos(np.linspace(0.97, 0.05, 9))), np.linspace(12, 300, 9)])
+#: What a specimen does to the exact modulus of a half-space: a made-up one, smooth in the crystal,
+#: by up to 30 %.
+ANGLES = np.column_stack(
+    [
+        np.linspace(5, 340, 9),
+        np.degrees(np.arccos(np.linspace(0.97, 0.05, 9))),
+        np.linspace(12, 300, 9),
+    ]
+)
 
 
 def specimen(stiffness, euler_deg):
     """The modulus of a grain over something softer: made up, smooth in the crystal."""
     modulus = float(bi.halfspace_modulus(stiffness, np.asarray(euler_deg)[None])[0])
-    return modulus * (1.0 - 0.3 / (1.0 + 120.0 / modulus)) * (1.0 + 0.01 * np.log(np.linalg.det(stiffness) ** (1 / 6) / 100) ** 2)
+    return (
+        modulus
+        * (1.0 - 0.3 / (1.0 + 120.0 / modulus))
+        * (1.0 + 0.01 * np.log(np.linalg.det(stiffness) ** (1 / 6) / 100) ** 2)
+    )
 
 
 def table(constants=COPPER, noise=0.01, seed=3):
     stiffness = stiffness_rows("cubic", [constants])[0]
     exact = np.array([specimen(stiffness, angles) for angles in ANGLES])
     return {
-        "phi1_deg": ANGLES[:, 0], "Phi_deg": ANGLES[:, 1], "phi2_deg": ANGLES[:, 2],
-        "modulus_gpa": exact * (1 + noise * np.random.default_rng(seed).normal(size=len(exact))), "sd_gpa": noise * exact,
-    }  # fmt: skip
+        "phi1_deg": ANGLES[:, 0],
+        "Phi_deg": ANGLES[:, 1],
+        "phi2_deg": ANGLES[:, 2],
+        "modulus_gpa": exact * (1 + noise * np.random.default_rng(seed).normal(size=len(exact))),
+        "sd_gpa": noise * exact,
+    }
 
 
 def problem_of(folder, rows, **groups):
     folder.mkdir(exist_ok=True)
     file = folder / "grains.csv"
-    np.savetxt(file, np.column_stack(list(rows.values())), delimiter=",", header=",".join(rows), comments="")
-    film = {"geometry": "film", "thickness_um": 1, "estimator": "curve", "substrate_young_gpa": 60, "substrate_nu": 0.3}
+    np.savetxt(
+        file,
+        np.column_stack(list(rows.values())),
+        delimiter=",",
+        header=",".join(rows),
+        comments="",
+    )
+    film = {
+        "geometry": "film",
+        "thickness_um": 1,
+        "estimator": "curve",
+        "substrate_young_gpa": 60,
+        "substrate_nu": 0.3,
+    }
     asked = {
         "problem": {"symmetry": "cubic", "seed": 4},
         "specimen": film,
         "simulation": {"simulator": "import"},
         "design": {"budget": 60},
         "measurements": {"file": str(file), "modulus_kind": "indentation_modulus"},
-        "knowledge": {"quantity": "bulk_modulus", "mean": sum(COPPER[i] for i in (0, 1, 1)) / 3, "sd": 3},
+        "knowledge": {
+            "quantity": "bulk_modulus",
+            "mean": sum(COPPER[i] for i in (0, 1, 1)) / 3,
+            "sd": 3,
+        },
     }
-    return bi.Problem.from_keywords("test", **{name: {**asked.get(name, {}), **groups.get(name, {})} for name in {**asked, **groups}})
+    return bi.Problem.from_keywords(
+        "test",
+        **{name: {**asked.get(name, {}), **groups.get(name, {})} for name in {**asked, **groups}},
+    )
 
 
 def infer(folder, surrogate, rows):
     known = {"bulk_modulus": (137, 3)}
     result = bi.extract(
-        folder / "grains.csv", symmetry="cubic", surrogate=surrogate, modulus_kind="indentation_modulus", knowledge=known, samples=2000
+        folder / "grains.csv",
+        symmetry="cubic",
+        surrogate=surrogate,
+        modulus_kind="indentation_modulus",
+        knowledge=known,
+        samples=2000,
     )
     return bi.summary(result)
 
@@ -62,7 +100,11 @@ def test_the_surrogate_is_accurate_where_the_posterior_is(tmp_path):
     assert document["stopped"] == "the surrogate is accurate at the posterior"
     assert document["simulations"] < 40
     last = document["focus"][-1]
-    assert max(last["surrogate_share"].values()) <= 0.1 and last["rms_z"] <= 1.5 and not last["truncated"]
+    assert (
+        max(last["surrogate_share"].values()) <= 0.1
+        and last["rms_z"] <= 1.5
+        and not last["truncated"]
+    )
     found = infer(tmp_path, surrogate, rows)
     assert found["usable"], found["reasons"]
     assert max(budget["surrogate"] for budget in found["error_budget"].values()) <= 0.15
@@ -75,8 +117,15 @@ def test_the_surrogate_is_accurate_where_the_posterior_is(tmp_path):
 def test_two_first_domains_give_one_posterior(tmp_path):
     """One does not hold the crystal; its surrogate must be widened."""
     rows, found = table(), []
-    for name, domain in (("wide", {}), ("narrow", {"log_anisotropy_max": 0.4, "poisson_min": 0.2, "poisson_max": 0.36})):
-        surrogate = bi.build(problem_of(tmp_path / name, rows, domain=domain), tmp_path / name / "out", simulate=specimen)
+    for name, domain in (
+        ("wide", {}),
+        ("narrow", {"log_anisotropy_max": 0.4, "poisson_min": 0.2, "poisson_max": 0.36}),
+    ):
+        surrogate = bi.build(
+            problem_of(tmp_path / name, rows, domain=domain),
+            tmp_path / name / "out",
+            simulate=specimen,
+        )
         found.append(infer(tmp_path / name, surrogate, rows))
         assert found[-1]["usable"], found[-1]["reasons"]
     for name, one in found[0]["parameters"].items():
@@ -89,7 +138,12 @@ def test_two_first_domains_give_one_posterior(tmp_path):
 @pytest.mark.long
 @pytest.mark.filterwarnings("ignore")
 def test_a_constant_that_is_known_does_not_keep_the_loop_from_ending(tmp_path):
-    problem = problem_of(tmp_path, table(), prior={"c_min": [10, COPPER[1], 10], "c_max": [900, COPPER[1], 500]}, design={"budget": 40})
+    problem = problem_of(
+        tmp_path,
+        table(),
+        prior={"c_min": [10, COPPER[1], 10], "c_max": [900, COPPER[1], 500]},
+        design={"budget": 40},
+    )
     bi.build(problem, tmp_path / "out", simulate=specimen)
     document = json.loads((tmp_path / "out" / "build.json").read_text())
     assert document["stopped"] == "the surrogate is accurate at the posterior"
@@ -117,7 +171,12 @@ def test_an_interrupted_loop_goes_on_as_if_it_were_not(tmp_path):
             with pytest.raises(KeyboardInterrupt):
                 bi.build(problem, tmp_path / name / "out", simulate=counted)
         surrogate = bi.build(problem, tmp_path / name / "out", simulate=counted)
-        documents.append((json.loads((tmp_path / name / "out" / "build.json").read_text()), surrogate.coefficients))
+        documents.append(
+            (
+                json.loads((tmp_path / name / "out" / "build.json").read_text()),
+                surrogate.coefficients,
+            )
+        )
         # Nothing is simulated twice.
         assert len(calls) == documents[-1][0]["simulations"] + len(stops)
     assert documents[0][0]["focus"] == documents[1][0]["focus"]
@@ -128,7 +187,9 @@ def test_an_interrupted_loop_goes_on_as_if_it_were_not(tmp_path):
 @pytest.mark.filterwarnings("ignore")
 def test_without_measurements_or_with_the_papers_model_the_domain_is_simulated(tmp_path):
     rows = table()
-    alone = problem_of(tmp_path, rows, design={"budget": 16}, measurements={"file": None, "modulus_kind": None})
+    alone = problem_of(
+        tmp_path, rows, design={"budget": 16}, measurements={"file": None, "modulus_kind": None}
+    )
     stated = problem_of(tmp_path, rows, design={"budget": 16, "focus": "domain"})
     for i, problem in enumerate((alone, stated)):
         bi.build(problem, tmp_path / str(i), simulate=specimen)
@@ -139,9 +200,16 @@ def test_without_measurements_or_with_the_papers_model_the_domain_is_simulated(t
 def test_what_the_budget_left_is_a_warning(tmp_path):
     with pytest.warns(
         bi.BayesindentWarning,
-        match=r"errors of the surrogate may change the variance of C\d\d by \d+ %; allowed: 10 %. Increase &design budget, 15",
+        match=(
+            r"errors of the surrogate may change the variance of C\d\d by \d+ %; allowed: 10 %. "
+            r"Increase &design budget, 15"
+        ),
     ):
-        bi.build(problem_of(tmp_path, table(noise=0.002), design={"budget": 15}), tmp_path / "out", simulate=specimen)
+        bi.build(
+            problem_of(tmp_path, table(noise=0.002), design={"budget": 15}),
+            tmp_path / "out",
+            simulate=specimen,
+        )
 
 
 #: Crystals that the default domain of a film on silicon does not hold; GPa.
@@ -152,8 +220,12 @@ OUTSIDE = {"iridium": (596.0, 252.0, 270.0), "diamond": (1079.0, 125.0, 578.0)}
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("metal", OUTSIDE)
 def test_a_film_of_another_metal_than_the_domain_holds(metal, tmp_path):
-    """Simulations over the domain alone give a result that cannot be used, and says so; those at the posterior give the constants."""
-    film = bi.Indentation(geometry="film", thickness_um=1, substrate_young_gpa=163, substrate_nu=0.223, refine=0.6)
+    """Simulations over the domain alone give a result that cannot be used, and says so; those at
+    the posterior give the constants.
+    """
+    film = bi.Indentation(
+        geometry="film", thickness_um=1, substrate_young_gpa=163, substrate_nu=0.223, refine=0.6
+    )
     stiffness = stiffness_rows("cubic", [OUTSIDE[metal]] * len(ANGLES))
     moduli = np.array([one.indentation_modulus_gpa for one in film.run_many(stiffness, ANGLES)])
     moduli *= 1 + 0.01 * np.random.default_rng(5).normal(size=len(moduli))
@@ -169,20 +241,40 @@ def test_a_film_of_another_metal_than_the_domain_holds(metal, tmp_path):
             knowledge={"mean": bulk, "sd": 0.02 * bulk},
         )
         surrogate = bi.build(problem, tmp_path / focus)
-        asked = {"modulus_kind": "indentation_modulus", "knowledge": {"bulk_modulus": (bulk, 0.02 * bulk)}, "symmetry": "cubic"}
-        found = bi.summary(bi.extract(tmp_path / "grains.csv", surrogate=surrogate, samples=2000, **asked))
-        z = [(one["mean"] - true) / one["sd"] for one, true in zip(found["parameters"].values(), OUTSIDE[metal], strict=True)]
+        asked = {
+            "modulus_kind": "indentation_modulus",
+            "knowledge": {"bulk_modulus": (bulk, 0.02 * bulk)},
+            "symmetry": "cubic",
+        }
+        found = bi.summary(
+            bi.extract(tmp_path / "grains.csv", surrogate=surrogate, samples=2000, **asked)
+        )
+        z = [
+            (one["mean"] - true) / one["sd"]
+            for one, true in zip(found["parameters"].values(), OUTSIDE[metal], strict=True)
+        ]
         if focus == "domain":
-            assert not found["usable"] and "the domain of the surrogate" in found["reasons"][0], (found["reasons"], z)
+            assert not found["usable"] and "the domain of the surrogate" in found["reasons"][0], (
+                found["reasons"],
+                z,
+            )
         else:
             assert found["usable"] and max(np.abs(z)) < 3, (found["reasons"], z)
-            # So accurate is the surrogate wherever the posterior is, its tails included: its uncertainty makes no difference. Of chains of
-            # their own with 20,000 samples each the sds differ by 20 %, so that the same draws are weighted.
+            # So accurate is the surrogate wherever the posterior is, its tails included: its
+            # uncertainty makes no difference. Of chains of their own with 20,000 samples each the
+            # sds differ by 20 %, so that the same draws are weighted.
             exact, whole = (
-                Posterior.of(tmp_path / "grains.csv", surrogate=surrogate, surrogate_variance=variance, **asked)
+                Posterior.of(
+                    tmp_path / "grains.csv",
+                    surrogate=surrogate,
+                    surrogate_variance=variance,
+                    **asked,
+                )
                 for variance in ("none", "full")
             )
-            draws = whole.sample(method="ensemble", samples=5000, burn_in=4000, chains=4, threads=2, seed=1)[0].reshape(-1, 3)
+            draws = whole.sample(
+                method="ensemble", samples=5000, burn_in=4000, chains=4, threads=2, seed=1
+            )[0].reshape(-1, 3)
             change = exact.evaluate(draws)[0] - whole.evaluate(draws)[0]
             weight = np.exp(change - change.max()) / np.exp(change - change.max()).sum()
             sd = np.sqrt(weight @ (draws - weight @ draws) ** 2)

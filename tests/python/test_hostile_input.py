@@ -19,8 +19,14 @@ START = "&problem symmetry = 'cubic' /\n"
 @pytest.mark.parametrize(
     ("content", "cause"),
     [
-        (b"&problem\n title = 'Kr\xfcmmung' /\n", "line 2: byte 13 is not UTF-8 (save the file as UTF-8)"),
-        (b"! ok\n! \xed\xa0\x80 is half a pair\n", "line 2: byte 3 is not UTF-8 (save the file as UTF-8)"),
+        (
+            b"&problem\n title = 'Kr\xfcmmung' /\n",
+            "line 2: byte 13 is not UTF-8 (save the file as UTF-8)",
+        ),
+        (
+            b"! ok\n! \xed\xa0\x80 is half a pair\n",
+            "line 2: byte 3 is not UTF-8 (save the file as UTF-8)",
+        ),
         (b"&problem\n title = '\xc3", "line 2: byte 11 is not UTF-8 (save the file as UTF-8)"),
         ("&problem /".encode("utf-16"), "the file is not plain text (save it as UTF-8)"),
         (b"\x89PNG\r\n\x1a\n\x00", "the file is not plain text (save it as UTF-8)"),
@@ -40,7 +46,10 @@ def test_every_character_of_utf8_is_read(tmp_path):
     path.write_text(f"\ufeff&problem symmetry = 'cubic', title = '{title}' /\n", encoding="utf-8")
     with pytest.raises(bi.InputError, match="group is missing|nothing to do"):
         Problem(path, "extract")
-    path.write_text(f"{START[:-2]}, title = '{title}' /\n&measurements file = 'a.csv', modulus_kind = 'indentation_modulus' /\n")
+    path.write_text(
+        f"{START[:-2]}, title = '{title}' /\n&measurements file = 'a.csv', modulus_kind = "
+        "'indentation_modulus' /\n"
+    )
     (tmp_path / "a.csv").write_text(HEADER + "1,2,3,200,4\n", encoding="utf-8")
     assert Problem(path, "extract").settings.problem.title == title
 
@@ -86,14 +95,17 @@ def test_long_texts_are_read_in_a_time_that_is_their_length(tmp_path, text):
             Problem(path, "extract")
         taken.append(time.process_time() - start)
         assert len(str(error.value)) < 500
-    # Four times as long a text takes four times as long; sixteen times where each part is compared with each.
+    # Four times as long a text takes four times as long; sixteen times where each part is compared
+    # with each.
     assert taken[1] < 10 * taken[0] + 0.5
 
 
 @pytest.mark.parametrize("threads", [-1, 0, 3, 100000, 2**31 - 1])
 def test_any_number_of_threads_gives_the_same(threads):
     angles = np.random.default_rng(1).uniform(0, 90, (50, 3))
-    assert np.array_equal(bi.halfspace_modulus(COPPER, angles, threads=threads), bi.halfspace_modulus(COPPER, angles))
+    assert np.array_equal(
+        bi.halfspace_modulus(COPPER, angles, threads=threads), bi.halfspace_modulus(COPPER, angles)
+    )
 
 
 def test_a_forked_process_works_alone():
@@ -103,7 +115,9 @@ def test_a_forked_process_works_alone():
     child = os.fork()
     if child == 0:
         signal.alarm(600)
-        os._exit(0 if np.array_equal(bi.halfspace_modulus(COPPER, angles, threads=2), expected) else 1)
+        os._exit(
+            0 if np.array_equal(bi.halfspace_modulus(COPPER, angles, threads=2), expected) else 1
+        )
     assert os.waitpid(child, 0)[1] == 0
 
 
@@ -114,8 +128,14 @@ def test_a_forked_process_works_alone():
         (lambda: bi.stiffness("cubic", C11=[1.0, np.inf], C12=1, C44=1), "not finite"),
         (lambda: bi.halfspace_modulus(COPPER * np.nan, [0, 0, 0]), "not finite"),
         (lambda: bi.halfspace_modulus(COPPER, [0, np.nan, 0]), "not finite"),
-        (lambda: bi.halfspace_modulus(np.zeros((0, 6, 6)), np.zeros((0, 3))), "there are no crystals"),
-        (lambda: bi.Surrogate.load("block").predict(np.zeros((0, 6, 6)), np.zeros((0, 3))), "there are no crystals"),
+        (
+            lambda: bi.halfspace_modulus(np.zeros((0, 6, 6)), np.zeros((0, 3))),
+            "there are no crystals",
+        ),
+        (
+            lambda: bi.Surrogate.load("block").predict(np.zeros((0, 6, 6)), np.zeros((0, 3))),
+            "there are no crystals",
+        ),
         (lambda: bi.halfspace_modulus(np.zeros((6, 6)), [0, 0, 0]), "unstable"),
         (lambda: bi.halfspace_modulus(np.eye(5), [0, 0, 0]), "shape"),
         (lambda: bi.halfspace_modulus([COPPER] * 2, [[0, 0, 0]] * 3), "broadcast"),

@@ -28,7 +28,9 @@ def coarse():
 
 
 def test_a_handler_of_sigterm_stays_what_it_was():
-    """METIS, which orders the unknowns, takes the signal for itself and gives it back to a handler that acts once."""
+    """METIS, which orders the unknowns, takes the signal for itself and gives it back to a handler
+    that acts once.
+    """
     found = []
     before = signal.signal(signal.SIGTERM, lambda *_: found.append(1))
     try:
@@ -45,7 +47,9 @@ def test_zinc_meets_the_theory(halfspace, declination):
     angles = (0, declination, 0)
     result = halfspace.run(ZINC, angles)
     assert result.elements <= 20000
-    assert result.indentation_modulus_gpa == pytest.approx(bi.halfspace_modulus(ZINC, angles), rel=2e-3)
+    assert result.indentation_modulus_gpa == pytest.approx(
+        bi.halfspace_modulus(ZINC, angles), rel=2e-3
+    )
     assert result.contact_residual <= 1e-10
     assert result.equilibrium_residual <= 1e-8
 
@@ -61,28 +65,46 @@ def test_modulus_is_the_least_squares_of_the_curve(halfspace):
 
 def test_modulus_by_depth_is_that_of_each_point(halfspace):
     result = halfspace.run(COPPER, (200, 50, 25))
-    assert result.modulus_by_depth_gpa == pytest.approx(result.force_mn / (4 / 3 * np.sqrt(16) * result.depth_um**1.5))
+    assert result.modulus_by_depth_gpa == pytest.approx(
+        result.force_mn / (4 / 3 * np.sqrt(16) * result.depth_um**1.5)
+    )
     assert result.modulus_by_depth_gpa[-1] == pytest.approx(result.modulus_last_gpa)
     # Nothing but the mesh makes it vary, from six elements per contact radius on.
-    assert result.modulus_by_depth_gpa[6:] == pytest.approx(result.indentation_modulus_gpa, rel=5e-3)
+    assert result.modulus_by_depth_gpa[6:] == pytest.approx(
+        result.indentation_modulus_gpa, rel=5e-3
+    )
 
 
 @pytest.mark.long
 def test_shapes_agree_on_an_anisotropic_half_space():
-    """Elliptical contact: a small sphere is the paraboloid, and the last point may be stated either way."""
+    """Elliptical contact: a small sphere is the paraboloid, and the last point may be stated either
+    way.
+    """
     paraboloid = bi.Indentation(depths=4).run(ZINC, (0, 70, 0))
     for last in ({"contact_radius_um": 0.5}, {"depth_um": 0.5**2 / 16}):
         sphere = bi.Indentation(shape="sphere", depths=4, **last).run(ZINC, (0, 70, 0))
-        assert sphere.indentation_modulus_gpa == pytest.approx(paraboloid.indentation_modulus_gpa, rel=2e-4)
+        assert sphere.indentation_modulus_gpa == pytest.approx(
+            paraboloid.indentation_modulus_gpa, rel=2e-4
+        )
         assert sphere.depth_um[-1] == pytest.approx(0.5**2 / 16, rel=1e-3)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("shape", ["sphere", "cone"])
 def test_modulus_of_a_homogeneous_block_does_not_depend_on_scale(shape):
-    """The same block, indenter and last point four times as large: a power of two, which rounds alike in single precision."""
+    """The same block, indenter and last point four times as large: a power of two, which rounds
+    alike in single precision.
+    """
     moduli = [
-        bi.Indentation(geometry="block", depths=3, shape=shape, width_um=w * 8, height_um=w * 5, radius_um=w * 3, contact_radius_um=w)
+        bi.Indentation(
+            geometry="block",
+            depths=3,
+            shape=shape,
+            width_um=w * 8,
+            height_um=w * 5,
+            radius_um=w * 3,
+            contact_radius_um=w,
+        )
         .run(ZINC, (0, 30, 0))
         .indentation_modulus_gpa
         for w in (0.5, 2.0)
@@ -93,9 +115,14 @@ def test_modulus_of_a_homogeneous_block_does_not_depend_on_scale(shape):
 
 @pytest.mark.long
 def test_a_large_block_is_a_half_space():
-    """The farther the clamped bottom, the smaller its part: half of it at twice the distance, apart from the error of the mesh."""
+    """The farther the clamped bottom, the smaller its part: half of it at twice the distance, apart
+    from the error of the mesh.
+    """
     sizes, angles = (4.8, 9.6, 19.2), (0, 30, 0)
-    models = [bi.Indentation(geometry="block", width_um=2 * h, height_um=h, depths=3, element="c3d8i") for h in sizes]
+    models = [
+        bi.Indentation(geometry="block", width_um=2 * h, height_um=h, depths=3, element="c3d8i")
+        for h in sizes
+    ]
     moduli = [model.run(ZINC, angles).indentation_modulus_gpa for model in models]
     assert (moduli[0] - moduli[1]) / (moduli[1] - moduli[2]) == pytest.approx(2, abs=0.4)
     assert moduli[2] < 1.04 * bi.halfspace_modulus(ZINC, angles)
@@ -131,7 +158,9 @@ def test_the_default_block_is_the_papers():
     assert x.max(axis=0) == pytest.approx([4.8, 4.8, 0.0])
     result = model.run(ZINC, (0, 0, 0))
     # Clamped 4.8 um below the contact, the block is stiffer than the half-space.
-    assert result.indentation_modulus_gpa / bi.halfspace_modulus(ZINC, (0, 0, 0)) == pytest.approx(1.088, abs=0.001)
+    assert result.indentation_modulus_gpa / bi.halfspace_modulus(ZINC, (0, 0, 0)) == pytest.approx(
+        1.088, abs=0.001
+    )
     assert result.equilibrium_residual <= 1e-8
     # The paper's: 12,610.
     assert bi.Indentation(geometry="block").elements == 12400
@@ -157,8 +186,14 @@ def test_the_default_block_is_the_papers():
             "contact_radius_um: 0.5 um is beyond the sphere; allowed below its radius_um of 0.5 um",
         ),
         ({"shape": "cone", "half_angle_deg": 90}, "half_angle_deg: 90 is out of range"),
-        ({"geometry": "block", "height_um": 40.0}, "height_um: 40.0 um does not go with width_um = 9.6; allowed 1.2 to 19.2 um"),
-        ({"geometry": "block", "contact_radius_um": 3.0}, "width_um: 9.6 um is too narrow for a contact radius of 3.0 um"),
+        (
+            {"geometry": "block", "height_um": 40.0},
+            "height_um: 40.0 um does not go with width_um = 9.6; allowed 1.2 to 19.2 um",
+        ),
+        (
+            {"geometry": "block", "contact_radius_um": 3.0},
+            "width_um: 9.6 um is too narrow for a contact radius of 3.0 um",
+        ),
         ({"mash": 1}, "keyword 'mash' is unknown"),
         ({"shap": "cone"}, "keyword 'shap' is unknown, did you mean 'shape'"),
         ({"vtu": True}, "keyword 'vtu' is unknown"),
@@ -197,11 +232,16 @@ def test_errors_other_than_raise_and_return_are_refused(coarse):
         coarse.run_many(ZINC[None], np.zeros((1, 3)), errors="ignore")
 
 
-@pytest.mark.parametrize("again", [copy.copy, copy.deepcopy, lambda model: pickle.loads(pickle.dumps(model))])
+@pytest.mark.parametrize(
+    "again", [copy.copy, copy.deepcopy, lambda model: pickle.loads(pickle.dumps(model))]
+)
 def test_copies_are_made_anew_from_the_keywords(coarse, again):
     other = again(coarse)
     assert other.handle != coarse.handle
-    assert other.run(ZINC, (0, 30, 0)).indentation_modulus_gpa == coarse.run(ZINC, (0, 30, 0)).indentation_modulus_gpa
+    assert (
+        other.run(ZINC, (0, 30, 0)).indentation_modulus_gpa
+        == coarse.run(ZINC, (0, 30, 0)).indentation_modulus_gpa
+    )
 
 
 def test_a_model_is_frozen(coarse):
@@ -231,7 +271,8 @@ def test_models_give_their_memory_back():
     assert sizes[-1] - sizes[0] < 50e6
 
 
-#: Near instability: cubic with C' or C44 soft, hexagonal with C66 or C44 soft; none of the crystals on which the limit was chosen.
+#: Near instability: cubic with C' or C44 soft, hexagonal with C66 or C44 soft; none of the crystals
+#: on which the limit was chosen.
 SOFT = [
     (bi.stiffness("cubic", C11=136, C12=132, C44=60), (30, 50, 70)),
     (bi.stiffness("cubic", C11=190, C12=90, C44=2.0), (30, 50, 70)),
@@ -248,7 +289,10 @@ def test_crystals_near_instability_are_warned_of(halfspace, stiffness, angles):
     # One mesh is more than one per cent wrong; two are better, and better than is said.
     assert one_mesh > 0.01
     assert error < min(one_mesh, halfspace.largest_error(stiffness[None])[0])
-    assert "the crystal is so near instability that the error of the mesh may reach about" in result.warning
+    assert (
+        "the crystal is so near instability that the error of the mesh may reach about"
+        in result.warning
+    )
 
 
 @pytest.mark.long
@@ -264,4 +308,6 @@ def test_real_crystals_are_resolved_without_a_word(halfspace):
     for stiffness in crystals[::6]:
         result = halfspace.run(stiffness, (20, 40, 60))
         assert not result.warning
-        assert result.indentation_modulus_gpa == pytest.approx(bi.halfspace_modulus(stiffness, (20, 40, 60)), rel=5e-3)
+        assert result.indentation_modulus_gpa == pytest.approx(
+            bi.halfspace_modulus(stiffness, (20, 40, 60)), rel=5e-3
+        )

@@ -1,4 +1,6 @@
-"""Ctrl-C in a call of the library that samples for minutes: KeyboardInterrupt, and the next call is as ever."""
+"""Ctrl-C in a call of the library that samples for minutes: KeyboardInterrupt, and the next call is
+as ever.
+"""
 
 import signal
 import subprocess
@@ -43,7 +45,9 @@ def test_extract_is_interrupted(method):
     # A job in the background of a shell ignores SIGINT, and so do its children.
     heed = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)  # noqa: E731
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    with subprocess.Popen([sys.executable, "-c", code, method], **pipes, preexec_fn=heed) as process:
+    with subprocess.Popen(
+        [sys.executable, "-c", code, method], **pipes, preexec_fn=heed
+    ) as process:
         assert process.stdout.readline() == "begin\n", process.stderr.read()
         time.sleep(2)
         # Before samples that take hours have been drawn.

@@ -1,4 +1,5 @@
-"""The library as a notebook's user types it: keywords that help lists, names that others know, results in memory.
+"""The library as a notebook's user types it: keywords that help lists, names that others know,
+results in memory.
 
 Modules: interface.py.
 """
@@ -49,27 +50,64 @@ def draws(found):
     ],
 )
 def test_help_lists_every_variable_with_its_default(function, groups):
-    """The defaults are those of the reference page; of a name in several groups those of the first."""
+    """The defaults are those of the reference page; of a name in several groups those of the
+    first.
+    """
     page: dict[str, str] = {}
-    sections = {part.partition("`")[0]: part for part in (SOURCE / "docs" / "namelists.md").read_text().split("\n## `&")[1:]}
+    sections = {
+        part.partition("`")[0]: part
+        for part in (SOURCE / "docs" / "namelists.md").read_text().split("\n## `&")[1:]
+    }
     for group in reversed(groups):
-        page |= re.findall(r"^\| `(\w+)` \| [^|]* \| [^|]* \| ([^|]*) \|", sections[group], flags=re.M)
+        page |= re.findall(
+            r"^\| `(\w+)` \| [^|]* \| [^|]* \| ([^|]*) \|", sections[group], flags=re.M
+        )
     parameters = inspect.signature(function).parameters
     assert not any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values())
-    replaced = {"file", "c_min", "c_max", "simulator", "vtu", "inp", "scan", "constants", "grains", "noise"}
-    listed = [variable.name for variable in schema() if variable.group in groups and variable.name not in replaced]
+    replaced = {
+        "file",
+        "c_min",
+        "c_max",
+        "simulator",
+        "vtu",
+        "inp",
+        "scan",
+        "constants",
+        "grains",
+        "noise",
+    }
+    listed = [
+        variable.name
+        for variable in schema()
+        if variable.group in groups and variable.name not in replaced
+    ]
     assert len(listed) > 3
     for name in listed:
         assert re.search(rf"^{name} : .*\n    \w", function.__doc__, flags=re.M), name
         default, stated = parameters[name].default, page[name].strip()
-        shown = f".{default}.".lower() if isinstance(default, bool) else "unset" if default is None else str(default)
+        shown = (
+            f".{default}.".lower()
+            if isinstance(default, bool)
+            else "unset"
+            if default is None
+            else str(default)
+        )
         assert shown == stated, name
 
 
 def test_other_names_and_the_symmetry_by_position(result):
     # Numbers of numpy, and arrays of one, are numbers.
     arrays = {name: (np.array(mean), np.float64(sd)) for name, (mean, sd) in KNOWN.items()}
-    again = quietly(bi.extract, IRON, symmetry="cubic", knowledge=arrays, seed=np.array(3), samples=300, burn_in=300, chains=2)
+    again = quietly(
+        bi.extract,
+        IRON,
+        symmetry="cubic",
+        knowledge=arrays,
+        seed=np.array(3),
+        samples=300,
+        burn_in=300,
+        chains=2,
+    )
     assert (draws(again) == draws(result)).all()
     other = quietly(bi.extract, IRON, "cubic", knowledge=KNOWN, random_seed=4, **FEW)
     assert (draws(other) != draws(result)).any()
@@ -78,15 +116,36 @@ def test_other_names_and_the_symmetry_by_position(result):
 @pytest.mark.parametrize(
     ("keywords", "words"),
     [
-        ({"sample": 3}, "bi.extract: keyword 'sample' is unknown, did you mean 'samples'?; help(bi.extract) lists all"),
-        ({"samples": 300, "draws": 300}, "bi.extract: a keyword is stated twice: draws is samples, random_seed is seed"),
+        (
+            {"sample": 3},
+            "bi.extract: keyword 'sample' is unknown, did you mean 'samples'?; help(bi.extract) "
+            "lists all",
+        ),
+        (
+            {"samples": 300, "draws": 300},
+            "bi.extract: a keyword is stated twice: draws is samples, random_seed is seed",
+        ),
         ({"samples": 3}, "bi.extract: samples: 3 is out of range; allowed 10 to "),
-        ({"likelihood": "cauchy"}, "bi.extract: likelihood: 'cauchy' is not known; allowed 'normal', 'student'"),
-        ({"bounds": {"C11": (300, 200)}}, "bi.extract: bounds: the lower bound of C11, 300.0 GPa, is not below the upper one, 200"),
+        (
+            {"likelihood": "cauchy"},
+            "bi.extract: likelihood: 'cauchy' is not known; allowed 'normal', 'student'",
+        ),
+        (
+            {"bounds": {"C11": (300, 200)}},
+            "bi.extract: bounds: the lower bound of C11, 300.0 GPa, is not below the upper one, "
+            "200",
+        ),
         ({"bounds": {"C11": 300}}, "bi.extract: bounds: C11: 300; allowed (low, high)"),
-        ({"knowledge": {"bulk_modulus": 165}}, "bi.extract: knowledge: bulk_modulus: 165; allowed (mean, sd)"),
+        (
+            {"knowledge": {"bulk_modulus": 165}},
+            "bi.extract: knowledge: bulk_modulus: 165; allowed (mean, sd)",
+        ),
         ({"knowledge": {"bulk": (165, 3)}}, "bi.extract: knowledge: 'bulk' is unknown"),
-        ({"evidence": "yes"}, "bi.extract: evidence: the text 'yes' stands where a logical is needed; allowed True, False"),
+        (
+            {"evidence": "yes"},
+            "bi.extract: evidence: the text 'yes' stands where a logical is needed; allowed "
+            "True, False",
+        ),
     ],
 )
 def test_errors_are_in_pythons_words(keywords, words):
@@ -96,9 +155,13 @@ def test_errors_are_in_pythons_words(keywords, words):
 
 
 def test_a_result_keeps_its_surrogate_in_memory(tmp_path):
-    """An object of the user's own, which has no name to find it by; a file of the result does not have it."""
+    """An object of the user's own, which has no name to find it by; a file of the result does not
+    have it.
+    """
     own = bi.Surrogate.load("block")
-    result = quietly(bi.extract, IRON, "cubic", surrogate=own, knowledge=KNOWN, **FEW | {"draws": 50})
+    result = quietly(
+        bi.extract, IRON, "cubic", surrogate=own, knowledge=KNOWN, **FEW | {"draws": 50}
+    )
     best = quietly(bi.next_grain, result, count=1)["suggestions"]
     again = pickle.loads(pickle.dumps(result.copy()))
     assert quietly(bi.next_grain, again, count=1)["suggestions"] == best
@@ -108,7 +171,10 @@ def test_a_result_keeps_its_surrogate_in_memory(tmp_path):
         bi.next_grain(result, target="C99")
     result.to_netcdf(str(tmp_path / "r.nc"))
     stored = az.from_netcdf(str(tmp_path / "r.nc"))
-    with pytest.raises(bi.InputError, match="a result from a file does not have its surrogate; state it with surrogate="):
+    with pytest.raises(
+        bi.InputError,
+        match="a result from a file does not have its surrogate; state it with surrogate=",
+    ):
         bi.next_grain(stored)
     assert quietly(bi.next_grain, stored, surrogate=own, count=1)["suggestions"] == best
     with pytest.raises(bi.InputError, match="nowhere: there is no such folder of results"):
@@ -117,7 +183,9 @@ def test_a_result_keeps_its_surrogate_in_memory(tmp_path):
 
 def test_warnings_name_the_callers_line_and_no_group():
     with pytest.warns(bi.BayesindentWarning) as told:
-        bi.extract(IRON, "cubic", bounds={"C11": (150, 300), "C12": (80, 200), "C44": (60, 160)}, **FEW)
+        bi.extract(
+            IRON, "cubic", bounds={"C11": (150, 300), "C12": (80, 200), "C44": (60, 160)}, **FEW
+        )
     assert {item.filename for item in told} == {__file__}
     assert not any("&" in str(item.message) for item in told)
     assert any("State in knowledge what else is known" in str(item.message) for item in told)
@@ -135,17 +203,31 @@ def test_constants_by_position_and_quantities_of_a_stiffness():
     assert found["young[100]"] == pytest.approx((c11 - c12) * (c11 + 2 * c12) / (c11 + c12))
     assert (found["C11"], found["C66"]) == pytest.approx((c11, c44))
     assert bi.quantities("cubic", COPPER)["bulk_modulus"] == pytest.approx(found["bulk_modulus"])
-    with pytest.raises(bi.InputError, match="a cubic crystal takes the constants C11, C12, C44, not 2 values"):
+    with pytest.raises(
+        bi.InputError, match="a cubic crystal takes the constants C11, C12, C44, not 2 values"
+    ):
         bi.stiffness("cubic", 168.4, 121.4)
 
 
 def test_basal_directions_of_hexagonal_crystals():
-    """Miller-Bravais directions: [0001] is along c, and a1 = [2-1-10] is along x, 30 degrees from [10-10]."""
+    """Miller-Bravais directions: [0001] is along c, and a1 = [2-1-10] is along x, 30 degrees from
+    [10-10].
+    """
     zinc = bi.stiffness("hcp", C11=161.1, C12=34.2, C44=38.3, C33=61.1, C13=50.3)
-    found = bi.quantities(zinc, names=["compressibility[0001]", "compressibility[001]", "young[2-1-10]", "young[100]"])
-    assert found["compressibility[0001]"] == found["compressibility[001]"] != found["young[100]"] == pytest.approx(found["young[2-1-10]"])
+    found = bi.quantities(
+        zinc, names=["compressibility[0001]", "compressibility[001]", "young[2-1-10]", "young[100]"]
+    )
+    assert (
+        found["compressibility[0001]"]
+        == found["compressibility[001]"]
+        != found["young[100]"]
+        == pytest.approx(found["young[2-1-10]"])
+    )
     quartz = bi.stiffness("trigonal", 86.8, 7.0, 11.9, -18.0, 105.8, 58.2)
-    turned = bi.quantities(quartz, names=["young[10-10]", "young[0.8660254037844386 0.5 0]", "young[01-10]", "young[0 1 0]"])
+    turned = bi.quantities(
+        quartz,
+        names=["young[10-10]", "young[0.8660254037844386 0.5 0]", "young[01-10]", "young[0 1 0]"],
+    )
     assert turned["young[10-10]"] == pytest.approx(turned["young[0.8660254037844386 0.5 0]"])
     assert turned["young[01-10]"] == pytest.approx(turned["young[0 1 0]"])
     for name in ("young[1101]", "young[1111]"):
@@ -154,15 +236,23 @@ def test_basal_directions_of_hexagonal_crystals():
 
 
 def test_orientations_of_orix():
-    """orix turns vectors of the sample into those of the crystal: the modulus is that of the direction that z becomes."""
+    """orix turns vectors of the sample into those of the crystal: the modulus is that of the
+    direction that z becomes.
+    """
     quaternion, vector = pytest.importorskip("orix.quaternion"), pytest.importorskip("orix.vector")
     angles = np.array([[10.0, 35.0, 50.0], [200.0, 70.0, 320.0], [0.0, 15.0, 30.0]])
     turned = quaternion.Orientation.from_euler(angles, degrees=True)
     along = (turned * vector.Vector3d.zvector()).data
     by_direction = np.degrees([(0, np.arccos(z), np.arctan2(x, y)) for x, y, z in along])
     c = bi.stiffness("cubic", *COPPER)
-    assert bi.halfspace_modulus(c, turned) == pytest.approx(bi.halfspace_modulus(c, by_direction), rel=1e-9)
-    table = {"orientation": turned, "indentation_modulus_gpa": bi.halfspace_modulus(c, angles), "sd_gpa": [2.0, 2.0, 2.0]}
+    assert bi.halfspace_modulus(c, turned) == pytest.approx(
+        bi.halfspace_modulus(c, by_direction), rel=1e-9
+    )
+    table = {
+        "orientation": turned,
+        "indentation_modulus_gpa": bi.halfspace_modulus(c, angles),
+        "sd_gpa": [2.0, 2.0, 2.0],
+    }
     found = quietly(bi.extract, table, "cubic", **FEW)
     assert found.constant_data["euler_deg"].values % 360 == pytest.approx(angles)
 
@@ -171,7 +261,9 @@ def test_orientations_of_orix():
 def test_results_in_memory(result, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     known = {"knowledge": KNOWN, "seed": 3} | FEW
-    assert quietly(bi.next_grain, result, count=2) == quietly(bi.next_grain, IRON, "cubic", result=result, count=2, **known)
+    assert quietly(bi.next_grain, result, count=2) == quietly(
+        bi.next_grain, IRON, "cubic", result=result, count=2, **known
+    )
     page = bi.report(result)
     assert page.resolve() == tmp_path / "report.html"
     text = page.read_text()
@@ -179,9 +271,14 @@ def test_results_in_memory(result, tmp_path, monkeypatch):
         assert f"<td>{name}</td><td>{item['mean']:.1f}</td><td>{item['sd']:.1f}</td>" in text
     other = quietly(bi.extract, IRON, "cubic", bounds={"C44": (60, 100)}, random_seed=3, **FEW)
     compared = quietly(bi.compare, result, other)
-    assert compared["same_data"] and [run["run"] for run in compared["runs"]] == ["result 1", "result 2"]
+    assert compared["same_data"] and [run["run"] for run in compared["runs"]] == [
+        "result 1",
+        "result 2",
+    ]
     first, second = (draws(found).mean(axis=(1, 2)) for found in (result, other))
-    assert [row["difference_gpa"] for row in compared["differences"]] == pytest.approx(second - first, abs=1e-6)
+    assert [row["difference_gpa"] for row in compared["differences"]] == pytest.approx(
+        second - first, abs=1e-6
+    )
     # What a file of ArviZ keeps is enough.
     import arviz
 
@@ -196,7 +293,12 @@ def test_figures_take_the_place_of_an_axis(result):
     figure, (left, right) = plt.subplots(1, 2)
     part = bi.plot_grains(result, ax=right)
     assert left in figure.axes and right not in figure.axes and part in figure.subfigs
-    shown = {round(float(x), 6) for axes in part.axes for line in axes.lines for x in (*line.get_xdata(), *line.get_ydata())}
+    shown = {
+        round(float(x), 6)
+        for axes in part.axes
+        for line in axes.lines
+        for x in (*line.get_xdata(), *line.get_ydata())
+    }
     measured = result.observed_data["modulus"].values
     assert {round(float(value), 6) for value in measured} <= shown
     # Three constants: three pairs and three histograms, each panel with all draws behind it.
@@ -208,8 +310,14 @@ def test_figures_take_the_place_of_an_axis(result):
 
 
 def test_notebooks_show_problems_and_surrogates(tmp_path):
-    (tmp_path / "a.nml").write_text(f"&problem symmetry = 'cubic' title = 'a <b>' /\n&measurements file = '{IRON}' /\n")
+    (tmp_path / "a.nml").write_text(
+        f"&problem symmetry = 'cubic' title = 'a <b>' /\n&measurements file = '{IRON}' /\n"
+    )
     page = bi.Problem(tmp_path / "a.nml")._repr_html_()
-    assert "symmetry = &#x27;cubic&#x27;\n" in page and "title = &#x27;a &lt;b&gt;&#x27;" in page and "&amp;measurements\n" in page
+    assert (
+        "symmetry = &#x27;cubic&#x27;\n" in page
+        and "title = &#x27;a &lt;b&gt;&#x27;" in page
+        and "&amp;measurements\n" in page
+    )
     page = bi.Surrogate.load("block")._repr_html_()
     assert "150 simulations" in page and "\nphysics: " in page

@@ -1,4 +1,6 @@
-"""A build that was killed within a batch ends as if it had not been, whichever simulations of the batch were stored."""
+"""A build that was killed within a batch ends as if it had not been, whichever simulations of the
+batch were stored.
+"""
 
 import sqlite3
 from contextlib import closing
@@ -8,15 +10,24 @@ import pytest
 from support.build_problems import CORRECTION, PAPER, make_problem, numbers_of, posterior_of, stored
 from support.learner import build
 
-#: Positions that are missing: of the initial set, of the batches that follow (six each), of what validates.
-MISSING = [{1, 4, *range(6, 31)}, {17, 18, 20, *range(22, 31)}, {22, 25, *range(28, 31)}, {28, 30}, {29}]
+#: Positions that are missing: of the initial set, of the batches that follow (six each), of what
+#: validates.
+MISSING = [
+    {1, 4, *range(6, 31)},
+    {17, 18, 20, *range(22, 31)},
+    {22, 25, *range(28, 31)},
+    {28, 30},
+    {29},
+]
 
 
 def remove(folder, positions) -> None:
     """Let the campaign never have had the rows of these positions."""
     with closing(sqlite3.connect(folder / "campaign.sqlite")) as file:
         file.execute("DROP TRIGGER IF EXISTS simulation_is_not_deleted")
-        file.executemany("DELETE FROM simulation WHERE position = ?", [[position] for position in positions])
+        file.executemany(
+            "DELETE FROM simulation WHERE position = ?", [[position] for position in positions]
+        )
         file.commit()
 
 
@@ -42,7 +53,9 @@ def test_another_design_takes_the_rows_as_they_are(tmp_path):
     rows = stored(tmp_path)
     remove(tmp_path, {17, *range(19, 28)})
     left = stored(tmp_path)
-    document = build(make_problem(tmp_path, design=design | {"n_candidates": 150, "batch": 4}), tmp_path)
+    document = build(
+        make_problem(tmp_path, design=design | {"n_candidates": 150, "batch": 4}), tmp_path
+    )
     again = stored(tmp_path)
     assert (document["simulations"], document["new_simulations"]) == (28, 28 - len(left))
     assert set(left) <= set(again)

@@ -1,4 +1,6 @@
-"""Tables as instruments and people write them: the numbers of the plain table, or a refusal with line, column and remedy."""
+"""Tables as instruments and people write them: the numbers of the plain table, or a refusal with
+line, column and remedy.
+"""
 
 import json
 import re
@@ -12,7 +14,11 @@ from bayesindent.settings.problem import Problem
 from support.measured_tables import read_measurements
 
 #: Grain, Bunge's angles, modulus, sd: what each of the tables says.
-ROWS = [("g1", 10.5, 20.25, 30.125, 210.5, 4.5), ("g2", 40.0, 50.0, 60.0, 220.1, 4.25), ("g3", 70.0, 80.0, 15.0, 198.0, 5.0)]
+ROWS = [
+    ("g1", 10.5, 20.25, 30.125, 210.5, 4.5),
+    ("g2", 40.0, 50.0, 60.0, 220.1, 4.25),
+    ("g3", 70.0, 80.0, 15.0, 198.0, 5.0),
+]
 NAMES = ["grain", "phi1_deg", "Phi_deg", "phi2_deg", "Er (GPa)", "sd (GPa)"]
 
 
@@ -36,100 +42,254 @@ PLAIN = lines()
 #: The text, and what a warning says; '' where the table counts as plain.
 READ = {
     "plain": (text(), ""),
-    "metadata above the header": ("Operator: J. Doe\nDate,2025-03-01\nTemperature (C),23.5\n\n" + text(), "the header is on line 5"),
+    "metadata above the header": (
+        "Operator: J. Doe\nDate,2025-03-01\nTemperature (C),23.5\n\n" + text(),
+        "the header is on line 5",
+    ),
     "a title above": ("Er of copper\n" + text(), "the header is on line 2"),
-    "metadata above, semicolons and decimal commas": ("Probe;TI 990\nArea;24,5\n" + text(mark=";").replace(".", ","), "the header is on line 3"),
+    "metadata above, semicolons and decimal commas": (
+        "Probe;TI 990\nArea;24,5\n" + text(mark=";").replace(".", ","),
+        "the header is on line 3",
+    ),
     "metadata above, tabs": ("Probe\tTI 990\n" + text(mark="\t"), "the header is on line 2"),
-    "metadata and a row of units": ("Probe: diamond\n" + "\n".join([PLAIN[0], ",deg,deg,deg,GPa,GPa", *PLAIN[1:]]), "the header is on line 2"),
+    "metadata and a row of units": (
+        "Probe: diamond\n" + "\n".join([PLAIN[0], ",deg,deg,deg,GPa,GPa", *PLAIN[1:]]),
+        "the header is on line 2",
+    ),
     "a mean at the end": (text() + "Mean,,,,209.5,4.6\n", "statistics of the table: line 5"),
-    "Mean, Std. Dev., % COV": (text() + "Mean,,,,209.5,\nStd. Dev.,,,,11.1,\n% COV,,,,5.3,\n", "statistics of the table: lines 5, 6, 7"),
-    "Average and Standard deviation": (text() + "\nAverage,,,,209.5,\nStandard deviation,,,,11.1,\n", "lines 6, 7"),
+    "Mean, Std. Dev., % COV": (
+        text() + "Mean,,,,209.5,\nStd. Dev.,,,,11.1,\n% COV,,,,5.3,\n",
+        "statistics of the table: lines 5, 6, 7",
+    ),
+    "Average and Standard deviation": (
+        text() + "\nAverage,,,,209.5,\nStandard deviation,,,,11.1,\n",
+        "lines 6, 7",
+    ),
     "min and max": (text() + "Min,,,,198,\nMAX,,,,220.1,\n", "lines 5, 6"),
-    "an incomplete row": (text() + "g4,1,2,3,,\n", "1 of 4 rows left out, a value is missing: line 5"),
+    "an incomplete row": (
+        text() + "g4,1,2,3,,\n",
+        "1 of 4 rows left out, a value is missing: line 5",
+    ),
     "n/a for a modulus": (text() + "g4,1,2,3,n/a,4\n", "a value is missing: line 5"),
-    "a dash for an angle": ("\n".join([*PLAIN[:2], "g0,-,2,3,200,4", *PLAIN[2:]]), "a value is missing: line 3"),
+    "a dash for an angle": (
+        "\n".join([*PLAIN[:2], "g0,-,2,3,200,4", *PLAIN[2:]]),
+        "a value is missing: line 3",
+    ),
     "#DIV/0! for an sd": (text() + "g4,1,2,3,200,#DIV/0!\n", "a value is missing: line 5"),
     "an empty sd": (text() + "g4,1,2,3,200,\n", "a value is missing: line 5"),
     "1.797e308 is no value": (text() + "g4,1,2,3,1.797e308,4\n", "a value is missing: line 5"),
     "degree signs in cells": (changed(2, lambda value: f"{value}°"), None),
     "GPa in cells": (changed(4, lambda value: f"{value} GPa"), None),
     "units without a blank": (changed(4, lambda value: f"{value}GPa"), None),
-    "an sd after ±": (text([(*row[:4], f"{row[4]} ± {row[5]}") for row in ROWS], NAMES[:5]), "what follows ± is its sd"),
-    "an sd after +/-": (text([(*row[:4], f"{row[4]}+/-{row[5]}") for row in ROWS], NAMES[:5]), "what follows ± is its sd"),
-    "± and the unit": (text([(*row[:4], f"{row[4]} ± {row[5]} GPa") for row in ROWS], NAMES[:5]), "what follows ± is its sd"),
-    "± with decimal commas": (text([(*row[:4], f"{row[4]} ± {row[5]}") for row in ROWS], NAMES[:5], ";").replace(".", ","), "±"),
-    "per cent in cells": (changed(5, lambda value: value).replace("4.5\n", "2.137767220902613 %\n"), None),
+    "an sd after ±": (
+        text([(*row[:4], f"{row[4]} ± {row[5]}") for row in ROWS], NAMES[:5]),
+        "what follows ± is its sd",
+    ),
+    "an sd after +/-": (
+        text([(*row[:4], f"{row[4]}+/-{row[5]}") for row in ROWS], NAMES[:5]),
+        "what follows ± is its sd",
+    ),
+    "± and the unit": (
+        text([(*row[:4], f"{row[4]} ± {row[5]} GPa") for row in ROWS], NAMES[:5]),
+        "what follows ± is its sd",
+    ),
+    "± with decimal commas": (
+        text([(*row[:4], f"{row[4]} ± {row[5]}") for row in ROWS], NAMES[:5], ";").replace(
+            ".", ","
+        ),
+        "±",
+    ),
+    "per cent in cells": (
+        changed(5, lambda value: value).replace("4.5\n", "2.137767220902613 %\n"),
+        None,
+    ),
     "per cent in the header": (
-        text([(*row[:5], 100 * row[5] / row[4]) for row in ROWS], [*NAMES[:5], "sd (%)"]), "per cent of the modulus",
+        text([(*row[:5], 100 * row[5] / row[4]) for row in ROWS], [*NAMES[:5], "sd (%)"]),
+        "per cent of the modulus",
     ),
     "UTF-16 with its mark": (text(mark="\t").encode("utf-16"), "read as UTF-16"),
     "UTF-16, big-endian": (b"\xfe\xff" + text(mark="\t").encode("utf-16-be"), "read as UTF-16"),
-    "Windows-1252": (text(names=["grain", "phi1 (°)", "Phi (°)", "phi2 (°)", "Er (GPa)", "sd (GPa)"]).encode("cp1252"), "Windows-1252"),
-    "a remark in Windows-1252": (text([(*row, "Körnung") for row in ROWS], [*NAMES, "remark"]).encode("cp1252"), "Windows-1252"),
+    "Windows-1252": (
+        text(names=["grain", "phi1 (°)", "Phi (°)", "phi2 (°)", "Er (GPa)", "sd (GPa)"]).encode(
+            "cp1252"
+        ),
+        "Windows-1252",
+    ),
+    "a remark in Windows-1252": (
+        text([(*row, "Körnung") for row in ROWS], [*NAMES, "remark"]).encode("cp1252"),
+        "Windows-1252",
+    ),
     "E*": (text(names=[*NAMES[:4], "E* (GPa)", "sd"]), ""),
     "Ereduced": (text(names=[*NAMES[:4], "Ereduced [GPa]", "sd"]), ""),
     "E_reduced": (text(names=[*NAMES[:4], "E_reduced", "sd"]), ""),
-    "Reduced Modulus StdDev [GPa]": (text(names=[*NAMES[:4], "Reduced Modulus [GPa]", "Reduced Modulus StdDev [GPa]"]), ""),
+    "Reduced Modulus StdDev [GPa]": (
+        text(names=[*NAMES[:4], "Reduced Modulus [GPa]", "Reduced Modulus StdDev [GPa]"]),
+        "",
+    ),
     "Er std": (text(names=[*NAMES[:4], "Er", "Er std"]), ""),
     "er_sd_gpa": (text(names=[*NAMES[:4], "er_gpa", "er_sd_gpa"]), ""),
     "a depth (nm)": (text([(*row, 95.0) for row in ROWS], [*NAMES, "depth (nm)"]), ""),
     "a depth (µm)": (text([(*row, 0.095) for row in ROWS], [*NAMES, "depth (µm)"]), ""),
-    "spellings of a grain": (text([("G 1", *ROWS[0][1:]), ("g2", *ROWS[1][1:]), ("G3", *ROWS[2][1:])]), ""),
+    "spellings of a grain": (
+        text([("G 1", *ROWS[0][1:]), ("g2", *ROWS[1][1:]), ("G3", *ROWS[2][1:])]),
+        "",
+    ),
     "Mean Er": (text(names=[*NAMES[:4], "Mean Er (GPa)", "sd"]), None),
     "a wide header over names": (
-        "\n".join(["grain,Euler angles,,,Reduced modulus,", ",phi1,Phi,phi2,Mean (GPa),SD (GPa)", *PLAIN[1:]]), "together are the header",
+        "\n".join(
+            [
+                "grain,Euler angles,,,Reduced modulus,",
+                ",phi1,Phi,phi2,Mean (GPa),SD (GPa)",
+                *PLAIN[1:],
+            ]
+        ),
+        "together are the header",
     ),
     "a footer": (text() + "Measured by J. Doe\n", "1 of 4 rows left out, a remark: line 5"),
     "rows of empty cells between": (text().replace("\n", "\n,,,,,\n", 2), ""),
     "no-break blanks and other signs": (
-        text([(row[0], f"\u2212{360 - row[1]}", *row[2:]) for row in ROWS], ["grain", "φ₁\u00a0(°)", "Φ\u00a0(°)", "φ₂\u00a0(°)", "Eᵣ\u00a0(GPa)", "sd"]), None,
+        text(
+            [(row[0], f"\u2212{360 - row[1]}", *row[2:]) for row in ROWS],
+            ["grain", "φ₁\u00a0(°)", "Φ\u00a0(°)", "φ₂\u00a0(°)", "Eᵣ\u00a0(GPa)", "sd"],
+        ),
+        None,
     ),
     "no-break blanks around numbers": (changed(4, lambda value: f"\u00a0{value}\u202f"), None),
-    "another phi and a raised circle": (text([(row[0], f"{row[1]}º", *row[2:]) for row in ROWS], ["grain", "ϕ1", "Φ", "ϕ2", "Er", "sd"]), None),
+    "another phi and a raised circle": (
+        text(
+            [(row[0], f"{row[1]}º", *row[2:]) for row in ROWS],
+            ["grain", "ϕ1", "Φ", "ϕ2", "Er", "sd"],
+        ),
+        None,
+    ),
     "old lines": (text().replace("\n", "\r"), None),
-    "a byte order mark above a title": (b"\xef\xbb\xbf" + ("Cu\n" + text()).encode(), "the header is on line 2"),
+    "a byte order mark above a title": (
+        b"\xef\xbb\xbf" + ("Cu\n" + text()).encode(),
+        "the header is on line 2",
+    ),
     "sep=;": ("sep=;\n" + text(mark=";").replace(".", ","), "the header is on line 2"),
-    "blanks between cells": (text(names=["grain", "phi1", "Phi", "phi2", "Er", "sd"], mark=" "), None),
+    "blanks between cells": (
+        text(names=["grain", "phi1", "Phi", "phi2", "Er", "sd"], mark=" "),
+        None,
+    ),
     "aligned columns": (text(mark="    "), None),
-    "blanks and decimal commas": (text(names=["grain", "phi1", "Phi", "phi2", "Er", "sd"], mark="  ").replace(".", ","), None),
+    "blanks and decimal commas": (
+        text(names=["grain", "phi1", "Phi", "phi2", "Er", "sd"], mark="  ").replace(".", ","),
+        None,
+    ),
     "a header after #": ("# " + text(), None),
     "bars": (text(mark="|"), None),
-    "Markdown": ("\n".join(f"| {line.replace(',', ' | ')} |" for line in [PLAIN[0], ",".join(6 * ["---"]), *PLAIN[1:]]), "line 2"),
-    "a line of dashes": ("\n".join([PLAIN[0], ",".join(6 * ["-----"]), *PLAIN[1:]]), "a value is missing: line 2"),
-    "the header once more": ("\n".join([*PLAIN[:3], PLAIN[0], PLAIN[3]]), "the header once more: line 4"),
+    "Markdown": (
+        "\n".join(
+            f"| {line.replace(',', ' | ')} |"
+            for line in [PLAIN[0], ",".join(6 * ["---"]), *PLAIN[1:]]
+        ),
+        "line 2",
+    ),
+    "a line of dashes": (
+        "\n".join([PLAIN[0], ",".join(6 * ["-----"]), *PLAIN[1:]]),
+        "a value is missing: line 2",
+    ),
+    "the header once more": (
+        "\n".join([*PLAIN[:3], PLAIN[0], PLAIN[3]]),
+        "the header once more: line 4",
+    ),
     "units that are not all known": (
-        "\n".join(["grain,phi1,Phi,phi2,Er,sd", "[#],deg,deg,deg,GPa,GPa", *PLAIN[1:]]), None,
+        "\n".join(["grain,phi1,Phi,phi2,Er,sd", "[#],deg,deg,deg,GPa,GPa", *PLAIN[1:]]),
+        None,
     ),
     "a row of units with per cent": (
-        "\n".join(["grain,phi1,Phi,phi2,Er,sd", ",deg,deg,deg,GPa,%", *(",".join(map(str, (*row[:5], 100 * row[5] / row[4]))) for row in ROWS)]),
+        "\n".join(
+            [
+                "grain,phi1,Phi,phi2,Er,sd",
+                ",deg,deg,deg,GPa,%",
+                *(",".join(map(str, (*row[:5], 100 * row[5] / row[4]))) for row in ROWS),
+            ]
+        ),
         "per cent of the modulus",
     ),
-    "CV (%)": (text([(*row[:5], 100 * row[5] / row[4]) for row in ROWS], [*NAMES[:5], "CV (%)"]), "per cent of the modulus"),
-    "rel. sd (%)": (text([(*row[:5], 100 * row[5] / row[4]) for row in ROWS], [*NAMES[:5], "rel. sd (%)"]), "per cent of the modulus"),
-    "sd_percent": (text([(*row[:5], 100 * row[5] / row[4]) for row in ROWS], [*NAMES[:5], "sd_percent"]), "per cent of the modulus"),
-    "an sd in per cent after ±": (text([(*row[:4], f"{row[4]} ± {100 * row[5] / row[4]} %") for row in ROWS], NAMES[:5]), "what follows ± is its sd"),
-    "± and the unit twice": (text([(*row[:4], f"{row[4]} GPa ± {row[5]} GPa") for row in ROWS], NAMES[:5]), "what follows ± is its sd"),
-    "± in brackets": (text([(*row[:4], f"({row[4]} ± {row[5]}) GPa") for row in ROWS], NAMES[:5]), "what follows ± is its sd"),
+    "CV (%)": (
+        text([(*row[:5], 100 * row[5] / row[4]) for row in ROWS], [*NAMES[:5], "CV (%)"]),
+        "per cent of the modulus",
+    ),
+    "rel. sd (%)": (
+        text([(*row[:5], 100 * row[5] / row[4]) for row in ROWS], [*NAMES[:5], "rel. sd (%)"]),
+        "per cent of the modulus",
+    ),
+    "sd_percent": (
+        text([(*row[:5], 100 * row[5] / row[4]) for row in ROWS], [*NAMES[:5], "sd_percent"]),
+        "per cent of the modulus",
+    ),
+    "an sd in per cent after ±": (
+        text([(*row[:4], f"{row[4]} ± {100 * row[5] / row[4]} %") for row in ROWS], NAMES[:5]),
+        "what follows ± is its sd",
+    ),
+    "± and the unit twice": (
+        text([(*row[:4], f"{row[4]} GPa ± {row[5]} GPa") for row in ROWS], NAMES[:5]),
+        "what follows ± is its sd",
+    ),
+    "± in brackets": (
+        text([(*row[:4], f"({row[4]} ± {row[5]}) GPa") for row in ROWS], NAMES[:5]),
+        "what follows ± is its sd",
+    ),
     "a column ±": (text(names=[*NAMES[:5], "±"]), ""),
-    "Std. Error and N": (text([(*row, 9) for row in ROWS], [*NAMES[:5], "Std. Error (GPa)", "N"]), ""),
+    "Std. Error and N": (
+        text([(*row, 9) for row in ROWS], [*NAMES[:5], "Std. Error (GPa)", "N"]),
+        "",
+    ),
     "a bracket before the last word": (text(names=[*NAMES[:4], "Er (GPa)", "Er (GPa) sd"]), ""),
     "moduli and hardness under wide headers": (
-        "\n".join(["grain,Euler,,,Er (GPa),,H (GPa),", ",phi1,Phi,phi2,mean,sd,mean,sd", *(f"{line},2.3,0.1" for line in PLAIN[1:])]),
+        "\n".join(
+            [
+                "grain,Euler,,,Er (GPa),,H (GPa),",
+                ",phi1,Phi,phi2,mean,sd,mean,sd",
+                *(f"{line},2.3,0.1" for line in PLAIN[1:]),
+            ]
+        ),
         "together are the header",
     ),
-    "Euler over 1, 2, 3": ("\n".join(["grain,Euler,,,Er (GPa),", ",1,2,3,mean,sd", *PLAIN[1:]]), "together are the header"),
-    "Euler angle 1": (text(names=["grain", "Euler angle 1", "Euler angle 2", "Euler angle 3", "Er", "sd"]), ""),
-    "means in German": (text() + "Mittelwert,40.1,50.1,35,209.5,4.6\n", "statistics of the table: line 5"),
-    "means in French": (text() + "Moyenne,40.1,50.1,35,209.5,4.6\n", "statistics of the table: line 5"),
-    "Minimum and Mean (n = 3)": (text() + "Minimum,1,2,3,198,4\nMean (n = 3),1,2,3,209.5,4\n", "statistics of the table: lines 5, 6"),
-    "all grains": (text() + "All grains,40.1,50.1,35,209.5,4.6\n", "statistics of the table: line 5"),
-    "the mean first": ("\n".join([PLAIN[0], "Mean,40,50,35,209.5,4.6", *PLAIN[1:]]), "statistics of the table: line 2"),
-    "grains named by letters": (text([(name, *row[1:]) for name, row in zip("SNM", ROWS)]), ""),
-    "grains 1-1 and 11": (text([(name, *row[1:]) for name, row in zip(("1-1", "11", "1 1"), ROWS)]), ""),
-    "three kinds of dress at once": (
-        ("Sample: Cu\n" + text([(*row[:4], f"{row[4]} ± {row[5]}") for row in ROWS], NAMES[:5]) + "Mean,,,,209.5\n").encode("cp1252"), "±",
+    "Euler over 1, 2, 3": (
+        "\n".join(["grain,Euler,,,Er (GPa),", ",1,2,3,mean,sd", *PLAIN[1:]]),
+        "together are the header",
     ),
-}  # fmt: skip
+    "Euler angle 1": (
+        text(names=["grain", "Euler angle 1", "Euler angle 2", "Euler angle 3", "Er", "sd"]),
+        "",
+    ),
+    "means in German": (
+        text() + "Mittelwert,40.1,50.1,35,209.5,4.6\n",
+        "statistics of the table: line 5",
+    ),
+    "means in French": (
+        text() + "Moyenne,40.1,50.1,35,209.5,4.6\n",
+        "statistics of the table: line 5",
+    ),
+    "Minimum and Mean (n = 3)": (
+        text() + "Minimum,1,2,3,198,4\nMean (n = 3),1,2,3,209.5,4\n",
+        "statistics of the table: lines 5, 6",
+    ),
+    "all grains": (
+        text() + "All grains,40.1,50.1,35,209.5,4.6\n",
+        "statistics of the table: line 5",
+    ),
+    "the mean first": (
+        "\n".join([PLAIN[0], "Mean,40,50,35,209.5,4.6", *PLAIN[1:]]),
+        "statistics of the table: line 2",
+    ),
+    "grains named by letters": (text([(name, *row[1:]) for name, row in zip("SNM", ROWS)]), ""),
+    "grains 1-1 and 11": (
+        text([(name, *row[1:]) for name, row in zip(("1-1", "11", "1 1"), ROWS)]),
+        "",
+    ),
+    "three kinds of dress at once": (
+        (
+            "Sample: Cu\n"
+            + text([(*row[:4], f"{row[4]} ± {row[5]}") for row in ROWS], NAMES[:5])
+            + "Mean,,,,209.5\n"
+        ).encode("cp1252"),
+        "±",
+    ),
+}
 
 
 @pytest.mark.parametrize("name", READ)
@@ -163,13 +323,20 @@ DIRECTIONS = {
 @pytest.mark.parametrize("plane", [False, True])
 def test_indices_in_one_column(tmp_path, name, plane):
     """In a cubic crystal direction and plane normal are one."""
-    cells = [cell.translate(str.maketrans("[]<>", "(){}")) if plane else cell for cell in DIRECTIONS[name]]
+    cells = [
+        cell.translate(str.maketrans("[]<>", "(){}")) if plane else cell
+        for cell in DIRECTIONS[name]
+    ]
     path = tmp_path / "a.csv"
-    path.write_text("orientation;Er;sd\n" + "".join(f"{cell};200;4\n" for cell in cells), encoding="utf-8")
+    path.write_text(
+        "orientation;Er;sd\n" + "".join(f"{cell};200;4\n" for cell in cells), encoding="utf-8"
+    )
     points = read_measurements(path, "cubic")
     sign = -1.0 if "bar" in name or "minus" in name else 1.0
     expected = np.array([[1, 0, 2 * sign], [sign, 1, 1], [0, 0, sign]])
-    assert directions_of(points) == pytest.approx(expected / np.linalg.norm(expected, axis=1, keepdims=True), abs=1e-12)
+    assert directions_of(points) == pytest.approx(
+        expected / np.linalg.norm(expected, axis=1, keepdims=True), abs=1e-12
+    )
 
 
 def test_four_indices(tmp_path):
@@ -196,24 +363,45 @@ def test_repeats_without_sds_are_means_with_a_pooled_error(tmp_path):
     path.write_text(text(rows, NAMES[:5]))
     points = read_measurements(path, "cubic")
     pooled = np.sqrt(26 / 3)
-    assert points.modulus_gpa == pytest.approx([208, 218, 198]) and points.sd_gpa == pytest.approx(pooled / np.sqrt([3, 2, 1]))
-    assert "6 tests of 3 grains became means with standard errors; the sd of a test is 2.94 GPa" in points.problem.warnings[0]
+    assert points.modulus_gpa == pytest.approx([208, 218, 198]) and points.sd_gpa == pytest.approx(
+        pooled / np.sqrt([3, 2, 1])
+    )
+    assert (
+        "6 tests of 3 grains became means with standard errors; the sd of a test is 2.94 GPa"
+        in points.problem.warnings[0]
+    )
 
 
 def test_many_repeats_have_their_own_error(tmp_path):
     values = {"a": np.linspace(190, 210, 12), "b": np.array([250.0, 252.0])}
     path = tmp_path / "a.csv"
-    path.write_text(text([(name, *ROWS[k][1:4], value) for k, name in enumerate(values) for value in values[name]], NAMES[:5]))
+    path.write_text(
+        text(
+            [
+                (name, *ROWS[k][1:4], value)
+                for k, name in enumerate(values)
+                for value in values[name]
+            ],
+            NAMES[:5],
+        )
+    )
     points = read_measurements(path, "cubic")
     pooled = np.sqrt((11 * values["a"].var(ddof=1) + 2.0) / 12)
-    assert points.sd_gpa == pytest.approx([values["a"].std(ddof=1) / np.sqrt(12), pooled / np.sqrt(2)])
+    assert points.sd_gpa == pytest.approx(
+        [values["a"].std(ddof=1) / np.sqrt(12), pooled / np.sqrt(2)]
+    )
 
 
 def test_a_standard_deviation_of_n_tests(tmp_path):
     path = tmp_path / "a.csv"
-    path.write_text(text([(*row, 9) for row in ROWS], [*NAMES[:5], "Standard deviation (GPa)", "N"]))
+    path.write_text(
+        text([(*row, 9) for row in ROWS], [*NAMES[:5], "Standard deviation (GPa)", "N"])
+    )
     points = read_measurements(path, "cubic")
-    assert points.sd_gpa == pytest.approx([row[5] / 3 for row in ROWS]) and "the standard error of the mean" in points.problem.warnings[0]
+    assert (
+        points.sd_gpa == pytest.approx([row[5] / 3 for row in ROWS])
+        and "the standard error of the mean" in points.problem.warnings[0]
+    )
     assert points.problem.table.words(3)[1].endswith("N as number of tests")
     path.write_text(text([(*row, 9) for row in ROWS], [*NAMES[:5], "Standard error (GPa)", "N"]))
     assert read_measurements(path, "cubic").sd_gpa == pytest.approx([row[5] for row in ROWS])
@@ -221,47 +409,118 @@ def test_a_standard_deviation_of_n_tests(tmp_path):
 
 def test_a_column_that_numbers_the_rows_is_no_number_of_tests(tmp_path):
     path = tmp_path / "a.csv"
-    path.write_text(text([(*row, number) for number, row in enumerate(ROWS, 1)], [*NAMES[:5], "Standard deviation (GPa)", "N"]))
+    path.write_text(
+        text(
+            [(*row, number) for number, row in enumerate(ROWS, 1)],
+            [*NAMES[:5], "Standard deviation (GPa)", "N"],
+        )
+    )
     points = read_measurements(path, "cubic")
-    assert points.sd_gpa == pytest.approx([row[5] for row in ROWS]) and "column N: numbers the rows" in points.problem.warnings[0]
+    assert (
+        points.sd_gpa == pytest.approx([row[5] for row in ROWS])
+        and "column N: numbers the rows" in points.problem.warnings[0]
+    )
 
 
 @pytest.mark.parametrize("name", ["# indents", "Number of indentations", "N (tests)", "n_tests"])
 def test_names_of_the_number_of_tests(tmp_path, name):
     path = tmp_path / "a.csv"
-    path.write_text(text([(*row[:5], 3 * row[5], "9.0") for row in ROWS], [*NAMES[:5], "Std. Dev. (GPa)", name]))
+    path.write_text(
+        text([(*row[:5], 3 * row[5], "9.0") for row in ROWS], [*NAMES[:5], "Std. Dev. (GPa)", name])
+    )
     assert read_measurements(path, "cubic").sd_gpa == pytest.approx([row[5] for row in ROWS])
 
 
 def test_spellings_of_one_grain(tmp_path):
     path = tmp_path / "a.csv"
-    path.write_text(text([("G1", *ROWS[0][1:]), ("g1", *ROWS[0][1:4], 212.0, 4.5), ("G 1", *ROWS[0][1:4], 209.0, 4.5)]))
+    path.write_text(
+        text(
+            [
+                ("G1", *ROWS[0][1:]),
+                ("g1", *ROWS[0][1:4], 212.0, 4.5),
+                ("G 1", *ROWS[0][1:4], 209.0, 4.5),
+            ]
+        )
+    )
     points = read_measurements(path, "cubic")
     assert len(points) == 1 and points.names == ["G1"]
     assert "taken for one grain: g1 and G1, G 1 and G1" in " ".join(points.problem.warnings)
 
 
 REFUSED = {
-    "words for numbers, all at once": (text() + "g4,1,2,3,abc,4\ng5,1,x,3,200,4\n", "2 cells are no numbers: line 5, column Er (GPa): 'abc'; line 6, column Phi_deg: 'x'"),
-    "a modulus in no known column": (text(names=[*NAMES[:4], "value", "sd"]), "no column is a modulus"),
-    "E alone": (text(names=[*NAMES[:4], "E (GPa)", "sd"]), "does not say which modulus was measured"),
-    "no sds and no repeats": (text([row[:5] for row in ROWS], NAMES[:5]), "the column sd_gpa is missing"),
-    "three and four indices": ("d,Er,sd\n[1 0 2],200,4\n[1 1 -2 0],210,4\n[0 0 1],190,4\n", "three indices, or all of four"),
-    "directions and planes": ("d,Er,sd\n[1 0 2],200,4\n(1 1 2),210,4\n[0 0 1],190,4\n", "directions [..] or planes (..)"),
-    "depths without a unit": (text([(*row, "95 nm", 0.5) for row in ROWS], [*NAMES, "depth_um", "zero_sd_nm"]).replace("0.5", "x", 3), "cells are no numbers"),
+    "words for numbers, all at once": (
+        text() + "g4,1,2,3,abc,4\ng5,1,x,3,200,4\n",
+        "2 cells are no numbers: line 5, column Er (GPa): 'abc'; line 6, column Phi_deg: 'x'",
+    ),
+    "a modulus in no known column": (
+        text(names=[*NAMES[:4], "value", "sd"]),
+        "no column is a modulus",
+    ),
+    "E alone": (
+        text(names=[*NAMES[:4], "E (GPa)", "sd"]),
+        "does not say which modulus was measured",
+    ),
+    "no sds and no repeats": (
+        text([row[:5] for row in ROWS], NAMES[:5]),
+        "the column sd_gpa is missing",
+    ),
+    "three and four indices": (
+        "d,Er,sd\n[1 0 2],200,4\n[1 1 -2 0],210,4\n[0 0 1],190,4\n",
+        "three indices, or all of four",
+    ),
+    "directions and planes": (
+        "d,Er,sd\n[1 0 2],200,4\n(1 1 2),210,4\n[0 0 1],190,4\n",
+        "directions [..] or planes (..)",
+    ),
+    "depths without a unit": (
+        text([(*row, "95 nm", 0.5) for row in ROWS], [*NAMES, "depth_um", "zero_sd_nm"]).replace(
+            "0.5", "x", 3
+        ),
+        "cells are no numbers",
+    ),
     "a cell too few": (text() + "g4,1,2,200,4\n", "line 5: 5 cells where the header has 6"),
     "a cell too many": (text() + "g4,1,2,3,200,4,7\n", "7 cells where the header has 6"),
     "megapascal": (text([(*row[:4], 1000 * row[4], row[5]) for row in ROWS]), "looks like MPa"),
     "MPa in cells": (changed(4, lambda value: f"{1000 * value} MPa"), "cells are no numbers"),
-    "the sd of a hardness": (text([(*row[:4], 2.3, 0.1, row[4]) for row in ROWS], [*NAMES[:4], "H (GPa)", "sd", "Er (GPa)"]), "line 1: the column sd follows H (GPa) and may be of that; name it sd_gpa if"),
-    "a confidence interval": (text(names=[*NAMES[:5], "error (95%)"]), "column error (95%): the unit 95% is not read; allowed gpa"),
-    "a missing number of tests": (text([(*row, number) for row, number in zip(ROWS, (9, "", 4))], [*NAMES[:5], "Std (GPa)", "N"]), "column N, line 3: a number of tests is needed"),
-    "megapascal after ±": (text([(*row[:4], f"{1000 * row[4]} ± {1000 * row[5]} MPa") for row in ROWS], NAMES[:5]), "3 cells are no numbers: line 2, column Er (GPa)"),
-    "Euler angles in one column": ("grain;Euler angles;Er;sd\ng1;(10, 20, 30);200;4\ng2;(40, 50, 60);210;4\n", "column Euler angles: three angles in one cell, (10, 20, 30); a column for each is needed"),
-    "no header": ("\n".join(PLAIN[1:]), "line 1: numbers where the header row with the names of the columns must be"),
-    "no angles": (text([(row[0], *row[4:]) for row in ROWS], ["grain", "Er", "sd"]), "if no orientation is known state orientations = 'unknown'"),
-    "dots for thousands": (text(mark=";").replace("210.5", "1.210,5").replace("220.1", "1.220,1"), "cells are no numbers"),
-}  # fmt: skip
+    "the sd of a hardness": (
+        text(
+            [(*row[:4], 2.3, 0.1, row[4]) for row in ROWS],
+            [*NAMES[:4], "H (GPa)", "sd", "Er (GPa)"],
+        ),
+        "line 1: the column sd follows H (GPa) and may be of that; name it sd_gpa if",
+    ),
+    "a confidence interval": (
+        text(names=[*NAMES[:5], "error (95%)"]),
+        "column error (95%): the unit 95% is not read; allowed gpa",
+    ),
+    "a missing number of tests": (
+        text(
+            [(*row, number) for row, number in zip(ROWS, (9, "", 4))],
+            [*NAMES[:5], "Std (GPa)", "N"],
+        ),
+        "column N, line 3: a number of tests is needed",
+    ),
+    "megapascal after ±": (
+        text([(*row[:4], f"{1000 * row[4]} ± {1000 * row[5]} MPa") for row in ROWS], NAMES[:5]),
+        "3 cells are no numbers: line 2, column Er (GPa)",
+    ),
+    "Euler angles in one column": (
+        "grain;Euler angles;Er;sd\ng1;(10, 20, 30);200;4\ng2;(40, 50, 60);210;4\n",
+        "column Euler angles: three angles in one cell, (10, 20, 30); a column for each is needed",
+    ),
+    "no header": (
+        "\n".join(PLAIN[1:]),
+        "line 1: numbers where the header row with the names of the columns must be",
+    ),
+    "no angles": (
+        text([(row[0], *row[4:]) for row in ROWS], ["grain", "Er", "sd"]),
+        "if no orientation is known state orientations = 'unknown'",
+    ),
+    "dots for thousands": (
+        text(mark=";").replace("210.5", "1.210,5").replace("220.1", "1.220,1"),
+        "cells are no numbers",
+    ),
+}
 
 
 @pytest.mark.parametrize("name", REFUSED)
@@ -303,14 +562,24 @@ class TestSpreadsheets:
         assert points.modulus_gpa.tolist() == [row[4] for row in ROWS]
 
     def test_two_sheets_with_moduli(self, tmp_path):
-        path = self.book(tmp_path / "a.xlsx", notes=[["copper"]], a=[NAMES, *ROWS], b=[NAMES, *ROWS])
-        with pytest.raises(bi.InputError, match="the sheets a, b have moduli; state sheet = 'a' or another"):
+        path = self.book(
+            tmp_path / "a.xlsx", notes=[["copper"]], a=[NAMES, *ROWS], b=[NAMES, *ROWS]
+        )
+        with pytest.raises(
+            bi.InputError, match="the sheets a, b have moduli; state sheet = 'a' or another"
+        ):
             read_measurements(path, "cubic")
         assert len(read_measurements(path, "cubic", sheet="b")) == 3
 
     def test_formulas_without_a_value(self, tmp_path):
         path = self.book(tmp_path / "a.xlsx", data=[NAMES, *ROWS, ["g4", 1, 2, 3, "=E2+1", 4]])
-        with pytest.raises(bi.InputError, match=r"formulas without a stored value \(E5\): open it in a spreadsheet program and save it"):
+        with pytest.raises(
+            bi.InputError,
+            match=(
+                r"formulas without a stored value \(E5\): open it in a spreadsheet program and "
+                r"save it"
+            ),
+        ):
             read_measurements(path, "cubic")
 
     def test_merged_headers(self, tmp_path):
@@ -320,12 +589,18 @@ class TestSpreadsheets:
             *ROWS,
         ]
         points = read_measurements(self.book(tmp_path / "a.xlsx", data=rows), "cubic")
-        assert points.sd_gpa.tolist() == [row[5] for row in ROWS] and points.euler_deg[:, 0].tolist() == [row[1] for row in ROWS]
+        assert points.sd_gpa.tolist() == [row[5] for row in ROWS] and points.euler_deg[
+            :, 0
+        ].tolist() == [row[1] for row in ROWS]
 
 
 def test_the_command_shows_what_is_read(tmp_path, capsys):
     path = tmp_path / "a.csv"
-    path.write_text("Operator: J. Doe\n" + text([(*row, "x") for row in ROWS], [*NAMES, "remark"]) + "Mean,,,,209.5,,\n")
+    path.write_text(
+        "Operator: J. Doe\n"
+        + text([(*row, "x") for row in ROWS], [*NAMES, "remark"])
+        + "Mean,,,,209.5,,\n"
+    )
     assert main(["table", str(path), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     read_as = {column["header"]: column["read_as"] for column in document["columns"]}
@@ -339,12 +614,17 @@ def test_the_command_shows_what_is_read(tmp_path, capsys):
     assert "constants that indentation determines" not in said.err
     assert main(["table", str(path), "--symmetry", "hexagonal"]) == 0
     (tmp_path / "many.csv").write_text(
-        "phi1,Phi,phi2,Er (GPa),sd (GPa)\n" + "".join(f"{i % 360},20,30,{100 + i / 10},2\n" for i in range(101))
+        "phi1,Phi,phi2,Er (GPa),sd (GPa)\n"
+        + "".join(f"{i % 360},20,30,{100 + i / 10},2\n" for i in range(101))
     )
     capsys.readouterr()
     assert main(["table", str(tmp_path / "many.csv")]) == 0
     said = capsys.readouterr().out
-    assert "The first 100 of 101 grains, --json has all (degrees, GPa):" in said and "\n100 " in said and "\n101 " not in said
+    assert (
+        "The first 100 of 101 grains, --json has all (degrees, GPa):" in said
+        and "\n100 " in said
+        and "\n101 " not in said
+    )
     assert main(["table", str(tmp_path / "b.csv")]) == 2
 
 

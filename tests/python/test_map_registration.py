@@ -1,4 +1,6 @@
-"""Positions of the stage led to those of an orientation map by homologous points, and the map's picture."""
+"""Positions of the stage led to those of an orientation map by homologous points, and the map's
+picture.
+"""
 
 import json
 
@@ -8,7 +10,7 @@ import pytest
 import bayesindent as bi
 from bayesindent.program.cli import main
 from bayesindent.report.figures.maps import draw_map
-from support.orientation_maps import EDGE, LEFT, RIGHT, along, columns, measured, pixels, write
+from support.orientation_maps import EDGE, LEFT, along, measured, pixels, write
 
 pytest.importorskip("orix.io")
 
@@ -26,14 +28,22 @@ def stage_of(places):
 def points_file(path, places=CORNERS, errors=0.0):
     stage = stage_of(places)
     rows = np.column_stack([stage, np.asarray(places) + errors])
-    np.savetxt(path, rows, delimiter=",", header="# marks of the sample\nx_um,y_um,map_x_um,map_y_um", comments="")
+    np.savetxt(
+        path,
+        rows,
+        delimiter=",",
+        header="# marks of the sample\nx_um,y_um,map_x_um,map_y_um",
+        comments="",
+    )
     return path
 
 
 def registered(tmp_path, places, points, settings=None, **further):
     path = write(tmp_path / "map.h5", *pixels())
     stage = dict(zip(("x_um", "y_um"), stage_of(places).T.tolist(), strict=True))
-    table = stage | {"Er": [200.0 + k for k in range(len(places))], "sd": len(places) * [4.0]} | further
+    table = (
+        stage | {"Er": [200.0 + k for k in range(len(places))], "sd": len(places) * [4.0]} | further
+    )
     return bi.Problem.from_keywords(
         "f",
         {"measurements": table},
@@ -94,9 +104,18 @@ def test_three_points_leave_the_error_unknown(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("x_um,y_um,map_x_um,map_y_um\n0,0,1,1\n5,5,6,6\n", "2 points on a line or at one place; three or more"),
-        ("x_um,y_um,map_x_um,map_y_um\n0,0,1,1\n5,5,6,6\n9,9,10,10\n", "3 points on a line or at one place"),
-        ("x_um,y_um,map_x_um,map_y_um\n0,0,1,1\n5,5,6,six\n9,2,10,3\n", "no CSV of numbers in the columns x_um, y_um, map_x_um, map_y_um"),
+        (
+            "x_um,y_um,map_x_um,map_y_um\n0,0,1,1\n5,5,6,6\n",
+            "2 points on a line or at one place; three or more",
+        ),
+        (
+            "x_um,y_um,map_x_um,map_y_um\n0,0,1,1\n5,5,6,6\n9,9,10,10\n",
+            "3 points on a line or at one place",
+        ),
+        (
+            "x_um,y_um,map_x_um,map_y_um\n0,0,1,1\n5,5,6,six\n9,2,10,3\n",
+            "no CSV of numbers in the columns x_um, y_um, map_x_um, map_y_um",
+        ),
         ("x,y,u,v\n0,0,1,1\n5,5,6,6\n9,2,10,3\n", "no CSV of numbers in the columns x_um"),
         ("", "0 points on a line or at one place"),
         (None, "f: &measurements ebsd_points: .*points.csv: No such file"),
@@ -114,13 +133,17 @@ def test_points_need_a_map(tmp_path):
     with pytest.raises(bi.InputError, match="ebsd: the variable is missing; ebsd_points needs it"):
         table = {"phi1_deg": [0.0], "Phi_deg": [0.0], "phi2_deg": [0.0], "Er": [200.0], "sd": [4.0]}
         bi.Problem.from_keywords(
-            "f", {"measurements": table}, problem={"symmetry": "cubic"}, measurements={"ebsd_points": points_file(tmp_path / "points.csv")}
+            "f",
+            {"measurements": table},
+            problem={"symmetry": "cubic"},
+            measurements={"ebsd_points": points_file(tmp_path / "points.csv")},
         )
 
 
 def test_colours_are_those_of_the_inverse_pole_figure(tmp_path):
     x, y, euler = pixels()
-    # The indenter along [001] on the left, along [011] on the right: red, and green, as every maker has them.
+    # The indenter along [001] on the left, along [011] on the right: red, and green, as every maker
+    # has them.
     euler[:] = np.where((x < EDGE)[:, None], (20.0, 0.0, 30.0), (0.0, 45.0, 0.0))
     problem = measured(write(tmp_path / "map.h5", x, y, euler), [(2.0, 5.0)])
     colours = problem.map.grid.colours()
@@ -132,10 +155,14 @@ def test_the_picture_and_the_grains_of_the_indents(tmp_path, capsys, monkeypatch
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "map.ang", *pixels())
     points_file(tmp_path / "points.csv")
-    rows = "\n".join(f"g{k},{x:.6f},{y:.6f},{200 + k},4" for k, (x, y) in enumerate(stage_of([(2.1, 5.2), (12.3, 4.9), (3.0, 3.0)])))
+    rows = "\n".join(
+        f"g{k},{x:.6f},{y:.6f},{200 + k},4"
+        for k, (x, y) in enumerate(stage_of([(2.1, 5.2), (12.3, 4.9), (3.0, 3.0)]))
+    )
     (tmp_path / "grains.csv").write_text(f"grain,x_um,y_um,effective_modulus_gpa,sd_gpa\n{rows}\n")
     (tmp_path / "a.nml").write_text(
-        "&problem symmetry = 'cubic' /\n&measurements file = 'grains.csv' ebsd = 'map.ang' ebsd_points = 'points.csv' /\n"
+        "&problem symmetry = 'cubic' /\n&measurements file = 'grains.csv' ebsd = 'map.ang' "
+        "ebsd_points = 'points.csv' /\n"
         "&surrogate file = 'half-space' /\n"
     )
     assert main(["map", "a.nml", "--output", "o", "--json"]) == 0
@@ -145,13 +172,18 @@ def test_the_picture_and_the_grains_of_the_indents(tmp_path, capsys, monkeypatch
     assert (tmp_path / "o" / "map.png").stat().st_size > 10_000
     assert document["results"][1]["map_x_um"] == pytest.approx(12.3, abs=1e-4)
     (tmp_path / "b.nml").write_text(
-        "&problem symmetry = 'cubic' /\n&measurements file = 'grains.csv' /\n&surrogate file = 'half-space' /\n"
+        "&problem symmetry = 'cubic' /\n&measurements file = 'grains.csv' /\n&surrogate file = "
+        "'half-space' /\n"
     )
     assert main(["map", "b.nml"]) == 2
 
 
 @pytest.mark.parametrize(
-    ("places", "labels"), [([(2.1, 5.2), (12.3, 4.9)], ["a", "b"]), ([(2.1, 5.2), (3.0, 3.0), (12.3, 4.9)], ["1", "2", "3"])]
+    ("places", "labels"),
+    [
+        ([(2.1, 5.2), (12.3, 4.9)], ["a", "b"]),
+        ([(2.1, 5.2), (3.0, 3.0), (12.3, 4.9)], ["1", "2", "3"]),
+    ],
 )
 def test_each_indent_has_its_own_label(tmp_path, places, labels):
     """Two indents in one grain are one measurement, whose name is not that of the next one."""
@@ -159,4 +191,6 @@ def test_each_indent_has_its_own_label(tmp_path, places, labels):
     problem = measured(write(tmp_path / "map.h5", *pixels()), places, grain=grains)
     axes = draw_map(problem.map, problem.measurements.names).figure.axes[0]
     found = {text.get_text(): text.xy for text in axes.texts}
-    assert {label: tuple(found[label]) for label in labels} == dict(zip(labels, places, strict=True)) and len(found) == len(labels)
+    assert {label: tuple(found[label]) for label in labels} == dict(
+        zip(labels, places, strict=True)
+    ) and len(found) == len(labels)

@@ -11,15 +11,24 @@ import bayesindent as bi
 from bayesindent.core import NativeObject
 from support.theory_cases import theory_surrogate
 
-CRYSTAL, ANGLES = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4), np.array([10.0, 20.0, 30.0])
-COPIES = {"copy": copy.copy, "deepcopy": copy.deepcopy, "pickle": lambda thing: pickle.loads(pickle.dumps(thing))}
+CRYSTAL, ANGLES = (
+    bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4),
+    np.array([10.0, 20.0, 30.0]),
+)
+COPIES = {
+    "copy": copy.copy,
+    "deepcopy": copy.deepcopy,
+    "pickle": lambda thing: pickle.loads(pickle.dumps(thing)),
+}
 
 
 @pytest.fixture(scope="module")
 def problem_file(tmp_path_factory):
     file = tmp_path_factory.mktemp("objects") / "a.nml"
     file.write_text("&problem symmetry = 'cubic' /\n&crystals points = 'a.csv' /\n")
-    (file.parent / "a.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,0,0\n")
+    (file.parent / "a.csv").write_text(
+        "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,0,0\n"
+    )
     return file
 
 
@@ -27,16 +36,24 @@ def problem_file(tmp_path_factory):
 MAKERS = {
     "Indentation": (
         lambda file: bi.Indentation(refine=0.7, depths=5),
-        lambda indentation: (indentation.depths, indentation.run(CRYSTAL, ANGLES).indentation_modulus_gpa),
+        lambda indentation: (
+            indentation.depths,
+            indentation.run(CRYSTAL, ANGLES).indentation_modulus_gpa,
+        ),
     ),
     "IndentationResult": (
         lambda file: bi.Indentation(refine=0.7, depths=5).run(CRYSTAL, ANGLES),
         lambda result: (result.indentation_modulus_gpa, result.depth_um.tolist()),
     ),
-    "Problem": (lambda file: bi.Problem(file), lambda problem: (problem.resolved, problem.settings.problem.symmetry)),
+    "Problem": (
+        lambda file: bi.Problem(file),
+        lambda problem: (problem.resolved, problem.settings.problem.symmetry),
+    ),
     "Surrogate": (
         lambda file: theory_surrogate("cubic", 1, 4, points=100),
-        lambda surrogate: [values.tolist() for values in surrogate.predict(CRYSTAL[None], ANGLES[None])],
+        lambda surrogate: [
+            values.tolist() for values in surrogate.predict(CRYSTAL[None], ANGLES[None])
+        ],
     ),
     "BayesindentError": (lambda file: bi.BayesindentError("why"), str),
     "BayesindentWarning": (lambda file: bi.BayesindentWarning("why"), str),
@@ -65,7 +82,9 @@ def test_copies_are_made_anew_or_refused(problem_file, name, way):
     assert result(other) == expected
 
 
-@pytest.mark.parametrize("name", [name for name in CLASSES if not issubclass(getattr(bi, name), Exception)])
+@pytest.mark.parametrize(
+    "name", [name for name in CLASSES if not issubclass(getattr(bi, name), Exception)]
+)
 def test_public_objects_are_frozen(problem_file, name):
     thing = MAKERS[name][0](problem_file)
     names = [key for key in vars(thing) if not key.startswith("_")]

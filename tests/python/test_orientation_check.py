@@ -1,4 +1,6 @@
-"""Whether the orientations explain the moduli: shuffled and misread tables, bad values, and tables that are right."""
+"""Whether the orientations explain the moduli: shuffled and misread tables, bad values, and tables
+that are right.
+"""
 
 import re
 
@@ -27,9 +29,19 @@ def measured(name, grains, seed, noise=0.02):
     """A table of grains in random orientations, measured with noise."""
     symmetry, constants = OTHERS[name] if name in OTHERS else crystal(name)
     rng = np.random.default_rng(seed)
-    euler = np.column_stack([rng.uniform(0, 360, grains), np.degrees(np.arccos(rng.uniform(-1, 1, grains))), rng.uniform(0, 360, grains)])
+    euler = np.column_stack(
+        [
+            rng.uniform(0, 360, grains),
+            np.degrees(np.arccos(rng.uniform(-1, 1, grains))),
+            rng.uniform(0, 360, grains),
+        ]
+    )
     modulus = halfspace_modulus(stiffness_rows(symmetry, [constants])[0], euler)
-    table = {"euler_deg": euler, "modulus_gpa": modulus * (1 + noise * rng.normal(size=grains)), "sd_gpa": noise * modulus}
+    table = {
+        "euler_deg": euler,
+        "modulus_gpa": modulus * (1 + noise * rng.normal(size=grains)),
+        "sd_gpa": noise * modulus,
+    }
     return symmetry, table, rng
 
 
@@ -39,7 +51,9 @@ def checked(symmetry, table, **settings):
     lines = document["reasons"] + document["warnings"]
     words = [line for line in lines if re.search("orientations|disagree|scatter", line)]
     # What is named cannot be used as it is.
-    assert bool(document["checks"]["orientations"]["better_reading"]) == any("What explains them" in line for line in document["reasons"])
+    assert bool(document["checks"]["orientations"]["better_reading"]) == any(
+        "What explains them" in line for line in document["reasons"]
+    )
     return document["checks"]["orientations"], words
 
 
@@ -54,13 +68,23 @@ def test_orientations_that_are_all_alike_have_no_order():
 @pytest.mark.long_where("Ti")
 @pytest.mark.parametrize(("name", "grains"), [("copper", 20), ("Ti", 30)])
 def test_shuffled_orientations(name, grains):
-    """Against least squares and shuffles of our own, with sds that are those of the measurements."""
+    """Against least squares and shuffles of our own, with sds that are those of the
+    measurements.
+    """
     symmetry, table, rng = measured(name, grains, 1)
     table["euler_deg"] = table["euler_deg"][rng.permutation(grains)]
     found, words = checked(symmetry, table)
-    assert len(words) == 1 and words[0].startswith("the orientations do not explain the moduli: chi-square is ")
-    assert "% of random orders of the grains fit as well. Check the order of the rows, whether the map is flipped" in words[0]
-    rows = harmonics(symmetry, Rotation.from_euler("ZXZ", table["euler_deg"], degrees=True).inv().apply([0, 0, 1]))
+    assert len(words) == 1 and words[0].startswith(
+        "the orientations do not explain the moduli: chi-square is "
+    )
+    assert (
+        "% of random orders of the grains fit as well. Check the order of the rows, whether the "
+        "map is flipped" in words[0]
+    )
+    rows = harmonics(
+        symmetry,
+        Rotation.from_euler("ZXZ", table["euler_deg"], degrees=True).inv().apply([0, 0, 1]),
+    )
 
     def misfit(some):
         return misfits(some / table["sd_gpa"][:, None], table["modulus_gpa"] / table["sd_gpa"])
@@ -71,8 +95,12 @@ def test_shuffled_orientations(name, grains):
     # The crystal bends by 0.16 % of M at most beyond these fields: 0.08 sds of a grain.
     assert found["chi_square"] == pytest.approx(misfit(rows), abs=2 * 0.08 * np.sqrt(misfit(rows)))
     # Four sds of the shuffles.
-    assert found["p_shuffled"] == pytest.approx(np.mean(shuffled <= misfit(rows)), abs=4 * np.sqrt(0.25 / 1000 + 0.25 / 2000))
-    assert found["power"] == pytest.approx(np.mean(stats.chi2(freedom).sf(shuffled) < RARE), abs=0.05)
+    assert found["p_shuffled"] == pytest.approx(
+        np.mean(shuffled <= misfit(rows)), abs=4 * np.sqrt(0.25 / 1000 + 0.25 / 2000)
+    )
+    assert found["power"] == pytest.approx(
+        np.mean(stats.chi2(freedom).sf(shuffled) < RARE), abs=0.05
+    )
 
 
 @pytest.mark.long
@@ -86,32 +114,50 @@ def test_right_orientations(name, grains):
 def test_other_readings_of_a_table_are_tried():
     symmetry, table, _ = measured("Ti", 30, 2)
     found, words = checked(symmetry, table | {"euler_deg": np.roll(table["euler_deg"], 1, axis=0)})
-    assert len(words) == 1 and words[0].endswith("What explains them: the orientations one row further up. Correct the table or the map")
+    assert len(words) == 1 and words[0].endswith(
+        "What explains them: the orientations one row further up. Correct the table or the map"
+    )
     symmetry, table, _ = measured("iron", 20, 2, noise=0.01)
     phi1, phi, phi2 = table["euler_deg"].T
-    found, words = checked(symmetry, table | {"euler_deg": np.column_stack([180 - phi2, phi, 180 - phi1])})
+    found, words = checked(
+        symmetry, table | {"euler_deg": np.column_stack([180 - phi2, phi, 180 - phi1])}
+    )
     assert found["better_reading"] == "rotations from crystal to sample axes (the inverse)"
     assert words[0].endswith(f"{found['better_reading']}. Correct the table or the map")
 
 
 def map_of(path, name, grains, seed, way):
-    """A square map of Voronoi grains in which the ways of the check name the way back, and indents in the middle of some of them."""
+    """A square map of Voronoi grains in which the ways of the check name the way back, and indents
+    in the middle of some of them.
+    """
     pytest.importorskip("orix.io")
     from support.orientation_maps import write
 
     symmetry, table, rng = measured(name, 3 * grains, seed)
     y, x = (part.ravel().astype(float) for part in np.mgrid[:49, :49])
     places = np.column_stack([x, y])
-    grain = np.argmin(((places[:, None] - 48 * rng.random((3 * grains, 2))) ** 2).sum(axis=-1), axis=1)
+    grain = np.argmin(
+        ((places[:, None] - 48 * rng.random((3 * grains, 2))) ** 2).sum(axis=-1), axis=1
+    )
     seen = places[:, ::-1] if way & 4 else places
     seen = np.where([way & 1, way & 2], 48 - seen, seen)
     order = np.lexsort(seen.T)
-    write(path, *seen[order].T, table["euler_deg"][grain[order]], point_group={"cubic": "m-3m", "hexagonal": "6/mmm"}[symmetry])
+    write(
+        path,
+        *seen[order].T,
+        table["euler_deg"][grain[order]],
+        point_group={"cubic": "m-3m", "hexagonal": "6/mmm"}[symmetry],
+    )
     large = np.flatnonzero(np.bincount(grain) > 12)[:grains]
     centres = [places[grain == k].mean(axis=0) for k in large]
-    nearest = [places[grain == k][np.argmin(((places[grain == k] - c) ** 2).sum(axis=1))] for k, c in zip(large, centres, strict=True)]
+    nearest = [
+        places[grain == k][np.argmin(((places[grain == k] - c) ** 2).sum(axis=1))]
+        for k, c in zip(large, centres, strict=True)
+    ]
     columns = dict(zip(("x_um", "y_um"), np.array(nearest).T.tolist(), strict=True))
-    return symmetry, columns | {column: table[column][large].tolist() for column in ("modulus_gpa", "sd_gpa")}
+    return symmetry, columns | {
+        column: table[column][large].tolist() for column in ("modulus_gpa", "sd_gpa")
+    }
 
 
 @pytest.mark.long_where("Ti")
@@ -129,10 +175,16 @@ def map_of(path, name, grains, seed, way):
 )
 def test_a_flipped_map_is_named(tmp_path, name, grains, way, told):
     path = tmp_path / "map.h5"
-    found, words = checked(*map_of(path, name, grains, {"copper": 7, "Ti": 8}[name], way), ebsd=path)
+    found, words = checked(
+        *map_of(path, name, grains, {"copper": 7, "Ti": 8}[name], way), ebsd=path
+    )
     assert found["better_reading"] == told
     # Indents that a flipped map puts into one grain are taken for tests of it, which scatter.
-    explained = [line.partition("What explains them: ")[2].partition(".")[0] for line in words if "explain" in line]
+    explained = [
+        line.partition("What explains them: ")[2].partition(".")[0]
+        for line in words
+        if "explain" in line
+    ]
     assert explained == [told] * bool(told)
 
 
@@ -146,7 +198,10 @@ def test_tests_that_a_flipped_map_puts_into_one_grain_count_with_all_their_direc
 def test_mistaken_crystal_axes_are_named_where_they_matter():
     """Angles for x along a* in place of a: phi2 is a quarter of a turn off."""
     # A mirror of quartz reverses x.
-    for name, grains, told in (("quartz", 24, "the crystal axes with x and y exchanged"), ("Ti", 24, "")):
+    for name, grains, told in (
+        ("quartz", 24, "the crystal axes with x and y exchanged"),
+        ("Ti", 24, ""),
+    ):
         symmetry, table, _ = measured(name, grains, 3)
         found, words = checked(symmetry, table | {"euler_deg": table["euler_deg"] + [0, 0, 90]})
         assert found["better_reading"] == told and len(words) == bool(told)
@@ -166,7 +221,9 @@ def test_one_bad_value_is_named_first_and_alone(name):
     document = bi.summary(bi.extract(table, symmetry=symmetry, **SHORT))
     assert document["warnings"][0].startswith("grain 7 disagrees with the others: its modulus is ")
     assert "without it they agree. Check its value" in document["warnings"][0]
-    assert not [line for line in document["warnings"][1:] if "disagree" in line or "scatter" in line]
+    assert not [
+        line for line in document["warnings"][1:] if "disagree" in line or "scatter" in line
+    ]
     found = document["checks"]["orientations"]
     assert found["outliers"] == [7]
     # A tenth is 0.9/0.02 sds less, of which some are the others' own.
@@ -175,23 +232,35 @@ def test_one_bad_value_is_named_first_and_alone(name):
 
 @pytest.mark.long
 def test_a_bad_value_that_bends_the_crystal_is_named_first():
-    """About the crystal that fits it no other grains agree; what is stated rightly is not blamed."""
+    """About the crystal that fits it no other grains agree; what is stated rightly is not
+    blamed.
+    """
     symmetry, table, _ = measured("nickel", 20, 77)
     table["modulus_gpa"][7] /= 10
-    document = bi.summary(bi.extract(table, symmetry=symmetry, knowledge={"bulk_modulus": (180, 4)}, **SHORT))
+    document = bi.summary(
+        bi.extract(table, symmetry=symmetry, knowledge={"bulk_modulus": (180, 4)}, **SHORT)
+    )
     assert document["warnings"][0].startswith("grain 8 disagrees with the others: its modulus is ")
-    assert not [line for line in document["warnings"][1:] if "disagree" in line or "contradicts" in line or "orientations" in line]
+    assert not [
+        line
+        for line in document["warnings"][1:]
+        if "disagree" in line or "contradicts" in line or "orientations" in line
+    ]
 
 
 @pytest.mark.long
 def test_sds_that_are_inferred_leave_the_shuffles_alone():
     symmetry, table, rng = measured("Ti", 30, 1)
-    found, _ = checked(symmetry, table | {"euler_deg": table["euler_deg"][rng.permutation(30)]}, scale="inferred")
+    found, _ = checked(
+        symmetry, table | {"euler_deg": table["euler_deg"][rng.permutation(30)]}, scale="inferred"
+    )
     assert found["p"] is None and found["power"] is None and found["p_shuffled"] > 0.01
 
 
 def test_a_turn_that_all_orientations_share():
-    """Against the covariance written out, its columns by finite rotations of the sample about its three axes."""
+    """Against the covariance written out, its columns by finite rotations of the sample about its
+    three axes.
+    """
     symmetry, constants = crystal("Zn")
     _, table, _ = measured("Zn", 8, 5)
     stiffness, sd = stiffness_rows(symmetry, [constants])[0], 2.0
@@ -200,31 +269,56 @@ def test_a_turn_that_all_orientations_share():
         sides = []
         for sign in (1, -1):
             # From crystal to sample, then the turn of the sample.
-            turned = Rotation.from_rotvec(sign * step * axis) * Rotation.from_euler("ZXZ", table["euler_deg"], degrees=True)
+            turned = Rotation.from_rotvec(sign * step * axis) * Rotation.from_euler(
+                "ZXZ", table["euler_deg"], degrees=True
+            )
             sides.append(halfspace_modulus(stiffness, turned.as_euler("ZXZ", degrees=True)))
         columns.append(np.radians(sd) * (sides[0] - sides[1]) / (2 * step))
     assert abs(columns[2]).max() < 1e-6 < abs(columns[0]).max()
-    covariance = np.diag(table["sd_gpa"] ** 2 + (0.01 * modulus) ** 2) + np.transpose(columns) @ columns
+    covariance = (
+        np.diag(table["sd_gpa"] ** 2 + (0.01 * modulus) ** 2) + np.transpose(columns) @ columns
+    )
     residual, theory = table["modulus_gpa"] - modulus, bi.Surrogate.load("halfspace")
-    posterior = Posterior.of(table, symmetry=symmetry, surrogate=theory, misalignment_sd_deg=sd, scatter_sd=0.01, **KIND)
+    posterior = Posterior.of(
+        table, symmetry=symmetry, surrogate=theory, misalignment_sd_deg=sd, scatter_sd=0.01, **KIND
+    )
     expected = stats.multivariate_normal(np.zeros(8), covariance).logpdf(residual)
     assert posterior.evaluate(constants)[1][0] == pytest.approx(expected, abs=0.02)
-    without = Posterior.of(table, symmetry=symmetry, surrogate=theory, scatter_sd=0.01, **KIND).evaluate(constants)[1][0]
+    without = Posterior.of(
+        table, symmetry=symmetry, surrogate=theory, scatter_sd=0.01, **KIND
+    ).evaluate(constants)[1][0]
     assert abs(without - expected) > 0.5
 
 
 def test_a_shared_turn_needs_angles():
-    table = {"u": [0, 1, 1], "v": [0, 1, 2], "w": [1, 1, 3], "indentation_modulus_gpa": [130, 140, 150], "sd_gpa": [3, 3, 3]}
+    table = {
+        "u": [0, 1, 1],
+        "v": [0, 1, 2],
+        "w": [1, 1, 3],
+        "indentation_modulus_gpa": [130, 140, 150],
+        "sd_gpa": [3, 3, 3],
+    }
     with pytest.raises(bi.InputError, match="misalignment_sd_deg = 2.0 needs Euler angles"):
-        bi.Problem.from_keywords("f", {"measurements": table}, problem={"symmetry": "cubic"}, measurements={"misalignment_sd_deg": 2.0})
+        bi.Problem.from_keywords(
+            "f",
+            {"measurements": table},
+            problem={"symmetry": "cubic"},
+            measurements={"misalignment_sd_deg": 2.0},
+        )
 
 
 @pytest.mark.long
 def test_the_error_budget_has_the_shared_turn():
     symmetry, table, _ = measured("Zn", 12, 6, noise=0.005)
-    bounds = {name: (0.7 * value, 1.3 * value) for name, value in zip(constant_names(symmetry), crystal("Zn")[1], strict=True)}
+    bounds = {
+        name: (0.7 * value, 1.3 * value)
+        for name, value in zip(constant_names(symmetry), crystal("Zn")[1], strict=True)
+    }
     settings = SHORT | {"bounds": bounds, "samples": 400, "burn_in": 2000}
     budgets = [
-        bi.summary(bi.extract(table, symmetry=symmetry, **settings, misalignment_sd_deg=sd))["error_budget"]["C44"] for sd in (0.0, 5.0)
+        bi.summary(bi.extract(table, symmetry=symmetry, **settings, misalignment_sd_deg=sd))[
+            "error_budget"
+        ]["C44"]
+        for sd in (0.0, 5.0)
     ]
     assert budgets[0]["orientation"] == 0.0 < budgets[1]["orientation"]

@@ -1,4 +1,6 @@
-"""A process in which another library has threads of OpenMP too, by a libgomp of its own, computes the same numbers."""
+"""A process in which another library has threads of OpenMP too, by a libgomp of its own, computes
+the same numbers.
+"""
 
 import subprocess
 import sys
@@ -33,5 +35,10 @@ def test_same_numbers_beside_scikit_learn():
 def printed(program):
     """The bits of the numbers."""
     show = "print(*[float(number).hex() for number in numbers])"
-    done = subprocess.run([sys.executable, "-W", "ignore", "-c", program + show], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", program + show],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     return done.stdout

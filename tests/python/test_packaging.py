@@ -29,18 +29,37 @@ def test_the_version_is_that_of_meson():
 def test_the_metadata_for_software_indexes_agree():
     project = tomllib.loads((SOURCE / "pyproject.toml").read_text())["project"]
     stated = json.loads((SOURCE / "codemeta.json").read_text())
-    assert (stated["name"], stated["description"], stated["keywords"]) == (project["name"], project["description"], project["keywords"])
-    assert stated["license"].endswith(f"/{project['license']}") and project["urls"]["Method"] == stated["referencePublication"][0]["@id"]
+    assert (stated["name"], stated["description"], stated["keywords"]) == (
+        project["name"],
+        project["description"],
+        project["keywords"],
+    )
+    assert (
+        stated["license"].endswith(f"/{project['license']}")
+        and project["urls"]["Method"] == stated["referencePublication"][0]["@id"]
+    )
 
 
 def test_conda_asks_for_what_pip_asks_for():
     project = tomllib.loads((SOURCE / "pyproject.toml").read_text())
     text = (SOURCE / "conda" / "meta.yaml").read_text()
     # Without what conda alone understands.
-    recipe = yaml.safe_load(re.sub(r"\{\{ *(.*?) *\}\}", r"\1", re.sub(r"\{%.*?%\}", "", text)).replace("compiler('", "").replace("')", ""))
-    asked = {line.replace(" ", "").replace("matplotlib-base", "matplotlib") for line in recipe["requirements"]["run"]}
-    assert asked == {*project["project"]["dependencies"], "python" + project["project"]["requires-python"]}
-    assert {line.replace(" ", "") for line in recipe["requirements"]["host"]} >= set(project["build-system"]["requires"]) - {"ninja>=1.10"}
+    recipe = yaml.safe_load(
+        re.sub(r"\{\{ *(.*?) *\}\}", r"\1", re.sub(r"\{%.*?%\}", "", text))
+        .replace("compiler('", "")
+        .replace("')", "")
+    )
+    asked = {
+        line.replace(" ", "").replace("matplotlib-base", "matplotlib")
+        for line in recipe["requirements"]["run"]
+    }
+    assert asked == {
+        *project["project"]["dependencies"],
+        "python" + project["project"]["requires-python"],
+    }
+    assert {line.replace(" ", "") for line in recipe["requirements"]["host"]} >= set(
+        project["build-system"]["requires"]
+    ) - {"ninja>=1.10"}
 
 
 def test_hosted_tests_run_what_is_there():
@@ -48,7 +67,9 @@ def test_hosted_tests_run_what_is_there():
     assert {"test", "wheel", "docs"} == set(jobs)
     matrix = jobs["test"]["strategy"]["matrix"]["python"]
     classifiers = tomllib.loads((SOURCE / "pyproject.toml").read_text())["project"]["classifiers"]
-    assert [f"Programming Language :: Python :: {version}" for version in matrix] == [text for text in classifiers if ":: 3." in text]
+    assert [f"Programming Language :: Python :: {version}" for version in matrix] == [
+        text for text in classifiers if ":: 3." in text
+    ]
     for job in jobs.values():
         for step in job["steps"]:
             for tool in re.findall(r"\./bayesindent (\w+)", step.get("run", "")):
@@ -62,23 +83,40 @@ def test_types_are_for_others_too():
 
 @pytest.mark.skipif(not BUILD, reason="the package is installed already, and was not built here")
 def test_the_installed_batch_program_finds_the_shipped_surrogates(tmp_path):
-    """Whichever Python it was built for: Debian's says lib/python3/dist-packages when it builds, and pip installs into other folders."""
+    """Whichever Python it was built for: Debian's says lib/python3/dist-packages when it builds,
+    and pip installs into other folders.
+    """
     meson = Path(sys.executable).with_name("meson")
-    subprocess.run([meson, "install", "-C", BUILD, "--no-rebuild", "--quiet", "--destdir", tmp_path], check=True, capture_output=True)
+    subprocess.run(
+        [meson, "install", "-C", BUILD, "--no-rebuild", "--quiet", "--destdir", tmp_path],
+        check=True,
+        capture_output=True,
+    )
     (packages,) = {path.parents[2] for path in tmp_path.rglob("bayesindent/data/block.txt")}
-    folder = packages.parents[1] / "python3.12" / ("dist-packages" if packages.name == "site-packages" else "site-packages")
+    folder = (
+        packages.parents[1]
+        / "python3.12"
+        / ("dist-packages" if packages.name == "site-packages" else "site-packages")
+    )
     folder.parent.mkdir(exist_ok=True)
     packages.rename(folder)
     (program,) = tmp_path.rglob("bin/bayesindent-batch")
     (tmp_path / "a.nml").write_text(
-        f"&problem symmetry = 'cubic' /\n&surrogate file = 'block' /\n&measurements file = '{SOURCE}/inputs/data/fe3si.csv' /\n"
+        "&problem symmetry = 'cubic' /\n&surrogate file = 'block' /\n&measurements file = "
+        f"'{SOURCE}/inputs/data/fe3si.csv' /\n"
     )
-    done = subprocess.run([program, "a.nml", "--check"], cwd=tmp_path, capture_output=True, text=True)
+    done = subprocess.run(
+        [program, "a.nml", "--check"], cwd=tmp_path, capture_output=True, text=True
+    )
     assert (done.returncode, done.stderr) == (0, ""), done.stderr
 
 
-@pytest.mark.skipif(shutil.which("nm") is None, reason="nm, which reads the symbols, comes with the compiler")
+@pytest.mark.skipif(
+    shutil.which("nm") is None, reason="nm, which reads the symbols, comes with the compiler"
+)
 def test_other_libraries_see_none_of_our_symbols():
     file = core.native.__file__
-    shown = subprocess.run(["nm", "--dynamic", "--defined-only", file], capture_output=True, text=True, check=True).stdout
+    shown = subprocess.run(
+        ["nm", "--dynamic", "--defined-only", file], capture_output=True, text=True, check=True
+    ).stdout
     assert [line.split()[-1] for line in shown.splitlines()] == ["PyInit__core"]

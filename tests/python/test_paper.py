@@ -1,4 +1,6 @@
-"""The author's pack: its numbers are those of the run, its figures have live text, and its cards are read as the solvers' manuals say."""
+"""The author's pack: its numbers are those of the run, its figures have live text, and its cards
+are read as the solvers' manuals say.
+"""
 
 import csv
 import json
@@ -20,7 +22,29 @@ from support.tree import SOURCE
 
 CCX = shutil.which("ccx")
 #: The order of the constants of *ELASTIC, TYPE=ANISO in the manuals of Abaqus and CalculiX.
-ORDER = ["1111", "1122", "2222", "1133", "2233", "3333", "1112", "2212", "3312", "1212", "1113", "2213", "3313", "1213", "1313", "1123", "2223", "3323", "1223", "1323", "2323"]  # fmt: skip
+ORDER = [
+    "1111",
+    "1122",
+    "2222",
+    "1133",
+    "2233",
+    "3333",
+    "1112",
+    "2212",
+    "3312",
+    "1212",
+    "1113",
+    "2213",
+    "3313",
+    "1213",
+    "1313",
+    "1123",
+    "2223",
+    "3323",
+    "1223",
+    "1323",
+    "2323",
+]
 #: Voigt numbers of pairs, in the order 11, 22, 33, 23, 13, 12.
 VOIGT = {"11": 0, "22": 1, "33": 2, "23": 3, "13": 4, "12": 5}
 
@@ -33,9 +57,15 @@ def any_stiffness() -> np.ndarray:
 
 def card_of(matrix, solver: str) -> str:
     names = [f"C{i}{j}" for i in range(1, 7) for j in range(i, 7)]
-    parameters = {name: {"mean": matrix[int(name[1]) - 1, int(name[2]) - 1], "sd": 1.0} for name in names}
+    parameters = {
+        name: {"mean": matrix[int(name[1]) - 1, int(name[2]) - 1], "sd": 1.0} for name in names
+    }
     results = SimpleNamespace(
-        synthetic=False, title="a test", symmetry="triclinic", constants=names, documents={"extract": {"parameters": parameters}}
+        synthetic=False,
+        title="a test",
+        symmetry="triclinic",
+        constants=names,
+        documents={"extract": {"parameters": parameters}},
     )
     return card(results, matrix, solver)
 
@@ -45,19 +75,36 @@ def test_cards_are_in_the_order_of_the_manuals(solver):
     matrix = any_stiffness()
     lines = card_of(matrix, solver).splitlines()
     start = next(i for i, line in enumerate(lines) if line.startswith("*ELASTIC"))
-    numbers = [float(number) for line in lines[start + 1 :] for number in line.split(",") if number.strip()]
+    numbers = [
+        float(number) for line in lines[start + 1 :] for number in line.split(",") if number.strip()
+    ]
     assert [len(line.rstrip(",").split(",")) for line in lines[start + 1 :]] == [8, 8, 5]
-    assert numbers == pytest.approx([1000 * matrix[VOIGT[key[:2]], VOIGT[key[2:]]] for key in ORDER], rel=1e-9)
+    assert numbers == pytest.approx(
+        [1000 * matrix[VOIGT[key[:2]], VOIGT[key[2:]]] for key in ORDER], rel=1e-9
+    )
     assert all(len(line) <= 132 for line in lines[start:])
 
 
-@pytest.mark.skipif(CCX is None, reason="CalculiX (ccx) is not installed: its card is compared with the manual alone")
+@pytest.mark.skipif(
+    CCX is None,
+    reason="CalculiX (ccx) is not installed: its card is compared with the manual alone",
+)
 def test_calculix_reads_its_card(tmp_path):
     """Six strains of one brick: the stresses are the stiffness times the strain."""
     matrix = any_stiffness()
-    corners = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], dtype=float)
-    lines = ["*NODE, NSET=ALL", *(f"{i}, {x}, {y}, {z}" for i, (x, y, z) in enumerate(corners, start=1))]
-    lines += ["*ELEMENT, TYPE=C3D8, ELSET=BRICK", "1, 1, 2, 3, 4, 5, 6, 7, 8", card_of(matrix, "calculix").rstrip()]
+    corners = np.array(
+        [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)],
+        dtype=float,
+    )
+    lines = [
+        "*NODE, NSET=ALL",
+        *(f"{i}, {x}, {y}, {z}" for i, (x, y, z) in enumerate(corners, start=1)),
+    ]
+    lines += [
+        "*ELEMENT, TYPE=C3D8, ELSET=BRICK",
+        "1, 1, 2, 3, 4, 5, 6, 7, 8",
+        card_of(matrix, "calculix").rstrip(),
+    ]
     lines += ["*SOLID SECTION, ELSET=BRICK, MATERIAL=CRYSTAL"]
     strains = []
     for k, (i, j) in enumerate([(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]):
@@ -66,11 +113,21 @@ def test_calculix_reads_its_card(tmp_path):
         gradient[j, i] += 0.5e-3
         strains.append(1e-3 * np.eye(6)[k])
         lines += ["*STEP", "*STATIC", "*BOUNDARY"]
-        lines += [f"{n}, {a}, {a}, {u:.6e}" for n, x in enumerate(corners, start=1) for a, u in enumerate(gradient @ x, start=1)]
+        lines += [
+            f"{n}, {a}, {a}, {u:.6e}"
+            for n, x in enumerate(corners, start=1)
+            for a, u in enumerate(gradient @ x, start=1)
+        ]
         lines += ["*EL PRINT, ELSET=BRICK", "S", "*END STEP"]
     (tmp_path / "brick.inp").write_text("\n".join(lines) + "\n")
-    done = subprocess.run([str(CCX), "brick"], cwd=tmp_path, capture_output=True, text=True, timeout=HANGS_S)
-    rows = [line.split() for line in (tmp_path / "brick.dat").read_text().splitlines() if re.match(r"\s+1\s+\d+\s+[-\d]", line)]
+    done = subprocess.run(
+        [str(CCX), "brick"], cwd=tmp_path, capture_output=True, text=True, timeout=HANGS_S
+    )
+    rows = [
+        line.split()
+        for line in (tmp_path / "brick.dat").read_text().splitlines()
+        if re.match(r"\s+1\s+\d+\s+[-\d]", line)
+    ]
     assert len(rows) == 6 * 8, done.stdout[-1000:]
     # Components xx, yy, zz, xy, xz, yz at eight points, equal in a brick of constant strain.
     stress = np.array(rows, dtype=float)[:, 2:].reshape(6, 8, 6).mean(axis=1)[:, [0, 1, 2, 5, 4, 3]]
@@ -78,11 +135,14 @@ def test_calculix_reads_its_card(tmp_path):
 
 
 def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
-    kept = [item for item in drawing.FIGURES if item[1].__name__ in ("grain_comparison", "validation")]
+    kept = [
+        item for item in drawing.FIGURES if item[1].__name__ in ("grain_comparison", "validation")
+    ]
     monkeypatch.setattr(drawing, "FIGURES", kept)
     file = tmp_path / "case.nml"
     file.write_text(
-        "&problem symmetry = 'cubic', synthetic = .true. /\n&sampler samples = 600, burn_in = 500, chains = 2 /\n"
+        "&problem symmetry = 'cubic', synthetic = .true. /\n&sampler samples = 600, burn_in = "
+        "500, chains = 2 /\n"
         f"&measurements file = '{SOURCE}/inputs/data/fe3si.csv' /\n"
         "&prior c_min = 150, 80, 60, c_max = 300, 200, 160 /\n"
     )
@@ -92,7 +152,10 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
     assert main(["extract", str(file), "--output", str(output)]) == 0
     # Figures take most of the time: a terminal sees how many are done.
     bars = []
-    monkeypatch.setattr("bayesindent.report.drawing.progress_bar", lambda *bar: bars.append(bar) or progress_bar(*bar))
+    monkeypatch.setattr(
+        "bayesindent.report.drawing.progress_bar",
+        lambda *bar: bars.append(bar) or progress_bar(*bar),
+    )
     assert main(["report", str(output), "--paper", "--json"]) == 0
     assert bars == [("figures", 2)]
     found = json.loads((output / "summary.json").read_text())["parameters"]
@@ -103,7 +166,10 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
     assert text.startswith("% The data are synthetic")
     assert "11 grains" in text
     check = json.loads((output / "summary.json").read_text())["checks"]["chi_square"]
-    assert rf"is {check['mean']:.1f} on average; it is larger in {100 * check['p']:.0f}\,\% of the data sets" in text
+    assert (
+        rf"is {check['mean']:.1f} on average; it is larger in {100 * check['p']:.0f}\,\% of the "
+        r"data sets" in text
+    )
     # The file says nothing of the tip.
     assert "[State the shape and the radius of the tip" in text
     assert "paraboloid" not in text
@@ -111,18 +177,30 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
     assert cited == set(re.findall(r"@\w+\{(\w+),", (paper / "references.bib").read_text()))
     comment, header, *rows = (paper / "constants.csv").read_text().splitlines()
     assert comment.startswith("# Synthetic data. ")
-    assert {row.split(",")[0]: row.split(",")[1] for row in rows} == {name: f"{item['mean']:.1f}" for name, item in found.items()}
+    assert {row.split(",")[0]: row.split(",")[1] for row in rows} == {
+        name: f"{item['mean']:.1f}" for name, item in found.items()
+    }
     assert header.split(",")[0] == "constant"
     assert (paper / "constants.tex").read_text().count(r"\\") == 1 + len(rows)
     _, header, *draws = csv.reader((paper / "posterior.csv").open())
     assert header == ["chain", "draw", "C11_gpa", "C12_gpa", "C44_gpa"]
     table = np.array(draws, dtype=float)
-    assert table[:, 2:].mean(axis=0) == pytest.approx([found[name]["mean"] for name in ("C11", "C12", "C44")], rel=1e-9)
-    expected = bi.stiffness("cubic", **{name: found[name]["mean"] for name in ("C11", "C12", "C44")})
-    assert f"{1000 * expected[0, 0]:.10g}, {1000 * expected[0, 1]:.10g}," in (paper / "stiffness_calculix.inp").read_text()
+    assert table[:, 2:].mean(axis=0) == pytest.approx(
+        [found[name]["mean"] for name in ("C11", "C12", "C44")], rel=1e-9
+    )
+    expected = bi.stiffness(
+        "cubic", **{name: found[name]["mean"] for name in ("C11", "C12", "C44")}
+    )
+    assert (
+        f"{1000 * expected[0, 0]:.10g}, {1000 * expected[0, 1]:.10g},"
+        in (paper / "stiffness_calculix.inp").read_text()
+    )
     # What was known has its source, or a place for it.
     assert "state the source" not in text
-    text, known = file.read_text(), "&knowledge quantity = 'bulk_modulus', 'C44', mean = 165, 120, sd = 3, 40"
+    text, known = (
+        file.read_text(),
+        "&knowledge quantity = 'bulk_modulus', 'C44', mean = 165, 120, sd = 3, 40",
+    )
     checksums = []
     for source in ("", ", source = 'a work of 1974', ''"):
         file.write_text(f"{text}{known}{source} /\n")
@@ -142,7 +220,11 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
         assert int.from_bytes(png[16:20], "big") == 2010
         assert len((paper / "figures" / f"{stem}.csv").read_text().splitlines()) > 8
     # The points of the residuals, by hand.
-    rows = list(csv.DictReader((paper / "figures" / "grain_comparison.csv").read_text().splitlines()[1:]))
+    rows = list(
+        csv.DictReader((paper / "figures" / "grain_comparison.csv").read_text().splitlines()[1:])
+    )
     drawn = sorted(float(row["y"]) for row in rows if row["panel"] == "2" and row["kind"] == "line")
     predicted = json.loads((output / "summary.json").read_text())["predicted"]
-    assert drawn == pytest.approx(sorted((item["measured"] - item["mean"]) / item["measured_sd"] for item in predicted))
+    assert drawn == pytest.approx(
+        sorted((item["measured"] - item["mean"]) / item["measured_sd"] for item in predicted)
+    )

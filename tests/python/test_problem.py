@@ -46,7 +46,9 @@ def test_bad_input_is_refused(path):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("content", [b"", b"\n \n", b"\xff\xfe&\x00p\x00", b"\x00", b"\xef\xbb\xbf"], ids=repr)
+@pytest.mark.parametrize(
+    "content", [b"", b"\n \n", b"\xff\xfe&\x00p\x00", b"\x00", b"\xef\xbb\xbf"], ids=repr
+)
 def test_no_text_is_refused(tmp_path, content):
     path = tmp_path / "case.nml"
     path.write_bytes(content)
@@ -65,13 +67,20 @@ def test_defaults_and_values(tmp_path):
     path = write(
         tmp_path,
         "&domain c_min=80,40,30,70,40 c_max=240,120,90,210,90 anisotropy_cap=66.2/"
-        "! a comment\r\n&PROBLEM Symmetry = 'Hexagonal', title = 'It''s / \"x\" ! é' ! more\r\n seed=7/\r\n"
-        "&design budget = 30, &end\n&indenter radius_um=1.6d1/\n&simulation VTU=t/\n&prior c_min = 2*20 3*1e1\n c_max = 5*500. /",
+        "! a comment\r\n&PROBLEM Symmetry = 'Hexagonal', title = 'It''s / \"x\" ! é' ! more\r\n "
+        "seed=7/\r\n"
+        "&design budget = 30, &end\n&indenter radius_um=1.6d1/\n&simulation VTU=t/\n&prior "
+        "c_min = 2*20 3*1e1\n c_max = 5*500. /",
     )
     problem = bi.Problem(path, "build")
     settings = problem.settings
     about = settings.problem
-    assert (about.symmetry, about.seed, about.title, about.synthetic) == ("hexagonal", 7, 'It\'s / "x" ! é', False)
+    assert (about.symmetry, about.seed, about.title, about.synthetic) == (
+        "hexagonal",
+        7,
+        'It\'s / "x" ! é',
+        False,
+    )
     assert settings.design.budget == 30
     assert settings.design.batch == 1
     assert settings.simulation.vtu is True
@@ -97,31 +106,46 @@ def test_defaults_and_values(tmp_path):
 
 
 def test_resolved_file_resolves_to_itself(tmp_path):
-    path = write(tmp_path, HEAD.replace("7.2", "0.1234567890123456789") + "&design /\n&prior c_max = 3*300/")
+    path = write(
+        tmp_path, HEAD.replace("7.2", "0.1234567890123456789") + "&design /\n&prior c_max = 3*300/"
+    )
     problem = bi.Problem(path)
     again = bi.Problem(write(tmp_path, problem.resolved, "again.nml"))
     assert problem.resolved.splitlines()[1:] == again.resolved.splitlines()[1:]
     assert again.settings.domain.anisotropy_cap == 0.1234567890123456789
-    assert (again.settings.prior.c_min, again.settings.prior.c_max.tolist()) == (None, [300, 300, 300]), "one bound may stand alone"
+    assert (again.settings.prior.c_min, again.settings.prior.c_max.tolist()) == (
+        None,
+        [300, 300, 300],
+    ), "one bound may stand alone"
 
 
 def test_reference_tables_load(tmp_path):
     path = write(
         tmp_path,
-        f"&problem symmetry = 'cubic' synthetic = .true. /\n&crystals points = '{REFERENCE}/halfspace_moduli.csv' /\n"
-        f"&measurements file = '{REFERENCE}/cubic_fe3si.csv', modulus_kind = 'indentation_modulus' /\n",
+        "&problem symmetry = 'cubic' synthetic = .true. /\n&crystals points = "
+        f"'{REFERENCE}/halfspace_moduli.csv' /\n"
+        f"&measurements file = '{REFERENCE}/cubic_fe3si.csv', modulus_kind = "
+        "'indentation_modulus' /\n",
     )
     problem = bi.Problem(path)
     crystals = problem.crystals
     assert len(crystals) == 31
-    assert crystals.constants[0] == {"C11": 161.1, "C12": 34.2, "C44": 38.3, "C33": 61.1, "C13": 50.3}
+    assert crystals.constants[0] == {
+        "C11": 161.1,
+        "C12": 34.2,
+        "C44": 38.3,
+        "C33": 61.1,
+        "C13": 50.3,
+    }
     assert list(crystals.constants[-1]) == list(constant_names("cubic"))
     assert crystals.columns[0] == "material"
     assert crystals.rows[0][7] == "Phi=0"
     for i, name in enumerate(["hexagonal"] * 15 + ["cubic"] * 16):
         assert np.array_equal(crystals.stiffness[i], bi.stiffness(name, **crystals.constants[i]))
     moduli = bi.halfspace_modulus(crystals.stiffness, crystals.euler_deg)
-    assert moduli == pytest.approx([float(row[crystals.columns.index("M_elliptic")]) for row in crystals.rows], rel=1e-4)
+    assert moduli == pytest.approx(
+        [float(row[crystals.columns.index("M_elliptic")]) for row in crystals.rows], rel=1e-4
+    )
     assert len(problem.measurements) == 11
     assert problem.measurements.sd_gpa.tolist() == [4.5] * 11
     assert problem.measurements.modulus_gpa[0] == 219.025
@@ -132,7 +156,13 @@ def test_triclinic_rows(tmp_path):
     names = constant_names("triclinic")
     matrix = bi.stiffness("hexagonal", C11=161.1, C12=34.2, C44=38.3, C33=61.1, C13=50.3)
     values = [repr(float(matrix[int(n[1]) - 1, int(n[2]) - 1])) for n in names]
-    path = write(tmp_path, ",".join([*names, "phi1_deg", "Phi_deg", "phi2_deg"]) + "\n" + ",".join([*values, "1", "2", "30"]), "a.csv")
+    path = write(
+        tmp_path,
+        ",".join([*names, "phi1_deg", "Phi_deg", "phi2_deg"])
+        + "\n"
+        + ",".join([*values, "1", "2", "30"]),
+        "a.csv",
+    )
     points = read_crystals(path, "cubic")
     assert tuple(points.constants[0]) == names
     assert points.modulus_gpa is None
@@ -166,16 +196,30 @@ def test_quoted_cells_and_comments(tmp_path):
 )
 def test_warnings(tmp_path, rows, warning):
     write(tmp_path, "\n".join(["phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa", *rows]), "m.csv")
-    problem = bi.Problem(write(tmp_path, "&problem symmetry='cubic'/\n&measurements file='m.csv' modulus_kind='sample_modulus'/\n"))
+    problem = bi.Problem(
+        write(
+            tmp_path,
+            "&problem symmetry='cubic'/\n&measurements file='m.csv' "
+            "modulus_kind='sample_modulus'/\n",
+        )
+    )
     assert len(problem.warnings) == 1
     assert warning in problem.warnings[0]
     assert "\n" not in problem.warnings[0]
 
 
 def test_candidates_with_training_moduli(tmp_path):
-    write(tmp_path, "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg,modulus_gpa\n225,135,118,1,20,3,220.5\n500,135,118,1,20,3,\n", "c.csv")
+    write(
+        tmp_path,
+        "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg,modulus_gpa\n225,135,118,1,20,3,220.5\n"
+        "500,135,118,1,20,3,\n",
+        "c.csv",
+    )
     problem = bi.Problem(write(tmp_path, HEAD + "&design candidates='c.csv'/\n"), "build")
-    assert [list(row.values()) for row in problem.candidates.constants] == [[225, 135, 118], [500, 135, 118]]
+    assert [list(row.values()) for row in problem.candidates.constants] == [
+        [225, 135, 118],
+        [500, 135, 118],
+    ]
     assert problem.candidates.modulus_gpa[0] == 220.5
     assert np.isnan(problem.candidates.modulus_gpa[1])
     assert "1 of 2 rows of c.csv lie outside &domain" in problem.warnings[0]
@@ -185,7 +229,11 @@ def test_folder_of_the_file_and_odd_names(tmp_path):
     folder = tmp_path / "a b é"
     folder.mkdir()
     (folder / "m.csv").write_text("phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa\n10,20,30,210,4\n")
-    path = write(folder, "&problem symmetry='cubic'/\n&measurements file='m.csv' modulus_kind='sample_modulus'/\n", "ü.nml")
+    path = write(
+        folder,
+        "&problem symmetry='cubic'/\n&measurements file='m.csv' modulus_kind='sample_modulus'/\n",
+        "ü.nml",
+    )
     assert len(bi.Problem(path).measurements) == 1
     os.chdir(folder)
     assert len(bi.Problem("ü.nml").measurements) == 1
@@ -202,7 +250,14 @@ def value_of(variable, symmetry, draw):
         if variable.kind == "integer":
             number = number.map(round)
         return draw(number)
-    return draw(st.text(st.characters(codec="utf-8", exclude_categories=("C", "Z"), include_characters=" '\"!/&=,"), max_size=30))
+    return draw(
+        st.text(
+            st.characters(
+                codec="utf-8", exclude_categories=("C", "Z"), include_characters=" '\"!/&=,"
+            ),
+            max_size=30,
+        )
+    )
 
 
 @st.composite
@@ -218,13 +273,38 @@ def namelists(draw):
     free = [
         v
         for v in schema()
-        if v.default != "*" and v.kind not in ("file", "choice or file")
-        and v.group not in ("crystals", "curves", "references", "measurements", "prior", "knowledge", "plan")
-        and v.name not in ("symmetry", "c_min", "c_max", "anisotropy_cap", "classes", "poisson_min", "poisson_max", "stiffness_min_gpa",
-                           "stiffness_max_gpa", "n_candidates", "budget", "initial", "file", "scan", "target", "model", "degree", "bandlimit",
-                           "geometry", "shape", "contact_radius_um", "lattice", "reference_gpa",
-                           "density_kg_m3")
-    ]  # fmt: skip
+        if v.default != "*"
+        and v.kind not in ("file", "choice or file")
+        and v.group
+        not in ("crystals", "curves", "references", "measurements", "prior", "knowledge", "plan")
+        and v.name
+        not in (
+            "symmetry",
+            "c_min",
+            "c_max",
+            "anisotropy_cap",
+            "classes",
+            "poisson_min",
+            "poisson_max",
+            "stiffness_min_gpa",
+            "stiffness_max_gpa",
+            "n_candidates",
+            "budget",
+            "initial",
+            "file",
+            "scan",
+            "target",
+            "model",
+            "degree",
+            "bandlimit",
+            "geometry",
+            "shape",
+            "contact_radius_um",
+            "lattice",
+            "reference_gpa",
+            "density_kg_m3",
+        )
+    ]
     for variable in draw(st.lists(st.sampled_from(free), unique_by=lambda v: (v.group, v.name))):
         content.setdefault(variable.group, {})[variable.name] = value_of(variable, symmetry, draw)
     return content, spelled(content, random.Random(draw(st.integers(0, 2**32))))
@@ -236,7 +316,9 @@ def spelled(content, rng):
 
     def word(value):
         if isinstance(value, bool):
-            return rng.choice([".true.", "T", ".t.", "true"] if value else [".false.", "F", ".F.", "False"])
+            return rng.choice(
+                [".true.", "T", ".t.", "true"] if value else [".false.", "F", ".F.", "False"]
+            )
         if isinstance(value, str):
             quote = rng.choice("'\"")
             return quote + value.replace(quote, quote * 2) + quote
@@ -244,11 +326,18 @@ def spelled(content, rng):
 
     pieces = []
     for group in rng.sample(list(content), len(content)):
-        pieces.append(rng.choice(["", "! head\n", "\n\n"]) + "&" + rng.choice([group, group.upper()]))
+        pieces.append(
+            rng.choice(["", "! head\n", "\n\n"]) + "&" + rng.choice([group, group.upper()])
+        )
         for name, value in content[group].items():
             values = value if isinstance(value, list) else [value]
             separator = rng.choice([", ", " ", ",\n"])
-            pieces.append(blank() + rng.choice([name, name.title()]) + rng.choice(["=", " = ", " =\n"]) + separator.join(map(word, values)))
+            pieces.append(
+                blank()
+                + rng.choice([name, name.title()])
+                + rng.choice(["=", " = ", " =\n"])
+                + separator.join(map(word, values))
+            )
             pieces.append(rng.choice(["", ","]))
         pieces.append(blank() + rng.choice(["/", "&end", "&END"]) + "\n")
     return "".join(pieces)
@@ -284,5 +373,7 @@ def test_any_text_gives_one_line(tmp_path_factory, text):
 
 def test_a_synonym_is_its_crystal_class(tmp_path):
     write(tmp_path, "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168,121,75,0,0,0\n", "p.csv")
-    problem = bi.Problem(write(tmp_path, "&problem symmetry = 'M-3m' /\n&crystals points = 'p.csv' /\n"), "theory")
+    problem = bi.Problem(
+        write(tmp_path, "&problem symmetry = 'M-3m' /\n&crystals points = 'p.csv' /\n"), "theory"
+    )
     assert problem.settings.problem.symmetry == "cubic" and "symmetry = 'cubic'" in problem.resolved

@@ -1,4 +1,6 @@
-"""Evidence regression and sequential design against closed forms, brute force and direct densities, on the terms of real bases."""
+"""Evidence regression and sequential design against closed forms, brute force and direct densities,
+on the terms of real bases.
+"""
 
 import numpy as np
 import pytest
@@ -20,9 +22,13 @@ BASES = {
 
 
 #: Degrees of the terms in the crystal; of the paper's those of the products, two harmonics each.
-DEGREES = {name: getattr(basis, "polynomial_degrees", np.repeat([0, 1, 1, 1, 2, 2, 2, 3], 2)) for name, basis in BASES.items()}
+DEGREES = {
+    name: getattr(basis, "polynomial_degrees", np.repeat([0, 1, 1, 1, 2, 2, 2, 3], 2))
+    for name, basis in BASES.items()
+}
 
-#: Of the logarithm of the fall: the values that are tried, and centre and sd of its normal prior (docs/verification/surrogate.md).
+#: Of the logarithm of the fall: the values that are tried, and centre and sd of its normal prior
+#: (docs/verification/surrogate.md).
 FALLS, TYPICAL, SD = np.linspace(-2.1, -0.15, 14), -0.9, 0.12
 
 
@@ -32,7 +38,9 @@ def free_width(degrees, fall):
 
 
 class Case:
-    """A learner with n simulations, and its model written out: terms, y, and widths of the prior."""
+    """A learner with n simulations, and its model written out: terms, y, and widths of the
+    prior.
+    """
 
     def __init__(self, name, n_data, noise=0.02, seed=1, wave=0.0):
         self.basis = BASES[name]
@@ -44,7 +52,9 @@ class Case:
         self.terms, self.scale = terms_of(self.basis, self.constants, self.angles)
         rng = np.random.default_rng(seed)
         coefficients = wave * rng.normal(size=self.basis.n_terms) * 0.2 ** DEGREES[name]
-        self.modulus = theory * np.exp(0.1 + coefficients @ self.terms + noise * rng.normal(size=n_data))
+        self.modulus = theory * np.exp(
+            0.1 + coefficients @ self.terms + noise * rng.normal(size=n_data)
+        )
         self.learner.add(self.constants, self.angles, self.modulus, chosen=True)
         self.y = to_y(self.basis, self.modulus, self.scale) / self.spread
         self.terms = self.terms / self.spread
@@ -59,7 +69,9 @@ class Case:
 
     def density(self, alpha, beta, width):
         """ln p(y) with the covariance written out: the evidence."""
-        covariance = np.eye(len(self.y)) / beta + self.terms.T @ np.diag(width**2 / alpha) @ self.terms
+        covariance = (
+            np.eye(len(self.y)) / beta + self.terms.T @ np.diag(width**2 / alpha) @ self.terms
+        )
         return multivariate_normal(np.zeros(len(self.y)), covariance).logpdf(self.y)
 
     @property
@@ -68,7 +80,9 @@ class Case:
         return 1.0 if self.basis.logarithmic else 200.0
 
 
-@pytest.mark.parametrize("name, n_data", [("paper", 40), ("paper", 10), ("small", 40), ("small", 12), ("large", 30)])
+@pytest.mark.parametrize(
+    "name, n_data", [("paper", 40), ("paper", 10), ("small", 40), ("small", 12), ("large", 30)]
+)
 def test_posterior_is_the_conjugate_one(name, n_data):
     case = Case(name, n_data)
     alpha, beta = 2.0 / case.unit**2, 300.0 / case.unit**2
@@ -96,7 +110,9 @@ def test_prior_falls_with_the_degree(name):
 @pytest.mark.long_where("small")
 @pytest.mark.parametrize("name, n_data", [("paper", 60), ("small", 60), ("large", 40)])
 def test_evidence_is_maximised(name, n_data):
-    """Over alpha and beta at the fall that was found, and over the falls that are tried, each with a normal prior of its logarithm."""
+    """Over alpha and beta at the fall that was found, and over the falls that are tried, each with
+    a normal prior of its logarithm.
+    """
     case = Case(name, n_data, noise=0.05, wave=1.0)
     learner = case.learner
     learner.fit()
@@ -110,7 +126,9 @@ def test_evidence_is_maximised(name, n_data):
     assert [found["alpha"], found["beta"]] == pytest.approx(np.exp(best.x), rel=1e-3)
     # Far from there the covariance is singular to rounding: by its eigenvalues.
     values, vectors = np.linalg.eigh(case.terms.T @ np.diag(case.width**2) @ case.terms)
-    alpha, beta = np.meshgrid(found["alpha"] * np.geomspace(1e-8, 1e8, 60), found["beta"] * np.geomspace(1e-4, 1e4, 60))
+    alpha, beta = np.meshgrid(
+        found["alpha"] * np.geomspace(1e-8, 1e8, 60), found["beta"] * np.geomspace(1e-4, 1e4, 60)
+    )
     variance = 1 / beta[..., None] + np.maximum(0, values) / alpha[..., None]
     densities = norm(scale=np.sqrt(variance)).logpdf(vectors.T @ case.y).sum(axis=-1)
     assert densities.max() <= -best.fun + 1e-7
@@ -134,7 +152,9 @@ def test_evidence_is_maximised(name, n_data):
 
 
 def test_the_fall_is_learnt():
-    """Coefficients that fall fast or slowly: the fall that is found goes with them, as far as experience lets it."""
+    """Coefficients that fall fast or slowly: the fall that is found goes with them, as far as
+    experience lets it.
+    """
     basis, found = BASES["large"], []
     constants, angles = spread_crystals(basis, 400, 3)
     terms, scale = terms_of(basis, constants, angles)
@@ -158,7 +178,8 @@ def test_noise_is_bounded_below(name):
 
 
 def test_more_than_two_thousand_updates_equal_a_refit():
-    # Not a multiple of the interval at which the posterior is computed afresh; precisions of the prior over eight decades.
+    # Not a multiple of the interval at which the posterior is computed afresh; precisions of the
+    # prior over eight decades.
     case = Case("large", 2499)
     assert (case.width.max() / case.width.min()) ** 2 > 1e5
     case.learner.fit(1e-2, 1e4)
@@ -172,7 +193,9 @@ def test_more_than_two_thousand_updates_equal_a_refit():
         assert np.abs(values - expected).max() <= 1e-8 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("name, n_data", [("paper", 40), ("small", 40), ("small", 24), ("large", 24)])
+@pytest.mark.parametrize(
+    "name, n_data", [("paper", 40), ("small", 40), ("small", 24), ("large", 24)]
+)
 def test_leaving_out_equals_brute_force(name, n_data):
     case = Case(name, n_data)
     alpha, beta = 1.5 / case.unit**2, 2000.0 / case.unit**2
@@ -184,8 +207,13 @@ def test_leaving_out_equals_brute_force(name, n_data):
         for i in range(n_data):
             rest = groups != groups[i]
             mean, covariance = case.closed_form(case.terms[:, rest], case.y[rest], alpha, beta)
-            predicted, sd = mean @ case.terms[:, i], np.sqrt(1 / beta + case.terms[:, i] @ covariance @ case.terms[:, i])
-            assert moduli[i] == pytest.approx(to_modulus(case.basis, predicted * case.spread[i], case.scale[i]), rel=1e-6)
+            predicted, sd = (
+                mean @ case.terms[:, i],
+                np.sqrt(1 / beta + case.terms[:, i] @ covariance @ case.terms[:, i]),
+            )
+            assert moduli[i] == pytest.approx(
+                to_modulus(case.basis, predicted * case.spread[i], case.scale[i]), rel=1e-6
+            )
             assert z[i] == pytest.approx((case.y[i] - predicted) / sd, rel=1e-5, abs=1e-6)
 
 
@@ -213,7 +241,9 @@ def test_choices_equal_exhaustive_search(name, rule):
         if rule != "imse":
             return importance[j] ** 2 * terms[:, j] @ reach
         after = covariance - np.outer(reach, reach) / (1 / beta + terms[:, j] @ reach)
-        before, left = (np.einsum("ij,ik,kj->j", terms, matrix, terms) for matrix in (covariance, after))
+        before, left = (
+            np.einsum("ij,ik,kj->j", terms, matrix, terms) for matrix in (covariance, after)
+        )
         return np.sum(importance**2 * (before - left))
 
     # One by one and several at once.
@@ -223,7 +253,9 @@ def test_choices_equal_exhaustive_search(name, rule):
     for choice, stated in zip(chosen, variance, strict=True):
         _, covariance = case.closed_form(data, np.zeros(data.shape[1]), alpha, beta)
         best = max(left, key=lambda j: worth(covariance, j))
-        assert choice == best or worth(covariance, choice) == pytest.approx(worth(covariance, best), rel=1e-9)
+        assert choice == best or worth(covariance, choice) == pytest.approx(
+            worth(covariance, best), rel=1e-9
+        )
         assert stated == pytest.approx(terms[:, choice] @ covariance @ terms[:, choice], rel=1e-7)
         data = np.column_stack([data, terms[:, choice]])
         left.remove(choice)
@@ -233,7 +265,9 @@ def test_choices_equal_exhaustive_search(name, rule):
     y = np.concatenate([case.y, to_y(case.basis, modulus, scale[chosen]) / spread[chosen]])
     mean, covariance = case.closed_form(data, y, alpha, beta)
     assert case.learner.values("mean") == pytest.approx(mean, rel=1e-6, abs=1e-7 * case.unit)
-    assert case.learner.variances() == pytest.approx(np.einsum("ij,ik,kj->j", terms, covariance, terms), rel=1e-6)
+    assert case.learner.variances() == pytest.approx(
+        np.einsum("ij,ik,kj->j", terms, covariance, terms), rel=1e-6
+    )
     assert np.abs(case.learner.covariance() - covariance).max() <= 1e-7 * np.abs(covariance).max()
 
 
@@ -255,9 +289,13 @@ def test_equal_candidates_lowest_first_and_threads_alike(rule):
     learner = Learner(basis)
     learner.set_candidates(constants, angles, rule)
     learner.fit(1.0, 1e-4)
-    order = [number for _ in range(4) for number in learner.choose(5)[0] if number in {*copies, first}]
+    order = [
+        number for _ in range(4) for number in learner.choose(5)[0] if number in {*copies, first}
+    ]
     expected = sorted({*copies, first})
-    assert order == expected[: len(order)] and len(order) >= (3 if rule == "relative_variance" else 1)
+    assert order == expected[: len(order)] and len(order) >= (
+        3 if rule == "relative_variance" else 1
+    )
     sequences = []
     for threads in (1, 2, 4):
         learner = Learner(BASES["large"])

@@ -8,12 +8,17 @@ import bayesindent as bi
 from support.densities import Posterior
 from support.tree import SOURCE
 
-#: Three grains of four, two and one tests, not in order; phi1 does not matter to the indented direction.
+#: Three grains of four, two and one tests, not in order; phi1 does not matter to the indented
+#: direction.
 ROWS = [
-    ("b", 10.0, 40.0, 30.0, 200.0, 4.0), ("a", 0.0, 10.0, 20.0, 210.0, 3.0), ("b", 80.0, 40.0, 30.0, 206.0, 2.0),
-    ("b", 10.0, 41.0, 30.0, 203.0, 4.0), ("c", 5.0, 80.0, 45.0, 190.0, 5.0), ("a", 0.0, 10.0, 20.0, 204.0, 6.0),
+    ("b", 10.0, 40.0, 30.0, 200.0, 4.0),
+    ("a", 0.0, 10.0, 20.0, 210.0, 3.0),
+    ("b", 80.0, 40.0, 30.0, 206.0, 2.0),
+    ("b", 10.0, 41.0, 30.0, 203.0, 4.0),
+    ("c", 5.0, 80.0, 45.0, 190.0, 5.0),
+    ("a", 0.0, 10.0, 20.0, 204.0, 6.0),
     ("b", 10.0, 40.0, 30.0, 198.0, 3.0),
-]  # fmt: skip
+]
 NAMES = ("grain", "phi1_deg", "Phi_deg", "phi2_deg", "indentation_modulus_gpa", "sd_gpa")
 
 
@@ -22,7 +27,9 @@ def table(rows=ROWS, **columns):
 
 
 def problem(table, symmetry="cubic", **asked):
-    return bi.Problem.from_keywords("f", {"measurements": table}, problem={"symmetry": symmetry}, measurements=asked)
+    return bi.Problem.from_keywords(
+        "f", {"measurements": table}, problem={"symmetry": symmetry}, measurements=asked
+    )
 
 
 def moments(name, rows=ROWS):
@@ -43,14 +50,18 @@ def test_tests_of_a_grain_are_their_weighted_mean():
 
 
 def test_the_mean_is_sufficient():
-    """With errors of their own the tests one by one and their mean say the same of the crystal, up to a constant."""
+    """With errors of their own the tests one by one and their mean say the same of the crystal, up
+    to a constant.
+    """
     # Each with the angles of the first row of its grain.
     angles = {row[0]: row[1:4] for row in reversed(ROWS)}
     rows = [(row[0], *angles[row[0]], *row[4:]) for row in ROWS]
     settings = {"symmetry": "cubic", "surrogate": bi.Surrogate.load("halfspace")}
     single = {name: values for name, values in table(rows).items() if name != "grain"}
     points = np.array([[220.0, 130.0, 110.0], [230.0, 140.0, 118.0], [210.0, 120.0, 100.0]])
-    apart, together = (Posterior.of(data, **settings).evaluate(points)[1] for data in (single, table(rows)))
+    apart, together = (
+        Posterior.of(data, **settings).evaluate(points)[1] for data in (single, table(rows))
+    )
     assert apart - apart[0] == pytest.approx(together - together[0], abs=1e-9)
 
 
@@ -63,7 +74,11 @@ def test_groups_are_kept_apart():
 @pytest.mark.parametrize(("factor", "said"), [(1.0, None), (4.0, "more"), (0.02, "less")])
 def test_scatter_is_compared_with_the_sds(factor, said):
     rng = np.random.default_rng(2)
-    rows = [(name, 0.0, 9.0 * name, 20.0, 200.0 + factor * 3.0 * rng.normal(), 3.0) for name in range(10) for _ in range(4)]
+    rows = [
+        (name, 0.0, 9.0 * name, 20.0, 200.0 + factor * 3.0 * rng.normal(), 3.0)
+        for name in range(10)
+        for _ in range(4)
+    ]
     chi_square = sum(moments(name, rows)[2] for name in range(10))
     warnings = [line for line in problem(table(rows)).warnings if "tests of a grain" in line]
     share = stats.chi2.sf(chi_square, 30)
@@ -71,7 +86,10 @@ def test_scatter_is_compared_with_the_sds(factor, said):
     assert (said == "less") == (share > 0.99)
     assert len(warnings) == (said is not None)
     if said:
-        words = f"scatter {said} than their stated sds, {np.sqrt(chi_square / 30):.1f} times as much (chi-square {chi_square:.1f}, degrees of freedom 30)"
+        words = (
+            f"scatter {said} than their stated sds, {np.sqrt(chi_square / 30):.1f} times as "
+            f"much (chi-square {chi_square:.1f}, degrees of freedom 30)"
+        )
         assert words in warnings[0]
 
 
@@ -81,19 +99,34 @@ def test_a_grain_whose_tests_disagree_is_named():
     chi_square = moments("c", rows)[2]
     assert len(lines) == 1
     assert (
-        f"the 2 tests of grain c disagree with each other, 5.7 times as much (chi-square {chi_square:.1f}, degrees of freedom 1)"
-        in lines[0]
+        "the 2 tests of grain c disagree with each other, 5.7 times as much (chi-square "
+        f"{chi_square:.1f}, degrees of freedom 1)" in lines[0]
     )
 
 
 @pytest.mark.parametrize(
-    ("value", "freedom"), [(0.001, 1), (3.84, 1), (2.0, 7), (7.0, 7), (9.1, 7), (30.0, 7), (80.0, 100), (130.0, 100), (1100.0, 1000)]
+    ("value", "freedom"),
+    [
+        (0.001, 1),
+        (3.84, 1),
+        (2.0, 7),
+        (7.0, 7),
+        (9.1, 7),
+        (30.0, 7),
+        (80.0, 100),
+        (130.0, 100),
+        (1100.0, 1000),
+    ],
 )
 def test_the_distribution_of_chi_square(value, freedom):
     """A verdict turns where scipy's probability does."""
     # Two values on both sides of 200 for each degree of freedom.
     half = np.sqrt(value / freedom / 2)
-    rows = [(name, 0.0, 10.0, 20.0, 200.0 + sign * half, 1.0) for name in range(freedom) for sign in (-1, 1)]
+    rows = [
+        (name, 0.0, 10.0, 20.0, 200.0 + sign * half, 1.0)
+        for name in range(freedom)
+        for sign in (-1, 1)
+    ]
     lines = "\n".join(problem(table(rows), symmetry="isotropic").warnings)
     assert ("scatter more" in lines) == (stats.chi2.sf(value, freedom) < 0.01)
     assert ("scatter less" in lines) == (stats.chi2.sf(value, freedom) > 0.99)
@@ -102,7 +135,11 @@ def test_the_distribution_of_chi_square(value, freedom):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"sd_gpa": None}, "the column grain has several tests of one grain, and to combine them the column sd_gpa is needed"),
+        (
+            {"sd_gpa": None},
+            "the column grain has several tests of one grain, and to combine them the column "
+            "sd_gpa is needed",
+        ),
         (
             {"grain": ["b", "a", "", "b", "c", "a", "b"]},
             "line 3, column grain: the cell is empty; the name or number of the grain is needed",
@@ -116,7 +153,10 @@ def test_the_distribution_of_chi_square(value, freedom):
 def test_refusals(change, words):
     asked = {"scale": "inferred"} if "sd_gpa" in change else {}
     with pytest.raises(bi.InputError, match="f: &measurements: ") as error:
-        problem({name: values for name, values in table(**change).items() if values is not None}, **asked)
+        problem(
+            {name: values for name, values in table(**change).items() if values is not None},
+            **asked,
+        )
     assert words in str(error.value)
 
 
@@ -128,15 +168,28 @@ def test_equivalent_orientations_are_one():
 
 @pytest.mark.long
 def test_names_reach_the_document():
-    result = bi.extract(table(), symmetry="cubic", samples=50, burn_in=200, chains=1, knowledge={"bulk_modulus": (165, 3)})
+    result = bi.extract(
+        table(),
+        symmetry="cubic",
+        samples=50,
+        burn_in=200,
+        chains=1,
+        knowledge={"bulk_modulus": (165, 3)},
+    )
     rows = bi.summary(result)["predicted"]
     assert [(row["grain"], row["tests"]) for row in rows] == [("b", 4), ("a", 2), ("c", 1)]
     assert rows[0]["chi_square_of_tests"] == pytest.approx(moments("b")[2], rel=1e-12)
 
 
 def test_one_row_a_grain_stays_as_it_is(tmp_path):
-    rows = [line for line in (SOURCE / "inputs" / "data" / "fe3si.csv").read_text().splitlines() if not line.startswith("#")]
-    (tmp_path / "a.csv").write_text("\n".join([f"grain,{rows[0]}", *(f"{number},{row}" for number, row in enumerate(rows[1:]))]))
+    rows = [
+        line
+        for line in (SOURCE / "inputs" / "data" / "fe3si.csv").read_text().splitlines()
+        if not line.startswith("#")
+    ]
+    (tmp_path / "a.csv").write_text(
+        "\n".join([f"grain,{rows[0]}", *(f"{number},{row}" for number, row in enumerate(rows[1:]))])
+    )
     asked = {"file": str(tmp_path / "a.csv"), "modulus_kind": "indentation_modulus"}
     named = bi.Problem.from_keywords("f", problem={"symmetry": "cubic"}, measurements=asked)
     assert named.measurements.names == [str(number) for number in range(len(rows) - 1)]
@@ -144,7 +197,9 @@ def test_one_row_a_grain_stays_as_it_is(tmp_path):
 
 
 def test_shared_errors_of_tests_are_their_weighted_mean():
-    """As a table of grains that states the means has the same density; which test comes first does not matter."""
+    """As a table of grains that states the means has the same density; which test comes first does
+    not matter.
+    """
     rng = np.random.default_rng(3)
     shared = rng.uniform(0, 0.05, (len(ROWS), 2))
     names, sds = [row[0] for row in ROWS], np.array([row[5] for row in ROWS])
@@ -156,5 +211,9 @@ def test_shared_errors_of_tests_are_their_weighted_mean():
     for rows, columns in ((ROWS, shared), (grains, means)):
         given = table(rows, shared_1=columns[:, 0], shared_2=columns[:, 1])
         found = Posterior.of(given, surrogate=bi.Surrogate.load("halfspace"), symmetry="cubic")
-        densities.append(np.diff(found.evaluate(np.array([[210.0, 130, 100], [190, 140, 80], [230, 100, 60]]))[0]))
+        densities.append(
+            np.diff(
+                found.evaluate(np.array([[210.0, 130, 100], [190, 140, 80], [230, 100, 60]]))[0]
+            )
+        )
     assert densities[0] == pytest.approx(densities[1], rel=1e-9)

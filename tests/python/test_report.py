@@ -27,20 +27,38 @@ from bayesindent.report.summary import advice
 from bayesindent.report.templates import read_data
 from support.theory_cases import theory_surrogate
 
-COPPER, TUNGSTEN = {"C11": 168.4, "C12": 121.4, "C44": 75.4}, {"C11": 198.0, "C12": 140.0, "C44": 110.0}
+COPPER, TUNGSTEN = (
+    {"C11": 168.4, "C12": 121.4, "C44": 75.4},
+    {"C11": 198.0, "C12": 140.0, "C44": 110.0},
+)
 ANGLES = [(0, 0, 0), (0, 30, 10), (0, 45, 0), (0, 54.7, 45), (10, 20, 30), (0, 40, 45)]
 BOUNDS = "c_min = 50, 40, 15 c_max = 250, 150, 120"
 
 
-def write_case(folder: Path, constants: dict, kind: str = "indentation_modulus", more: str = ", chains = 2", stages: str = "") -> Path:
+def write_case(
+    folder: Path,
+    constants: dict,
+    kind: str = "indentation_modulus",
+    more: str = ", chains = 2",
+    stages: str = "",
+) -> Path:
     """A namelist with the moduli of a crystal by theory."""
-    modulus = bi.halfspace_modulus(bi.stiffness("cubic", **constants), np.array(ANGLES, dtype=float))
-    rows = [",".join(map(str, (*angles, m, 2.0))) for angles, m in zip(ANGLES, modulus.tolist(), strict=True)]
-    (folder / "grains.csv").write_text("\n".join(["phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa", *rows]) + "\n")
+    modulus = bi.halfspace_modulus(
+        bi.stiffness("cubic", **constants), np.array(ANGLES, dtype=float)
+    )
+    rows = [
+        ",".join(map(str, (*angles, m, 2.0)))
+        for angles, m in zip(ANGLES, modulus.tolist(), strict=True)
+    ]
+    (folder / "grains.csv").write_text(
+        "\n".join(["phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa", *rows]) + "\n"
+    )
     file = folder / "case.nml"
     file.write_text(
-        f"&problem symmetry = 'cubic' /\n&surrogate file = 'halfspace' /\n&measurements file = 'grains.csv' modulus_kind = '{kind}' /\n"
-        f"&prior {BOUNDS} /\n&sampler samples = 2000, burn_in = 1000 {more} /\n&next sd_gpa = 3.0, count = 2 /\n{stages}"
+        "&problem symmetry = 'cubic' /\n&surrogate file = 'halfspace' /\n&measurements file = "
+        f"'grains.csv' modulus_kind = '{kind}' /\n"
+        f"&prior {BOUNDS} /\n&sampler samples = 2000, burn_in = 1000 {more} /\n&next sd_gpa = "
+        f"3.0, count = 2 /\n{stages}"
     )
     return file
 
@@ -71,7 +89,9 @@ def test_results_of_other_inputs_are_not_shown(tmp_path, capsys):
     assert following in headings(output)
     assert step_two not in headings(output)
     # Inputs that a stage does not need change nothing.
-    (tmp_path / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,0,0\n")
+    (tmp_path / "points.csv").write_text(
+        "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,0,0\n"
+    )
     file = str(write_case(tmp_path, COPPER, stages="&crystals points = 'points.csv' /\n"))
     assert main(["theory", file, "--output", str(output)]) == 0
     assert main(["report", str(output)]) == 0
@@ -117,9 +137,17 @@ def test_a_surrogate_beside_the_namelist_is_found(tmp_path, monkeypatch, capsys)
 @pytest.mark.long
 def test_one_chain(tmp_path, capsys):
     output = tmp_path / "out"
-    assert main(["run", str(write_case(tmp_path, COPPER, more=", chains = 1")), "--output", str(output)]) == 0
+    assert (
+        main(
+            ["run", str(write_case(tmp_path, COPPER, more=", chains = 1")), "--output", str(output)]
+        )
+        == 0
+    )
     assert json.loads((output / "summary.json").read_text())["parameters"]["C11"]["r_hat"] is None
-    assert "<td>C11</td><td>–</td>" in (output / "report.html").read_text().split("Convergence of 1 chains")[1]
+    assert (
+        "<td>C11</td><td>–</td>"
+        in (output / "report.html").read_text().split("Convergence of 1 chains")[1]
+    )
 
 
 @pytest.mark.long
@@ -132,8 +160,14 @@ def test_shares_stand_beside_the_constants(tmp_path, capsys):
     assert 'role="alert"' not in page
     for name, item in json.loads((output / "summary.json").read_text())["parameters"].items():
         cells = share_cells(item)
-        assert next(line for line in lines if line.startswith(name)).split()[6:] == " ".join(cells).split()
-        assert re.findall("<td>(.*?)</td>", page.split(f"<td>{name}</td>")[1].split("</tr>")[0])[-4:] == cells
+        assert (
+            next(line for line in lines if line.startswith(name)).split()[6:]
+            == " ".join(cells).split()
+        )
+        assert (
+            re.findall("<td>(.*?)</td>", page.split(f"<td>{name}</td>")[1].split("</tr>")[0])[-4:]
+            == cells
+        )
 
 
 def test_a_result_that_cannot_be_used(tmp_path, capsys):
@@ -152,23 +186,44 @@ def test_a_result_that_cannot_be_used(tmp_path, capsys):
     captured = capsys.readouterr()
     document = json.loads(captured.out)
     assert not document["usable"]
-    assert captured.err.splitlines()[-3 - len(document["warnings"])] == f"{words}{document['reasons'][0]}" == first
-    settings = {"symmetry": "cubic", "modulus_kind": "indentation_modulus", "samples": 20, "burn_in": 500, "chains": 2}
+    assert (
+        captured.err.splitlines()[-3 - len(document["warnings"])]
+        == f"{words}{document['reasons'][0]}"
+        == first
+    )
+    settings = {
+        "symmetry": "cubic",
+        "modulus_kind": "indentation_modulus",
+        "samples": 20,
+        "burn_in": 500,
+        "chains": 2,
+    }
     with pytest.warns(bi.BayesindentWarning) as told:
         bi.extract(tmp_path / "grains.csv", **settings)
     assert str(told[0].message).startswith(words.replace("The", "the"))
 
 
 def test_shares_and_limits_in_words():
-    item = {"share": {"measurements": 0.223, "knowledge": 0.73, "prior": 0.047}, "verdict": "not_determined"}
+    item = {
+        "share": {"measurements": 0.223, "knowledge": 0.73, "prior": 0.047},
+        "verdict": "not_determined",
+    }
     assert share_cells(item) == ["22", "73", "5", "not determined"]
-    assert share_cells({"share": dict.fromkeys(item["share"]), "verdict": "weak"}) == ["–", "–", "–", "weak"]
+    assert share_cells({"share": dict.fromkeys(item["share"]), "verdict": "weak"}) == [
+        "–",
+        "–",
+        "–",
+        "weak",
+    ]
     assert limit_name("C11") == "C11"
     assert limit_name("domain.poisson") == "Poisson's ratio (Hill) in the domain of the surrogate"
 
 
 def test_names_of_quantities():
-    names = {"young[110]": "Young's modulus along [110]", "polycrystal_poisson": "Poisson's ratio of the polycrystal"}
+    names = {
+        "young[110]": "Young's modulus along [110]",
+        "polycrystal_poisson": "Poisson's ratio of the polycrystal",
+    }
     names |= {"bulk_modulus": "bulk modulus", "anisotropy_index": "anisotropy index", "C11": "C11"}
     assert {name: quantity_name(name) for name in names} == names
     for symmetry in ("cubic", "triclinic"):
@@ -187,7 +242,17 @@ def test_every_figure_has_a_section_and_a_name_of_its_own():
 def test_what_was_asked_stands_first_and_all_is_numbered(tmp_path, capsys):
     output = tmp_path / "out"
     for command in ("extract", "next"):
-        assert main([command, str(write_case(tmp_path, COPPER, "effective_modulus")), "--output", str(output)]) == 0
+        assert (
+            main(
+                [
+                    command,
+                    str(write_case(tmp_path, COPPER, "effective_modulus")),
+                    "--output",
+                    str(output),
+                ]
+            )
+            == 0
+        )
     assert main(["report", str(output), "--figures", "svg"]) == 0
     page = (output / "report.html").read_text()
     order = [
@@ -215,7 +280,16 @@ def test_what_was_asked_stands_first_and_all_is_numbered(tmp_path, capsys):
         assert numbers == list(range(1, len(numbers) + 1))
         assert len(numbers) > 5
     drawn = {path.stem for path in (output / "figures").iterdir()}
-    assert drawn >= {"marginals", "residuals", "young_surface", "orientations", "shares", "error_budget", "knowledge", "next_grains"}
+    assert drawn >= {
+        "marginals",
+        "residuals",
+        "young_surface",
+        "orientations",
+        "shares",
+        "error_budget",
+        "knowledge",
+        "next_grains",
+    }
     # What other inputs cannot make any more goes.
     for stage in ("next.json", "summary.json"):
         (output / stage).unlink()
@@ -232,9 +306,15 @@ def test_what_the_prior_moves_is_told_where_it_matters():
         "exact": False,
         "shift_sd": {"C11": 0.12, "C12": -0.5, "C44": 0.09},
     }
-    assert sensitivity_row(change) == ["upper limit of C12 from 120 to 132", "about C12 -0.50, C11 +0.12"]
+    assert sensitivity_row(change) == [
+        "upper limit of C12 from 120 to 132",
+        "about C12 -0.50, C11 +0.12",
+    ]
     assert sensitivity_row(change | {"shift_sd": {"C11": 0.09, "C12": None}}) is None
-    assert sensitivity_row({"name": "measure", "exact": True, "shift_sd": {"C11": -0.2}}) == ["the other measure of the prior", "C11 -0.20"]
+    assert sensitivity_row({"name": "measure", "exact": True, "shift_sd": {"C11": -0.2}}) == [
+        "the other measure of the prior",
+        "C11 -0.20",
+    ]
 
 
 def test_an_empty_folder_has_a_report(tmp_path, capsys):
@@ -243,7 +323,9 @@ def test_an_empty_folder_has_a_report(tmp_path, capsys):
 
 
 def test_directions_in_four_indices():
-    """x along [2-1-10], y along [01-10]: Cartesian components (u - (v + t)/2, (v - t) sqrt(3)/2, w) of [uvtw]."""
+    """x along [2-1-10], y along [01-10]: Cartesian components (u - (v + t)/2, (v - t) sqrt(3)/2, w)
+    of [uvtw].
+    """
     four = {(0, 0, 1): "[0001]", (1, 0, 0): "[21\u03051\u03050]", (0, 1, 0): "[011\u03050]"}
     assert {direction: direction_name(direction, True) for direction in four} == four
     assert direction_name((1, 0, 1), True) == "45° from [0001]"
@@ -256,22 +338,36 @@ def test_directions_in_four_indices():
     assert quantity_name("young[100]", "cubic") == "Young's modulus along [100]"
 
 
-@pytest.mark.parametrize(("sd", "words"), [(14.6, "153 ± 15"), (4.33, "153.0 ± 4.3"), (0.0272, "153.000 ± 0.027"), (0.0, "153.0 ± 0.0")])
+@pytest.mark.parametrize(
+    ("sd", "words"),
+    [(14.6, "153 ± 15"), (4.33, "153.0 ± 4.3"), (0.0272, "153.000 ± 0.027"), (0.0, "153.0 ± 0.0")],
+)
 def test_an_sd_has_two_digits(sd, words):
     assert plus_minus({"mean": 153.0, "sd": sd}) == words
 
 
 def test_each_warning_stands_once_under_its_consequence():
     limits = [
-        f"the posterior is truncated by the {side} limit of C12, {value}. Widen it" for side, value in (("lower", 40), ("upper", 120))
+        f"the posterior is truncated by the {side} limit of C12, {value}. Widen it"
+        for side, value in (("lower", 40), ("upper", 120))
     ]
-    lines = [*limits, "C11: only 80 effective samples (400 are needed). Increase samples", "row 3 has no angle"]
-    results = SimpleNamespace(warnings=[*lines, "R-hat is 1.2. Why"], documents={"extract": {"reasons": ["R-hat is 1.2, and more"]}})
+    lines = [
+        *limits,
+        "C11: only 80 effective samples (400 are needed). Increase samples",
+        "row 3 has no angle",
+    ]
+    results = SimpleNamespace(
+        warnings=[*lines, "R-hat is 1.2. Why"],
+        documents={"extract": {"reasons": ["R-hat is 1.2, and more"]}},
+    )
     assert advice(results) == {
         "Some constants are not determined by the measurements": [
-            "The posterior is truncated by the lower limit of C12, 40; upper limit of C12, 120. Widen it."
+            "The posterior is truncated by the lower limit of C12, 40; upper limit of C12, 120. "
+            "Widen it."
         ],
-        "There are too few draws": ["C11: only 80 effective samples (400 are needed). Increase samples."],
+        "There are too few draws": [
+            "C11: only 80 effective samples (400 are needed). Increase samples."
+        ],
         "Check the inputs": ["Row 3 has no angle."],
     }
 
@@ -279,12 +375,24 @@ def test_each_warning_stands_once_under_its_consequence():
 def test_zener_ratio_and_compliances_of_copper():
     """Of a cubic crystal S11 = (C11 + C12)/((C11 - C12)(C11 + 2 C12)), S44 = 1/C44."""
     stiffness = bi.stiffness("cubic", **COPPER)[None]
-    rows = compliance_rows(SimpleNamespace(symmetry="cubic", constants=tuple(COPPER), draws=lambda _: stiffness))
-    s11, zener = 1000 * (168.4 + 121.4) / ((168.4 - 121.4) * (168.4 + 2 * 121.4)), 2 * 75.4 / (168.4 - 121.4)
-    assert [row[1] for row in rows] == [f"{s11:.1f}", f"{-s11 * 121.4 / (168.4 + 121.4):.1f}", f"{1000 / 75.4:.1f}", f"{zener:.1f}"]
+    rows = compliance_rows(
+        SimpleNamespace(symmetry="cubic", constants=tuple(COPPER), draws=lambda _: stiffness)
+    )
+    s11, zener = (
+        1000 * (168.4 + 121.4) / ((168.4 - 121.4) * (168.4 + 2 * 121.4)),
+        2 * 75.4 / (168.4 - 121.4),
+    )
+    assert [row[1] for row in rows] == [
+        f"{s11:.1f}",
+        f"{-s11 * 121.4 / (168.4 + 121.4):.1f}",
+        f"{1000 / 75.4:.1f}",
+        f"{zener:.1f}",
+    ]
 
 
 def test_powers_in_a_text():
     factor = '<span class="whole"><i>C</i><sub>{}</sub>{}</span>'.format
     said = products_as_html("the data decided C11^1.00 C44^-0.30, <b> C12; x^2.00")
-    assert said == f"the data decided {factor(11, '')} {factor(44, '<sup>−0.30</sup>')}, &lt;b&gt; C12; x^2.00"
+    assert said == (
+        f"the data decided {factor(11, '')} {factor(44, '<sup>−0.30</sup>')}, &lt;b&gt; C12; x^2.00"
+    )

@@ -1,4 +1,6 @@
-"""How results lean on the prior, against runs with another prior; the evidence, against nested sampling and plain integration."""
+"""How results lean on the prior, against runs with another prior; the evidence, against nested
+sampling and plain integration.
+"""
 
 import json
 
@@ -26,7 +28,10 @@ def moments(result):
 
 
 def changes_of(result):
-    return {(row["name"], row.get("side"), row.get("to", 0) > row.get("from", 0)): row for row in bi.summary(result)["sensitivity"]}
+    return {
+        (row["name"], row.get("side"), row.get("to", 0) > row.get("from", 0)): row
+        for row in bi.summary(result)["sensitivity"]
+    }
 
 
 @pytest.mark.long
@@ -55,21 +60,33 @@ def test_another_prior(surrogates):
         shift = np.array([row["shift_sd"][name] for name in NAMES])
         shifts[key] = np.abs((other_mean - mean) / sd).max()
         assert row["exact"] == (not key[2])
-        # Exact but for the noise of draws, of which a bound that cuts leaves some per cent; or an estimate of what was not drawn.
+        # Exact but for the noise of draws, of which a bound that cuts leaves some per cent; or an
+        # estimate of what was not drawn.
         assert shift == pytest.approx((other_mean - mean) / sd, abs=0.06 if row["exact"] else 0.35)
-        assert [row["sd_ratio"][name] for name in NAMES] == pytest.approx(other_sd / sd, abs=0.05 if row["exact"] else 0.2)
+        assert [row["sd_ratio"][name] for name in NAMES] == pytest.approx(
+            other_sd / sd, abs=0.05 if row["exact"] else 0.2
+        )
     # The bounds do matter here, and it is said which do most.
     assert shifts["C12", "upper", True] > 0.1
     assert shifts["C44", "upper", True] > 0.5
-    told = next(line for line in bi.summary(base)["warnings"] if line.startswith("the result depends on the prior: "))
+    told = next(
+        line
+        for line in bi.summary(base)["warnings"]
+        if line.startswith("the result depends on the prior: ")
+    )
     assert "would be" in told
     assert "upper limit of C" in told
 
 
 @pytest.mark.long
 def test_limits_where_not_all_bounds_are_stated(surrogates):
-    """Without bounds there is no limit to move; with upper ones alone only these, and no other measure."""
-    table, settings = table_of(*columns("cubic")), {"surrogate": surrogates["cubic"], "symmetry": "cubic", "samples": 1000, **KIND}
+    """Without bounds there is no limit to move; with upper ones alone only these, and no other
+    measure.
+    """
+    table, settings = (
+        table_of(*columns("cubic")),
+        {"surrogate": surrogates["cubic"], "symmetry": "cubic", "samples": 1000, **KIND},
+    )
     assert changes_of(bi.extract(table, **settings)) == {}
     one = changes_of(bi.extract(table, bounds={"C11": (None, 250)}, **settings))
     assert {(name, side) for name, side, _ in one} == {(name, "upper") for name in NAMES}
@@ -80,21 +97,41 @@ def test_limits_where_not_all_bounds_are_stated(surrogates):
 def test_nothing_is_told_where_the_data_decide():
     """Fifty grains, the bulk modulus known, and bounds far away."""
     rng = np.random.default_rng(2)
-    angles = np.column_stack([rng.uniform(0, 360, 50), np.degrees(np.arccos(rng.uniform(0, 1, 50))), rng.uniform(0, 360, 50)])
-    moduli = bi.halfspace_modulus(np.repeat(bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)[None], 50, axis=0), angles)
+    angles = np.column_stack(
+        [
+            rng.uniform(0, 360, 50),
+            np.degrees(np.arccos(rng.uniform(0, 1, 50))),
+            rng.uniform(0, 360, 50),
+        ]
+    )
+    moduli = bi.halfspace_modulus(
+        np.repeat(bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)[None], 50, axis=0), angles
+    )
     table = table_of(angles, moduli * (1 + 0.01 * rng.normal(size=50)), 0.01 * moduli)
     bounds = {"C11": (50, 400), "C12": (30, 300), "C44": (20, 200)}
     document = bi.summary(
-        bi.extract(table, symmetry="cubic", bounds=bounds, knowledge={"bulk_modulus": (137.1, 1.0)}, samples=3000, **KIND)
+        bi.extract(
+            table,
+            symmetry="cubic",
+            bounds=bounds,
+            knowledge={"bulk_modulus": (137.1, 1.0)},
+            samples=3000,
+            **KIND,
+        )
     )
     assert not [line for line in document["warnings"] if "the result depends on the prior" in line]
-    assert max(abs(value) for row in document["sensitivity"] for value in row["shift_sd"].values()) < 0.1
+    assert (
+        max(abs(value) for row in document["sensitivity"] for value in row["shift_sd"].values())
+        < 0.1
+    )
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("case", ["plain", "knowledge and logarithms"])
 def test_evidence(model, case):
-    """Over the box dynesty's, and the mean of the likelihood over points of it; both less the share of the box that is in the prior."""
+    """Over the box dynesty's, and the mean of the likelihood over points of it; both less the share
+    of the box that is in the prior.
+    """
     _, settings = reference("cubic")
     bounds = settings["bounds"] | {"C44": (80.0, 140.0)}
     table = table_of(*columns("cubic"))
@@ -114,7 +151,11 @@ def test_evidence(model, case):
     both = posterior.evaluate(least + (most - least) * unit)[0]
     weights = np.exp(both - both.max())
     assert weights.sum() ** 2 / (weights**2).sum() > 2500
-    expected = both.max() + np.log(weights.mean() * np.prod(most - least)) - np.log(np.exp(alone).mean() * np.prod(high - low))
+    expected = (
+        both.max()
+        + np.log(weights.mean() * np.prod(most - least))
+        - np.log(np.exp(alone).mean() * np.prod(high - low))
+    )
     assert found["log_z"] == pytest.approx(expected, abs=0.08)
     if case == "plain":
         share = np.isfinite(alone).mean()
@@ -128,14 +169,18 @@ def test_evidence(model, case):
         sampler.run_nested(dlogz=0.1, print_progress=False)
         results = sampler.results
         assert results.logzerr[-1] < 0.25
-        assert found["log_z"] == pytest.approx(results.logz[-1] - np.log(share), abs=4 * results.logzerr[-1])
+        assert found["log_z"] == pytest.approx(
+            results.logz[-1] - np.log(share), abs=4 * results.logzerr[-1]
+        )
 
 
 def test_evidence_tells_of_itself(model):
     """Only where it is asked for, with the word that it depends on the bounds."""
     asked = reference("cubic")[1] | {"surrogate": model, "samples": 1000}
     table = table_of(*columns("cubic"))
-    with_it, without = (bi.summary(bi.extract(table, evidence=evidence, **asked)) for evidence in (True, False))
+    with_it, without = (
+        bi.summary(bi.extract(table, evidence=evidence, **asked)) for evidence in (True, False)
+    )
     assert "evidence" not in without
     line = next(line for line in with_it["prior"]["words"] if line.startswith("evidence"))
     assert "depends on the limits" in line

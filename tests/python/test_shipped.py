@@ -24,8 +24,12 @@ def test_its_coefficients_follow_from_its_simulations():
 @pytest.mark.parametrize("number", [3, 77])
 def test_its_simulations_are_those_of_the_block(number):
     data = {name: values[number] for name, values in BLOCK.data.items()}
-    crystal = bi.stiffness("triclinic", **dict(zip(bi.constants("triclinic"), data["constants"], strict=True)))
-    modulus = bi.Indentation(geometry="block").run(crystal, data["euler_deg"]).indentation_modulus_gpa
+    crystal = bi.stiffness(
+        "triclinic", **dict(zip(bi.constants("triclinic"), data["constants"], strict=True))
+    )
+    modulus = (
+        bi.Indentation(geometry="block").run(crystal, data["euler_deg"]).indentation_modulus_gpa
+    )
     assert modulus == pytest.approx(data["modulus_gpa"], rel=1e-5)
 
 
@@ -41,7 +45,9 @@ CRYSTALS = {
 def test_crystals_that_it_has_not_seen(name):
     angles = [[20, 35, 50], [110, 70, 15]]
     mean, sd = BLOCK.predict(np.array(2 * [CRYSTALS[name]]), angles)
-    found = bi.Indentation(geometry="block").run_many(np.array(2 * [CRYSTALS[name]]), angles, workers=2)
+    found = bi.Indentation(geometry="block").run_many(
+        np.array(2 * [CRYSTALS[name]]), angles, workers=2
+    )
     simulated = np.array([result.indentation_modulus_gpa for result in found])
     theory = bi.halfspace_modulus(CRYSTALS[name], angles)
     assert np.all(np.abs(mean - simulated) <= 4 * sd)

@@ -30,7 +30,12 @@ def counted(cases) -> tuple[int, int, int]:
     ],
 )
 def test_counts_lines_of_tap(tmp_path, stdout, result, expected):
-    entry = {"name": "unit - bayesindent:crystal", "stdout": stdout, "result": result, "duration": 1.5}
+    entry = {
+        "name": "unit - bayesindent:crystal",
+        "stdout": stdout,
+        "result": result,
+        "duration": 1.5,
+    }
     (tmp_path / "testlog.json").write_text(json.dumps(entry) + "\n")
     cases = list(tool.unit_cases(tmp_path / "testlog.json"))
     assert counted(cases) == expected
@@ -38,7 +43,9 @@ def test_counts_lines_of_tap(tmp_path, stdout, result, expected):
 
 
 def test_says_the_slowest_and_the_count_last(capsys):
-    cases = [tool.Case("passed", float(number), f"case {number}") for number in range(12)] + [tool.Case("skipped", 0.5, "skipped")]
+    cases = [tool.Case("passed", float(number), f"case {number}") for number in range(12)] + [
+        tool.Case("skipped", 0.5, "skipped")
+    ]
     assert tool.conclude(cases, True) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[1:11] == [f"{number:7.1f} s  case {number}" for number in range(11, 1, -1)]
@@ -61,9 +68,23 @@ def test_that_takes_for_ever(): time.sleep(3600)
 def test_a_run_that_is_killed_leaves_its_results(tmp_path):
     (tmp_path / "test_example.py").write_text(EXAMPLE)
     (tmp_path / "conftest.py").write_text((SOURCE / "tests" / "conftest.py").read_text())
-    command = [sys.executable, "-m", "pytest", "-n", "1", "-p", "no:cacheprovider", "--cases=cases.txt", "."]
-    environment = {name: value for name, value in with_tests().items() if not name.startswith("PYTEST")}
-    process = subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL, start_new_session=True)
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-n",
+        "1",
+        "-p",
+        "no:cacheprovider",
+        "--cases=cases.txt",
+        ".",
+    ]
+    environment = {
+        name: value for name, value in with_tests().items() if not name.startswith("PYTEST")
+    }
+    process = subprocess.Popen(
+        command, cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL, start_new_session=True
+    )
     file, deadline = tmp_path / "cases.txt", time.monotonic() + HANGS_S
     while not (file.exists() and file.read_text().count("\n") == 3) and time.monotonic() < deadline:
         time.sleep(0.05)
@@ -71,5 +92,7 @@ def test_a_run_that_is_killed_leaves_its_results(tmp_path):
     process.wait()
     cases = list(tool.pytest_cases(file))
     assert {case.name.rpartition("::")[-1]: case.outcome for case in cases} == {
-        "test_good": "passed", "test_bad": "failed", "test_that_kills_its_worker": "failed",
-    }  # fmt: skip
+        "test_good": "passed",
+        "test_bad": "failed",
+        "test_that_kills_its_worker": "failed",
+    }

@@ -17,9 +17,25 @@ PYTHON = sorted((SOURCE / "python").rglob("*.py"))
 
 #: Each folder may use those before it; Python's sub-packages bear the same names.
 LAYERS = (
-    "common", "engines", "crystal", "settings", "tables", "problem", "theory", "curves", "fe", "simulation", "surrogate", "observables", "inference",
-    "campaign", "pipeline", "report", "facade", "program",
-)  # fmt: skip
+    "common",
+    "engines",
+    "crystal",
+    "settings",
+    "tables",
+    "problem",
+    "theory",
+    "curves",
+    "fe",
+    "simulation",
+    "surrogate",
+    "observables",
+    "inference",
+    "campaign",
+    "pipeline",
+    "report",
+    "facade",
+    "program",
+)
 
 
 def relative(path):
@@ -43,22 +59,31 @@ def test_the_library_neither_stops_nor_prints(path):
         assert allowed or "print_line" not in statement, statement
 
 
-@pytest.mark.parametrize("path", [path for path in LIBRARY if path.parent.name != "facade"], ids=relative)
+@pytest.mark.parametrize(
+    "path", [path for path in LIBRARY if path.parent.name != "facade"], ids=relative
+)
 def test_a_file_is_the_module_of_its_name(path):
     found = statements(path)
-    assert [line for line in found if re.match(r"module (?!procedure)\w", line)] == [f"module {path.stem}"]
+    assert [line for line in found if re.match(r"module (?!procedure)\w", line)] == [
+        f"module {path.stem}"
+    ]
     assert "implicit none" in found
     assert "private" in found
 
 
 def test_only_long_work_gives_up_the_lock():
-    # gfortran keeps lengths of deferred-length texts in static memory, so two threads must not make such texts at once.
+    # gfortran keeps lengths of deferred-length texts in static memory, so two threads must not make
+    # such texts at once.
     text = (SOURCE / "fortran" / "facade" / "core.f90").read_text()
     procedures = re.findall(r"^subroutine (\w+)(.*?)^end subroutine", text, flags=re.M | re.S)
     assert [name for name, body in procedures if "!f2py threadsafe" in body] == ["core_do_long"]
     makes_texts = {"stage", "campaign", "problem", "settings", "file", "basis"}
     # A fit is work on numbers.
-    assert not {operation for operation in bayesindent.core.LONG - {"basis.fit"} if operation.split(".")[0] in makes_texts}
+    assert not {
+        operation
+        for operation in bayesindent.core.LONG - {"basis.fit"}
+        if operation.split(".")[0] in makes_texts
+    }
 
 
 def test_fortran_folders_depend_one_way():
@@ -67,9 +92,15 @@ def test_fortran_folders_depend_one_way():
         for statement in statements(path):
             used = re.match(r"use\b(?:\s*,[^:]*)?(?:\s*::)?\s*(\w+)", statement)
             if used and used[1] in folder:
-                assert LAYERS.index(folder[used[1]]) <= LAYERS.index(path.parent.name), f"{relative(path)}: {statement}"
-                assert folder[used[1]] != "facade" or path.parent.name == "facade", f"{relative(path)}: {statement}"
-                assert (path.parent.name, folder[used[1]]) != ("settings", "crystal"), f"{relative(path)}: {statement}"
+                assert LAYERS.index(folder[used[1]]) <= LAYERS.index(path.parent.name), (
+                    f"{relative(path)}: {statement}"
+                )
+                assert folder[used[1]] != "facade" or path.parent.name == "facade", (
+                    f"{relative(path)}: {statement}"
+                )
+                assert (path.parent.name, folder[used[1]]) != ("settings", "crystal"), (
+                    f"{relative(path)}: {statement}"
+                )
 
 
 def test_python_folders_depend_one_way():
@@ -82,7 +113,9 @@ def test_python_folders_depend_one_way():
             if isinstance(node, ast.ImportFrom) and node.level == len(parts) and node.module:
                 used = node.module.split(".")[0]
                 if used in LAYERS:
-                    assert LAYERS.index(used) <= LAYERS.index(parts[0]), f"{relative(path)}:{node.lineno} imports {node.module}"
+                    assert LAYERS.index(used) <= LAYERS.index(parts[0]), (
+                        f"{relative(path)}:{node.lineno} imports {node.module}"
+                    )
 
 
 CLASS_TABLE = SOURCE / "fortran" / "crystal" / "crystal_class.f90"
@@ -103,16 +136,23 @@ def texts(path):
         tree = ast.parse(path.read_text())
         documentation = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
         for node in ast.walk(tree):
-            if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in documentation:
+            if (
+                isinstance(node, ast.Constant)
+                and isinstance(node.value, str)
+                and id(node) not in documentation
+            ):
                 yield node.lineno, node.value
     else:
-        quoted = r"'((?:[^']|'')*)'|\"([^\"]*)\"" if path.suffix == ".f90" else r"\"((?:[^\"\\]|\\.)*)\"()"
+        quoted = (
+            r"'((?:[^']|'')*)'|\"([^\"]*)\""
+            if path.suffix == ".f90"
+            else r"\"((?:[^\"\\]|\\.)*)\"()"
+        )
         comment = "!" if path.suffix == ".f90" else "//"
         for number, line in enumerate(path.read_text().splitlines(), 1):
             for found in re.finditer(f"({comment}.*)|{quoted}", line):
                 if not found[1]:
                     yield number, found[2] or found[3] or ""
-
 
 
 def test_nothing_but_the_table_names_a_crystal_class():
@@ -128,7 +168,9 @@ def test_nothing_but_the_table_names_a_crystal_class():
 def test_nothing_but_the_table_compares_a_symmetry_or_counts_constants():
     compared = r"\s*(==|/=|!=|<=|>=|<|>|\.eq\.|\.ne\.|\bin\b|\bnot in\b|\bis\b)\s*"
     forbidden = [
-        r"\bsymmetry_(?!names)\w*(" + "|".join(sorted(name for name in class_names() if name.isalpha())) + r")",
+        r"\bsymmetry_(?!names)\w*("
+        + "|".join(sorted(name for name in class_names() if name.isalpha()))
+        + r")",
         rf"\bn_constants{compared}[1-9(\[]",
         rf"[\d)\]]{compared}(\w+%)*n_constants\b",
         rf"\b(size|len)\([^()]*(constants|stiffness)[^()]*\){compared}[1-9(\[]",
@@ -154,7 +196,9 @@ MOST_ARGUMENTS = 10
 
 def too_large(parts):
     """Parts beyond these limits."""
-    return [part for part in parts if part.lines > LARGEST[part.kind] or part.arguments > MOST_ARGUMENTS]
+    return [
+        part for part in parts if part.lines > LARGEST[part.kind] or part.arguments > MOST_ARGUMENTS
+    ]
 
 
 def test_nothing_is_too_large():
@@ -166,9 +210,16 @@ def test_finds_what_is_too_large(tmp_path):
     head, body = "def long(a, b):\n", "    a += b\n"
     arguments = ", ".join(f"a{number}" for number in range(MOST_ARGUMENTS + 1))
     (tmp_path / "python" / "p.py").write_text(
-        head + 114 * body + head.replace("long", "longer") + 115 * body + f"def many({arguments}):\n{body}"
+        head
+        + 114 * body
+        + head.replace("long", "longer")
+        + 115 * body
+        + f"def many({arguments}):\n{body}"
     )
-    assert [part.name for part in too_large(list(lines.parts(tmp_path, "python")))] == ["longer", "many"]
+    assert [part.name for part in too_large(list(lines.parts(tmp_path, "python")))] == [
+        "longer",
+        "many",
+    ]
 
 
 def test_counts_the_parts_of_each_language(tmp_path):
@@ -176,17 +227,26 @@ def test_counts_the_parts_of_each_language(tmp_path):
     for folder in ("fortran/a", "cpp", "python"):
         (tmp_path / folder).mkdir(parents=True)
     (tmp_path / "fortran/a/m.f90").write_text(
-        "module m\n!> comment\n\n   type, abstract :: t_type\n   contains\n      procedure(f), deferred :: f\n   end type\n"
-        "   interface\n      subroutine dgemm(a, b, c)\n      end subroutine dgemm\n   end interface\ncontains\n"
-        "   pure real(wp) function f(x, & ! first\n      & y) result(r)\n      r = x('end function', y)\n   end function f\nend module m\n"
+        "module m\n!> comment\n\n   type, abstract :: t_type\n   contains\n      procedure(f), "
+        "deferred :: f\n   end type\n"
+        "   interface\n      subroutine dgemm(a, b, c)\n      end subroutine dgemm\n   end "
+        "interface\ncontains\n"
+        "   pure real(wp) function f(x, & ! first\n      & y) result(r)\n      r = x('end "
+        "function', y)\n   end function f\nend module m\n"
     )
     (tmp_path / "cpp/c.cpp").write_text(
-        "// comment\nclass box {\npublic:\n  box(int a, int b) : n{a} { n += b; }\n};\nint f(const int *x,\n      int y) {\n  if (y) { return 1; }\n  return g(1, 2, 3);\n}\n"
+        "// comment\nclass box {\npublic:\n  box(int a, int b) : n{a} { n += b; }\n};\nint "
+        "f(const int *x,\n      int y) {\n  if (y) { return 1; }\n  return g(1, 2, 3);\n}\n"
     )
     (tmp_path / "python/p.py").write_text(
-        '"""Text."""\n\n# comment\nclass C:\n    @staticmethod\n    def f(self, a, *, b=1):\n        return a\n'
+        '"""Text."""\n\n# comment\nclass C:\n    @staticmethod\n    def f(self, a, *, b=1):\n'
+        "        return a\n"
     )
-    found = {(part.kind, part.name, part.lines, part.arguments) for part in lines.parts(tmp_path) if part.kind != "file"}
+    found = {
+        (part.kind, part.name, part.lines, part.arguments)
+        for part in lines.parts(tmp_path)
+        if part.kind != "file"
+    }
     assert found == {
         ("class", "t_type", 4, 0),
         ("procedure", "f", 4, 2),
@@ -235,7 +295,12 @@ def test_counts_tokens_and_packed_code(tmp_path):
     found = tokens.count(tmp_path, *tokens.SOURCES)
     fortran = 33 + 80
     assert found.kinds == {".f90": fortran, ".cpp": 6, ".py": 20, ".j2": 12}
-    assert found.folders == {"fortran/a": fortran, "cpp/c.cpp": 6, "python/p.py": 20, "python/t.html.j2": 12}
+    assert found.folders == {
+        "fortran/a": fortran,
+        "cpp/c.cpp": 6,
+        "python/p.py": 20,
+        "python/t.html.j2": 12,
+    }
     assert (found.wide, found.hidden_ifs, found.long_statements, found.nested) == (1, 1, 1, 1)
 
 
@@ -245,18 +310,24 @@ def test_tests_have_few_nested_comprehensions():
 
 def test_the_build_runs_and_reads_nothing_that_the_count_leaves_out():
     """Of files beside fortran/, cpp/ and python/ the build reads the page of variables alone."""
-    builds = [path for top in tokens.SOURCES for path in sorted((SOURCE / top).rglob("meson.build"))]
+    builds = [
+        path for top in tokens.SOURCES for path in sorted((SOURCE / top).rglob("meson.build"))
+    ]
     outside = set()
     for path in builds:
         text = path.read_text()
         assert "source_root()" not in text
         for name in re.findall(r"'(\.\./[^']*)'", text):
             outside.add(relative((path.parent / name).resolve()))
-    assert {name for name in outside if not name.startswith(tokens.SOURCES)} == {"docs/namelists.md"}
+    assert {name for name in outside if not name.startswith(tokens.SOURCES)} == {
+        "docs/namelists.md"
+    }
 
 
 def test_every_module_has_its_tests():
-    """By its name, or by a row of tests/where.md; `PYTHONPATH=tests python -m tools.where` writes that page."""
+    """By its name, or by a row of tests/where.md; `PYTHONPATH=tests python -m tools.where` writes
+    that page.
+    """
     rows = where.written_rows(SOURCE / "tests" / "where.md")
     lacking = [module for module in where.nameless(SOURCE) if not rows.get(module)]
     assert not lacking, lacking
@@ -266,9 +337,18 @@ def test_every_module_has_its_tests():
 
 def glossary():
     """Arguments that mean the same everywhere, by their shape: a table of docs/development.md."""
-    text = (SOURCE / "docs" / "development.md").read_text().split("| argument | shape | is |")[1].split("\n\n")[0]
+    text = (
+        (SOURCE / "docs" / "development.md")
+        .read_text()
+        .split("| argument | shape | is |")[1]
+        .split("\n\n")[0]
+    )
     rows = [row.split("|") for row in text.strip().splitlines()[1:]]
-    return {name: row[2].strip().replace(" ", "") for row in rows for name in re.findall(r"`(\w+)`", row[1])}
+    return {
+        name: row[2].strip().replace(" ", "")
+        for row in rows
+        for name in re.findall(r"`(\w+)`", row[1])
+    }
 
 
 @pytest.mark.parametrize("path", LIBRARY, ids=relative)
@@ -280,9 +360,12 @@ def test_every_argument_is_explained(path):
 def test_finds_what_is_not_explained(tmp_path):
     (tmp_path / "m.f90").write_text(
         "module m\n   private\n   public :: f\ncontains\n"
-        "   !> Doubles x.\n   subroutine f(x, y, z, c, w, error)\n      real(wp), intent(in) :: x(:), w(3)\n      !> GPa.\n"
-        "      real(wp), intent(in) :: y(2), z\n      real(wp), intent(in) :: c(6, 6)\n      type(error_type), intent(out) :: error\n"
-        "   end subroutine f\n   subroutine g(hidden)\n      integer :: hidden\n   end subroutine g\nend module m\n"
+        "   !> Doubles x.\n   subroutine f(x, y, z, c, w, error)\n      real(wp), intent(in) :: "
+        "x(:), w(3)\n      !> GPa.\n"
+        "      real(wp), intent(in) :: y(2), z\n      real(wp), intent(in) :: c(6, 6)\n      "
+        "type(error_type), intent(out) :: error\n"
+        "   end subroutine f\n   subroutine g(hidden)\n      integer :: hidden\n   end "
+        "subroutine g\nend module m\n"
     )
     assert list(arguments.unexplained(tmp_path / "m.f90", glossary())) == ["f: w(3)"]
     assert list(arguments.unexplained(tmp_path / "m.f90", {})) == ["f: c(6, 6)", "f: w(3)"]
@@ -294,9 +377,14 @@ def test_every_public_python_parameter_is_explained():
         f"{name}: {parameter}"
         for name, item in taken.items()
         # Of a dataclass each field is explained where it stands.
-        if callable(item) and not dataclasses.is_dataclass(item) and not (isinstance(item, type) and issubclass(item, Exception))
+        if callable(item)
+        and not dataclasses.is_dataclass(item)
+        and not (isinstance(item, type) and issubclass(item, Exception))
         for parameter in inspect.signature(item).parameters
-        if not re.search(rf"\b{parameter}\b", item.__doc__ + (item.__init__.__doc__ or "" if isinstance(item, type) else ""))
+        if not re.search(
+            rf"\b{parameter}\b",
+            item.__doc__ + (item.__init__.__doc__ or "" if isinstance(item, type) else ""),
+        )
     ]
     assert not found, "\n".join(found)
 
@@ -330,7 +418,13 @@ code. More code
 term of a list
 : its meaning follows
 """
-    expected = ["One `x` is a word.", "Two words.", "first item over two lines", "second item", "its meaning follows"]
+    expected = [
+        "One `x` is a word.",
+        "Two words.",
+        "first item over two lines",
+        "second item",
+        "its meaning follows",
+    ]
     assert prose.sentences(page) == expected
 
 
@@ -339,7 +433,9 @@ def test_finds_prose_that_breaks_them():
     found = prose.of_readme(f"# Title\n\n{long}")
     assert [words.partition(";")[0] for words in found] == ["a sentence of 31 words"]
     assert prose.of_readme("# Title\n\nA short one. " * 20)[0] == "100 words; allowed 500 to 700"
-    assert prose.of_phrases("What the\nspecimen adds is learnt from rows; the prior has a say.") == [
+    assert prose.of_phrases(
+        "What the\nspecimen adds is learnt from rows; the prior has a say."
+    ) == [
         ("has a say", "the result depends on the prior"),
         ("What the specimen adds", "the specimen correction"),
         ("learnt from", "is trained on"),

@@ -7,14 +7,22 @@ import bayesindent as bi
 
 RNG = np.random.default_rng(3)
 N = 12
-ANGLES = np.column_stack([RNG.uniform(0, 360, N), np.degrees(np.arccos(RNG.uniform(-1, 1, N))), RNG.uniform(0, 360, N)])
+ANGLES = np.column_stack(
+    [RNG.uniform(0, 360, N), np.degrees(np.arccos(RNG.uniform(-1, 1, N))), RNG.uniform(0, 360, N)]
+)
 COPPER = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)
 MODULI = bi.halfspace_modulus(np.array(N * [COPPER]), ANGLES)
 
 
 def warnings_of(surrogate="halfspace", moduli=MODULI, yield_gpa=None, **columns):
     """The warnings of a short Step 2."""
-    table = {"phi1_deg": ANGLES[:, 0], "Phi_deg": ANGLES[:, 1], "phi2_deg": ANGLES[:, 2], "modulus_gpa": moduli, "sd_gpa": np.full(N, 2.0)}
+    table = {
+        "phi1_deg": ANGLES[:, 0],
+        "Phi_deg": ANGLES[:, 1],
+        "phi2_deg": ANGLES[:, 2],
+        "modulus_gpa": moduli,
+        "sd_gpa": np.full(N, 2.0),
+    }
     posterior = bi.extract(
         table | columns,
         symmetry="cubic",
@@ -29,43 +37,64 @@ def warnings_of(surrogate="halfspace", moduli=MODULI, yield_gpa=None, **columns)
 
 @pytest.mark.long
 def test_small_grains():
-    """(mean/modulus)^(0.95 a/R) - 1 of the worst grain; large grains, and grains without a size, are not warned of."""
+    """(mean/modulus)^(0.95 a/R) - 1 of the worst grain; large grains, and grains without a size,
+    are not warned of.
+    """
     radius = np.full(N, 1000.0)
     worst = int(np.argmax(np.abs(np.log(MODULI.mean() / MODULI))))
     radius[worst] = 1.5
     bias = (MODULI.mean() / MODULI[worst]) ** (0.95 * 0.5 / 1.5) - 1
     assert abs(bias) > 0.01
     [words] = [words for words in warnings_of(grain_radius_um=radius) if "so small" in words]
-    assert words.startswith(f"1 of {N} grains are so small") and f"(grain {worst + 1}: {100 * bias:.1f} %)" in words
+    assert (
+        words.startswith(f"1 of {N} grains are so small")
+        and f"(grain {worst + 1}: {100 * bias:.1f} %)" in words
+    )
     assert not any("so small" in words for words in warnings_of(grain_radius_um=np.full(N, 1000.0)))
     assert not any("so small" in words for words in warnings_of())
 
 
 @pytest.mark.long
 def test_another_depth():
-    """The surrogate of the block is of a contact radius of 0.5 um; a depth four times as large has twice that."""
+    """The surrogate of the block is of a contact radius of 0.5 um; a depth four times as large has
+    twice that.
+    """
     block = bi.Surrogate.load("block")
     for factor, warned in ((1.0, False), (4.0, True)):
-        found = [words for words in warnings_of(block, 1.1 * MODULI, depth_um=np.full(N, factor * 0.5**2 / 16)) if "contact radii" in words]
+        found = [
+            words
+            for words in warnings_of(block, 1.1 * MODULI, depth_um=np.full(N, factor * 0.5**2 / 16))
+            if "contact radii" in words
+        ]
         assert bool(found) == warned
     assert "contact radii of 1.0 to 1.0 um, the surrogate is of 0.5 um" in found[0]
     # 11 % on average, times 1/0.5 - 1.
     assert 9 < float(found[0].split("off by up to ")[1].split(" %")[0]) < 13
     for columns in ({"contact_radius_um": np.full(N, 1.0)}, {"depth_nm": np.full(N, 1000 / 16)}):
-        assert [words for words in warnings_of(block, 1.1 * MODULI, **columns) if "contact radii" in words] == found
+        assert [
+            words
+            for words in warnings_of(block, 1.1 * MODULI, **columns)
+            if "contact radii" in words
+        ] == found
 
 
 @pytest.mark.long
 def test_a_contact_pressure_that_few_metals_carry():
     """The mean pressure of Hertz' contact is 4/(3 pi) M a/R."""
     assert not any("pressure" in words for words in warnings_of(contact_radius_um=np.full(N, 1.2)))
-    [words] = [words for words in warnings_of(contact_radius_um=np.full(N, 1.5)) if "pressure" in words]
+    [words] = [
+        words for words in warnings_of(contact_radius_um=np.full(N, 1.5)) if "pressure" in words
+    ]
     share = 4 / (3 * np.pi) * 1.5 / 16
-    assert float(words.split("up to ")[1].split(" GPa")[0]) == pytest.approx(share * MODULI.max(), rel=0.01)
+    assert float(words.split("up to ")[1].split(" GPa")[0]) == pytest.approx(
+        share * MODULI.max(), rel=0.01
+    )
     assert float(words.split("GPa, ")[1].split(" %")[0]) == pytest.approx(100 * share, rel=0.02)
     # First yield below a sphere: 1.07 times the yield stress (Johnson, Contact Mechanics).
     for factor in (0.99, 1.01):
-        found = warnings_of(contact_radius_um=np.full(N, 1.5), yield_gpa=share * MODULI.max() / 1.07 * factor)
+        found = warnings_of(
+            contact_radius_um=np.full(N, 1.5), yield_gpa=share * MODULI.max() / 1.07 * factor
+        )
         assert any("pressure" in words for words in found) == (factor < 1)
 
 

@@ -1,4 +1,6 @@
-"""Films and embedded grains against exact values, against the half-space where they are none, and near each other where they must be."""
+"""Films and embedded grains against exact values, against the half-space where they are none, and
+near each other where they must be.
+"""
 
 import numpy as np
 import pytest
@@ -9,7 +11,9 @@ from support.layered_halfspace import LayeredContact, random_pairs, thick_layer
 from support.paper_domains import DOMAINS
 from support.tree import REFERENCE
 
-COATED = np.genfromtxt(REFERENCE / "coated_halfspace.csv", delimiter=",", names=True, comments="#", skip_header=2)
+COATED = np.genfromtxt(
+    REFERENCE / "coated_halfspace.csv", delimiter=",", names=True, comments="#", skip_header=2
+)
 ZINC = bi.stiffness("hexagonal", C11=161.1, C12=34.2, C44=38.3, C33=61.1, C13=50.3)
 COPPER = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)
 
@@ -23,12 +27,18 @@ def isotropic(young, nu):
 @pytest.mark.long_where("row 3", "row 6", "row 10", "row 22")
 @pytest.mark.parametrize("row", [2, 5, 9, 16, 21], ids=lambda row: f"row {row + 1}")
 def test_isotropic_films(row):
-    """Thick and thin, stiff and compliant: the exact force at the exact depth, and the contact radius to an element."""
+    """Thick and thin, stiff and compliant: the exact force at the exact depth, and the contact
+    radius to an element.
+    """
     case = COATED[row]
     film = bi.Indentation(
-        geometry="film", thickness_um=case["thickness_um"], substrate_young_gpa=case["substrate_young_gpa"],
-        substrate_nu=case["substrate_nu"], depth_um=case["depth_um"], depths=5,
-    )  # fmt: skip
+        geometry="film",
+        thickness_um=case["thickness_um"],
+        substrate_young_gpa=case["substrate_young_gpa"],
+        substrate_nu=case["substrate_nu"],
+        depth_um=case["depth_um"],
+        depths=5,
+    )
     result = film.run(isotropic(case["layer_young_gpa"], case["layer_nu"]), [0, 0, 0])
     assert film.elements <= 25000
     assert result.force_mn[-1] == pytest.approx(case["force_mn"], rel=5e-3)
@@ -39,8 +49,12 @@ def test_isotropic_films(row):
 def test_the_exact_contact_of_a_layer():
     """The solution that films are compared with, against the values computed elsewhere."""
     for case in COATED[[0, 9, 17]]:
-        layer, substrate = ((case[f"{part}_young_gpa"], case[f"{part}_nu"]) for part in ("layer", "substrate"))
-        depth, force, _ = LayeredContact(layer, substrate, case["thickness_um"]).at(case["contact_radius_um"])
+        layer, substrate = (
+            (case[f"{part}_young_gpa"], case[f"{part}_nu"]) for part in ("layer", "substrate")
+        )
+        depth, force, _ = LayeredContact(layer, substrate, case["thickness_um"]).at(
+            case["contact_radius_um"]
+        )
         assert (depth, force) == pytest.approx((case["depth_um"], case["force_mn"]), rel=1e-7)
 
 
@@ -50,39 +64,67 @@ THIN = (4.96, 0.44, 0.33, 1.21)
 
 @pytest.mark.long_where("thin", "pair 1", "pair 2", "pair 3", "pair 4")
 @pytest.mark.parametrize(
-    "pair", [(300 / 70, 0.3, 0.3, 2.0), THIN, *random_pairs(4, seed=11)], ids=["stiff on soft", "thin", *(f"pair {i}" for i in range(1, 5))]
+    "pair",
+    [(300 / 70, 0.3, 0.3, 2.0), THIN, *random_pairs(4, seed=11)],
+    ids=["stiff on soft", "thin", *(f"pair {i}" for i in range(1, 5))],
 )
 def test_films_within_half_a_percent_by_themselves(pair):
-    """A stiff film is extrapolated without being asked, unless it is stated that it is not, and the result has both moduli."""
+    """A stiff film is extrapolated without being asked, unless it is stated that it is not, and the
+    result has both moduli.
+    """
     ratio, nu, below, thickness = pair
-    settings = {"geometry": "film", "thickness_um": 0.5 * thickness, "substrate_young_gpa": 70.0, "substrate_nu": below}
+    settings = {
+        "geometry": "film",
+        "thickness_um": 0.5 * thickness,
+        "substrate_young_gpa": 70.0,
+        "substrate_nu": below,
+    }
     result = bi.Indentation(**settings).run(isotropic(70 * ratio, nu), [0, 0, 0])
-    exact = LayeredContact((70 * ratio, nu), (70.0, below), 0.5 * thickness).modulus_of_curve(result.depth_um)
+    exact = LayeredContact((70 * ratio, nu), (70.0, below), 0.5 * thickness).modulus_of_curve(
+        result.depth_um
+    )
     assert result.indentation_modulus_gpa == pytest.approx(exact, rel=5e-3)
     extrapolated = len(result.modulus_of_mesh_gpa) == 2
     if pair[0] == 300 / 70:
-        one = bi.Indentation(**settings, extrapolate=False).run(isotropic(70 * ratio, nu), [0, 0, 0])
+        one = bi.Indentation(**settings, extrapolate=False).run(
+            isotropic(70 * ratio, nu), [0, 0, 0]
+        )
         assert extrapolated and result.elements > one.elements and len(one.modulus_of_mesh_gpa) == 1
         assert one.indentation_modulus_gpa == result.modulus_of_mesh_gpa[0] > 1.005 * exact
 
 
 @pytest.mark.long
 def test_a_finer_mesh_has_the_same_estimator():
-    """The modulus of a film changes with depth: a finer mesh, which resolves smaller contacts, uses the depths of the default one."""
+    """The modulus of a film changes with depth: a finer mesh, which resolves smaller contacts, uses
+    the depths of the default one.
+    """
     ratio, nu, below, thickness = THIN
     exact = LayeredContact((70 * ratio, nu), (70.0, below), 0.5 * thickness)
-    settings = {"geometry": "film", "thickness_um": 0.5 * thickness, "substrate_young_gpa": 70.0, "substrate_nu": below}
+    settings = {
+        "geometry": "film",
+        "thickness_um": 0.5 * thickness,
+        "substrate_young_gpa": 70.0,
+        "substrate_nu": below,
+    }
     errors = []
     for refine in (1.0, 1.4):
-        result = bi.Indentation(**settings, refine=refine, extrapolate=False).run(isotropic(70 * ratio, nu), [0, 0, 0])
+        result = bi.Indentation(**settings, refine=refine, extrapolate=False).run(
+            isotropic(70 * ratio, nu), [0, 0, 0]
+        )
         errors.append(result.indentation_modulus_gpa / exact.modulus_of_curve(result.depth_um) - 1)
     assert 0 < errors[1] < 0.8 * errors[0] < 3e-3
 
 
 @pytest.mark.parametrize("estimator", ["stiffness", "stiffness_hertz"])
-@pytest.mark.parametrize("options", [{}, {"shape": "cone"}, {"shape": "sphere", "radius_um": 1.5}], ids=["paraboloid", "cone", "sphere"])
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"shape": "cone"}, {"shape": "sphere", "radius_um": 1.5}],
+    ids=["paraboloid", "cone", "sphere"],
+)
 def test_every_estimator_gives_the_theory_of_the_half_space(estimator, options):
-    result = bi.Indentation(estimator=estimator, depths=6, **options).run(isotropic(200, 0.3), [0, 0, 0])
+    result = bi.Indentation(estimator=estimator, depths=6, **options).run(
+        isotropic(200, 0.3), [0, 0, 0]
+    )
     assert result.indentation_modulus_gpa == pytest.approx(200 / 0.91, rel=5e-3)
     assert len(result.depth_um) == len(result.force_mn) == len(result.contact_radius_um) == 6
 
@@ -90,12 +132,21 @@ def test_every_estimator_gives_the_theory_of_the_half_space(estimator, options):
 @pytest.mark.long_where("soft on stiff", "thin", "stiff on soft")
 @pytest.mark.parametrize(
     ("layer", "substrate", "thickness"),
-    [((128, 0.34), (163, 0.22), 1.0), ((300, 0.3), (70, 0.3), 1.0), ((70, 0.3), (200, 0.3), 1.0), ((70, 0.3), (200, 0.3), 0.5)],
+    [
+        ((128, 0.34), (163, 0.22), 1.0),
+        ((300, 0.3), (70, 0.3), 1.0),
+        ((70, 0.3), (200, 0.3), 1.0),
+        ((70, 0.3), (200, 0.3), 0.5),
+    ],
     ids=["alike", "stiff on soft", "soft on stiff", "thin"],
 )
 def test_what_an_instrument_reports_of_a_film(layer, substrate, thickness):
     """Each estimator against the exact contact of a layer: they differ by up to 18 %."""
-    settings = {"thickness_um": thickness, "substrate_young_gpa": substrate[0], "substrate_nu": substrate[1]}
+    settings = {
+        "thickness_um": thickness,
+        "substrate_young_gpa": substrate[0],
+        "substrate_nu": substrate[1],
+    }
     contact = LayeredContact(layer, substrate, thickness)
     for estimator in ("curve", "stiffness", "stiffness_hertz"):
         film = bi.Indentation(geometry="film", estimator=estimator, **settings)
@@ -106,7 +157,9 @@ def test_what_an_instrument_reports_of_a_film(layer, substrate, thickness):
             "stiffness": slope / (2 * radius),
             "stiffness_hertz": slope / (2 * film.contact_radius_max_um),
         }
-        assert result.indentation_modulus_gpa == pytest.approx(expected[estimator], rel=5e-3), estimator
+        assert result.indentation_modulus_gpa == pytest.approx(expected[estimator], rel=5e-3), (
+            estimator
+        )
     assert expected["stiffness_hertz"] != pytest.approx(expected["curve"], rel=0.02)
 
 
@@ -122,12 +175,20 @@ def test_what_an_instrument_reports_of_a_film(layer, substrate, thickness):
     ids=["half-space", "block", "film", "grain"],
 )
 def test_no_crystal_of_the_hexagonal_domain_of_the_paper_fails(specimen):
-    """The longest contacts: crystals whose exact modulus differs most from that of a circular contact."""
+    """The longest contacts: crystals whose exact modulus differs most from that of a circular
+    contact.
+    """
     domain = DOMAINS["hexagonal"]
     rng = np.random.default_rng(5)
     drawn = bi.stiffness(
         "hexagonal",
-        **dict(zip(("C11", "C12", "C44", "C33", "C13"), rng.uniform(domain["c_min"], domain["c_max"], (60000, 5)).T, strict=True)),
+        **dict(
+            zip(
+                ("C11", "C12", "C44", "C33", "C13"),
+                rng.uniform(domain["c_min"], domain["c_max"], (60000, 5)).T,
+                strict=True,
+            )
+        ),
     )
     drawn = drawn[np.linalg.eigvalsh(drawn)[:, 0] > 0]
     index = anisotropy_index(drawn)
@@ -158,38 +219,61 @@ def test_no_crystal_of_the_hexagonal_domain_of_the_paper_fails(specimen):
 def test_alike(specimen):
     """Where film and substrate, grain and matrix are alike there is a half-space."""
     around = "substrate" if specimen["geometry"] == "film" else "matrix"
-    same = bi.Indentation(**specimen, **{f"{around}_young_gpa": 200.0, f"{around}_nu": 0.3}, depths=5)
+    same = bi.Indentation(
+        **specimen, **{f"{around}_young_gpa": 200.0, f"{around}_nu": 0.3}, depths=5
+    )
     half = bi.Indentation(depths=5)
-    modulus, expected = (mesh.run(isotropic(200, 0.3), [0, 0, 0]).indentation_modulus_gpa for mesh in (same, half))
+    modulus, expected = (
+        mesh.run(isotropic(200, 0.3), [0, 0, 0]).indentation_modulus_gpa for mesh in (same, half)
+    )
     assert modulus == pytest.approx(expected, rel=2e-3)
 
 
 @pytest.mark.long
 def test_a_grain_in_its_own_polycrystal_is_a_halfspace_only_if_it_is_isotropic():
-    """By default the matrix is Hill's average: nothing for an isotropic crystal, and softer or stiffer than a direction of another."""
-    grain, half = bi.Indentation(geometry="grain", grain_radius_um=2.5, depths=5), bi.Indentation(depths=5)
+    """By default the matrix is Hill's average: nothing for an isotropic crystal, and softer or
+    stiffer than a direction of another.
+    """
+    grain, half = (
+        bi.Indentation(geometry="grain", grain_radius_um=2.5, depths=5),
+        bi.Indentation(depths=5),
+    )
     assert grain.run(isotropic(70, 0.33), [0, 0, 0]).indentation_modulus_gpa == pytest.approx(
         half.run(isotropic(70, 0.33), [0, 0, 0]).indentation_modulus_gpa, rel=2e-3
     )
     # Zinc is compliant along c: its neighbours are stiffer; in the plane the other way.
     along, across = ([0, phi, 0] for phi in (0, 90))
     for angles, sign in ((along, 1), (across, -1)):
-        change = grain.run(ZINC, angles).indentation_modulus_gpa / half.run(ZINC, angles).indentation_modulus_gpa - 1
+        change = (
+            grain.run(ZINC, angles).indentation_modulus_gpa
+            / half.run(ZINC, angles).indentation_modulus_gpa
+            - 1
+        )
         assert 0.003 < sign * change < 0.1
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("layer, substrate", [((200, 0.3), (70, 0.2)), ((70, 0.3), (400, 0.25))])
 def test_a_contact_much_smaller_than_the_film_is_thick(layer, substrate):
-    """At a/t = 0.01 the substrate still adds a displacement, known to the first order; 10 % of it is 0.1 % of the modulus."""
+    """At a/t = 0.01 the substrate still adds a displacement, known to the first order; 10 % of it
+    is 0.1 % of the modulus.
+    """
     depth, force = thick_layer(layer, substrate, 50.0, 0.5, 16.0)
-    film = bi.Indentation(geometry="film", thickness_um=50.0, substrate_young_gpa=substrate[0], substrate_nu=substrate[1],
-                          depth_um=depth, depths=5)  # fmt: skip
+    film = bi.Indentation(
+        geometry="film",
+        thickness_um=50.0,
+        substrate_young_gpa=substrate[0],
+        substrate_nu=substrate[1],
+        depth_um=depth,
+        depths=5,
+    )
     assert film.run(isotropic(*layer), [0, 0, 0]).force_mn[-1] == pytest.approx(force, rel=2e-3)
 
 
 def test_the_first_order_is_that_of_the_table():
-    """What the test above relies on: for thick films of the table it agrees to the third power of a/t."""
+    """What the test above relies on: for thick films of the table it agrees to the third power of
+    a/t.
+    """
     for case in COATED:
         ratio = case["contact_radius_um"] / case["thickness_um"]
         if ratio > 0.3:
@@ -209,14 +293,24 @@ def test_the_first_order_is_that_of_the_table():
 def test_a_rigid_substrate_is_one_without_end():
     """A film on something ten thousand times as stiff."""
     settings = {"geometry": "film", "thickness_um": 1.0, "depths": 5}
-    rigid = bi.Indentation(**settings, substrate="rigid").run(COPPER, [10, 40, 20]).indentation_modulus_gpa
-    stiff = bi.Indentation(**settings, substrate_young_gpa=1e5).run(COPPER, [10, 40, 20]).indentation_modulus_gpa
+    rigid = (
+        bi.Indentation(**settings, substrate="rigid")
+        .run(COPPER, [10, 40, 20])
+        .indentation_modulus_gpa
+    )
+    stiff = (
+        bi.Indentation(**settings, substrate_young_gpa=1e5)
+        .run(COPPER, [10, 40, 20])
+        .indentation_modulus_gpa
+    )
     assert rigid == pytest.approx(stiff, rel=5e-3)
 
 
 @pytest.mark.long
 def test_an_anisotropic_film_turns_with_the_sample():
-    """Turning crystal and sample about the axis together changes nothing, about 90 degrees not even the mesh."""
+    """Turning crystal and sample about the axis together changes nothing, about 90 degrees not even
+    the mesh.
+    """
     film = bi.Indentation(geometry="film", thickness_um=1.0, substrate_young_gpa=160, depths=5)
     first, turned = (film.run(ZINC, [phi, 50, 30]).indentation_modulus_gpa for phi in (15, 105))
     assert first == pytest.approx(turned, rel=2e-5)
@@ -225,8 +319,15 @@ def test_an_anisotropic_film_turns_with_the_sample():
 @pytest.mark.long
 def test_extrapolation_of_a_film():
     case = COATED[10]
-    film = bi.Indentation(geometry="film", thickness_um=case["thickness_um"], substrate_young_gpa=case["substrate_young_gpa"],
-                          substrate_nu=case["substrate_nu"], depth_um=case["depth_um"], depths=5, extrapolate=True)  # fmt: skip
+    film = bi.Indentation(
+        geometry="film",
+        thickness_um=case["thickness_um"],
+        substrate_young_gpa=case["substrate_young_gpa"],
+        substrate_nu=case["substrate_nu"],
+        depth_um=case["depth_um"],
+        depths=5,
+        extrapolate=True,
+    )
     result = film.run(isotropic(case["layer_young_gpa"], case["layer_nu"]), [0, 0, 0])
     assert result.force_mn[-1] == pytest.approx(case["force_mn"], rel=2e-3)
 
@@ -236,11 +337,23 @@ def test_extrapolation_of_a_film():
     [
         ({"geometry": "film"}, "thickness_um: the variable is missing; geometry = 'film' needs it"),
         ({"geometry": "film", "thickness_um": 1.0}, "substrate_young_gpa: the variable is missing"),
-        ({"geometry": "film", "thickness_um": 0.1, "substrate_young_gpa": 100}, "less than two elements"),
-        ({"geometry": "film", "thickness_um": 1.0, "substrate_young_gpa": 0.0}, "substrate_young_gpa"),
+        (
+            {"geometry": "film", "thickness_um": 0.1, "substrate_young_gpa": 100},
+            "less than two elements",
+        ),
+        (
+            {"geometry": "film", "thickness_um": 1.0, "substrate_young_gpa": 0.0},
+            "substrate_young_gpa",
+        ),
         ({"geometry": "grain", "grain_radius_um": 1.0}, "does not hold the refined zone"),
-        ({"geometry": "grain", "grain_radius_um": 3.0, "grain_depth_um": 9.0}, "does not go with grain_radius_um"),
-        ({"geometry": "grain", "grain_radius_um": 3.0, "matrix": "isotropic"}, "matrix_young_gpa: the variable is missing"),
+        (
+            {"geometry": "grain", "grain_radius_um": 3.0, "grain_depth_um": 9.0},
+            "does not go with grain_radius_um",
+        ),
+        (
+            {"geometry": "grain", "grain_radius_um": 3.0, "matrix": "isotropic"},
+            "matrix_young_gpa: the variable is missing",
+        ),
     ],
 )
 def test_what_cannot_be_meshed(settings, message):
@@ -249,10 +362,14 @@ def test_what_cannot_be_meshed(settings, message):
 
 
 def test_contact_that_leaves_the_refined_zone():
-    """A film gives way less than a half-space would: its contact is wider than the depth alone tells, and a wider mesh is taken."""
+    """A film gives way less than a half-space would: its contact is wider than the depth alone
+    tells, and a wider mesh is taken.
+    """
     moduli = []
     for refine in (0.8, 1.0):
-        film = bi.Indentation(geometry="film", thickness_um=0.25, substrate="rigid", depths=5, refine=refine)
+        film = bi.Indentation(
+            geometry="film", thickness_um=0.25, substrate="rigid", depths=5, refine=refine
+        )
         result = film.run(isotropic(10, 0.49), [0, 0, 0])
         assert result.elements > 2 * film.elements
         assert result.contact_radius_um[-1] > 1.26 * film.contact_radius_max_um
@@ -267,7 +384,9 @@ def test_contact_that_leaves_the_refined_zone():
 def test_a_contact_that_leaves_its_mesh_at_the_only_depth():
     """It was simulated on the same mesh again and again: a thin film on a rigid substrate."""
     film = {"geometry": "film", "thickness_um": 0.5, "substrate": "rigid", "estimator": "curve"}
-    done = bi.Indentation(**film, refine=0.6, depths=1).run(bi.stiffness("cubic", 168.4, 121.4, 75.4), [0.0, 0.0, 0.0])
+    done = bi.Indentation(**film, refine=0.6, depths=1).run(
+        bi.stiffness("cubic", 168.4, 121.4, 75.4), [0.0, 0.0, 0.0]
+    )
     thick = bi.Indentation(**film | {"thickness_um": 5.0}, refine=0.6, depths=1).run(
         bi.stiffness("cubic", 168.4, 121.4, 75.4), [0.0, 0.0, 0.0]
     )

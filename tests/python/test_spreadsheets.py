@@ -31,25 +31,40 @@ def book(path, rows=(HEADER, *ROWS), **sheets):
 def test_numbers_to_the_last_digit(tmp_path):
     points = read_measurements(book(tmp_path / "a.xlsx"), "cubic")
     assert points.modulus_kind == "effective_modulus"
-    assert np.array_equal(np.column_stack([points.euler_deg, points.modulus_gpa, points.sd_gpa]), [row[1:] for row in ROWS])
+    assert np.array_equal(
+        np.column_stack([points.euler_deg, points.modulus_gpa, points.sd_gpa]),
+        [row[1:] for row in ROWS],
+    )
     assert [row[0] for row in points.rows] == ["a", "b"]
 
 
 def test_what_sheets_have_beside_numbers(tmp_path):
-    """Blank rows and columns, a row of units, dates, texts with line breaks and tabs, decimal commas as text."""
+    """Blank rows and columns, a row of units, dates, texts with line breaks and tabs, decimal
+    commas as text.
+    """
     rows = [
-        [], [*HEADER, "measured on", None], [None, "deg", "deg", "deg", "GPa", "GPa"], [],
-        ["a\n\tb", *ROWS[0][1:], datetime.date(2024, 5, 1)], ["b", "40,0", 50, 60, "220,5", 4.25], [None, None],
-    ]  # fmt: skip
+        [],
+        [*HEADER, "measured on", None],
+        [None, "deg", "deg", "deg", "GPa", "GPa"],
+        [],
+        ["a\n\tb", *ROWS[0][1:], datetime.date(2024, 5, 1)],
+        ["b", "40,0", 50, 60, "220,5", 4.25],
+        [None, None],
+    ]
     points = read_measurements(book(tmp_path / "a.XLSX", rows), "cubic")
-    assert np.array_equal(np.column_stack([points.euler_deg, points.modulus_gpa, points.sd_gpa]), [row[1:] for row in ROWS])
+    assert np.array_equal(
+        np.column_stack([points.euler_deg, points.modulus_gpa, points.sd_gpa]),
+        [row[1:] for row in ROWS],
+    )
     assert points.rows[0][0] == "a b"
 
 
 def test_sheets_by_name(tmp_path):
     path = book(tmp_path / "a.xlsx", [["a title"]], grains=(HEADER, *ROWS))
     assert len(read_measurements(path, "cubic", sheet="grains")) == 2
-    with pytest.raises(bi.InputError, match="a.xlsx: there is no sheet 'Grains'; the sheets are Sheet, grains"):
+    with pytest.raises(
+        bi.InputError, match="a.xlsx: there is no sheet 'Grains'; the sheets are Sheet, grains"
+    ):
         read_measurements(path, "cubic", sheet="Grains")
     # The first one has no moduli.
     assert len(read_measurements(path, "cubic")) == 2
@@ -58,9 +73,18 @@ def test_sheets_by_name(tmp_path):
 @pytest.mark.parametrize(
     ("rows", "words"),
     [
-        ([HEADER, ROWS[0], ["b", 40, 50, 60, 220500, 4]], r"line 3, column Er \(GPa\): 220500 GPa looks like MPa"),
-        ([[], HEADER, ROWS[0], ["b", 40, 50, 200, -5, 4]], r"line 4, column Er \(GPa\): -5 GPa is no modulus"),
-        ([[*HEADER[:4], "modulus", "sd"], *ROWS], "the column modulus does not say which modulus was measured"),
+        (
+            [HEADER, ROWS[0], ["b", 40, 50, 60, 220500, 4]],
+            r"line 3, column Er \(GPa\): 220500 GPa looks like MPa",
+        ),
+        (
+            [[], HEADER, ROWS[0], ["b", 40, 50, 200, -5, 4]],
+            r"line 4, column Er \(GPa\): -5 GPa is no modulus",
+        ),
+        (
+            [[*HEADER[:4], "modulus", "sd"], *ROWS],
+            "the column modulus does not say which modulus was measured",
+        ),
     ],
 )
 def test_refusals_name_the_row_of_the_sheet(tmp_path, rows, words):
@@ -78,8 +102,17 @@ def test_what_is_no_spreadsheet(tmp_path, monkeypatch):
         read_measurements(path, "cubic")
     # Under another name it is told what it is.
     book(path).rename(tmp_path / "a.csv")
-    with pytest.raises(bi.InputError, match=r"a.csv: the file is a spreadsheet or another zip archive \(.xlsx, .ods\), not text: save"):
+    with pytest.raises(
+        bi.InputError,
+        match=(
+            r"a.csv: the file is a spreadsheet or another zip archive \(.xlsx, .ods\), not "
+            r"text: save"
+        ),
+    ):
         read_measurements(tmp_path / "a.csv", "cubic")
     monkeypatch.setitem(sys.modules, "openpyxl", None)
-    with pytest.raises(bi.InputError, match=r"needs openpyxl, which is not installed: \S+ -m pip install openpyxl, or save"):
+    with pytest.raises(
+        bi.InputError,
+        match=r"needs openpyxl, which is not installed: \S+ -m pip install openpyxl, or save",
+    ):
         read_measurements(book(path), "cubic")

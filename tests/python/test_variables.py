@@ -31,7 +31,9 @@ GRAINS = {
     "modulus_gpa": [120.0, 140, 146, 130, 139],
     "sd_gpa": [2.0, 3, 2, 3, 2],
 }
-CSV = "".join(",".join(map(str, row)) + "\n" for row in [[*GRAINS], *zip(*GRAINS.values(), strict=True)])
+CSV = "".join(
+    ",".join(map(str, row)) + "\n" for row in [[*GRAINS], *zip(*GRAINS.values(), strict=True)]
+)
 #: Further tables of one grain.
 TABLES = [
     ("fewer", "phi1,Phi,phi2,modulus_gpa,sd_gpa", "1,2,3,120,2"),
@@ -45,7 +47,8 @@ KIND = {"modulus_kind": "indentation_modulus"}
 def spelled(values: dict) -> str:
     """The lines of a group."""
     return "".join(
-        f"{name} = {value!r}\n" if not isinstance(value, list) else f"{name} = {str(value)[1:-1]}\n" for name, value in values.items()
+        f"{name} = {value!r}\n" if not isinstance(value, list) else f"{name} = {str(value)[1:-1]}\n"
+        for name, value in values.items()
     )
 
 
@@ -54,7 +57,11 @@ def written(folder, groups: dict, command: str = "run") -> bi.Problem:
     folder.mkdir(exist_ok=True)
     (folder / "points.csv").write_text(POINTS)
     (folder / "others.csv").write_text(POINTS.replace("10,20,30", "0,45,0"))
-    (folder / "along.csv").write_text(POINTS.replace("phi2_deg\n", "phi2_deg,propagation_deg\n").replace("10,20,30", "10,20,30,15"))
+    (folder / "along.csv").write_text(
+        POINTS.replace("phi2_deg\n", "phi2_deg,propagation_deg\n").replace(
+            "10,20,30", "10,20,30,15"
+        )
+    )
     (folder / "grains.csv").write_text(CSV)
     for name, header, row in TABLES:
         (folder / f"{name}.csv").write_text(f"{header}\n{row}\n")
@@ -65,18 +72,28 @@ def written(folder, groups: dict, command: str = "run") -> bi.Problem:
 
 def simulated(folder, groups):
     """One indentation."""
-    flat = {"refine": 0.6, "depths": 2, **{name: value for values in groups.values() for name, value in values.items()}}
+    flat = {
+        "refine": 0.6,
+        "depths": 2,
+        **{name: value for values in groups.values() for name, value in values.items()},
+    }
     found = bi.Indentation(**flat).run(COPPER, [10, 20, 30])
     return found.indentation_modulus_gpa, found.elements, found.force_mn.tolist()
 
 
 def files(folder, groups):
     """What `simulate` leaves."""
-    defaults = {"problem": {"symmetry": "cubic"}, "crystals": {"points": "points.csv"}, "simulation": {"refine": 0.6, "depths": 2}}
+    defaults = {
+        "problem": {"symmetry": "cubic"},
+        "crystals": {"points": "points.csv"},
+        "simulation": {"refine": 0.6, "depths": 2},
+    }
     problem = written(folder, merged(defaults, groups))
     assert main(["simulate", str(problem.path), "--output", str(folder / "out")]) == 0
     kept = {path.name for path in (folder / "out").iterdir()}
-    return sorted(kept), [line.split(",")[:7] for line in (folder / "out" / "moduli.csv").read_text().splitlines()]
+    return sorted(kept), [
+        line.split(",")[:7] for line in (folder / "out" / "moduli.csv").read_text().splitlines()
+    ]
 
 
 def files_of_theory(folder, groups):
@@ -98,7 +115,11 @@ def built(folder, groups):
     document = build(written(folder, groups, "build"), folder / "out")
     file = folder / "out" / groups["surrogate"].get("file", "surrogate.txt")
     angles = bi.Surrogate.load(file).data["euler_deg"].tolist()
-    return angles, file.name, json.dumps({name: value for name, value in document.items() if name != "file"})
+    return (
+        angles,
+        file.name,
+        json.dumps({name: value for name, value in document.items() if name != "file"}),
+    )
 
 
 def density(folder, groups):
@@ -112,13 +133,24 @@ def density(folder, groups):
 
 def density_of_waves(folder, groups):
     """The density of Step 2 with speeds at a few points."""
-    speeds = "phi1_deg,Phi_deg,phi2_deg,propagation_deg,rayleigh_velocity_m_s,sd_m_s,group\n0,0,0,0,2012,10,a\n0,10,20,5,2050,10,a\n"
+    speeds = (
+        "phi1_deg,Phi_deg,phi2_deg,propagation_deg,rayleigh_velocity_m_s,sd_m_s,group\n"
+        "0,0,0,0,2012,10,a\n0,10,20,5,2050,10,a\n"
+    )
     folder.mkdir(exist_ok=True)
     (folder / "speeds.csv").write_text(speeds)
     (folder / "faster.csv").write_text(speeds.replace("2012", "2040"))
-    defaults = {"problem": {"symmetry": "cubic", "density_kg_m3": 8960.0}, "measurements": {"velocities": "speeds.csv"}}
+    defaults = {
+        "problem": {"symmetry": "cubic", "density_kg_m3": 8960.0},
+        "measurements": {"velocities": "speeds.csv"},
+    }
     problem = written(folder, merged(defaults, groups), "extract")
-    return Posterior(problem, bi.Surrogate.load("halfspace")).evaluate([[168.4, 121.4, 75.4]])[0].round(9).tolist()
+    return (
+        Posterior(problem, bi.Surrogate.load("halfspace"))
+        .evaluate([[168.4, 121.4, 75.4]])[0]
+        .round(9)
+        .tolist()
+    )
 
 
 def read(folder, groups):
@@ -133,19 +165,34 @@ def moduli(folder, groups):
     folder.mkdir(exist_ok=True)
     rng = np.random.default_rng(1)
     for file, modulus in (("curves.csv", 100.0), ("softer.csv", 90.0)):
-        rows = [row for test in "abq" for row in curve_rows(test, 69.64 if test == "q" else modulus, rng)]
+        rows = [
+            row
+            for test in "abq"
+            for row in curve_rows(test, 69.64 if test == "q" else modulus, rng)
+        ]
         (folder / file).write_text("test,time_s,depth_nm,load_mn\n" + "".join(rows))
     header = "test,grain,reference,drift_nm_s\n"
     (folder / "tests.csv").write_text(header + "a,g,,0.2\nb,g,,\nq,,quartz,\n")
     (folder / "few_tests.csv").write_text(header + "a,g,,\nb,,quartz,\nq,,quartz,\n")
     (folder / "copper_tests.csv").write_text(header + "a,g,,\nb,g,,\nq,,copper,\n")
     isotropic = {"name": ["quartz"], "young_gpa": [72.0], "young_sd_gpa": [0.5], "nu": [0.17]}
-    defaults = {"problem": {"symmetry": "cubic"}, "curves": {"file": "curves.csv", "tests": "tests.csv", "radius_um": 5.0}}
-    groups = merged(merged(defaults, {"references": {} if "crystals" in groups.get("references", {}) else isotropic}), groups)
+    defaults = {
+        "problem": {"symmetry": "cubic"},
+        "curves": {"file": "curves.csv", "tests": "tests.csv", "radius_um": 5.0},
+    }
+    groups = merged(
+        merged(
+            defaults,
+            {"references": {} if "crystals" in groups.get("references", {}) else isotropic},
+        ),
+        groups,
+    )
     for file in ("points.csv", "others.csv"):
         place = "10,20,30" if file == "points.csv" else "0,45,0"
         (folder / file).write_text(
-            POINTS.replace("10,20,30", place).replace("phi2_deg\n", "phi2_deg,reference\n").replace(place, f"{place},copper")
+            POINTS.replace("10,20,30", place)
+            .replace("phi2_deg\n", "phi2_deg,reference\n")
+            .replace(place, f"{place},copper")
         )
     text = "".join(f"&{group}\n{spelled(values)}/\n" for group, values in groups.items())
     (folder / "a.nml").write_text(text.replace("True", ".true.").replace("False", ".false."))
@@ -160,7 +207,10 @@ def curve_rows(test, modulus, rng):
     """Lines of a noisy elastic curve."""
     load = np.linspace(0.2, 40, 150)
     depth = 1e3 * sneddon(load, modulus, 5.0, 1.0) + 0.2 * rng.normal(size=150)
-    return [f"{test},{t:.3f},{h:.3f},{p:.4f}\n" for t, h, p in zip(np.linspace(0, 20, 150), depth, load, strict=True)]
+    return [
+        f"{test},{t:.3f},{h:.3f},{p:.4f}\n"
+        for t, h, p in zip(np.linspace(0, 20, 150), depth, load, strict=True)
+    ]
 
 
 def sampled(folder, groups):
@@ -170,46 +220,76 @@ def sampled(folder, groups):
     }
     with pytest.warns(bi.BayesindentWarning):
         result = bi.extract(GRAINS, surrogate=of_cubic_crystals(), **KIND | settings)
-    return {name: values.values.tolist() for name, values in result.posterior.items()}, "evidence" in bi.summary(result)
+    return {
+        name: values.values.tolist() for name, values in result.posterior.items()
+    }, "evidence" in bi.summary(result)
 
 
 def asked_for(folder, groups):
     """What is sampled."""
-    problem = written(folder, merged({"problem": {"symmetry": "cubic"}, "measurements": {"file": "grains.csv"} | KIND}, groups))
+    problem = written(
+        folder,
+        merged(
+            {"problem": {"symmetry": "cubic"}, "measurements": {"file": "grains.csv"} | KIND},
+            groups,
+        ),
+    )
     return Posterior(problem, bi.Surrogate.load("halfspace")).names
 
 
 def suggested(folder, groups):
     """What to measure next."""
-    settings = {"count": 2} | {name: value for values in groups.values() for name, value in values.items()}
+    settings = {"count": 2} | {
+        name: value for values in groups.values() for name, value in values.items()
+    }
     if "candidates" in settings:
         settings["candidates"] = str(folder / settings["candidates"])
         folder.mkdir(exist_ok=True)
         (folder / "mine.csv").write_text("phi1_deg,Phi_deg,phi2_deg\n1,2,3\n40,50,60\n")
-    return json.dumps(bi.next_grain(GRAINS, surrogate=of_cubic_crystals(), result=drawn(), **KIND | settings))
+    return json.dumps(
+        bi.next_grain(GRAINS, surrogate=of_cubic_crystals(), result=drawn(), **KIND | settings)
+    )
 
 
 def planned(folder, groups):
     """The expected sds."""
     folder.mkdir(exist_ok=True)
-    defaults = {"problem": {"symmetry": "isotropic"}, "plan": {"constants": [250.0, 110.0], "grains": [5], "noise": [0.02]}}
+    defaults = {
+        "problem": {"symmetry": "isotropic"},
+        "plan": {"constants": [250.0, 110.0], "grains": [5], "noise": [0.02]},
+    }
     problem = written(folder, merged(defaults, groups), "plan")
     return run_stage(problem, "plan", folder / "out")["results"]
 
 
 def engine(folder, groups):
     """Where simulations run."""
-    execution = written(folder, {"problem": {"symmetry": "cubic"}, "crystals": {"points": "points.csv"}} | groups).settings.execution
+    execution = written(
+        folder, {"problem": {"symmetry": "cubic"}, "crystals": {"points": "points.csv"}} | groups
+    ).settings.execution
     with ENGINES[execution.engine](execution.workers, execution.scheduler) as made:
         return type(made).__name__, getattr(made, "workers", None)
 
 
 def reported(folder, groups):
-    """The title of the report, whether its figures say that the data are made up, what the constants are compared with, whence knowledge is."""
-    problem = written(folder, merged({"problem": {"symmetry": "cubic"}, "measurements": {"file": "grains.csv"} | KIND}, groups))
+    """The title of the report, whether its figures say that the data are made up, what the
+    constants are compared with, whence knowledge is.
+    """
+    problem = written(
+        folder,
+        merged(
+            {"problem": {"symmetry": "cubic"}, "measurements": {"file": "grains.csv"} | KIND},
+            groups,
+        ),
+    )
     (folder / "resolved.nml").write_text(problem.resolved)
     results = Results(folder)
-    return results.title, results.synthetic, results.reference, results.group("knowledge").get("source")
+    return (
+        results.title,
+        results.synthetic,
+        results.reference,
+        results.group("knowledge").get("source"),
+    )
 
 
 @cache
@@ -226,7 +306,15 @@ def of_cubic_crystals():
 @cache
 def drawn():
     with pytest.warns(bi.BayesindentWarning):
-        return bi.extract(GRAINS, surrogate=of_cubic_crystals(), method="scmh", samples=50, burn_in=500, chains=2, **KIND)
+        return bi.extract(
+            GRAINS,
+            surrogate=of_cubic_crystals(),
+            method="scmh",
+            samples=50,
+            burn_in=500,
+            chains=2,
+            **KIND,
+        )
 
 
 def merged(groups: dict, more: dict) -> dict:
@@ -236,7 +324,14 @@ def merged(groups: dict, more: dict) -> dict:
 OF_A_CRYSTAL = {"curves": {"tests": "copper_tests.csv"}, "references": {"crystals": "points.csv"}}
 BLOCK = {"specimen": {"geometry": "block"}, "simulation": {"refine": 0.66}}
 FILM = {"specimen": {"geometry": "film", "thickness_um": 1.0, "substrate_young_gpa": 160.0}}
-GRAIN = {"specimen": {"geometry": "grain", "grain_radius_um": 2.0, "matrix": "isotropic", "matrix_young_gpa": 200.0}}
+GRAIN = {
+    "specimen": {
+        "geometry": "grain",
+        "grain_radius_um": 2.0,
+        "matrix": "isotropic",
+        "matrix_young_gpa": 200.0,
+    }
+}
 CONE = {"indenter": {"shape": "cone"}}
 BOUNDED = {"domain": {"c_min": [100, 60, 40], "c_max": [250, 150, 120]}}
 PAPER = BOUNDED | {"surrogate": {"model": "paper", "degree": 1, "bandlimit": 4}}
@@ -250,7 +345,10 @@ EFFECTS = {
         "symmetry": (asked_for, {}, "tetragonal"),
         "lattice": (
             read,
-            {"problem": {"symmetry": "tetragonal", "lattice": [4.6, 4.6]}, "measurements": {"file": "planes.csv"}},
+            {
+                "problem": {"symmetry": "tetragonal", "lattice": [4.6, 4.6]},
+                "measurements": {"file": "planes.csv"},
+            },
             [4.6, 2.96],
         ),
         "title": (reported, {}, "mine"),
@@ -293,12 +391,20 @@ EFFECTS = {
         "width_um": (simulated, BLOCK, 7.0),
         "height_um": (simulated, BLOCK, 4.0),
         "thickness_um": (simulated, FILM, 2.0),
-        "substrate": (simulated, {"specimen": {"geometry": "film", "thickness_um": 1.0, "substrate_young_gpa": 160.0}}, "rigid"),
+        "substrate": (
+            simulated,
+            {"specimen": {"geometry": "film", "thickness_um": 1.0, "substrate_young_gpa": 160.0}},
+            "rigid",
+        ),
         "substrate_young_gpa": (simulated, FILM, 80.0),
         "substrate_nu": (simulated, FILM, 0.2),
         "grain_radius_um": (simulated, GRAIN, 3.0),
         "grain_depth_um": (simulated, GRAIN, 3.0),
-        "matrix": (simulated, {"specimen": {"geometry": "grain", "grain_radius_um": 2.0, "matrix_young_gpa": 200.0}}, "isotropic"),
+        "matrix": (
+            simulated,
+            {"specimen": {"geometry": "grain", "grain_radius_um": 2.0, "matrix_young_gpa": 200.0}},
+            "isotropic",
+        ),
         "matrix_young_gpa": (simulated, GRAIN, 90.0),
         "matrix_nu": (simulated, GRAIN, 0.2),
     },
@@ -326,15 +432,27 @@ EFFECTS = {
         "log_anisotropy_max": (built, {}, 0.8),
         "poisson_min": (built, {}, 0.2),
         "poisson_max": (built, {}, 0.35),
-        "stiffness_min_gpa": (built, {"domain": {"stiffness_max_gpa": 300.0, "stiffness_min_gpa": 50.0}}, 100.0),
-        "stiffness_max_gpa": (built, {"domain": {"stiffness_min_gpa": 50.0, "stiffness_max_gpa": 300.0}}, 200.0),
+        "stiffness_min_gpa": (
+            built,
+            {"domain": {"stiffness_max_gpa": 300.0, "stiffness_min_gpa": 50.0}},
+            100.0,
+        ),
+        "stiffness_max_gpa": (
+            built,
+            {"domain": {"stiffness_min_gpa": 50.0, "stiffness_max_gpa": 300.0}},
+            200.0,
+        ),
         "c_min": (built, BOUNDED, [120, 60, 40]),
         "c_max": (built, BOUNDED, [240, 150, 120]),
         "anisotropy_cap": (built, BOUNDED, 1.0),
     },
     "surrogate": {
         "file": (built, {}, "mine.txt"),
-        "model": (built, BOUNDED | {"surrogate": {"degree": 1, "bandlimit": 4}, "design": {"budget": 20}}, "paper"),
+        "model": (
+            built,
+            BOUNDED | {"surrogate": {"degree": 1, "bandlimit": 4}, "design": {"budget": 20}},
+            "paper",
+        ),
         "degree": (built, {}, 2),
         "bandlimit": (built, PAPER | {"design": {"budget": 20}}, 0),
         "truncation": (built, PAPER | {"design": {"budget": 20}}, "total"),
@@ -361,12 +479,17 @@ EFFECTS = {
         "velocities": (density_of_waves, {}, "faster.csv"),
         "velocity_calibration_sd": (density_of_waves, {}, 0.02),
         "file": (read, {}, "fewer.csv"),
-        "columns": (read, {"measurements": {"file": "named.csv", "columns": ["modulus_gpa = first"]}}, ["modulus_gpa = second"]),
+        "columns": (
+            read,
+            {"measurements": {"file": "named.csv", "columns": ["modulus_gpa = first"]}},
+            ["modulus_gpa = second"],
+        ),
         "sheet": None,  # test_spreadsheets: the second sheet of a workbook
         "ebsd": None,  # test_orientation_maps: orientations of a map
         "crystal_axes": None,  # test_map_axes: two makers' files of one crystal
         "orientations": None,  # test_unknown_orientations: a table without angles
-        "texture": None,  # test_unknown_orientations: another texture is another likelihood and another input
+        # test_unknown_orientations: another texture is another likelihood and another input
+        "texture": None,
         "ebsd_points": None,  # test_map_registration: the indents of a turned stage
         "modulus_kind": (density, {}, "effective_modulus"),
         "angles": (read, {"measurements": {"file": "radians.csv", "angles": "degrees"}}, "radians"),
@@ -387,8 +510,16 @@ EFFECTS = {
     "prior": {
         "c_min": (density, {}, [160, 60, 40]),
         "c_max": (density, {}, [165, 150, 120]),
-        "anisotropy_cap": (density, {"prior": {"bounds": {"C11": (50, 300), "C12": (50, 300), "C44": (20, 200)}}}, 0.1),
-        "measure": (density, {"prior": {"bounds": {"C11": (150, 300), "C12": (50, 140), "C44": (20, 200)}}}, "logarithms"),
+        "anisotropy_cap": (
+            density,
+            {"prior": {"bounds": {"C11": (50, 300), "C12": (50, 300), "C44": (20, 200)}}},
+            0.1,
+        ),
+        "measure": (
+            density,
+            {"prior": {"bounds": {"C11": (150, 300), "C12": (50, 140), "C44": (20, 200)}}},
+            "logarithms",
+        ),
     },
     "knowledge": {
         "quantity": (density, {"knowledge": {"knowledge": {"C44": (80, 5)}}}, {"C12": (80, 5)}),
@@ -411,7 +542,11 @@ EFFECTS = {
         "candidates": (suggested, {}, "mine.csv"),
         "count": (suggested, {}, 3),
         "velocity_cost": (suggested, WAVES, 0.01),
-        "velocity_sd_m_s": (suggested, WAVES | {"next": {"velocity_cost": 0.01, "velocity_sd_m_s": 10.0}}, 50.0),
+        "velocity_sd_m_s": (
+            suggested,
+            WAVES | {"next": {"velocity_cost": 0.01, "velocity_sd_m_s": 10.0}},
+            50.0,
+        ),
     },
     "plan": {
         "constants": (planned, {}, [250.0, 100.0]),
@@ -428,7 +563,9 @@ EFFECTS = {
 
 
 def test_every_variable_is_here():
-    assert {(variable.group, variable.name) for variable in schema()} == {(group, name) for group in EFFECTS for name in EFFECTS[group]}
+    assert {(variable.group, variable.name) for variable in schema()} == {
+        (group, name) for group in EFFECTS for name in EFFECTS[group]
+    }
 
 
 @pytest.mark.long_where(
@@ -449,10 +586,18 @@ def test_every_variable_is_here():
     "specimen-width_um",
     "specimen-height_um",
 )
-@pytest.mark.parametrize(("group", "name"), [(group, name) for group in EFFECTS for name in EFFECTS[group] if EFFECTS[group][name]])
+@pytest.mark.parametrize(
+    ("group", "name"),
+    [(group, name) for group in EFFECTS for name in EFFECTS[group] if EFFECTS[group][name]],
+)
 def test_has_an_effect(tmp_path, capsys, group, name):
     look, common, value = EFFECTS[group][name]
-    changed = merged(common, {"knowledge": {"knowledge": value}} if look is density and group == "knowledge" else {group: {name: value}})
+    changed = merged(
+        common,
+        {"knowledge": {"knowledge": value}}
+        if look is density and group == "knowledge"
+        else {group: {name: value}},
+    )
     assert at_default(look, common, tmp_path / "default") != look(tmp_path / "changed", changed)
 
 

@@ -1,4 +1,5 @@
-"""Surface waves: their speeds against Stroh's eigenvalue problem and closed forms, and what Step 2 makes of measured ones.
+"""Surface waves: their speeds against Stroh's eigenvalue problem and closed forms, and what Step 2
+makes of measured ones.
 
 Modules: wave_grains.f90.
 """
@@ -28,13 +29,23 @@ DENSITY = 4000.0
 
 def directions(n, seed):
     rng = np.random.default_rng(seed)
-    angles = np.column_stack([rng.uniform(0, 360, n), np.degrees(np.arccos(rng.uniform(-1, 1, n))), rng.uniform(0, 360, n)])
+    angles = np.column_stack(
+        [
+            rng.uniform(0, 360, n),
+            np.degrees(np.arccos(rng.uniform(-1, 1, n))),
+            rng.uniform(0, 360, n),
+        ]
+    )
     return angles, rng.uniform(0, 180, n)
 
 
-@pytest.mark.parametrize("name", ["copper", "Zn", "rutile", "calcite", "aragonite", "diopside", "albite"])
+@pytest.mark.parametrize(
+    "name", ["copper", "Zn", "rutile", "calcite", "aragonite", "diopside", "albite"]
+)
 def test_speed_and_displacement_of_every_class(name):
-    """By Stroh's eigenvalues; where the root is within 2e-6 of the limiting speed squared, bisection meets the limit instead."""
+    """By Stroh's eigenvalues; where the root is within 2e-6 of the limiting speed squared,
+    bisection meets the limit instead.
+    """
     symmetry, constants = crystal(name)
     c = stiffness_rows(symmetry, [constants])[0]
     angles, along = directions(12, 3)
@@ -44,17 +55,26 @@ def test_speed_and_displacement_of_every_class(name):
     assert there.sum() >= 9
     assert speed[there] ** 2 == pytest.approx(expected[there, 0], rel=1e-6)
     assert share[there] == pytest.approx(expected[there, 1], abs=1e-3)
-    assert bulk**2 == pytest.approx([slowest_bulk(c, *row) for row in zip(angles, along, strict=True)], rel=1e-7)
+    assert bulk**2 == pytest.approx(
+        [slowest_bulk(c, *row) for row in zip(angles, along, strict=True)], rel=1e-7
+    )
 
 
 def test_silicon_and_the_density():
     silicon = bi.stiffness("cubic", 165.7, 63.9, 79.6)
-    assert bi.rayleigh_velocity(silicon, [0, 0, 0], [0.0, 90.0], 2330.0) == pytest.approx(4919, abs=3)
-    assert bi.rayleigh_velocity(silicon, [0, 0, 0], 0.0, [2330.0, 4 * 2330.0]) @ [1, -2] == pytest.approx(0, abs=1e-9)
+    assert bi.rayleigh_velocity(silicon, [0, 0, 0], [0.0, 90.0], 2330.0) == pytest.approx(
+        4919, abs=3
+    )
+    assert bi.rayleigh_velocity(silicon, [0, 0, 0], 0.0, [2330.0, 4 * 2330.0]) @ [
+        1,
+        -2,
+    ] == pytest.approx(0, abs=1e-9)
 
 
 def test_copper_where_the_branch_follows_the_bulk_wave():
-    """On (001), more than 25 degrees from [100], the wave is close to a shear wave that moves along the surface."""
+    """On (001), more than 25 degrees from [100], the wave is close to a shear wave that moves along
+    the surface.
+    """
     c = stiffness_rows(*crystal("copper"))
     speed, bulk, share = rayleigh_modes(c, [0, 0, 0], [0.0, 10.0, 35.0, 45.0], 8960.0)
     assert (speed < bulk).all()
@@ -72,7 +92,10 @@ def test_a_density_that_is_none_is_refused(density):
 def test_shapes_that_do_not_fit_are_refused():
     with pytest.raises(bi.InputError, match="do not broadcast"):
         bi.rayleigh_velocity(np.eye(6), np.zeros((2, 3)), np.zeros(3), 1.0)
-    with pytest.raises(bi.InputError, match=r"angles \(\) and propagation_deg \(2,\) and density_kg_m3 \(3,\) do not broadcast"):
+    with pytest.raises(
+        bi.InputError,
+        match=r"angles \(\) and propagation_deg \(2,\) and density_kg_m3 \(3,\) do not broadcast",
+    ):
         bi.rayleigh_velocity(np.eye(6), np.zeros(3), np.zeros(2), np.ones(3))
     with pytest.raises(bi.InputError, match="positive definite|stable"):
         bi.rayleigh_velocity(-np.eye(6), [0, 0, 0], 0.0, 1.0)
@@ -82,10 +105,14 @@ def test_shapes_that_do_not_fit_are_refused():
 
 
 def speeds_of(c, angles, along, density):
-    """Speeds in m/s by Stroh's eigenvalues, and which are those of detected waves by the rule of the documentation."""
+    """Speeds in m/s by Stroh's eigenvalues, and which are those of detected waves by the rule of
+    the documentation.
+    """
     found = np.array([rayleigh(c, *row) for row in zip(angles, along, strict=True)])
     bulk = np.array([slowest_bulk(c, *row) for row in zip(angles, along, strict=True)])
-    return np.sqrt(1e9 * found[:, 0] / density), (found[:, 0] < 0.97**2 * bulk) & (found[:, 1] > 0.2)
+    return np.sqrt(1e9 * found[:, 0] / density), (found[:, 0] < 0.97**2 * bulk) & (
+        found[:, 1] > 0.2
+    )
 
 
 def measured(name, n, density, seed, noise=1.0):
@@ -96,17 +123,44 @@ def measured(name, n, density, seed, noise=1.0):
     speed, detected = speeds_of(c, angles, along, density)
     kept = np.flatnonzero(detected)[:n]
     moduli = bi.halfspace_modulus(c, angles[:n])
-    table = {"euler_deg": angles[:n], "indentation_modulus_gpa": moduli * (1 + noise * 0.02 * rng.normal(size=n)), "sd_gpa": 0.02 * moduli}
-    waves = {"euler_deg": angles[kept], "propagation_deg": along[kept], "sd_m_s": 0.005 * speed[kept]}
-    return symmetry, constants, table, waves | {"rayleigh_velocity_m_s": speed[kept] * (1 + noise * 0.005 * rng.normal(size=len(kept)))}
+    table = {
+        "euler_deg": angles[:n],
+        "indentation_modulus_gpa": moduli * (1 + noise * 0.02 * rng.normal(size=n)),
+        "sd_gpa": 0.02 * moduli,
+    }
+    waves = {
+        "euler_deg": angles[kept],
+        "propagation_deg": along[kept],
+        "sd_m_s": 0.005 * speed[kept],
+    }
+    return (
+        symmetry,
+        constants,
+        table,
+        waves
+        | {"rayleigh_velocity_m_s": speed[kept] * (1 + noise * 0.005 * rng.normal(size=len(kept)))},
+    )
 
 
 @pytest.mark.parametrize("name", ["copper", "Ti", "quartz"])
 def test_the_density_is_that_of_stroh(name):
-    """Normal errors of moduli and speeds, with a calibration factor of each and the density that all speeds share."""
+    """Normal errors of moduli and speeds, with a calibration factor of each and the density that
+    all speeds share.
+    """
     symmetry, constants, table, waves = measured(name, 6, 5000.0, 3)
-    errors = {"calibration_sd": 0.03, "velocity_calibration_sd": 0.01, "density_kg_m3": 5000.0, "density_sd_kg_m3": 100.0}
-    posterior = Posterior.of(table, velocities=waves, symmetry=symmetry, surrogate=bi.Surrogate.load("halfspace"), **errors)
+    errors = {
+        "calibration_sd": 0.03,
+        "velocity_calibration_sd": 0.01,
+        "density_kg_m3": 5000.0,
+        "density_sd_kg_m3": 100.0,
+    }
+    posterior = Posterior.of(
+        table,
+        velocities=waves,
+        symmetry=symmetry,
+        surrogate=bi.Surrogate.load("halfspace"),
+        **errors,
+    )
     points = constants * (1 + 0.02 * np.random.default_rng(2).standard_normal((4, len(constants))))
     likelihood = posterior.evaluate(points)[1]
     sds = np.concatenate([table["sd_gpa"], waves["sd_m_s"]])
@@ -117,22 +171,39 @@ def test_the_density_is_that_of_stroh(name):
         common = np.zeros((3, 12))
         common[0, :6], common[1, 6:], common[2, 6:] = 0.03 * modulus, 0.01 * speed, 0.01 * speed
         data = np.concatenate([table["indentation_modulus_gpa"], waves["rayleigh_velocity_m_s"]])
-        expected = stats.multivariate_normal(np.concatenate([modulus, speed]), np.diag(sds**2) + common.T @ common).logpdf(data)
+        expected = stats.multivariate_normal(
+            np.concatenate([modulus, speed]), np.diag(sds**2) + common.T @ common
+        ).logpdf(data)
         assert found == pytest.approx(expected, abs=2e-4)
 
 
 def test_speeds_alone_have_a_density():
     symmetry, constants, _, waves = measured("copper", 6, 8960.0, 4)
-    posterior = Posterior.of(None, velocities=waves, symmetry=symmetry, surrogate=bi.Surrogate.load("halfspace"), density_kg_m3=8960.0)
-    speed, _ = speeds_of(stiffness_rows(symmetry, [constants])[0], waves["euler_deg"], waves["propagation_deg"], 8960.0)
+    posterior = Posterior.of(
+        None,
+        velocities=waves,
+        symmetry=symmetry,
+        surrogate=bi.Surrogate.load("halfspace"),
+        density_kg_m3=8960.0,
+    )
+    speed, _ = speeds_of(
+        stiffness_rows(symmetry, [constants])[0],
+        waves["euler_deg"],
+        waves["propagation_deg"],
+        8960.0,
+    )
     expected = stats.norm(speed, waves["sd_m_s"]).logpdf(waves["rayleigh_velocity_m_s"]).sum()
     assert posterior.evaluate([constants])[1] == pytest.approx(expected, abs=1e-4)
 
 
-@pytest.mark.parametrize(("name", "needed"), [("copper", [0.45, 0.45, 0.6]), ("Ti", [0.3, 0.3, 0.5, 0.5, 0.6])])
+@pytest.mark.parametrize(
+    ("name", "needed"), [("copper", [0.45, 0.45, 0.6]), ("Ti", [0.3, 0.3, 0.5, 0.5, 0.6])]
+)
 @pytest.mark.long
 def test_both_know_what_neither_knows(name, needed):
-    """sds of moduli and speeds together, over those of either alone; the truth is within three sds; a false speed of an undetected wave is left out."""
+    """sds of moduli and speeds together, over those of either alone; the truth is within three sds;
+    a false speed of an undetected wave is left out.
+    """
     symmetry, constants, table, waves = measured(name, 20, 5000.0, 5)
     asked = {"symmetry": symmetry, "density_kg_m3": 5000.0, "samples": 1500}
     both, moduli = (bi.summary(quiet(table, velocities=given, **asked)) for given in (waves, None))
@@ -153,7 +224,9 @@ def quiet(*arguments, **keywords):
 
 @pytest.mark.long
 def test_waves_that_are_not_detected_are_left_out():
-    """Copper on (001): of what a pseudo-surface wave gave at 35 degrees from [100], much faster than the surface wave, nothing is used."""
+    """Copper on (001): of what a pseudo-surface wave gave at 35 degrees from [100], much faster
+    than the surface wave, nothing is used.
+    """
     symmetry, constants, table, waves = measured("copper", 12, 8960.0, 6)
     false = {
         "euler_deg": np.zeros((2, 3)),
@@ -180,32 +253,50 @@ def theories(symmetry, waves, angles):
     """Moduli and speeds of crystals (n, k) by NumPy alone."""
     along = Waves(waves["euler_deg"], waves["propagation_deg"])
     moduli = FieldTheory(symmetry, angles, 14, 120, points=32, angles=32, newton=6, precision=float)
-    return lambda x: (moduli.moduli(x), np.array([np.sqrt(1e9 * along(c) / DENSITY) for c in stiffness_of(symmetry, x)]))
+    return lambda x: (
+        moduli.moduli(x),
+        np.array([np.sqrt(1e9 * along(c) / DENSITY) for c in stiffness_of(symmetry, x)]),
+    )
 
 
 @pytest.mark.long
 @pytest.mark.parametrize(("name", "n"), [("Ti", 12), ("quartz", 16)])
 def test_posteriors_by_importance_sampling(name, n):
-    """Moduli and speeds of titanium and quartz between bounds, with an error of the density: by theories in NumPy, which share nothing with the
-    package, at points of a wide Student's t, weighted."""
+    """Moduli and speeds of titanium and quartz between bounds, with an error of the density: by
+    theories in NumPy, which share nothing with the package, at points of a wide Student's t,
+    weighted.
+    """
     symmetry, constants, table, waves = measured(name, n, DENSITY, 11)
     symmetry = {"-3m": "trigonal"}.get(symmetry, symmetry)
     width = np.array([40.0, 40, 15, 40, 40] if name == "Ti" else [15.0, 15, 15, 10, 15, 8])
-    bounds = {key: (x - w, x + w) for key, x, w in zip(bi.constants(symmetry), constants, width, strict=True)}
-    asked = {"symmetry": symmetry, "bounds": bounds, "velocities": waves, "density_kg_m3": DENSITY, "density_sd_kg_m3": 20.0}
+    bounds = {
+        key: (x - w, x + w)
+        for key, x, w in zip(bi.constants(symmetry), constants, width, strict=True)
+    }
+    asked = {
+        "symmetry": symmetry,
+        "bounds": bounds,
+        "velocities": waves,
+        "density_kg_m3": DENSITY,
+        "density_sd_kg_m3": 20.0,
+    }
     posterior = Posterior.of(table, surrogate=bi.Surrogate.load("halfspace"), **asked)
-    draws = posterior.sample(method="ensemble", samples=4000, burn_in=4000, chains=2, threads=2, seed=5)[0].reshape(-1, len(constants))
+    draws = posterior.sample(
+        method="ensemble", samples=4000, burn_in=4000, chains=2, threads=2, seed=5
+    )[0].reshape(-1, len(constants))
     proposal = stats.multivariate_t(draws.mean(axis=0), 1.3 * np.cov(draws.T), df=6, seed=3)
     x = proposal.rvs(6000)
     x = x[(np.abs(x - constants) < width).all(axis=1)]
     x = x[np.linalg.eigvalsh(stiffness_of(symmetry, x))[:, 0] > 0]
     moduli, speeds = theories(symmetry, waves, table["euler_deg"])(x)
-    logs = -proposal.logpdf(x) - 0.5 * (((moduli - table["indentation_modulus_gpa"]) / table["sd_gpa"]) ** 2).sum(axis=1)
+    logs = -proposal.logpdf(x) - 0.5 * (
+        ((moduli - table["indentation_modulus_gpa"]) / table["sd_gpa"]) ** 2
+    ).sum(axis=1)
     for k, speed in enumerate(speeds):
         shared = 0.5 * 20.0 / DENSITY * speed
-        logs[k] += stats.multivariate_normal(speed, np.diag(waves["sd_m_s"] ** 2) + np.outer(shared, shared)).logpdf(
-            waves["rayleigh_velocity_m_s"]
-        )
+        logs[k] += stats.multivariate_normal(
+            speed, np.diag(waves["sd_m_s"] ** 2) + np.outer(shared, shared)
+        ).logpdf(waves["rayleigh_velocity_m_s"])
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
     assert 1 / (weights**2).sum() > 1000
@@ -217,11 +308,18 @@ def test_posteriors_by_importance_sampling(name, n):
 
 @pytest.mark.long
 def test_the_posterior_is_that_of_an_independent_sampler():
-    """Six speeds and six moduli of copper between bounds, by Stroh's eigenvalues and nested sampling."""
+    """Six speeds and six moduli of copper between bounds, by Stroh's eigenvalues and nested
+    sampling.
+    """
     symmetry, constants, table, waves = measured("copper", 6, 8960.0, 8)
     width = np.array([40.0, 40.0, 15.0])
-    bounds = {name: (x - w, x + w) for name, x, w in zip(bi.constants(symmetry), constants, width, strict=True)}
-    result = quiet(table, symmetry, velocities=waves, density_kg_m3=8960.0, bounds=bounds, samples=5000)
+    bounds = {
+        name: (x - w, x + w)
+        for name, x, w in zip(bi.constants(symmetry), constants, width, strict=True)
+    }
+    result = quiet(
+        table, symmetry, velocities=waves, density_kg_m3=8960.0, bounds=bounds, samples=5000
+    )
     document = bi.summary(result)
     assert document["velocities_left_out"] == 0
     along = Waves(waves["euler_deg"], waves["propagation_deg"])
@@ -230,12 +328,22 @@ def test_the_posterior_is_that_of_an_independent_sampler():
         c = stiffness_rows(symmetry, [x])[0]
         if np.linalg.eigvalsh(c)[0] <= 0:
             return -1e100
-        moduli, speeds = bi.halfspace_modulus(c, table["euler_deg"]), np.sqrt(1e9 * along(c) / 8960.0)
+        moduli, speeds = (
+            bi.halfspace_modulus(c, table["euler_deg"]),
+            np.sqrt(1e9 * along(c) / 8960.0),
+        )
         first = (moduli - table["indentation_modulus_gpa"]) / table["sd_gpa"]
-        return -0.5 * (first**2).sum() - 0.5 * (((speeds - waves["rayleigh_velocity_m_s"]) / waves["sd_m_s"]) ** 2).sum()
+        return (
+            -0.5 * (first**2).sum()
+            - 0.5 * (((speeds - waves["rayleigh_velocity_m_s"]) / waves["sd_m_s"]) ** 2).sum()
+        )
 
     sampler = dynesty.NestedSampler(
-        log_likelihood, lambda u: constants + width * (2 * u - 1), 3, nlive=150, rstate=np.random.default_rng(1)
+        log_likelihood,
+        lambda u: constants + width * (2 * u - 1),
+        3,
+        nlive=150,
+        rstate=np.random.default_rng(1),
     )
     sampler.run_nested(print_progress=False, dlogz=0.05)
     draws = sampler.results.samples_equal(rstate=np.random.default_rng(2))

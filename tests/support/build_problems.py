@@ -1,4 +1,6 @@
-"""Small problems of Step 1 with the theory in place of simulations, and the values by which two builds are compared."""
+"""Small problems of Step 1 with the theory in place of simulations, and the values by which two
+builds are compared.
+"""
 
 import sqlite3
 from pathlib import Path
@@ -14,7 +16,11 @@ PAPER = {
     "domain": {"c_min": "50, 40, 15", "c_max": "250, 150, 120", "anisotropy_cap": "7.2"},
     "surrogate": {"model": "'paper'", "degree": 1, "bandlimit": 4},
 }
-CORRECTION = {"problem": {"title": "'all crystals'"}, "domain": {"log_anisotropy_max": "1.2"}, "surrogate": {"degree": 2}}
+CORRECTION = {
+    "problem": {"title": "'all crystals'"},
+    "domain": {"log_anisotropy_max": "1.2"},
+    "surrogate": {"degree": 2},
+}
 
 
 def make_problem(folder: Path, *, model=PAPER, **groups) -> Problem:
@@ -26,7 +32,11 @@ def make_problem(folder: Path, *, model=PAPER, **groups) -> Problem:
     }
     lines = []
     for group, values in groups.items():
-        lines += [f"&{group}\n", *(f"  {name} = {value}\n" for name, value in values.items()), "/\n"]
+        lines += [
+            f"&{group}\n",
+            *(f"  {name} = {value}\n" for name, value in values.items()),
+            "/\n",
+        ]
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "problem.nml"
     path.write_text("".join(lines))
@@ -36,16 +46,29 @@ def make_problem(folder: Path, *, model=PAPER, **groups) -> Problem:
 def stored(output: Path) -> list:
     return (
         sqlite3.connect(output / "campaign.sqlite")
-        .execute("SELECT position, constants, euler_deg, indentation_modulus_gpa FROM simulation ORDER BY position")
+        .execute(
+            "SELECT position, constants, euler_deg, indentation_modulus_gpa FROM simulation "
+            "ORDER BY position"
+        )
         .fetchall()
     )
 
 
 def numbers_of(document: dict) -> dict:
     """The document of a build without the values that depend on its folder and on interruptions."""
-    return {name: value for name, value in document.items() if name not in ("file", "new_simulations", "inputs")}
+    return {
+        name: value
+        for name, value in document.items()
+        if name not in ("file", "new_simulations", "inputs")
+    }
 
 
 def posterior_of(folder: Path) -> list:
     surrogate = Surrogate.load(folder / "surrogate.txt")
-    return [surrogate.coefficients.tolist(), surrogate.covariance.tolist(), surrogate.alpha, surrogate.beta, surrogate.fall]
+    return [
+        surrogate.coefficients.tolist(),
+        surrogate.covariance.tolist(),
+        surrogate.alpha,
+        surrogate.beta,
+        surrogate.fall,
+    ]

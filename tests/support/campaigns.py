@@ -1,4 +1,6 @@
-"""Rows of campaign.sqlite as Python's sqlite3 reads them, and a campaign with moduli from elsewhere."""
+"""Rows of campaign.sqlite as Python's sqlite3 reads them, and a campaign with moduli from
+elsewhere.
+"""
 
 import json
 import sqlite3
@@ -12,24 +14,40 @@ from bayesindent.settings.problem import Problem, read_crystals
 __all__ = ["Row", "count_rows", "rows", "table", "told"]
 
 Row = namedtuple(
-    "Row", "position symmetry constants euler_deg imported message modulus_gpa seconds elements depth_um force_mn"
-)  # fmt: skip
+    "Row",
+    "position symmetry constants euler_deg imported message modulus_gpa seconds elements "
+    "depth_um force_mn",
+)
 
 STORED = """SELECT position, symmetry, constants, euler_deg, origin, message, indentation_modulus_gpa, seconds, elements, depth_um, force_mn
 FROM simulation JOIN physics ON physics.id = physics_id WHERE identity LIKE ? ORDER BY physics_id, position"""
 
 
 def rows(path: Path, physics: str = "%") -> list[Row]:
-    """The rows of a campaign in order of choice, with constants and angles as tuples and curves as lists.
+    """The rows of a campaign in order of choice, with constants and angles as tuples and curves as
+    lists.
 
-    A value that the file does not have is None. `physics` restricts the rows to identities like this pattern of SQL.
+    A value that the file does not have is None. `physics` restricts the rows to identities like
+    this pattern of SQL.
     """
     with closing(sqlite3.connect(path)) as file:
         found = []
-        for position, symmetry, constants, euler_deg, origin, message, *numbers, depth, force in file.execute(STORED, [physics]):
+        for (
+            position,
+            symmetry,
+            constants,
+            euler_deg,
+            origin,
+            message,
+            *numbers,
+            depth,
+            force,
+        ) in file.execute(STORED, [physics]):
             lists = tuple(json.loads(constants)), tuple(json.loads(euler_deg))
             curve = [values and json.loads(values) for values in (depth, force)]
-            found.append(Row(position, symmetry, *lists, origin == "told", message, *numbers, *curve))
+            found.append(
+                Row(position, symmetry, *lists, origin == "told", message, *numbers, *curve)
+            )
         return found
 
 
@@ -58,9 +76,16 @@ def table(folder, points, name="points.csv", moduli=None):
 
 
 def told(folder, points, moduli):
-    """Import these moduli by `build --tell` into a campaign with the physics of the theory; return its document."""
+    """Import these moduli by `build --tell` into a campaign with the physics of the theory; return
+    its document.
+    """
     folder.mkdir(exist_ok=True)
-    text = "&problem symmetry = 'cubic' /\n&simulation simulator = 'theory' /\n&domain log_anisotropy_max = 3 /\n&design budget = 8 /\n"
+    text = (
+        "&problem symmetry = 'cubic' /\n&simulation simulator = 'theory' /\n&domain "
+        "log_anisotropy_max = 3 /\n&design budget = 8 /\n"
+    )
     (folder / "b.nml").write_text(text)
     path = table(folder, points, "told.csv", moduli)
-    return tell(Problem(folder / "b.nml", "build"), folder, read_crystals(path, "cubic"), "told.csv")
+    return tell(
+        Problem(folder / "b.nml", "build"), folder, read_crystals(path, "cubic"), "told.csv"
+    )

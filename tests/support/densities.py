@@ -1,4 +1,6 @@
-"""The density that Step 2 samples, point by point: the operations of the core, for tests and benchmarks."""
+"""The density that Step 2 samples, point by point: the operations of the core, for tests and
+benchmarks.
+"""
 
 import json
 
@@ -18,7 +20,8 @@ DENSITY, PRIOR, EXTRACTION = "density", "prior", "extract"
 
 
 class Posterior(Held):
-    """The density of the constants, and of the logarithm of a factor on the sds where that is inferred, that a problem asks for.
+    """The density of the constants, and of the logarithm of a factor on the sds where that is
+    inferred, that a problem asks for.
 
     `what`: `DENSITY`; `PRIOR`, which leaves the data out; `EXTRACTION`, all of Step 2.
     """
@@ -41,7 +44,9 @@ class Posterior(Held):
         self._hold(self.values["handle"])
 
     @classmethod
-    def of(cls, measurements, *, surrogate: Surrogate, what: str = DENSITY, **settings) -> "Posterior":
+    def of(
+        cls, measurements, *, surrogate: Surrogate, what: str = DENSITY, **settings
+    ) -> "Posterior":
         """The posterior that `bi.extract` samples with these arguments."""
         return cls(problem_of("Posterior", surrogate, measurements, **settings), surrogate, what)
 
@@ -50,9 +55,21 @@ class Posterior(Held):
         """The number of groups of grains that share an error."""
         return self.values["groups"]
 
-    def sample(self, *, method: str, samples: int, burn_in: int, chains: int, threads: int, seed: int):
-        """Chains: parameters (chains, samples, dimension), log densities (chains, samples), acceptance (chains,)."""
-        found = self._call("sample", method=method, samples=samples, burn_in=burn_in, chains=chains, threads=threads, seed=seed)
+    def sample(
+        self, *, method: str, samples: int, burn_in: int, chains: int, threads: int, seed: int
+    ):
+        """Chains: parameters (chains, samples, dimension), log densities (chains, samples),
+        acceptance (chains,).
+        """
+        found = self._call(
+            "sample",
+            method=method,
+            samples=samples,
+            burn_in=burn_in,
+            chains=chains,
+            threads=threads,
+            seed=seed,
+        )
         return found["draws"], found["log_density"], found["acceptance"]
 
     def evaluate(self, x: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
@@ -64,12 +81,24 @@ class Posterior(Held):
         """Read the theory from now on as finely as Step 2 does near draws (n, dimension)."""
         self._call("read_theory", points=np.atleast_2d(x), threads=1)
 
-    def moduli(self, x: ArrayLike, euler_deg: ArrayLike, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """Indentation moduli (m, n) in GPa of n grains at points x (m, dimension), the surrogate's error drawn given the data, and one
-        plus the calibration error of each group (m, groups), drawn likewise."""
-        found = self._call("moduli", points=np.atleast_2d(x), euler_deg=np.atleast_2d(euler_deg), seed=seed)
+    def moduli(
+        self, x: ArrayLike, euler_deg: ArrayLike, seed: int = 0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Indentation moduli (m, n) in GPa of n grains at points x (m, dimension), the surrogate's
+        error drawn given the data, and one plus the calibration error of each group (m, groups),
+        drawn likewise.
+        """
+        found = self._call(
+            "moduli", points=np.atleast_2d(x), euler_deg=np.atleast_2d(euler_deg), seed=seed
+        )
         return found["values"], found["factor"]
 
     def suggest(self, problem: Problem, draws: ArrayLike) -> dict:
-        """The document of `next` for the problem's `&next`, from draws (n, dimension) of the posterior."""
-        return json.loads(self.surrogate._call("next", problem=problem.handle, points=np.atleast_2d(draws))["text"])
+        """The document of `next` for the problem's `&next`, from draws (n, dimension) of the
+        posterior.
+        """
+        return json.loads(
+            self.surrogate._call("next", problem=problem.handle, points=np.atleast_2d(draws))[
+                "text"
+            ]
+        )

@@ -1,4 +1,6 @@
-"""Kill a campaign at random moments and inside writes, start it again, and compare the results with those of an undisturbed run."""
+"""Kill a campaign at random moments and inside writes, start it again, and compare the results with
+those of an undisturbed run.
+"""
 
 import json
 import os
@@ -25,7 +27,8 @@ PROGRAMS = {
     "bayesindent-batch": [str(BATCH)],
 }
 
-#: A campaign of small finite element simulations (a twentieth of a second each) with validation, and constants from its surrogate.
+#: A campaign of small finite element simulations (a twentieth of a second each) with validation,
+#: and constants from its surrogate.
 CAMPAIGN = """\
 &problem symmetry = 'cubic' /
 &specimen geometry = '{geometry}' /
@@ -41,7 +44,9 @@ CAMPAIGN = """\
 
 
 def write_campaign(folder: Path, *, geometry="halfspace", budget=20, batch=1, workers=2) -> Path:
-    """The namelist of a campaign in a new folder. In a block, a third of the simulations fails: the contact leaves the fine mesh."""
+    """The namelist of a campaign in a new folder. In a block, a third of the simulations fails: the
+    contact leaves the fine mesh.
+    """
     folder.mkdir(parents=True)
     rows = (SOURCE / "tests" / "reference" / "cubic_fe3si.csv").read_text()
     (folder / "grains.csv").write_text(rows)
@@ -59,7 +64,12 @@ def start(program: str, namelist: Path, command: str) -> subprocess.Popen:
     """A command in a process group of its own."""
     words = [*words_for(program, command), str(namelist), "--output", str(namelist.parent / "out")]
     return subprocess.Popen(
-        words, cwd=namelist.parent, start_new_session=True, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        words,
+        cwd=namelist.parent,
+        start_new_session=True,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
     )
 
 
@@ -88,7 +98,9 @@ def kill_after(process: subprocess.Popen, seconds: float) -> bool:
 
 
 def kill_inside_a_write(process: subprocess.Popen, folder: Path, number: int) -> bool:
-    """End the group as soon as file number `number` that is written beside its name is seen; whether one was."""
+    """End the group as soon as file number `number` that is written beside its name is seen;
+    whether one was.
+    """
     seen: set[str] = set()
     while process.poll() is None:
         with suppress(FileNotFoundError):
@@ -106,11 +118,18 @@ def rows_of(folder: Path) -> list[tuple]:
     if not file.exists():
         return []
     with closing(sqlite3.connect(file)) as connection:
-        assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)], "the campaign is damaged"
+        assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)], (
+            "the campaign is damaged"
+        )
         if not connection.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]:
             return []
-        columns = "position, symmetry, constants, euler_deg, status, message, indentation_modulus_gpa, depth_um, force_mn"
-        return connection.execute(f"SELECT {columns} FROM simulation ORDER BY position, id").fetchall()
+        columns = (
+            "position, symmetry, constants, euler_deg, status, message, "
+            "indentation_modulus_gpa, depth_um, force_mn"
+        )
+        return connection.execute(
+            f"SELECT {columns} FROM simulation ORDER BY position, id"
+        ).fetchall()
 
 
 def half_written(folder: Path) -> list[str]:
@@ -124,7 +143,11 @@ def half_written(folder: Path) -> list[str]:
                 Surrogate.load(file)
             elif file.name == "posterior.bin":
                 read_posterior(folder)
-            elif file.name in ("posterior.csv", "report.html", "resolved.nml") and not file.read_text().endswith(("\n", ">")):
+            elif file.name in (
+                "posterior.csv",
+                "report.html",
+                "resolved.nml",
+            ) and not file.read_text().endswith(("\n", ">")):
                 bad.append(file.name)
         except (ValueError, InputError, OSError):
             bad.append(file.name)
@@ -150,11 +173,13 @@ def results_of(folder: Path) -> dict:
 
 
 def disturbed(program: str, folder: Path, kills: int, seed: int, command="run", **campaign) -> dict:
-    """Kill a campaign at work `kills` times, one time in four inside a write, and then let it finish.
+    """Kill a campaign at work `kills` times, one time in four inside a write, and then let it
+    finish.
 
-    A kill that comes too late is not counted, and the next ones come twice as early: how long a campaign takes depends on the machine.
-    Gives how many kills met a process at work, what was lost or repeated, half-written files, and the parts of the results that are
-    not, bit for bit, those of a run that was not disturbed.
+    A kill that comes too late is not counted, and the next ones come twice as early: how long a
+    campaign takes depends on the machine. Gives how many kills met a process at work, what was lost
+    or repeated, half-written files, and the parts of the results that are not, bit for bit, those
+    of a run that was not disturbed.
     """
     whole, broken = (write_campaign(folder / name, **campaign) for name in ("whole", "broken"))
     begin = time.monotonic()
@@ -167,7 +192,9 @@ def disturbed(program: str, folder: Path, kills: int, seed: int, command="run", 
     for _ in range(10 * kills):
         process = start(program, broken, command)
         if random_moments.random() < 0.25:
-            was_met = kill_inside_a_write(process, broken.parent / "out", random_moments.randint(1, 5))
+            was_met = kill_inside_a_write(
+                process, broken.parent / "out", random_moments.randint(1, 5)
+            )
             inside += was_met
         else:
             was_met = kill_after(process, random_moments.uniform(earliest, latest))

@@ -1,11 +1,17 @@
-"""The domains of the paper's two studies: bounds of the constants (GPa) and the largest anisotropy index."""
+"""The domains of the paper's two studies: bounds of the constants (GPa) and the largest anisotropy
+index.
+"""
 
 __all__ = ["DOMAIN", "DOMAINS"]
 
 #: Variables of &domain.
 DOMAINS = {
     "cubic": {"c_min": (50, 40, 15), "c_max": (250, 150, 120), "anisotropy_cap": 7.2},
-    "hexagonal": {"c_min": (80, 40, 30, 70, 40), "c_max": (240, 120, 90, 210, 90), "anisotropy_cap": 66.2},
+    "hexagonal": {
+        "c_min": (80, 40, 30, 70, 40),
+        "c_max": (240, 120, 90, 210, 90),
+        "anisotropy_cap": 66.2,
+    },
 }
 
 

@@ -33,6 +33,8 @@ def runner(program, folder):
 
 
 def with_tests() -> dict[str, str]:
-    """The environment for a Python process that imports from tests/, as `support` and test files do."""
+    """The environment for a Python process that imports from tests/, as `support` and test files
+    do.
+    """
     paths = [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
     return os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}

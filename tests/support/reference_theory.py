@@ -1,9 +1,12 @@
-"""Half-space theory in NumPy, from the formulas alone: it shares nothing with the package and serves to make references for it.
+"""Half-space theory in NumPy, from the formulas alone: it shares nothing with the package and
+serves to make references for it.
 
-Stiffnesses of the classes are written out by hand. Barnett's integral B(t) is a trapezoidal rule; B^-1(t) is one even field of 3 x 3
-matrices per crystal, which every grain reads along its own great circle. `direct_modulus` takes it there by quadrature and minimises over
-Willis' ellipse by a simplex. `FieldTheory` does many crystals of one class in the same grains at once: the field is expanded in even
-polynomials on the sphere by least squares over nodes, which the rotations of the class multiply, and Newton's method finds the ellipse.
+Stiffnesses of the classes are written out by hand. Barnett's integral B(t) is a trapezoidal rule;
+B^-1(t) is one even field of 3 x 3 matrices per crystal, which every grain reads along its own great
+circle. `direct_modulus` takes it there by quadrature and minimises over Willis' ellipse by a
+simplex. `FieldTheory` does many crystals of one class in the same grains at once: the field is
+expanded in even polynomials on the sphere by least squares over nodes, which the rotations of the
+class multiply, and Newton's method finds the ellipse.
 """
 
 import itertools
@@ -38,7 +41,8 @@ RULES = {
 }
 #: Rotations that the field of a class is known to have (a subgroup serves): crystal axis and fold.
 GENERATORS = {"trigonal": [(2, 3), (0, 2)], "orthorhombic": [(2, 2), (0, 2)]}
-#: Azimuths, degrees, between which they and inversion leave nothing out in the upper hemisphere: start and width.
+#: Azimuths, degrees, between which they and inversion leave nothing out in the upper hemisphere:
+#: start and width.
 WEDGES = {"trigonal": (30, 60), "orthorhombic": (0, 90)}
 
 
@@ -63,7 +67,9 @@ def kelvin(voigt: np.ndarray) -> np.ndarray:
 
 
 def orthonormal_space(symmetry: str) -> tuple[np.ndarray, np.ndarray]:
-    """Orthonormal basis (k, 6, 6) of the class's Kelvin matrices, and the matrix (k, k) that maps coordinates in it to constants."""
+    """Orthonormal basis (k, 6, 6) of the class's Kelvin matrices, and the matrix (k, k) that maps
+    coordinates in it to constants.
+    """
     k = len(NAMES[symmetry])
     units = kelvin(stiffness(symmetry, np.eye(k))).reshape(k, 36)
     q, r = np.linalg.qr(units.T)  # units.T = q r: coordinates are r c
@@ -109,12 +115,17 @@ def bunge(euler_deg: np.ndarray) -> np.ndarray:
 
 
 def barnett(c4: np.ndarray, t: np.ndarray, points: int) -> np.ndarray:
-    """8 pi^2 B(t) (n, 3, 3) of one crystal for directions t (n, 3), trapezoidal rule with `points` angles over the half turn."""
+    """8 pi^2 B(t) (n, 3, 3) of one crystal for directions t (n, 3), trapezoidal rule with `points`
+    angles over the half turn.
+    """
     first, second = perpendicular(t)
     phi = np.arange(points) * math.pi / points
     m = first[:, None] * np.cos(phi)[:, None] + second[:, None] * np.sin(phi)[:, None]
     n = second[:, None] * np.cos(phi)[:, None] - first[:, None] * np.sin(phi)[:, None]
-    mm, mn, nn = (np.einsum("tpi,ijkl,tpl->tpjk", a, c4, b, optimize=True) for a, b in ((m, m), (m, n), (n, n)))
+    mm, mn, nn = (
+        np.einsum("tpi,ijkl,tpl->tpjk", a, c4, b, optimize=True)
+        for a, b in ((m, m), (m, n), (n, n))
+    )
     return (mm - mn @ np.linalg.inv(nn) @ np.swapaxes(mn, -1, -2)).mean(axis=1) * 2 * math.pi
 
 
@@ -126,8 +137,12 @@ def perpendicular(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return first, np.cross(t, first)
 
 
-def direct_modulus(voigt: np.ndarray, euler_deg: np.ndarray, points: int = 128, angles: int = 96) -> np.ndarray:
-    """Half-space moduli (n,) of one crystal: no expansion, and a general minimiser for the ellipse."""
+def direct_modulus(
+    voigt: np.ndarray, euler_deg: np.ndarray, points: int = 128, angles: int = 96
+) -> np.ndarray:
+    """Half-space moduli (n,) of one crystal: no expansion, and a general minimiser for the
+    ellipse.
+    """
     from scipy.optimize import minimize
 
     c4, theta = fourth_rank(voigt), np.arange(angles) * math.pi / angles
@@ -140,36 +155,62 @@ def direct_modulus(voigt: np.ndarray, euler_deg: np.ndarray, points: int = 128, 
             under = 1 + p[0] * np.cos(2 * theta) + p[1] * np.sin(2 * theta)
             return h.mean() * 10 if under.min() <= 0 else np.mean(h / np.sqrt(under))
 
-        best = minimize(integral, [0.0, 0.0], method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-13 * h.mean(), "maxiter": 2000})
+        best = minimize(
+            integral,
+            [0.0, 0.0],
+            method="Nelder-Mead",
+            options={"xatol": 1e-7, "fatol": 1e-13 * h.mean(), "maxiter": 2000},
+        )
         result.append(1 / (math.pi * best.fun))
     return np.array(result)
 
 
 class FieldTheory:
-    """Half-space moduli of an ensemble of crystals of one class in fixed grains, by the expansion of B^-1(t) to an even degree."""
+    """Half-space moduli of an ensemble of crystals of one class in fixed grains, by the expansion
+    of B^-1(t) to an even degree.
+    """
 
     #: Pairs of the six components of a symmetric matrix.
     PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
     def __init__(
-        self, symmetry: str, euler_deg: np.ndarray, degree: int, nodes: int, points: int = 12, angles: int = 12, newton: int = 2,
+        self,
+        symmetry: str,
+        euler_deg: np.ndarray,
+        degree: int,
+        nodes: int,
+        points: int = 12,
+        angles: int = 12,
+        newton: int = 2,
         precision=np.float32,
-    ):  # fmt: skip
-        self.symmetry, self.points, self.newton, self.precision = symmetry, points, newton, precision
+    ):
+        self.symmetry, self.points, self.newton, self.precision = (
+            symmetry,
+            points,
+            newton,
+            precision,
+        )
         self.grains, self.euler_deg = len(euler_deg), euler_deg
         base = self.fundamental_nodes(symmetry, nodes)
         self.prepare_barnett(base)
         self.theta = np.arange(angles) * math.pi / angles
         g = bunge(euler_deg)
-        t = np.cos(self.theta)[:, None, None] * g[:, :, 0] + np.sin(self.theta)[:, None, None] * g[:, :, 1]
+        t = (
+            np.cos(self.theta)[:, None, None] * g[:, :, 0]
+            + np.sin(self.theta)[:, None, None] * g[:, :, 1]
+        )
         self.prepare_field(base, t.reshape(-1, 3), np.tile(g[:, :, 2], (angles, 1)), degree)
         harmonics = np.array([np.ones(angles), np.cos(2 * self.theta), np.sin(2 * self.theta)])
-        second = np.array([harmonics[1] ** 2, harmonics[1] * harmonics[2], harmonics[2] ** 2]) / angles
+        second = (
+            np.array([harmonics[1] ** 2, harmonics[1] * harmonics[2], harmonics[2] ** 2]) / angles
+        )
         self.harmonics, self.second = harmonics.astype(precision), second.astype(precision)
 
     @staticmethod
     def fundamental_nodes(symmetry: str, count: int) -> np.ndarray:
-        """Directions (count, 3) spread evenly over the part of the hemisphere that the class's rotations multiply to the whole."""
+        """Directions (count, 3) spread evenly over the part of the hemisphere that the class's
+        rotations multiply to the whole.
+        """
         start, width = WEDGES.get(symmetry, (0, 360))
         z = (np.arange(count) + 0.5) / count
         azimuth = np.radians(start + width * (np.arange(count) * (math.sqrt(5) - 1) / 2 % 1))
@@ -177,22 +218,39 @@ class FieldTheory:
         return np.column_stack([r * np.cos(azimuth), r * np.sin(azimuth), z])
 
     def prepare_barnett(self, base: np.ndarray) -> None:
-        """Matrices that give (mm) integrated, (nn) and (mn) at every node and angle from the constants."""
-        units = np.array([fourth_rank(c) for c in stiffness(self.symmetry, np.eye(len(NAMES[self.symmetry])))])
+        """Matrices that give (mm) integrated, (nn) and (mn) at every node and angle from the
+        constants.
+        """
+        units = np.array(
+            [fourth_rank(c) for c in stiffness(self.symmetry, np.eye(len(NAMES[self.symmetry])))]
+        )
         first, second = perpendicular(base)
         phi = np.arange(self.points) * math.pi / self.points
         m = np.cos(phi)[:, None, None] * first + np.sin(phi)[:, None, None] * second
         n = np.cos(phi)[:, None, None] * second - np.sin(phi)[:, None, None] * first
-        mm, mn, nn = (np.einsum("pti,cijkl,ptl->jkptc", a, units, b, optimize=True) for a, b in ((m, m), (m, n), (n, n)))
-        self.mm = np.array([mm[i, j].mean(axis=0) for i, j in self.PAIRS]).astype(self.precision)  # 6, nodes, k
+        mm, mn, nn = (
+            np.einsum("pti,cijkl,ptl->jkptc", a, units, b, optimize=True)
+            for a, b in ((m, m), (m, n), (n, n))
+        )
+        # 6, nodes, k
+        self.mm = np.array([mm[i, j].mean(axis=0) for i, j in self.PAIRS]).astype(self.precision)
         rows = [nn[i, j] for i, j in self.PAIRS] + [mn[i, j] for i in range(3) for j in range(3)]
-        self.products = np.ascontiguousarray(np.moveaxis(np.array(rows), 1, 0), dtype=self.precision)  # angles, 15, nodes, k
+        # angles, 15, nodes, k
+        self.products = np.ascontiguousarray(
+            np.moveaxis(np.array(rows), 1, 0), dtype=self.precision
+        )
 
-    def prepare_field(self, base: np.ndarray, t: np.ndarray, normal: np.ndarray, degree: int) -> None:
-        """Matrix from the six components of (8 pi^2 B)^-1 at the nodes to h at each direction t with its surface's normal."""
+    def prepare_field(
+        self, base: np.ndarray, t: np.ndarray, normal: np.ndarray, degree: int
+    ) -> None:
+        """Matrix from the six components of (8 pi^2 B)^-1 at the nodes to h at each direction t
+        with its surface's normal.
+        """
         group = rotations(self.symmetry)
         orbit = np.einsum("gij,nj->gni", group, base)
-        interpolation = monomials(t, degree) @ np.linalg.pinv(monomials(orbit.reshape(-1, 3), degree))
+        interpolation = monomials(t, degree) @ np.linalg.pinv(
+            monomials(orbit.reshape(-1, 3), degree)
+        )
         interpolation = interpolation.reshape(len(t), len(group), len(base))
         turned = np.einsum("gij,ti->tgj", group, normal)  # n' g F g' n = (g' n)' F (g' n)
         self.field = np.empty((len(t), 6, len(base)))
@@ -206,13 +264,19 @@ class FieldTheory:
         c = np.ascontiguousarray(constants.T, dtype=self.precision)
         b = [values @ c for values in self.mm]
         for angle in self.products:
-            xx, xy, xz, yy, yz, zz, *mn = (angle.reshape(-1, len(c)) @ c).reshape(15, -1, c.shape[1])
+            xx, xy, xz, yy, yz, zz, *mn = (angle.reshape(-1, len(c)) @ c).reshape(
+                15, -1, c.shape[1]
+            )
             # L D L' of (nn), then (mn) (nn)^-1 (nm) as the sum of three squares.
             l21, l31 = xy / xx, xz / xx
             d2 = yy - l21 * xy
             e = yz - l31 * xy
             l32 = e / d2
-            weights = (1 / (self.points * xx), 1 / (self.points * d2), 1 / (self.points * (zz - l31 * xz - l32 * e)))
+            weights = (
+                1 / (self.points * xx),
+                1 / (self.points * d2),
+                1 / (self.points * (zz - l31 * xz - l32 * e)),
+            )
             solved = []
             for row in range(3):
                 y1 = mn[3 * row]
@@ -224,7 +288,14 @@ class FieldTheory:
                     b[p] -= weighted[row] * solved[column][i]
         xx, xy, xz, yy, yz, zz = b
         inverse = np.array(
-            [yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy, xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy]
+            [
+                yy * zz - yz * yz,
+                xz * yz - xy * zz,
+                xy * yz - xz * yy,
+                xx * zz - xz * xz,
+                xy * xz - xx * yz,
+                xx * yy - xy * xy,
+            ]
         )
         inverse /= (xx * inverse[0] + xy * inverse[1] + xz * inverse[2]) * 2 * math.pi
         return inverse
@@ -238,11 +309,17 @@ class FieldTheory:
         for _ in range(self.newton):
             value, step, drop = self.newton_step(h, ab)
             ab = ab + step
-            ab *= np.minimum(1, 0.9 / np.maximum(np.hypot(ab[0], ab[1]), 1e-12)).astype(self.precision)
+            ab *= np.minimum(1, 0.9 / np.maximum(np.hypot(ab[0], ab[1]), 1e-12)).astype(
+                self.precision
+            )
         return (1 / (math.pi * (value - drop))).reshape(self.grains, count).T.astype(float)
 
-    def newton_step(self, h: np.ndarray, ab: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Mean of h (1 + a cos + b sin)^-1/2 over the angles, Newton's step in (a, b), and the decrease that it foresees."""
+    def newton_step(
+        self, h: np.ndarray, ab: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Mean of h (1 + a cos + b sin)^-1/2 over the angles, Newton's step in (a, b), and the
+        decrease that it foresees.
+        """
         angles = len(self.theta)
         under = 1 + self.harmonics[1:].T @ ab
         term = h / np.sqrt(under)
@@ -252,17 +329,24 @@ class FieldTheory:
         term /= under
         cc, cs, ss = 0.75 * (self.second @ term)
         determinant = cc * ss - cs * cs
-        step = np.array([cs * gradient[1] - ss * gradient[0], cs * gradient[0] - cc * gradient[1]]) / determinant
+        step = (
+            np.array([cs * gradient[1] - ss * gradient[0], cs * gradient[0] - cc * gradient[1]])
+            / determinant
+        )
         return value, step, -0.5 * (step * gradient).sum(axis=0)
 
 
 def monomials(t: np.ndarray, degree: int) -> np.ndarray:
-    """Monomials of an even degree on the unit sphere, each times the root of its multinomial: they span all even harmonics up to it."""
+    """Monomials of an even degree on the unit sphere, each times the root of its multinomial: they
+    span all even harmonics up to it.
+    """
     powers = t[:, :, None] ** np.arange(degree + 1)
     columns = []
     for i in range(degree + 1):
         for j in range(degree + 1 - i):
             k = degree - i - j
-            weight = math.sqrt(math.factorial(degree) / (math.factorial(i) * math.factorial(j) * math.factorial(k)))
+            weight = math.sqrt(
+                math.factorial(degree) / (math.factorial(i) * math.factorial(j) * math.factorial(k))
+            )
             columns.append(weight * powers[:, 0, i] * powers[:, 1, j] * powers[:, 2, k])
     return np.array(columns).T

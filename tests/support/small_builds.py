@@ -1,4 +1,6 @@
-"""Namelists of small builds that both programs run, and the rows that they leave in campaign.sqlite."""
+"""Namelists of small builds that both programs run, and the rows that they leave in
+campaign.sqlite.
+"""
 
 import sqlite3
 from contextlib import closing
@@ -33,7 +35,9 @@ HEADER = "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg"
 
 
 def stored(folder) -> list:
-    """The rows of the campaign in a folder, in order of position, which Python's own SQLite finds whole; none if there is no file."""
+    """The rows of the campaign in a folder, in order of position, which Python's own SQLite finds
+    whole; none if there is no file.
+    """
     path = folder / "campaign.sqlite"
     if not path.exists():
         return []
@@ -57,5 +61,11 @@ WIDE = "&domain log_anisotropy_max = 1.0 /\n"
 
 def small(tmp_path, **words):
     """A small build of a correction of cubic crystals with the theory, or as the words say."""
-    words = {"symmetry": "cubic", "domain": DOMAIN["cubic"], "simulator": "theory", "budget": 20, "surrogate": CORRECTION} | words
+    words = {
+        "symmetry": "cubic",
+        "domain": DOMAIN["cubic"],
+        "simulator": "theory",
+        "budget": 20,
+        "surrogate": CORRECTION,
+    } | words
     (tmp_path / "small.nml").write_text(SMALL.format(**words))

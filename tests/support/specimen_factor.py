@@ -1,4 +1,6 @@
-"""A made-up effect of a specimen on the modulus: the factor by which it differs from that of a half-space."""
+"""A made-up effect of a specimen on the modulus: the factor by which it differs from that of a
+half-space.
+"""
 
 import numpy as np
 
@@ -6,7 +8,9 @@ __all__ = ["rotations", "specimen", "stresses"]
 
 
 def specimen(stiffness, angles):
-    """What a specimen with axial symmetry might add: a function of the stiffness in its frame, which is no polynomial of its logarithm."""
+    """What a specimen with axial symmetry might add: a function of the stiffness in its frame,
+    which is no polynomial of its logarithm.
+    """
     stress = stresses(rotations(angles)[:, :, 2])
     strain = stress * [1, 1, 1, 2, 2, 2]
     c33 = np.einsum("ni,nij,nj->n", strain, stiffness, strain)

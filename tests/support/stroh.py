@@ -41,7 +41,9 @@ def slowest_bulk(c, euler_deg, propagation_deg):
 
 
 def limiting(t, m, n):
-    """Least rho v^2 at which a bulk wave runs along the surface, by angles and golden sections, GPa."""
+    """Least rho v^2 at which a bulk wave runs along the surface, by angles and golden sections,
+    GPa.
+    """
 
     def value(phi):
         a = np.cos(phi) * m + np.sin(phi) * n
@@ -62,8 +64,14 @@ def limiting(t, m, n):
 
 
 def impedance(t, m, n, modulus):
-    """-i B A^-1 of the three partial waves that decay with the depth; None above the limiting speed."""
-    q, r, s = acoustic(t, m, m) - modulus * np.eye(3), acoustic(t, m, n), np.linalg.inv(acoustic(t, n, n))
+    """-i B A^-1 of the three partial waves that decay with the depth; None above the limiting
+    speed.
+    """
+    q, r, s = (
+        acoustic(t, m, m) - modulus * np.eye(3),
+        acoustic(t, m, n),
+        np.linalg.inv(acoustic(t, n, n)),
+    )
     p, waves = np.linalg.eig(np.block([[-s @ r.T, s], [r @ s @ r.T - q, -r @ s]]))
     decaying = p.imag > 1e-9
     if decaying.sum() != 3:
@@ -73,14 +81,20 @@ def impedance(t, m, n, modulus):
 
 
 def rayleigh(c, euler_deg, propagation_deg):
-    """rho v^2 (GPa) where the least eigenvalue of the impedance is zero, by bisection, and the normal share of the mode; NaN: there is none."""
+    """rho v^2 (GPa) where the least eigenvalue of the impedance is zero, by bisection, and the
+    normal share of the mode; NaN: there is none.
+    """
     t, (m, n) = tensor(np.asarray(c)), directions(euler_deg, propagation_deg)
     sign = np.sign(np.trace(impedance(t, m, n, 0.0)).real)
     low, high = 0.0, limiting(t, m, n) * (1 - 1e-8)
 
     def least(modulus):
         z = impedance(t, m, n, modulus)
-        return (-np.inf, None) if z is None else (lambda found: (found[0][0], found[1][:, 0]))(np.linalg.eigh(sign * z))
+        return (
+            (-np.inf, None)
+            if z is None
+            else (lambda found: (found[0][0], found[1][:, 0]))(np.linalg.eigh(sign * z))
+        )
 
     if least(high)[0] > 0:
         return np.nan, np.nan
@@ -91,21 +105,30 @@ def rayleigh(c, euler_deg, propagation_deg):
 
 
 class Waves:
-    """rho v^2 (GPa) of detected waves of many directions of a crystal at once, by the Illinois rule on the determinant of the impedance."""
+    """rho v^2 (GPa) of detected waves of many directions of a crystal at once, by the Illinois rule
+    on the determinant of the impedance.
+    """
 
     def __init__(self, euler_deg, propagation_deg):
-        self.m, self.n = np.swapaxes([directions(*row) for row in zip(euler_deg, propagation_deg, strict=True)], 0, 1)
+        self.m, self.n = np.swapaxes(
+            [directions(*row) for row in zip(euler_deg, propagation_deg, strict=True)], 0, 1
+        )
 
     def __call__(self, c):
         t = tensor(c)
-        q, r, s = (np.einsum("dk,kijl,dl->dij", a, t, b) for a, b in ((self.m, self.m), (self.m, self.n), (self.n, self.n)))
+        q, r, s = (
+            np.einsum("dk,kijl,dl->dij", a, t, b)
+            for a, b in ((self.m, self.m), (self.m, self.n), (self.n, self.n))
+        )
         inverse, top = np.linalg.inv(s), np.linalg.eigvalsh(q)[:, 0]
         across = inverse @ np.swapaxes(r, 1, 2)
 
         def determinant(modulus):
             """-1 above the limiting speed."""
             third = r @ across - q + modulus[:, None, None] * np.eye(3)
-            p, waves = np.linalg.eig(np.block([[-across, inverse], [third, -np.swapaxes(across, 1, 2)]]))
+            p, waves = np.linalg.eig(
+                np.block([[-across, inverse], [third, -np.swapaxes(across, 1, 2)]])
+            )
             order = np.argsort(-p.imag, axis=1)[:, :3]
             waves = np.take_along_axis(waves, order[:, None, :], axis=2)
             z = -1j * waves[:, 3:] @ np.linalg.inv(waves[:, :3])
@@ -116,7 +139,9 @@ class Waves:
         start = determinant(low)
         below, above = np.ones(len(top)), -np.ones(len(top))
         for step in range(16):
-            middle = (low * above - high * below) / (above - below) if step > 3 else (low + 2 * high) / 3
+            middle = (
+                (low * above - high * below) / (above - below) if step > 3 else (low + 2 * high) / 3
+            )
             found = determinant(middle) / start
             found = np.where(np.isnan(found), -1.0, found)
             up = found > 0

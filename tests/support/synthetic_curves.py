@@ -1,4 +1,6 @@
-"""Synthetic curves of grains and a reference, independent of the package: a contact of its own, and every error that `curves` has a prior for."""
+"""Synthetic curves of grains and a reference, independent of the package: a contact of its own, and
+every error that `curves` has a prior for.
+"""
 
 from dataclasses import dataclass, field
 
@@ -15,7 +17,9 @@ def effective(indentation_modulus):
 
 
 def sneddon(load, modulus, radius, beta):
-    """Depth (um) of a contact with the profile r^2/2R + beta r^4/8R^3, by bisection of Sneddon's integrals for the contact radius."""
+    """Depth (um) of a contact with the profile r^2/2R + beta r^4/8R^3, by bisection of Sneddon's
+    integrals for the contact radius.
+    """
 
     def force(a):
         # P = 2 E int_0^a (h - h_free(r)) .. in closed form for powers of r.
@@ -29,12 +33,18 @@ def sneddon(load, modulus, radius, beta):
 
 def contact_radius(load, modulus, radius, beta):
     """The contact radius (um) at one load."""
-    return brentq(lambda a: modulus * (4 * a**3 / (3 * radius) + 8 * beta * a**5 / (15 * radius**3)) - load, 0, 3 * radius)
+    return brentq(
+        lambda a: modulus * (4 * a**3 / (3 * radius) + 8 * beta * a**5 / (15 * radius**3)) - load,
+        0,
+        3 * radius,
+    )
 
 
 @dataclass
 class Truth:
-    """What curves are made with; sds are those that `curves` is given as priors, unless a study changes them."""
+    """What curves are made with; sds are those that `curves` is given as priors, unless a study
+    changes them.
+    """
 
     rng: np.random.Generator
     grains: int = 12
@@ -51,7 +61,8 @@ class Truth:
     #: nm, of a step of the noise; its correlation from point to point.
     noise: float = 0.2
     correlation: float = 0.7
-    #: Wrong models: a dent in the tip, as a share of its depth; change of the drift over a test, nm/s.
+    #: Wrong models: a dent in the tip, as a share of its depth; change of the drift over a test,
+    #: nm/s.
     dent: float = 0.0
     drift_change: float = 0.0
     #: Indentation moduli of the grains (GPa); empty: between 100 and 160.
@@ -73,19 +84,34 @@ class Truth:
             reference = number == 0
             for repetition in range(self.references if reference else self.repeats):
                 name = f"{'quartz' if reference else f'g{number}'}-{repetition + 1}"
-                factor = session[int(not reference and number > len(moduli) // 2)] * np.exp(repeats[reference] * rng.normal())
+                factor = session[int(not reference and number > len(moduli) // 2)] * np.exp(
+                    repeats[reference] * rng.normal()
+                )
                 time, depth, load = self.curve(float(effective(modulus) * factor), reference)
-                curves += zip([name] * len(time), time.round(4), depth.round(4), load.round(5), strict=True)
+                curves += zip(
+                    [name] * len(time), time.round(4), depth.round(4), load.round(5), strict=True
+                )
                 place = int(not reference and number > len(moduli) // 2)
-                tests.append((name, "quartz" if reference else "", "" if reference else f"g{number}", f"s{place + 1}"))
+                tests.append(
+                    (
+                        name,
+                        "quartz" if reference else "",
+                        "" if reference else f"g{number}",
+                        f"s{place + 1}",
+                    )
+                )
         self.effective_gpa = effective(moduli)
         return curves, tests
 
     def curve(self, modulus, reference):
-        """Time (s), depth (nm) and load (mN) of a test: approach, loading with a pop-in, unloading."""
+        """Time (s), depth (nm) and load (mN) of a test: approach, loading with a pop-in,
+        unloading.
+        """
         rng, n = self.rng, self.points
         peak = rng.uniform(40, 80)
-        load = np.concatenate([np.zeros(n // 10), np.linspace(0, peak, n), np.linspace(peak, 0.02 * peak, n // 4)])
+        load = np.concatenate(
+            [np.zeros(n // 10), np.linspace(0, peak, n), np.linspace(peak, 0.02 * peak, n // 4)]
+        )
         time = np.linspace(0, rng.uniform(15, 40), len(load))
         depth = 1e3 * sneddon(load, modulus, self.radius, self.shape)
         if self.dent:
@@ -94,11 +120,17 @@ class Truth:
         depth[: n // 10] -= np.linspace(80, 0, n // 10)
         share = rng.uniform(0.25, 1.3) if not reference else rng.uniform(0.5, 1.5)
         plastic = np.maximum(0, np.maximum.accumulate(load) / peak - share)
-        depth = depth + np.where(plastic > 0, rng.uniform(2, 30) * (not reference) + 1e3 * rng.uniform(0.05, 0.4) * plastic**1.3, 0)
+        depth = depth + np.where(
+            plastic > 0,
+            rng.uniform(2, 30) * (not reference) + 1e3 * rng.uniform(0.05, 0.4) * plastic**1.3,
+            0,
+        )
         steps = self.noise * rng.normal(size=len(load))
         for i in range(1, len(steps)):
             steps[i] += self.correlation * steps[i - 1]
-        drift = self.drift_sd * rng.normal() + self.drift_change * (np.cumsum(np.ones(len(time))) / len(time))
+        drift = self.drift_sd * rng.normal() + self.drift_change * (
+            np.cumsum(np.ones(len(time))) / len(time)
+        )
         depth = depth + drift * time + self.compliance * load + steps + rng.uniform(-50, 50)
         return time, depth, load + self.load_sd * rng.normal()
 
@@ -143,4 +175,10 @@ def one_curve(name, modulus, rng=None, n=200, noise=0.0, peak=40.0, beta=1.0, dr
 
 def table(rows):
     """The columns of rows of curves."""
-    return dict(zip(("test", "time_s", "depth_nm", "load_mn"), map(list, zip(*rows, strict=True)), strict=True))
+    return dict(
+        zip(
+            ("test", "time_s", "depth_nm", "load_mn"),
+            map(list, zip(*rows, strict=True)),
+            strict=True,
+        )
+    )

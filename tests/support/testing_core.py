@@ -1,6 +1,8 @@
-"""A second core with the operations that tests alone need (tests/fortran/test_operations.f90), and objects in it.
+"""A second core with the operations that tests alone need (tests/fortran/test_operations.f90), and
+objects in it.
 
-It is a core of its own, with its own handles. `inside` lets Python's objects be made in it; `Held` are those that stay there.
+It is a core of its own, with its own handles. `inside` lets Python's objects be made in it; `Held`
+are those that stay there.
 """
 
 import ctypes
@@ -29,17 +31,29 @@ class _Core:
         if not library.exists():
             # Set-up does not build what only tests need.
             subprocess.run(
-                [Path(sys.executable).with_name("ninja"), "-C", FOLDER, "meson-test-prereq"], check=True, stdout=subprocess.DEVNULL
+                [Path(sys.executable).with_name("ninja"), "-C", FOLDER, "meson-test-prereq"],
+                check=True,
+                stdout=subprocess.DEVNULL,
             )
         # Python's lock is kept: gfortran's texts are not safe on two threads.
         self.library = ctypes.PyDLL(library)
 
-    def core_do(self, operation: bytes, handle: int, request: np.ndarray) -> tuple[int, int, int, int]:
+    def core_do(
+        self, operation: bytes, handle: int, request: np.ndarray
+    ) -> tuple[int, int, int, int]:
         """See fortran/facade/core.f90."""
-        reply, address, words, status = ctypes.c_int64(), ctypes.c_int64(), ctypes.c_int64(), ctypes.c_int()
+        reply, address, words, status = (
+            ctypes.c_int64(),
+            ctypes.c_int64(),
+            ctypes.c_int64(),
+            ctypes.c_int(),
+        )
         given = [ctypes.c_int64(number) for number in (len(operation), handle, len(request))]
         self.library.bayesindent_test_do(
-            operation, *given, request.ctypes.data_as(ctypes.c_void_p), *map(ctypes.byref, (reply, address, words, status))
+            operation,
+            *given,
+            request.ctypes.data_as(ctypes.c_void_p),
+            *map(ctypes.byref, (reply, address, words, status)),
         )
         return reply.value, address.value, words.value, status.value
 
@@ -55,7 +69,9 @@ _cores: list[_Core] = []
 
 @contextmanager
 def inside():
-    """Use the core of the tests within this context. All objects made in it must be freed in it, except those that are `Held`."""
+    """Use the core of the tests within this context. All objects made in it must be freed in it,
+    except those that are `Held`.
+    """
     if not _cores:
         _cores.append(_Core())
     # An object of the other core must not be freed within the context.

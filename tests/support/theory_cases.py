@@ -1,10 +1,17 @@
-"""The two reference data sets, and the paper's model fitted to the half-space theory that they were made with."""
+"""The two reference data sets, and the paper's model fitted to the half-space theory that they were
+made with.
+"""
 
 import json
 
 import numpy as np
 
-from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness, stiffness_rows
+from bayesindent.crystal.elasticity import (
+    constant_names,
+    halfspace_modulus,
+    stiffness,
+    stiffness_rows,
+)
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
 from support.learner import spread_crystals, surrogate_of, terms_of
@@ -34,18 +41,37 @@ class Case:
             "anisotropy_cap": document["anisotropy_cap"],
             "modulus_kind": "indentation_modulus",
         }
-        self.table = read_measurements(REFERENCE / f"{FILES[symmetry]}.csv", symmetry, modulus_kind="indentation_modulus")
-        self.euler_deg, self.modulus_gpa, self.sd_gpa = self.table.euler_deg, self.table.modulus_gpa, self.table.sd_gpa
+        self.table = read_measurements(
+            REFERENCE / f"{FILES[symmetry]}.csv", symmetry, modulus_kind="indentation_modulus"
+        )
+        self.euler_deg, self.modulus_gpa, self.sd_gpa = (
+            self.table.euler_deg,
+            self.table.modulus_gpa,
+            self.table.sd_gpa,
+        )
         self.surrogate = theory_surrogate(symmetry, *SIZES[symmetry], points=6000)
 
     def theory(self, constants, euler_deg) -> np.ndarray:
         """Half-space moduli of one crystal in many orientations."""
-        return halfspace_modulus(stiffness(self.symmetry, **dict(zip(self.names, constants, strict=True))), euler_deg)
+        return halfspace_modulus(
+            stiffness(self.symmetry, **dict(zip(self.names, constants, strict=True))), euler_deg
+        )
 
 
-def theory_surrogate(symmetry: str, degree: int, bandlimit: int, truncation: str = "tensor", points: int = 4000) -> Surrogate:
-    """The paper's model by least squares on half-space theory over the paper's domain; the covariance is that of the regression."""
-    basis = Basis.from_keywords(symmetry, DOMAINS[symmetry], model="paper", truncation=truncation, degree=degree, bandlimit=bandlimit)
+def theory_surrogate(
+    symmetry: str, degree: int, bandlimit: int, truncation: str = "tensor", points: int = 4000
+) -> Surrogate:
+    """The paper's model by least squares on half-space theory over the paper's domain; the
+    covariance is that of the regression.
+    """
+    basis = Basis.from_keywords(
+        symmetry,
+        DOMAINS[symmetry],
+        model="paper",
+        truncation=truncation,
+        degree=degree,
+        bandlimit=bandlimit,
+    )
     constants, angles = spread_crystals(basis, points, 2)
     y = halfspace_modulus(stiffness_rows(symmetry, constants), angles)
     terms, _ = terms_of(basis, constants, angles)

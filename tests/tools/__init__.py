@@ -1,1 +1,3 @@
-"""Commands of a source tree: `./bayesindent NAME` runs `NAME.py`; other modules here serve these."""
+"""Commands of a source tree: `./bayesindent NAME` runs `NAME.py`; other modules here serve
+these.
+"""

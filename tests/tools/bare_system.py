@@ -1,4 +1,6 @@
-"""A wheel on a bare Debian: Python and the smallest system that debootstrap makes, without compiler, OpenBLAS or SuiteSparse."""
+"""A wheel on a bare Debian: Python and the smallest system that debootstrap makes, without
+compiler, OpenBLAS or SuiteSparse.
+"""
 
 import json
 import os
@@ -21,9 +23,11 @@ LACKING = ("gcc", "gfortran", "libopenblas", "libcholmod", "libgfortran", "libgo
 
 DOMAIN = "&domain c_min = 50, 40, 15, c_max = 250, 150, 120, anisotropy_cap = 7.2 /\n"
 FILES = {
-    "own.nml": "&problem symmetry = 'cubic', seed = 1 /\n&measurements file = 'own.csv', modulus_kind = 'indentation_modulus' /\n"
+    "own.nml": "&problem symmetry = 'cubic', seed = 1 /\n&measurements file = 'own.csv', modulus_kind "
+    "= 'indentation_modulus' /\n"
     "&knowledge quantity = 'bulk_modulus', mean = 165, sd = 3 /\n",
-    "build.nml": "&problem symmetry = 'cubic' /\n&simulation simulator = 'theory' /\n&surrogate model = 'paper', degree = 2, bandlimit = 4 /\n"
+    "build.nml": "&problem symmetry = 'cubic' /\n&simulation simulator = 'theory' /\n&surrogate model = "
+    "'paper', degree = 2, bandlimit = 4 /\n"
     "&design n_candidates = 200, budget = 60 /\n" + DOMAIN,
     "simulate.nml": "&problem symmetry = 'cubic' /\n&crystals points = 'crystals.csv' /\n",
     "crystals.csv": "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,45,0\n",
@@ -40,28 +44,45 @@ STEPS = {
 
 
 def try_wheel(wheel: Path, made: Path | None) -> int:
-    """Install the wheel on a copy of the system `made` or on a new one, run STEPS there and here, and print seconds and results."""
+    """Install the wheel on a copy of the system `made` or on a new one, run STEPS there and here,
+    and print seconds and results.
+    """
     if os.geteuid() != 0 or not shutil.which("debootstrap", path=PATH):
-        sys.exit("wheel --try makes a bare Debian, which takes root and debootstrap (apt-get install debootstrap)")
+        sys.exit(
+            "wheel --try makes a bare Debian, which takes root and debootstrap (apt-get install "
+            "debootstrap)"
+        )
     with tempfile.TemporaryDirectory(prefix="bare-") as folder:
         system, here = Path(folder, "system"), Path(folder, "here")
         packages = "--include=python3-venv,ca-certificates"
         command: list[str | Path] = ["debootstrap", "--variant=minbase", packages, SUITE, system]
         if made is not None:
             command = ["cp", "--archive", made, system]
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=os.environ | {"PATH": PATH})
+        subprocess.run(
+            command, check=True, stdout=subprocess.DEVNULL, env=os.environ | {"PATH": PATH}
+        )
         for file in ("/etc/resolv.conf", "/etc/hosts", CERTIFICATES):
             shutil.copyfile(file, f"{system}{file}")
         write_files(system / "home")
         shutil.copy(wheel, system / "home")
-        found = [name for name in LACKING if list(system.glob(f"usr/bin/{name}*")) + list(system.glob(f"usr/lib/**/{name}.so*"))]
+        found = [
+            name
+            for name in LACKING
+            if list(system.glob(f"usr/bin/{name}*")) + list(system.glob(f"usr/lib/**/{name}.so*"))
+        ]
         print(f"not there: {', '.join(sorted(set(LACKING) - set(found)))}", flush=True)
         for name, step in STEPS.items():
             seconds, cpu = run_inside(system, step)
             print(f"{name}: {seconds:.1f} s, {cpu:.1f} s of CPU", flush=True)
         write_files(here)
         for step in list(STEPS.values())[1:]:
-            subprocess.run(step, shell=True, check=True, cwd=here, env=os.environ | {"PATH": f"{Path(sys.executable).parent}:{PATH}"})
+            subprocess.run(
+                step,
+                shell=True,
+                check=True,
+                cwd=here,
+                env=os.environ | {"PATH": f"{Path(sys.executable).parent}:{PATH}"},
+            )
         there, ours = results(system / "home"), results(here)
     for name, value in there.items():
         print(f"{name}: {value:.12g} there, {ours[name]:.12g} here")
@@ -77,19 +98,27 @@ def write_files(folder: Path) -> None:
 
 
 def run_inside(system: Path, command: str) -> tuple[float, float]:
-    """Seconds and CPU seconds of a shell's command in the home folder of the system; it ends this program if it fails."""
+    """Seconds and CPU seconds of a shell's command in the home folder of the system; it ends this
+    program if it fails.
+    """
     script = (
         f"mount -t proc proc {system}/proc && mount --rbind /dev {system}/dev && "
-        f"exec chroot {system} /usr/bin/env -i HOME=/home LANG=C.UTF-8 PIP_CERT={CERTIFICATES} PIP_DISABLE_PIP_VERSION_CHECK=1 "
+        f"exec chroot {system} /usr/bin/env -i HOME=/home LANG=C.UTF-8 PIP_CERT={CERTIFICATES} "
+        "PIP_DISABLE_PIP_VERSION_CHECK=1 "
         'PATH=/home/venv/bin:/usr/bin:/bin sh -c "cd /home && $1"'
     )
     started, used = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN)
     # The mounts are private to this process and end with it.
-    done = subprocess.run(["unshare", "--mount", "sh", "-c", script, "sh", command], capture_output=True, text=True)
+    done = subprocess.run(
+        ["unshare", "--mount", "sh", "-c", script, "sh", command], capture_output=True, text=True
+    )
     if done.returncode:
         sys.exit(f"failed on the bare system: {command}\n{done.stdout}{done.stderr}")
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return time.monotonic() - started, after.ru_utime + after.ru_stime - used.ru_utime - used.ru_stime
+    return (
+        time.monotonic() - started,
+        after.ru_utime + after.ru_stime - used.ru_utime - used.ru_stime,
+    )
 
 
 def results(folder: Path) -> dict[str, float]:
@@ -97,8 +126,12 @@ def results(folder: Path) -> dict[str, float]:
     extracted = json.loads((folder / "extract.json").read_text())["parameters"]
     batch = json.loads((folder / "batch" / "summary.json").read_text())["parameters"]
     return {
-        "one simulation, GPa": json.loads((folder / "simulate.json").read_text())["results"][0]["indentation_modulus_gpa"],
-        "leave-one-out error of build, GPa": json.loads((folder / "build.json").read_text())["loocv_gpa"],
+        "one simulation, GPa": json.loads((folder / "simulate.json").read_text())["results"][0][
+            "indentation_modulus_gpa"
+        ],
+        "leave-one-out error of build, GPa": json.loads((folder / "build.json").read_text())[
+            "loocv_gpa"
+        ],
         **{f"{name} of extract, GPa": values["mean"] for name, values in extracted.items()},
         **{f"{name} of the batch program, GPa": values["mean"] for name, values in batch.items()},
     }

@@ -1,4 +1,6 @@
-"""The documentation as a site in build-docs/, from docs/ and the comments of the sources; any warning is a failure."""
+"""The documentation as a site in build-docs/, from docs/ and the comments of the sources; any
+warning is a failure.
+"""
 
 import argparse
 import os

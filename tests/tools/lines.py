@@ -1,8 +1,9 @@
-"""How much there is to read, by folder: lexer tokens, packed code, and the largest parts of fortran/, cpp/ and python/.
+"""How much there is to read, by folder: lexer tokens, packed code, and the largest parts of
+fortran/, cpp/ and python/.
 
-Comments and docstrings count no tokens. A text is one token, and one more for each 60 characters. Templates count
-by their words. Sizes of files, classes and procedures count every line; `self` and `cls` are no arguments;
-procedures that interfaces declare are left out.
+Comments and docstrings count no tokens. A text is one token, and one more for each 60 characters.
+Templates count by their words. Sizes of files, classes and procedures count every line; `self` and
+`cls` are no arguments; procedures that interfaces declare are left out.
 """
 
 import argparse
@@ -19,11 +20,15 @@ ROOT = Path(__file__).parents[2]
 #: Endings of the files whose parts are known.
 READABLE = (".f90", ".cpp", ".h", ".py")
 
-FORTRAN_NAME = r"(?:[\w()=, *:]*\s)?(?:subroutine|function)\s+(?P<name>\w+)\s*(?:\((?P<arguments>[^)]*)\))?"
+FORTRAN_NAME = (
+    r"(?:[\w()=, *:]*\s)?(?:subroutine|function)\s+(?P<name>\w+)\s*(?:\((?P<arguments>[^)]*)\))?"
+)
 FORTRAN_PROCEDURE = re.compile(rf"^{FORTRAN_NAME}", re.IGNORECASE)
 FORTRAN_TYPE = re.compile(r"^type\s*(?:,[^:]*)?(?:::)?\s*(?P<name>\w+)$", re.IGNORECASE)
 
-CPP_IGNORED = re.compile(r"//[^\n]*|/\*.*?\*/|\"(?:[^\"\\]|\\.)*\"|'(?:[^'\\]|\\.)*'|^#[^\n]*", re.DOTALL | re.MULTILINE)
+CPP_IGNORED = re.compile(
+    r"//[^\n]*|/\*.*?\*/|\"(?:[^\"\\]|\\.)*\"|'(?:[^'\\]|\\.)*'|^#[^\n]*", re.DOTALL | re.MULTILINE
+)
 CPP_PART = re.compile(
     r"\b(?P<kind>class|struct)\s+(?P<name>\w+)[^;{()]*\{"
     r"|(?P<function>~?\w+)\s*\((?P<arguments>[^;{}]*?)\)\s*(?:const|noexcept|override|\s)*(?::[^;]*?)?\{"
@@ -42,10 +47,16 @@ class Part:
 
 
 def main(argv=None) -> int:
-    """Print the counts of one source tree, or of several side by side, and the largest parts of each."""
+    """Print the counts of one source tree, or of several side by side, and the largest parts of
+    each.
+    """
     layout = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(prog="bayesindent lines", description=__doc__, formatter_class=layout)
-    parser.add_argument("roots", nargs="*", type=Path, metavar="ROOT", help="source trees (this one)")
+    parser = argparse.ArgumentParser(
+        prog="bayesindent lines", description=__doc__, formatter_class=layout
+    )
+    parser.add_argument(
+        "roots", nargs="*", type=Path, metavar="ROOT", help="source trees (this one)"
+    )
     roots = parser.parse_args(argv).roots or [ROOT]
     sources = [tokens.count(root, *tokens.SOURCES) for root in roots]
     tests = [tokens.count(root, "tests") for root in roots]
@@ -76,7 +87,9 @@ def print_packing(of: str, counts: list[tokens.Count]) -> None:
 
 
 def print_largest(root: Path) -> None:
-    """Print the largest file, class and procedure of a source tree, and the procedure with the most arguments."""
+    """Print the largest file, class and procedure of a source tree, and the procedure with the most
+    arguments.
+    """
     found = list(parts(root))
     for kind in ("file", "class", "procedure"):
         largest = max((part for part in found if part.kind == kind), key=lambda part: part.lines)
@@ -106,17 +119,32 @@ def python_parts(text: str, file: str) -> Iterator[Part]:
     """Classes, functions and methods."""
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, (ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
-            lines = (node.end_lineno or node.lineno) - min([node.lineno, *(mark.lineno for mark in node.decorator_list)]) + 1
+            lines = (
+                (node.end_lineno or node.lineno)
+                - min([node.lineno, *(mark.lineno for mark in node.decorator_list)])
+                + 1
+            )
             if isinstance(node, ast.ClassDef):
                 yield Part("class", node.name, file, lines)
             else:
                 taken = node.args
-                names = [argument.arg for argument in (*taken.posonlyargs, *taken.args, *taken.kwonlyargs)]
-                yield Part("procedure", node.name, file, lines, sum(name not in ("self", "cls") for name in names))
+                names = [
+                    argument.arg
+                    for argument in (*taken.posonlyargs, *taken.args, *taken.kwonlyargs)
+                ]
+                yield Part(
+                    "procedure",
+                    node.name,
+                    file,
+                    lines,
+                    sum(name not in ("self", "cls") for name in names),
+                )
 
 
 def statements(text: str) -> Iterator[tuple[int, int, str]]:
-    """First line, last line and text of each statement of Fortran, without comments, texts and continuations, in lower case."""
+    """First line, last line and text of each statement of Fortran, without comments, texts and
+    continuations, in lower case.
+    """
     start, whole = 0, ""
     for number, line in enumerate(text.splitlines(), 1):
         code = re.sub(r"!.*", "", re.sub(r"'[^']*'|\"[^\"]*\"", "''", line)).strip().lower()
@@ -142,7 +170,9 @@ def fortran_parts(text: str, file: str) -> Iterator[Part]:
         elif found := FORTRAN_TYPE.match(statement):
             opened.append(("class", found["name"], first, 0))
         elif not statement.startswith("end") and (found := FORTRAN_PROCEDURE.match(statement)):
-            arguments = len([name for name in (found["arguments"] or "").split(",") if name.strip()])
+            arguments = len(
+                [name for name in (found["arguments"] or "").split(",") if name.strip()]
+            )
             opened.append(("procedure", found["name"], first, arguments))
 
 

@@ -1,6 +1,8 @@
-"""Tutorials as executed notebooks: the cells of a page, what they print, and the pictures that they draw.
+"""Tutorials as executed notebooks: the cells of a page, what they print, and the pictures that they
+draw.
 
-PYTHONPATH=tests python -m tools.notebooks own_table curves        writes docs/tutorials/own_table.ipynb and curves.ipynb
+PYTHONPATH=tests python -m tools.notebooks own_table curves        writes
+docs/tutorials/own_table.ipynb and curves.ipynb
 """
 
 import base64
@@ -18,7 +20,9 @@ TUTORIALS = ROOT / "docs" / "tutorials"
 
 
 def cells(text: str) -> list[tuple[str, str]]:
-    """Kind ('markdown', 'python', 'text': what the cell before it prints) and text of each part of a page."""
+    """Kind ('markdown', 'python', 'text': what the cell before it prints) and text of each part of
+    a page.
+    """
     found = []
     for part in re.split(r"^(```(?:python|text)\n.*?^```\n)", text, flags=re.M | re.S):
         block = re.fullmatch(r"```(python|text)\n(.*?)\n```\n", part, flags=re.S)
@@ -36,18 +40,35 @@ def executed(page: Path) -> dict:
     for number, (kind, text) in enumerate(cells(page.read_text(encoding="utf-8"))):
         if kind == "text":
             continue
-        cell: dict = {"cell_type": "markdown", "id": f"cell-{number}", "metadata": {}, "source": text.splitlines(keepends=True)}
+        cell: dict = {
+            "cell_type": "markdown",
+            "id": f"cell-{number}",
+            "metadata": {},
+            "source": text.splitlines(keepends=True),
+        }
         if kind == "python":
             before = {path.name for path in Path().glob("*.png")}
             with contextlib.redirect_stdout(io.StringIO()) as printed:
                 exec(text, names)
             outputs: list[dict] = []
             if printed.getvalue():
-                outputs.append({"name": "stdout", "output_type": "stream", "text": printed.getvalue().splitlines(keepends=True)})
+                outputs.append(
+                    {
+                        "name": "stdout",
+                        "output_type": "stream",
+                        "text": printed.getvalue().splitlines(keepends=True),
+                    }
+                )
             for picture in sorted({path.name for path in Path().glob("*.png")} - before):
                 data = base64.b64encode(Path(picture).read_bytes()).decode("ascii")
-                outputs.append({"data": {"image/png": data}, "metadata": {}, "output_type": "display_data"})
-            cell |= {"cell_type": "code", "execution_count": 1 + sum(c["cell_type"] == "code" for c in made), "outputs": outputs}
+                outputs.append(
+                    {"data": {"image/png": data}, "metadata": {}, "output_type": "display_data"}
+                )
+            cell |= {
+                "cell_type": "code",
+                "execution_count": 1 + sum(c["cell_type"] == "code" for c in made),
+                "outputs": outputs,
+            }
         made.append(cell)
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
     return {"cells": made, "metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 5}
@@ -60,7 +81,9 @@ def main() -> None:
             os.chdir(folder)
             Path("data").symlink_to(ROOT / "inputs" / "data")
             notebook = executed(TUTORIALS / f"{name}.md")
-        (TUTORIALS / f"{name}.ipynb").write_text(json.dumps(notebook, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        (TUTORIALS / f"{name}.ipynb").write_text(
+            json.dumps(notebook, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
+        )
 
 
 if __name__ == "__main__":

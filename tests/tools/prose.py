@@ -1,4 +1,6 @@
-"""Rules of prose: the length of pages and of their sentences, and phrases for which the field has a term."""
+"""Rules of prose: the length of pages and of their sentences, and phrases for which the field has a
+term.
+"""
 
 import re
 from collections.abc import Mapping
@@ -10,7 +12,8 @@ from tools import lines
 
 #: Limits of README.md: its words, the words of its longest sentence, and of its median sentence.
 README_WORDS, LONGEST, MIDDLE = (500, 700), 30, 15
-#: Limits of all pages of users together: words, words of the median sentence, and of 90 % of the sentences.
+#: Limits of all pages of users together: words, words of the median sentence, and of 90 % of the
+#: sentences.
 PAGES_WORDS, PAGES_MIDDLE, PAGES_MOST = 24000, 17, 30
 
 #: Phrases (patterns), and the terms to write instead.
@@ -34,13 +37,28 @@ def complaints(root: Path) -> list[str]:
     """All faults in the prose of a source tree."""
     readme = (root / "README.md").read_text(encoding="utf-8")
     found = [f"README.md: {words}" for words in of_readme(readme)]
-    found += of_pages({str(page.relative_to(root)): page.read_text(encoding="utf-8") for page in pages_of_users(root)})
-    pages = [root / "README.md", root / "docs" / "start.md", *sorted((root / "docs" / "tutorials").glob("*.md"))]
+    found += of_pages(
+        {
+            str(page.relative_to(root)): page.read_text(encoding="utf-8")
+            for page in pages_of_users(root)
+        }
+    )
+    pages = [
+        root / "README.md",
+        root / "docs" / "start.md",
+        *sorted((root / "docs" / "tutorials").glob("*.md")),
+    ]
     texts = [(page, page.read_text(encoding="utf-8")) for page in pages]
     # Texts in quotes: messages and help.
-    texts += [(path, "\n".join(re.findall(r"'[^'\n]*'|\"[^\"\n]*\"", path.read_text(encoding="utf-8")))) for path in lines.files(root)]
+    texts += [
+        (path, "\n".join(re.findall(r"'[^'\n]*'|\"[^\"\n]*\"", path.read_text(encoding="utf-8"))))
+        for path in lines.files(root)
+    ]
     for path, text in texts:
-        found += [f"{path.relative_to(root)}: '{phrase}': write '{term}'" for phrase, term in of_phrases(text)]
+        found += [
+            f"{path.relative_to(root)}: '{phrase}': write '{term}'"
+            for phrase, term in of_phrases(text)
+        ]
     return found
 
 
@@ -51,13 +69,23 @@ def of_readme(text: str) -> list[str]:
     lengths = [(len(sentence.split()), sentence) for sentence in sentences(text)]
     if (middle := median(n for n, _ in lengths)) > MIDDLE:
         found.append(f"the median sentence has {middle:g} words; allowed {MIDDLE}")
-    return found + [f"a sentence of {n} words; allowed {LONGEST}: {sentence}" for n, sentence in lengths if n > LONGEST]
+    return found + [
+        f"a sentence of {n} words; allowed {LONGEST}: {sentence}"
+        for n, sentence in lengths
+        if n > LONGEST
+    ]
 
 
 def pages_of_users(root: Path) -> list[Path]:
-    """All pages except the list of variables, the tables of measurements and the record of changes."""
+    """All pages except the list of variables, the tables of measurements and the record of
+    changes.
+    """
     left_out = {"verification", "namelists.md"}
-    docs = [page for page in sorted((root / "docs").rglob("*.md")) if not left_out & {*page.relative_to(root).parts}]
+    docs = [
+        page
+        for page in sorted((root / "docs").rglob("*.md"))
+        if not left_out & {*page.relative_to(root).parts}
+    ]
     return [root / "README.md", root / "CONTRIBUTING.md", *docs]
 
 
@@ -70,36 +98,59 @@ def of_pages(texts: dict[str, str]) -> list[str]:
     every = sorted(n for found in lengths.values() for n in found)
     found = []
     if (total := sum(counts.values())) > PAGES_WORDS:
-        found.append(f"pages of users: {total} words; allowed {PAGES_WORDS}; most in {worst(counts)}")
+        found.append(
+            f"pages of users: {total} words; allowed {PAGES_WORDS}; most in {worst(counts)}"
+        )
     if (middle := median(every)) > PAGES_MIDDLE:
         medians = {name: median(of_page) for name, of_page in lengths.items() if of_page}
-        found.append(f"pages of users: the median sentence has {middle:g} words; allowed {PAGES_MIDDLE}; most in {worst(medians)}")
+        found.append(
+            f"pages of users: the median sentence has {middle:g} words; allowed {PAGES_MIDDLE}; "
+            f"most in {worst(medians)}"
+        )
     if (most := every[ceil(0.9 * len(every)) - 1]) > PAGES_MOST:
         long = {}
         for name, of_page in lengths.items():
             long[name] = sum(n > PAGES_MOST for n in of_page)
-        found.append(f"pages of users: 90 % of the sentences have up to {most} words; allowed {PAGES_MOST}; longer ones: {worst(long)}")
+        found.append(
+            f"pages of users: 90 % of the sentences have up to {most} words; allowed "
+            f"{PAGES_MOST}; longer ones: {worst(long)}"
+        )
     return found
 
 
 def worst(numbers: Mapping[str, float]) -> str:
     """The five pages with the largest numbers."""
-    return ", ".join(f"{name} {numbers[name]:g}" for name in sorted(numbers, key=lambda name: -numbers[name])[:5])
+    return ", ".join(
+        f"{name} {numbers[name]:g}" for name in sorted(numbers, key=lambda name: -numbers[name])[:5]
+    )
 
 
 def sentences(text: str) -> list[str]:
-    """The sentences of a page: no code, tables, headings, pictures, formulas, terms or marks of lists; code in a line is one word."""
+    """The sentences of a page: no code, tables, headings, pictures, formulas, terms or marks of
+    lists; code in a line is one word.
+    """
     text = re.sub(r"^```.*?^```$|<!--.*?-->|\$\$.*?\$\$", "", text, flags=re.DOTALL | re.MULTILINE)
     text = re.sub(r"^[#|!].*$|^\S.*\n(?=: )", "", text, flags=re.MULTILINE)
     # Each item of a list stands by itself; what is indented below an empty line is code.
     text = re.sub(r"^ *(?:[-*:]|\d+\.) +(?=\S)", "\n\n", text, flags=re.MULTILINE)
     text = re.sub(r"(?<=\n\n)(?: {4}.*\n*)+", "", text)
-    paragraphs = [" ".join(re.sub(r"`[^`]+`", "`x`", part).split()) for part in re.split(r"\n\s*\n", text)]
+    paragraphs = [
+        " ".join(re.sub(r"`[^`]+`", "`x`", part).split()) for part in re.split(r"\n\s*\n", text)
+    ]
     plain = [re.sub(r"\[([^]]*)\]\([^)]*\)|\*\*", r"\1", part) for part in paragraphs]
-    return [sentence for part in plain for sentence in re.split(r"(?<=[.:?!])\s+(?=[A-Z`*])", part) if " " in sentence]
+    return [
+        sentence
+        for part in plain
+        for sentence in re.split(r"(?<=[.:?!])\s+(?=[A-Z`*])", part)
+        if " " in sentence
+    ]
 
 
 def of_phrases(text: str) -> list[tuple[str, str]]:
     """Phrases of a text that have a better term, each with the term."""
     text = " ".join(text.split())
-    return [(found[0], term) for pattern, term in PHRASES.items() for found in re.finditer(pattern, text, flags=re.IGNORECASE)]
+    return [
+        (found[0], term)
+        for pattern, term in PHRASES.items()
+        for found in re.finditer(pattern, text, flags=re.IGNORECASE)
+    ]

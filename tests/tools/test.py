@@ -1,7 +1,8 @@
-"""Build and run the tests: those of every day, in some three minutes on two cores; with --long all others, in some twenty.
+"""Build and run the tests: those of every day, in some three minutes on two cores; with --long all
+others, in some twenty.
 
-The last lines are the ten slowest cases and the count. Each case is written to build/meson-logs/*.txt as soon as it has ended, so
-that a run that is killed leaves its results.
+The last lines are the ten slowest cases and the count. Each case is written to
+build/meson-logs/*.txt as soon as it has ended, so that a run that is killed leaves its results.
 """
 
 import argparse
@@ -34,31 +35,53 @@ class Case(NamedTuple):
 
 def main(argv=None) -> int:
     """Run the tests asked for and return an exit status."""
-    parser = argparse.ArgumentParser(prog="bayesindent test", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument(
-        "names", nargs="*", metavar="NAME", help="a suite (unit, python, long), a unit test, or part of the name of cases of pytest"
+    parser = argparse.ArgumentParser(
+        prog="bayesindent test",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--long", action="store_true", help="the long cases: whole examples, calibration, kills, other programs")
-    parser.add_argument("--sanitize", action="store_true", help="of a build that checks addresses, undefined behaviour and bounds")
+    parser.add_argument(
+        "names",
+        nargs="*",
+        metavar="NAME",
+        help="a suite (unit, python, long), a unit test, or part of the name of cases of pytest",
+    )
+    parser.add_argument(
+        "--long",
+        action="store_true",
+        help="the long cases: whole examples, calibration, kills, other programs",
+    )
+    parser.add_argument(
+        "--sanitize",
+        action="store_true",
+        help="of a build that checks addresses, undefined behaviour and bounds",
+    )
     arguments = parser.parse_args(argv)
     names = arguments.names or (["unit-long", "long"] if arguments.long else ["unit", "python"])
     build = ROOT / ("build-sanitize" if arguments.sanitize else "build")
     if arguments.sanitize and not (build / "build.ninja").exists():
         meson("setup", "--reconfigure", ROOT, build, *SANITIZERS)
-    if meson("compile", "-C", build, "--ninja-args=all,meson-test-prereq", stdout=sys.stderr).returncode:
+    if meson(
+        "compile", "-C", build, "--ninja-args=all,meson-test-prereq", stdout=sys.stderr
+    ).returncode:
         return 1
     return run_tests(build, names)
 
 
 def run_tests(build: Path, names: list[str]) -> int:
     """Run the tests of these names in a build and return an exit status."""
-    known = {test["name"]: test for test in json.loads(meson("introspect", "--tests", build, stdout=subprocess.PIPE).stdout)}
+    known = {
+        test["name"]: test
+        for test in json.loads(meson("introspect", "--tests", build, stdout=subprocess.PIPE).stdout)
+    }
     suites = {}
     for name, test in known.items():
         # With the name of the project before a colon.
         suites[name] = {suite.rpartition(":")[-1] for suite in test["suite"]}
     runners = ("python", "long")
-    programs = [name for name in known if name not in runners and ({name} | suites[name]) & set(names)]
+    programs = [
+        name for name in known if name not in runners and ({name} | suites[name]) & set(names)
+    ]
     words = [name for name in names if name not in known and name not in ("unit", "unit-long")]
     logs = build / "meson-logs"
     for old in [*logs.glob("*.junit.xml"), *logs.glob("cases-*.txt"), logs / "testlog.json"]:
@@ -69,16 +92,24 @@ def run_tests(build: Path, names: list[str]) -> int:
         # Suites that are named are run, even if a plain `meson test` leaves them out.
         named = set().union(*(suites[name] for name in programs))
         chosen = [f"--suite={suite}" for suite in sorted(named)]
-        good = meson("test", "-C", build, "--no-rebuild", "--print-errorlogs", *chosen, *programs).returncode == 0
+        good = (
+            meson(
+                "test", "-C", build, "--no-rebuild", "--print-errorlogs", *chosen, *programs
+            ).returncode
+            == 0
+        )
         cases += unit_cases(logs / "testlog.json")
     runs: list[tuple[str, list[str]]] = [(name, []) for name in runners if name in names]
     if words:
         runs.append(("python", ["-m", "long or not long", "-k", " or ".join(words)]))
     for name, more in runs:
         test = known[name]
-        status = subprocess.run([*test["cmd"], *more], env=os.environ | test["env"], stdin=subprocess.DEVNULL).returncode
+        status = subprocess.run(
+            [*test["cmd"], *more], env=os.environ | test["env"], stdin=subprocess.DEVNULL
+        ).returncode
         found = pytest_cases(logs / f"cases-{name}.txt")
-        # Status 5 means that no case was collected. A crash of pytest itself appears as no failed case.
+        # Status 5 means that no case was collected. A crash of pytest itself appears as no failed
+        # case.
         good &= status in (0, 5)
         cases += found
     return conclude(cases, good)
@@ -104,12 +135,26 @@ def unit_cases(log: Path) -> Iterator[Case]:
     for line in log.read_text().splitlines() if log.exists() else []:
         entry = json.loads(line)
         name, seconds = entry["name"].rpartition(":")[-1].strip(), entry["duration"]
-        reported = [text for text in entry.get("stdout", "").splitlines() if text.startswith(("ok", "not ok"))]
+        reported = [
+            text
+            for text in entry.get("stdout", "").splitlines()
+            if text.startswith(("ok", "not ok"))
+        ]
         for text in reported or ["ok" if entry["result"] == "OK" else "not ok"]:
-            outcome = "failed" if text.startswith("not") else "skipped" if "# SKIP" in text.upper() else "passed"
+            outcome = (
+                "failed"
+                if text.startswith("not")
+                else "skipped"
+                if "# SKIP" in text.upper()
+                else "passed"
+            )
             yield Case(outcome, seconds, f"unit {name}")
             seconds = 0.0
-        if entry["result"] != "OK" and reported and not any(text.startswith("not") for text in reported):
+        if (
+            entry["result"] != "OK"
+            and reported
+            and not any(text.startswith("not") for text in reported)
+        ):
             yield Case("failed", 0.0, f"unit {name}: {entry['result']}")
 
 
@@ -124,7 +169,13 @@ def meson(*arguments: str | Path, **options) -> subprocess.CompletedProcess:
     """Run meson, and through it ninja, from the environment of this Python."""
     tools = Path(sys.executable).parent
     environment = os.environ | {"PATH": f"{tools}:{os.environ['PATH']}"}
-    return subprocess.run([tools / "meson", *arguments], env=environment, stdin=subprocess.DEVNULL, text=True, **options)
+    return subprocess.run(
+        [tools / "meson", *arguments],
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        text=True,
+        **options,
+    )
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """How much there is to read in a source tree: lexer tokens, and code that is packed.
 
-Counted are fortran/, cpp/ and python/, and apart from these tests/ without its reference values. Comments and
-docstrings count nothing. A text is one token, and one more for each 60 characters. Templates (.j2, .in) count by
-their words.
+Counted are fortran/, cpp/ and python/, and apart from these tests/ without its reference values.
+Comments and docstrings count nothing. A text is one token, and one more for each 60 characters.
+Templates (.j2, .in) count by their words.
 """
 
 import ast
@@ -20,7 +20,8 @@ TEMPLATES = (".j2", ".in")
 SOURCES = ("fortran", "cpp", "python")
 TEXT_STEP, WIDTH, LONGEST_STATEMENT = 60, 100, 200
 
-#: A text in single or double quotes, a name, a number, or one other sign, as in "call f(x, 'it''s', 1.5_wp)".
+#: A text in single or double quotes, a name, a number, or one other sign, as in "call f(x, 'it''s',
+#: 1.5_wp)".
 SINGLE_QUOTED = r"'(?:[^']|'')*'"
 DOUBLE_QUOTED = r"\"(?:[^\"\\]|\\.)*\""
 WORD = re.compile(rf"{SINGLE_QUOTED}|{DOUBLE_QUOTED}|[A-Za-z_]\w*|\d[\w.]*|[^\s\w]")
@@ -94,7 +95,9 @@ def files(root: Path, *tops: str) -> Iterator[Path]:
 
 
 def folder_of(name: Path) -> str:
-    """The part of the tree whose tokens are summed: a folder, or a file that lies beside such folders."""
+    """The part of the tree whose tokens are summed: a folder, or a file that lies beside such
+    folders.
+    """
     depth = 3 if name.parts[0] == "python" else 2
     return "/".join(name.parts[:depth])
 
@@ -161,7 +164,9 @@ def python_tokens(text: str) -> int:
 
 
 def docstring_places(text: str) -> set[tuple[int, int]]:
-    """Line and column of each constant that is the first statement of a module, class or function."""
+    """Line and column of each constant that is the first statement of a module, class or
+    function.
+    """
     places = set()
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, DOCUMENTED) and node.body and isinstance(node.body[0], ast.Expr):

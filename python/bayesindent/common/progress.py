@@ -1,4 +1,6 @@
-"""Progress on standard error, with an estimate of the time that is left, where somebody asked for it. The core counts and writes it."""
+"""Progress on standard error, with an estimate of the time that is left, where somebody asked for
+it. The core counts and writes it.
+"""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,4 +1,5 @@
-"""Files of results: each is written beside its name and takes it when it is whole; numbers as CSV, JSON and netCDF hold them.
+"""Files of results: each is written beside its name and takes it when it is whole; numbers as CSV,
+JSON and netCDF hold them.
 
 Documents (JSON) have a checksum as their last entry: the core writes and reads them.
 """
@@ -20,7 +21,9 @@ from ..core import call
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Yield a path beside `path` to write to; what is there at the end takes the name, or nothing does after an exception."""
+    """Yield a path beside `path` to write to; what is there at the end takes the name, or nothing
+    does after an exception.
+    """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".part-{os.getpid()}-{path.name}")
@@ -47,21 +50,31 @@ def write_text(path: Path, text: str) -> None:
 def write_json(path: Path, document: dict) -> None:
     """Write a document, which is not empty, and with it its checksum."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    call("file.write_document", path=path, document=json.dumps(plain(document), indent=1, allow_nan=False) + "\n")
+    call(
+        "file.write_document",
+        path=path,
+        document=json.dumps(plain(document), indent=1, allow_nan=False) + "\n",
+    )
 
 
 def read_json(path: Path) -> dict:
-    """The document of a file without its checksum, which the core verifies; an empty one where there is none."""
+    """The document of a file without its checksum, which the core verifies; an empty one where
+    there is none.
+    """
     return json.loads(call("file.read_document", path=path)["text"]) if path.exists() else {}
 
 
-def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence], comment: str = "") -> None:
+def write_csv(
+    path: Path, header: Sequence[str], rows: Iterable[Sequence], comment: str = ""
+) -> None:
     """Write a table, under a line of comment."""
     write_text(path, (f"# {comment}\n" if comment else "") + as_csv(header, rows))
 
 
 def write_groups(path: Path, groups: dict[str, tuple[dict, dict]]) -> None:
-    """Write groups of variables (axes, values, perhaps attributes) and facts as netCDF, without xarray: importing that takes half a second."""
+    """Write groups of variables (axes, values, perhaps attributes) and facts as netCDF, without
+    xarray: importing that takes half a second.
+    """
     call("file.check_memory", bytes=1e8, what=path.name)
     import h5netcdf
 
@@ -72,7 +85,13 @@ def write_groups(path: Path, groups: dict[str, tuple[dict, dict]]) -> None:
             group = file.create_group(name)
             group.attrs.update(facts)
             for label, (axes, values, *attributes) in variables.items():
-                group.dimensions.update({axis: size for axis, size in zip(axes, values.shape) if axis not in group.dimensions})
+                group.dimensions.update(
+                    {
+                        axis: size
+                        for axis, size in zip(axes, values.shape)
+                        if axis not in group.dimensions
+                    }
+                )
                 group.create_variable(label, axes, data=values).attrs.update(*attributes)
     with whole_file(path) as beside:
         beside.write_bytes(content.getvalue())

@@ -1,4 +1,6 @@
-"""Directions that a crystal class tells apart: of each set of equivalent ones the core takes one."""
+"""Directions that a crystal class tells apart: of each set of equivalent ones the core takes
+one.
+"""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -7,22 +9,42 @@ from ..core import call
 
 
 def indentation_direction(euler_deg: ArrayLike) -> np.ndarray:
-    """The direction of indentation (n, 3) in crystal axes at Bunge-Euler angles (n, 3) in degrees."""
+    """The direction of indentation (n, 3) in crystal axes at Bunge-Euler angles (n, 3) in
+    degrees.
+    """
     _, declination, phi2 = np.radians(np.reshape(euler_deg, (-1, 3))).T
-    return np.column_stack([np.sin(phi2) * np.sin(declination), np.cos(phi2) * np.sin(declination), np.cos(declination)])
+    return np.column_stack(
+        [
+            np.sin(phi2) * np.sin(declination),
+            np.cos(phi2) * np.sin(declination),
+            np.cos(declination),
+        ]
+    )
 
 
 def euler_of(directions: ArrayLike) -> np.ndarray:
-    """Bunge-Euler angles (n, 3) in degrees, phi1 = 0, of grains that are indented along directions (n, 3) in crystal axes."""
+    """Bunge-Euler angles (n, 3) in degrees, phi1 = 0, of grains that are indented along directions
+    (n, 3) in crystal axes.
+    """
     x, y, z = np.asarray(directions, dtype=float).T
-    return np.column_stack([np.zeros_like(x), np.degrees(np.arccos(np.clip(z, -1, 1))), np.degrees(np.arctan2(x, y)) % 360])
+    return np.column_stack(
+        [
+            np.zeros_like(x),
+            np.degrees(np.arccos(np.clip(z, -1, 1))),
+            np.degrees(np.arctan2(x, y)) % 360,
+        ]
+    )
 
 
 def representative(symmetry: str, directions: ArrayLike) -> np.ndarray:
     """Of directions (n, 3) those that stand for them in the region that the class tells apart."""
-    return call("crystal.representatives", symmetry=symmetry, directions=np.reshape(directions, (-1, 3)))["values"]
+    return call(
+        "crystal.representatives", symmetry=symmetry, directions=np.reshape(directions, (-1, 3))
+    )["values"]
 
 
 def spread_of_directions(symmetry: str, n: int = 0) -> np.ndarray:
-    """n directions (n, 3) that are far apart in the region that the class tells apart, its corners first; of 0 those of an even lattice."""
+    """n directions (n, 3) that are far apart in the region that the class tells apart, its corners
+    first; of 0 those of an even lattice.
+    """
     return call("crystal.directions", symmetry=symmetry, count=n)["values"]

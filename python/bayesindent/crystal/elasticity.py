@@ -1,4 +1,6 @@
-"""Single crystals: stiffness, anisotropy, quantities by name (constants, averages, directional moduli, products of powers), and the exact theory of the indented half-space."""
+"""Single crystals: stiffness, anisotropy, quantities by name (constants, averages, directional
+moduli, products of powers), and the exact theory of the indented half-space.
+"""
 
 from __future__ import annotations
 
@@ -13,17 +15,24 @@ from ..core import InputError, call
 
 
 def quantity_names(symmetry: str) -> dict[str, str]:
-    """Quantities that are reported of a crystal and their units ('GPa', or '1' for ratios); the constants come first, all where the symmetry is ''."""
+    """Quantities that are reported of a crystal and their units ('GPa', or '1' for ratios); the
+    constants come first, all where the symmetry is ''.
+    """
     found = call("crystal.reported_quantities", symmetry=symmetry)
     return dict(zip(found["names"], found["units"], strict=True))
 
 
-def quantities(symmetry: str | ArrayLike, constants: ArrayLike | None = None, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
-    """Quantities of stable crystals, each an array (...): of a stiffness (..., 6, 6) in GPa, which `stiffness` makes, or of a `symmetry` with its
-    constants (..., k) in GPa.
+def quantities(
+    symmetry: str | ArrayLike,
+    constants: ArrayLike | None = None,
+    names: Sequence[str] | None = None,
+) -> dict[str, np.ndarray]:
+    """Quantities of stable crystals, each an array (...): of a stiffness (..., 6, 6) in GPa, which
+    `stiffness` makes, or of a `symmetry` with its constants (..., k) in GPa.
 
-    `names`: any that `knowledge` of `bi.extract` takes, 'C33/C11', 'young[110]', 'compressibility[001]' (1/TPa), ..; without them those that
-    are reported: constants, bulk modulus (of a single crystal under pressure, 1/S_iijj), averages of the polycrystal (Hill),
+    `names`: any that `knowledge` of `bi.extract` takes, 'C33/C11', 'young[110]',
+    'compressibility[001]' (1/TPa), ..; without them those that are reported: constants, bulk
+    modulus (of a single crystal under pressure, 1/S_iijj), averages of the polycrystal (Hill),
     anisotropy index (Eq. 14), and Young's moduli along directions that the crystal tells apart.
     """
     if isinstance(symmetry, str):
@@ -32,7 +41,10 @@ def quantities(symmetry: str | ArrayLike, constants: ArrayLike | None = None, na
         matrices, symmetry = oriented_crystals(symmetry, np.zeros(3))[0], ""
     names = list(quantity_names(symmetry) if names is None else names)
     found = call("crystal.quantities", names=",".join(names), stiffness=matrices.reshape(-1, 6, 6))
-    return {name: row.reshape(matrices.shape[:-2]) for name, row in zip(names, found["values"].T, strict=True)}
+    return {
+        name: row.reshape(matrices.shape[:-2])
+        for name, row in zip(names, found["values"].T, strict=True)
+    }
 
 
 #: A stiffness is symmetric if its halves differ by no more than this share of its largest entry.
@@ -46,55 +58,85 @@ def _crystal_class(symmetry: str) -> tuple[str, tuple[str, ...]]:
 
 
 def class_name(symmetry: str) -> str:
-    """The one name of the crystal class that `symmetry` names ('m-3m' is 'cubic'). Raises `InputError` for others."""
+    """The one name of the crystal class that `symmetry` names ('m-3m' is 'cubic'). Raises
+    `InputError` for others.
+    """
     return _crystal_class(symmetry)[0]
 
 
 def constant_names(symmetry: str) -> tuple[str, ...]:
-    """Names of the independent constants of the crystal class that `symmetry` names, in the order in which arrays hold them."""
+    """Names of the independent constants of the crystal class that `symmetry` names, in the order
+    in which arrays hold them.
+    """
     return _crystal_class(symmetry)[1]
 
 
 def stiffness(symmetry: str, *values: ArrayLike, **constants: ArrayLike) -> np.ndarray:
-    """Stiffness (..., 6, 6) in GPa, crystal frame, Voigt order 11,22,33,23,13,12, from constants in GPa.
+    """Stiffness (..., 6, 6) in GPa, crystal frame, Voigt order 11,22,33,23,13,12, from constants in
+    GPa.
 
-    `symmetry` names a crystal class ('cubic', 'hcp', '4/mmm', ..). The constants are `values` in the order of `bi.constants(symmetry)`, or keywords,
-    C11=168.4. Arrays of constants broadcast. Raises `InputError` for other names, or another number of values.
+    `symmetry` names a crystal class ('cubic', 'hcp', '4/mmm', ..). The constants are `values` in
+    the order of `bi.constants(symmetry)`, or keywords, C11=168.4. Arrays of constants broadcast.
+    Raises `InputError` for other names, or another number of values.
     """
     names = constant_names(symmetry)
     given = dict(zip(names, values, strict=False)) | constants
     if set(given) != set(names) or len(given) < len(values) + len(constants):
         stated = [*[f"{len(values)} values"] * bool(values), *constants]
-        raise InputError(f"a {symmetry} crystal takes the constants {', '.join(names)}, not {', '.join(stated) or 'none'}")
-    return stiffness_rows(symmetry, np.stack(np.broadcast_arrays(*(np.asarray(given[name], dtype=float) for name in names)), axis=-1))
+        raise InputError(
+            f"a {symmetry} crystal takes the constants {', '.join(names)}, not "
+            f"{', '.join(stated) or 'none'}"
+        )
+    return stiffness_rows(
+        symmetry,
+        np.stack(
+            np.broadcast_arrays(*(np.asarray(given[name], dtype=float) for name in names)), axis=-1
+        ),
+    )
 
 
 def stiffness_rows(symmetry: str, constants: ArrayLike) -> np.ndarray:
     """Stiffness (..., 6, 6) in GPa of constants (..., k) in the order of `constant_names`."""
     k = len(constant_names(symmetry))
     values = finite_rows(f"a {symmetry} crystal", "constant", constants, k)
-    return call("crystal.stiffness", symmetry=symmetry, constants=values.reshape(-1, k))["stiffness"].reshape(*values.shape[:-1], 6, 6)
+    return call("crystal.stiffness", symmetry=symmetry, constants=values.reshape(-1, k))[
+        "stiffness"
+    ].reshape(*values.shape[:-1], 6, 6)
 
 
 def anisotropy_index(stiffness: ArrayLike) -> np.ndarray:
-    """Universal anisotropy index (Eq. 14), of `stiffness` (..., 6, 6) in GPa; NaN where the crystal is not Born-stable."""
+    """Universal anisotropy index (Eq. 14), of `stiffness` (..., 6, 6) in GPa; NaN where the crystal
+    is not Born-stable.
+    """
     return _averages(stiffness)[0]
 
 
 def log_anisotropy(stiffness: ArrayLike) -> np.ndarray:
-    """Norm of the anisotropic part of log K, K the Kelvin form of `stiffness` (..., 6, 6) in GPa; NaN if unstable."""
+    """Norm of the anisotropic part of log K, K the Kelvin form of `stiffness` (..., 6, 6) in GPa;
+    NaN if unstable.
+    """
     return _averages(stiffness)[1]
 
 
 def polycrystal_averages(stiffness: ArrayLike) -> dict[str, np.ndarray]:
-    """Voigt's and Reuss's bulk and shear moduli (GPa) of `stiffness` (..., 6, 6) in GPa; Reuss's NaN where not Born-stable."""
-    return dict(zip(("bulk_voigt", "shear_voigt", "bulk_reuss", "shear_reuss"), _averages(stiffness)[2:], strict=True))
+    """Voigt's and Reuss's bulk and shear moduli (GPa) of `stiffness` (..., 6, 6) in GPa; Reuss's
+    NaN where not Born-stable.
+    """
+    return dict(
+        zip(
+            ("bulk_voigt", "shear_voigt", "bulk_reuss", "shear_reuss"),
+            _averages(stiffness)[2:],
+            strict=True,
+        )
+    )
 
 
 def _averages(stiffness: ArrayLike) -> np.ndarray:
     """Eq. 14, log-anisotropy and the four averages (6, ...)."""
     matrices = np.asarray(stiffness, dtype=float)
-    return call("crystal.averages", stiffness=matrices.reshape(-1, 6, 6))["values"].T.reshape(6, *matrices.shape[:-2])
+    return call("crystal.averages", stiffness=matrices.reshape(-1, 6, 6))["values"].T.reshape(
+        6, *matrices.shape[:-2]
+    )
 
 
 def finite_rows(crystal: str, what: str, values: ArrayLike, n: int) -> np.ndarray:
@@ -108,58 +150,112 @@ def finite_rows(crystal: str, what: str, values: ArrayLike, n: int) -> np.ndarra
 
 
 def oriented_crystals(stiffness: ArrayLike, euler_deg: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness (..., 6, 6) in GPa and angles (..., 3) in degrees of what users give, checked for shape, symmetry and finite angles."""
-    matrices, angles = np.asarray(stiffness, dtype=float), finite_rows("a crystal", "Euler angle", angles_of(euler_deg), 3)
+    """Stiffness (..., 6, 6) in GPa and angles (..., 3) in degrees of what users give, checked for
+    shape, symmetry and finite angles.
+    """
+    matrices, angles = (
+        np.asarray(stiffness, dtype=float),
+        finite_rows("a crystal", "Euler angle", angles_of(euler_deg), 3),
+    )
     if matrices.shape[-2:] != (6, 6):
-        raise InputError(f"a stiffness has the shape (6, 6), not {matrices.shape}; bi.stiffness makes it from constants")
+        raise InputError(
+            f"a stiffness has the shape (6, 6), not {matrices.shape}; bi.stiffness makes it "
+            "from constants"
+        )
     transposed = np.swapaxes(matrices, -1, -2)
-    if np.any(np.abs(matrices - transposed) > SYMMETRIC * np.abs(matrices).max(axis=(-2, -1), keepdims=True, initial=0.0)):
+    if np.any(
+        np.abs(matrices - transposed)
+        > SYMMETRIC * np.abs(matrices).max(axis=(-2, -1), keepdims=True, initial=0.0)
+    ):
         raise InputError("a stiffness is not symmetric")
     return matrices, angles
 
 
 def angles_of(orientations: Any) -> np.ndarray:
-    """Bunge-Euler angles in degrees, as an array or as orix' Orientation, which rotates from sample to crystal too."""
-    return np.asarray(orientations.to_euler(degrees=True) if hasattr(orientations, "to_euler") else orientations, dtype=float)
+    """Bunge-Euler angles in degrees, as an array or as orix' Orientation, which rotates from sample
+    to crystal too.
+    """
+    return np.asarray(
+        orientations.to_euler(degrees=True) if hasattr(orientations, "to_euler") else orientations,
+        dtype=float,
+    )
 
 
-def crystal_rows(stiffness: ArrayLike, euler_deg: ArrayLike, **numbers: ArrayLike) -> tuple[dict[str, np.ndarray], tuple[int, ...]]:
-    """Stiffness (n, 6, 6) in GPa, angles (n, 3) in degrees and other numbers (n, 1) for the core, and the shape to which they broadcast."""
+def crystal_rows(
+    stiffness: ArrayLike, euler_deg: ArrayLike, **numbers: ArrayLike
+) -> tuple[dict[str, np.ndarray], tuple[int, ...]]:
+    """Stiffness (n, 6, 6) in GPa, angles (n, 3) in degrees and other numbers (n, 1) for the core,
+    and the shape to which they broadcast.
+    """
     matrices, angles = oriented_crystals(stiffness, euler_deg)
-    shapes = {"crystals": matrices.shape[:-2], "angles": angles.shape[:-1], **{name: np.shape(values) for name, values in numbers.items()}}
+    shapes = {
+        "crystals": matrices.shape[:-2],
+        "angles": angles.shape[:-1],
+        **{name: np.shape(values) for name, values in numbers.items()},
+    }
     try:
         shape = np.broadcast_shapes(*shapes.values())
     except ValueError:
-        raise InputError(" and ".join(f"{name} {found}" for name, found in shapes.items()) + " do not broadcast") from None
+        raise InputError(
+            " and ".join(f"{name} {found}" for name, found in shapes.items()) + " do not broadcast"
+        ) from None
     if 0 in shape:
         raise InputError("there are no crystals")
-    rows = {name: np.broadcast_to(np.asarray(values, dtype=float), shape).reshape(-1, 1) for name, values in numbers.items()}
+    rows = {
+        name: np.broadcast_to(np.asarray(values, dtype=float), shape).reshape(-1, 1)
+        for name, values in numbers.items()
+    }
     stiffness = np.broadcast_to(matrices, (*shape, 6, 6)).reshape(-1, 6, 6)
-    return {"stiffness": stiffness, "euler_deg": np.broadcast_to(angles, (*shape, 3)).reshape(-1, 3), **rows}, shape
+    return {
+        "stiffness": stiffness,
+        "euler_deg": np.broadcast_to(angles, (*shape, 3)).reshape(-1, 3),
+        **rows,
+    }, shape
 
 
-def halfspace_modulus(stiffness: ArrayLike, euler_deg: ArrayLike, *, circular: bool = False, threads: int = 1) -> np.ndarray:
-    """Exact indentation modulus in GPa of an anisotropic half-space under a rigid frictionless sphere.
+def halfspace_modulus(
+    stiffness: ArrayLike, euler_deg: ArrayLike, *, circular: bool = False, threads: int = 1
+) -> np.ndarray:
+    """Exact indentation modulus in GPa of an anisotropic half-space under a rigid frictionless
+    sphere.
 
-    `stiffness` (..., 6, 6) in GPa, crystal frame; `euler_deg` (..., 3), Bunge-Euler angles in degrees; the two broadcast.
-    `circular=True` gives the Vlassak-Nix value of a circular contact instead of Willis' ellipse; `threads` share the crystals. Raises `InputError` for
-    a crystal or an angle that is not finite, a crystal that is not stable, or shapes that do not fit.
+    `stiffness` (..., 6, 6) in GPa, crystal frame; `euler_deg` (..., 3), Bunge-Euler angles in
+    degrees; the two broadcast. `circular=True` gives the Vlassak-Nix value of a circular contact
+    instead of Willis' ellipse; `threads` share the crystals. Raises `InputError` for a crystal or
+    an angle that is not finite, a crystal that is not stable, or shapes that do not fit.
     """
     rows, shape = crystal_rows(stiffness, euler_deg)
     return call("crystal.theory", **rows, threads=threads)["values"][int(circular)].reshape(shape)
 
 
-def rayleigh_velocity(stiffness: ArrayLike, euler_deg: ArrayLike, propagation_deg: ArrayLike, density_kg_m3: ArrayLike) -> np.ndarray:
-    """Speed in m/s of the surface (Rayleigh) wave of an anisotropic half-space; `rayleigh_modes` says whether the wave is detected. `stiffness` and
-    `euler_deg` as in `halfspace_modulus`; `propagation_deg` (...), the direction in the surface, from the sample's x; `density_kg_m3` (...)."""
+def rayleigh_velocity(
+    stiffness: ArrayLike, euler_deg: ArrayLike, propagation_deg: ArrayLike, density_kg_m3: ArrayLike
+) -> np.ndarray:
+    """Speed in m/s of the surface (Rayleigh) wave of an anisotropic half-space; `rayleigh_modes`
+    says whether the wave is detected. `stiffness` and `euler_deg` as in `halfspace_modulus`;
+    `propagation_deg` (...), the direction in the surface, from the sample's x; `density_kg_m3`
+    (...).
+    """
     return rayleigh_modes(stiffness, euler_deg, propagation_deg, density_kg_m3)[0]
 
 
-def rayleigh_modes(stiffness: ArrayLike, euler_deg: ArrayLike, propagation_deg: ArrayLike, density_kg_m3: ArrayLike) -> np.ndarray:
-    """Speed in m/s of the waves of `rayleigh_velocity`, that of the slowest bulk wave in the same direction, and the share of the normal
-    component in the square of the displacement at the surface, (3, ...). A wave within 3 % of the bulk wave, or with a share below 0.2, is hardly excited: what
-    is detected then is the pseudo-surface wave."""
-    rows, shape = crystal_rows(stiffness, euler_deg, propagation_deg=propagation_deg, density_kg_m3=density_kg_m3)
-    if not (np.isfinite(rows["propagation_deg"] + rows["density_kg_m3"]).all() and (rows["density_kg_m3"] > 0).all()):
-        raise InputError("a direction of propagation or a density is not finite, or a density is not positive (kg/m3)")
+def rayleigh_modes(
+    stiffness: ArrayLike, euler_deg: ArrayLike, propagation_deg: ArrayLike, density_kg_m3: ArrayLike
+) -> np.ndarray:
+    """Speed in m/s of the waves of `rayleigh_velocity`, that of the slowest bulk wave in the same
+    direction, and the share of the normal component in the square of the displacement at the
+    surface, (3, ...). A wave within 3 % of the bulk wave, or with a share below 0.2, is hardly
+    excited: what is detected then is the pseudo-surface wave.
+    """
+    rows, shape = crystal_rows(
+        stiffness, euler_deg, propagation_deg=propagation_deg, density_kg_m3=density_kg_m3
+    )
+    if not (
+        np.isfinite(rows["propagation_deg"] + rows["density_kg_m3"]).all()
+        and (rows["density_kg_m3"] > 0).all()
+    ):
+        raise InputError(
+            "a direction of propagation or a density is not finite, or a density is not "
+            "positive (kg/m3)"
+        )
     return call("crystal.waves", **rows)["values"].reshape(3, *shape)

@@ -1,4 +1,6 @@
-"""Where simulations run: each engine maps a job over items and hands every result back as soon as it is there."""
+"""Where simulations run: each engine maps a job over items and hands every result back as soon as
+it is there.
+"""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext

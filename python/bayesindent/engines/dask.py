@@ -1,4 +1,6 @@
-"""Workers of a Dask cluster: processes of this machine, those of a scheduler at an address, or jobs of SLURM."""
+"""Workers of a Dask cluster: processes of this machine, those of a scheduler at an address, or jobs
+of SLURM.
+"""
 
 import pickle
 from collections.abc import Callable, Sequence
@@ -14,20 +16,27 @@ PATIENCE_S = 10
 
 
 class DaskEngine(AbstractContextManager):
-    """`workers` processes with one thread each (0: as many as there are cores, or one job of SLURM), or all that a scheduler has.
+    """`workers` processes with one thread each (0: as many as there are cores, or one job of
+    SLURM), or all that a scheduler has.
 
-    `scheduler` is 'local', 'slurm' (as Dask's own `jobqueue.yaml` says) or an address such as 'tcp://head:8786'. Raises `InputError` where
-    the packages are missing and `MachineError` where no scheduler answers. A worker that dies loses nothing but its time: what it was
-    doing is done by another.
+    `scheduler` is 'local', 'slurm' (as Dask's own `jobqueue.yaml` says) or an address such as
+    'tcp://head:8786'. Raises `InputError` where the packages are missing and `MachineError` where
+    no scheduler answers. A worker that dies loses nothing but its time: what it was doing is done
+    by another.
     """
 
     def __init__(self, workers: int = 0, scheduler: str = "local"):
         try:
             self._client, self._cluster = _connect(workers, scheduler)
         except ModuleNotFoundError as error:
-            raise InputError(f"&execution engine: 'dask' needs the package {error.name}: pip install 'bayesindent[dask]'") from None
+            raise InputError(
+                f"&execution engine: 'dask' needs the package {error.name}: pip install "
+                "'bayesindent[dask]'"
+            ) from None
         except (OSError, TimeoutError) as error:
-            raise MachineError(f"&execution scheduler: no scheduler answers at {scheduler}: {error}") from None
+            raise MachineError(
+                f"&execution scheduler: no scheduler answers at {scheduler}: {error}"
+            ) from None
 
     def __exit__(self, *_: object) -> None:
         self._client.close()
@@ -40,7 +49,9 @@ class DaskEngine(AbstractContextManager):
         return max(1, sum(self._client.nthreads().values()))
 
     def map(self, job: Callable, items: Sequence, collect: Callable[[int, object], None]) -> None:
-        """Call job(item) of all items, see `complete`. Each worker makes the job from its pickle once."""
+        """Call job(item) of all items, see `complete`. Each worker makes the job from its pickle
+        once.
+        """
         import cloudpickle
         from distributed.scheduler import KilledWorker
 
@@ -48,7 +59,9 @@ class DaskEngine(AbstractContextManager):
         try:
             complete(submit, lambda: self.workers, items, collect)
         except KilledWorker as error:
-            raise MachineError(f"&execution engine: workers died again and again at the same simulation: {error}") from None
+            raise MachineError(
+                f"&execution engine: workers died again and again at the same simulation: {error}"
+            ) from None
 
 
 #: The job of a pickle, made once.
@@ -65,7 +78,9 @@ def _connect(workers: int, scheduler: str) -> tuple:
 
     cluster: Any
     if scheduler == "local":
-        cluster = LocalCluster(n_workers=workers or None, threads_per_worker=1, dashboard_address=None, silence_logs=50)
+        cluster = LocalCluster(
+            n_workers=workers or None, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        )
     elif scheduler == "slurm":
         from dask_jobqueue import SLURMCluster
 

@@ -1,4 +1,6 @@
-"""Threads of this process; the core releases the interpreter's lock. And what all engines have in common."""
+"""Threads of this process; the core releases the interpreter's lock. And what all engines have in
+common.
+"""
 
 import os
 from collections.abc import Callable, Sequence
@@ -7,12 +9,17 @@ from functools import partial
 from itertools import islice
 
 
-def complete(submit: Callable[..., Future], workers: Callable[[], int], items: Sequence, collect: Callable[[int, object], None]) -> None:
-    """Submit all items, one for each of the workers that are there at the time, and collect(number, result) in this thread for each as it is
-    done.
+def complete(
+    submit: Callable[..., Future],
+    workers: Callable[[], int],
+    items: Sequence,
+    collect: Callable[[int, object], None],
+) -> None:
+    """Submit all items, one for each of the workers that are there at the time, and collect(number,
+    result) in this thread for each as it is done.
 
-    No worker waits for what is done with its result. An exception, or an interrupt, starts no more; what is done, or cannot be cancelled, is
-    still collected.
+    No worker waits for what is done with its result. An exception, or an interrupt, starts no more;
+    what is done, or cannot be cancelled, is still collected.
     """
     waiting, under_way = iter(enumerate(items)), dict[Future, int]()
     done: set[Future] = set()

@@ -1,4 +1,6 @@
-"""The indentation problem as an input deck that Abaqus and CalculiX both read. Units: um, mN, GPa."""
+"""The indentation problem as an input deck that Abaqus and CalculiX both read. Units: um, mN,
+GPa.
+"""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
@@ -6,36 +8,54 @@ from types import SimpleNamespace
 
 import numpy as np
 
-#: Voigt index (order 11,22,33,23,13,12) of the pairs in the order 11,22,33,12,13,23 of *ELASTIC, TYPE=ANISO.
+#: Voigt index (order 11,22,33,23,13,12) of the pairs in the order 11,22,33,12,13,23 of *ELASTIC,
+#: TYPE=ANISO.
 ABAQUS_ORDER = (0, 1, 2, 5, 4, 3)
 
 #: What bricks are made of.
 MATERIALS = ("CRYSTAL", "SURROUNDINGS")
 
-#: Stiffness of a closed gap (mN/um) and the force of an open one far away (mN): CalculiX' penalties. Closed gaps then give way by
-#: less than 1e-8 um.
+#: Stiffness of a closed gap (mN/um) and the force of an open one far away (mN): CalculiX'
+#: penalties. Closed gaps then give way by less than 1e-8 um.
 GAP_STIFFNESS, GAP_TENSION = 1.0e6, 1.0e-9
 
 
-def write_deck(mesh: SimpleNamespace, depths: Iterable[float], element: str, title: str, parts: Sequence[str]) -> str:
-    """The text of the deck: a step for each depth, the force on the indenter printed as the reaction of node set INDENTER.
+def write_deck(
+    mesh: SimpleNamespace, depths: Iterable[float], element: str, title: str, parts: Sequence[str]
+) -> str:
+    """The text of the deck: a step for each depth, the force on the indenter printed as the
+    reaction of node set INDENTER.
 
-    The header says what each material is, by the `parts` of the specimen. Contact is unilateral gaps between each contact node and one node that stands for the indenter; infinite elements
-    are networks of springs with the same stiffness matrix; hanging nodes are equations.
+    The header says what each material is, by the `parts` of the specimen. Contact is unilateral
+    gaps between each contact node and one node that stands for the indenter; infinite elements are
+    networks of springs with the same stiffness matrix; hanging nodes are equations.
     """
     indenter = len(mesh.x) + 1
     used = MATERIALS[: 1 + mesh.material.max()]
-    lines = ["*HEADING", title, "** Units: um, mN, GPa; the axes of the sample, material below z = 0"]
+    lines = [
+        "*HEADING",
+        title,
+        "** Units: um, mN, GPa; the axes of the sample, material below z = 0",
+    ]
     for name, part, matrix in zip(used, parts, mesh.materials, strict=False):
         lines += [f"** Material {name}: {part}, {description(matrix)}"]
     if len(mesh.facet):
         lines += ["** Springs: infinite elements, beyond the mesh"]
-    lines += ["*NODE, NSET=ALL"] + [f"{i}, {x:.10g}, {y:.10g}, {z:.10g}" for i, (x, y, z) in enumerate(mesh.x, start=1)]
+    lines += ["*NODE, NSET=ALL"] + [
+        f"{i}, {x:.10g}, {y:.10g}, {z:.10g}" for i, (x, y, z) in enumerate(mesh.x, start=1)
+    ]
     lines += ["*NODE, NSET=INDENTER", f"{indenter}, 0, 0, 0"]
     for material, name in enumerate(used):
         lines += [f"*ELEMENT, TYPE={element}, ELSET={name}"]
-        lines += [f"{e + 1}, " + ", ".join(str(n + 1) for n in mesh.brick[e]) for e in np.flatnonzero(mesh.material == material)]
-        lines += [f"*MATERIAL, NAME={name}", "*ELASTIC, TYPE=ANISO", *elastic_constants(mesh.materials[material])]
+        lines += [
+            f"{e + 1}, " + ", ".join(str(n + 1) for n in mesh.brick[e])
+            for e in np.flatnonzero(mesh.material == material)
+        ]
+        lines += [
+            f"*MATERIAL, NAME={name}",
+            "*ELASTIC, TYPE=ANISO",
+            *elastic_constants(mesh.materials[material]),
+        ]
         lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL={name}"]
     lines += gaps(mesh, indenter, len(mesh.brick))
     lines += never_yielding(indenter + 1, 1.5 * mesh.x.max(), len(mesh.brick) + len(mesh.contact))
@@ -43,8 +63,12 @@ def write_deck(mesh: SimpleNamespace, depths: Iterable[float], element: str, tit
     for node, masters in zip(mesh.hanging, mesh.master, strict=True):
         masters = masters[masters >= 0]
         for axis in (1, 2, 3):
-            terms = [f"{node + 1}, {axis}, 1.0"] + [f"{m + 1}, {axis}, {-1.0 / len(masters)!r}" for m in masters]
-            lines += ["*EQUATION", str(len(terms))] + [", ".join(terms[i : i + 4]) for i in range(0, len(terms), 4)]
+            terms = [f"{node + 1}, {axis}, 1.0"] + [
+                f"{m + 1}, {axis}, {-1.0 / len(masters)!r}" for m in masters
+            ]
+            lines += ["*EQUATION", str(len(terms))] + [
+                ", ".join(terms[i : i + 4]) for i in range(0, len(terms), 4)
+            ]
     lines += ["*BOUNDARY"] + [f"{n + 1}, 1, 3" for n in mesh.clamped] + [f"{indenter}, 1, 2"]
     for depth in depths:
         lines += ["*STEP, INC=100", "*STATIC", "1.0, 1.0"]
@@ -68,7 +92,10 @@ def elastic_constants(stiffness: np.ndarray) -> list[str]:
     """The 21 constants column by column of the upper triangle, eight a line."""
     order = stiffness[np.ix_(ABAQUS_ORDER, ABAQUS_ORDER)]
     values = [f"{order[i, j]:.10g}" for j in range(6) for i in range(j + 1)]
-    return [", ".join(values[i : i + 8]) + ("," if i + 8 < len(values) else "") for i in range(0, len(values), 8)]
+    return [
+        ", ".join(values[i : i + 8]) + ("," if i + 8 < len(values) else "")
+        for i in range(0, len(values), 8)
+    ]
 
 
 def gaps(mesh: SimpleNamespace, indenter: int, offset: int) -> list[str]:
@@ -78,7 +105,9 @@ def gaps(mesh: SimpleNamespace, indenter: int, offset: int) -> list[str]:
         same[f"{gap:.12g}"].append((offset + i + 1, node + 1))
     lines = []
     for i, (gap, elements) in enumerate(same.items()):
-        lines += [f"*ELEMENT, TYPE=GAPUNI, ELSET=GAP{i}"] + [f"{e}, {node}, {indenter}" for e, node in elements]
+        lines += [f"*ELEMENT, TYPE=GAPUNI, ELSET=GAP{i}"] + [
+            f"{e}, {node}, {indenter}" for e, node in elements
+        ]
         lines += [f"*GAP, ELSET=GAP{i}", f"{gap}, 0, 0, 1, , {GAP_STIFFNESS:g}, {GAP_TENSION:g}"]
     return lines
 
@@ -86,17 +115,25 @@ def gaps(mesh: SimpleNamespace, indenter: int, offset: int) -> list[str]:
 def never_yielding(node: int, offset: float, element: int) -> list[str]:
     """A fixed cube beside the sample whose material could yield but does not.
 
-    CalculiX iterates on gaps only in a nonlinear analysis, and geometric nonlinearity would change the force by 2 per cent.
+    CalculiX iterates on gaps only in a nonlinear analysis, and geometric nonlinearity would change
+    the force by 2 per cent.
     """
     corners = [(offset + x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
-    lines = ["*NODE, NSET=CUBE"] + [f"{node + i}, {x:.10g}, {y}, {z}" for i, (x, y, z) in enumerate(corners)]
-    lines += ["*ELEMENT, TYPE=C3D8, ELSET=CUBE", ", ".join(str(n) for n in (element + 1, *range(node, node + 8)))]
+    lines = ["*NODE, NSET=CUBE"] + [
+        f"{node + i}, {x:.10g}, {y}, {z}" for i, (x, y, z) in enumerate(corners)
+    ]
+    lines += [
+        "*ELEMENT, TYPE=C3D8, ELSET=CUBE",
+        ", ".join(str(n) for n in (element + 1, *range(node, node + 8))),
+    ]
     lines += ["*MATERIAL, NAME=CUBE", "*ELASTIC", "1.0, 0.3", "*PLASTIC", "1.0e10, 0.0"]
     return [*lines, "*SOLID SECTION, ELSET=CUBE, MATERIAL=CUBE", "*BOUNDARY", "CUBE, 1, 3"]
 
 
 def springs(facet: np.ndarray, infinite: np.ndarray, offset: int) -> Iterator[str]:
-    """Springs whose stiffness matrix is that of the infinite elements: between pairs of displacements, and to ground."""
+    """Springs whose stiffness matrix is that of the infinite elements: between pairs of
+    displacements, and to ground.
+    """
     pairs: dict[tuple[int, ...], float] = defaultdict(float)
     ground: dict[tuple[int, ...], float] = defaultdict(float)
     for nodes, matrix in zip(facet, infinite, strict=True):
@@ -112,4 +149,8 @@ def springs(facet: np.ndarray, infinite: np.ndarray, offset: int) -> Iterator[st
             yield f"*ELEMENT, TYPE={kind}, ELSET={name}{i}"
             yield f"{number}, " + ", ".join(str(end // 3 + 1) for end in ends)
             # CalculiX takes a number without a decimal point for another degree of freedom.
-            yield from (f"*SPRING, ELSET={name}{i}", ", ".join(str(end % 3 + 1) for end in ends), f"{value:.12e}")
+            yield from (
+                f"*SPRING, ELSET={name}{i}",
+                ", ".join(str(end % 3 + 1) for end in ends),
+                f"{value:.12e}",
+            )

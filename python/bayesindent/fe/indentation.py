@@ -17,7 +17,8 @@ from ..settings.keywords import takes
 from ..settings.problem import Problem, grouped
 from .deck import write_deck
 
-#: Groups whose variables say what a simulation is, but for those that say what a command does with it.
+#: Groups whose variables say what a simulation is, but for those that say what a command does with
+#: it.
 GROUPS = ("specimen", "indenter", "simulation")
 NOT_OURS = ("simulator", "vtu", "inp")
 
@@ -26,7 +27,10 @@ def one_crystal(stiffness: ArrayLike, euler_deg: ArrayLike) -> dict[str, np.ndar
     """Stiffness (6, 6) in GPa and angles (3,) in degrees of one crystal, as the core takes them."""
     matrix, angles = oriented_crystals(stiffness, euler_deg)
     if matrix.ndim != 2 or angles.ndim != 1:
-        raise InputError(f"one crystal at a time: (6, 6) and (3,), not {matrix.shape} and {angles.shape}; run_many takes more")
+        raise InputError(
+            f"one crystal at a time: (6, 6) and (3,), not {matrix.shape} and {angles.shape}; "
+            "run_many takes more"
+        )
     return {"stiffness": matrix, "euler_deg": angles}
 
 
@@ -34,9 +38,11 @@ def one_crystal(stiffness: ArrayLike, euler_deg: ArrayLike) -> dict[str, np.ndar
 class IndentationResult:
     """One simulated indentation. Lengths in um, forces in mN, moduli in GPa.
 
-    `indentation_modulus_gpa` is that of the isotropic half-space with the same curve, P = 4/3 M sqrt(R) h^1.5 under a paraboloid: least squares
-    through the origin over the depths whose contact is resolved. `modulus_by_depth_gpa`: of each depth alone; `modulus_slope_gpa`: of a line with
-    intercept; `modulus_of_mesh_gpa`: of each mesh, the finest first. Residuals are relative. `warning`: the error of the mesh, if it is large.
+    `indentation_modulus_gpa` is that of the isotropic half-space with the same curve, P = 4/3 M
+    sqrt(R) h^1.5 under a paraboloid: least squares through the origin over the depths whose contact
+    is resolved. `modulus_by_depth_gpa`: of each depth alone; `modulus_slope_gpa`: of a line with
+    intercept; `modulus_of_mesh_gpa`: of each mesh, the finest first. Residuals are relative.
+    `warning`: the error of the mesh, if it is large.
     """
 
     indentation_modulus_gpa: float
@@ -58,12 +64,14 @@ class IndentationResult:
 class Indentation(NativeObject):
     """A mesh with its solver, ready to indent any crystal; threads may share it.
 
-    Its keywords are the variables of the specimen, the indenter and the simulation; help(bi.Indentation.__init__) explains all `settings`.
-    Raises `InputError` for what cannot be meant, `MachineError` where memory does not suffice.
+    Its keywords are the variables of the specimen, the indenter and the simulation;
+    help(bi.Indentation.__init__) explains all `settings`. Raises `InputError` for what cannot be
+    meant, `MachineError` where memory does not suffice.
     """
 
     kind = "indentation"
-    #: Name of the brick element; all elements of all solves; points of the curve; meshes; and of the finest mesh how much there is.
+    #: Name of the brick element; all elements of all solves; points of the curve; meshes; and of
+    #: the finest mesh how much there is.
     element: str
     #: What its materials are, separated by ', '.
     parts: str
@@ -74,7 +82,8 @@ class Indentation(NativeObject):
     bricks: int
     infinite_elements: int
     unknowns: int
-    #: Entries of the factor, floating point operations of one factorisation, bytes of workspace of one simulation.
+    #: Entries of the factor, floating point operations of one factorisation, bytes of workspace of
+    #: one simulation.
     factor_entries: float
     factor_operations: float
     workspace_bytes: float
@@ -109,38 +118,59 @@ class Indentation(NativeObject):
 
     def __repr__(self) -> str:
         specimen, indenter = self.settings.specimen.geometry, self.settings.indenter.shape
-        last = f"depth {self.depth_max_um:.3g} um, contact radius {self.contact_radius_max_um:.3g} um"
-        return f"<Indentation of a {specimen} by a {indenter} to {last}: {self.bricks} bricks, {self.unknowns} unknowns>"
+        last = (
+            f"depth {self.depth_max_um:.3g} um, contact radius {self.contact_radius_max_um:.3g} um"
+        )
+        return (
+            f"<Indentation of a {specimen} by a {indenter} to {last}: {self.bricks} bricks, "
+            f"{self.unknowns} unknowns>"
+        )
 
     def __reduce__(self) -> tuple:
         return self._made_of
 
     def run(self, stiffness: ArrayLike, euler_deg: ArrayLike) -> IndentationResult:
-        """Indent one crystal: stiffness (6, 6) in GPa, crystal frame; Bunge-Euler angles (3,) in degrees.
+        """Indent one crystal: stiffness (6, 6) in GPa, crystal frame; Bunge-Euler angles (3,) in
+        degrees.
 
         Raises `InputError` for an unstable crystal, `BayesindentError` where the simulation fails.
         """
         crystal = one_crystal(stiffness, euler_deg)
         found = self._call("run", **crystal)
-        return IndentationResult(**found, warning=self._problem._call("mesh_error", stiffness=crystal["stiffness"])["text"])
+        return IndentationResult(
+            **found,
+            warning=self._problem._call("mesh_error", stiffness=crystal["stiffness"])["text"],
+        )
 
     @takes()
     def run_many(
-        self, stiffness: ArrayLike, euler_deg: ArrayLike, workers: int = 0, *, engine: str = "local", scheduler: str = "local",
+        self,
+        stiffness: ArrayLike,
+        euler_deg: ArrayLike,
+        workers: int = 0,
+        *,
+        engine: str = "local",
+        scheduler: str = "local",
         errors: str = "raise",
-    ) -> list[IndentationResult | BayesindentError]:  # fmt: skip
-        """Indent n crystals, stiffness (n, 6, 6) and angles (n, 3), on `workers` threads (0: all cores), or by the `engine` 'dask' and
-        its `scheduler`: 'local', 'slurm' or an address.
+    ) -> list[IndentationResult | BayesindentError]:
+        """Indent n crystals, stiffness (n, 6, 6) and angles (n, 3), on `workers` threads (0: all
+        cores), or by the `engine` 'dask' and its `scheduler`: 'local', 'slurm' or an address.
 
-        The numbers do not depend on these. errors: 'raise' the first, or 'return' each in the place of its result.
+        The numbers do not depend on these. errors: 'raise' the first, or 'return' each in the place
+        of its result.
         """
         # Not above: it takes time to import.
         from ..engines import ENGINES
 
         asked = {"workers": workers, "engine": engine, "scheduler": scheduler}
-        execution = Problem.from_keywords("bi.Indentation.run_many", execution=asked).settings.execution
+        execution = Problem.from_keywords(
+            "bi.Indentation.run_many", execution=asked
+        ).settings.execution
         if errors not in ("raise", "return"):
-            raise InputError(f"bi.Indentation.run_many: errors: '{errors}' is unknown; allowed: 'raise', 'return'")
+            raise InputError(
+                f"bi.Indentation.run_many: errors: '{errors}' is unknown; allowed: 'raise', "
+                "'return'"
+            )
         crystals, _ = crystal_rows(stiffness, euler_deg)
         results: dict[int, Any] = {}
 
@@ -157,46 +187,84 @@ class Indentation(NativeObject):
         return [results[number] for number in sorted(results)]
 
     def largest_error(self, stiffness: ArrayLike) -> np.ndarray:
-        """How large the error of the mesh may be, relative (n,), for crystals of stiffness (n, 6, 6) in GPa: see docs/simulation.md."""
+        """How large the error of the mesh may be, relative (n,), for crystals of stiffness (n, 6,
+        6) in GPa: see docs/simulation.md.
+        """
         return self._problem._call("mesh_error", stiffness=stiffness)["values"][0]
 
-    def mesh_arrays(self, stiffness: ArrayLike | None = None, euler_deg: ArrayLike = (0, 0, 0)) -> SimpleNamespace:
-        """The finest mesh; where its refined zone is too small for the contact of a crystal, the larger one that is used for it.
+    def mesh_arrays(
+        self, stiffness: ArrayLike | None = None, euler_deg: ArrayLike = (0, 0, 0)
+    ) -> SimpleNamespace:
+        """The finest mesh; where its refined zone is too small for the contact of a crystal, the
+        larger one that is used for it.
 
-        Of nodes `x` in um, `brick`, the `material` of each (the crystal is 0), and the `facet`s that carry infinite elements; `contact` nodes and
-        the `gap` above each at zero depth; `clamped` nodes; `hanging` ones, and the up to four nodes (else -1), `master`, whose mean they follow.
-        Nodes are numbered from 0.
+        Of nodes `x` in um, `brick`, the `material` of each (the crystal is 0), and the `facet`s
+        that carry infinite elements; `contact` nodes and the `gap` above each at zero depth;
+        `clamped` nodes; `hanging` ones, and the up to four nodes (else -1), `master`, whose mean
+        they follow. Nodes are numbered from 0.
         """
-        return SimpleNamespace(**(self._call("mesh") if stiffness is None else self._fields(stiffness, euler_deg)))
+        return SimpleNamespace(
+            **(self._call("mesh") if stiffness is None else self._fields(stiffness, euler_deg))
+        )
 
-    def _fields(self, stiffness: ArrayLike, euler_deg: ArrayLike, step: int = -1) -> dict[str, np.ndarray]:
-        return self._call("fields", step=step + 1 if step >= 0 else self.depths + 1 + step, **one_crystal(stiffness, euler_deg))
+    def _fields(
+        self, stiffness: ArrayLike, euler_deg: ArrayLike, step: int = -1
+    ) -> dict[str, np.ndarray]:
+        return self._call(
+            "fields",
+            step=step + 1 if step >= 0 else self.depths + 1 + step,
+            **one_crystal(stiffness, euler_deg),
+        )
 
-    def fields(self, stiffness: ArrayLike, euler_deg: ArrayLike, step: int = -1) -> tuple[np.ndarray, np.ndarray]:
-        """Displacement (nodes, 3) in um and mean stress (bricks, 6) in GPa, order 11,22,33,23,13,12, on the mesh of `mesh_arrays`.
+    def fields(
+        self, stiffness: ArrayLike, euler_deg: ArrayLike, step: int = -1
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement (nodes, 3) in um and mean stress (bricks, 6) in GPa, order
+        11,22,33,23,13,12, on the mesh of `mesh_arrays`.
 
         `step` counts the depths as an index of `depth_um` does. Raises as `run` does.
         """
         found = self._fields(stiffness, euler_deg, step)
         return found["displacement_um"], found["values"]
 
-    def write_vtu(self, path: str | PathLike, stiffness: ArrayLike, euler_deg: ArrayLike, step: int = -1) -> None:
-        """Write the fields at one depth for ParaView: displacement of points, stress (xx, yy, zz, xy, yz, xz) and mises of cells."""
+    def write_vtu(
+        self, path: str | PathLike, stiffness: ArrayLike, euler_deg: ArrayLike, step: int = -1
+    ) -> None:
+        """Write the fields at one depth for ParaView: displacement of points, stress (xx, yy, zz,
+        xy, yz, xz) and mises of cells.
+        """
         import meshio
 
         found = self._fields(stiffness, euler_deg, step)
         u, stress = found["displacement_um"], found["values"]
         normal, shear = stress[:, :3], stress[:, 3:]
-        mises = np.sqrt(0.5 * ((normal - np.roll(normal, 1, axis=1)) ** 2).sum(axis=1) + 3.0 * (shear**2).sum(axis=1))
+        mises = np.sqrt(
+            0.5 * ((normal - np.roll(normal, 1, axis=1)) ** 2).sum(axis=1)
+            + 3.0 * (shear**2).sum(axis=1)
+        )
         cells = {"stress_gpa": [stress[:, [0, 1, 2, 5, 3, 4]]], "mises_gpa": [mises]}
-        mesh = meshio.Mesh(found["x"], [("hexahedron", found["brick"])], point_data={"displacement_um": u}, cell_data=cells)
+        mesh = meshio.Mesh(
+            found["x"],
+            [("hexahedron", found["brick"])],
+            point_data={"displacement_um": u},
+            cell_data=cells,
+        )
         mesh.write(path, file_format="vtu")
 
-    def deck(self, stiffness: ArrayLike, euler_deg: ArrayLike, title: str = "indentation", depth_um: ArrayLike | None = None) -> str:
-        """The same problem on the finest mesh as an input deck for Abaqus and CalculiX (see `deck.py`).
+    def deck(
+        self,
+        stiffness: ArrayLike,
+        euler_deg: ArrayLike,
+        title: str = "indentation",
+        depth_um: ArrayLike | None = None,
+    ) -> str:
+        """The same problem on the finest mesh as an input deck for Abaqus and CalculiX (see
+        `deck.py`).
 
         `depth_um`: depths (n,) in place of those of the simulation.
         """
         found = self._fields(stiffness, euler_deg)
         depths = found["depth_um"] if depth_um is None else np.asarray(depth_um, dtype=float)
-        return write_deck(SimpleNamespace(**found), depths, self.element.upper(), title, self.parts.split(", "))
+        return write_deck(
+            SimpleNamespace(**found), depths, self.element.upper(), title, self.parts.split(", ")
+        )

@@ -1,4 +1,6 @@
-"""Step 2: the constants behind measured moduli, and which grain to measure next. The densities, the chains and what is said of them are the core's."""
+"""Step 2: the constants behind measured moduli, and which grain to measure next. The densities, the
+chains and what is said of them are the core's.
+"""
 
 import json
 from collections.abc import Mapping
@@ -23,12 +25,19 @@ LEFT_OUT = ("symmetry", "title", "synthetic", "file", "c_min", "c_max", "engine"
 
 @takes(*GROUPS, "next", without=LEFT_OUT)
 def next_grain(
-    measurements: Any, symmetry: str | None = None, *, surrogate: Surrogate | str | PathLike | None = None, result: Any = None,
-    bounds: Mapping | None = None, knowledge: Mapping | None = None, **settings: Any,
-) -> dict:  # fmt: skip
+    measurements: Any,
+    symmetry: str | None = None,
+    *,
+    surrogate: Surrogate | str | PathLike | None = None,
+    result: Any = None,
+    bounds: Mapping | None = None,
+    knowledge: Mapping | None = None,
+    **settings: Any,
+) -> dict:
     """Orientations worth measuring next, ranked, each given those above it.
 
-    bi.next_grain(result) is enough; the variables of the next measurement are target, sd_gpa, candidates and count.
+    bi.next_grain(result) is enough; the variables of the next measurement are target, sd_gpa,
+    candidates and count.
 
     Parameters
     ----------
@@ -42,14 +51,18 @@ def next_grain(
     Returns
     -------
     dict
-        `suggestions`: of each `euler_deg`, `gain`, and its indices; `unit` of the gain; `candidates`: all that were compared.
+        `suggestions`: of each `euler_deg`, `gain`, and its indices; `unit` of the gain;
+        `candidates`: all that were compared.
     """
     own = {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge} | settings
     if hasattr(measurements, "posterior"):
         result, facts = measurements, measurements.posterior.attrs
         surrogate = surrogate or result.posterior.encoding.get("surrogate") or facts["surrogate"]
         if not surrogate:
-            raise InputError("bi.next_grain: a result from a file does not have its surrogate; state it with surrogate=")
+            raise InputError(
+                "bi.next_grain: a result from a file does not have its surrogate; state it with "
+                "surrogate="
+            )
         surrogate, (_, tables, groups) = loaded(surrogate), json.loads(facts["asked"])
         problem = Problem.from_keywords("bi.next_grain", tables, **groups | {"next": settings})
     else:
@@ -57,8 +70,14 @@ def next_grain(
         problem = problem_of("bi.next_grain", surrogate, measurements, **own)
         if result is None:
             of_next = grouped(settings, ["next"])["next"]
-            result = extract(measurements, surrogate=surrogate, **{name: own[name] for name in own if name not in of_next})
-    draws = np.stack([values.values.ravel() for values in result.posterior.data_vars.values()], axis=1)
+            result = extract(
+                measurements,
+                surrogate=surrogate,
+                **{name: own[name] for name in own if name not in of_next},
+            )
+    draws = np.stack(
+        [values.values.ravel() for values in result.posterior.data_vars.values()], axis=1
+    )
     document = json.loads(surrogate._call("next", problem=problem.handle, points=draws)["text"])
     warn_of(document)
     return document
@@ -66,40 +85,60 @@ def next_grain(
 
 @takes(*GROUPS, without=LEFT_OUT)
 def extract(
-    measurements: Any, symmetry: str | None = None, *, surrogate: Surrogate | str | PathLike = "halfspace", bounds: Mapping | None = None,
-    knowledge: Mapping | None = None, progressbar: bool = False, **settings: Any,
-) -> Any:  # fmt: skip
+    measurements: Any,
+    symmetry: str | None = None,
+    *,
+    surrogate: Surrogate | str | PathLike = "halfspace",
+    bounds: Mapping | None = None,
+    knowledge: Mapping | None = None,
+    progressbar: bool = False,
+    **settings: Any,
+) -> Any:
     """Infer the elastic constants of a crystal from measured moduli of its grains.
 
-    Which modulus was measured must be stated: by `modulus_kind`, or by the name of its column (effective_modulus_gpa, Er, ..).
+    Which modulus was measured must be stated: by `modulus_kind`, or by the name of its column
+    (effective_modulus_gpa, Er, ..).
 
     Parameters
     ----------
     measurements : path or table
-        A CSV or Excel file, a data frame, a mapping of columns, a list of rows, or an array (n, 5) of phi1, Phi, phi2, modulus and sd;
-        or None with `velocities`, which may be a table too.
-        Columns are those of a file. `orientation` may be orix' Orientation in place of the three angles.
+        A CSV or Excel file, a data frame, a mapping of columns, a list of rows, or an array (n, 5)
+        of phi1, Phi, phi2, modulus and sd; or None with `velocities`, which may be a table too.
+        Columns are those of a file. `orientation` may be orix' Orientation in place of the three
+        angles.
     symmetry : str
         The crystal class, such as 'cubic', 'hcp' or '4/mmm'.
     surrogate : Surrogate, str or path, default 'halfspace'
-        What simulations gave; 'halfspace' is the exact theory of a bulk sample, 'block' comes with the package.
+        What simulations gave; 'halfspace' is the exact theory of a bulk sample, 'block' comes with
+        the package.
     bounds : dict, optional
         (low, high) in GPa by constant, each perhaps None: {'C11': (150, 300)}.
     knowledge : dict, optional
-        (mean, sd) by quantity ('bulk_modulus', 'C44', 'C33/C11', 'young[110]', ..); 'stiffness': (means, covariance) of all constants
-        in GPa and GPa², or a CSV of them; 'source': a list of the works that the quantities were taken from.
+        (mean, sd) by quantity ('bulk_modulus', 'C44', 'C33/C11', 'young[110]', ..); 'stiffness':
+        (means, covariance) of all constants in GPa and GPa², or a CSV of them; 'source': a list of
+        the works that the quantities were taken from.
     progressbar : bool, default False
         Show how far the chains are.
 
     Returns
     -------
     arviz.InferenceData (DataTree with ArviZ 1)
-        `posterior` has a variable for each constant, and further groups: `prior`, `derived` (quantities of the crystal), `predictions` (the modulus of each
-        grain), `log_likelihood`, `log_prior`, `posterior_predictive`, `observed_data` and `constant_data`. Why a result cannot be used is its
-        first warning. `bi.summary(result)` has mean, sd and shares of each constant.
+        `posterior` has a variable for each constant, and further groups: `prior`, `derived`
+        (quantities of the crystal), `predictions` (the modulus of each grain), `log_likelihood`,
+        `log_prior`, `posterior_predictive`, `observed_data` and `constant_data`. Why a result
+        cannot be used is its first warning. `bi.summary(result)` has mean, sd and shares of each
+        constant.
     """
     name, surrogate = "" if isinstance(surrogate, Surrogate) else str(surrogate), loaded(surrogate)
-    problem = problem_of("bi.extract", surrogate, measurements, symmetry=symmetry, bounds=bounds, knowledge=knowledge, **settings)
+    problem = problem_of(
+        "bi.extract",
+        surrogate,
+        measurements,
+        symmetry=symmetry,
+        bounds=bounds,
+        knowledge=knowledge,
+        **settings,
+    )
     show_progress(progressbar)
     try:
         found = surrogate._call("extract", problem=problem.handle)
@@ -108,7 +147,9 @@ def extract(
     warn_of(json.loads(found["document"]))
     groups = groups_of(found)
     made = problem._made_of[0]
-    groups["posterior"][1].update(surrogate=name, asked=json.dumps(plain([*made.args, made.keywords]), default=str))
+    groups["posterior"][1].update(
+        surrogate=name, asked=json.dumps(plain([*made.args, made.keywords]), default=str)
+    )
     result = inference_data(groups)
     # For `next_grain` in this process; a file of the result has the name alone.
     result.posterior.encoding["surrogate"] = surrogate
@@ -117,20 +158,36 @@ def extract(
 
 @takes("plan", *GROUPS, without=(*LEFT_OUT, "lattice"))
 def plan(
-    symmetry: str, constants: ArrayLike, grains: ArrayLike, noise: ArrayLike, *, surrogate: Surrogate | str | PathLike = "halfspace", bounds: Mapping | None = None,
-    knowledge: Mapping | None = None, **settings: Any,
-) -> dict:  # fmt: skip
-    """The `sd` that each constant is expected to have, GPa, for each number of grains and noise (`results`), before anything is measured.
+    symmetry: str,
+    constants: ArrayLike,
+    grains: ArrayLike,
+    noise: ArrayLike,
+    *,
+    surrogate: Surrogate | str | PathLike = "halfspace",
+    bounds: Mapping | None = None,
+    knowledge: Mapping | None = None,
+    **settings: Any,
+) -> dict:
+    """The `sd` that each constant is expected to have, GPa, for each number of grains and noise
+    (`results`), before anything is measured.
 
     Parameters
     ----------
     constants, grains, noise
-        As in `&plan`; the constants in the order of `bi.constants(symmetry)`, the others numbers or lists.
+        As in `&plan`; the constants in the order of `bi.constants(symmetry)`, the others numbers or
+        lists.
     symmetry, surrogate, bounds, knowledge
         As in `bi.extract`.
     """
     surrogate = loaded(surrogate)
-    settings |= {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge, "constants": constants, "grains": grains, "noise": noise}
+    settings |= {
+        "symmetry": symmetry,
+        "bounds": bounds,
+        "knowledge": knowledge,
+        "constants": constants,
+        "grains": grains,
+        "noise": noise,
+    }
     problem = problem_of("bi.plan", surrogate, None, **settings)
     document = json.loads(surrogate._call("plan", problem=problem.handle)["text"])
     warn_of(document)
@@ -143,51 +200,107 @@ def loaded(surrogate: Surrogate | str | PathLike) -> Surrogate:
 
 
 def inference_data(groups: dict[str, tuple[dict, dict]]) -> Any:
-    """Groups of variables and facts as the object that ArviZ takes: an InferenceData; from its version 1 on a DataTree."""
+    """Groups of variables and facts as the object that ArviZ takes: an InferenceData; from its
+    version 1 on a DataTree.
+    """
     # Not above: importing them takes seconds.
     import arviz as az
     import xarray as xr
 
-    sets: dict = {name: xr.Dataset(variables, attrs=facts) for name, (variables, facts) in groups.items()}
-    return az.InferenceData(**sets) if int(az.__version__.split(".")[0]) < 1 else xr.DataTree.from_dict(sets)
+    sets: dict = {
+        name: xr.Dataset(variables, attrs=facts) for name, (variables, facts) in groups.items()
+    }
+    return (
+        az.InferenceData(**sets)
+        if int(az.__version__.split(".")[0]) < 1
+        else xr.DataTree.from_dict(sets)
+    )
 
 
 def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
-    """What Step 2 found by the groups of ArviZ' schema: of each the variables (axes, values; coordinates have the name of their axis)
-    and facts. `found`: by the names of fortran/pipeline/extraction_document.f90; fortran/inference/model_checks.f90 says what a likelihood
-    and a prediction are."""
+    """What Step 2 found by the groups of ArviZ' schema: of each the variables (axes, values;
+    coordinates have the name of their axis) and facts. `found`: by the names of
+    fortran/pipeline/extraction_document.f90; fortran/inference/model_checks.f90 says what a
+    likelihood and a prediction are.
+    """
     names, units = constant_names(found["symmetry"]), quantity_names(found["symmetry"])
     draws, before, quantities = (found[name] for name in ("draws", "prior_draws", "quantities"))
     each, per_grain, gpa = ("chain", "draw"), ("chain", "draw", "grain"), {"units": "GPa"}
 
     def counted(like: np.ndarray, stride: int = 1) -> dict:
         chains, samples = like.shape[:2]
-        return {"chain": (("chain",), np.arange(chains)), "draw": (("draw",), np.arange(0, samples, stride))}
+        return {
+            "chain": (("chain",), np.arange(chains)),
+            "draw": (("draw",), np.arange(0, samples, stride)),
+        }
 
     some = counted(draws, found["stride"])
-    derived = {name: (each, quantities[..., q], {"units": unit}) for q, (name, unit) in enumerate(units.items()) if name not in names}
+    derived = {
+        name: (each, quantities[..., q], {"units": unit})
+        for q, (name, unit) in enumerate(units.items())
+        if name not in names
+    }
 
-    def by_kind(axes: tuple, values: np.ndarray, names: tuple = ("modulus", "velocity"), units: tuple = ("GPa", "m/s")) -> dict:
+    def by_kind(
+        axes: tuple,
+        values: np.ndarray,
+        names: tuple = ("modulus", "velocity"),
+        units: tuple = ("GPa", "m/s"),
+    ) -> dict:
         at = axes.index("grain")
         modulus, velocity = np.split(values, [found["n_moduli"]], axis=at)
         parts = {names[0]: (axes, modulus, {"units": units[0]})}
         speeds = ((*axes[:at], "wave", *axes[at + 1 :]), velocity, {"units": units[1]})
         return parts | ({names[1]: speeds} if velocity.size else {})
 
-    predictions = by_kind(per_grain, found["predicted"]) | {"calibration_factor": ((*each, "group"), found["factor"], {"units": "1"})}
+    predictions = by_kind(per_grain, found["predicted"]) | {
+        "calibration_factor": ((*each, "group"), found["factor"], {"units": "1"})
+    }
     likelihood = by_kind(per_grain, found["log_likelihood"], units=("log(1/GPa)", "log(1/m/s)"))
-    before_data = {"constants": (each, found["log_prior"], {"long_name": "log prior density of all constants, up to a constant"})}
+    before_data = {
+        "constants": (
+            each,
+            found["log_prior"],
+            {"long_name": "log prior density of all constants, up to a constant"},
+        )
+    }
     sd = np.where(found["sd_gpa"] > 0, found["sd_gpa"], 1.0)
-    conditions = by_kind(("grain", "angle"), found["euler_deg"], ("euler_deg", "velocity_euler_deg"), ("degree", "degree"))
+    conditions = by_kind(
+        ("grain", "angle"),
+        found["euler_deg"],
+        ("euler_deg", "velocity_euler_deg"),
+        ("degree", "degree"),
+    )
     conditions |= by_kind(("grain",), sd, ("sd", "velocity_sd"))
     bounds = dict(zip(names, zip(found["lower"].tolist(), found["upper"].tolist())))
-    facts = {name: found[name] for name in ("symmetry", "title", "modulus_kind", "acceptance", "anisotropy_cap", "share_inside")}
-    facts |= {"summary": found["document"], "settings": found["resolved"], "map": found["most_probable"], "bounds": json.dumps(bounds)}
+    facts = {
+        name: found[name]
+        for name in (
+            "symmetry",
+            "title",
+            "modulus_kind",
+            "acceptance",
+            "anisotropy_cap",
+            "share_inside",
+        )
+    }
+    facts |= {
+        "summary": found["document"],
+        "settings": found["resolved"],
+        "map": found["most_probable"],
+        "bounds": json.dumps(bounds),
+    }
     reported = json.loads(found["document"])["parameters"]
-    parameters = {name: (each, draws[..., j], {"units": units.get(name, "1")}) for j, name in enumerate(reported)}
+    parameters = {
+        name: (each, draws[..., j], {"units": units.get(name, "1")})
+        for j, name in enumerate(reported)
+    }
     return {
         "posterior": (counted(draws) | parameters, facts),
-        "prior": (counted(before) | {name: (each, before[..., j], gpa) for j, name in enumerate(names)}, {}),
+        "prior": (
+            counted(before) | {name: (each, before[..., j], gpa) for j, name in enumerate(names)},
+            {},
+        ),
         "sample_stats": (counted(draws) | {"lp": (each, found["log_density"])}, {}),
         "derived": (some | derived, {}),
         "predictions": (some | predictions, {}),
@@ -202,7 +315,9 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
 def summary(result: Any) -> dict:
     """What `bi.extract` found, its `result`, as the document that the command `extract` writes.
 
-    `parameters`: of each constant `mean`, `sd`, `hdi_95`, `share` (of its variance: measurements, knowledge, prior), `verdict`, `ess_bulk`, `r_hat`;
-    `usable`, and if not its `reasons`; `warnings`; `correlation`; `predicted`: of each grain; `identifiability`; `error_budget`; and more.
+    `parameters`: of each constant `mean`, `sd`, `hdi_95`, `share` (of its variance: measurements,
+    knowledge, prior), `verdict`, `ess_bulk`, `r_hat`; `usable`, and if not its `reasons`;
+    `warnings`; `correlation`; `predicted`: of each grain; `identifiability`; `error_budget`; and
+    more.
     """
     return json.loads(result.posterior.attrs["summary"])

@@ -17,21 +17,38 @@ GROUPS = ("problem", "indenter", "measurements", "prior", "sampler", "execution"
 
 
 def problem_of(
-    origin: str, surrogate: Surrogate, measurements: Any, *, symmetry: str | None = None, bounds: Mapping | None = None,
-    knowledge: Mapping | None = None, velocities: Any = None, **variables: Any,
-) -> Problem:  # fmt: skip
+    origin: str,
+    surrogate: Surrogate,
+    measurements: Any,
+    *,
+    symmetry: str | None = None,
+    bounds: Mapping | None = None,
+    knowledge: Mapping | None = None,
+    velocities: Any = None,
+    **variables: Any,
+) -> Problem:
     """The problem that keywords of the function `origin` ask for, checked as a namelist file is.
 
-    The keywords are those of `bi.extract`. `measurements`: a CSV file, or what `measurements_of` takes. `symmetry`: if there is none, that of a
-    surrogate of one class. `variables` are those of `GROUPS`, and of the next measurement or the plan.
+    The keywords are those of `bi.extract`. `measurements`: a CSV file, or what `measurements_of`
+    takes. `symmetry`: if there is none, that of a surrogate of one class. `variables` are those of
+    `GROUPS`, and of the next measurement or the plan.
     """
     symmetry = symmetry or (surrogate.symmetry if len(surrogate.basis.c_min) else None)
     if symmetry is None:
-        raise InputError(f"{origin}: symmetry is missing: this surrogate serves crystals of every class; state one, such as 'cubic'")
-    asked = grouped(variables | {"symmetry": symmetry}, ("plan", *GROUPS) if "constants" in variables else (*GROUPS, "next"))
+        raise InputError(
+            f"{origin}: symmetry is missing: this surrogate serves crystals of every class; "
+            "state one, such as 'cubic'"
+        )
+    asked = grouped(
+        variables | {"symmetry": symmetry},
+        ("plan", *GROUPS) if "constants" in variables else (*GROUPS, "next"),
+    )
     tables: dict[str, Mapping] = {}
     needed = velocities is None and "constants" not in variables
-    for name, variable, given in (("velocities", "velocities", velocities), ("measurements", "file", measurements)):
+    for name, variable, given in (
+        ("velocities", "velocities", velocities),
+        ("measurements", "file", measurements),
+    ):
         if isinstance(given, str | os.PathLike):
             asked["measurements"][variable] = given
         elif given is not None or (needed and variable == "file"):
@@ -40,10 +57,20 @@ def problem_of(
         asked["prior"] |= bounds_of(origin, symmetry, bounds)
     if knowledge:
         if not isinstance(knowledge, Mapping):
-            raise InputError(f"{origin}: knowledge: {knowledge!r}; allowed a dictionary, such as {{'bulk_modulus': (108, 2)}}")
-        named = {name: pair for name, pair in knowledge.items() if name not in ("stiffness", "source")}
-        said = [(name, *pair_of(f"{origin}: knowledge: {name}", pair, "(mean, sd)")) for name, pair in named.items()]
-        asked["knowledge"] = dict(zip(("quantity", "mean", "sd"), zip(*said))) | {"source": knowledge.get("source")}
+            raise InputError(
+                f"{origin}: knowledge: {knowledge!r}; allowed a dictionary, such as "
+                "{'bulk_modulus': (108, 2)}"
+            )
+        named = {
+            name: pair for name, pair in knowledge.items() if name not in ("stiffness", "source")
+        }
+        said = [
+            (name, *pair_of(f"{origin}: knowledge: {name}", pair, "(mean, sd)"))
+            for name, pair in named.items()
+        ]
+        asked["knowledge"] = dict(zip(("quantity", "mean", "sd"), zip(*said))) | {
+            "source": knowledge.get("source")
+        }
         stiffness = knowledge.get("stiffness")
         if isinstance(stiffness, str | os.PathLike):
             asked["knowledge"]["stiffness_file"] = stiffness
@@ -59,16 +86,23 @@ def pair_of(place: str, value: Any, allowed: str) -> tuple:
     return tuple(value)
 
 
-def stiffness_table(origin: str, symmetry: str, mean: ArrayLike, covariance: ArrayLike) -> dict[str, list]:
-    """The columns of a file of `&knowledge stiffness_file`: means (k,) in GPa and covariance (k, k) in GPa² of the constants."""
+def stiffness_table(
+    origin: str, symmetry: str, mean: ArrayLike, covariance: ArrayLike
+) -> dict[str, list]:
+    """The columns of a file of `&knowledge stiffness_file`: means (k,) in GPa and covariance (k, k)
+    in GPa² of the constants.
+    """
     names = constant_names(symmetry)
     mean, covariance = np.asarray(mean, dtype=float), np.asarray(covariance, dtype=float)
     if mean.shape != (len(names),) or covariance.shape != 2 * mean.shape:
         raise InputError(
-            f"{origin}: &knowledge stiffness: means and covariance have shapes {mean.shape} and {covariance.shape}; "
+            f"{origin}: &knowledge stiffness: means and covariance have shapes {mean.shape} and "
+            f"{covariance.shape}; "
             f"allowed ({len(names)},) and {2 * (len(names),)} for {', '.join(names)}"
         )
-    return {"row": ["mean", *names]} | dict(zip(names, np.vstack([mean, covariance]).T.tolist(), strict=True))
+    return {"row": ["mean", *names]} | dict(
+        zip(names, np.vstack([mean, covariance]).T.tolist(), strict=True)
+    )
 
 
 #: GPa; a bound there is none.
@@ -76,31 +110,50 @@ WIDEST = (-500.0, 5000.0)
 
 
 def bounds_of(origin: str, symmetry: str, bounds: Mapping) -> dict:
-    """`c_min` and `c_max` from bounds of some constants; the others have none, and an end that is None is none."""
+    """`c_min` and `c_max` from bounds of some constants; the others have none, and an end that is
+    None is none.
+    """
     names = constant_names(symmetry)
     ends = {name: list(WIDEST) for name in names}
     for name, pair in bounds.items():
         if name not in ends:
-            raise InputError(f"{origin}: bounds: a {symmetry} crystal has no constant {name}; it has {', '.join(names)}")
+            raise InputError(
+                f"{origin}: bounds: a {symmetry} crystal has no constant {name}; it has "
+                f"{', '.join(names)}"
+            )
         pair = pair_of(f"{origin}: bounds: {name}", pair, "(low, high)")
-        ends[name] = [default if end is None else end for end, default in zip(pair, WIDEST, strict=True)]
+        ends[name] = [
+            default if end is None else end for end, default in zip(pair, WIDEST, strict=True)
+        ]
     sides = zip(("c_min", "c_max"), zip(*ends.values(), strict=True), WIDEST, strict=True)
     return {side: list(values) for side, values, widest in sides if set(values) != {widest}}
 
 
 def measurements_of(table: Any) -> dict[str, list]:
-    """The columns of a mapping, data frame or structured array of the columns of a measurements' file (or with euler_deg or orientation, (n, 3) or orix'
-    Orientation, for the three angles), a list of such rows, an object with euler_deg, modulus_gpa and sd_gpa, or an array (n, 5) or (n, 4) of phi1, Phi, phi2,
-    modulus and sd; or what `bi.curves` gave. What the columns mean is the core's to say."""
+    """The columns of a mapping, data frame or structured array of the columns of a measurements'
+    file (or with euler_deg or orientation, (n, 3) or orix' Orientation, for the three angles), a
+    list of such rows, an object with euler_deg, modulus_gpa and sd_gpa, or an array (n, 5) or (n,
+    4) of phi1, Phi, phi2, modulus and sd; or what `bi.curves` gave. What the columns mean is the
+    core's to say.
+    """
     if hasattr(table, "shared_errors"):
         table = table.measurements()
     if isinstance(table, list | tuple):
         named = len(table) > 0 and all(isinstance(row, Mapping) for row in table)
-        table = {name: [row.get(name) for row in table] for name in table[0]} if named else _array(table)
+        table = (
+            {name: [row.get(name) for row in table] for name in table[0]}
+            if named
+            else _array(table)
+        )
     if isinstance(table, np.ndarray) and not table.dtype.names:
         if table.ndim != 2 or table.shape[1] not in (4, 5):
-            raise InputError(f"an array of measurements has columns phi1, Phi, phi2, modulus and sd: (n, 5), not {table.shape}")
-        table = dict(zip((*ANGLES, "modulus_gpa", "sd_gpa")[: table.shape[1]], table.T, strict=True))
+            raise InputError(
+                "an array of measurements has columns phi1, Phi, phi2, modulus and sd: (n, 5), "
+                f"not {table.shape}"
+            )
+        table = dict(
+            zip((*ANGLES, "modulus_gpa", "sd_gpa")[: table.shape[1]], table.T, strict=True)
+        )
     elif isinstance(table, np.ndarray):
         table = {name: table[name] for name in table.dtype.names}
     elif hasattr(table, "euler_deg"):
@@ -110,7 +163,10 @@ def measurements_of(table: Any) -> dict[str, list]:
         if name in ("euler_deg", "orientation"):
             angles = _array(table[name])
             if angles.ndim != 2 or angles.shape[1] != 3:
-                raise InputError(f"the measurements' euler_deg have shape {angles.shape}; allowed (n, 3): phi1, Phi, phi2 of n grains")
+                raise InputError(
+                    f"the measurements' euler_deg have shape {angles.shape}; allowed (n, 3): "
+                    "phi1, Phi, phi2 of n grains"
+                )
             columns |= dict(zip(ANGLES, angles.T.tolist(), strict=True))
         elif table[name] is not None:
             columns[name] = np.atleast_1d(table[name]).tolist()

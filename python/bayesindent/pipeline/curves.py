@@ -1,4 +1,6 @@
-"""Step 0 in Python: curves and tests in the ways that Python has tables; the numerics are the core's."""
+"""Step 0 in Python: curves and tests in the ways that Python has tables; the numerics are the
+core's.
+"""
 
 import csv
 import os
@@ -20,10 +22,11 @@ from .stage import run_stage
 class Curves:
     """What curves gave; `bi.extract` takes it in place of a table.
 
-    `table`: columns grain, orientation where the tests have it, effective_modulus_gpa and sd_gpa (of errors that grains do not share).
-    `shared_errors` (grain, error): independent relative errors that grains share, of sd 1 times these. `tip_radius_um`: mean and sd.
-    `fits`: of each point of a loading the test, the load, the depth, the elastic fit and the probability that it is elastic.
-    `document`: all else, as curves.json has it.
+    `table`: columns grain, orientation where the tests have it, effective_modulus_gpa and sd_gpa
+    (of errors that grains do not share). `shared_errors` (grain, error): independent relative
+    errors that grains share, of sd 1 times these. `tip_radius_um`: mean and sd. `fits`: of each
+    point of a loading the test, the load, the depth, the elastic fit and the probability that it is
+    elastic. `document`: all else, as curves.json has it.
     """
 
     table: dict[str, list]
@@ -34,25 +37,34 @@ class Curves:
 
     def measurements(self) -> dict[str, list]:
         """The table with its shared errors as columns."""
-        return self.table | {f"shared_{j}": list(column) for j, column in enumerate(self.shared_errors.T, 1)}
+        return self.table | {
+            f"shared_{j}": list(column) for j, column in enumerate(self.shared_errors.T, 1)
+        }
 
 
 @takes("curves", without=("file", "files", "tests"))
 def curves(
-    curves: Any, tests: Any, references: Mapping | str | os.PathLike | None = None, *, crystal_sd: float | None = None, **settings: Any,
-) -> Curves:  # fmt: skip
+    curves: Any,
+    tests: Any,
+    references: Mapping | str | os.PathLike | None = None,
+    *,
+    crystal_sd: float | None = None,
+    **settings: Any,
+) -> Curves:
     """Infer the moduli of grains from curves of load and depth, with all errors that they share.
 
     Parameters
     ----------
     curves : path, list of paths, or table
-        A CSV or a table of the columns test, time_s, depth_nm, load_mn (and stiffness_n_m); or the files of an instrument, one a test, whose
-        names are those of the files.
+        A CSV or a table of the columns test, time_s, depth_nm, load_mn (and stiffness_n_m); or the
+        files of an instrument, one a test, whose names are those of the files.
     tests : path or table
-        Columns test, grain or reference, and optional session, drift_nm_s, and the orientations of grains.
+        Columns test, grain or reference, and optional session, drift_nm_s, and the orientations of
+        grains.
     references : dict or path, optional
-        Isotropic references, {'quartz': (72, 0.5, 0.17)}: Young's modulus and its sd in GPa, Poisson's ratio; or a CSV of crystals, as
-        `&references crystals` takes it. Without references only ratios of the moduli are known.
+        Isotropic references, {'quartz': (72, 0.5, 0.17)}: Young's modulus and its sd in GPa,
+        Poisson's ratio; or a CSV of crystals, as `&references crystals` takes it. Without
+        references only ratios of the moduli are known.
     crystal_sd : float, optional
         Relative sd of the moduli of references that are crystals.
     """
@@ -68,34 +80,56 @@ def curves(
             settings["files"] = [Path(file).absolute() for file in curves]
         else:
             settings["file"] = file_of(curves, Path(folder) / "curves.csv")
-        problem = Problem.from_keywords(origin, curves=settings, references=references_of(references, crystal_sd))
+        problem = Problem.from_keywords(
+            origin, curves=settings, references=references_of(references, crystal_sd)
+        )
         document = run_stage(problem, "curves", folder)
-        found = {name: read_columns(Path(folder) / f"{name}.csv") for name in ("measurements", "shared_errors", "fits")}
+        found = {
+            name: read_columns(Path(folder) / f"{name}.csv")
+            for name in ("measurements", "shared_errors", "fits")
+        }
     warn_of(document)
     radius = document["tip"]["radius_um"]
     shared = [values for name, values in found["shared_errors"].items() if name != "grain"]
-    errors = np.array(shared, dtype=float).reshape(len(shared), len(found["measurements"]["grain"])).T
-    return Curves(found["measurements"], errors, (radius["mean"], radius["sd"]), found["fits"], document)
+    errors = (
+        np.array(shared, dtype=float).reshape(len(shared), len(found["measurements"]["grain"])).T
+    )
+    return Curves(
+        found["measurements"], errors, (radius["mean"], radius["sd"]), found["fits"], document
+    )
 
 
 def references_of(references: Any, crystal_sd: float | None) -> dict | None:
     """The variables of &references; None if there are none."""
     if not isinstance(references, Mapping):
-        return None if references is crystal_sd is None else {"crystals": references, "crystal_sd": crystal_sd}
+        return (
+            None
+            if references is crystal_sd is None
+            else {"crystals": references, "crystal_sd": crystal_sd}
+        )
     try:
         moduli, sds, ratios = zip(*references.values(), strict=True)
     except (TypeError, ValueError):
         raise InputError(
-            "bi.curves: references: each has Young's modulus, its sd and Poisson's ratio: {'quartz': (72, 0.5, 0.17)}"
+            "bi.curves: references: each has Young's modulus, its sd and Poisson's ratio: "
+            "{'quartz': (72, 0.5, 0.17)}"
         ) from None
-    return {"name": list(references), "young_gpa": list(moduli), "young_sd_gpa": list(sds), "nu": list(ratios)}
+    return {
+        "name": list(references),
+        "young_gpa": list(moduli),
+        "young_sd_gpa": list(sds),
+        "nu": list(ratios),
+    }
 
 
 def file_of(table: Any, path: Path) -> Path:
     """The file of a table, written to `path` where it is none."""
     if isinstance(table, str | os.PathLike):
         return Path(table).absolute()
-    columns = {str(name): ["" if value is None or value != value else value for value in table[name]] for name in table}
+    columns = {
+        str(name): ["" if value is None or value != value else value for value in table[name]]
+        for name in table
+    }
     path.write_text(as_csv(list(columns), zip(*columns.values(), strict=True)))
     return path
 
@@ -105,4 +139,7 @@ def read_columns(path: Path) -> dict[str, list]:
     with path.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
     columns = {name: [row[k] for row in rows] for k, name in enumerate(header)}
-    return {name: cells if name in ("grain", "test") else [float(cell or "nan") for cell in cells] for name, cells in columns.items()}
+    return {
+        name: cells if name in ("grain", "test") else [float(cell or "nan") for cell in cells]
+        for name, cells in columns.items()
+    }

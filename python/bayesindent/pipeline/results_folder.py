@@ -1,5 +1,6 @@
-"""What a folder of results says of itself: its manifest, the resolved namelist, documents and the numbers of Step 2. The core writes and
-verifies them."""
+"""What a folder of results says of itself: its manifest, the resolved namelist, documents and the
+numbers of Step 2. The core writes and verifies them.
+"""
 
 import json
 from pathlib import Path
@@ -16,28 +17,44 @@ MANIFEST = "inputs.json"
 
 
 def read_resolved(folder: Path) -> str:
-    """The namelist of the results, '' where there is none. Raises `InputError` if it is not the one that the manifest is about."""
+    """The namelist of the results, '' where there is none. Raises `InputError` if it is not the one
+    that the manifest is about.
+    """
     try:
-        return call("file.read_resolved", folder=folder)["text"].encode("utf-8", "surrogateescape").decode()
+        return (
+            call("file.read_resolved", folder=folder)["text"]
+            .encode("utf-8", "surrogateescape")
+            .decode()
+        )
     except UnicodeDecodeError as error:
         raise InputError(f"{folder / 'resolved.nml'}: is damaged ({error}); run again") from None
 
 
 def read_posterior(folder: Path) -> dict:
-    """The numbers of Step 2 by their names, see fortran/pipeline/extraction_document.f90; nothing where there are none."""
+    """The numbers of Step 2 by their names, see fortran/pipeline/extraction_document.f90; nothing
+    where there are none.
+    """
     return call("file.read_posterior", folder=folder) if (folder / "posterior.bin").exists() else {}
 
 
 def surrogate_digest(name: str, folder: Path, namelist_folder: Path) -> dict[str, str]:
-    """The digest of a surrogate by its name, as it is now; nothing where there is none, as before a build."""
+    """The digest of a surrogate by its name, as it is now; nothing where there is none, as before a
+    build.
+    """
     try:
-        return {"surrogate_file": call("file.digest_surrogate", name=name, **places(folder, namelist_folder))["text"]}
+        return {
+            "surrogate_file": call(
+                "file.digest_surrogate", name=name, **places(folder, namelist_folder)
+            )["text"]
+        }
     except InputError:
         return {}
 
 
 def changed_inputs(folder: Path) -> list[str]:
-    """A line for each group of the namelist last used in a folder, with the tables that it names, that was edited since."""
+    """A line for each group of the namelist last used in a folder, with the tables that it names,
+    that was edited since.
+    """
     manifest = read_json(folder / MANIFEST)
     try:
         problem = Problem(manifest["namelist"])
@@ -45,12 +62,21 @@ def changed_inputs(folder: Path) -> list[str]:
     except (KeyError, InputError):
         return []
     # These may have been options.
-    used = {name: digest for name, digest in manifest["inputs"].items() if name not in ("problem", "sampler", "surrogate_file")}
-    words = f"of {manifest['namelist']}, or a table that it names, was edited after these results: bayesindent run makes new ones"
+    used = {
+        name: digest
+        for name, digest in manifest["inputs"].items()
+        if name not in ("problem", "sampler", "surrogate_file")
+    }
+    words = (
+        f"of {manifest['namelist']}, or a table that it names, was edited after these results: "
+        "bayesindent run makes new ones"
+    )
     return [f"&{name} {words}" for name, digest in used.items() if now.get(name, digest) != digest]
 
 
 def belongs(document: dict, manifest: dict) -> bool:
     """Whether a document was made from the present inputs."""
     made_from, present = document.get("inputs", {}), manifest.get("inputs", {})
-    return bool(made_from) and all(present.get(name, value) == value for name, value in made_from.items())
+    return bool(made_from) and all(
+        present.get(name, value) == value for name, value in made_from.items()
+    )

@@ -1,4 +1,6 @@
-"""A stage of a problem: the core says what is to be simulated and keeps what became of it, an engine simulates; see docs/architecture.md."""
+"""A stage of a problem: the core says what is to be simulated and keeps what became of it, an
+engine simulates; see docs/architecture.md.
+"""
 
 import json
 from collections.abc import Callable
@@ -18,8 +20,16 @@ from ..surrogate.surrogate import places
 
 #: What became of a simulation: the machine could not make it, or it is done, or failed.
 WAITING, DONE, FAILED = 0, 1, 2
-#: What is left out of what became of a simulation; its `status` follows from whether there is a modulus.
-LEFT_OUT = {"modulus_gpa": 0.0, "seconds": 0.0, "elements": 0, "depth_um": [], "force_mn": [], "message": ""}
+#: What is left out of what became of a simulation; its `status` follows from whether there is a
+#: modulus.
+LEFT_OUT = {
+    "modulus_gpa": 0.0,
+    "seconds": 0.0,
+    "elements": 0,
+    "depth_um": [],
+    "force_mn": [],
+    "message": "",
+}
 
 
 class Job(NamedTuple):
@@ -30,7 +40,9 @@ class Job(NamedTuple):
 
 
 class Simulator(NativeObject):
-    """What the groups &specimen, &indenter and &simulation of a namelist's text ask for. Threads may share it."""
+    """What the groups &specimen, &indenter and &simulation of a namelist's text ask for. Threads
+    may share it.
+    """
 
     kind = "simulator"
 
@@ -50,7 +62,9 @@ class Simulations:
         return Simulations, (self.origin, self.physics)
 
     def __call__(self, job: Job) -> dict:
-        """What became of a job: status, modulus_gpa, seconds, elements, depth_um, force_mn, and the message why it failed."""
+        """What became of a job: status, modulus_gpa, seconds, elements, depth_um, force_mn, and the
+        message why it failed.
+        """
         with self._lock:
             if self._simulator is None:
                 self._simulator = Simulator(self.origin, self.physics)
@@ -91,8 +105,15 @@ class Stage(NativeObject):
         return json.loads(self._call("close")["text"])
 
 
-def run_stage(problem: Problem, name: str, output: str | PathLike, simulate: Callable[[Job], dict] | None = None) -> dict:
-    """A stage from its beginning to its document. Simulations are made by `simulate`, or as the problem asks, on the engine of &execution."""
+def run_stage(
+    problem: Problem,
+    name: str,
+    output: str | PathLike,
+    simulate: Callable[[Job], dict] | None = None,
+) -> dict:
+    """A stage from its beginning to its document. Simulations are made by `simulate`, or as the
+    problem asks, on the engine of &execution.
+    """
     # Not above: it takes time to import.
     from ..engines import ENGINES
 
@@ -101,7 +122,9 @@ def run_stage(problem: Problem, name: str, output: str | PathLike, simulate: Cal
         opened.callback(stage._call, "leave")
         while (wanted := stage.wanted())[0]:
             numbers, jobs = wanted
-            engine = engine or opened.enter_context(ENGINES[execution.engine](execution.workers, execution.scheduler))
+            engine = engine or opened.enter_context(
+                ENGINES[execution.engine](execution.workers, execution.scheduler)
+            )
             simulate = simulate or Simulations(str(problem.path), stage.physics)
 
             def take(k: int, made: dict, numbers: list[int] = numbers) -> None:

@@ -47,7 +47,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command of these arguments (default: the process's own); return its exit status."""
     argv = list(sys.argv[1:] if argv is None else argv)
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper):  # a terminal of another encoding than UTF-8 has no sign for plus-minus
+        # a terminal of another encoding than UTF-8 has no sign for plus-minus
+        if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     if argv[:1] == ["version"]:
         argv = ["--version"]
@@ -83,7 +84,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         return fail_by_file(error)
     except Exception as error:
         log.exception("unexpected")
-        tell(f"{type(error).__name__}: {error}" + ("" if open_logs() else "; BAYESINDENT_TRACE=1 shows where"))
+        tell(
+            f"{type(error).__name__}: {error}"
+            + ("" if open_logs() else "; BAYESINDENT_TRACE=1 shows where")
+        )
         if os.environ.get("BAYESINDENT_TRACE"):
             raise
         return FAILED
@@ -102,7 +106,11 @@ def fail_by_file(error: OSError) -> int:
     if not isinstance(error, BrokenPipeError):
         log.error("%s", error)
         # A library that cannot be loaded has no number.
-        tell(f"{error.filename or 'standard output'}: {REASONS.get(error.errno) or error.strerror}" if error.errno else str(error))
+        tell(
+            f"{error.filename or 'standard output'}: {REASONS.get(error.errno) or error.strerror}"
+            if error.errno
+            else str(error)
+        )
     if error.filename is None:
         with suppress(OSError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -110,19 +118,31 @@ def fail_by_file(error: OSError) -> int:
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose help ends with the namelist groups that the command reads, or with all their variables, and which names what was meant."""
+    """A parser whose help ends with the namelist groups that the command reads, or with all their
+    variables, and which names what was meant.
+    """
 
     groups: tuple[str, ...] = ()
     full = False
 
     def __init__(self, *args: Any, **kwargs: Any):
-        super().__init__(*args, **(kwargs | {"formatter_class": argparse.RawDescriptionHelpFormatter}))
+        super().__init__(
+            *args, **(kwargs | {"formatter_class": argparse.RawDescriptionHelpFormatter})
+        )
         # Classes like -3m are no options.
         self._negative_number_matcher = re.compile("-[1346]")
 
     def format_help(self) -> str:
-        short = f"\ngroups of the namelist ('{self.prog} --all' explains every variable):\n" if self.groups and not self.full else ""
-        return super().format_help() + short + "".join(describe_group(name, self.full) for name in self.groups)
+        short = (
+            f"\ngroups of the namelist ('{self.prog} --all' explains every variable):\n"
+            if self.groups and not self.full
+            else ""
+        )
+        return (
+            super().format_help()
+            + short
+            + "".join(describe_group(name, self.full) for name in self.groups)
+        )
 
     def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
         # A full standard output is an error, of which argparse says nothing.
@@ -142,8 +162,9 @@ class Parser(argparse.ArgumentParser):
 
 
 def parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
-    """The parser of all commands, with the arguments of those that are among the words (default: of all); with '--all' their help has every
-    variable."""
+    """The parser of all commands, with the arguments of those that are among the words (default: of
+    all); with '--all' their help has every variable.
+    """
     root = Parser(prog="bayesindent", description=HELP["bayesindent"], epilog=HELP["examples"])
     root.add_argument("--version", action="version", version=f"bayesindent {__version__}")
     subparsers = root.add_subparsers(title="commands", metavar="COMMAND", required=True)
@@ -152,44 +173,81 @@ def parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
         if words is not None and name not in words:
             continue
         command = command_of(name)
-        sub.description = textwrap.fill(" ".join(f"{summary[0].upper()}{summary[1:]}. {HELP[name]}".split()), 100)
+        sub.description = textwrap.fill(
+            " ".join(f"{summary[0].upper()}{summary[1:]}. {HELP[name]}".split()), 100
+        )
         sub.set_defaults(command=command, json=False, results=None, quiet=False, parser=sub)
         sub.groups, sub.full = command.groups, "--all" in (words or ())
         if command.groups:
             sub.add_argument("file", metavar="FILE.nml", type=Path, help="the namelist")
-            sub.add_argument("--all", action="help", help="show this help with every variable of the namelist")
+            sub.add_argument(
+                "--all", action="help", help="show this help with every variable of the namelist"
+            )
             sub.add_argument("--seed", metavar="N", type=int, help="in place of &problem seed")
             if "sampler" in command.groups:
-                sub.add_argument("--samples", metavar="N", type=int, help="in place of &sampler samples")
+                sub.add_argument(
+                    "--samples", metavar="N", type=int, help="in place of &sampler samples"
+                )
         if command.show is not None:
-            sub.add_argument("--output", metavar="DIR", type=Path, help="folder of the results (default: runs/<stem of the file>)")
-            sub.add_argument("--json", action="store_true", help="one JSON document on standard output, all else on standard error")
-            sub.add_argument("--quiet", action="store_true", help="neither progress nor warnings nor hints on standard error")
+            sub.add_argument(
+                "--output",
+                metavar="DIR",
+                type=Path,
+                help="folder of the results (default: runs/<stem of the file>)",
+            )
+            sub.add_argument(
+                "--json",
+                action="store_true",
+                help="one JSON document on standard output, all else on standard error",
+            )
+            sub.add_argument(
+                "--quiet",
+                action="store_true",
+                help="neither progress nor warnings nor hints on standard error",
+            )
         if command.arguments is not None:
             command.arguments(sub)
     return root
 
 
 def describe_group(name: str, full: bool) -> str:
-    """The variables of one namelist group, as the core's reader knows them: their names, or all of each."""
+    """The variables of one namelist group, as the core's reader knows them: their names, or all of
+    each.
+    """
     from ..settings.problem import schema
 
     variables = [variable for variable in schema() if variable.group == name]
     if not full:
-        words = f"{variables[0].group_meaning} Variables: {', '.join(variable.name for variable in variables)}."
-        return textwrap.fill(words, 79, initial_indent=f"  {f'&{name}':<15}", subsequent_indent=17 * " ") + "\n"
+        words = (
+            f"{variables[0].group_meaning} Variables: "
+            f"{', '.join(variable.name for variable in variables)}."
+        )
+        return (
+            textwrap.fill(
+                words, 79, initial_indent=f"  {f'&{name}':<15}", subsequent_indent=17 * " "
+            )
+            + "\n"
+        )
     lines = [f"\n&{name}: {variables[0].group_meaning}"]
     for variable in variables:
-        default = "required" if variable.default == "*" else f"default: {variable.default or 'none'}"
+        default = (
+            "required" if variable.default == "*" else f"default: {variable.default or 'none'}"
+        )
         allowed = f"one of {variable.allowed}" if variable.kind == "choice" else variable.allowed
         details = ", ".join(filter(None, [variable.unit, allowed, default]))
-        lines += textwrap.wrap(f"{variable.meaning} ({details})", 110, initial_indent=f"  {variable.name:<22}", subsequent_indent=" " * 24)
+        lines += textwrap.wrap(
+            f"{variable.meaning} ({details})",
+            110,
+            initial_indent=f"  {variable.name:<22}",
+            subsequent_indent=" " * 24,
+        )
     return "\n".join(lines) + "\n"
 
 
 def finish(arguments: argparse.Namespace, document: dict | int) -> int:
-    """Print why the result cannot be used, the warnings on standard error, and the document on standard output, as JSON or in words; an
-    exit status stays one."""
+    """Print why the result cannot be used, the warnings on standard error, and the document on
+    standard output, as JSON or in words; an exit status stays one.
+    """
     if isinstance(document, int):
         return document
     from ..common.result_files import plain
@@ -198,14 +256,20 @@ def finish(arguments: argparse.Namespace, document: dict | int) -> int:
     reasons = document.get("extract", document).get("reasons", [])
     for reason in reasons:
         log.error("the result cannot be used: %s", reason)
-        print(f"The result cannot be used: {reason}", file=sys.stderr if arguments.json else sys.stdout, flush=True)
+        print(
+            f"The result cannot be used: {reason}",
+            file=sys.stderr if arguments.json else sys.stdout,
+            flush=True,
+        )
     say = (lambda text: None) if arguments.quiet else tell
     for warning in document["warnings"]:
         log.warning("%s", warning)
     for warning in document["warnings"][:MOST_WARNINGS]:
         say(f"warning: {warning}")
     if (more := len(document["warnings"]) - MOST_WARNINGS) > 0:
-        say(f"{more} more warnings are in {arguments.results / 'run.log' if arguments.results else 'the JSON document (--json)'}")
+        say(
+            f"{more} more warnings are in {arguments.results / 'run.log' if arguments.results else 'the JSON document (--json)'}"
+        )
     if arguments.results is not None:
         say(f"results are in {arguments.results}")
     if arguments.json:

@@ -1,8 +1,10 @@
 """The report and its figures.
 
-bi.report(folder, output=None, figures='', paper=False) writes report.html of the results in `folder`, or of what `bi.extract` gave, and returns its path.
-`output`: where to; default: the folder itself, of a result the current folder. `figures`: 'png', 'pdf' or 'svg' for every figure as a file in figures/ too;
-`paper`: text, tables and figures for a paper in paper/. This package is also the function, so that neither hides the other.
+bi.report(folder, output=None, figures='', paper=False) writes report.html of the results in
+`folder`, or of what `bi.extract` gave, and returns its path. `output`: where to; default: the
+folder itself, of a result the current folder. `figures`: 'png', 'pdf' or 'svg' for every figure as
+a file in figures/ too; `paper`: text, tables and figures for a paper in paper/. This package is
+also the function, so that neither hides the other.
 """
 
 import sys
@@ -13,7 +15,14 @@ from typing import Any
 
 
 class _Report(ModuleType):
-    def __call__(self, folder: Any, output: str | PathLike | None = None, *, figures: str = "", paper: bool = False) -> Path:
+    def __call__(
+        self,
+        folder: Any,
+        output: str | PathLike | None = None,
+        *,
+        figures: str = "",
+        paper: bool = False,
+    ) -> Path:
         """See the package."""
         from .report import write_report
 

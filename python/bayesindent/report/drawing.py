@@ -13,23 +13,40 @@ from matplotlib.patches import Rectangle, StepPatch
 from ..common.progress import progress_bar
 from ..common.result_files import whole_file, write_csv
 from .figures import FIGURES
-from .figures.style import COLUMN, WIDTH, Picture, house_style, lay_out, letter_panels, stamp_synthetic, text_size
+from .figures.style import (
+    COLUMN,
+    WIDTH,
+    Picture,
+    house_style,
+    lay_out,
+    letter_panels,
+    stamp_synthetic,
+    text_size,
+)
 from .results import NothingToShow, Results
 
-#: The panel by its number, what its axes show, kind and label of the series, the number of the point in it; of bars also their extent.
+#: The panel by its number, what its axes show, kind and label of the series, the number of the
+#: point in it; of bars also their extent.
 HEADER = ("panel", "x_axis", "y_axis", "kind", "series", "point", "x", "y", "width", "height")
 
 
 def figure_table(picture: Picture) -> tuple[list[str], list[list]]:
-    """Header and rows: every line, bar and area of the figure in units of its axes, or the table that it brings."""
+    """Header and rows: every line, bar and area of the figure in units of its axes, or the table
+    that it brings.
+    """
     if picture.table is not None:
         return picture.table
     rows = []
-    for panel, axes in enumerate((axes for axes in picture.figure.axes if axes.get_label() != "<colorbar>"), start=1):
+    for panel, axes in enumerate(
+        (axes for axes in picture.figure.axes if axes.get_label() != "<colorbar>"), start=1
+    ):
         for number, (kind, label, points) in enumerate(series_of(axes), start=1):
             name = f"series {number}" if label.startswith("_") or not label else label
             about = [panel, axes.get_xlabel() or axes.get_title(), axes.get_ylabel(), kind, name]
-            rows += [[*about, point, *values, *[""] * (4 - len(values))] for point, values in enumerate(points, start=1)]
+            rows += [
+                [*about, point, *values, *[""] * (4 - len(values))]
+                for point, values in enumerate(points, start=1)
+            ]
     return list(HEADER), rows
 
 
@@ -37,25 +54,54 @@ def series_of(axes: Any) -> Iterator[tuple[str, str, list[list[float]]]]:
     """Kind, label and points of what is drawn in the units of the axes."""
     for line in axes.lines:
         if line.get_transform() == axes.transData:
-            yield "line", str(line.get_label()), np.column_stack(line.get_data(orig=False)).astype(float).tolist()
+            yield (
+                "line",
+                str(line.get_label()),
+                np.column_stack(line.get_data(orig=False)).astype(float).tolist(),
+            )
     for item in axes.collections:
         if isinstance(item, LineCollection):
-            yield "segments", str(item.get_label()), [end for segment in item.get_segments() for end in np.asarray(segment).tolist()]
+            yield (
+                "segments",
+                str(item.get_label()),
+                [end for segment in item.get_segments() for end in np.asarray(segment).tolist()],
+            )
         elif isinstance(item, PolyCollection):
-            yield "area", str(item.get_label()), [corner for path in item.get_paths() for corner in np.asarray(path.vertices).tolist()]
-    drawn = [patch for patch in axes.patches if isinstance(patch, Rectangle) and patch.get_data_transform() == axes.transData]
+            yield (
+                "area",
+                str(item.get_label()),
+                [
+                    corner
+                    for path in item.get_paths()
+                    for corner in np.asarray(path.vertices).tolist()
+                ],
+            )
+    drawn = [
+        patch
+        for patch in axes.patches
+        if isinstance(patch, Rectangle) and patch.get_data_transform() == axes.transData
+    ]
     if drawn:
-        yield "bar", "", [[bar.get_x(), bar.get_y(), bar.get_width(), bar.get_height()] for bar in drawn]
+        yield (
+            "bar",
+            "",
+            [[bar.get_x(), bar.get_y(), bar.get_width(), bar.get_height()] for bar in drawn],
+        )
     for patch in axes.patches:
         if isinstance(patch, StepPatch):
             heights, edges, _ = patch.get_data()
-            yield "bar", str(patch.get_label()), np.column_stack([edges[:-1], 0 * heights, np.diff(edges), heights]).tolist()
+            yield (
+                "bar",
+                str(patch.get_label()),
+                np.column_stack([edges[:-1], 0 * heights, np.diff(edges), heights]).tolist(),
+            )
 
 
 #: Kinds of files of figures that papers take, and dots per inch of what is no line.
 FOR_PAPERS = {"svg": 300, "pdf": 300, "png": 600}
 
-#: Sections whose figures rest on the measurements, where the others show simulations; and those whose figures no paper takes.
+#: Sections whose figures rest on the measurements, where the others show simulations; and those
+#: whose figures no paper takes.
 MEASURED, NO_PAPER = ("next", "result", "curves", "diagnostics"), ("next", "diagnostics")
 
 #: Dots per inch of other files.
@@ -71,7 +117,8 @@ UNDATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
 def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str, list[dict]]:
     """Of each section the figures that the results can make: PNG in base 64 and their texts.
 
-    As files too, of one kind in the folder `figures`, and for a paper, as wide as a column, in `paper/figures` with the numbers behind each as CSV.
+    As files too, of one kind in the folder `figures`, and for a paper, as wide as a column, in
+    `paper/figures` with the numbers behind each as CSV.
     """
     paper_folder = results.folder / "paper" / "figures"
     files = {WIDTH: [(results.folder / "figures", kind_of_files, SCREEN)] if kind_of_files else []}
@@ -80,7 +127,9 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str,
     pictures: dict[tuple[float, str], Picture] = {}
     for width in files:
         with house_style(width):
-            for section, function in FIGURES if width == WIDTH else [item for item in FIGURES if item[0] not in NO_PAPER]:
+            for section, function in (
+                FIGURES if width == WIDTH else [item for item in FIGURES if item[0] not in NO_PAPER]
+            ):
                 with suppress(NothingToShow):
                     picture = pictures[width, function.__name__] = function(results)
                     if results.synthetic and section in MEASURED:
@@ -103,9 +152,13 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str,
             figure.savefig(buffer, format="png", **FAST["png"])
         width, height = (72 * inches for inches in figure.get_size_inches())
         return {
-            "data": base64.b64encode(buffer.getvalue()).decode(), "alt": picture.alt, "caption": picture.caption,
-            "width": width, "height": height, "text": text_size(figure),
-        }  # fmt: skip
+            "data": base64.b64encode(buffer.getvalue()).decode(),
+            "alt": picture.alt,
+            "caption": picture.caption,
+            "width": width,
+            "height": height,
+            "text": text_size(figure),
+        }
 
     drawn = {}
     with progress_bar("figures", len(pictures)) as counted:
@@ -119,6 +172,8 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str,
             sections.setdefault(section, []).append(drawn[WIDTH, name])
             continue
         # Files of other inputs.
-        for folder, kind in [(folder, kind) for own in files.values() for folder, kind, _ in own] + [(paper_folder, "csv")] * paper:
+        for folder, kind in [
+            (folder, kind) for own in files.values() for folder, kind, _ in own
+        ] + [(paper_folder, "csv")] * paper:
             (folder / f"{name}.{kind}").unlink(missing_ok=True)
     return sections

@@ -9,22 +9,74 @@ from markupsafe import Markup, escape
 from ..crystal.elasticity import constant_names
 
 __all__ = [
-    "SHARES", "SHARE_HEADER", "cells", "direction_name", "enumeration", "has_four_indices", "latex", "limit_name", "named", "number", "numbers", "orientation", "percent", "plus_minus", "product_html",
-    "product_label", "products_as_html", "quantity_format", "quantity_label", "quantity_name", "region", "share_cells", "subscript", "suggested_grains",
-]  # fmt: skip
+    "SHARES",
+    "SHARE_HEADER",
+    "cells",
+    "direction_name",
+    "enumeration",
+    "has_four_indices",
+    "latex",
+    "limit_name",
+    "named",
+    "number",
+    "numbers",
+    "orientation",
+    "percent",
+    "plus_minus",
+    "product_html",
+    "product_label",
+    "products_as_html",
+    "quantity_format",
+    "quantity_label",
+    "quantity_name",
+    "region",
+    "share_cells",
+    "subscript",
+    "suggested_grains",
+]
 
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
-LATEX = str.maketrans({
-    "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "$": r"\$", "%": r"\%", "_": r"\_", "&": r"\&", "#": r"\#", "±": r"$\pm$", "–": "--", "°": r"$^\circ$", "²": "$^2$",
-    "φ": r"$\varphi$", "Φ": r"$\Phi$", "₁": "$_1$", "₂": "$_2$", "ν": r"$\nu$", "χ": r"$\chi$", "µ": r"\textmu{}", "−": "$-$", "^": r"\^{}", "~": r"\~{}", "<": "$<$", ">": "$>$", "→": r"$\to$",
-})  # fmt: skip
+LATEX = str.maketrans(
+    {
+        "\\": r"\textbackslash{}",
+        "{": r"\{",
+        "}": r"\}",
+        "$": r"\$",
+        "%": r"\%",
+        "_": r"\_",
+        "&": r"\&",
+        "#": r"\#",
+        "±": r"$\pm$",
+        "–": "--",
+        "°": r"$^\circ$",
+        "²": "$^2$",
+        "φ": r"$\varphi$",
+        "Φ": r"$\Phi$",
+        "₁": "$_1$",
+        "₂": "$_2$",
+        "ν": r"$\nu$",
+        "χ": r"$\chi$",
+        "µ": r"\textmu{}",
+        "−": "$-$",
+        "^": r"\^{}",
+        "~": r"\~{}",
+        "<": "$<$",
+        ">": "$>$",
+        "→": r"$\to$",
+    }
+)
 
 #: Whose shares of a variance are reported, with their headers; and the headers of `share_cells`.
 SHARES = {"measurements": "measured", "knowledge": "known", "prior": "prior"}
 SHARE_HEADER = [*(f"{name} (%)" for name in SHARES.values()), "verdict"]
 
-MODULI = {"bulk": "bulk modulus", "shear": "shear modulus", "young": "Young's modulus", "poisson": "Poisson's ratio"}
+MODULI = {
+    "bulk": "bulk modulus",
+    "shear": "shear modulus",
+    "young": "Young's modulus",
+    "poisson": "Poisson's ratio",
+}
 
 
 def number(value: float | None, digits: int = 1) -> str:
@@ -53,10 +105,18 @@ def numbers(item: Mapping, **digits: int) -> list[str]:
 
 
 def suggested_grains(items: Sequence[Mapping]) -> list[str]:
-    """The grain of each suggestion, with the direction of a speed; 'new' where any grain will do, or all ranks."""
+    """The grain of each suggestion, with the direction of a speed; 'new' where any grain will do,
+    or all ranks.
+    """
     named = any("grain" in item for item in items)
-    speeds = [f", speed at {item['propagation_deg']:g}°" if "propagation_deg" in item else "" for item in items]
-    return [f"{item.get('grain', 'new' if named else rank)}{speed}" for rank, (item, speed) in enumerate(zip(items, speeds), 1)]
+    speeds = [
+        f", speed at {item['propagation_deg']:g}°" if "propagation_deg" in item else ""
+        for item in items
+    ]
+    return [
+        f"{item.get('grain', 'new' if named else rank)}{speed}"
+        for rank, (item, speed) in enumerate(zip(items, speeds), 1)
+    ]
 
 
 def region(item: Mapping, direction: str) -> str:
@@ -66,18 +126,27 @@ def region(item: Mapping, direction: str) -> str:
 
 
 def share_cells(item: Mapping) -> list[str]:
-    """The shares of the variance of a parameter, combination or quantity in per cent, see `SHARES`, and the verdict on it."""
+    """The shares of the variance of a parameter, combination or quantity in per cent, see `SHARES`,
+    and the verdict on it.
+    """
     return [*(percent(item["share"][name]) for name in SHARES), item["verdict"].replace("_", " ")]
 
 
 def limit_name(name: str, side: str = "") -> str:
     """A limit of the prior, or of a surrogate's domain, by its side, or what it limits."""
     words = {
-        "anisotropy_cap": "the anisotropy index", "log_anisotropy_max": "log-anisotropy", "poisson": "Poisson's ratio (Hill)",
-        "stiffness_gpa": "the scale of the stiffness", "measure": "the other measure of the prior",
-    }  # fmt: skip
+        "anisotropy_cap": "the anisotropy index",
+        "log_anisotropy_max": "log-anisotropy",
+        "poisson": "Poisson's ratio (Hill)",
+        "stiffness_gpa": "the scale of the stiffness",
+        "measure": "the other measure of the prior",
+    }
     domain, _, own = name.rpartition(".")
-    return f"{side} limit of " * bool(side) + words.get(own, own) + " in the domain of the surrogate" * bool(domain)
+    return (
+        f"{side} limit of " * bool(side)
+        + words.get(own, own)
+        + " in the domain of the surrogate" * bool(domain)
+    )
 
 
 def orientation(euler_deg: Iterable[float]) -> str:
@@ -92,18 +161,36 @@ def plus_minus(item: Mapping) -> str:
 
 
 def has_four_indices(symmetry: str) -> bool:
-    """Whether directions of the crystal class are written with four indices: its basal plane has C66 = (C11 - C12)/2, and an axis of its own."""
+    """Whether directions of the crystal class are written with four indices: its basal plane has
+    C66 = (C11 - C12)/2, and an axis of its own.
+    """
     constants = constant_names(symmetry) if symmetry else ()
     return "C33" in constants and "C66" not in constants
 
 
 def direction_name(direction: Sequence[float], four: bool) -> str:
-    """[uvw] of components along the Cartesian crystal axes; with four indices x is [2-1-10], y [01-10], and others are angles to an axis."""
+    """[uvw] of components along the Cartesian crystal axes; with four indices x is [2-1-10], y
+    [01-10], and others are angles to an axis.
+    """
     x, y, z = direction
     if not four:
-        return "[" + "".join(f"{abs(round(index))}" + "\u0305" * (index < 0) for index in direction) + "]"
-    axis, angle = ("[0001]", math.atan2(math.hypot(x, y), z)) if z or not (x or y) else ("[21\u03051\u03050]", math.atan2(y, x))
-    return axis if not angle else "[011\u03050]" if not (x or z) else f"{math.degrees(angle):.0f}° from {axis}"
+        return (
+            "["
+            + "".join(f"{abs(round(index))}" + "\u0305" * (index < 0) for index in direction)
+            + "]"
+        )
+    axis, angle = (
+        ("[0001]", math.atan2(math.hypot(x, y), z))
+        if z or not (x or y)
+        else ("[21\u03051\u03050]", math.atan2(y, x))
+    )
+    return (
+        axis
+        if not angle
+        else "[011\u03050]"
+        if not (x or z)
+        else f"{math.degrees(angle):.0f}° from {axis}"
+    )
 
 
 def quantity_name(name: str, symmetry: str = "") -> str:
@@ -111,7 +198,11 @@ def quantity_name(name: str, symmetry: str = "") -> str:
     word, _, direction = name.partition("[")
     if direction:
         short = re.fullmatch(r"((?:-?\d){3})\]", direction) if has_four_indices(symmetry) else None
-        named = direction_name([int(index) for index in re.findall(r"-?\d", short[1])], True) if short else f"[{direction}"
+        named = (
+            direction_name([int(index) for index in re.findall(r"-?\d", short[1])], True)
+            if short
+            else f"[{direction}"
+        )
         return f"{MODULI.get(word, word)} {'at' if '°' in named else 'along'} {named}"
     if word.startswith("polycrystal_"):
         return f"{MODULI[word.removeprefix('polycrystal_')]} of the polycrystal"
@@ -141,28 +232,48 @@ def enumeration(parts: Sequence[str]) -> str:
 
 
 def subscript(name: str) -> str:
-    """C11 as C with a subscript, of signs of the font: formulas of matplotlib are slow, and no text in its files."""
+    """C11 as C with a subscript, of signs of the font: formulas of matplotlib are slow, and no text
+    in its files.
+    """
     return "C" + name[1:].translate(SUBSCRIPTS) if name[:1] == "C" and name[1:].isdigit() else name
 
 
 def powers(exponents: dict[str, float]) -> list[tuple[str, str]]:
-    """Indices and power of each factor of a product of powers of constants; powers that hardly count are left out, and that of 1."""
+    """Indices and power of each factor of a product of powers of constants; powers that hardly
+    count are left out, and that of 1.
+    """
     factors = [(name[1:], power) for name, power in exponents.items() if abs(power) >= 0.05]
     return [(index, "" if abs(power - 1) < 0.005 else f"{power:.2f}") for index, power in factors]
 
 
 def product_label(exponents: dict[str, float]) -> str:
     """A product of powers of constants for matplotlib."""
-    return "$" + r"\,".join(f"C_{{{index}}}" + (f"^{{{power}}}" if power else "") for index, power in powers(exponents)) + "$"
+    return (
+        "$"
+        + r"\,".join(
+            f"C_{{{index}}}" + (f"^{{{power}}}" if power else "")
+            for index, power in powers(exponents)
+        )
+        + "$"
+    )
 
 
 def product_html(exponents: dict[str, float]) -> Markup:
     """A product of powers of constants, such as C11^1 C44^0.77."""
     factor = Markup('<span class="whole"><i>C</i><sub>{}</sub>{}</span>')
     raised = Markup("<sup>{}</sup>")
-    return Markup(" ").join(factor.format(index, power and raised.format(power.replace("-", "−"))) for index, power in powers(exponents))
+    return Markup(" ").join(
+        factor.format(index, power and raised.format(power.replace("-", "−")))
+        for index, power in powers(exponents)
+    )
 
 
 def products_as_html(text: str) -> Markup:
     """A text with its powers of constants, such as C11^1.00 C44^0.77, as HTML."""
-    return Markup(re.sub(r"\b(C\d\d)\^(-?\d+\.\d+)", lambda found: product_html({found[1]: float(found[2])}), str(escape(text))))
+    return Markup(
+        re.sub(
+            r"\b(C\d\d)\^(-?\d+\.\d+)",
+            lambda found: product_html({found[1]: float(found[2])}),
+            str(escape(text)),
+        )
+    )

@@ -33,12 +33,27 @@ def methods(results: Results) -> tuple[str, str]:
     ]
     prior, surrogate = results.prior_and_surrogate
     text = render(
-        "methods.tex.j2", results=results, document=document, build=results.documents["build"], measurements=results.group("measurements"),
-        version=__version__, grains=with_count(len(results.predicted), "grain"), moduli=moduli, sds=sds, specimen=specimen(results),
-        prior=prior, surrogate=surrogate, indenter=indenter(results), chains=with_count(document["chains"], "chain"), r_hat=[item["r_hat"] for item in chains],
-        effective=[min(item["ess_bulk"], item["ess_tail"]) for item in chains], constants=Markup(enumeration(constants)), combinations=len(combinations),
-        determined=len(with_verdict(combinations, "determined")), known=known_of(results.metal) if results.metal else {},
-    )  # fmt: skip
+        "methods.tex.j2",
+        results=results,
+        document=document,
+        build=results.documents["build"],
+        measurements=results.group("measurements"),
+        version=__version__,
+        grains=with_count(len(results.predicted), "grain"),
+        moduli=moduli,
+        sds=sds,
+        specimen=specimen(results),
+        prior=prior,
+        surrogate=surrogate,
+        indenter=indenter(results),
+        chains=with_count(document["chains"], "chain"),
+        r_hat=[item["r_hat"] for item in chains],
+        effective=[min(item["ess_bulk"], item["ess_tail"]) for item in chains],
+        constants=Markup(enumeration(constants)),
+        combinations=len(combinations),
+        determined=len(with_verdict(combinations, "determined")),
+        known=known_of(results.metal) if results.metal else {},
+    )
     works = read_data("references.bib").replace("@VERSION@", __version__).rstrip().split("\n\n")
     cited = [work for work in works if work.partition("{")[2].partition(",")[0] in text]
     return text, "\n\n".join(cited) + "\n"
@@ -55,9 +70,14 @@ SOLVERS = {"abaqus": "ANISOTROPIC", "calculix": "ANISO"}
 
 
 def write_paper(results: Results) -> Path:
-    """Write the texts, tables and cards of the pack into the folder `paper` of the results; return it. Figures are `drawing`'s."""
+    """Write the texts, tables and cards of the pack into the folder `paper` of the results; return
+    it. Figures are `drawing`'s.
+    """
     if not results.documents["extract"] or not results.posterior:
-        raise InputError(f"{results.folder}: there is no posterior of the present inputs to write of; run extract first")
+        raise InputError(
+            f"{results.folder}: there is no posterior of the present inputs to write of; run "
+            "extract first"
+        )
     folder = results.folder / "paper"
     text, works = methods(results)
     write_text(folder / "methods.tex", text)
@@ -67,7 +87,10 @@ def write_paper(results: Results) -> Path:
         write_csv(folder / f"{name}.csv", header, rows, caption)
         write_text(folder / f"{name}.tex", latex_table(name, caption, header, rows))
     write_posterior(results, folder / "posterior.csv")
-    matrix = stiffness_rows(results.symmetry, [[results.documents["extract"]["parameters"][name]["mean"] for name in results.constants]])[0]
+    matrix = stiffness_rows(
+        results.symmetry,
+        [[results.documents["extract"]["parameters"][name]["mean"] for name in results.constants]],
+    )[0]
     for solver in SOLVERS:
         write_text(folder / f"stiffness_{solver}.inp", card(results, matrix, solver))
     return folder
@@ -83,38 +106,82 @@ def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]
     parameters, rows = results.documents["extract"]["parameters"], report_rows(results)
     found = {
         "constants": (
-            "Elastic constants in GPa: mean and standard deviation (sd) of the posterior, its 95 % interval of highest density, and the "
-            "shares of its variance that are due to the measurements, to what else was known and to the prior.",
+            "Elastic constants in GPa: mean and standard deviation (sd) of the posterior, its "
+            "95 % interval of highest density, and the "
+            "shares of its variance that are due to the measurements, to what else was known "
+            "and to the prior.",
             ["constant", "mean", "sd", "95 % from", "to", *SHARE_HEADER],
-            [[name, *numbers(item, mean=1, sd=1), *map(number, item["hdi_95"]), *share_cells(item)] for name, item in parameters.items()],
+            [
+                [
+                    name,
+                    *numbers(item, mean=1, sd=1),
+                    *map(number, item["hdi_95"]),
+                    *share_cells(item),
+                ]
+                for name, item in parameters.items()
+            ],
         ),
         "quantities": (
-            "Quantities of the crystal that follow from its constants: mean and sd of the posterior, sd of the prior, shares.",
+            "Quantities of the crystal that follow from its constants: mean and sd of the "
+            "posterior, sd of the prior, shares.",
             ["quantity", "mean", "sd", "sd of the prior", *SHARE_HEADER],
             rows["quantities"],
         ),
         "combinations": (
-            "Products of powers of the constants, from the best to the worst identified: exponents, sds in per cent, shares.",
+            "Products of powers of the constants, from the best to the worst identified: "
+            "exponents, sds in per cent, shares.",
             [*results.constants, "sd (%)", "sd of the prior (%)", *SHARE_HEADER],
             [
-                [*(number(round(row["exponents"].get(name, 0.0), 2) + 0.0, 2) for name in results.constants), *identifiability_cells(row)]
+                [
+                    *(
+                        number(round(row["exponents"].get(name, 0.0), 2) + 0.0, 2)
+                        for name in results.constants
+                    ),
+                    *identifiability_cells(row),
+                ]
                 for row in results.identifiability("combination")
             ],
         ),
-        "correlation": ("Correlation of the constants in the posterior.", ["", *parameters], rows["correlation"]),
+        "correlation": (
+            "Correlation of the constants in the posterior.",
+            ["", *parameters],
+            rows["correlation"],
+        ),
         "grains": (
-            f"The {results.kind} of each grain in GPa: Bunge's angles, as measured, and as the posterior predicts it without the noise.",
-            ["grain", *ANGLES, "measured", "sd measured", "predicted", "sd predicted", "residual (sd)"],
+            f"The {results.kind} of each grain in GPa: Bunge's angles, as measured, and as the "
+            "posterior predicts it without the noise.",
+            [
+                "grain",
+                *ANGLES,
+                "measured",
+                "sd measured",
+                "predicted",
+                "sd predicted",
+                "residual (sd)",
+            ],
             rows["predicted"],
         ),
         "velocities": (
-            f"The {results.speed} in m/s: Bunge's angles of the grain and the direction of propagation from x, as measured, and as the "
+            f"The {results.speed} in m/s: Bunge's angles of the grain and the direction of "
+            "propagation from x, as measured, and as the "
             "posterior predicts it without the noise.",
-            ["grain", *ANGLES, "direction", "wave", "measured", "sd measured", "predicted", "sd predicted"],
+            [
+                "grain",
+                *ANGLES,
+                "direction",
+                "wave",
+                "measured",
+                "sd measured",
+                "predicted",
+                "sd predicted",
+            ],
             [
                 [
                     *grain_cells(row, item),
-                    *("normal" if "inclination_deg" in item else cell for cell in numbers(item, propagation_deg=1)),
+                    *(
+                        "normal" if "inclination_deg" in item else cell
+                        for cell in numbers(item, propagation_deg=1)
+                    ),
                     item.get("wave", "rayleigh").replace("_", " "),
                     *numbers(item, measured=1, measured_sd=1, mean=1, sd=1),
                 ]
@@ -125,12 +192,24 @@ def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]
     return {name: table for name, table in found.items() if table[-1]}
 
 
-def latex_table(label: str, caption: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def latex_table(
+    label: str, caption: str, header: Sequence[str], rows: Sequence[Sequence[str]]
+) -> str:
     """A table in LaTeX without packages."""
     head, *body = (" & ".join(map(latex, row)) + r" \\" for row in [header, *rows])
     columns = "l" + "r" * (len(header) - 1)
-    lines = [r"\begin{table}", rf"\caption{{{latex(caption)}}}", rf"\label{{tab:{label}}}", rf"\begin{{tabular}}{{{columns}}}"]
-    return "\n".join([*lines, r"\hline", head, r"\hline", *body, r"\hline", r"\end{tabular}", r"\end{table}"]) + "\n"
+    lines = [
+        r"\begin{table}",
+        rf"\caption{{{latex(caption)}}}",
+        rf"\label{{tab:{label}}}",
+        rf"\begin{{tabular}}{{{columns}}}",
+    ]
+    return (
+        "\n".join(
+            [*lines, r"\hline", head, r"\hline", *body, r"\hline", r"\end{tabular}", r"\end{table}"]
+        )
+        + "\n"
+    )
 
 
 def write_posterior(results: Results, file: Path) -> None:
@@ -138,15 +217,29 @@ def write_posterior(results: Results, file: Path) -> None:
     draws = results.posterior["draws"][..., : len(results.constants)]
     header = ["chain", "draw", *(f"{name}_gpa" for name in results.constants)]
     rows = ([*place, *draws[place].tolist()] for place in np.ndindex(draws.shape[:2]))
-    write_csv(file, header, rows, mark(results) + f"Draws of the posterior of a {results.symmetry} crystal")
+    write_csv(
+        file,
+        header,
+        rows,
+        mark(results) + f"Draws of the posterior of a {results.symmetry} crystal",
+    )
 
 
 def card(results: Results, matrix: np.ndarray, solver: str) -> str:
     """The stiffness (6, 6) in GPa, crystal axes, as a material of Abaqus or CalculiX in MPa."""
     parameters = results.documents["extract"]["parameters"]
-    constants = [f"{name} {' +- '.join(numbers(parameters[name], mean=1, sd=1))}" for name in results.constants]
+    constants = [
+        f"{name} {' +- '.join(numbers(parameters[name], mean=1, sd=1))}"
+        for name in results.constants
+    ]
     text = render(
-        "stiffness.inp.j2", mark=mark(results), title=results.title, symmetry=results.symmetry, version=__version__,
-        constants=enumeration(constants), type=SOLVERS[solver], stiffness="\n".join(elastic_constants(MPA * matrix)),
-    )  # fmt: skip
+        "stiffness.inp.j2",
+        mark=mark(results),
+        title=results.title,
+        symmetry=results.symmetry,
+        version=__version__,
+        constants=enumeration(constants),
+        type=SOLVERS[solver],
+        stiffness="\n".join(elastic_constants(MPA * matrix)),
+    )
     return text + "\n"

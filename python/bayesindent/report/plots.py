@@ -8,12 +8,23 @@ from ..core import InputError
 from .results import NothingToShow, Results
 
 __all__ = [
-    "plot_chains", "plot_constants", "plot_error_budget", "plot_grains", "plot_knowledge", "plot_orientations", "plot_pairs", "plot_residuals", "plot_shares", "plot_young",
-]  # fmt: skip
+    "plot_chains",
+    "plot_constants",
+    "plot_error_budget",
+    "plot_grains",
+    "plot_knowledge",
+    "plot_orientations",
+    "plot_pairs",
+    "plot_residuals",
+    "plot_shares",
+    "plot_young",
+]
 
 
 def plotter(name: str, module: str, figure: str, words: str) -> Callable:
-    """The function `name` that draws the figure of a module of `figures`, and shows what the words say."""
+    """The function `name` that draws the figure of a module of `figures`, and shows what the words
+    say.
+    """
 
     def plot(result: Any, ax: Any = None) -> Any:
         # Not above: importing matplotlib is slow. Notebooks show figures once pyplot is there.
@@ -29,25 +40,63 @@ def plotter(name: str, module: str, figure: str, words: str) -> Callable:
         token = style.PLACE.set(place)
         try:
             with style.house_style():
-                return getattr(import_module(f".figures.{module}", __package__), figure)(Results(result)).figure
+                return getattr(import_module(f".figures.{module}", __package__), figure)(
+                    Results(result)
+                ).figure
         except NothingToShow:
             raise InputError(f"bi.{name}: the result has no data for this figure") from None
         finally:
             style.PLACE.reset(token)
 
     plot.__name__ = plot.__qualname__ = name
-    about = "`result`: what `bi.extract` gave, or the folder of results. `ax`: of plt.subplots, the figure takes its place; else it is one of its own."
-    plot.__doc__ = f"{words}\n\n{about}\n\nReturns a matplotlib Figure, or a SubFigure in the place of `ax`."
+    about = (
+        "`result`: what `bi.extract` gave, or the folder of results. `ax`: of plt.subplots, the "
+        "figure takes its place; else it is one of its own."
+    )
+    plot.__doc__ = (
+        f"{words}\n\n{about}\n\nReturns a matplotlib Figure, or a SubFigure in the place of `ax`."
+    )
     return plot
 
 
-plot_constants = plotter("plot_constants", "posterior", "marginals", "Each constant before and after the measurements.")
+plot_constants = plotter(
+    "plot_constants", "posterior", "marginals", "Each constant before and after the measurements."
+)
 plot_pairs = plotter("plot_pairs", "posterior", "pairs", "The constants in pairs.")
-plot_grains = plotter("plot_grains", "posterior", "grain_comparison", "The modulus of each grain, measured and predicted.")
-plot_residuals = plotter("plot_residuals", "posterior", "residuals", "Residuals of the grains in order beside normal quantiles.")
-plot_orientations = plotter("plot_orientations", "orientations", "orientations", "The modulus over the directions of the crystal.")
-plot_young = plotter("plot_young", "young", "young_surface", "Young's modulus over the directions of the crystal.")
+plot_grains = plotter(
+    "plot_grains",
+    "posterior",
+    "grain_comparison",
+    "The modulus of each grain, measured and predicted.",
+)
+plot_residuals = plotter(
+    "plot_residuals",
+    "posterior",
+    "residuals",
+    "Residuals of the grains in order beside normal quantiles.",
+)
+plot_orientations = plotter(
+    "plot_orientations",
+    "orientations",
+    "orientations",
+    "The modulus over the directions of the crystal.",
+)
+plot_young = plotter(
+    "plot_young", "young", "young_surface", "Young's modulus over the directions of the crystal."
+)
 plot_chains = plotter("plot_chains", "posterior", "traces", "The chains.")
-plot_shares = plotter("plot_shares", "posterior", "shares", "Shares of the measurements, of the knowledge and of the prior.")
-plot_error_budget = plotter("plot_error_budget", "posterior", "error_budget", "Which errors the sd of each constant is due to.")
-plot_knowledge = plotter("plot_knowledge", "posterior", "knowledge", "What further knowledge would reduce each sd to.")
+plot_shares = plotter(
+    "plot_shares",
+    "posterior",
+    "shares",
+    "Shares of the measurements, of the knowledge and of the prior.",
+)
+plot_error_budget = plotter(
+    "plot_error_budget",
+    "posterior",
+    "error_budget",
+    "Which errors the sd of each constant is due to.",
+)
+plot_knowledge = plotter(
+    "plot_knowledge", "posterior", "knowledge", "What further knowledge would reduce each sd to."
+)

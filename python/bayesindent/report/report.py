@@ -1,4 +1,6 @@
-"""The report: one HTML page that needs nothing beside it, made from whatever a folder of results holds."""
+"""The report: one HTML page that needs nothing beside it, made from whatever a folder of results
+holds.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -12,16 +14,35 @@ from .summary import advice, answer, findings, inputs_summary
 from .templates import render
 
 
-def write_report(folder: Any, output: Path | None = None, kind_of_files: str = "", paper: bool = False) -> tuple[Results, Path]:
-    """Write the page as `bi.report` says, whose `figures` are here `kind_of_files`; return the results and its path."""
+def write_report(
+    folder: Any, output: Path | None = None, kind_of_files: str = "", paper: bool = False
+) -> tuple[Results, Path]:
+    """Write the page as `bi.report` says, whose `figures` are here `kind_of_files`; return the
+    results and its path.
+    """
     results = Results(folder)
     if results.result is not None:
         results.folder = output or results.folder
     if paper:
         write_paper(results)
     figures = draw_figures(results, kind_of_files, paper)
-    page: dict = {"inputs": inputs_summary(results), "findings": findings(results), "rows": report_rows(results), "advice": advice(results)}
+    page: dict = {
+        "inputs": inputs_summary(results),
+        "findings": findings(results),
+        "rows": report_rows(results),
+        "advice": advice(results),
+    }
     page |= dict(zip(("answer", "usability"), answer(results)))
     file = (output or results.folder) / "report.html"
-    write_text(file, render("report.html.j2", results=results, figures=figures, least_shift=LEAST_SHIFT, most_rows=MOST_ROWS, **page))
+    write_text(
+        file,
+        render(
+            "report.html.j2",
+            results=results,
+            figures=figures,
+            least_shift=LEAST_SHIFT,
+            most_rows=MOST_ROWS,
+            **page,
+        ),
+    )
     return results, file

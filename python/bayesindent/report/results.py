@@ -15,7 +15,15 @@ from ..common.result_files import read_json
 from ..core import InputError, call
 from ..crystal.elasticity import class_name, constant_names, stiffness_rows
 from ..crystal.metals import metals
-from ..pipeline.results_folder import DOCUMENTS, MANIFEST, belongs, changed_inputs, read_posterior, read_resolved, surrogate_digest
+from ..pipeline.results_folder import (
+    DOCUMENTS,
+    MANIFEST,
+    belongs,
+    changed_inputs,
+    read_posterior,
+    read_resolved,
+    surrogate_digest,
+)
 from ..settings.problem import typed
 from ..surrogate.surrogate import Surrogate
 
@@ -34,7 +42,9 @@ def present(part: T | None) -> T:
 
 
 class Results:
-    """A folder of results, or what `bi.extract` gave; a stage that did not run, or on other inputs, is an empty document."""
+    """A folder of results, or what `bi.extract` gave; a stage that did not run, or on other inputs,
+    is an empty document.
+    """
 
     def __init__(self, source: Any):
         #: What `bi.extract` gave; None if the results are a folder's.
@@ -45,54 +55,100 @@ class Results:
         facts = {} if self.result is None else self.result.posterior.attrs
         self.manifest = {} if facts else read_json(folder / MANIFEST)
         self.resolved = facts["settings"] if facts else read_resolved(folder)
-        self._settings = typed(call("settings.values", path=folder / "resolved.nml", content=self.resolved)) if self.resolved else {}
+        self._settings = (
+            typed(call("settings.values", path=folder / "resolved.nml", content=self.resolved))
+            if self.resolved
+            else {}
+        )
         #: The folder of the namelist that was last used here.
         self.namelist_folder = Path(self.manifest.get("namelist", ".")).parent
         if not facts and (name := self.group("surrogate").get("file")):
-            # A build that was killed may have left a new surrogate beside the documents of the last one.
-            self.manifest["inputs"] = self.manifest.get("inputs", {}) | surrogate_digest(name, folder, self.namelist_folder)
-        found = {stage: {} if facts else read_json(folder / file) for stage, file in DOCUMENTS.items()}
+            # A build that was killed may have left a new surrogate beside the documents of the last
+            # one.
+            self.manifest["inputs"] = self.manifest.get("inputs", {}) | surrogate_digest(
+                name, folder, self.namelist_folder
+            )
+        found = {
+            stage: {} if facts else read_json(folder / file) for stage, file in DOCUMENTS.items()
+        }
         #: Stages whose documents are of other inputs.
-        self.outdated = [stage for stage, document in found.items() if document and not belongs(document, self.manifest)]
-        self.documents = {stage: {} if stage in self.outdated else document for stage, document in found.items()}
+        self.outdated = [
+            stage
+            for stage, document in found.items()
+            if document and not belongs(document, self.manifest)
+        ]
+        self.documents = {
+            stage: {} if stage in self.outdated else document for stage, document in found.items()
+        }
         if facts:
             self.documents["extract"] = json.loads(facts["summary"])
         #: What was edited or removed after the results, in words.
         self.edited = [] if facts else changed_inputs(folder)
         if self.documents["extract"] and not (facts or (folder / "posterior.bin").exists()):
-            self.edited += [f"{folder / 'posterior.bin'}: is missing, and so are its figures; bayesindent extract makes it anew"]
+            self.edited += [
+                f"{folder / 'posterior.bin'}: is missing, and so are its figures; bayesindent "
+                "extract makes it anew"
+            ]
         problem = self.group("problem")
         self.symmetry = class_name(problem["symmetry"]) if problem.get("symmetry") else ""
         self.constants = constant_names(self.symmetry) if self.symmetry else ()
         self.synthetic = bool(problem.get("synthetic", False))
         self.title = problem.get("title") or f"Indentation of {self.symmetry or 'single'} crystals"
-        self.kind = self.group("measurements").get("modulus_kind", "indentation_modulus").replace("_", " ")
+        self.kind = (
+            self.group("measurements").get("modulus_kind", "indentation_modulus").replace("_", " ")
+        )
 
     def group(self, name: str) -> dict:
         """The variables of a group of the resolved namelist."""
         if not self._settings.get(f"{name}.given"):
             return {}
         start = f"{name}."
-        return {key[len(start) :]: value for key, value in self._settings.items() if key.startswith(start) and key != f"{start}given"}
+        return {
+            key[len(start) :]: value
+            for key, value in self._settings.items()
+            if key.startswith(start) and key != f"{start}given"
+        }
 
     @cached_property
     def reference(self) -> tuple[str, dict[str, float]]:
-        """What the constants are compared with, and its values in GPa: those that the problem states, or those of a pure metal that its title
-        names; '' and none where there are none."""
+        """What the constants are compared with, and its values in GPa: those that the problem
+        states, or those of a pure metal that its title names; '' and none where there are none.
+        """
         if (stated := self.group("problem").get("reference_gpa")) is not None and len(stated):
-            return "truth" if self.synthetic else "reference", dict(zip(self.constants, map(float, stated)))
-        return (f"literature, pure {self.metal.name}", self.metal.constants) if self.metal else ("", {})
+            return "truth" if self.synthetic else "reference", dict(
+                zip(self.constants, map(float, stated))
+            )
+        return (
+            (f"literature, pure {self.metal.name}", self.metal.constants)
+            if self.metal
+            else ("", {})
+        )
 
     @cached_property
     def metal(self) -> SimpleNamespace | None:
         """The pure metal that the title names, if its crystal class is that of the problem."""
-        named = (metal for metal in metals().values() if re.search(rf"\b{metal.name}\b", self.title, re.IGNORECASE))
+        named = (
+            metal
+            for metal in metals().values()
+            if re.search(rf"\b{metal.name}\b", self.title, re.IGNORECASE)
+        )
         return next((metal for metal in named if metal.symmetry == self.symmetry), None)
 
     @property
     def warnings(self) -> list[str]:
         """Those of all documents, after what was edited since."""
-        return list(dict.fromkeys([*self.edited, *(line for document in self.documents.values() for line in document.get("warnings", []))]))
+        return list(
+            dict.fromkeys(
+                [
+                    *self.edited,
+                    *(
+                        line
+                        for document in self.documents.values()
+                        for line in document.get("warnings", [])
+                    ),
+                ]
+            )
+        )
 
     @property
     def without_orientations(self) -> bool:
@@ -102,28 +158,52 @@ class Results:
     @property
     def predicted(self) -> list[dict]:
         """The moduli of the grains, as measured and as the posterior predicts them."""
-        return [item for item in self.documents["extract"].get("predicted", []) if "propagation_deg" not in item]
+        return [
+            item
+            for item in self.documents["extract"].get("predicted", [])
+            if "propagation_deg" not in item
+        ]
 
     @property
     def velocities(self) -> list[dict]:
         """The speeds likewise."""
-        return [item for item in self.documents["extract"].get("predicted", []) if "propagation_deg" in item]
+        return [
+            item
+            for item in self.documents["extract"].get("predicted", [])
+            if "propagation_deg" in item
+        ]
 
     @property
     def speed(self) -> str:
         """What the velocities are."""
-        return "wave velocity" if any("wave" in item for item in self.velocities) else "Rayleigh velocity"
+        return (
+            "wave velocity"
+            if any("wave" in item for item in self.velocities)
+            else "Rayleigh velocity"
+        )
 
     def identifiability(self, kind: str) -> list[dict]:
-        """What the document of `extract` says of each 'combination' of the constants, 'quantity', or piece of 'knowledge'."""
-        return [row for row in self.documents["extract"].get("identifiability", []) if row["kind"] == kind]
+        """What the document of `extract` says of each 'combination' of the constants, 'quantity',
+        or piece of 'knowledge'.
+        """
+        return [
+            row
+            for row in self.documents["extract"].get("identifiability", [])
+            if row["kind"] == kind
+        ]
 
     @property
     def prior_and_surrogate(self) -> tuple[list[str], str]:
-        """The lines of the document of `extract` on the density of its prior, and that on its surrogate."""
+        """The lines of the document of `extract` on the density of its prior, and that on its
+        surrogate.
+        """
         words = self.documents["extract"]["prior"]["words"]
-        surrogate = next(line.removeprefix("surrogate: ") for line in words if line.startswith("surrogate: "))
-        return [line for line in words if not line.startswith(("measured: ", "known: ", "surrogate: "))], surrogate
+        surrogate = next(
+            line.removeprefix("surrogate: ") for line in words if line.startswith("surrogate: ")
+        )
+        return [
+            line for line in words if not line.startswith(("measured: ", "known: ", "surrogate: "))
+        ], surrogate
 
     @property
     def simulations(self) -> list[dict]:
@@ -133,62 +213,111 @@ class Results:
     @property
     def theory_moduli(self) -> np.ndarray | None:
         """Theory of `simulations` in GPa, if it is there."""
-        simulated, theory = (self.documents[stage].get("results", []) for stage in ("simulate", "theory"))
+        simulated, theory = (
+            self.documents[stage].get("results", []) for stage in ("simulate", "theory")
+        )
         if not self.simulations or len(simulated) != len(theory):
             return None
-        return np.array([exact["indentation_modulus_gpa"] for row, exact in zip(simulated, theory) if succeeded(row)])
+        return np.array(
+            [
+                exact["indentation_modulus_gpa"]
+                for row, exact in zip(simulated, theory)
+                if succeeded(row)
+            ]
+        )
 
     @cached_property
     def posterior(self) -> dict:
-        """The numbers of the posterior that the document of `extract` is about, see `read_posterior`; nothing where there is none."""
+        """The numbers of the posterior that the document of `extract` is about, see
+        `read_posterior`; nothing where there is none.
+        """
         if self.result is not None:
             return self._of_result(self.result)
         found = read_posterior(self.folder) if self.documents["extract"] else {}
-        return found if found and json.loads(f"{{{found['inputs']}}}") == self.documents["extract"]["inputs"] else {}
+        return (
+            found
+            if found and json.loads(f"{{{found['inputs']}}}") == self.documents["extract"]["inputs"]
+            else {}
+        )
 
     def _of_result(self, result: Any) -> dict:
         """The same of groups of ArviZ, as far as figures and comparisons need it."""
         bounds = np.array(list(json.loads(result.posterior.attrs["bounds"]).values()), dtype=float)
-        own, before = (np.stack([item.values for item in group.data_vars.values()], axis=-1) for group in (result.posterior, result.prior))
+        own, before = (
+            np.stack([item.values for item in group.data_vars.values()], axis=-1)
+            for group in (result.posterior, result.prior)
+        )
 
         def both(group: Any, *names: str) -> np.ndarray:
-            parts = [group[name].transpose("angle", ..., missing_dims="ignore").values for name in names if name in group]
+            parts = [
+                group[name].transpose("angle", ..., missing_dims="ignore").values
+                for name in names
+                if name in group
+            ]
             return np.concatenate(parts, axis=-1)
 
         data = result.constant_data
         return {
-            "draws": own, "prior_draws": before, "lower": bounds[:, 0], "upper": bounds[:, 1],
+            "draws": own,
+            "prior_draws": before,
+            "lower": bounds[:, 0],
+            "upper": bounds[:, 1],
             "stride": int(np.diff(result.log_likelihood["draw"][:2]).sum()) or 1,
-            "log_likelihood": both(result.log_likelihood, "modulus", "velocity"), "modulus_gpa": both(result.observed_data, "modulus", "velocity"),
-            "sd_gpa": both(data, "sd", "velocity_sd"), "euler_deg": both(data, "euler_deg", "velocity_euler_deg").T,
-        }  # fmt: skip
+            "log_likelihood": both(result.log_likelihood, "modulus", "velocity"),
+            "modulus_gpa": both(result.observed_data, "modulus", "velocity"),
+            "sd_gpa": both(data, "sd", "velocity_sd"),
+            "euler_deg": both(data, "euler_deg", "velocity_euler_deg").T,
+        }
 
     @cached_property
     def samples(self) -> dict[str, np.ndarray]:
         """Chains (chain, draw) of each constant; nothing where there is no posterior."""
-        return {name: self.posterior["draws"][..., j] for j, name in enumerate(self.constants)} if self.posterior else {}
+        return (
+            {name: self.posterior["draws"][..., j] for j, name in enumerate(self.constants)}
+            if self.posterior
+            else {}
+        )
 
     def draws(self, count: int) -> np.ndarray:
         """Stiffness (n, 6, 6) in GPa of at most `count` draws of the posterior, evenly over all."""
         table = np.stack([chains.ravel() for chains in self.samples.values()], axis=1)
-        return stiffness_rows(self.symmetry, table[np.linspace(0, len(table) - 1, min(len(table), count)).astype(int)])
+        return stiffness_rows(
+            self.symmetry, table[np.linspace(0, len(table) - 1, min(len(table), count)).astype(int)]
+        )
 
     def as_measured(self, modulus: ArrayLike) -> np.ndarray:
         """Indentation moduli in GPa as the kind that was measured."""
         group = {"modulus_kind": "indentation_modulus"} | self.group("measurements")
-        numbers = {name: group.get(name, 0.0) for name in ("indenter_modulus_gpa", "indenter_nu", "sample_nu")}
-        return call("crystal.moduli_of_kind", kind=group["modulus_kind"], moduli=modulus, **numbers)["values"].reshape(np.shape(modulus))
+        numbers = {
+            name: group.get(name, 0.0)
+            for name in ("indenter_modulus_gpa", "indenter_nu", "sample_nu")
+        }
+        return call(
+            "crystal.moduli_of_kind", kind=group["modulus_kind"], moduli=modulus, **numbers
+        )["values"].reshape(np.shape(modulus))
 
     @cached_property
     def surrogate(self) -> Surrogate | None:
-        """The surrogate of the results: in the folder, beside the namelist, or one that comes with the package."""
-        held = {} if self.result is None else self.result.posterior.attrs | self.result.posterior.encoding
+        """The surrogate of the results: in the folder, beside the namelist, or one that comes with
+        the package.
+        """
+        held = (
+            {}
+            if self.result is None
+            else self.result.posterior.attrs | self.result.posterior.encoding
+        )
         if isinstance(held.get("surrogate"), Surrogate):
             return held["surrogate"]
         # What was built through the library may not have said its name.
-        name = held.get("surrogate") or self.group("surrogate").get("file") or Path(self.documents["build"].get("file", "")).name
+        name = (
+            held.get("surrogate")
+            or self.group("surrogate").get("file")
+            or Path(self.documents["build"].get("file", "")).name
+        )
         try:
-            return Surrogate.load(name, symmetry=self.symmetry, output=self.folder, folder=self.namelist_folder)
+            return Surrogate.load(
+                name, symmetry=self.symmetry, output=self.folder, folder=self.namelist_folder
+            )
         except InputError:
             return None
 

@@ -1,4 +1,6 @@
-"""The rows of the report's tables; their captions, headers and the texts beside them are in its template."""
+"""The rows of the report's tables; their captions, headers and the texts beside them are in its
+template.
+"""
 
 import hashlib
 import platform
@@ -10,9 +12,22 @@ from markupsafe import Markup
 from ..version import __version__
 
 from .formatting import (  # isort: skip
-    direction_name, has_four_indices, limit_name, number, numbers, orientation, percent, plus_minus, product_html, quantity_format,
-    quantity_label, region, share_cells, subscript, suggested_grains,
-)  # fmt: skip
+    direction_name,
+    has_four_indices,
+    limit_name,
+    number,
+    numbers,
+    orientation,
+    percent,
+    plus_minus,
+    product_html,
+    quantity_format,
+    quantity_label,
+    region,
+    share_cells,
+    subscript,
+    suggested_grains,
+)
 from .results import Results
 
 __all__ = ["LEAST_SHIFT", "MOST_ROWS", "grain_cells", "identifiability_cells", "report_rows"]
@@ -33,18 +48,30 @@ def report_rows(results: Results) -> dict[str, list[list]]:
     return {
         "constants": [constant_row(name, item, results.reference[1]) for name, item in parameters],
         "predicted": [
-            [*grain_cells(row, item), *numbers(item | {"off": off(item)}, measured=1, measured_sd=1, mean=1, sd=1, off=1)]
+            [
+                *grain_cells(row, item),
+                *numbers(item | {"off": off(item)}, measured=1, measured_sd=1, mean=1, sd=1, off=1),
+            ]
             for row, item in enumerate(results.predicted, start=1)
         ],
         "compliances": compliance_rows(results) if results.samples else [],
         "correlation": [
-            [name, *(number(value, 2) for value in row)] for (name, _), row in zip(parameters, document.get("correlation", []))
+            [name, *(number(value, 2) for value in row)]
+            for (name, _), row in zip(parameters, document.get("correlation", []))
         ],
         "limits": [
-            [limit_name(row["name"], row["side"]), f"{row['value']:.4g}", percent(row["share"]), "yes" if row["stated"] else "no"]
+            [
+                limit_name(row["name"], row["side"]),
+                f"{row['value']:.4g}",
+                percent(row["share"]),
+                "yes" if row["stated"] else "no",
+            ]
             for row in document.get("limits", [])
         ],
-        "combinations": [[product_html(row["exponents"]), *identifiability_cells(row)] for row in results.identifiability("combination")],
+        "combinations": [
+            [product_html(row["exponents"]), *identifiability_cells(row)]
+            for row in results.identifiability("combination")
+        ],
         "quantities": [
             [quantity_label(row, results.symmetry), *identifiability_cells(row)]
             for row in results.identifiability("quantity")
@@ -52,10 +79,17 @@ def report_rows(results: Results) -> dict[str, list[list]]:
         ],
         "prior": prior_rows(results) if document.get("prior") else [],
         "checks": check_rows(results) if document.get("checks") else [],
-        "sensitivity": [row for row in map(sensitivity_row, document.get("sensitivity", [])) if row],
+        "sensitivity": [
+            row for row in map(sensitivity_row, document.get("sensitivity", [])) if row
+        ],
         "simulations": simulation_rows(results),
         "suggestions": [
-            [name, *angles_of(item), region(item, item.get("uvw") or direction(item, results.symmetry)), number(item["gain"], 3)]
+            [
+                name,
+                *angles_of(item),
+                region(item, item.get("uvw") or direction(item, results.symmetry)),
+                number(item["gain"], 3),
+            ]
             for name, item in zip(suggested_grains(suggestions), suggestions, strict=True)
         ],
         "provenance": provenance_rows(results),
@@ -74,14 +108,25 @@ def grain_cells(row: int, item: dict) -> list[str]:
 
 def off(item: dict) -> float | None:
     """Measured minus predicted in units of the stated sd."""
-    return round((item["measured"] - item["mean"]) / item["measured_sd"], 1) + 0.0 if item.get("measured_sd") else None
+    return (
+        round((item["measured"] - item["mean"]) / item["measured_sd"], 1) + 0.0
+        if item.get("measured_sd")
+        else None
+    )
 
 
 def constant_row(name: str, item: dict, reference: dict[str, float]) -> list:
     """Mean, sds, 95 % interval, what it is compared with, if anything, and shares of a constant."""
     compared = [number(reference.get(name))] if reference else []
     interval = unbroken(" to ".join(map(number, item["hdi_95"])))
-    return [name, *numbers(item, mean=1, sd=1), relative_sd(item), interval, *compared, *share_cells(item)]
+    return [
+        name,
+        *numbers(item, mean=1, sd=1),
+        relative_sd(item),
+        interval,
+        *compared,
+        *share_cells(item),
+    ]
 
 
 def relative_sd(item: dict) -> str:
@@ -101,11 +146,16 @@ def compliance_rows(results: Results) -> list[list[str]]:
     stiffness = results.draws(DRAWS)
     compliance = 1000 * np.linalg.inv(stiffness)
     places = {name: (int(name[1]) - 1, int(name[2]) - 1) for name in results.constants}
-    found = {f"{subscript('C' + name[1:]).replace('C', 'S')} (1/TPa)": compliance[:, i, j] for name, (i, j) in places.items()}
+    found = {
+        f"{subscript('C' + name[1:]).replace('C', 'S')} (1/TPa)": compliance[:, i, j]
+        for name, (i, j) in places.items()
+    }
     if "C44" in places and "C33" not in places:
         found["Zener ratio"] = 2 * stiffness[:, 3, 3] / (stiffness[:, 0, 0] - stiffness[:, 0, 1])
     items = {name: {"mean": values.mean(), "sd": values.std()} for name, values in found.items()}
-    return [[name, *plus_minus(item).split(" ± "), relative_sd(item)] for name, item in items.items()]
+    return [
+        [name, *plus_minus(item).split(" ± "), relative_sd(item)] for name, item in items.items()
+    ]
 
 
 def simulation_rows(results: Results) -> list[list]:
@@ -114,7 +164,11 @@ def simulation_rows(results: Results) -> list[list]:
     for index, row in enumerate(results.simulations[:MOST_ROWS]):
         modulus, *cost = numbers(row, indentation_modulus_gpa=2, elements=0, seconds=2)
         exact = None if theory is None else float(theory[index])
-        compared = [number(exact, 2), number(100 * (row["indentation_modulus_gpa"] / exact - 1), 2)] if exact else []
+        compared = (
+            [number(exact, 2), number(100 * (row["indentation_modulus_gpa"] / exact - 1), 2)]
+            if exact
+            else []
+        )
         rows.append([orientation(row["euler_deg"]), modulus, *compared, *cost])
     return rows
 
@@ -125,16 +179,24 @@ def unbroken(text: str) -> Markup:
 
 
 def identifiability_cells(row: dict) -> list[str]:
-    """Mean of a quantity, its sds in posterior and prior, and shares; of a combination, which has no mean, the sds are in per cent."""
+    """Mean of a quantity, its sds in posterior and prior, and shares; of a combination, which has
+    no mean, the sds are in per cent.
+    """
     digits = quantity_format(row)[1] if row["kind"] == "quantity" else 0
     relative = [number(100 * row[name], 2) for name in ("sd", "prior_sd")]
-    return [*(numbers(row, mean=digits, sd=digits, prior_sd=digits) if digits else relative), *share_cells(row)]
+    return [
+        *(numbers(row, mean=digits, sd=digits, prior_sd=digits) if digits else relative),
+        *share_cells(row),
+    ]
 
 
 def prior_rows(results: Results) -> list[list[str]]:
     prior, (words, surrogate) = results.documents["extract"]["prior"], results.prior_and_surrogate
     rows = [["density", words[0]]]
-    rows += [[f"{name} (GPa)", " .. ".join(map(number, bounds))] for name, bounds in prior["bounds"].items()]
+    rows += [
+        [f"{name} (GPa)", " .. ".join(map(number, bounds))]
+        for name, bounds in prior["bounds"].items()
+    ]
     for item in prior["knowledge"]:
         value = f"{item['mean']:.4g} ± {item['sd']:.2g}, {item['conflict_sd']:.1f} sd from all else"
         rows.append([f"known: {quantity_label(item, results.symmetry)}", value])
@@ -145,39 +207,72 @@ def check_rows(results: Results) -> list[list]:
     """Whether the model could have given the measurements."""
     document = results.documents["extract"]
     chi_square, worst = (document["checks"][name] for name in ("chi_square", "extreme_grain"))
-    mean = f"χ² about a draw of the posterior, {number(chi_square['mean'])} on average for {len(document['predicted'])} measurements"
+    mean = (
+        f"χ² about a draw of the posterior, {number(chi_square['mean'])} on average for "
+        f"{len(document['predicted'])} measurements"
+    )
     name = document["predicted"][worst["grain"] - 1].get("grain", worst["grain"])
     furthest = f"grain {name}, the furthest off, by {number(worst['residual_sd'])} sds"
-    rows: list[list] = [[text, unbroken(f"p = {item['p']:.3f}")] for text, item in ((mean, chi_square), (furthest, worst))]
+    rows: list[list] = [
+        [text, unbroken(f"p = {item['p']:.3f}")]
+        for text, item in ((mean, chi_square), (furthest, worst))
+    ]
     if evidence := document.get("evidence"):
-        rows.append(["evidence, log Z; it depends on the bounds", " ± ".join(numbers(evidence, log_z=2, sd=2))])
+        rows.append(
+            [
+                "evidence, log Z; it depends on the bounds",
+                " ± ".join(numbers(evidence, log_z=2, sd=2)),
+            ]
+        )
     return rows
 
 
 def sensitivity_row(change: dict) -> list[str] | None:
     """What a change of the prior shifts, where that matters."""
-    shifts = {name: shift for name, shift in change["shift_sd"].items() if shift is not None and abs(shift) > LEAST_SHIFT}
+    shifts = {
+        name: shift
+        for name, shift in change["shift_sd"].items()
+        if shift is not None and abs(shift) > LEAST_SHIFT
+    }
     if not shifts:
         return None
     text = limit_name(change["name"], change.get("side", ""))
     if "side" in change:
         text += f" from {change['from']:.4g} to {change['to']:.4g}"
-    shifted = ", ".join(f"{name} {shift:+.2f}" for name, shift in sorted(shifts.items(), key=lambda pair: -abs(pair[1])))
+    shifted = ", ".join(
+        f"{name} {shift:+.2f}"
+        for name, shift in sorted(shifts.items(), key=lambda pair: -abs(pair[1]))
+    )
     return [text, shifted if change["exact"] else f"about {shifted}"]
 
 
 def provenance_rows(results: Results) -> list[list]:
     """Versions, input and commands that made the results."""
     log = results.folder / "run.log"
-    lines = log.read_text(encoding="utf-8", errors="replace").splitlines() if log.is_file() and results.result is None else []
-    commands = [line.split(": ", 1)[-1] for line in lines if f"INFO bayesindent {__version__[:1]}" in line]
+    lines = (
+        log.read_text(encoding="utf-8", errors="replace").splitlines()
+        if log.is_file() and results.result is None
+        else []
+    )
+    commands = [
+        line.split(": ", 1)[-1] for line in lines if f"INFO bayesindent {__version__[:1]}" in line
+    ]
     rows = [
         ["bayesindent", __version__],
-        ["Python, system", f"{platform.python_version()}, {platform.system()} {platform.machine()}"],
-        ["NumPy, SciPy, ArviZ", ", ".join(metadata.version(name) for name in ("numpy", "scipy", "arviz"))],
+        [
+            "Python, system",
+            f"{platform.python_version()}, {platform.system()} {platform.machine()}",
+        ],
+        [
+            "NumPy, SciPy, ArviZ",
+            ", ".join(metadata.version(name) for name in ("numpy", "scipy", "arviz")),
+        ],
         ["seed", results.group("problem").get("seed", "–")],
         ["last command", commands[-1] if commands else "–"],
-        ["SHA-256 of the resolved input", hashlib.sha256(results.resolved.encode()).hexdigest() if results.resolved else "–"],
+        [
+            "SHA-256 of the resolved input",
+            hashlib.sha256(results.resolved.encode()).hexdigest() if results.resolved else "–",
+        ],
     ]
     if results.outdated:
         rows.append(["left out, since made from other inputs", ", ".join(results.outdated)])

@@ -1,83 +1,163 @@
-"""What the report says first: the constants and whether they can be used, what to do next, what is determined; and the inputs."""
+"""What the report says first: the constants and whether they can be used, what to do next, what is
+determined; and the inputs.
+"""
 
 from itertools import takewhile
 
 from markupsafe import Markup
 
-from .formatting import enumeration, number, percent, plus_minus, product_html, quantity_format, quantity_name, subscript
+from .formatting import (
+    enumeration,
+    number,
+    percent,
+    plus_minus,
+    product_html,
+    quantity_format,
+    quantity_name,
+    subscript,
+)
 from .results import Results
 
-__all__ = ["advice", "answer", "findings", "indenter", "inputs_summary", "measured_ranges", "specimen", "with_count", "with_verdict"]
+__all__ = [
+    "advice",
+    "answer",
+    "findings",
+    "indenter",
+    "inputs_summary",
+    "measured_ranges",
+    "specimen",
+    "with_count",
+    "with_verdict",
+]
 
 #: How many quantities are named at most.
 MOST = 6
 
 #: Consequences of warnings, with words of the warnings; the last has all others.
 CONSEQUENCES = {
-    "Some constants are not determined by the measurements": ("not determined", "depends on the prior", "is truncated"),
+    "Some constants are not determined by the measurements": (
+        "not determined",
+        "depends on the prior",
+        "is truncated",
+    ),
     "The constants may be biased": (
-        "do not explain", "disagrees with", "the residuals are", "contradict", "the stated", "pressure", "contact radii", "are so small",
+        "do not explain",
+        "disagrees with",
+        "the residuals are",
+        "contradict",
+        "the stated",
+        "pressure",
+        "contact radii",
+        "are so small",
     ),
     "There are too few draws": ("effective samples", "have not mixed"),
     "The surrogate is uncertain": ("surrogate", "simulated", "log-anisotropy", "sd of a modulus"),
     "Check the inputs": ("",),
-}  # fmt: skip
+}
 
 
 def answer(results: Results) -> list[str]:
-    """The constants with their sds in one line, and whether they can be used; nothing without them."""
+    """The constants with their sds in one line, and whether they can be used; nothing without
+    them.
+    """
     document = results.documents["extract"]
     if not document:
         return []
     parameters = {name: document["parameters"][name] for name in results.constants}
     # Blanks that break no line.
-    constants = ", ".join(f"{subscript(name)} = {plus_minus(item)}".replace(" ", "\u00a0") for name, item in parameters.items())
-    vague = enumeration([subscript(name) for name, item in parameters.items() if item["verdict"] == "not_determined"])
+    constants = ", ".join(
+        f"{subscript(name)} = {plus_minus(item)}".replace(" ", "\u00a0")
+        for name, item in parameters.items()
+    )
+    vague = enumeration(
+        [
+            subscript(name)
+            for name, item in parameters.items()
+            if item["verdict"] == "not_determined"
+        ]
+    )
     usable = "Usable" + (f", but the measurements do not determine {vague}." if vague else ".")
     return [f"{constants}\u00a0GPa.", usable if document["usable"] else "Not usable."]
 
 
 def advice(results: Results) -> dict[str, list[str]]:
-    """The warnings by their consequences, each once; those with one remedy, which follows the first full stop, together."""
+    """The warnings by their consequences, each once; those with one remedy, which follows the first
+    full stop, together.
+    """
     remedies: dict[str, list[str]] = {}
     for line in results.warnings:
         what, _, remedy = line.partition(". ")
-        if not any(reason.startswith(what) for reason in results.documents["extract"].get("reasons", [])):
+        if not any(
+            reason.startswith(what) for reason in results.documents["extract"].get("reasons", [])
+        ):
             remedies.setdefault(remedy or line, []).append(what)
     found: dict[str, list[str]] = {consequence: [] for consequence in CONSEQUENCES}
     for remedy, parts in remedies.items():
         start = common(parts)
-        line = start + "; ".join(part.removeprefix(start) for part in parts) + (f". {remedy}" if remedy not in parts else "")
-        consequence = next(name for name, words in CONSEQUENCES.items() if any(word in line for word in words))
+        line = (
+            start
+            + "; ".join(part.removeprefix(start) for part in parts)
+            + (f". {remedy}" if remedy not in parts else "")
+        )
+        consequence = next(
+            name for name, words in CONSEQUENCES.items() if any(word in line for word in words)
+        )
         found[consequence].append(line[:1].upper() + line[1:].rstrip(".") + ".")
     return {consequence: lines for consequence, lines in found.items() if lines}
 
 
 def common(parts: list[str]) -> str:
     """The words with which all parts begin, if there are several."""
-    words = takewhile(lambda column: len(set(column)) == 1, zip(*(part.split(" ") for part in parts)))
+    words = takewhile(
+        lambda column: len(set(column)) == 1, zip(*(part.split(" ") for part in parts))
+    )
     return "".join(f"{column[0]} " for column in words) if len(parts) > 1 else ""
 
 
 def inputs_summary(results: Results) -> list[tuple[str, str]]:
-    """Terms and texts: grains, kind of modulus, indenter, specimen, surrogate with its error, prior in effect."""
+    """Terms and texts: grains, kind of modulus, indenter, specimen, surrogate with its error, prior
+    in effect.
+    """
     document, simulated = results.documents["extract"], len(results.simulations)
     if not any(results.documents.values()):
         return []
-    rows = [("Crystal", results.symmetry and f"{results.symmetry}; constants {', '.join(results.constants)}")]
+    rows = [
+        (
+            "Crystal",
+            results.symmetry and f"{results.symmetry}; constants {', '.join(results.constants)}",
+        )
+    ]
     if document:
         moduli, sds = measured_ranges(results)
         scatter = f", standard deviations {sds} GPa" if sds else "; their scatter is inferred"
         if results.predicted:
-            grains = with_count(len(results.predicted), "grain") + " of unknown orientation" * results.without_orientations
-            rows += [("Grains", f"{grains}, {moduli} GPa{scatter}"), ("Modulus", modulus_kind(results))]
+            grains = (
+                with_count(len(results.predicted), "grain")
+                + " of unknown orientation" * results.without_orientations
+            )
+            rows += [
+                ("Grains", f"{grains}, {moduli} GPa{scatter}"),
+                ("Modulus", modulus_kind(results)),
+            ]
         if results.velocities:
-            rows.append(("Velocities", f"{results.speed} in {with_count(len(results.velocities), 'direction')}"))
+            rows.append(
+                (
+                    "Velocities",
+                    f"{results.speed} in {with_count(len(results.velocities), 'direction')}",
+                )
+            )
     if simulated:
-        rows.append(("Simulations", f"indentation moduli of {with_count(simulated, 'crystal')} by finite elements"))
+        rows.append(
+            (
+                "Simulations",
+                f"indentation moduli of {with_count(simulated, 'crystal')} by finite elements",
+            )
+        )
     rows += [("Specimen", specimen(results)), ("Indenter", indenter(results))]
     if not document and (build := results.documents["build"]):
-        rows.append(("Surrogate", f"from {build['simulations']} simulations; {build['domain']['words']}"))
+        rows.append(
+            ("Surrogate", f"from {build['simulations']} simulations; {build['domain']['words']}")
+        )
     return [row for row in rows if row[1]]
 
 
@@ -88,27 +168,54 @@ def with_count(count: int, word: str) -> str:
 
 def measured_ranges(results: Results) -> list[str]:
     """The ranges of the measured moduli and of their sds in GPa, each '' where there is none."""
-    values = [[item[name] for item in results.predicted if item.get(name)] for name in ("measured", "measured_sd")]
-    return [" to ".join(dict.fromkeys(map(number, (min(found), max(found)))) if found else {}) for found in values]
+    values = [
+        [item[name] for item in results.predicted if item.get(name)]
+        for name in ("measured", "measured_sd")
+    ]
+    return [
+        " to ".join(dict.fromkeys(map(number, (min(found), max(found)))) if found else {})
+        for found in values
+    ]
 
 
 def modulus_kind(results: Results) -> str:
     """The kind of modulus, and what it depends on."""
     measured = results.group("measurements")
-    names = {"effective modulus": ("indenter_modulus_gpa", "indenter_nu"), "sample modulus": ("sample_nu",)}
-    signs = {"indenter_modulus_gpa": "E = {:g} GPa of the indenter", "indenter_nu": "ν = {:g} of the indenter", "sample_nu": "ν = {:g}"}
-    stated = [signs[name].format(measured[name]) for name in names.get(results.kind, ()) if name in measured]
+    names = {
+        "effective modulus": ("indenter_modulus_gpa", "indenter_nu"),
+        "sample modulus": ("sample_nu",),
+    }
+    signs = {
+        "indenter_modulus_gpa": "E = {:g} GPa of the indenter",
+        "indenter_nu": "ν = {:g} of the indenter",
+        "sample_nu": "ν = {:g}",
+    }
+    stated = [
+        signs[name].format(measured[name])
+        for name in names.get(results.kind, ())
+        if name in measured
+    ]
     return results.kind + (f", with {' and '.join(stated)}" if stated else "")
 
 
 def indenter(results: Results) -> str:
-    """The shape of the indenter and its last point, where simulations depend on it or it is stated."""
+    """The shape of the indenter and its last point, where simulations depend on it or it is
+    stated.
+    """
     group = results.group("indenter")
     if not (group or results.documents["build"] or results.simulations):
         return ""
     shape = group.get("shape", "paraboloid")
-    size = f"half angle {group['half_angle_deg']:g}°" if shape == "cone" else f"radius {group.get('radius_um', 16.0):g} µm"
-    last = f"depth of {depth:g} µm" if (depth := group.get("depth_um")) else f"contact radius of {group.get('contact_radius_um', 0.5):g} µm"
+    size = (
+        f"half angle {group['half_angle_deg']:g}°"
+        if shape == "cone"
+        else f"radius {group.get('radius_um', 16.0):g} µm"
+    )
+    last = (
+        f"depth of {depth:g} µm"
+        if (depth := group.get("depth_um"))
+        else f"contact radius of {group.get('contact_radius_um', 0.5):g} µm"
+    )
     return f"rigid {shape}, {size}, up to a {last}"
 
 
@@ -117,28 +224,55 @@ def specimen(results: Results) -> str:
     group = results.group("specimen")
     if not (results.documents["build"] or results.simulations) or not group:
         return ""
-    substrate = f" on a substrate of E = {group['substrate_young_gpa']:g} GPa" if group.get("substrate_young_gpa") else ""
+    substrate = (
+        f" on a substrate of E = {group['substrate_young_gpa']:g} GPa"
+        if group.get("substrate_young_gpa")
+        else ""
+    )
     return {
         "halfspace": "half-space",
-        "block": f"block, {group.get('width_um', 0):g} µm wide and {group.get('height_um', 0):g} µm high",
+        "block": (
+            f"block, {group.get('width_um', 0):g} µm wide and {group.get('height_um', 0):g} µm high"
+        ),
         "film": f"film of {group.get('thickness_um', 0):g} µm{substrate}",
         "grain": f"grain of radius {group.get('grain_radius_um') or 0:g} µm among others",
     }.get(group["geometry"], group["geometry"])
 
 
 def findings(results: Results) -> list[str | Markup]:
-    """Sentences: combinations that are determined, and by the verdict on them quantities but the constants."""
-    combinations, constants = results.identifiability("combination"), results.documents["extract"].get("parameters", {})
+    """Sentences: combinations that are determined, and by the verdict on them quantities but the
+    constants.
+    """
+    combinations, constants = (
+        results.identifiability("combination"),
+        results.documents["extract"].get("parameters", {}),
+    )
     if not combinations:
         return []
     found = with_verdict(combinations, "determined")
-    products = [Markup("{} (to {} %)").format(product_html(row["exponents"]), percent(row["sd"], 1)) for row in found]
+    products = [
+        Markup("{} (to {} %)").format(product_html(row["exponents"]), percent(row["sd"], 1))
+        for row in found
+    ]
     start = Markup("{} of {} combinations of the constants are determined{}{}.")
-    sentences: list[str | Markup] = [start.format(len(found), len(combinations), ": " * bool(found), Markup(", ").join(products))]
-    quantities = [row for row in results.identifiability("quantity") if row["mean"] and row["name"] not in constants]
+    sentences: list[str | Markup] = [
+        start.format(len(found), len(combinations), ": " * bool(found), Markup(", ").join(products))
+    ]
+    quantities = [
+        row
+        for row in results.identifiability("quantity")
+        if row["mean"] and row["name"] not in constants
+    ]
     derived = sorted(quantities, key=lambda row: row["sd"] / abs(row["mean"]))
-    rest = {"Determined, too": with_verdict(derived, "determined")[:MOST], "Not determined": with_verdict(derived, "not_determined")}
-    named = {words: enumeration([with_sd(row, results.symmetry) for row in rows]) for words, rows in rest.items() if rows}
+    rest = {
+        "Determined, too": with_verdict(derived, "determined")[:MOST],
+        "Not determined": with_verdict(derived, "not_determined"),
+    }
+    named = {
+        words: enumeration([with_sd(row, results.symmetry) for row in rows])
+        for words, rows in rest.items()
+        if rows
+    }
     return sentences + [f"{words}: {names}." for words, names in named.items()]
 
 

@@ -15,9 +15,18 @@ def read_data(name: str) -> str:
 
 
 def render(name: str, **values: object) -> str:
-    """The document that the template `name` makes of these values, with the functions of `formatting`; values are escaped in HTML and, but for
-    `Markup`, in LaTeX."""
-    escape = (lambda value: value if isinstance(value, Markup) else formatting.latex(str(value))) if ".tex." in name else None
-    environment = Environment(autoescape=name.endswith(".html.j2"), finalize=escape, trim_blocks=True, lstrip_blocks=True)
-    environment.globals.update({function: getattr(formatting, function) for function in formatting.__all__})
+    """The document that the template `name` makes of these values, with the functions of
+    `formatting`; values are escaped in HTML and, but for `Markup`, in LaTeX.
+    """
+    escape = (
+        (lambda value: value if isinstance(value, Markup) else formatting.latex(str(value)))
+        if ".tex." in name
+        else None
+    )
+    environment = Environment(
+        autoescape=name.endswith(".html.j2"), finalize=escape, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.globals.update(
+        {function: getattr(formatting, function) for function in formatting.__all__}
+    )
     return environment.from_string(read_data(name)).render(values)

@@ -17,29 +17,45 @@ NO_VALUE = 1e300
 UNITS = {"time (s)": 1.0, "depth (nm)": 1.0, "depth (µm)": 1e3, "load (mn)": 1.0, "load (µn)": 1e-3}
 
 
-def curves_of_files(place: str, folder: Path, names: Iterable[str], drift_removed: bool) -> dict[str, list]:
-    """The columns of the neutral CSV of files of a folder, of which names such as 'raw/*.txt' are several; `place` begins messages."""
+def curves_of_files(
+    place: str, folder: Path, names: Iterable[str], drift_removed: bool
+) -> dict[str, list]:
+    """The columns of the neutral CSV of files of a folder, of which names such as 'raw/*.txt' are
+    several; `place` begins messages.
+    """
     found = []
     for name in names:
         with reading(f"{place}{name}: ", "is no pattern of file names"):
-            paths = sorted(folder.glob(name)) if set(name) & set("*?[") and not Path(name).is_absolute() else [folder / name]
+            paths = (
+                sorted(folder.glob(name))
+                if set(name) & set("*?[") and not Path(name).is_absolute()
+                else [folder / name]
+            )
         if not paths:
             raise InputError(f"{place}{name}: there is no such file")
         for file in paths:
             of_file = f"{place}{file.relative_to(folder) if file.is_relative_to(folder) else file}"
             with reading(f"{of_file}: ", "is no file of curves that can be read"):
-                found += [(test, np.asarray(curve, dtype=float)) for test, curve in read_file(file, f"{of_file}: ")]
-                settings = tdm_settings(beside) if (beside := file.with_suffix(".tdm")).is_file() else {}
+                found += [
+                    (test, np.asarray(curve, dtype=float))
+                    for test, curve in read_file(file, f"{of_file}: ")
+                ]
+                settings = (
+                    tdm_settings(beside) if (beside := file.with_suffix(".tdm")).is_file() else {}
+                )
             if drift_removed and not settings.get("drift_removed", True):
                 raise InputError(
-                    f"{of_file} ({beside.name}): the drift of {settings.get('drift_nm_s')} nm/s is still in the depths; state "
+                    f"{of_file} ({beside.name}): the drift of {settings.get('drift_nm_s')} nm/s "
+                    "is still in the depths; state "
                     "&curves drift_removed = .false., and drift_nm_s in the table of tests"
                 )
     names = COLUMNS[: min(len(curve) for _, curve in found)]
     tests = np.repeat([test for test, _ in found], [curve.shape[1] for _, curve in found])
     values = np.hstack([curve[: len(names)] for _, curve in found])
     whole = np.abs(values).max(axis=0) < NO_VALUE
-    return {"test": tests[whole].tolist()} | dict(zip(names, values[:, whole].tolist(), strict=True))
+    return {"test": tests[whole].tolist()} | dict(
+        zip(names, values[:, whole].tolist(), strict=True)
+    )
 
 
 def read_file(file: Path, place: str) -> list[tuple[str, tuple]]:
@@ -51,14 +67,25 @@ def read_file(file: Path, place: str) -> list[tuple[str, tuple]]:
     if any(line.startswith("Depth (") for line in text.splitlines()):
         return [(file.stem, read_hysitron(text, place))]
     if file.suffix.lower() == ".hld":
-        nanodent = reader_of(place, file, "a .hld file", "nanodent", ", or export the curve as .txt")
+        nanodent = reader_of(
+            place, file, "a .hld file", "nanodent", ", or export the curve as .txt"
+        )
         data = nanodent.load_experiment(file).trace
         return [(file.stem, (data["time_s"], data["disp_nm"], data["force_uN"] / 1e3))]
-    reader = reader_of(place, file, f"this {file.suffix} file", "micromechanics.indentation", ", or write its columns to a CSV")
+    reader = reader_of(
+        place,
+        file,
+        f"this {file.suffix} file",
+        "micromechanics.indentation",
+        ", or write its columns to a CSV",
+    )
     data, tests = reader.Indentation(str(file), output={"verbose": 0}), []
     while len(data.raw.h):
         # The package has um, mN and, of continuous stiffness, mN/um at the points that are valid.
-        curve, valid = np.array([data.raw.t, 1e3 * data.raw.h, data.raw.p], dtype=float), np.asarray(data.raw.valid, dtype=bool)
+        curve, valid = (
+            np.array([data.raw.t, 1e3 * data.raw.h, data.raw.p], dtype=float),
+            np.asarray(data.raw.valid, dtype=bool),
+        )
         if data.method.name == "CSM" and len(data.raw.slope) == np.count_nonzero(valid):
             curve = np.vstack([curve[:, valid], 1e3 * data.raw.slope])
         tests.append((str(data.testName or file.stem), tuple(curve)))
@@ -75,10 +102,16 @@ def read_hysitron(text: str, place: str) -> tuple:
     start = next(i for i, line in enumerate(lines) if line.startswith("Depth ("))
     names = [name.strip().lower() for name in lines[start].split("\t")]
     order = [
-        (j, UNITS[name]) for word in ("time", "depth", "load") for j, name in enumerate(names) if name in UNITS and name.startswith(word)
+        (j, UNITS[name])
+        for word in ("time", "depth", "load")
+        for j, name in enumerate(names)
+        if name in UNITS and name.startswith(word)
     ]
     if len(order) != 3:
-        raise InputError(f"{place}line {start + 1}: the columns Depth, Load and Time are needed, in {', '.join(UNITS)}")
+        raise InputError(
+            f"{place}line {start + 1}: the columns Depth, Load and Time are needed, in "
+            f"{', '.join(UNITS)}"
+        )
     rows = []
     for number, line in enumerate(filter(str.strip, lines[start + 1 :]), start + 2):
         try:
@@ -88,14 +121,28 @@ def read_hysitron(text: str, place: str) -> tuple:
             raise InputError(f"{place}line {number}: {line[:40]!r} is no row of numbers") from None
     stated = next(map(int, re.findall(r"Number of Points = *(\d{1,9})\b", text)), len(rows))
     if stated != len(rows):
-        raise InputError(f"{place}{len(rows)} points, where the file states {stated}; it is truncated")
+        raise InputError(
+            f"{place}{len(rows)} points, where the file states {stated}; it is truncated"
+        )
     return tuple(np.transpose(rows))
 
 
 def tdm_settings(file: str | os.PathLike) -> dict[str, float | bool]:
-    """What a .tdm file says that the instrument removed from its curve: drift_nm_s, compliance_nm_mn, and whether it removed the drift."""
+    """What a .tdm file says that the instrument removed from its curve: drift_nm_s,
+    compliance_nm_mn, and whether it removed the drift.
+    """
     text = Path(file).read_text(encoding="utf-8", errors="replace")
-    names = {"drift_nm_s": "Drift_Rate__nm___s__", "compliance_nm_mn": "Machine_Compliance__nm___mN__", "drift_removed": "Drift_Correction"}
-    found = {key: re.search(rf'name="Current_{name}">([^<]*)<', text) for key, name in names.items()}
-    values = {key: float(match[1]) for key, match in found.items() if match and abs(float(match[1])) < NO_VALUE}
+    names = {
+        "drift_nm_s": "Drift_Rate__nm___s__",
+        "compliance_nm_mn": "Machine_Compliance__nm___mN__",
+        "drift_removed": "Drift_Correction",
+    }
+    found = {
+        key: re.search(rf'name="Current_{name}">([^<]*)<', text) for key, name in names.items()
+    }
+    values = {
+        key: float(match[1])
+        for key, match in found.items()
+        if match and abs(float(match[1])) < NO_VALUE
+    }
     return {key: bool(value) if key == "drift_removed" else value for key, value in values.items()}

@@ -1,4 +1,6 @@
-"""Keywords of the library's functions from the schema of namelists: signatures, texts of help, and messages in Python's words."""
+"""Keywords of the library's functions from the schema of namelists: signatures, texts of help, and
+messages in Python's words.
+"""
 
 import difflib
 import inspect
@@ -17,33 +19,64 @@ from .problem import Variable, schema
 ALIASES = {"draws": "samples", "random_seed": "seed"}
 TYPES = {"logical": bool, "integer": int, "real": float}
 #: Variables of namelists, and groups, that are another keyword in Python.
-KEYWORDS = {"c_min": "bounds", "c_max": "bounds", "quantity": "knowledge", "stiffness_file": "knowledge['stiffness']", "prior": "bounds"}
+KEYWORDS = {
+    "c_min": "bounds",
+    "c_max": "bounds",
+    "quantity": "knowledge",
+    "stiffness_file": "knowledge['stiffness']",
+    "prior": "bounds",
+}
 
 
 def takes(*groups: str, without: Collection[str] = ()) -> Callable[[Any], Any]:
-    """Let `**settings` of a function be a keyword for each variable of these groups but some: with its type, its default and its meaning,
-    which signature and help list. A name of the first group is that of no other. Other names are refused, and messages are in Python's words."""
-    variables = {variable.name: variable for variable in schema() if variable.group in groups and variable.name not in without}
-    variables |= {name: variable for variable in schema() if (name := variable.name) in variables and variable.group == groups[0]}
+    """Let `**settings` of a function be a keyword for each variable of these groups but some: with
+    its type, its default and its meaning, which signature and help list. A name of the first group
+    is that of no other. Other names are refused, and messages are in Python's words.
+    """
+    variables = {
+        variable.name: variable
+        for variable in schema()
+        if variable.group in groups and variable.name not in without
+    }
+    variables |= {
+        name: variable
+        for variable in schema()
+        if (name := variable.name) in variables and variable.group == groups[0]
+    }
 
     def decorate(function: Callable) -> Callable:
         own = inspect.signature(function)
-        stated = [parameter for parameter in own.parameters.values() if parameter.kind is not parameter.VAR_KEYWORD]
+        stated = [
+            parameter
+            for parameter in own.parameters.values()
+            if parameter.kind is not parameter.VAR_KEYWORD
+        ]
         names = {parameter.name for parameter in stated}
         listed = [variable for name, variable in variables.items() if name not in names]
         keyword = partial(inspect.Parameter, kind=inspect.Parameter.KEYWORD_ONLY)
-        more = [keyword(variable.name, default=default_of(variable), annotation=type_of(variable)) for variable in listed]
+        more = [
+            keyword(variable.name, default=default_of(variable), annotation=type_of(variable))
+            for variable in listed
+        ]
         known = {*names, *variables}
 
         @wraps(function)
         def checked(*arguments: Any, **keywords: Any) -> Any:
-            given = {ALIASES.get(name, name) if ALIASES.get(name) in known else name: value for name, value in keywords.items()}
+            given = {
+                ALIASES.get(name, name) if ALIASES.get(name) in known else name: value
+                for name, value in keywords.items()
+            }
             if len(given) < len(keywords):
-                raise InputError(f"{origin}: a keyword is stated twice: {', '.join(' is '.join(pair) for pair in ALIASES.items())}")
+                raise InputError(
+                    f"{origin}: a keyword is stated twice: "
+                    f"{', '.join(' is '.join(pair) for pair in ALIASES.items())}"
+                )
             if unknown := next((name for name in given if name not in known), None):
                 near = difflib.get_close_matches(unknown, [*known, *ALIASES], 1)
                 guess = f", did you mean '{near[0]}'?" if near else ""
-                raise InputError(f"{origin}: keyword '{unknown}' is unknown{guess}; help({origin}) lists all")
+                raise InputError(
+                    f"{origin}: keyword '{unknown}' is unknown{guess}; help({origin}) lists all"
+                )
             try:
                 return function(*arguments, **given)
             except (InputError, MachineError) as error:
@@ -52,7 +85,11 @@ def takes(*groups: str, without: Collection[str] = ()) -> Callable[[Any], Any]:
         origin = f"bi.{function.__qualname__.removesuffix('.__init__')}"
         checked.__signature__ = own.replace(parameters=[*stated, *more])  # type: ignore[attr-defined]
         before, end, after = inspect.cleandoc(function.__doc__ or "").partition("\n\nReturns\n")
-        aliases = [f"{new} : int\n    Another name of `{old}`." for new, old in ALIASES.items() if old in known]
+        aliases = [
+            f"{new} : int\n    Another name of `{old}`."
+            for new, old in ALIASES.items()
+            if old in known
+        ]
         checked.__doc__ = "\n".join([before, *map(explained, listed), *aliases]) + end + after
         return checked
 
@@ -78,23 +115,41 @@ def explained(variable: Variable) -> str:
     kind = inspect.formatannotation(type_of(variable))
     allowed = variable.allowed if variable.kind not in ("logical", "text") else ""
     details = ", ".join(filter(None, [variable.unit, allowed]))
-    words = in_python(f"{variable.meaning[:1].upper()}{variable.meaning[1:]}" + (f" ({details})" if details else "") + ".")
-    return f"{variable.name} : {kind}, default {default!r}\n{textwrap.indent(textwrap.fill(words, 96), '    ')}"
+    words = in_python(
+        f"{variable.meaning[:1].upper()}{variable.meaning[1:]}"
+        + (f" ({details})" if details else "")
+        + "."
+    )
+    return (
+        f"{variable.name} : {kind}, default {default!r}\n"
+        f"{textwrap.indent(textwrap.fill(words, 96), '    ')}"
+    )
 
 
 def in_python(text: str) -> str:
     """A message of the core in the words of keywords: without the groups of namelists."""
     known = {variable.name for variable in schema()} | {"stiffness"}
     text = re.sub(r"&knowledge (mean|sd)\b", r"knowledge \1", text)
-    text = re.sub(r"&\w+ (\w+)", lambda found: KEYWORDS.get(found[1], found[1]) if found[1] in known else found[0], text)
+    text = re.sub(
+        r"&\w+ (\w+)",
+        lambda found: KEYWORDS.get(found[1], found[1]) if found[1] in known else found[0],
+        text,
+    )
     text = re.sub(r"&(\w+)", lambda found: KEYWORDS.get(found[1], found[1]), text)
     return text.replace(".true.", "True").replace(".false.", "False")
 
 
 def warn_of(document: dict, words: Callable[[str], str] = in_python) -> None:
-    """Why a result cannot be used, and the warnings of its document, as Python's; they name the line that called the library's function, in these `words`."""
+    """Why a result cannot be used, and the warnings of its document, as Python's; they name the
+    line that called the library's function, in these `words`.
+    """
     level, frame = 1, sys._getframe()
-    while frame.f_back and frame.f_globals.get("__name__", "").startswith(f"{__package__.partition('.')[0]}."):
+    while frame.f_back and frame.f_globals.get("__name__", "").startswith(
+        f"{__package__.partition('.')[0]}."
+    ):
         level, frame = level + 1, frame.f_back
-    for line in [*(f"the result cannot be used: {reason}" for reason in document.get("reasons", [])), *document.get("warnings", [])]:
+    for line in [
+        *(f"the result cannot be used: {reason}" for reason in document.get("reasons", [])),
+        *document.get("warnings", []),
+    ]:
         warnings.warn(words(line), BayesindentWarning, stacklevel=level)

@@ -1,4 +1,6 @@
-"""Files of orientation maps: those that orix reads, and Oxford's .h5oina; and the crystal axes that their angles refer to."""
+"""Files of orientation maps: those that orix reads, and Oxford's .h5oina; and the crystal axes that
+their angles refer to.
+"""
 
 from contextlib import redirect_stdout
 from io import StringIO
@@ -25,13 +27,18 @@ def load_map(place: str, path: Path) -> Any:
         with reading(place, "is no map of Oxford's .h5oina"), h5py.File(path) as file:
             return oxford_map(file)
     if path.suffix.lower() in (".oh5", ".cpr", ".crc"):
-        raise InputError(f"{place}maps {path.suffix} are not read; export the map as .ang or .ctf, or as .h5oina")
-    with reading(place, "is no map that orix reads"), redirect_stdout(StringIO()):  # where orix names the phases
+        raise InputError(
+            f"{place}maps {path.suffix} are not read; export the map as .ang or .ctf, or as .h5oina"
+        )
+    # where orix names the phases
+    with reading(place, "is no map that orix reads"), redirect_stdout(StringIO()):
         return io.load(str(path))
 
 
 def oxford_map(file: h5py.File) -> Any:
-    """The first slice of a file, by Oxford's specification of H5OINA: angles in radians, positions in um, phases from 1; 0 is not indexed."""
+    """The first slice of a file, by Oxford's specification of H5OINA: angles in radians, positions
+    in um, phases from 1; 0 is not indexed.
+    """
     # Of an optional package.
     from diffpy.structure import Lattice, Structure
     from orix.crystal_map import CrystalMap, Phase, PhaseList
@@ -41,20 +48,36 @@ def oxford_map(file: h5py.File) -> Any:
     phases = {}
     for number, phase in scan["Header/Phases"].items():
         name = np.ravel(phase["Phase Name"])[0]
-        lattice = Lattice(*np.ravel(phase["Lattice Dimensions"]), *np.degrees(np.ravel(phase["Lattice Angles"])))
+        lattice = Lattice(
+            *np.ravel(phase["Lattice Dimensions"]), *np.degrees(np.ravel(phase["Lattice Angles"]))
+        )
         symbol = phase["Laue Group"].attrs["Symbol"]
-        name, symbol = (text.decode() if isinstance(text, bytes) else str(text) for text in (name, np.ravel(symbol)[0]))
+        name, symbol = (
+            text.decode() if isinstance(text, bytes) else str(text)
+            for text in (name, np.ravel(symbol)[0])
+        )
         phases[int(number)] = Phase(name, point_group=symbol, structure=Structure(lattice=lattice))
     data = scan["Data"]
     phase_id = np.ravel(data["Phase"]).astype(int)
     phase_id[phase_id == 0] = -1
-    found = PhaseList({number: phases[number] for number in np.unique(phase_id[phase_id > 0]).tolist()})
+    found = PhaseList(
+        {number: phases[number] for number in np.unique(phase_id[phase_id > 0]).tolist()}
+    )
     rotations = Orientations.from_euler(np.asarray(data["Euler"], float))
-    return CrystalMap(rotations, phase_id, np.ravel(data["X"]), np.ravel(data["Y"]), phase_list=found, scan_unit="um")
+    return CrystalMap(
+        rotations,
+        phase_id,
+        np.ravel(data["X"]),
+        np.ravel(data["Y"]),
+        phase_list=found,
+        scan_unit="um",
+    )
 
 
 def axes_of_file(path: Path) -> str | None:
-    """Where the format of a file puts the axes of the crystal: one of `AXES`, or None where its angles may be of either."""
+    """Where the format of a file puts the axes of the crystal: one of `AXES`, or None where its
+    angles may be of either.
+    """
     if path.suffix.lower() == ".h5oina":
         return "a*"
     try:
@@ -65,29 +88,44 @@ def axes_of_file(path: Path) -> str | None:
     return "a" if maker in (b"orix", "orix") else None
 
 
-def turn_of_axes(place: str, group: Any, lattice: Any, stated: str | None, of_file: str | None) -> Rotation:
-    """From a map's crystal axes to those of the IEEE standard, z along c, y normal to (010); of a phase with this Laue class and `lattice`."""
+def turn_of_axes(
+    place: str, group: Any, lattice: Any, stated: str | None, of_file: str | None
+) -> Rotation:
+    """From a map's crystal axes to those of the IEEE standard, z along c, y normal to (010); of a
+    phase with this Laue class and `lattice`.
+    """
     operations = group.proper_subgroup
     angles = np.array(lattice.abcABG()[3:])
-    if (np.isclose(operations.angle, 2 * np.pi / 3) & (np.abs(operations.axis.data[:, 2]) > 0.99)).any():
+    if (
+        np.isclose(operations.angle, 2 * np.pi / 3) & (np.abs(operations.axis.data[:, 2]) > 0.99)
+    ).any():
         # Trigonal and hexagonal angles refer to the hexagonal cell.
         angles = np.array([90.0, 90.0, 120.0])
     oblique = (np.abs(angles - 90.0) > 0.01).tolist()
-    if (has_axis_along_z(group) and oblique != [False, True, False]) or (operations.size == 1 and not any(oblique)):
+    if (has_axis_along_z(group) and oblique != [False, True, False]) or (
+        operations.size == 1 and not any(oblique)
+    ):
         raise InputError(
-            f"{place}the cell of a phase {group.name} has alpha, beta and gamma of {', '.join(f'{angle:g}' for angle in angles)} degrees; "
+            f"{place}the cell of a phase {group.name} has alpha, beta and gamma of "
+            f"{', '.join(f'{angle:g}' for angle in angles)} degrees; "
             "two of them are 90 where the two-fold axis is along b, and not all of a triclinic cell"
         )
     turns = {axes: turn_of_cell(angles, axes) for axes in AXES}
-    images = representative(class_name(group.name), np.array([turn.apply([0.3, 0.5, 0.8]) for turn in turns.values()]))
+    images = representative(
+        class_name(group.name), np.array([turn.apply([0.3, 0.5, 0.8]) for turn in turns.values()])
+    )
     if np.ptp(images, axis=0).max() < 1e-6:
         return turns["a"]
     if stated and of_file and stated != of_file:
-        raise InputError(f"{place}crystal_axes = '{stated}', but this format has {AXES[of_file]}; leave crystal_axes out")
+        raise InputError(
+            f"{place}crystal_axes = '{stated}', but this format has {AXES[of_file]}; leave "
+            "crystal_axes out"
+        )
     if not (axes := stated or of_file):
         known = ", or ".join(f"'{word}' ({words})" for word, words in AXES.items())
         raise InputError(
-            f"{place}the file does not say how the axes of its crystals ({group.name}) lie in their cell; state crystal_axes = {known}"
+            f"{place}the file does not say how the axes of its crystals ({group.name}) lie in "
+            f"their cell; state crystal_axes = {known}"
         )
     return turns[axes]
 
@@ -100,7 +138,9 @@ def turn_of_cell(angles: np.ndarray, axes: str) -> Rotation:
     y = (np.cos(alpha) - np.cos(beta) * np.cos(gamma)) / np.sin(gamma)
     c = np.array([np.cos(beta), y, np.sqrt(max(1.0 - np.cos(beta) ** 2 - y**2, 0.0))])
     standard = frame(np.cross(np.cross(c, a), c), c)
-    return Rotation.from_matrix(standard @ (frame(a, np.cross(a, b)) if axes == "a" else frame(np.cross(b, c), c)).T)
+    return Rotation.from_matrix(
+        standard @ (frame(a, np.cross(a, b)) if axes == "a" else frame(np.cross(b, c), c)).T
+    )
 
 
 def frame(x: np.ndarray, z: np.ndarray) -> np.ndarray:
@@ -110,7 +150,9 @@ def frame(x: np.ndarray, z: np.ndarray) -> np.ndarray:
 
 
 def has_axis_along_z(group: Any) -> bool:
-    """Whether a Laue class of orix has one two-fold axis, along z, which is along y in the IEEE standard."""
+    """Whether a Laue class of orix has one two-fold axis, along z, which is along y in the IEEE
+    standard.
+    """
     return group.proper_subgroup.size == 2 and abs(group.proper_subgroup.axis.data[-1, 2]) > 0.5
 
 

@@ -53,38 +53,60 @@ class IndentedMap:
 
 
 def indented_map(
-    place: str, path: Path, points: tuple[str, Path] | None, stage: np.ndarray, columns: list[str], symmetry: str | None, axes: str | None
+    place: str,
+    path: Path,
+    points: tuple[str, Path] | None,
+    stage: np.ndarray,
+    columns: list[str],
+    symmetry: str | None,
+    axes: str | None,
 ) -> IndentedMap:
-    """The map of a file, and what it says of indents at positions (n, 2) of the stage, which the file of `points` leads to
-    those of the map; without it the two are the same. `columns`: of the measurements. `axes`: see `AXES` of map_files."""
+    """The map of a file, and what it says of indents at positions (n, 2) of the stage, which the
+    file of `points` leads to those of the map; without it the two are the same. `columns`: of the
+    measurements. `axes`: see `AXES` of map_files.
+    """
     for name in columns:
         if name.lower().startswith(("phi", "φ", "euler")):
-            raise InputError(f"{place}the column {name} states the orientation too; one of them is allowed")
+            raise InputError(
+                f"{place}the column {name} states the orientation too; one of them is allowed"
+            )
     grid = Grid(place, path, axes)
-    indents, sd, warnings = registered(*points, stage) if points else (stage, np.zeros(len(stage)), [])
+    indents, sd, warnings = (
+        registered(*points, stage) if points else (stage, np.zeros(len(stage)), [])
+    )
     away, pixel = grid.tree.query(indents)
     for row in np.flatnonzero(away > grid.step):
-        low, high = (", ".join(f"{value:g}" for value in edge) for edge in (grid.positions.min(axis=0), grid.positions.max(axis=0)))
+        low, high = (
+            ", ".join(f"{value:g}" for value in edge)
+            for edge in (grid.positions.min(axis=0), grid.positions.max(axis=0))
+        )
         x, y = indents[row]
         raise InputError(
-            f"{place}row {row + 1}: ({x:g}, {y:g}) um is {away[row]:.3g} um from the next indexed point; the map is from ({low}) to ({high})"
+            f"{place}row {row + 1}: ({x:g}, {y:g}) um is {away[row]:.3g} um from the next "
+            f"indexed point; the map is from ({low}) to ({high})"
         )
     grains = grid.grain[pixel].tolist()
     warnings += grid.compare_phase(grid.phase[pixel], symmetry)
     # Of a sample of the errors of registration the share that leads to the same grain.
-    nearest = grid.tree.query(indents + np.random.default_rng(0).normal(size=(SAMPLE, 1, 2)) * sd[:, None])[1]
+    nearest = grid.tree.query(
+        indents + np.random.default_rng(0).normal(size=(SAMPLE, 1, 2)) * sd[:, None]
+    )[1]
     share = np.mean(grid.grain[nearest] == grains, axis=0)
     retained = np.flatnonzero(share >= LEAST_SHARE).tolist()
     if doubtful := [f"{row + 1} ({share[row]:.0%})" for row in np.flatnonzero(share < LEAST_SHARE)]:
         named = f"{', '.join(doubtful[:10])}{', ..' if len(doubtful) > 10 else ''}"
         warnings.append(
-            f"{place}the indents of rows {named} are left out: their grain is uncertain. In brackets: "
+            f"{place}the indents of rows {named} are left out: their grain is uncertain. In "
+            "brackets: "
             f"the probability of the grain, with a registration of ± {sd.max():.2g} um; "
             f"{LEAST_SHARE:.0%} is needed. State more ebsd_points"
         )
     if not retained:
         raise InputError(warnings[-1])
-    stated = {re.sub("[ -]", "_", name.lower()).removesuffix("_id").removesuffix("_number") for name in columns}
+    stated = {
+        re.sub("[ -]", "_", name.lower()).removesuffix("_id").removesuffix("_number")
+        for name in columns
+    }
     orientation = cache(grid.mean_orientation)
     indents, grains = indents[retained], [grains[row] for row in retained]
     rows = []
@@ -98,31 +120,52 @@ def indented_map(
     return IndentedMap(grid, retained, indents, grains, page, warnings)
 
 
-def registered(place: str, path: Path, stage: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Positions of the map (n, 2) of those of the stage by the affine map that homologous points determine, by least squares; their sd per
-    coordinate, um, (n,); and the warning where it is unknown. `place` begins the message of a refusal."""
+def registered(
+    place: str, path: Path, stage: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Positions of the map (n, 2) of those of the stage by the affine map that homologous points
+    determine, by least squares; their sd per coordinate, um, (n,); and the warning where it is
+    unknown. `place` begins the message of a refusal.
+    """
     try:
-        lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if not line.startswith("#")]
+        lines = [
+            line
+            for line in path.read_text(encoding="utf-8-sig").splitlines()
+            if not line.startswith("#")
+        ]
         rows = list(csv.DictReader(lines, skipinitialspace=True))
-        known = np.array([[float(row[name]) for name in POINT_COLUMNS] for row in rows]).reshape(-1, 4)
+        known = np.array([[float(row[name]) for name in POINT_COLUMNS] for row in rows]).reshape(
+            -1, 4
+        )
     except OSError as error:
         raise InputError(f"{place}{error.strerror}") from None
     except (ValueError, KeyError, TypeError, csv.Error):
         known = np.full((1, 4), np.nan)
     if not (np.abs(known) < FARTHEST_UM).all():
         raise InputError(
-            f"{place}is no CSV of numbers in the columns {', '.join(POINT_COLUMNS)}, a row for each point, up to {FARTHEST_UM:g}"
+            f"{place}is no CSV of numbers in the columns {', '.join(POINT_COLUMNS)}, a row for "
+            f"each point, up to {FARTHEST_UM:g}"
         )
     n, centre = len(known), known[:, :2].sum(axis=0) / max(1, len(known))
     spread = known[:, :2] - centre
     design = np.column_stack([np.ones(n), spread])
     if n < 3 or np.linalg.svd(spread, compute_uv=False)[1] < 1e-3 * np.abs(spread).max():
-        raise InputError(f"{place}{n} points on a line or at one place; three or more that span the sample are needed")
+        raise InputError(
+            f"{place}{n} points on a line or at one place; three or more that span the sample "
+            "are needed"
+        )
     affine = np.linalg.lstsq(design, known[:, 2:], rcond=None)[0]
     at = np.column_stack([np.ones(len(stage)), stage - centre])
     leverage = np.einsum("ij,jk,ik->i", at, np.linalg.inv(design.T @ design), at)
     residual = np.linalg.norm(known[:, 2:] - design @ affine) / np.sqrt(max(1, 2 * (n - 3)))
-    warnings = [] if n > 3 else [f"{place}three points leave no residual, so that the error of the registration is unknown; state a fourth"]
+    warnings = (
+        []
+        if n > 3
+        else [
+            f"{place}three points leave no residual, so that the error of the registration is "
+            "unknown; state a fourth"
+        ]
+    )
     return at @ affine, residual * np.sqrt(1 + leverage), warnings
 
 
@@ -136,71 +179,110 @@ class Grid:
             #: (n, 2), um.
             self.positions = np.column_stack([found.x, found.y]).astype(float)
             #: From sample to crystal axes.
-            self.rotations = rotations_of(found.rotations[:, 0] if found.rotations.ndim > 1 else found.rotations)
-        if found.size < 2 or loaded.scan_unit != "um" or not (np.abs(self.positions) < FARTHEST_UM).all():
+            self.rotations = rotations_of(
+                found.rotations[:, 0] if found.rotations.ndim > 1 else found.rotations
+            )
+        if (
+            found.size < 2
+            or loaded.scan_unit != "um"
+            or not (np.abs(self.positions) < FARTHEST_UM).all()
+        ):
             raise InputError(
-                f"{place}has {found.size} indexed points in the unit {loaded.scan_unit!r}; a map in um is needed, within {FARTHEST_UM:g}"
+                f"{place}has {found.size} indexed points in the unit {loaded.scan_unit!r}; a "
+                f"map in um is needed, within {FARTHEST_UM:g}"
             )
         self.phase = found.phase_id
         self.place = place
-        #: Of each phase the name, its Laue class, which is all that diffraction sees, and the proper rotations of this.
+        #: Of each phase the name, its Laue class, which is all that diffraction sees, and the
+        #: proper rotations of this.
         self.names, self.groups, self.symmetry = {}, {}, {}
         for number in np.unique(self.phase).tolist():
-            self.names[number], group = loaded.phases[number].name, loaded.phases[number].point_group
+            self.names[number], group = (
+                loaded.phases[number].name,
+                loaded.phases[number].point_group,
+            )
             if group is None:
-                raise InputError(f"{place}does not say the point group of phase {number} ({self.names[number]})")
+                raise InputError(
+                    f"{place}does not say the point group of phase {number} ({self.names[number]})"
+                )
             self.groups[number], turn = group.laue, from_standard(group.laue)
             self.symmetry[number] = turn.inv() * rotations_of(group.laue.proper_subgroup) * turn
-            to_standard = turn_of_axes(place, group.laue, loaded.phases[number].structure.lattice, axes, axes_of_file(path))
+            to_standard = turn_of_axes(
+                place, group.laue, loaded.phases[number].structure.lattice, axes, axes_of_file(path)
+            )
             own = np.flatnonzero(self.phase == number)
             self.rotations[own] = to_standard * self.rotations[own]
         self.tree = cKDTree(self.positions)
         #: Distance of neighbours, um.
         self.step = float(np.median(self.tree.query(self.positions, k=2)[0][:, 1]))
         if not self.step > 0:
-            raise InputError(f"{place}has most of its points twice at the same place; a map has each once")
+            raise InputError(
+                f"{place}has most of its points twice at the same place; a map has each once"
+            )
         self.grain = self._grains(self.tree.query_pairs(1.2 * self.step, output_type="ndarray"))
         #: Whether a point is of a grain that is more than noise.
         self.counts = np.bincount(self.grain)[self.grain] >= LEAST_PIXELS
 
     def _grains(self, pairs: np.ndarray) -> np.ndarray:
-        """The number of each point's grain: neighbours of one phase whose misorientation is small are connected."""
+        """The number of each point's grain: neighbours of one phase whose misorientation is small
+        are connected.
+        """
         first, second = pairs.T
         between = (self.rotations[second] * self.rotations[first].inv()).as_quat()
         alike = np.zeros(len(pairs), dtype=bool)
         for phase, group in self.symmetry.items():
             own = (self.phase[first] == phase) & (self.phase[second] == phase)
             # One operation after the other: a map may have millions of points.
-            cosine = reduce(np.maximum, (np.abs(between[own] @ operation) for operation in group.as_quat()))
+            cosine = reduce(
+                np.maximum, (np.abs(between[own] @ operation) for operation in group.as_quat())
+            )
             alike[own] = cosine > np.cos(np.radians(BOUNDARY_DEG) / 2)
         n = len(self.positions)
-        return connected_components(coo_array((alike[alike], (first[alike], second[alike])), shape=(n, n)), directed=False)[1]
+        return connected_components(
+            coo_array((alike[alike], (first[alike], second[alike])), shape=(n, n)), directed=False
+        )[1]
 
     def compare_phase(self, phases: np.ndarray, symmetry: str | None) -> list[str]:
-        """The warning, if there is one, on the phase at the indents, (n,), whose crystals are stated to have a `symmetry`; refused if there are several or
-        if orientations that are equivalent in the phase are not so by the symmetry, with its axes."""
+        """The warning, if there is one, on the phase at the indents, (n,), whose crystals are
+        stated to have a `symmetry`; refused if there are several or if orientations that are
+        equivalent in the phase are not so by the symmetry, with its axes.
+        """
         number = int(phases[0])
         name = self.names[number]
         if len(others := np.flatnonzero(phases != number)):
-            rows = ", ".join(str(row + 1) for row in others[:10]) + (", .." if len(others) > 10 else "")
+            rows = ", ".join(str(row + 1) for row in others[:10]) + (
+                ", .." if len(others) > 10 else ""
+            )
             raise InputError(
-                f"{self.place}the indent of row 1 is on the phase {name}, those of rows {rows} are on "
-                f"{self.names[int(phases[others[0]])]}; leave one of them out: the constants are those of one phase"
+                f"{self.place}the indent of row 1 is on the phase {name}, those of rows {rows} "
+                "are on "
+                f"{self.names[int(phases[others[0]])]}; leave one of them out: the constants "
+                "are those of one phase"
             )
         if not symmetry:
             return []
         laue = self.groups[number].name
         own = class_name(laue)
-        images = (self.symmetry[number] * Rotation.from_quat([0.4, 0.5, np.sqrt(0.5), 0.3])).apply(NORMAL)
+        images = (self.symmetry[number] * Rotation.from_quat([0.4, 0.5, np.sqrt(0.5), 0.3])).apply(
+            NORMAL
+        )
         differs = f"{self.place}the phase {name} is {own} ({laue}), &problem symmetry is {symmetry}"
         if np.ptp(representative(symmetry, images), axis=0).max() > 1e-6:
             raise InputError(
-                f"{differs}: orientations that are equivalent in the map are not so in this symmetry and its axes; state the symmetry of the phase, or the orientations in columns"
+                f"{differs}: orientations that are equivalent in the map are not so in this "
+                "symmetry and its axes; state the symmetry of the phase, or the orientations "
+                "in columns"
             )
-        return [] if own == symmetry else [f"{differs}, which takes the crystal for more symmetric than the map does"]
+        return (
+            []
+            if own == symmetry
+            else [f"{differs}, which takes the crystal for more symmetric than the map does"]
+        )
 
     def misread(self, positions: np.ndarray) -> np.ndarray:
-        """The indented directions (7, n, 3) in crystal axes at positions (n, 2) whose axes are mistaken."""
+        """The indented directions (7, n, 3) in crystal axes at positions (n, 2) whose axes are
+        mistaken.
+        """
         # In the ways of fortran/inference/orientation_check.f90. Beside the map its edge is taken.
         low, size = self.positions.min(axis=0), np.ptp(self.positions, axis=0)
 
@@ -208,10 +290,14 @@ class Grid:
             exchanged = (positions - low)[:, :: -1 if way & 4 else 1]
             return low + np.where([way & 1, way & 2], size - exchanged, exchanged)
 
-        return np.stack([self.rotations[self.tree.query(places(way))[1]].apply(NORMAL) for way in range(1, 8)])
+        return np.stack(
+            [self.rotations[self.tree.query(places(way))[1]].apply(NORMAL) for way in range(1, 8)]
+        )
 
     def colours(self) -> np.ndarray:
-        """The crystal direction along the indenter of each point in the colours of the inverse pole figure, RGB (n, 3)."""
+        """The crystal direction along the indenter of each point in the colours of the inverse pole
+        figure, RGB (n, 3).
+        """
         # Of an optional package, like the reader of the map.
         from orix.plot import IPFColorKeyTSL
         from orix.quaternion import Orientation
@@ -220,11 +306,15 @@ class Grid:
         for number, group in self.groups.items():
             own = self.phase == number
             turned = (from_standard(group) * self.rotations[own]).as_quat(scalar_first=True)
-            found[own] = IPFColorKeyTSL(group).orientation2color(Orientation(turned, symmetry=group))
+            found[own] = IPFColorKeyTSL(group).orientation2color(
+                Orientation(turned, symmetry=group)
+            )
         return found
 
     def mean_orientation(self, grain: int) -> tuple[list[float], float]:
-        """Bunge's angles of the mean orientation, degrees, and the sd of the tilt of the indented direction per component, degrees."""
+        """Bunge's angles of the mean orientation, degrees, and the sd of the tilt of the indented
+        direction per component, degrees.
+        """
         inside = np.flatnonzero(self.grain == grain)
         group, rotations = self.symmetry[int(self.phase[inside[0]])], self.rotations[inside]
         # Of the equivalents of each the one that is nearest to the first.
@@ -239,11 +329,15 @@ class Grid:
         return np.degrees(euler).tolist(), float(np.degrees(np.sqrt(np.mean(tilt**2) / 2)))
 
     def distance_to_boundary(self, position: np.ndarray, grain: int) -> float:
-        """From a position to the nearest point of another grain, less half a step, um; to the farthest edge of the map where there is none."""
+        """From a position to the nearest point of another grain, less half a step, um; to the
+        farthest edge of the map where there is none.
+        """
         others = self.positions[(self.grain != grain) & self.counts]
         if not len(others):
             return float(np.linalg.norm(self.positions - position, axis=1).max())
-        return float(max(np.linalg.norm(others - position, axis=1).min() - self.step / 2, self.step / 2))
+        return float(
+            max(np.linalg.norm(others - position, axis=1).min() - self.step / 2, self.step / 2)
+        )
 
 
 def rotations_of(rotations: Any) -> Rotation:

@@ -12,14 +12,17 @@ from ..core import InputError
 
 
 def reader_of(place: str, path: Path, kind: str, module: str, otherwise: str = "") -> ModuleType:
-    """The `module` of another package that reads a file of this `kind`. `place` begins a refusal; `otherwise`: what to do other than install it."""
+    """The `module` of another package that reads a file of this `kind`. `place` begins a refusal;
+    `otherwise`: what to do other than install it.
+    """
     package = module.partition(".")[0]
     try:
         import_module(package)
         found = import_module(module)
     except ImportError:
         raise InputError(
-            f"{place}reading {kind} needs {package}, which is not installed: {sys.executable} -m pip install {package}{otherwise}"
+            f"{place}reading {kind} needs {package}, which is not installed: {sys.executable} "
+            f"-m pip install {package}{otherwise}"
         ) from None
     if not path.is_file():
         raise InputError(f"{place}the file does not exist")
@@ -28,7 +31,9 @@ def reader_of(place: str, path: Path, kind: str, module: str, otherwise: str = "
 
 @contextmanager
 def reading(place: str, words: str) -> Iterator[None]:
-    """What a damaged file makes its reader raise is a refusal of `place` and `words`; the reader's own warnings and words are left out."""
+    """What a damaged file makes its reader raise is a refusal of `place` and `words`; the reader's
+    own warnings and words are left out.
+    """
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -54,10 +59,20 @@ def decoded(content: bytes) -> tuple[str, str]:
 def refuse_formulas(place: str, openpyxl: ModuleType, path: Path, sheet: str, values: list) -> None:
     """Refuse formulas whose values were never computed."""
     with closing(openpyxl.load_workbook(path, read_only=True)) as book:
-        cells = (pair for rows in zip(book[sheet].iter_rows(), values) for pair in zip(*rows) if pair[1] is None)
-        found = [cell.coordinate for cell, _ in cells if isinstance(cell.value, str) and cell.value.startswith("=")]
+        cells = (
+            pair
+            for rows in zip(book[sheet].iter_rows(), values)
+            for pair in zip(*rows)
+            if pair[1] is None
+        )
+        found = [
+            cell.coordinate
+            for cell, _ in cells
+            if isinstance(cell.value, str) and cell.value.startswith("=")
+        ]
     if found:
         raise InputError(
-            f"{place}the sheet {sheet} has formulas without a stored value ({', '.join(found[:10])}{', ..' if len(found) > 10 else ''}): "
+            f"{place}the sheet {sheet} has formulas without a stored value "
+            f"({', '.join(found[:10])}{', ..' if len(found) > 10 else ''}): "
             "open it in a spreadsheet program and save it, or write the values"
         )

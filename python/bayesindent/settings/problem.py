@@ -1,4 +1,6 @@
-"""Settings: of a namelist file or of keywords, read, checked and resolved by the Fortran core, as plain Python values."""
+"""Settings: of a namelist file or of keywords, read, checked and resolved by the Fortran core, as
+plain Python values.
+"""
 
 import os
 import re
@@ -24,7 +26,9 @@ CONVERSIONS: dict[str, Callable] = {"logical": ".true.".__eq__, "integer": int, 
 
 @dataclass(frozen=True)
 class Variable:
-    """One row of the schema: what may stand in a namelist. `shape`: 'one' value, one for each of the 'constants', or a 'list'."""
+    """One row of the schema: what may stand in a namelist. `shape`: 'one' value, one for each of
+    the 'constants', or a 'list'.
+    """
 
     group: str
     group_meaning: str
@@ -39,7 +43,13 @@ class Variable:
     def value_of(self, texts: list[str]) -> Any:
         """The value that these texts of a namelist stand for."""
         values = [CONVERSIONS.get(self.kind, str)(text) for text in texts]
-        return values[0] if self.shape == "one" else np.array(values) if self.kind == "real" else values
+        return (
+            values[0]
+            if self.shape == "one"
+            else np.array(values)
+            if self.kind == "real"
+            else values
+        )
 
 
 @dataclass(frozen=True)
@@ -52,12 +62,14 @@ class Stage:
 
 
 class Points:
-    """A table of n points of a problem: crystals with orientations, measurements, or candidates. The core has it; what is asked for is copied.
+    """A table of n points of a problem: crystals with orientations, measurements, or candidates.
+    The core has it; what is asked for is copied.
 
-    Of crystals `constants` is a list of n dicts (GPa), and `stiffness` (n, 6, 6) in GPa
-    (crystal frame); `euler_deg` (n, 3), `modulus_gpa` and `sd_gpa` (n,) or None where the table has none (NaN in
-    empty cells). `columns` and `rows` are the cells as written; of measurements there are more rows than points where several tests of one
-    grain are combined. `modulus_kind`: of measurements, which modulus was measured. `names`: of grains, or None.
+    Of crystals `constants` is a list of n dicts (GPa), and `stiffness` (n, 6, 6) in GPa (crystal
+    frame); `euler_deg` (n, 3), `modulus_gpa` and `sd_gpa` (n,) or None where the table has none
+    (NaN in empty cells). `columns` and `rows` are the cells as written; of measurements there are
+    more rows than points where several tests of one grain are combined. `modulus_kind`: of
+    measurements, which modulus was measured. `names`: of grains, or None.
     """
 
     def __init__(self, problem: "Problem", table: str, facts: dict):
@@ -79,7 +91,9 @@ class Points:
     def constants(self) -> list[dict]:
         """Constants of each row by name, GPa."""
         names = [constant_names(symmetry) for symmetry in self._classes]
-        rows = zip(self._numbers["class"].tolist(), self._numbers["constants"].tolist(), strict=True)
+        rows = zip(
+            self._numbers["class"].tolist(), self._numbers["constants"].tolist(), strict=True
+        )
         return [dict(zip(names[number - 1], values, strict=False)) for number, values in rows]
 
     # Others see the class.
@@ -90,22 +104,33 @@ class Points:
     sd_gpa = property(lambda self: self._given("sd_gpa"))
     _cells = cached_property(lambda self: self._columns("cells"))
     columns = property(lambda self: self._cells["cells"][: self._cells["cells.columns"]])
-    rows = property(lambda self: list(batched(self._cells["cells"], self._cells["cells.columns"]))[1:])
+    rows = property(
+        lambda self: list(batched(self._cells["cells"], self._cells["cells.columns"]))[1:]
+    )
 
     def write(self, path: str | os.PathLike, columns: Mapping[str, np.ndarray]) -> None:
-        """Write the crystals as the table that they came from, with columns of n numbers added or, where it has them, replaced."""
-        self.problem._call("write_crystals", path=path, names=",".join(columns), values=np.stack(list(columns.values())))
+        """Write the crystals as the table that they came from, with columns of n numbers added or,
+        where it has them, replaced.
+        """
+        self.problem._call(
+            "write_crystals",
+            path=path,
+            names=",".join(columns),
+            values=np.stack(list(columns.values())),
+        )
 
 
 class Problem(NativeObject):
-    """The resolved namelist file `path` for `command`: 'run', or a stage ('simulate', 'theory', 'build', 'extract', 'next').
+    """The resolved namelist file `path` for `command`: 'run', or a stage ('simulate', 'theory',
+    'build', 'extract', 'next').
 
     `changes`: a namelist whose variables take the place of the file's.
 
-    `settings.design.budget` is a value as the command will use it, whether the file says it or not: None if it has none, an array
-    if there is one for each constant. `settings.design.given`: whether the file has the group. `crystals`, `measurements`,
-    `candidates` (of &design) and `grains` (of &next) are the tables (`Points`) that it names, or None. Raises `InputError` with one line that names file, group and
-    variable.
+    `settings.design.budget` is a value as the command will use it, whether the file says it or not:
+    None if it has none, an array if there is one for each constant. `settings.design.given`:
+    whether the file has the group. `crystals`, `measurements`, `candidates` (of &design) and
+    `grains` (of &next) are the tables (`Points`) that it names, or None. Raises `InputError` with
+    one line that names file, group and variable.
     """
 
     kind = "problem"
@@ -115,22 +140,39 @@ class Problem(NativeObject):
         self._fill(call("file.problem", path=path, command=command, changes=changes), Path(path))
 
     @classmethod
-    def from_keywords(cls, origin: str, tables: Mapping[str, Mapping] | None = None, **groups: Mapping | None) -> "Problem":
-        """The problem of variables by group, `specimen={"geometry": "block"}`, that the function `origin` was called with.
+    def from_keywords(
+        cls, origin: str, tables: Mapping[str, Mapping] | None = None, **groups: Mapping | None
+    ) -> "Problem":
+        """The problem of variables by group, `specimen={"geometry": "block"}`, that the function
+        `origin` was called with.
 
-        The messages are those of a file with these values. What is None is left out. `tables`: columns of equal length by name, as files of
-        'measurements', of 'velocities', and of 'stiffness' in `&knowledge` have them.
+        The messages are those of a file with these values. What is None is left out. `tables`:
+        columns of equal length by name, as files of 'measurements', of 'velocities', and of
+        'stiffness' in `&knowledge` have them.
         """
         text = ""
         for group, values in groups.items():
             stated = {name: value for name, value in (values or {}).items() if value is not None}
-            lines = [f"{name} = {spelled(value, f'{origin}: &{group} {name}')}\n" for name, value in stated.items()]
+            lines = [
+                f"{name} = {spelled(value, f'{origin}: &{group} {name}')}\n"
+                for name, value in stated.items()
+            ]
             text += "" if values is None else f"&{group}\n{''.join(lines)}/\n"
-        return cls.parse(origin, text, tables, (partial(cls.from_keywords, origin, tables, **groups), ()))
+        return cls.parse(
+            origin, text, tables, (partial(cls.from_keywords, origin, tables, **groups), ())
+        )
 
     @classmethod
-    def parse(cls, origin: str, text: str, tables: Mapping[str, Mapping] | None = None, made_of: tuple = ()) -> "Problem":
-        """The problem of a namelist's text; messages begin with the origin. `made_of`: how a copy is made, nothing where it is not."""
+    def parse(
+        cls,
+        origin: str,
+        text: str,
+        tables: Mapping[str, Mapping] | None = None,
+        made_of: tuple = (),
+    ) -> "Problem":
+        """The problem of a namelist's text; messages begin with the origin. `made_of`: how a copy
+        is made, nothing where it is not.
+        """
         self = cls.__new__(cls)
         self._made_of = made_of
         self._fill(call("settings.problem", path=origin, content=text), Path(origin), tables)
@@ -145,15 +187,24 @@ class Problem(NativeObject):
             # Neither this nor what follows is above: they take time to import.
             from .instruments import curves_of_files
 
-            self._set_table("curves", curves_of_files(f"{path}: &curves files: ", path.parent, names, facts["curves.drift_removed"]))
+            self._set_table(
+                "curves",
+                curves_of_files(
+                    f"{path}: &curves files: ", path.parent, names, facts["curves.drift_removed"]
+                ),
+            )
         #: The file of measurements as it was understood, or None.
         self.table: LaboratoryTable | None = None
         if "table_file" in facts:
             from .laboratory_tables import laboratory_table
 
             place = f"{path}: &measurements file: {facts['measurements.file']}: "
-            stated = [words.partition("=")[2].strip() for words in facts.get("measurements.columns") or []]
-            self.table = laboratory_table(place, Path(facts["table_file"]), facts["measurements.sheet"], stated)
+            stated = [
+                words.partition("=")[2].strip() for words in facts.get("measurements.columns") or []
+            ]
+            self.table = laboratory_table(
+                place, Path(facts["table_file"]), facts["measurements.sheet"], stated
+            )
             for note in self.table.notes if self.table else ():
                 self._set_table("warning", place + note)
             self._set_table("measurements", self.table.page() if self.table else "")
@@ -164,11 +215,15 @@ class Problem(NativeObject):
             from .orientation_maps import indented_map
 
             place = f"{path}: &measurements ebsd: {facts['measurements.ebsd']}: "
-            of_points = f"{path}: &measurements ebsd_points: {facts.get('measurements.ebsd_points')}: "
+            of_points = (
+                f"{path}: &measurements ebsd_points: {facts.get('measurements.ebsd_points')}: "
+            )
             points = (of_points, Path(facts["map_points"])) if "map_points" in facts else None
             stage = np.transpose(facts["indents_um"])
             given = (facts.get(name) for name in ("problem.symmetry", "measurements.crystal_axes"))
-            self.map = indented_map(place, Path(facts["map"]), points, stage, facts["indents_columns"], *given)
+            self.map = indented_map(
+                place, Path(facts["map"]), points, stage, facts["indents_columns"], *given
+            )
             if len(self.map.rows) < len(stage):
                 self._call("retain_indents", rows=np.array(self.map.rows) + 1.0)
             self._set_table("ebsd", self.map.page)
@@ -177,29 +232,50 @@ class Problem(NativeObject):
                 self._set_table("warning", line)
             facts = self._facts()
         self.path, self.folder = path, path.parent
-        self.resolved, self.warnings, self.stages = facts["resolved"], facts["warnings"], facts["stages"].split()
+        self.resolved, self.warnings, self.stages = (
+            facts["resolved"],
+            facts["warnings"],
+            facts["stages"].split(),
+        )
         self.settings = _settings(facts)
-        self._tables = {table: facts for table in ("crystals", "measurements", "candidates", "grains") if f"{table}.n" in facts}
+        self._tables = {
+            table: facts
+            for table in ("crystals", "measurements", "candidates", "grains")
+            if f"{table}.n" in facts
+        }
         self._frozen = True
 
     def _facts(self) -> dict:
         return typed(self._call("describe"))
 
     def _set_table(self, name: str, table: str | Mapping) -> None:
-        page = table if isinstance(table, str) else as_csv(list(table), zip(*table.values(), strict=True))
+        page = (
+            table
+            if isinstance(table, str)
+            else as_csv(list(table), zip(*table.values(), strict=True))
+        )
         self._call("set_table", table=name, page=page)
 
     def _points(self, table: str) -> Any:
         return Points(self, table, self._tables[table]) if table in self._tables else None
 
-    crystals = property(partial(_points, table="crystals"), doc="The crystals of `&crystals`, or None.")
-    measurements = property(partial(_points, table="measurements"), doc="The measurements, or None.")
-    candidates = property(partial(_points, table="candidates"), doc="The candidates of `&design`, or None.")
+    crystals = property(
+        partial(_points, table="crystals"), doc="The crystals of `&crystals`, or None."
+    )
+    measurements = property(
+        partial(_points, table="measurements"), doc="The measurements, or None."
+    )
+    candidates = property(
+        partial(_points, table="candidates"), doc="The candidates of `&design`, or None."
+    )
     grains = property(partial(_points, table="grains"), doc="The grains of `&next`, or None.")
 
     def __repr__(self) -> str:
         asked = f"asks for {', '.join(self.stages)}" if self.stages else "asks for nothing"
-        return f"<Problem {self.path}: {self.settings.problem.symmetry or 'crystals of every class'}; {asked}>"
+        return (
+            f"<Problem {self.path}: "
+            f"{self.settings.problem.symmetry or 'crystals of every class'}; {asked}>"
+        )
 
     def _repr_html_(self) -> str:
         return html_details(self, self.resolved)
@@ -244,8 +320,16 @@ def schema() -> tuple[Variable, ...]:
     found = []
     for section in call("settings.list")["page"].split("## `&")[1:]:
         heading, _, meaning, *lines = section.splitlines()
-        for name, words, *more in (line[3:-2].split(" | ") for line in lines if line.startswith("| `")):
-            shape = "constants" if words.endswith(" constant") else "list" if words.startswith("list") else "one"
+        for name, words, *more in (
+            line[3:-2].split(" | ") for line in lines if line.startswith("| `")
+        ):
+            shape = (
+                "constants"
+                if words.endswith(" constant")
+                else "list"
+                if words.startswith("list")
+                else "one"
+            )
             kind = re.sub("list of | for each constant|s$", "", words)
             found.append(Variable(heading.strip("`"), meaning, name.strip("`"), kind, shape, *more))
     return tuple(found)
@@ -259,15 +343,30 @@ def stages() -> tuple[Stage, ...]:
 
 
 def typed(found: dict) -> dict:
-    """Named values of the core, with those of settings, which are texts there, in their own types."""
+    """Named values of the core, with those of settings, which are texts there, in their own
+    types.
+    """
     names = {f"{variable.group}.{variable.name}": variable for variable in schema()}
-    return {name: names[name].value_of(value) if name in names else value for name, value in found.items()}
+    return {
+        name: names[name].value_of(value) if name in names else value
+        for name, value in found.items()
+    }
 
 
 def grouped(values: Mapping, groups: Collection[str]) -> dict[str, dict]:
-    """Values of variables by name, of each of the groups those that are its variables; a name that several have is that of the first."""
-    group_of = {variable.name: variable.group for group in reversed([*groups]) for variable in schema() if variable.group == group}
-    return {group: {name: values[name] for name in values if group_of.get(name) == group} for group in groups}
+    """Values of variables by name, of each of the groups those that are its variables; a name that
+    several have is that of the first.
+    """
+    group_of = {
+        variable.name: variable.group
+        for group in reversed([*groups])
+        for variable in schema()
+        if variable.group == group
+    }
+    return {
+        group: {name: values[name] for name in values if group_of.get(name) == group}
+        for group in groups
+    }
 
 
 def batched(values: list, n: int) -> Iterator[list]:
@@ -280,7 +379,9 @@ _frozen_type = cache(partial(make_dataclass, frozen=True, eq=False))
 
 
 def _settings(values: dict) -> Any:
-    """The values of all groups, as frozen objects in a frozen object; lists become tuples, and arrays cannot be written to."""
+    """The values of all groups, as frozen objects in a frozen object; lists become tuples, and
+    arrays cannot be written to.
+    """
     groups: dict[str, dict] = {}
     for variable in schema():
         value = values.get(f"{variable.group}.{variable.name}")
@@ -288,5 +389,8 @@ def _settings(values: dict) -> Any:
             value.flags.writeable = False
         group = groups.setdefault(variable.group, {"given": values[f"{variable.group}.given"]})
         group[variable.name] = tuple(value) if isinstance(value, list) else value
-    whole = {name: _frozen_type(f"{name}_settings", tuple(group))(**group) for name, group in groups.items()}
+    whole = {
+        name: _frozen_type(f"{name}_settings", tuple(group))(**group)
+        for name, group in groups.items()
+    }
     return _frozen_type("settings", tuple(whole))(**whole)

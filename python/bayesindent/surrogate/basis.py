@@ -11,10 +11,12 @@ from ..settings.problem import Problem
 
 
 class Basis(NativeObject):
-    """Terms of a crystal and its orientation over a domain, as &domain and &surrogate of a problem say, or those of a surrogate; see docs/surrogate.md.
+    """Terms of a crystal and its orientation over a domain, as &domain and &surrogate of a problem
+    say, or those of a surrogate; see docs/surrogate.md.
 
-    `symmetry`: the class by whose constants crystals are given. `stiffness`: the range of the scale in GPa on which the terms depend, from 0 to
-    the largest number where they do not. Of each term of a correction `polynomial_degrees`.
+    `symmetry`: the class by whose constants crystals are given. `stiffness`: the range of the scale
+    in GPa on which the terms depend, from 0 to the largest number where they do not. Of each term
+    of a correction `polynomial_degrees`.
     """
 
     kind = "basis"
@@ -30,16 +32,29 @@ class Basis(NativeObject):
 
     def __init__(self, source: Problem | NativeObject):
         self._hold(source._call("basis")["handle"])
-        self.__dict__.update(dict.fromkeys(("c_min", "c_max", "poisson", "stiffness"), np.zeros(0)) | self._call("describe"))
+        self.__dict__.update(
+            dict.fromkeys(("c_min", "c_max", "poisson", "stiffness"), np.zeros(0))
+            | self._call("describe")
+        )
 
     @classmethod
-    def from_keywords(cls, symmetry: str | None = None, domain: dict | None = None, **surrogate: Any) -> "Basis":
-        """The basis of a symmetry with variables of &domain and &surrogate: `model`, `degree`, `bandlimit`, `truncation`."""
-        return cls(Problem.from_keywords("Basis", problem={"symmetry": symmetry}, domain=domain or {}, surrogate=surrogate))
+    def from_keywords(
+        cls, symmetry: str | None = None, domain: dict | None = None, **surrogate: Any
+    ) -> "Basis":
+        """The basis of a symmetry with variables of &domain and &surrogate: `model`, `degree`,
+        `bandlimit`, `truncation`.
+        """
+        return cls(
+            Problem.from_keywords(
+                "Basis", problem={"symmetry": symmetry}, domain=domain or {}, surrogate=surrogate
+            )
+        )
 
     def coverage(self, stiffness: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of crystals (n, 6, 6) in GPa: the largest of the coordinates, 1 at the end of its range; whether a surrogate is valid for it; and
-        the scale in GPa, the geometric mean of the eigenvalues of the Kelvin stiffness."""
+        """Of crystals (n, 6, 6) in GPa: the largest of the coordinates, 1 at the end of its range;
+        whether a surrogate is valid for it; and the scale in GPa, the geometric mean of the
+        eigenvalues of the Kelvin stiffness.
+        """
         distance, valid, scale = self._call("validity", stiffness=stiffness, threads=1)["values"]
         return distance, valid.astype(bool), scale
 

@@ -1,4 +1,5 @@
-"""The surrogate of Step 1: the posterior of the coefficients of a basis, and what it predicts; the core's under a handle.
+"""The surrogate of Step 1: the posterior of the coefficients of a basis, and what it predicts; the
+core's under a handle.
 
 Stiffnesses and moduli in GPa, angles Bunge-Euler (phi1, Phi, phi2) in degrees.
 """
@@ -26,16 +27,21 @@ SHIPPED = tuple(sorted(path.stem for path in DATA.glob("*.txt")))
 
 
 def places(output: str | os.PathLike, folder: str | os.PathLike) -> dict[str, str]:
-    """Folders of the results, the namelist and the package's data, and the names of the shipped surrogates, as the core takes them."""
+    """Folders of the results, the namelist and the package's data, and the names of the shipped
+    surrogates, as the core takes them.
+    """
     folders = {"output": output, "folder": folder, "data_folder": DATA}
-    return {name: f"{place}/" if str(place) else "" for name, place in folders.items()} | {"shipped": ", ".join(SHIPPED)}
+    return {name: f"{place}/" if str(place) else "" for name, place in folders.items()} | {
+        "shipped": ", ".join(SHIPPED)
+    }
 
 
 class Surrogate(NativeObject):
     """Indentation modulus of the crystals of a domain, with its uncertainty.
 
-    Made by `fit` or `load`, of a `handle` of the core. `coefficients` (n_terms,): the posterior mean; `alpha`, `beta`: the precisions of the
-    prior and of the noise, all in units of y; `fall`: the decay rate of the prior's sd from degree to degree; `provenance`: where it comes from
+    Made by `fit` or `load`, of a `handle` of the core. `coefficients` (n_terms,): the posterior
+    mean; `alpha`, `beta`: the precisions of the prior and of the noise, all in units of y; `fall`:
+    the decay rate of the prior's sd from degree to degree; `provenance`: where it comes from
     (title, physics, namelist, ..).
     """
 
@@ -55,44 +61,78 @@ class Surrogate(NativeObject):
         for values in facts.values():
             if isinstance(values, np.ndarray):
                 values.flags.writeable = False
-        self.__dict__.update({name: facts[name] for name in ("alpha", "beta", "fall", "coefficients")})
-        self.__dict__.update(basis=basis, symmetry=basis.symmetry, provenance=json.loads(facts["provenance"]), _facts=facts)
+        self.__dict__.update(
+            {name: facts[name] for name in ("alpha", "beta", "fall", "coefficients")}
+        )
+        self.__dict__.update(
+            basis=basis,
+            symmetry=basis.symmetry,
+            provenance=json.loads(facts["provenance"]),
+            _facts=facts,
+        )
 
     @classmethod
     @takes("surrogate", without=("file", "scan"))
     def fit(
-        cls, constants: ArrayLike, euler_deg: ArrayLike, modulus_gpa: ArrayLike, *, symmetry: str | None = None,
-        domain: dict | None = None, **settings: Any,
-    ) -> Surrogate:  # fmt: skip
-        """A surrogate from simulated moduli (n,) of crystals (n, k) in GPa at angles (n, 3) in degrees, by evidence maximisation.
+        cls,
+        constants: ArrayLike,
+        euler_deg: ArrayLike,
+        modulus_gpa: ArrayLike,
+        *,
+        symmetry: str | None = None,
+        domain: dict | None = None,
+        **settings: Any,
+    ) -> Surrogate:
+        """A surrogate from simulated moduli (n,) of crystals (n, k) in GPa at angles (n, 3) in
+        degrees, by evidence maximisation.
 
-        `symmetry`: the crystal class. `domain`: the variables of &domain. Without bounds in it the crystals are given by the constants of a
-        triclinic one.
+        `symmetry`: the crystal class. `domain`: the variables of &domain. Without bounds in it the
+        crystals are given by the constants of a triclinic one.
 
         Parameters
         ----------
         """
         basis = Basis.from_keywords(symmetry, domain, **settings)
-        return cls(basis._call("fit", modulus_gpa=modulus_gpa, **basis.rows(constants, euler_deg))["handle"])
+        return cls(
+            basis._call("fit", modulus_gpa=modulus_gpa, **basis.rows(constants, euler_deg))[
+                "handle"
+            ]
+        )
 
     def leave_out(self, groups: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Of each simulation of `data` its modulus (n,) in GPa as the others predict it, without those of its group (n,), any numbers, and the
-        error in units of its sd."""
+        """Of each simulation of `data` its modulus (n,) in GPa as the others predict it, without
+        those of its group (n,), any numbers, and the error in units of its sd.
+        """
         data, numbers = self.data, np.asarray(groups, dtype=float).ravel()
         rows = self.basis.rows(data["constants"], data["euler_deg"])
-        modulus, z = self.basis._call("leave_out", modulus_gpa=data["modulus_gpa"], groups=numbers, **rows)["values"]
+        modulus, z = self.basis._call(
+            "leave_out", modulus_gpa=data["modulus_gpa"], groups=numbers, **rows
+        )["values"]
         return modulus, z
 
     @classmethod
-    def load(cls, name: str | PathLike, *, symmetry: str = "", output: str | PathLike = "", folder: str | PathLike = "") -> Surrogate:
-        """The exact theory ('halfspace'), a surrogate that comes with the package ('block'), or the file `name` that `save` wrote.
+    def load(
+        cls,
+        name: str | PathLike,
+        *,
+        symmetry: str = "",
+        output: str | PathLike = "",
+        folder: str | PathLike = "",
+    ) -> Surrogate:
+        """The exact theory ('halfspace'), a surrogate that comes with the package ('block'), or the
+        file `name` that `save` wrote.
 
-        `symmetry`: the crystal class that it must be for. `output`, `folder`: where a relative name is looked for, in this order.
+        `symmetry`: the crystal class that it must be for. `output`, `folder`: where a relative name
+        is looked for, in this order.
         """
-        return cls(call("file.surrogate", name=name, symmetry=symmetry, **places(output, folder))["handle"])
+        return cls(
+            call("file.surrogate", name=name, symmetry=symmetry, **places(output, folder))["handle"]
+        )
 
     def save(self, path: str | PathLike) -> None:
-        """Write the surrogate, its provenance and its simulations as text; what is there and is no surrogate is not replaced."""
+        """Write the surrogate, its provenance and its simulations as text; what is there and is no
+        surrogate is not replaced.
+        """
         self._call("save", path=path)
 
     def __reduce__(self) -> tuple:
@@ -107,10 +147,15 @@ class Surrogate(NativeObject):
         simulations, terms = len(self._facts["simulated_modulus_gpa"]), self.basis.n_terms
         known = f"{simulations} simulations, {terms} terms" if terms else "the exact theory"
         title = self.provenance.get("title") or ""
-        return f"<Surrogate{f' {title!r}' if title else ''} of {self.symmetry if len(self.basis.c_min) else 'crystals of every class'}: {known}>"
+        return (
+            f"<Surrogate{f' {title!r}' if title else ''} of "
+            f"{self.symmetry if len(self.basis.c_min) else 'crystals of every class'}: {known}>"
+        )
 
     def _repr_html_(self) -> str:
-        return html_details(self, "\n".join(f"{name}: {value}" for name, value in self.provenance.items()))
+        return html_details(
+            self, "\n".join(f"{name}: {value}" for name, value in self.provenance.items())
+        )
 
     @property
     def covariance(self) -> np.ndarray:
@@ -123,34 +168,55 @@ class Surrogate(NativeObject):
 
     @property
     def data(self) -> dict[str, np.ndarray]:
-        """The simulations behind it: constants (n, k) and modulus_gpa (n,) in GPa, euler_deg (n, 3); empty if there are none."""
-        arrays = {name: self._facts[f"simulated_{name}"] for name in ("constants", "euler_deg", "modulus_gpa")}
+        """The simulations behind it: constants (n, k) and modulus_gpa (n,) in GPa, euler_deg (n,
+        3); empty if there are none.
+        """
+        arrays = {
+            name: self._facts[f"simulated_{name}"]
+            for name in ("constants", "euler_deg", "modulus_gpa")
+        }
         n = len(arrays["modulus_gpa"])
-        return {name: values if name == "modulus_gpa" else values.reshape(n, -1) for name, values in arrays.items()} if n else {}
+        return (
+            {
+                name: values if name == "modulus_gpa" else values.reshape(n, -1)
+                for name, values in arrays.items()
+            }
+            if n
+            else {}
+        )
 
-    def predict(self, stiffness: ArrayLike, euler_deg: ArrayLike, *, threads: int = 1) -> tuple[np.ndarray, np.ndarray]:
-        """Mean and sd (n,) in GPa of the simulated indentation modulus of crystals (n, 6, 6) in GPa at angles (n, 3) in degrees.
+    def predict(
+        self, stiffness: ArrayLike, euler_deg: ArrayLike, *, threads: int = 1
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and sd (n,) in GPa of the simulated indentation modulus of crystals (n, 6, 6) in GPa
+        at angles (n, 3) in degrees.
 
-        The sd is that of one simulation (noise included). Raises `InputError` for an unstable crystal; `outside`: which crystals are
-        outside the domain.
+        The sd is that of one simulation (noise included). Raises `InputError` for an unstable
+        crystal; `outside`: which crystals are outside the domain.
         """
         rows, shape = crystal_rows(stiffness, euler_deg)
         modulus, sd = self._call("predict", **rows, threads=threads)["values"]
         return modulus.reshape(shape), sd.reshape(shape)
 
     def predict_table(self, points: Points, threads: int) -> tuple[np.ndarray, np.ndarray, str]:
-        """The same of the crystals of a table, and what is to be said of those outside, if there are any."""
+        """The same of the crystals of a table, and what is to be said of those outside, if there
+        are any.
+        """
         crystals = {"problem": points.problem.handle, "threads": threads}
         _, covered, scale = self.basis._call("validity", **crystals)["values"]
         modulus, sd = self._call("predict", **crystals)["values"]
         return modulus, sd, self.outside_words(covered > 0, scale)
 
     def outside(self, stiffness: ArrayLike) -> np.ndarray:
-        """Whether each crystal (n, 6, 6) in GPa is outside: unstable, of another class, a coordinate out of range, or above the cap."""
+        """Whether each crystal (n, 6, 6) in GPa is outside: unstable, of another class, a
+        coordinate out of range, or above the cap.
+        """
         return ~self.basis.coverage(stiffness)[1]
 
     def outside_words(self, covered: np.ndarray, scale: np.ndarray) -> str:
-        """How many crystals are not `covered` (n,), which, and how many by their `scale` (n,) in GPa; empty if all are."""
+        """How many crystals are not `covered` (n,), which, and how many by their `scale` (n,) in
+        GPa; empty if all are.
+        """
         outside = np.flatnonzero(~covered)
         if not len(outside):
             return ""
@@ -159,7 +225,10 @@ class Surrogate(NativeObject):
         low, high = self.basis.stiffness
         beyond = np.count_nonzero((scale < low) | (scale > high))
         if beyond and high < np.finfo(float).max and not len(self.basis.c_min):
-            words += f"; {beyond} by the scale (geometric mean of the stiffness' eigenvalues), for which it is valid from {low:.3g} to {high:.3g} GPa"
+            words += (
+                f"; {beyond} by the scale (geometric mean of the stiffness' eigenvalues), for "
+                f"which it is valid from {low:.3g} to {high:.3g} GPa"
+            )
         return words
 
 

@@ -20,7 +20,9 @@ def compare(arguments: argparse.Namespace) -> dict:
 def show(document: dict) -> None:
     """The constants of all runs, and how well each model predicts the measurements."""
     runs = document["runs"]
-    differences = {(item["run"], item["constant"]): item["difference_sd"] for item in document["differences"]}
+    differences = {
+        (item["run"], item["constant"]): item["difference_sd"] for item in document["differences"]
+    }
     header, rows = ["constant", runs[0]["run"]], []
     for run in runs[1:]:
         header += [run["run"], "differs by (sd)"]
@@ -30,16 +32,31 @@ def show(document: dict) -> None:
             item = run["parameters"].get(name, {})
             rows[-1] += [with_sd(item.get("mean"), item.get("sd"), 1)]
             rows[-1] += [number(differences.get((run["run"], name)), 2)] * (run is not runs[0])
-    show_table("Elastic constants (GPa), and by how many sds of the difference they are from the first", header, rows)
+    show_table(
+        "Elastic constants (GPa), and by how many sds of the difference they are from the first",
+        header,
+        rows,
+    )
     if document["same_data"]:
-        print("The runs share their measurements, and with them the errors of these: differences come from the models and the priors.")
+        print(
+            "The runs share their measurements, and with them the errors of these: differences "
+            "come from the models and the priors."
+        )
     if models := document["models"]:
         columns = ("elpd_difference", "log_z", "log_z_difference")
-        rows = [[row["run"], number(row["elpd"], 2), *(with_sd(row[name], row[f"{name}_sd"], 2) for name in columns)] for row in models]
+        rows = [
+            [
+                row["run"],
+                number(row["elpd"], 2),
+                *(with_sd(row[name], row[f"{name}_sd"], 2) for name in columns),
+            ]
+            for row in models
+        ]
         header = ["run", "leave-one-out", "less the first's", "log evidence", "less the first's"]
         show_table("Which model predicts these measurements best: larger is better", header, rows)
         print(
-            "A difference of less than two of its sds says nothing. The evidence depends on the bounds of each prior; leave-one-out hardly."
+            "A difference of less than two of its sds says nothing. The evidence depends on the "
+            "bounds of each prior; leave-one-out hardly."
         )
 
 
@@ -48,12 +65,26 @@ def with_sd(value: float | None, sd: float | None, digits: int) -> str:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("runs", metavar="RUN", nargs="+", type=Path, help="output folders of extract or run, two or more")
-    parser.add_argument("--figures", choices=("png", "pdf", "svg"), default="png", help="kind of the figures (default: png)")
+    parser.add_argument(
+        "runs",
+        metavar="RUN",
+        nargs="+",
+        type=Path,
+        help="output folders of extract or run, two or more",
+    )
+    parser.add_argument(
+        "--figures",
+        choices=("png", "pdf", "svg"),
+        default="png",
+        help="kind of the figures (default: png)",
+    )
 
 
 def after(arguments: argparse.Namespace, document: dict) -> str:
-    return f"look at {' and '.join(document['figures'])}; bayesindent report RUN has every figure of one run"
+    return (
+        f"look at {' and '.join(document['figures'])}; bayesindent report RUN has every figure "
+        "of one run"
+    )
 
 
 COMMANDS = (Command("compare", action=compare, arguments=add_arguments, show=show, then=after),)

@@ -1,4 +1,6 @@
-"""`init`: a namelist and a table of measurements to begin with: every variable of Step 2 explained, and what handbooks know of a metal."""
+"""`init`: a namelist and a table of measurements to begin with: every variable of Step 2 explained,
+and what handbooks know of a metal.
+"""
 
 import argparse
 import textwrap
@@ -39,40 +41,77 @@ def template(symmetry: str | None, metal: str | None) -> dict[str, str]:
         raise InputError(f"init: --metal: {metal} is not known; known are {', '.join(metals())}")
     if symmetry is None:
         if known is None:
-            raise InputError("init: the crystal class is missing; state one, such as fcc, hcp or mmm, or a --metal")
+            raise InputError(
+                "init: the crystal class is missing; state one, such as fcc, hcp or mmm, or a "
+                "--metal"
+            )
         symmetry = known.structure
     if symmetry.capitalize() in metals():
-        raise InputError(f"init: {symmetry} is a metal, not a crystal class; bayesindent init --metal {symmetry.capitalize()}")
+        raise InputError(
+            f"init: {symmetry} is a metal, not a crystal class; bayesindent init --metal "
+            f"{symmetry.capitalize()}"
+        )
     word, stated = class_name(symmetry), symmetry.lower()
     others = {metal.structure for metal in metals().values()} - {known.structure if known else ""}
     if known and (word != known.symmetry or stated in others):
-        raise InputError(f"init: --metal: {known.name} is {known.structure} ({known.symmetry}), not {symmetry}")
+        raise InputError(
+            f"init: --metal: {known.name} is {known.structure} ({known.symmetry}), not {symmetry}"
+        )
     constants = ", ".join(constant_names(word))
     lines = [
-        f"! Elastic constants of a {word} crystal ({constants}) from indentation moduli of single grains.",
+        f"! Elastic constants of a {word} crystal ({constants}) from indentation moduli of "
+        "single grains.",
         f"! Fill in {TABLE}, look through this file, and run it: bayesindent run {NAMELIST}",
-        "! What starts with ! is a comment: take the ! away where you want another value than the default.",
+        "! What starts with ! is a comment: take the ! away where you want another value than "
+        "the default.",
     ]
-    # The variables that are set; the others of these groups stand in the file as comments with their defaults.
+    # The variables that are set; the others of these groups stand in the file as comments with
+    # their defaults.
     problem = {"symmetry": word, "title": known.name.capitalize() if known else ""}
-    stated_of = {"problem": problem, "surrogate": {"file": "halfspace"}, "measurements": {"file": TABLE}, "next": {"count": "3"}}
+    stated_of = {
+        "problem": problem,
+        "surrogate": {"file": "halfspace"},
+        "measurements": {"file": TABLE},
+        "next": {"count": "3"},
+    }
     for group in ("problem", "surrogate", "measurements", "prior", "knowledge", "sampler", "next"):
-        variables = [variable for variable in schema() if variable.group == group and variable.name not in FOR_BUILDING]
+        variables = [
+            variable
+            for variable in schema()
+            if variable.group == group and variable.name not in FOR_BUILDING
+        ]
         lines += ["", f"! {variables[0].group_meaning}"]
-        lines += [*([f"! The constants are in the order {constants}."] if group == "prior" else []), f"&{group}"]
+        lines += [
+            *([f"! The constants are in the order {constants}."] if group == "prior" else []),
+            f"&{group}",
+        ]
         if group == "knowledge" and known:
             lines += knowledge(known)
-            variables = [variable for variable in variables if variable.name not in ("quantity", "mean", "sd")]
+            variables = [
+                variable
+                for variable in variables
+                if variable.name not in ("quantity", "mean", "sd")
+            ]
         for variable in variables:
-            lines += KINDS if variable.name == "modulus_kind" else explained(variable, stated_of.get(group, {}).get(variable.name))
+            lines += (
+                KINDS
+                if variable.name == "modulus_kind"
+                else explained(variable, stated_of.get(group, {}).get(variable.name))
+            )
         lines += ["/"]
-    return {NAMELIST: "\n".join(lines) + "\n", TABLE: Path(__file__).with_name(TABLE).read_text(encoding="utf-8")}
+    return {
+        NAMELIST: "\n".join(lines) + "\n",
+        TABLE: Path(__file__).with_name(TABLE).read_text(encoding="utf-8"),
+    }
 
 
 def knowledge(metal: SimpleNamespace) -> list[str]:
     known = known_of(metal)
     stated = ", ".join(f"{name} {value:g}" for name, value in metal.constants.items())
-    said = f"Of pure {metal.name} at room temperature, by its constants {stated} GPa ({metal.source}). Of an alloy take its own, or a larger sd."
+    said = (
+        f"Of pure {metal.name} at room temperature, by its constants {stated} GPa "
+        f"({metal.source}). Of an alloy take its own, or a larger sd."
+    )
     units = "GPa" if "bulk_modulus" in known else "1/TPa"
     return [
         *(f"  ! {line}" for line in textwrap.wrap(said, 120)),
@@ -84,7 +123,11 @@ def knowledge(metal: SimpleNamespace) -> list[str]:
 
 def explained(variable: Variable, value: str | None) -> list[str]:
     """The line of a variable under its meaning: its value, or its default in a comment."""
-    allowed = f"; {variable.allowed}" if variable.allowed and variable.kind != "logical" and len(variable.allowed) < 120 else ""
+    allowed = (
+        f"; {variable.allowed}"
+        if variable.allowed and variable.kind != "logical" and len(variable.allowed) < 120
+        else ""
+    )
     unit = f", {variable.unit}" if variable.unit else ""
     meaning = textwrap.wrap(f"{variable.meaning}{unit}{allowed}", 120)
     stated = variable.default if value is None else value
@@ -92,7 +135,10 @@ def explained(variable: Variable, value: str | None) -> list[str]:
         stated = spelled(stated)
     elif stated in ("unset", "*", ""):
         stated = ".."
-    return [*(f"  ! {line}" for line in meaning), f"  {'! ' if value is None else ''}{variable.name} = {stated}"]
+    return [
+        *(f"  ! {line}" for line in meaning),
+        f"  {'! ' if value is None else ''}{variable.name} = {stated}",
+    ]
 
 
 def init(arguments: argparse.Namespace) -> dict:
@@ -101,7 +147,9 @@ def init(arguments: argparse.Namespace) -> dict:
     texts = template(arguments.symmetry, arguments.metal)
     there = [folder / name for name in texts if (folder / name).exists()]
     # One alone that is as it would be written is what a kill or a full disk left.
-    if len(there) == len(texts) or any(path.read_bytes() != texts[path.name].encode() for path in there):
+    if len(there) == len(texts) or any(
+        path.read_bytes() != texts[path.name].encode() for path in there
+    ):
         raise InputError(f"{there[0]}: is there already; choose another folder with --output")
     for name, text in texts.items():
         write_text(folder / name, text)
@@ -109,8 +157,14 @@ def init(arguments: argparse.Namespace) -> dict:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("symmetry", nargs="?", metavar="SYMMETRY", help="a crystal class, such as fcc, hcp or mmm")
-    parser.add_argument("--metal", metavar="SYMBOL", help=f"state what is known of a pure metal: {', '.join(metals())}")
+    parser.add_argument(
+        "symmetry", nargs="?", metavar="SYMMETRY", help="a crystal class, such as fcc, hcp or mmm"
+    )
+    parser.add_argument(
+        "--metal",
+        metavar="SYMBOL",
+        help=f"state what is known of a pure metal: {', '.join(metals())}",
+    )
 
 
 def show(document: dict) -> None:

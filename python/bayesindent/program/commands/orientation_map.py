@@ -16,7 +16,8 @@ def draw(arguments: argparse.Namespace) -> dict:
     problem = Problem(arguments.file, "extract")
     if problem.map is None:
         raise InputError(
-            f"{arguments.file}: &measurements ebsd: the variable is missing; it is the orientation map, beside columns x_um and y_um"
+            f"{arguments.file}: &measurements ebsd: the variable is missing; it is the "
+            "orientation map, beside columns x_um and y_um"
         )
     # Not above: importing matplotlib is slow, and every command would.
     from ...report.figures.maps import draw_map
@@ -30,14 +31,20 @@ def draw(arguments: argparse.Namespace) -> dict:
         with whole_file(output / "map.png") as file:
             figure.savefig(file, format="png")
     euler = problem.measurements.euler_deg.tolist()
-    rows = [{"map_x_um": x, "map_y_um": y, "grain": grain} for (x, y), grain in zip(problem.map.positions.tolist(), problem.map.grains)]
+    rows = [
+        {"map_x_um": x, "map_y_um": y, "grain": grain}
+        for (x, y), grain in zip(problem.map.positions.tolist(), problem.map.grains)
+    ]
     if len(euler) == len(rows):
         rows = [row | {"euler_deg": angles} for row, angles in zip(rows, euler)]
     return {"file": str(output / "map.png"), "results": rows, "warnings": problem.warnings}
 
 
 def show(document: dict) -> None:
-    print(f"Map: {document['file']}, {len(document['results'])} indents in {len({row['grain'] for row in document['results']})} grains")
+    print(
+        f"Map: {document['file']}, {len(document['results'])} indents in "
+        f"{len({row['grain'] for row in document['results']})} grains"
+    )
 
 
 def after(arguments: argparse.Namespace, document: dict) -> str:
@@ -45,7 +52,9 @@ def after(arguments: argparse.Namespace, document: dict) -> str:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", metavar="FILE.nml", type=Path, help="with &measurements file and ebsd")
+    parser.add_argument(
+        "file", metavar="FILE.nml", type=Path, help="with &measurements file and ebsd"
+    )
 
 
 COMMANDS = (Command("map", action=draw, arguments=add_arguments, show=show, then=after),)

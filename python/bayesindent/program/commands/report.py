@@ -13,7 +13,8 @@ __all__ = ["COMMANDS", "make"]
 def make(folder: Path, output: Path, kind_of_files: str = "", paper: bool = False) -> dict:
     """The report of what a folder holds."""
     call("file.check_memory", bytes=2.5e8, what="the report")
-    # Figures have many parts and leave little garbage: looking for it takes a fifth of the time, now and when the process ends.
+    # Figures have many parts and leave little garbage: looking for it takes a fifth of the time,
+    # now and when the process ends.
     gc.disable()
     # Not above: importing matplotlib is slow, and every command would.
     from ...report.report import write_report
@@ -23,20 +24,35 @@ def make(folder: Path, output: Path, kind_of_files: str = "", paper: bool = Fals
     finally:
         gc.freeze()
         gc.enable()
-    return {"file": str(page), "warnings": results.edited} | ({"paper": str(folder / "paper")} if paper else {})
+    return {"file": str(page), "warnings": results.edited} | (
+        {"paper": str(folder / "paper")} if paper else {}
+    )
 
 
 def report(arguments: argparse.Namespace) -> dict:
     """The report of a folder that no other process is writing to."""
     arguments.output = arguments.output or arguments.folder
-    output = output_folder(arguments, arguments.folder, PATIENCE_S if arguments.folder.is_dir() else None)
+    output = output_folder(
+        arguments, arguments.folder, PATIENCE_S if arguments.folder.is_dir() else None
+    )
     return make(arguments.folder, output, arguments.figures, arguments.paper)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folder", metavar="DIR", type=Path, help="the output folder of other commands")
-    parser.add_argument("--figures", choices=("png", "pdf", "svg"), default="", help="every figure as a file in DIR/figures, too")
-    parser.add_argument("--paper", action="store_true", help="texts, tables, figures and stiffness cards for a paper in DIR/paper, too")
+    parser.add_argument(
+        "folder", metavar="DIR", type=Path, help="the output folder of other commands"
+    )
+    parser.add_argument(
+        "--figures",
+        choices=("png", "pdf", "svg"),
+        default="",
+        help="every figure as a file in DIR/figures, too",
+    )
+    parser.add_argument(
+        "--paper",
+        action="store_true",
+        help="texts, tables, figures and stiffness cards for a paper in DIR/paper, too",
+    )
 
 
 def show(document: dict) -> None:
@@ -46,7 +62,9 @@ def show(document: dict) -> None:
 
 
 def after(arguments: argparse.Namespace, document: dict) -> str:
-    return f"open {document['file']} in a browser" + ("" if arguments.paper else "; --paper writes what a paper takes")
+    return f"open {document['file']} in a browser" + (
+        "" if arguments.paper else "; --paper writes what a paper takes"
+    )
 
 
 COMMANDS = (Command("report", action=report, arguments=add_arguments, show=show, then=after),)

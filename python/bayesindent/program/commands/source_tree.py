@@ -23,7 +23,9 @@ def run(arguments: argparse.Namespace) -> NoReturn:
     """
     tests = Path(os.environ.get("BAYESINDENT_SOURCE", ".")).resolve() / "tests"
     if not (tests / "tools").is_dir():
-        raise BayesindentError(f"{tests.parent} is no source tree of bayesindent; use ./bayesindent in one")
+        raise BayesindentError(
+            f"{tests.parent} is no source tree of bayesindent; use ./bayesindent in one"
+        )
     paths = filter(None, [str(tests), os.environ.get("PYTHONPATH")])
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
     command = [sys.executable, "-m", f"tools.{arguments.command.name}", *arguments.arguments]

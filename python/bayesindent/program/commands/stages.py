@@ -1,4 +1,6 @@
-"""The stages: what a command adds to the core's stage of its name, and how its document is shown; and `run`, all that a namelist asks for."""
+"""The stages: what a command adds to the core's stage of its name, and how its document is shown;
+and `run`, all that a namelist asks for.
+"""
 
 import argparse
 import sys
@@ -24,48 +26,92 @@ __all__ = ["COMMANDS"]
 def show_moduli(document: dict) -> None:
     """Moduli of crystals, simulated or of the theory."""
     simulated = any(row.get("elements") for row in document["results"])
-    header = ["constants (GPa)", "phi1", "Phi", "phi2", "M (GPa)", *["elements", "seconds"] * simulated]
+    header = [
+        "constants (GPa)",
+        "phi1",
+        "Phi",
+        "phi2",
+        "M (GPa)",
+        *["elements", "seconds"] * simulated,
+    ]
     if waves := any("rayleigh_velocity_m_s" in row for row in document["results"]):
         header += ["along", "Rayleigh (m/s)"]
     rows = []
     for row in document["results"]:
         modulus = row["indentation_modulus_gpa"]
         constants = ", ".join(f"{name} {value:g}" for name, value in row["constants"].items())
-        cells = [constants, *(f"{angle:g}" for angle in row["euler_deg"]), "failed" if modulus is None else f"{modulus:.3f}"]
+        cells = [
+            constants,
+            *(f"{angle:g}" for angle in row["euler_deg"]),
+            "failed" if modulus is None else f"{modulus:.3f}",
+        ]
         if simulated:
-            cells += [str(row["elements"]), f"{row['seconds']:.2f}"] if row["elements"] else ["–", "–"]
+            cells += (
+                [str(row["elements"]), f"{row['seconds']:.2f}"] if row["elements"] else ["–", "–"]
+            )
         if waves:
-            cells += [f"{row['propagation_deg']:g}", f"{row['rayleigh_velocity_m_s']:.1f}" + " weak" * (not row["rayleigh_detected"])]
+            cells += [
+                f"{row['propagation_deg']:g}",
+                f"{row['rayleigh_velocity_m_s']:.1f}" + " weak" * (not row["rayleigh_detected"]),
+            ]
         rows.append(cells)
     show_table("Finite elements" if simulated else "Half-space theory", header, rows)
 
 
 def show_plan(document: dict) -> None:
     """The expected sds."""
-    rows = [[f"{row['grains']:g}", f"{100 * row['noise']:g} %", *(f"{sd:.3g}" for sd in row["sd"].values())] for row in document["results"]]
-    show_table("Expected sds of the constants (GPa)", ["grains", "noise", *document["constants"]], rows)
+    rows = [
+        [
+            f"{row['grains']:g}",
+            f"{100 * row['noise']:g} %",
+            *(f"{sd:.3g}" for sd in row["sd"].values()),
+        ]
+        for row in document["results"]
+    ]
+    show_table(
+        "Expected sds of the constants (GPa)", ["grains", "noise", *document["constants"]], rows
+    )
 
 
 def show_curves(document: dict) -> None:
     """The tip, and the moduli of the grains."""
     radius, compliance = document["tip"]["radius_um"], document["frame"]["compliance_nm_mn"]
-    print(f"Tip: radius {' ± '.join(numbers(radius, mean=3, sd=3))} um; frame: {' ± '.join(numbers(compliance, mean=4, sd=4))} nm/mN")
+    print(
+        f"Tip: radius {' ± '.join(numbers(radius, mean=3, sd=3))} um; frame: "
+        f"{' ± '.join(numbers(compliance, mean=4, sd=4))} nm/mN"
+    )
     sessions = {f"session {row['session']}".strip(): row["factor"] for row in document["sessions"]}
     unknowns = {**document["tip"], **document["frame"], **sessions}
-    print("Not determined by the curves:", ", ".join(name for name, item in unknowns.items() if item["decided_by"] == "prior") or "none")
-    rows = [[row["grain"], str(row["tests"]), *numbers(row, effective_modulus_gpa=1, sd_gpa=1, own_sd_gpa=1)] for row in document["grains"]]
+    print(
+        "Not determined by the curves:",
+        ", ".join(name for name, item in unknowns.items() if item["decided_by"] == "prior")
+        or "none",
+    )
+    rows = [
+        [
+            row["grain"],
+            str(row["tests"]),
+            *numbers(row, effective_modulus_gpa=1, sd_gpa=1, own_sd_gpa=1),
+        ]
+        for row in document["grains"]
+    ]
     show_table("Effective moduli (GPa)", ["grain", "tests", "modulus", "sd", "of it its own"], rows)
 
 
 def simulate(problem: Problem, output: Path) -> dict:
-    """Moduli.csv, curves.csv, and the document; then of each crystal that was simulated the files that &simulation asks for, by its row
-    from 1: fields for ParaView (vtu), a deck (inp).
+    """Moduli.csv, curves.csv, and the document; then of each crystal that was simulated the files
+    that &simulation asks for, by its row from 1: fields for ParaView (vtu), a deck (inp).
 
-    A file that is there is written again, since the crystal of its row may have changed; fields cost one solution.
+    A file that is there is written again, since the crystal of its row may have changed; fields
+    cost one solution.
     """
     document = run_stage(problem, "simulate", output)
     settings, points = problem.settings.simulation, problem.crystals
-    chosen = [i for i, row in enumerate(document["results"]) if row["depth_um"] and (settings.vtu or settings.inp)]
+    chosen = [
+        i
+        for i, row in enumerate(document["results"])
+        if row["depth_um"] and (settings.vtu or settings.inp)
+    ]
     if not chosen:
         return document
     indentation = Indentation.of_problem(problem)
@@ -85,42 +131,69 @@ def simulate(problem: Problem, output: Path) -> dict:
 
 def build(arguments: argparse.Namespace) -> dict:
     """Build; or with --ask the next crystals, with --tell the moduli of others."""
-    problem, output = prepare(arguments, PATIENCE_S if (arguments.ask, arguments.tell) != (None, None) else 0)
+    problem, output = prepare(
+        arguments, PATIENCE_S if (arguments.ask, arguments.tell) != (None, None) else 0
+    )
     if arguments.ask is not None:
         arguments.results = None
         return ask(problem, output, arguments.ask)
     if arguments.tell is not None:
-        points = read_crystals(arguments.tell, problem.settings.problem.symmetry or Basis(problem).symmetry)
+        points = read_crystals(
+            arguments.tell, problem.settings.problem.symmetry or Basis(problem).symmetry
+        )
         return tell(problem, output, points, str(arguments.tell))
     return perform(arguments.command, problem, output)
 
 
 def add_build_arguments(parser: argparse.ArgumentParser) -> None:
     either = parser.add_mutually_exclusive_group()
-    either.add_argument("--ask", metavar="N", type=int, help="print the next N crystals as CSV instead of simulating them")
-    either.add_argument("--tell", metavar="RESULTS.csv", type=Path, help="take rows with modulus_gpa that were computed elsewhere")
+    either.add_argument(
+        "--ask",
+        metavar="N",
+        type=int,
+        help="print the next N crystals as CSV instead of simulating them",
+    )
+    either.add_argument(
+        "--tell",
+        metavar="RESULTS.csv",
+        type=Path,
+        help="take rows with modulus_gpa that were computed elsewhere",
+    )
 
 
 def show_build(document: dict) -> None:
     """The points as CSV, for pipes; or what was imported or built."""
     if "points" in document:
         points = document["points"]
-        print(as_csv(list(points[0]), [list(point.values()) for point in points]), end="", flush=True)
+        print(
+            as_csv(list(points[0]), [list(point.values()) for point in points]), end="", flush=True
+        )
     elif "imported" in document:
-        print(f"Campaign: {document['imported']} results imported, {document['simulations']} simulations in all")
+        print(
+            f"Campaign: {document['imported']} results imported, {document['simulations']} "
+            "simulations in all"
+        )
     else:
         print(
-            f"Surrogate: {document['simulations']} simulations ({document['new_simulations']} new, {document['failed']} failed), "
-            f"{document['terms']} terms, leave-one-out error {document['loocv_gpa']:.3g} GPa; {document['domain']['words']}"
+            f"Surrogate: {document['simulations']} simulations ({document['new_simulations']} "
+            f"new, {document['failed']} failed), "
+            f"{document['terms']} terms, leave-one-out error {document['loocv_gpa']:.3g} GPa; "
+            f"{document['domain']['words']}"
         )
 
 
 def after_build(arguments: argparse.Namespace, document: dict) -> str:
     if "points" in document:
-        return f"simulate these, add a column modulus_gpa, and bayesindent build {quoted(arguments.file)} --tell RESULTS.csv"
+        return (
+            "simulate these, add a column modulus_gpa, and bayesindent build "
+            f"{quoted(arguments.file)} --tell RESULTS.csv"
+        )
     if "imported" in document:
         return f"bayesindent build {quoted(arguments.file)}, which trains the surrogate on them"
-    return f"bayesindent extract {quoted(arguments.file)} if it has measurements, or bayesindent predict --surrogate {document['file']} --points POINTS.csv"
+    return (
+        f"bayesindent extract {quoted(arguments.file)} if it has measurements, or bayesindent "
+        f"predict --surrogate {document['file']} --points POINTS.csv"
+    )
 
 
 def extract(problem: Problem, output: Path) -> dict:
@@ -133,17 +206,31 @@ def extract(problem: Problem, output: Path) -> dict:
 def show_extract(document: dict) -> None:
     """The constants, and what they follow from."""
     parameters = document["parameters"].items()
-    rows = [[name, *numbers(item, mean=1, sd=1), " .. ".join(map(number, item["hdi_95"])), *share_cells(item)] for name, item in parameters]
+    rows = [
+        [
+            name,
+            *numbers(item, mean=1, sd=1),
+            " .. ".join(map(number, item["hdi_95"])),
+            *share_cells(item),
+        ]
+        for name, item in parameters
+    ]
     print("Measurements, prior and surrogate:", *document["prior"]["words"], sep="\n  ")
     if beside := document.get("theory_alone"):
-        constants = ", ".join(f"{name} {' ± '.join(numbers(item, mean=1, sd=1))}" for name, item in beside.items())
+        constants = ", ".join(
+            f"{name} {' ± '.join(numbers(item, mean=1, sd=1))}" for name, item in beside.items()
+        )
         print(f"Theory of the half-space without the specimen: {constants}")
     header = ["constant", "mean", "sd", "95 %", *SHARES.values(), "verdict"]
     show_table("Elastic constants (GPa), and shares of their variance (%)", header, rows)
 
 
 def after_extract(arguments: argparse.Namespace, document: dict) -> str:
-    more = f", and bayesindent next {quoted(arguments.file)} for the grain to measure next" if document["usable"] else ""
+    more = (
+        f", and bayesindent next {quoted(arguments.file)} for the grain to measure next"
+        if document["usable"]
+        else ""
+    )
     return f"bayesindent report {quoted(arguments.results)}{more}"
 
 
@@ -154,38 +241,66 @@ def show_next(document: dict) -> None:
     rows, header = [], ["phi1", "Phi", "phi2", "along z", f"expected gain ({document['unit']})"]
     for name, item in zip(suggested_grains(suggestions), suggestions, strict=True):
         along = item.get("uvw") or " ".join(f"{component:.2f}" for component in item["direction"])
-        rows.append([*[name] * grains, *(f"{angle:.1f}" for angle in item["euler_deg"]), region(item, along), f"{item['gain']:.3g}"])
-    show_table(f"{'Grains' if grains else 'Orientations'} worth measuring next (degrees)", ["grain", *header] if grains else header, rows)
+        rows.append(
+            [
+                *[name] * grains,
+                *(f"{angle:.1f}" for angle in item["euler_deg"]),
+                region(item, along),
+                f"{item['gain']:.3g}",
+            ]
+        )
+    show_table(
+        f"{'Grains' if grains else 'Orientations'} worth measuring next (degrees)",
+        ["grain", *header] if grains else header,
+        rows,
+    )
 
 
 def after_next(arguments: argparse.Namespace, document: dict) -> str:
-    return f"measure such grains, add them to the measurements of {arguments.file}, and bayesindent run it again"
+    return (
+        f"measure such grains, add them to the measurements of {arguments.file}, and "
+        "bayesindent run it again"
+    )
 
 
 def run(arguments: argparse.Namespace) -> dict:
-    """The stages of the file in order, then a report; with --check only what would be done. A result that cannot be used suggests no grain."""
+    """The stages of the file in order, then a report; with --check only what would be done. A
+    result that cannot be used suggests no grain.
+    """
     problem, output = prepare(arguments, None if arguments.check else 0)
-    # What the reader cannot see: the surrogate, if no stage before builds it, and whether it is valid for the prior's crystals.
+    # What the reader cannot see: the surrogate, if no stage before builds it, and whether it is
+    # valid for the prior's crystals.
     problem._call("check_stages", **places(output, problem.folder))
     if arguments.check:
         return {"file": str(arguments.file), "stages": problem.stages, "warnings": problem.warnings}
     if problem.table and not arguments.quiet:
         # Speeds of waves follow the moduli of the table.
-        print(*problem.table.words(min(len(problem.measurements), len(problem.table.rows))), sep="\n", file=sys.stderr)
+        print(
+            *problem.table.words(min(len(problem.measurements), len(problem.table.rows))),
+            sep="\n",
+            file=sys.stderr,
+        )
     known = {command.name: command for command in COMMANDS}
     documents: dict[str, dict] = {}
     for name in problem.stages:
         if name != "next" or documents.get("extract", {}).get("usable", True):
             documents[name] = perform(known[name], problem, output)
     documents["report"] = report.make(output, output)
-    return documents | {"warnings": [*problem.warnings, *(line for document in documents.values() for line in document["warnings"])]}
+    return documents | {
+        "warnings": [
+            *problem.warnings,
+            *(line for document in documents.values() for line in document["warnings"]),
+        ]
+    }
 
 
 def show_run(document: dict) -> None:
     if "stages" in document:
         print(f"{document['file']}: right; it asks for {', '.join(document['stages'])}")
     # The constants last: a terminal shows the end.
-    for command in sorted((*COMMANDS, *report.COMMANDS), key=lambda command: command.name == "extract"):
+    for command in sorted(
+        (*COMMANDS, *report.COMMANDS), key=lambda command: command.name == "extract"
+    ):
         if command.show is not None and command.name in document:
             command.show(document[command.name])
 
@@ -193,21 +308,36 @@ def show_run(document: dict) -> None:
 def after_run(arguments: argparse.Namespace, document: dict) -> str:
     if arguments.check:
         return f"bayesindent run {quoted(arguments.file)}"
-    more = f"; bayesindent report {quoted(arguments.results)} --paper for a paper" if "extract" in document else ""
+    more = (
+        f"; bayesindent report {quoted(arguments.results)} --paper for a paper"
+        if "extract" in document
+        else ""
+    )
     return f"open {document['report']['file']} in a browser{more}"
 
 
 def add_run_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--check", action="store_true", help="only validate the file and what it names")
+    parser.add_argument(
+        "--check", action="store_true", help="only validate the file and what it names"
+    )
 
 
 COMMANDS = (
     namelist_command("simulate", stage=simulate, show=show_moduli, resumes=True, then=report_of),
     namelist_command("theory", show=show_moduli, then=report_of),
-    namelist_command("build", action=build, arguments=add_build_arguments, show=show_build, resumes=True, then=after_build),
+    namelist_command(
+        "build",
+        action=build,
+        arguments=add_build_arguments,
+        show=show_build,
+        resumes=True,
+        then=after_build,
+    ),
     namelist_command("plan", show=show_plan, then=report_of),
     namelist_command("curves", show=show_curves, then=report_of),
     namelist_command("extract", stage=extract, show=show_extract, resumes=True, then=after_extract),
     namelist_command("next", show=show_next, resumes=True, then=after_next),
-    namelist_command("run", action=run, arguments=add_run_arguments, show=show_run, resumes=True, then=after_run),
+    namelist_command(
+        "run", action=run, arguments=add_run_arguments, show=show_run, resumes=True, then=after_run
+    ),
 )

@@ -1,4 +1,6 @@
-"""On a table: `table`, what is read of measurements before anything is computed; `predict`, a surrogate on crystals."""
+"""On a table: `table`, what is read of measurements before anything is computed; `predict`, a
+surrogate on crystals.
+"""
 
 import argparse
 import os
@@ -14,32 +16,62 @@ __all__ = ["COMMANDS"]
 
 
 def table(arguments: argparse.Namespace) -> dict:
-    """Columns and what each is taken for, the kind of modulus, the grains, and the rows left out."""
+    """Columns and what each is taken for, the kind of modulus, the grains, and the rows left
+    out.
+    """
     # Not above: it takes time to import.
     from ...settings.laboratory_tables import LaboratoryTable, meanings_of
 
     path = arguments.table
     # The last class has no symmetry.
-    classes = next(variable.allowed for variable in schema() if variable.name == "symmetry").split(", ")
-    crystal = {"symmetry": arguments.symmetry or classes[-1].strip("'"), "lattice": arguments.lattice}
-    asked = {"sheet": arguments.sheet, "modulus_kind": arguments.modulus_kind, "columns": arguments.column, "scale": "inferred"}
-    points = Problem.from_keywords(str(path), problem=crystal, measurements={"file": path.absolute()} | asked).measurements
+    classes = next(variable.allowed for variable in schema() if variable.name == "symmetry").split(
+        ", "
+    )
+    crystal = {
+        "symmetry": arguments.symmetry or classes[-1].strip("'"),
+        "lattice": arguments.lattice,
+    }
+    asked = {
+        "sheet": arguments.sheet,
+        "modulus_kind": arguments.modulus_kind,
+        "columns": arguments.column,
+        "scale": "inferred",
+    }
+    points = Problem.from_keywords(
+        str(path), problem=crystal, measurements={"file": path.absolute()} | asked
+    ).measurements
     # Of a pipe there is none.
-    found = points.problem.table or LaboratoryTable(f"{path}: ", points.columns, meanings_of(points.columns), points.rows, [])
+    found = points.problem.table or LaboratoryTable(
+        f"{path}: ", points.columns, meanings_of(points.columns), points.rows, []
+    )
     none = [None] * len(points)
     sds = none if points.sd_gpa is None else points.sd_gpa
-    grains = {"grain": points.names or none, "euler_deg": points.euler_deg, "modulus_gpa": points.modulus_gpa, "sd_gpa": sds}
+    grains = {
+        "grain": points.names or none,
+        "euler_deg": points.euler_deg,
+        "modulus_gpa": points.modulus_gpa,
+        "sd_gpa": sds,
+    }
     return {
         "file": str(path),
         "sheet": found.sheet or None,
-        "columns": [{"header": name, "read_as": meaning or None} for name, meaning in zip(found.names, found.meanings, strict=True)],
+        "columns": [
+            {"header": name, "read_as": meaning or None}
+            for name, meaning in zip(found.names, found.meanings, strict=True)
+        ],
         "modulus_kind": points.modulus_kind,
         "grains": len(points),
         "left_out": {str(line): reason for line, reason in found.left_out.items()},
-        "results": [dict(zip(grains, grain, strict=True)) for grain in zip(*grains.values(), strict=True)],
+        "results": [
+            dict(zip(grains, grain, strict=True)) for grain in zip(*grains.values(), strict=True)
+        ],
         "words": found.words(len(points)),
         # Of a class that nobody stated nothing is said.
-        "warnings": [text for text in points.problem.warnings if arguments.symmetry or not text.endswith("that indentation determines")],
+        "warnings": [
+            text
+            for text in points.problem.warnings
+            if arguments.symmetry or not text.endswith("that indentation determines")
+        ],
     }
 
 
@@ -48,18 +80,53 @@ def show_understood(document: dict) -> None:
     rows, most = [], 100
     for number, row in enumerate(document["results"][:most], 1):
         sd = "" if row["sd_gpa"] is None else f"{row['sd_gpa']:.3g}"
-        rows.append([str(row["grain"] or number), *(f"{value:.2f}" for value in (*row["euler_deg"], row["modulus_gpa"])), sd])
-    which = "Grains" if len(rows) == document["grains"] else f"The first {most} of {document['grains']} grains, --json has all"
-    show_table(f"{which} (degrees, GPa)", ["grain", "phi1", "Phi", "phi2", document["modulus_kind"], "sd"], rows)
+        rows.append(
+            [
+                str(row["grain"] or number),
+                *(f"{value:.2f}" for value in (*row["euler_deg"], row["modulus_gpa"])),
+                sd,
+            ]
+        )
+    which = (
+        "Grains"
+        if len(rows) == document["grains"]
+        else f"The first {most} of {document['grains']} grains, --json has all"
+    )
+    show_table(
+        f"{which} (degrees, GPa)",
+        ["grain", "phi1", "Phi", "phi2", document["modulus_kind"], "sd"],
+        rows,
+    )
 
 
 def add_table_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("table", metavar="FILE", type=Path, help="a table of measurements: .csv, .txt, .xlsx")
-    parser.add_argument("--symmetry", help="of the crystals, where it matters: directions by indices")
-    parser.add_argument("--lattice", type=float, nargs="+", metavar="X", help="parameters of the unit cell, where indices need them")
-    parser.add_argument("--sheet", default="", help="of a spreadsheet (default: the first one that has moduli)")
-    parser.add_argument("--modulus-kind", metavar="KIND", help="as &measurements modulus_kind, where the header does not say it")
-    parser.add_argument("--column", action="append", metavar="'NAME = HEADER'", help="as &measurements columns; may be repeated")
+    parser.add_argument(
+        "table", metavar="FILE", type=Path, help="a table of measurements: .csv, .txt, .xlsx"
+    )
+    parser.add_argument(
+        "--symmetry", help="of the crystals, where it matters: directions by indices"
+    )
+    parser.add_argument(
+        "--lattice",
+        type=float,
+        nargs="+",
+        metavar="X",
+        help="parameters of the unit cell, where indices need them",
+    )
+    parser.add_argument(
+        "--sheet", default="", help="of a spreadsheet (default: the first one that has moduli)"
+    )
+    parser.add_argument(
+        "--modulus-kind",
+        metavar="KIND",
+        help="as &measurements modulus_kind, where the header does not say it",
+    )
+    parser.add_argument(
+        "--column",
+        action="append",
+        metavar="'NAME = HEADER'",
+        help="as &measurements columns; may be repeated",
+    )
 
 
 def after_table(arguments: argparse.Namespace, document: dict) -> str:
@@ -74,9 +141,18 @@ def predict(arguments: argparse.Namespace) -> dict:
     file = output_folder(arguments, table) / "predictions.csv"
     points.write(file, {"modulus_gpa": mean, "sd_gpa": sd})
     # Many rows in a document take much more memory than in a file.
-    crystals = [{"constants": points.constants[i], "euler_deg": points.euler_deg[i]} for i in range(len(points) if arguments.json else 0)]
-    results = [crystal | {"modulus_gpa": mean[i], "sd_gpa": sd[i]} for i, crystal in enumerate(crystals)]
-    return {"results": results, "file": str(file), "warnings": [f"{table}: {outside}"] if outside else []}
+    crystals = [
+        {"constants": points.constants[i], "euler_deg": points.euler_deg[i]}
+        for i in range(len(points) if arguments.json else 0)
+    ]
+    results = [
+        crystal | {"modulus_gpa": mean[i], "sd_gpa": sd[i]} for i, crystal in enumerate(crystals)
+    ]
+    return {
+        "results": results,
+        "file": str(file),
+        "warnings": [f"{table}: {outside}"] if outside else [],
+    }
 
 
 def show_predictions(document: dict) -> None:
@@ -87,9 +163,15 @@ def show_predictions(document: dict) -> None:
 
 
 def add_predict_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--surrogate", required=True, help="'halfspace', 'block', or a surrogate.txt")
+    parser.add_argument(
+        "--surrogate", required=True, help="'halfspace', 'block', or a surrogate.txt"
+    )
     columns = "columns: the constants and phi1_deg, Phi_deg, phi2_deg"
-    parser.add_argument("--symmetry", default="", help="class of the rows that do not say theirs (default: that of the surrogate)")
+    parser.add_argument(
+        "--symmetry",
+        default="",
+        help="class of the rows that do not say theirs (default: that of the surrogate)",
+    )
     parser.add_argument("--points", required=True, type=Path, metavar="points.csv", help=columns)
 
 
@@ -98,6 +180,14 @@ def after_predict(arguments: argparse.Namespace, document: dict) -> str:
 
 
 COMMANDS = (
-    Command("table", action=table, arguments=add_table_arguments, show=show_understood, then=after_table),
-    Command("predict", action=predict, arguments=add_predict_arguments, show=show_predictions, then=after_predict),
+    Command(
+        "table", action=table, arguments=add_table_arguments, show=show_understood, then=after_table
+    ),
+    Command(
+        "predict",
+        action=predict,
+        arguments=add_predict_arguments,
+        show=show_predictions,
+        then=after_predict,
+    ),
 )

@@ -23,16 +23,40 @@ def forest(runs: Sequence[Run], names: Sequence[str]) -> Picture:
                 continue
             mean, sd, interval = (run.parameters[name][key] for key in ("mean", "sd", "hdi_95"))
             axes.plot(interval, [-place, -place], color=colour, lw=1.2)
-            axes.plot([mean - sd, mean + sd], [-place, -place], color=colour, lw=4, solid_capstyle="butt")
+            axes.plot(
+                [mean - sd, mean + sd], [-place, -place], color=colour, lw=4, solid_capstyle="butt"
+            )
             beyond = np.clip(mean, *ends[name])
-            axes.plot(beyond, -place, "o" if beyond == mean else "<" if mean < beyond else ">", color="white", mec=colour, ms=5)
-        axes.set_yticks(-np.arange(len(runs)), [run.label if number % min(3, len(names)) == 0 else "" for run in runs])
+            axes.plot(
+                beyond,
+                -place,
+                "o" if beyond == mean else "<" if mean < beyond else ">",
+                color="white",
+                mec=colour,
+                ms=5,
+            )
+        axes.set_yticks(
+            -np.arange(len(runs)),
+            [run.label if number % min(3, len(names)) == 0 else "" for run in runs],
+        )
         axes.set(xlabel=f"{subscript(name)} (GPa)", xlim=ends[name], ylim=(0.6 - len(runs), 0.6))
         axes.grid(axis="y")
-    values = [[f"{name} {item['mean']:.0f} ± {item['sd']:.0f}" for name, item in run.parameters.items()] for run in runs]
-    found = "; ".join(f"{run.label}: {', '.join(constants)}" for run, constants in zip(runs, values))
-    text = "Each constant in every run: mean (circle), ± sd (thick) and the interval that holds 95 % of the posterior (thin)."
-    return Picture(figure, f"{text} {CUT_OFF}; a triangle points to a mean outside.", values=f"In GPa: {found}.")
+    values = [
+        [f"{name} {item['mean']:.0f} ± {item['sd']:.0f}" for name, item in run.parameters.items()]
+        for run in runs
+    ]
+    found = "; ".join(
+        f"{run.label}: {', '.join(constants)}" for run, constants in zip(runs, values)
+    )
+    text = (
+        "Each constant in every run: mean (circle), ± sd (thick) and the interval that holds 95 "
+        "% of the posterior (thin)."
+    )
+    return Picture(
+        figure,
+        f"{text} {CUT_OFF}; a triangle points to a mean outside.",
+        values=f"In GPa: {found}.",
+    )
 
 
 def overlay(runs: Sequence[Run], names: Sequence[str]) -> Picture:
@@ -41,15 +65,29 @@ def overlay(runs: Sequence[Run], names: Sequence[str]) -> Picture:
     for name, axes in grid.items():
         for run, colour in zip(runs, np.resize(CYCLE, len(runs))):
             if name in run.samples:
-                axes.hist(run.samples[name].ravel(), bins=48, density=True, histtype="step", color=colour, label=run.label, lw=1.4)
+                axes.hist(
+                    run.samples[name].ravel(),
+                    bins=48,
+                    density=True,
+                    histtype="step",
+                    color=colour,
+                    label=run.label,
+                    lw=1.4,
+                )
         axes.set_xlim(limits(runs, name))
     density_axes(figure, grid)
-    return Picture(figure, f"Histograms of the posterior of each constant in {len(runs)} runs. {CUT_OFF}.")
+    return Picture(
+        figure, f"Histograms of the posterior of each constant in {len(runs)} runs. {CUT_OFF}."
+    )
 
 
 def limits(runs: Sequence[Run], name: str) -> tuple[float, float]:
-    """The ends of an axis that shows the narrowest posterior of a constant well, and of the others as much as fits."""
-    ends = [(run.samples[name].min(), run.samples[name].max()) for run in runs if name in run.samples]
+    """The ends of an axis that shows the narrowest posterior of a constant well, and of the others
+    as much as fits.
+    """
+    ends = [
+        (run.samples[name].min(), run.samples[name].max()) for run in runs if name in run.samples
+    ]
     low, high = min(ends)[0], max(end for _, end in ends)
     narrow = min(ends, key=lambda pair: pair[1] - pair[0])
     width = min(high - low, WIDEST * (narrow[1] - narrow[0]))

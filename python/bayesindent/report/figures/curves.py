@@ -1,4 +1,6 @@
-"""Step 0: curves with their elastic fits, the tip, the moduli by grain, and where their errors come from."""
+"""Step 0: curves with their elastic fits, the tip, the moduli by grain, and where their errors come
+from.
+"""
 
 import numpy as np
 
@@ -16,11 +18,18 @@ def curve_fits(results: Results) -> Picture:
     if not (file := results.folder / "fits.csv").exists():
         raise NothingToShow
     columns = {name: np.array(column) for name, column in read_columns(file).items()}
-    chosen = [tests[i] for i in np.unique(np.linspace(0, len(tests) - 1, min(SHOWN, len(tests))).round().astype(int))]
+    chosen = [
+        tests[i]
+        for i in np.unique(
+            np.linspace(0, len(tests) - 1, min(SHOWN, len(tests))).round().astype(int)
+        )
+    ]
     figure, axes = panels(1.7 * len(chosen), len(chosen), 2, squeeze=False)
     for (left, right), row in zip(axes, chosen, strict=True):
         own = columns["test"] == row["test"]
-        load, depth, fit, elastic = (columns[name][own] for name in ("load_mn", "depth_nm", "fit_nm", "elastic"))
+        load, depth, fit, elastic = (
+            columns[name][own] for name in ("load_mn", "depth_nm", "fit_nm", "elastic")
+        )
         left.plot(depth - row["zero_nm"], load, ".", ms=2, color=BLUE)
         left.plot(fit - row["zero_nm"], load, color=BLACK, lw=0.8)
         left.set_title(f"{row['test']}: {row['effective_modulus_gpa']:.1f} GPa", loc="left")
@@ -32,7 +41,10 @@ def curve_fits(results: Results) -> Picture:
             span(row["elastic_from_mn"], row["elastic_to_mn"], color=GREEN, alpha=0.15, lw=0)
     axes[-1, 0].set(xlabel="depth from the zero (nm)", ylabel="load (mN)")
     axes[-1, 1].set(xlabel="load (mN)", ylabel="residual (nm)")
-    text = f"Loading curves of {len(chosen)} of {len(tests)} tests with their elastic fits, and the residuals of depth."
+    text = (
+        f"Loading curves of {len(chosen)} of {len(tests)} tests with their elastic fits, and "
+        "the residuals of depth."
+    )
     return Picture(figure, f"{text} Green: the mean elastic window.")
 
 
@@ -41,18 +53,30 @@ def tip_radius(results: Results) -> Picture:
     document = present(results.documents["curves"])
     radius, beta = document["tip"]["radius_um"], document["tip"]["beta"]
     figure, axes = panels(3.0)
-    # At a contact radius of x R the depth is R (x^2 + beta x^4/3), and the curvature of the profile there (1 + 3/2 beta x^2)/R.
-    used = [row["elastic_to_mn"] / row["effective_modulus_gpa"] for row in document["tests"] if row["used"]]
+    # At a contact radius of x R the depth is R (x^2 + beta x^4/3), and the curvature of the profile
+    # there (1 + 3/2 beta x^2)/R.
+    used = [
+        row["elastic_to_mn"] / row["effective_modulus_gpa"]
+        for row in document["tests"]
+        if row["used"]
+    ]
     ratio = np.linspace(0, (0.75 * max(used) / radius["mean"] ** 2) ** (1 / 3), 60)
     covariance = np.array(document["shared"]["covariance"])[:2, :2]
-    drawn = np.random.default_rng(1).multivariate_normal([np.log(radius["mean"]), beta["mean"]], covariance, 2000)
+    drawn = np.random.default_rng(1).multivariate_normal(
+        [np.log(radius["mean"]), beta["mean"]], covariance, 2000
+    )
     local = np.exp(drawn[:, :1]) / np.maximum(0.05, 1 + 1.5 * drawn[:, 1:] * ratio**2)
     depth = radius["mean"] * 1e3 * (ratio**2 + beta["mean"] * ratio**4 / 3)
     for low, high, alpha in ((2.5, 97.5, 0.2), (16, 84, 0.3)):
-        axes.fill_between(depth, *np.percentile(local, [low, high], axis=0), color=SKY, alpha=alpha, lw=0)
+        axes.fill_between(
+            depth, *np.percentile(local, [low, high], axis=0), color=SKY, alpha=alpha, lw=0
+        )
     axes.plot(depth, np.median(local, axis=0), color=BLUE)
     axes.set(xlabel="depth (nm)", ylabel="local radius (µm)")
-    text = f"Local radius of curvature of the tip at the edge of the contact by depth; at the apex {radius['mean']:.2f} ± {radius['sd']:.2f} µm."
+    text = (
+        "Local radius of curvature of the tip at the edge of the contact by depth; at the apex "
+        f"{radius['mean']:.2f} ± {radius['sd']:.2f} µm."
+    )
     return Picture(figure, f"{text} Bands: 1 and 2 sd.")
 
 
@@ -65,19 +89,43 @@ def curve_moduli(results: Results) -> Picture:
     for number, session in enumerate(dict.fromkeys(row["session"] for row in tests), 1):
         rows = [row for row in tests if row["session"] == session]
         # Left of the grain, one beside the other.
-        before = [sum(row["grain"] == other["grain"] for other in tests[: tests.index(row)]) for row in rows]
-        places = [grains.index(row["grain"]) - 0.35 + 0.1 * (k % 3) for row, k in zip(rows, before, strict=True)]
+        before = [
+            sum(row["grain"] == other["grain"] for other in tests[: tests.index(row)])
+            for row in rows
+        ]
+        places = [
+            grains.index(row["grain"]) - 0.35 + 0.1 * (k % 3)
+            for row, k in zip(rows, before, strict=True)
+        ]
         label = f"tests, session {session}" if session else "tests"
-        axes.plot(places, [row["effective_modulus_gpa"] for row in rows], ".", color=CYCLE[number % len(CYCLE)], label=label)
-    moduli, sds, own = (np.array([row[name] for row in document["grains"]]) for name in ("effective_modulus_gpa", "sd_gpa", "own_sd_gpa"))
+        axes.plot(
+            places,
+            [row["effective_modulus_gpa"] for row in rows],
+            ".",
+            color=CYCLE[number % len(CYCLE)],
+            label=label,
+        )
+    moduli, sds, own = (
+        np.array([row[name] for row in document["grains"]])
+        for name in ("effective_modulus_gpa", "sd_gpa", "own_sd_gpa")
+    )
     axes.errorbar(range(len(grains)), moduli, sds, fmt="none", color=SKY, lw=4, label="sd")
-    axes.errorbar(range(len(grains)), moduli, own, fmt="o", color=BLUE, ms=4, label="sd of the grain's own")
-    axes.set_xticks(range(len(grains)), grains, rotation=90 if len(grains) > (7 if is_column() else 15) else 0)
+    axes.errorbar(
+        range(len(grains)), moduli, own, fmt="o", color=BLUE, ms=4, label="sd of the grain's own"
+    )
+    axes.set_xticks(
+        range(len(grains)), grains, rotation=90 if len(grains) > (7 if is_column() else 15) else 0
+    )
     low, high = axes.get_ylim()
-    axes.set(xlabel="grain", ylabel="effective modulus (GPa)", ylim=(low, high + 0.3 * (high - low)))
+    axes.set(
+        xlabel="grain", ylabel="effective modulus (GPa)", ylim=(low, high + 0.3 * (high - low))
+    )
     axes.legend(loc="upper center", ncols=2)
     text = f"Effective moduli of {len(grains)} grains and of their tests."
-    return Picture(figure, f"{text} Wide bars: sd of all errors; narrow bars: sd of those that grains do not share.")
+    return Picture(
+        figure,
+        f"{text} Wide bars: sd of all errors; narrow bars: sd of those that grains do not share.",
+    )
 
 
 def moduli_errors(results: Results) -> Picture:
@@ -91,4 +139,8 @@ def moduli_errors(results: Results) -> Picture:
     axes.invert_yaxis()
     axes.set_xlabel("relative sd of a grain's modulus, median (%)")
     text = "Sources of error of a grain's modulus."
-    return Picture(figure, f"{text} Red: shared by all grains, so more grains do not reduce them. Orange: of each grain by itself.")
+    return Picture(
+        figure,
+        f"{text} Red: shared by all grains, so more grains do not reduce them. Orange: of each "
+        "grain by itself.",
+    )

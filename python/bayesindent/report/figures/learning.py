@@ -5,7 +5,18 @@ from matplotlib.figure import Figure
 
 from ..formatting import number
 from ..results import NothingToShow, Results, present
-from .style import BLACK, CYCLE, MARKERS, SKY, Picture, legend_above, logarithmic, panels, parity_panels, sd_axes
+from .style import (
+    BLACK,
+    CYCLE,
+    MARKERS,
+    SKY,
+    Picture,
+    legend_above,
+    logarithmic,
+    panels,
+    parity_panels,
+    sd_axes,
+)
 
 #: More points than that are drawn small.
 MANY = 400
@@ -13,27 +24,54 @@ MANY = 400
 
 def learning_curve(results: Results) -> Picture:
     """Error against the number of simulations."""
-    updates, baselines = (results.documents["build"].get(name, {}) for name in ("history", "baselines"))
+    updates, baselines = (
+        results.documents["build"].get(name, {}) for name in ("history", "baselines")
+    )
     if len(updates) < 2:
         raise NothingToShow
     history = {name: [update[name] for update in updates] for name in updates[0]}
     figure, axes = panels(3.4)
     curves = {"leave_crystal_out_gpa": "a crystal left out", "next_gpa": "next simulations"}
     for (name, label), colour, marker in zip(curves.items(), CYCLE, MARKERS):
-        axes.plot(history["simulations"], np.array(history[name], dtype=float), marker=marker, ms=3.5, lw=1, color=colour, label=label)
+        axes.plot(
+            history["simulations"],
+            np.array(history[name], dtype=float),
+            marker=marker,
+            ms=3.5,
+            lw=1,
+            color=colour,
+            label=label,
+        )
     lines = {"theory_gpa": "theory alone", "theory_times_ratio_gpa": "theory times one ratio"}
     # The one shows below the other where they are the same.
-    for (name, label), line in zip(lines.items(), ({"color": "0.75", "lw": 3}, {"color": BLACK, "lw": 1, "ls": "--"})):
+    for (name, label), line in zip(
+        lines.items(), ({"color": "0.75", "lw": 3}, {"color": BLACK, "lw": 1, "ls": "--"})
+    ):
         if baselines.get(name):
             axes.axhline(baselines[name], label=label, **line)
     axes.set(xlabel="simulations", ylabel="mean absolute error (GPa)")
     logarithmic(axes)
     axes.xaxis.get_major_locator().set_params(integer=True)
     legend_above(figure, columns=2)
-    values = f"The error of a crystal left out ends at {number(history['leave_crystal_out_gpa'][-1], 2)} GPa."
-    beside = " Lines: the half-space theory without a surrogate." if any(map(baselines.get, lines)) else ""
-    of_which = "Of crystals left out of the fit, and of the next simulations before the surrogate is trained on them."
-    return Picture(figure, f"Mean absolute error of the surrogate against the number of simulations. {of_which}{beside}", values=values)
+    values = (
+        "The error of a crystal left out ends at "
+        f"{number(history['leave_crystal_out_gpa'][-1], 2)} GPa."
+    )
+    beside = (
+        " Lines: the half-space theory without a surrogate."
+        if any(map(baselines.get, lines))
+        else ""
+    )
+    of_which = (
+        "Of crystals left out of the fit, and of the next simulations before the surrogate is "
+        "trained on them."
+    )
+    return Picture(
+        figure,
+        "Mean absolute error of the surrogate against the number of simulations. "
+        f"{of_which}{beside}",
+        values=values,
+    )
 
 
 def parity(results: Results) -> Picture:
@@ -45,22 +83,41 @@ def parity(results: Results) -> Picture:
     predicted, z = surrogate.leave_out(np.unique(data["constants"], axis=0, return_inverse=True)[1])
     simulated = data["modulus_gpa"]
     error = number(np.abs(predicted - simulated).mean(), 2)
-    text = f"Leave-one-out: the {len(simulated)} simulations as the surrogate predicts them from those of other crystals."
+    text = (
+        f"Leave-one-out: the {len(simulated)} simulations as the surrogate predicts them from "
+        "those of other crystals."
+    )
     right = "Right: the errors in units of their predicted sd; bands of 1 and 2 sd."
-    return Picture(against_simulated(simulated, predicted, z), f"{text} The mean absolute error is {error} GPa. {right}")
+    return Picture(
+        against_simulated(simulated, predicted, z),
+        f"{text} The mean absolute error is {error} GPa. {right}",
+    )
 
 
 def validation(results: Results) -> Picture:
     """The surrogate on simulations that it has not seen."""
     unseen = present(results.documents["build"].get("validation"))
-    simulated, predicted, sd = (np.array(unseen[name], dtype=float) for name in ("simulated", "predicted", "sd"))
-    text = f"The surrogate on {unseen['points']} simulations that it was not trained on, those of largest variance."
-    within = f"{100 * unseen['within_1_sd']:.0f} % within 1 sd and {100 * unseen['within_2_sd']:.0f} % within 2."
+    simulated, predicted, sd = (
+        np.array(unseen[name], dtype=float) for name in ("simulated", "predicted", "sd")
+    )
+    text = (
+        f"The surrogate on {unseen['points']} simulations that it was not trained on, those of "
+        "largest variance."
+    )
+    within = (
+        f"{100 * unseen['within_1_sd']:.0f} % within 1 sd and {100 * unseen['within_2_sd']:.0f} "
+        "% within 2."
+    )
     figure = against_simulated(simulated, predicted, (predicted - simulated) / sd, sd)
-    return Picture(figure, f"{text} The mean absolute error is {number(unseen['mean_absolute_gpa'], 2)} GPa; {within}")
+    return Picture(
+        figure,
+        f"{text} The mean absolute error is {number(unseen['mean_absolute_gpa'], 2)} GPa; {within}",
+    )
 
 
-def against_simulated(simulated: np.ndarray, predicted: np.ndarray, z: np.ndarray, sd: np.ndarray | None = None) -> Figure:
+def against_simulated(
+    simulated: np.ndarray, predicted: np.ndarray, z: np.ndarray, sd: np.ndarray | None = None
+) -> Figure:
     """Predicted against simulated moduli, with one sd, and the errors in units of the sd."""
     labels = ("simulated modulus (GPa)", "predicted modulus (GPa)", "(predicted - simulated) / sd")
     small = {"ms": 1.5, "lw": 0.4, "ecolor": SKY} if len(simulated) > MANY else {}
@@ -70,18 +127,40 @@ def against_simulated(simulated: np.ndarray, predicted: np.ndarray, z: np.ndarra
 
 
 def truncations(results: Results) -> Picture:
-    """Leave-one-out error against the number of simulations: a colour for each degree, a marker for each bandlimit."""
+    """Leave-one-out error against the number of simulations: a colour for each degree, a marker for
+    each bandlimit.
+    """
     scan = present(results.documents["build"].get("scan"))
     figure, axes = panels(3.4)
-    degrees, bandlimits = (sorted({entry[name] for entry in scan}) for name in ("degree", "bandlimit"))
+    degrees, bandlimits = (
+        sorted({entry[name] for entry in scan}) for name in ("degree", "bandlimit")
+    )
     for entry in scan:
-        colour, marker = CYCLE[degrees.index(entry["degree"]) % len(CYCLE)], MARKERS[bandlimits.index(entry["bandlimit"]) % len(MARKERS)]
+        colour, marker = (
+            CYCLE[degrees.index(entry["degree"]) % len(CYCLE)],
+            MARKERS[bandlimits.index(entry["bandlimit"]) % len(MARKERS)],
+        )
         label = f"degree {entry['degree']}, bandlimit {entry['bandlimit']}, {entry['terms']} terms"
         curve = entry["curve"]
-        axes.plot(curve["simulations"], curve["loocv_gpa"], color=colour, marker=marker, ms=4, lw=1, label=label)
+        axes.plot(
+            curve["simulations"],
+            curve["loocv_gpa"],
+            color=colour,
+            marker=marker,
+            ms=4,
+            lw=1,
+            label=label,
+        )
     axes.set(xlabel="simulations", ylabel="leave-one-out error (GPa)")
     logarithmic(axes)
     legend_above(figure, columns=2)
     best = max(scan, key=lambda entry: entry["log_evidence"])
-    text = "Leave-one-out error of several truncations against the number of simulations, which are the same."
-    return Picture(figure, f"{text} The evidence is largest with degree {best['degree']} and bandlimit {best['bandlimit']}.")
+    text = (
+        "Leave-one-out error of several truncations against the number of simulations, which "
+        "are the same."
+    )
+    return Picture(
+        figure,
+        f"{text} The evidence is largest with degree {best['degree']} and bandlimit "
+        f"{best['bandlimit']}.",
+    )

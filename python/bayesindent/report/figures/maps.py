@@ -27,13 +27,24 @@ def orientation_map(results: Results) -> Picture:
         problem = Problem(Path(results.manifest["namelist"]), "extract")
     except (InputError, KeyError):
         raise NothingToShow from None
-    residuals = [(item["measured"] - item["mean"]) / item["measured_sd"] for item in results.predicted if item.get("measured_sd")]
-    return draw_map(problem.map, problem.measurements.names, residuals if len(residuals) == len(problem.map.positions) else None)
+    residuals = [
+        (item["measured"] - item["mean"]) / item["measured_sd"]
+        for item in results.predicted
+        if item.get("measured_sd")
+    ]
+    return draw_map(
+        problem.map,
+        problem.measurements.names,
+        residuals if len(residuals) == len(problem.map.positions) else None,
+    )
 
 
-def draw_map(found: IndentedMap, names: list[str] | None, residuals: list[float] | None = None) -> Picture:
-    """The map in the colours of the inverse pole figure along the indenter, with boundaries, and the indents by their names, or by their
-    rows where several are in one grain, with residuals."""
+def draw_map(
+    found: IndentedMap, names: list[str] | None, residuals: list[float] | None = None
+) -> Picture:
+    """The map in the colours of the inverse pole figure along the indenter, with boundaries, and
+    the indents by their names, or by their rows where several are in one grain, with residuals.
+    """
     # Not above: it takes half a second, and most reports have no map.
     from scipy.spatial import cKDTree
 
@@ -47,9 +58,22 @@ def draw_map(found: IndentedMap, names: list[str] | None, residuals: list[float]
     image[:, 1:][grain[:, 1:] != grain[:, :-1]] = 0.0
     image[1:][grain[1:] != grain[:-1]] = 0.0
     figure, axes = panels(min(8.0, 6.5 * len(y) / len(x) + 0.8))
-    axes.imshow(image, extent=(x[0] - spacing / 2, x[-1] + spacing / 2, y[-1] + spacing / 2, y[0] - spacing / 2), interpolation="nearest")
+    axes.imshow(
+        image,
+        extent=(x[0] - spacing / 2, x[-1] + spacing / 2, y[-1] + spacing / 2, y[0] - spacing / 2),
+        interpolation="nearest",
+    )
     values = np.zeros(len(found.positions)) if residuals is None else np.array(residuals)
-    marks = axes.scatter(*found.positions.T, c=values, cmap="coolwarm", vmin=-3, vmax=3, edgecolors=BLACK, s=42, linewidths=1)
+    marks = axes.scatter(
+        *found.positions.T,
+        c=values,
+        cmap="coolwarm",
+        vmin=-3,
+        vmax=3,
+        edgecolors=BLACK,
+        s=42,
+        linewidths=1,
+    )
     if residuals is not None:
         figure.colorbar(marks, ax=axes, label="residual / sd (1)", shrink=0.8)
     if not names or len(names) != len(values):  # several indents in one grain are one measurement
@@ -59,7 +83,14 @@ def draw_map(found: IndentedMap, names: list[str] | None, residuals: list[float]
         axes.annotate(name, place, (5, 5), textcoords="offset points", size=7.5, bbox=label)
     axes.set(xlabel="x of the map (µm)", ylabel="y of the map (µm)")
     axes.grid(False)
-    text = f"Orientation map with {len(values)} indents: the crystal direction along the indenter in the colours of the inverse pole figure"
+    text = (
+        f"Orientation map with {len(values)} indents: the crystal direction along the indenter "
+        "in the colours of the inverse pole figure"
+    )
     rows = [[*place, number] for place, number in zip(found.positions.tolist(), found.grains)]
-    further = ". Discs have the colour of the residual, (measured - predicted) / sd." if residuals is not None else "."
+    further = (
+        ". Discs have the colour of the residual, (measured - predicted) / sd."
+        if residuals is not None
+        else "."
+    )
     return Picture(figure, text + further, (["x_um", "y_um", "grain_of_map"], rows))

@@ -1,4 +1,6 @@
-"""The modulus, and what one more grain would add, over all directions that the crystal tells apart."""
+"""The modulus, and what one more grain would add, over all directions that the crystal tells
+apart.
+"""
 
 import os
 from typing import Any
@@ -6,7 +8,12 @@ from typing import Any
 import numpy as np
 from matplotlib.tri import Triangulation
 
-from ...crystal.directions import euler_of, indentation_direction, representative, spread_of_directions
+from ...crystal.directions import (
+    euler_of,
+    indentation_direction,
+    representative,
+    spread_of_directions,
+)
 from ..formatting import direction_name, has_four_indices
 from ..results import NothingToShow, Results, present
 from .style import BLACK, BLUE, SKY, Picture, legend_above, panels
@@ -17,7 +24,17 @@ __all__ = ["next_grains", "orientations"]
 DRAWS = 100
 
 #: Directions that are named where they are corners of the map.
-CORNERS = ((0, 0, 1), (1, 0, 1), (1, 1, 1), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (-1, 0, 0), (0, -1, 0))
+CORNERS = (
+    (0, 0, 1),
+    (1, 0, 1),
+    (1, 1, 1),
+    (1, 0, 0),
+    (1, 1, 0),
+    (0, 1, 0),
+    (0, 1, 1),
+    (-1, 0, 0),
+    (0, -1, 0),
+)
 
 
 def orientations(results: Results) -> Picture:
@@ -28,66 +45,169 @@ def orientations(results: Results) -> Picture:
         raise NothingToShow
     lattice, directions = spread_of_directions(results.symmetry), directions_of(results, grains)
     crystals = results.draws(DRAWS)
-    modulus = results.as_measured(surrogate.predict(crystals[:, None], euler_of(lattice), threads=len(os.sched_getaffinity(0)))[0])
+    modulus = results.as_measured(
+        surrogate.predict(
+            crystals[:, None], euler_of(lattice), threads=len(os.sched_getaffinity(0))
+        )[0]
+    )
     mean, sd = modulus.mean(axis=0), modulus.std(axis=0)
-    measured, error = ([item.get(name) or 0.0 for item in grains] for name in ("measured", "measured_sd"))
+    measured, error = (
+        [item.get(name) or 0.0 for item in grains] for name in ("measured", "measured_sd")
+    )
     discs = "discs are the measured grains, on the left in the colour of the measured value"
-    marked = f"; {'points are the measured grains' if is_arc(lattice) else discs}" if grains else "; no modulus was measured"
+    marked = (
+        f"; {'points are the measured grains' if is_arc(lattice) else discs}"
+        if grains
+        else "; no modulus was measured"
+    )
     if is_arc(lattice):
         figure, axes = panels(3.4)
         angle = declination(lattice)
-        axes.fill_between(angle, mean - 2 * sd, mean + 2 * sd, color=SKY, alpha=0.4, lw=0, label="predicted, ± 2 sd")
+        axes.fill_between(
+            angle,
+            mean - 2 * sd,
+            mean + 2 * sd,
+            color=SKY,
+            alpha=0.4,
+            lw=0,
+            label="predicted, ± 2 sd",
+        )
         axes.plot(angle, mean, color=BLUE, label="predicted, mean")
         if grains:
-            axes.errorbar(declination(directions), measured, error, fmt="o", ms=3.5, lw=0.8, color=BLACK, label="measured, ± sd")
-        axes.set(xlabel="declination of the c axis (degrees)", ylabel=f"{results.kind} (GPa)", xlim=(-2, 92))
+            axes.errorbar(
+                declination(directions),
+                measured,
+                error,
+                fmt="o",
+                ms=3.5,
+                lw=0.8,
+                color=BLACK,
+                label="measured, ± sd",
+            )
+        axes.set(
+            xlabel="declination of the c axis (degrees)",
+            ylabel=f"{results.kind} (GPa)",
+            xlim=(-2, 92),
+        )
         axes.legend()
-        return Picture(figure, f"Posterior of the modulus over the declination of the c axis{marked}.")
+        return Picture(
+            figure, f"Posterior of the modulus over the declination of the c axis{marked}."
+        )
     figure, (left, right) = panels(3.2, 1, 2)
-    low, high, four = min([mean.min(), *measured]), max([mean.max(), *measured]), has_four_indices(results.symmetry)
+    low, high, four = (
+        min([mean.min(), *measured]),
+        max([mean.max(), *measured]),
+        has_four_indices(results.symmetry),
+    )
     draw_map(left, lattice, mean, f"mean of {results.kind} (GPa)", four, low, high)
     draw_map(right, lattice, sd, f"sd of {results.kind} (GPa)", four)
-    left.scatter(*stereographic(directions), c=measured, vmin=low, vmax=high, edgecolors="white", s=38, linewidths=1.2, zorder=3)
+    left.scatter(
+        *stereographic(directions),
+        c=measured,
+        vmin=low,
+        vmax=high,
+        edgecolors="white",
+        s=38,
+        linewidths=1.2,
+        zorder=3,
+    )
     right.plot(*stereographic(directions), "o", color="white", mec=BLACK, ms=4, mew=0.8)
     text = f"Posterior mean and sd of the modulus over the crystal directions that differ{marked}."
-    rows = labelled("predicted", lattice, mean, sd) + labelled("measured", directions, measured, error)
-    return Picture(figure, text, (["kind", "crystal_x", "crystal_y", "crystal_z", "mean_gpa", "sd_gpa"], rows))
+    rows = labelled("predicted", lattice, mean, sd) + labelled(
+        "measured", directions, measured, error
+    )
+    return Picture(
+        figure, text, (["kind", "crystal_x", "crystal_y", "crystal_z", "mean_gpa", "sd_gpa"], rows)
+    )
 
 
 def next_grains(results: Results) -> Picture:
-    """Gain expected of one more grain over all directions, and those that are suggested, by rank."""
+    """Gain expected of one more grain over all directions, and those that are suggested, by
+    rank.
+    """
     document = present(results.documents["next"])
     suggestions, unit = document["suggestions"], document.get("unit", "1")
     candidates = [item for item in document["candidates"] if "propagation_deg" not in item]
     suggested, everywhere = directions_of(results, suggestions), directions_of(results, candidates)
-    measured = directions_of(results, [item for item in results.predicted + results.velocities if "euler_deg" in item])
-    gain, gain_suggested = (np.array([item["gain"] for item in items]) for items in (candidates, suggestions))
+    measured = directions_of(
+        results, [item for item in results.predicted + results.velocities if "euler_deg" in item]
+    )
+    gain, gain_suggested = (
+        np.array([item["gain"] for item in items]) for items in (candidates, suggestions)
+    )
     arc = is_arc(everywhere)
     figure, axes = panels(3.0 if arc else 3.6)
     # Above all else, and within the axes: a speed may bring more than any modulus.
-    places = np.column_stack([declination(suggested), gain_suggested] if arc else stereographic(suggested))
-    axes.plot(*places.T, "o", color="white", mec=BLACK, ms=12, clip_on=False, label="suggested, by rank", zorder=3)
+    places = np.column_stack(
+        [declination(suggested), gain_suggested] if arc else stereographic(suggested)
+    )
+    axes.plot(
+        *places.T,
+        "o",
+        color="white",
+        mec=BLACK,
+        ms=12,
+        clip_on=False,
+        label="suggested, by rank",
+        zorder=3,
+    )
     if arc:
-        axes.plot(declination(everywhere), gain, ".", color=SKY, ms=4, label="gain expected of the next grain")
-        axes.plot(declination(measured), np.zeros(len(measured)), "x", color=BLACK, ms=5, label="measured", clip_on=False)
-        axes.set(xlabel="declination of the c axis (degrees)", ylabel=f"expected gain ({unit})", xlim=(-3, 93), ylim=(0, None))
+        axes.plot(
+            declination(everywhere),
+            gain,
+            ".",
+            color=SKY,
+            ms=4,
+            label="gain expected of the next grain",
+        )
+        axes.plot(
+            declination(measured),
+            np.zeros(len(measured)),
+            "x",
+            color=BLACK,
+            ms=5,
+            label="measured",
+            clip_on=False,
+        )
+        axes.set(
+            xlabel="declination of the c axis (degrees)",
+            ylabel=f"expected gain ({unit})",
+            xlim=(-3, 93),
+            ylim=(0, None),
+        )
     else:
-        draw_map(axes, everywhere, gain, f"expected gain ({unit})", has_four_indices(results.symmetry))
+        draw_map(
+            axes, everywhere, gain, f"expected gain ({unit})", has_four_indices(results.symmetry)
+        )
         axes.plot(*stereographic(measured), "x", color="white", ms=5, mew=1.6)
         axes.plot(*stereographic(measured), "x", color=BLACK, ms=5, mew=0.9, label="measured")
     for rank, place in enumerate(places, start=1):
         axes.annotate(str(rank), place, ha="center", va="center_baseline", size=8.5, zorder=4)
     legend_above(figure, columns=3)
-    over = "over the declination of the c axis" if arc else "among the crystal directions that differ"
-    speeds = " A speed is drawn at the normal of its grain." * any("propagation_deg" in item for item in suggestions)
-    rows = labelled("candidate", everywhere, gain) + labelled("suggested", suggested, gain_suggested)
-    text = f"The {len(suggested)} orientations that are expected to bring most information, ranked, {over}. Each is chosen given those before it."
-    return Picture(figure, text + speeds, (["kind", "crystal_x", "crystal_y", "crystal_z", "gain"], rows))
+    over = (
+        "over the declination of the c axis" if arc else "among the crystal directions that differ"
+    )
+    speeds = " A speed is drawn at the normal of its grain." * any(
+        "propagation_deg" in item for item in suggestions
+    )
+    rows = labelled("candidate", everywhere, gain) + labelled(
+        "suggested", suggested, gain_suggested
+    )
+    text = (
+        f"The {len(suggested)} orientations that are expected to bring most information, "
+        f"ranked, {over}. Each is chosen given those before it."
+    )
+    return Picture(
+        figure, text + speeds, (["kind", "crystal_x", "crystal_y", "crystal_z", "gain"], rows)
+    )
 
 
 def directions_of(results: Results, items: list[dict]) -> np.ndarray:
     """The indented directions (n, 3) of grains in the region that the class tells apart."""
-    return representative(results.symmetry, indentation_direction(np.array([item["euler_deg"] for item in items]).reshape(-1, 3)))
+    return representative(
+        results.symmetry,
+        indentation_direction(np.array([item["euler_deg"] for item in items]).reshape(-1, 3)),
+    )
 
 
 def labelled(kind: str, directions: np.ndarray, *columns: Any) -> list[list]:
@@ -111,15 +231,26 @@ def stereographic(directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def draw_map(
-    axes: Any, directions: np.ndarray, values: np.ndarray, label: str, four: bool, low: float | None = None, high: float | None = None
+    axes: Any,
+    directions: np.ndarray,
+    values: np.ndarray,
+    label: str,
+    four: bool,
+    low: float | None = None,
+    high: float | None = None,
 ) -> None:
-    """Values over directions that fill a region, with its outline and the names of its corners, of `four` indices if need be."""
+    """Values over directions that fill a region, with its outline and the names of its corners, of
+    `four` indices if need be.
+    """
     x, y = stereographic(directions)
     triangles = Triangulation(x, y)
-    image = axes.tripcolor(triangles, values, shading="gouraud", vmin=low, vmax=high, rasterized=True)
+    image = axes.tripcolor(
+        triangles, values, shading="gouraud", vmin=low, vmax=high, rasterized=True
+    )
     axes.figure.colorbar(image, ax=axes, label=label, shrink=0.85)
     places, centre = np.column_stack([x, y]), np.array([x.mean(), y.mean()])
-    # Sides without a neighbour, each from a corner to the next one. (scipy's hull takes half a second to import.)
+    # Sides without a neighbour, each from a corner to the next one. (scipy's hull takes half a
+    # second to import.)
     row, side = np.nonzero(triangles.neighbors < 0)
     following = dict(zip(triangles.triangles[row, side], triangles.triangles[row, (side + 1) % 3]))
     outline = [next(iter(following))]
@@ -131,7 +262,15 @@ def draw_map(
         if len(near) and near[0] in outline:
             name, place = direction_name(indices, four), places[near[0]]
             offset = 18 * (place - centre) / np.linalg.norm(place - centre)
-            axes.annotate(name, place, offset, textcoords="offset points", ha="center", va="center", annotation_clip=False)
+            axes.annotate(
+                name,
+                place,
+                offset,
+                textcoords="offset points",
+                ha="center",
+                va="center",
+                annotation_clip=False,
+            )
     axes.set(aspect="equal")
     axes.margins(0.08)
     axes.axis("off")

@@ -1,4 +1,6 @@
-"""The posterior of the constants, what is left of the measurements when its prediction is taken off, and what further knowledge would bring."""
+"""The posterior of the constants, what is left of the measurements when its prediction is taken
+off, and what further knowledge would bring.
+"""
 
 from statistics import NormalDist
 from textwrap import fill
@@ -9,9 +11,21 @@ from ..formatting import number, plus_minus, product_label, quantity_label, quan
 from ..results import NothingToShow, Results, present
 
 from .style import (  # isort: skip
-    BLACK, BLUE, CYCLE, MARKERS, RED, SKY, Picture, density_axes, grid_of_constants, is_column, legend_above, panels,
-    parity_panels, sd_axes,
-)  # fmt: skip
+    BLACK,
+    BLUE,
+    CYCLE,
+    MARKERS,
+    RED,
+    SKY,
+    Picture,
+    density_axes,
+    grid_of_constants,
+    is_column,
+    legend_above,
+    panels,
+    parity_panels,
+    sd_axes,
+)
 
 #: Samples of normal numbers behind the band of the quantiles.
 SAMPLES = 2000
@@ -22,18 +36,33 @@ MANY = 60
 def residuals(results: Results) -> Picture:
     """Residuals of the grains in order beside the quantiles of a normal distribution."""
     predicted, count = results.predicted, len(results.predicted)
-    if count < 2 or results.without_orientations or not all(item.get("measured_sd") for item in predicted):
+    if (
+        count < 2
+        or results.without_orientations
+        or not all(item.get("measured_sd") for item in predicted)
+    ):
         raise NothingToShow
-    values = np.sort([(item["measured"] - item["mean"]) / item["measured_sd"] for item in predicted])
+    values = np.sort(
+        [(item["measured"] - item["mean"]) / item["measured_sd"] for item in predicted]
+    )
     figure, axes = panels(3.3)
     quantiles = np.array([NormalDist().inv_cdf((k + 0.5) / count) for k in range(count)])
-    low, high = np.percentile(np.sort(np.random.default_rng(1).standard_normal((SAMPLES, count)), axis=1), [2.5, 97.5], axis=0)
-    axes.fill_between(quantiles, low, high, color=SKY, alpha=0.35, lw=0, label="95 % of normal samples")
+    low, high = np.percentile(
+        np.sort(np.random.default_rng(1).standard_normal((SAMPLES, count)), axis=1),
+        [2.5, 97.5],
+        axis=0,
+    )
+    axes.fill_between(
+        quantiles, low, high, color=SKY, alpha=0.35, lw=0, label="95 % of normal samples"
+    )
     axes.plot(quantiles[[0, -1]], quantiles[[0, -1]], color=BLACK, lw=0.8)
     axes.plot(quantiles, values, "o", color=BLUE, ms=3 if count > MANY else 4)
     axes.set(xlabel="quantile of a normal distribution", ylabel="residual / sd, in order")
     axes.legend(loc="upper left")
-    text = "Residuals of the grains in order of size, in units of the stated sd, beside the quantiles of a normal distribution."
+    text = (
+        "Residuals of the grains in order of size, in units of the stated sd, beside the "
+        "quantiles of a normal distribution."
+    )
     return Picture(figure, f"{text} Their sum of squares is {number(np.sum(values**2))}.")
 
 
@@ -46,18 +75,31 @@ def knowledge(results: Results) -> Picture:
     figure, axes = panels(0.4 * len(names) + 0.2 * len(rows) + 1.2)
     axes.plot(now, place, "|", color=BLACK, ms=13, mew=2, label="sd now")
     table = []
-    for index, (row, colour, marker) in enumerate(zip(rows, np.resize(CYCLE, len(rows)), np.resize(list(MARKERS), len(rows)))):
+    for index, (row, colour, marker) in enumerate(
+        zip(rows, np.resize(CYCLE, len(rows)), np.resize(list(MARKERS), len(rows)))
+    ):
         then = np.array([row["sd_then"][name] for name in names])
         lifted = place + 0.5 * ((index + 1) / (len(rows) + 1) - 0.5)
         axes.hlines(lifted, np.minimum(then, now), now, color=colour, lw=1.2)
-        label = fill(f"{quantity_label(row, results.symmetry)} known to {100 * row['relative_sd']:.0f} %", 48 if is_column() else 99)
+        label = fill(
+            f"{quantity_label(row, results.symmetry)} known to {100 * row['relative_sd']:.0f} %",
+            48 if is_column() else 99,
+        )
         axes.plot(then, lifted, marker, color=colour, ms=5, label=label)
-        table += [[row["name"], row["relative_sd"], *sds] for sds in zip(names, now.tolist(), then.tolist())]
+        table += [
+            [row["name"], row["relative_sd"], *sds]
+            for sds in zip(names, now.tolist(), then.tolist())
+        ]
     axes.set_yticks(place, [subscript(name) for name in names])
     axes.set(xlabel="sd (GPa)", xlim=(0, 1.05 * now.max()), ylim=(place[-1] - 0.6, 0.6))
     legend_above(figure, columns=1)
-    text = "What else to measure or to look up: the sd of each constant now (black), and the sd that is expected with one further quantity known."
-    return Picture(figure, text, (["known", "relative_sd", "constant", "sd_now_gpa", "sd_then_gpa"], table))
+    text = (
+        "What else to measure or to look up: the sd of each constant now (black), and the sd "
+        "that is expected with one further quantity known."
+    )
+    return Picture(
+        figure, text, (["known", "relative_sd", "constant", "sd_now_gpa", "sd_then_gpa"], table)
+    )
 
 
 #: Points of the posterior that are drawn at most.
@@ -67,31 +109,48 @@ LEAST_PART = 0.005
 
 
 def marginals(results: Results) -> Picture:
-    """Distribution of each constant before and after the measurements, with its most probable value and what it is compared with."""
+    """Distribution of each constant before and after the measurements, with its most probable value
+    and what it is compared with.
+    """
     samples, parameters = present(results.samples), results.documents["extract"]["parameters"]
     label, reference = results.reference
     figure, grid = grid_of_constants(samples, 1.9, 0.3)
-    for (name, axes), before in zip(grid.items(), np.moveaxis(results.posterior["prior_draws"], -1, 0)):
+    for (name, axes), before in zip(
+        grid.items(), np.moveaxis(results.posterior["prior_draws"], -1, 0)
+    ):
         after, best = samples[name], parameters[name]["map"]
         low, high = np.percentile(before, [0.5, 99.5])
         edges = np.linspace(min(low, after.min()), max(high, after.max()), 61)
         for values, colour, words in ((before, "0.7", "prior"), (after, BLUE, "posterior")):
             # Relative to the highest bin: a sharp posterior would flatten the prior.
             counts = np.histogram(values, edges)[0]
-            axes.stairs(counts / counts.max(), edges, color=colour, fill=True, alpha=0.6, label=words)
-        for value, colour, words in ((best, RED, "most probable"), (reference.get(name), BLACK, label)):
+            axes.stairs(
+                counts / counts.max(), edges, color=colour, fill=True, alpha=0.6, label=words
+            )
+        for value, colour, words in (
+            (best, RED, "most probable"),
+            (reference.get(name), BLACK, label),
+        ):
             if value is not None:
                 axes.axvline(value, color=colour, ls="--", lw=1, label=words)
         axes.set(ylim=(0, 1.05), title=f"{plus_minus(parameters[name])} GPa")
     density_axes(figure, grid)
     values = "; ".join(f"{name} {plus_minus(item)} GPa" for name, item in parameters.items())
-    text = "Each constant before the measurements (grey: the prior with what else was known) and after them (blue). Above each: mean ± sd."
-    more = "All histograms are drawn to the same height. A posterior that ends abruptly is truncated by a limit of the prior."
+    text = (
+        "Each constant before the measurements (grey: the prior with what else was known) and "
+        "after them (blue). Above each: mean ± sd."
+    )
+    more = (
+        "All histograms are drawn to the same height. A posterior that ends abruptly is "
+        "truncated by a limit of the prior."
+    )
     return Picture(figure, f"{text} {more}", values=values)
 
 
 def pairs(results: Results) -> Picture:
-    """Every pair of constants: points of the posterior, which show its ridges, with the correlation in the other half."""
+    """Every pair of constants: points of the posterior, which show its ridges, with the correlation
+    in the other half.
+    """
     samples = present(results.samples)
     table = np.stack([chains.ravel() for chains in samples.values()])
     correlation = np.atleast_2d(np.corrcoef(table))
@@ -105,12 +164,23 @@ def pairs(results: Results) -> Picture:
         if i < j:
             cell.axis("off")
             text = f"{correlation[i, j]:+.2f}".replace("-", "−")
-            cell.text(0.5, 0.5, text, ha="center", va="center", size=11, color="#555555", transform=cell.transAxes)
+            cell.text(
+                0.5,
+                0.5,
+                text,
+                ha="center",
+                va="center",
+                size=11,
+                color="#555555",
+                transform=cell.transAxes,
+            )
         elif i == j:
             cell.stairs(*np.histogram(table[i], 36), fill=True, color=SKY, alpha=0.7)
             cell.set_yticks([])
         else:
-            cell.plot(table[j], table[i], ".", ms=2.2, alpha=0.4, color=BLUE, rasterized=True, mew=0)
+            cell.plot(
+                table[j], table[i], ".", ms=2.2, alpha=0.4, color=BLUE, rasterized=True, mew=0
+            )
         if i == j and reference:
             cell.axvline(true[i], color=RED, lw=1)
         elif i > j and reference:
@@ -124,36 +194,66 @@ def pairs(results: Results) -> Picture:
             cell.set_ylabel(labels[i])
         elif j > 0:
             cell.set_yticklabels([])
-    text = "Pairs of constants: points of the posterior, and their correlations." + (f" Red: {about}." if reference else "")
+    text = "Pairs of constants: points of the posterior, and their correlations." + (
+        f" Red: {about}." if reference else ""
+    )
     thin = "A long thin cloud is a combination that the measurements do not determine."
-    return Picture(figure, f"{text} {thin}", ([f"{name}_gpa" for name in samples], table.T.tolist()))
+    return Picture(
+        figure, f"{text} {thin}", ([f"{name}_gpa" for name in samples], table.T.tolist())
+    )
 
 
 def grain_comparison(results: Results) -> Picture:
     """Measured moduli against what the posterior predicts."""
-    return compared([] if results.without_orientations else results.predicted, results.kind, "GPa", "grains")
+    return compared(
+        [] if results.without_orientations else results.predicted, results.kind, "GPa", "grains"
+    )
 
 
 def velocities(results: Results) -> Picture:
     """Measured speeds of waves against what the posterior predicts."""
     left_out = results.documents["extract"].get("velocities_left_out", 0)
-    return compared(results.velocities, results.speed, "m/s", "directions", f" Left out: {left_out}." * bool(left_out))
+    return compared(
+        results.velocities,
+        results.speed,
+        "m/s",
+        "directions",
+        f" Left out: {left_out}." * bool(left_out),
+    )
 
 
 def compared(items: list[dict], quantity: str, unit: str, of: str, more: str = "") -> Picture:
-    """Measured against predicted values, and the residuals, in units of the stated sd where there is one."""
+    """Measured against predicted values, and the residuals, in units of the stated sd where there
+    is one.
+    """
     keys = ("measured", "measured_sd", "mean", "sd")
-    measured, error, mean, sd = np.array([[item.get(key) or 0.0 for key in keys] for item in present(items)]).T
+    measured, error, mean, sd = np.array(
+        [[item.get(key) or 0.0 for key in keys] for item in present(items)]
+    ).T
     stated = bool(np.all(error > 0))
     residual = (measured - mean) / (error if stated else 1.0)
-    labels = (f"predicted {quantity} ({unit})", f"measured {quantity} ({unit})", f"measured - predicted ({'sd' if stated else unit})")
+    labels = (
+        f"predicted {quantity} ({unit})",
+        f"measured {quantity} ({unit})",
+        f"measured - predicted ({'sd' if stated else unit})",
+    )
     small = {"ms": 3, "lw": 0.5} if len(items) > MANY else {}
     figure, right = parity_panels(mean, measured, residual, labels, yerr=error, xerr=sd, **small)
     sd_axes(right, stated)
     for index in np.flatnonzero(np.abs(residual) > 2) if stated else ():
-        right.annotate(str(index + 1), (mean[index], residual[index]), (4, 3), textcoords="offset points")
-    caption = f"Measured and predicted {quantity} of {len(items)} {of}. Left: bars are ± 1 sd. Right: residuals"
-    bands = " in units of the stated sd, with bands of 1 and 2 sd; rows of the measurements beyond 2 sd are numbered." if stated else "."
+        right.annotate(
+            str(index + 1), (mean[index], residual[index]), (4, 3), textcoords="offset points"
+        )
+    caption = (
+        f"Measured and predicted {quantity} of {len(items)} {of}. Left: bars are ± 1 sd. Right: "
+        "residuals"
+    )
+    bands = (
+        " in units of the stated sd, with bands of 1 and 2 sd; rows of the measurements beyond "
+        "2 sd are numbered."
+        if stated
+        else "."
+    )
     return Picture(figure, caption + bands + more)
 
 
@@ -164,32 +264,56 @@ def traces(results: Results) -> Picture:
     for axes, (name, chains) in zip(column.ravel(), samples.items()):
         step = max(1, chains.shape[1] // LINE_POINTS)
         for chain, colour in zip(chains, np.resize(CYCLE, len(chains))):
-            axes.plot(np.arange(0, chain.size, step), chain[::step], lw=0.4, alpha=0.8, color=colour, rasterized=True)
+            axes.plot(
+                np.arange(0, chain.size, step),
+                chain[::step],
+                lw=0.4,
+                alpha=0.8,
+                color=colour,
+                rasterized=True,
+            )
         axes.set_ylabel(f"{subscript(name)} (GPa)")
     column[-1, 0].set_xlabel("sample of the chain")
     figure.align_ylabels(column)
-    return Picture(figure, "The sampled values of each chain in order. Chains that have mixed overlap and show no trend.")
+    return Picture(
+        figure,
+        "The sampled values of each chain in order. Chains that have mixed overlap and show no "
+        "trend.",
+    )
 
 
 def shares(results: Results) -> Picture:
-    """Shares of the measurements, of what else was known and of the prior: of combinations of the constants, and of quantities."""
-    combinations, quantities = (results.identifiability(kind) for kind in ("combination", "quantity"))
+    """Shares of the measurements, of what else was known and of the prior: of combinations of the
+    constants, and of quantities.
+    """
+    combinations, quantities = (
+        results.identifiability(kind) for kind in ("combination", "quantity")
+    )
     labels = [product_label(row["exponents"]) for row in combinations]
     labels += [subscript(quantity_name(row["name"], results.symmetry)) for row in quantities]
     above = "Above: products of powers of the constants, from the best to the worst determined."
-    caption = f"Shares of variances. {above} Below: the constants and quantities that follow from them."
-    return stacked([row["share"] for row in combinations + quantities], labels, len(combinations), caption)
+    caption = (
+        f"Shares of variances. {above} Below: the constants and quantities that follow from them."
+    )
+    return stacked(
+        [row["share"] for row in combinations + quantities], labels, len(combinations), caption
+    )
 
 
 def error_budget(results: Results) -> Picture:
     """The parts of the variance of each constant by source."""
     budget = present(results.documents["extract"].get("error_budget"))
-    caption = "Error budget: the sources of the variance of each constant. Calibration: what moduli share."
+    caption = (
+        "Error budget: the sources of the variance of each constant. Calibration: what moduli "
+        "share."
+    )
     return stacked(list(budget.values()), list(map(subscript, budget)), len(budget), caption)
 
 
 def stacked(parts: list[dict], labels: list[str], above: int, caption: str) -> Picture:
-    """A bar for each row, of its parts in per cent one after another; rows from `above` on stand apart."""
+    """A bar for each row, of its parts in per cent one after another; rows from `above` on stand
+    apart.
+    """
     names = list(present(parts)[0])
     values = np.array([[part[name] for name in names] for part in parts], dtype=float)
     shown = [j for j in range(len(names)) if np.any(values[:, j] >= LEAST_PART)]
@@ -198,14 +322,29 @@ def stacked(parts: list[dict], labels: list[str], above: int, caption: str) -> P
     left = np.zeros(len(values))
     for j, colour in zip(present(shown), np.resize(CYCLE, len(shown))):
         width = 100 * np.nan_to_num(values[:, j])
-        axes.barh(place, width, left=left, color="0.75" if names[j] == "prior" else colour, height=0.7, label=quantity_name(names[j]))
+        axes.barh(
+            place,
+            width,
+            left=left,
+            color="0.75" if names[j] == "prior" else colour,
+            height=0.7,
+            label=quantity_name(names[j]),
+        )
         left += width
     axes.set_yticks(place, labels)
     axes.set(xlim=(0, 100), ylim=(place.min() - 0.6, 0.6), xlabel="share of the variance (%)")
     axes.grid(axis="y")
     legend_above(figure, columns=min(4, len(shown)))
-    text = "; ".join(f"{name}: {', '.join(f'{names[j]} {100 * row[j]:.0f}' for j in shown)}" for name, row in zip(parts, values))
-    return Picture(figure, caption, (["name", *names], [[*row] for row in zip(parts, *values.T.tolist())]), f"In per cent: {text}.")
+    text = "; ".join(
+        f"{name}: {', '.join(f'{names[j]} {100 * row[j]:.0f}' for j in shown)}"
+        for name, row in zip(parts, values)
+    )
+    return Picture(
+        figure,
+        caption,
+        (["name", *names], [[*row] for row in zip(parts, *values.T.tolist())]),
+        f"In per cent: {text}.",
+    )
 
 
 def expected_sds(results: Results) -> Picture:
@@ -219,5 +358,9 @@ def expected_sds(results: Results) -> Picture:
             axes.plot(*zip(*points), marker=marker, ms=4, label=f"noise {100 * noise:g} %")
         axes.set(xlabel="grains", ylabel=f"sd of {subscript(name)} (GPa)", ylim=(0, None))
     legend_above(figure, *axes.get_legend_handles_labels())
-    text = "Expected sd of each constant against the number of grains, for each noise of the moduli."
-    return Picture(figure, f"{text} Medians over posteriors of simulated data sets of the stated crystal.")
+    text = (
+        "Expected sd of each constant against the number of grains, for each noise of the moduli."
+    )
+    return Picture(
+        figure, f"{text} Medians over posteriors of simulated data sets of the stated crystal."
+    )

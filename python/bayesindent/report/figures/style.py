@@ -18,25 +18,37 @@ from ..formatting import subscript
 
 # The palette of Okabe and Ito, which colour-blind readers can tell apart.
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PURPLE = (
-    "#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7",
-)  # fmt: skip
+    "#000000",
+    "#E69F00",
+    "#56B4E9",
+    "#009E73",
+    "#F0E442",
+    "#0072B2",
+    "#D55E00",
+    "#CC79A7",
+)
 CYCLE = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BLACK)
 MARKERS = "osD^vP*"
 
-STYLE = mpl.rc_params_from_file(Path(__file__).with_name("house.mplstyle"), use_default_template=False)
+STYLE = mpl.rc_params_from_file(
+    Path(__file__).with_name("house.mplstyle"), use_default_template=False
+)
 STYLE["axes.prop_cycle"] = mpl.cycler(color=CYCLE)
 
 #: Panels of a matrix, which have no letters.
 MATRIX = 9
 
-#: Width in inches of a figure of the report, and of a column of a journal, whose figures have small text.
+#: Width in inches of a figure of the report, and of a column of a journal, whose figures have small
+#: text.
 WIDTH, COLUMN, SMALL = 7.0, 3.35, 7.0
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure, its caption, header and rows of the numbers behind it where it has more than lines, bars and areas, and what else those who
-    cannot see it are to know beside the first sentence of the caption."""
+    """A figure, its caption, header and rows of the numbers behind it where it has more than lines,
+    bars and areas, and what else those who cannot see it are to know beside the first sentence of
+    the caption.
+    """
 
     figure: Figure
     caption: str
@@ -55,7 +67,9 @@ PLACE: ContextVar[Any] = ContextVar("PLACE", default=None)
 
 def new_figure(height: float) -> Figure:
     """An empty figure of this height in inches, or the `PLACE` that is set."""
-    return PLACE.get() or Figure(figsize=(mpl.rcParams["figure.figsize"][0], height), layout="constrained")
+    return PLACE.get() or Figure(
+        figsize=(mpl.rcParams["figure.figsize"][0], height), layout="constrained"
+    )
 
 
 def is_column() -> bool:
@@ -64,9 +78,13 @@ def is_column() -> bool:
 
 
 def panels(height: float, rows: int = 1, columns: int = 1, **settings: Any) -> tuple[Figure, Any]:
-    """A figure of this `height` in inches and its axes; `settings` of `subplots`. In a journal's column two panels are one above the other."""
+    """A figure of this `height` in inches and its axes; `settings` of `subplots`. In a journal's
+    column two panels are one above the other.
+    """
     if is_column():
-        rows, columns, height = (2, 1, 1.45 * height) if (rows, columns) == (1, 2) else (rows, columns, 0.75 * height)
+        rows, columns, height = (
+            (2, 1, 1.45 * height) if (rows, columns) == (1, 2) else (rows, columns, 0.75 * height)
+        )
     figure = new_figure(height)
     return figure, figure.subplots(rows, columns, **settings)
 
@@ -78,13 +96,21 @@ def letter_panels(figure: Figure) -> None:
         axes.set_title(f"({letter}) {axes.get_title(loc='left')}", loc="left")
 
 
-def legend_above(figure: Figure, *entries: Any, columns: int = 4, corner: str = "upper left") -> None:
+def legend_above(
+    figure: Figure, *entries: Any, columns: int = 4, corner: str = "upper left"
+) -> None:
     """A legend outside the axes; `entries` are those of matplotlib's `legend`."""
-    figure.legend(*entries, loc=f"outside {corner}", ncols=min(columns, 2 if is_column() else columns))
+    figure.legend(
+        *entries, loc=f"outside {corner}", ncols=min(columns, 2 if is_column() else columns)
+    )
 
 
-def grid_of_constants(names: Collection[str], height: float, further: float = 0.0) -> tuple[Figure, dict[str, Any]]:
-    """A figure with axes for each constant, three in a row: of a `height` a row, and `further` in all, in inches."""
+def grid_of_constants(
+    names: Collection[str], height: float, further: float = 0.0
+) -> tuple[Figure, dict[str, Any]]:
+    """A figure with axes for each constant, three in a row: of a `height` a row, and `further` in
+    all, in inches.
+    """
     columns = min(2 if is_column() else 3, len(names))
     rows = -(-len(names) // columns)
     figure, grid = panels(height * rows + further, rows, columns, squeeze=False)
@@ -108,19 +134,37 @@ def density_axes(figure: Figure, grid: dict[str, Any]) -> None:
 @contextmanager
 def house_style(width: float = WIDTH) -> Iterator[None]:
     """Draw in one style, whatever the user's configuration is, figures of this width in inches."""
-    small = {"font.size": SMALL, "axes.titlesize": SMALL, "lines.linewidth": 1.0} if width < WIDTH else {}
-    with mpl.rc_context({**mpl.rcParamsDefault, "backend": "agg", **STYLE, **small, "figure.figsize": (width, width)}):
+    small = (
+        {"font.size": SMALL, "axes.titlesize": SMALL, "lines.linewidth": 1.0}
+        if width < WIDTH
+        else {}
+    )
+    with mpl.rc_context(
+        {
+            **mpl.rcParamsDefault,
+            "backend": "agg",
+            **STYLE,
+            **small,
+            "figure.figsize": (width, width),
+        }
+    ):
         yield
 
 
 def text_size(figure: Figure) -> float:
     """The smallest size of text that is seen, in points; indices of formulas apart."""
-    seen = (text.get_fontsize() for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip())
+    seen = (
+        text.get_fontsize()
+        for text in figure.findobj(Text)
+        if text.get_visible() and text.get_text().strip()
+    )
     return min(seen, default=STYLE["font.size"])
 
 
 def lay_out(figure: Figure, dots: float) -> None:
-    """Place the axes of a figure for so many dots per inch, and leave it without a layout: `savefig` draws figures that have one twice."""
+    """Place the axes of a figure for so many dots per inch, and leave it without a layout:
+    `savefig` draws figures that have one twice.
+    """
     FigureCanvasAgg(figure)
     figure.set_dpi(dots)
     for axes in figure.axes:
@@ -137,8 +181,12 @@ def stamp_synthetic(figure: Figure) -> None:
     figure.text(0.995, 0.1 * height, "SYNTHETIC DATA", ha="right", va="bottom", color=RED)
 
 
-def parity_panels(x: np.ndarray, y: np.ndarray, difference: np.ndarray, labels: Sequence[str], **style: Any) -> tuple[Figure, Any]:
-    """A figure of y against x with the line of equality, on the right of a difference, and its axes. `labels` of the three; `style` of the points."""
+def parity_panels(
+    x: np.ndarray, y: np.ndarray, difference: np.ndarray, labels: Sequence[str], **style: Any
+) -> tuple[Figure, Any]:
+    """A figure of y against x with the line of equality, on the right of a difference, and its
+    axes. `labels` of the three; `style` of the points.
+    """
     figure, (left, right) = panels(3.4, 1, 2)
     ends = [min(x.min(), y.min()), max(x.max(), y.max())]
     left.plot(ends, ends, color=BLACK, lw=0.8)
@@ -158,7 +206,9 @@ def sd_axes(axes: Any, bands: bool = True) -> None:
 
 
 def logarithmic(axes: Any) -> None:
-    """A logarithmic y axis with numbers such as 0.5, not powers; a linear one if no number is above 0."""
+    """A logarithmic y axis with numbers such as 0.5, not powers; a linear one if no number is above
+    0.
+    """
     if not any((np.asarray(line.get_ydata(), dtype=float) > 0).any() for line in axes.lines):
         return
     axes.set_yscale("log")
