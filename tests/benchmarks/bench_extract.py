@@ -65,7 +65,8 @@ def main(argv=None) -> int:
     )
     arguments = parser.parse_args(argv)
     print(
-        f"{'':34}{'seconds':>9}{'effective samples':>19}{'R-hat':>8}{'per second':>12}{'exact theory':>14}"
+        f"{'':34}{'seconds':>9}{'effective samples':>19}{'R-hat':>8}"
+        f"{'per second':>12}{'exact theory':>14}"
     )
     for name in arguments.case or CASES:
         compare(name, arguments)

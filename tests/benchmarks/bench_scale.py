@@ -41,7 +41,8 @@ LAUNCH = """
 import json, resource, subprocess, sys, time
 start = time.monotonic()
 with open("printed", "wb") as printed:
-    code = subprocess.call([sys.executable, *sys.argv[1:]], stdout=printed, stderr=subprocess.DEVNULL)
+    command = [sys.executable, *sys.argv[1:]]
+    code = subprocess.call(command, stdout=printed, stderr=subprocess.DEVNULL)
 used = resource.getrusage(resource.RUSAGE_CHILDREN)
 print(json.dumps([code, time.monotonic() - start, used.ru_utime + used.ru_stime, used.ru_maxrss]))
 """
@@ -86,9 +87,8 @@ def main(argv=None) -> int:
         names = list(rows[0])
         print(f"\n| {part}: {' | '.join(names)} |\n|{'---|' * len(names)}")
         for row in rows:
-            print(
-                f"| {' | '.join(f'{row[name]:,}' if name == 'size' else f'{row[name]:.3g}' for name in names)} |"
-            )
+            cells = [format(row[name], "," if name == "size" else ".3g") for name in names]
+            print(f"| {' | '.join(cells)} |")
     if arguments.figures:
         draw(found)
     return 0

@@ -702,7 +702,8 @@ import bayesindent as bi
 C = bi.stiffness("hexagonal", C11=161.1, C12=34.2, C44=38.3, C33=61.1, C13=50.3)
 def peak():
     # Not ru_maxrss: a process begins with its parent's.
-    return int(next(line for line in open("/proc/self/status") if line.startswith("VmHWM")).split()[1])
+    lines = open("/proc/self/status")
+    return int(next(line for line in lines if line.startswith("VmHWM")).split()[1])
 base = peak()
 workers = int(sys.argv[1])
 model = bi.Indentation(geometry="block")

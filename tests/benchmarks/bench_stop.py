@@ -33,14 +33,14 @@ STEP_2 = f"&measurements file = '{SOURCE}/inputs/data/fe3si.csv' /\n"
 #: Each takes minutes, but the last, which is stopped anywhere.
 STAGES = {
     "simulate": "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n",
-    "build": (
-        "&problem symmetry = 'cubic' /\n&specimen geometry = 'block' /\n&design budget = 1000, "
-        "batch = 3 /\n"
-    ),
-    "build by theory": "&problem symmetry = 'hexagonal' /\n&simulation simulator = 'theory' /\n&surrogate "
-    "model = 'paper', bandlimit = 4 /\n"
-    "&domain c_min = 80, 40, 30, 70, 40, c_max = 240, 120, 90, 210, 90 /\n&design n_candidates "
-    "= 40000, budget = 5000, batch = 20 /\n",
+    "build": "&problem symmetry = 'cubic' /\n"
+    "&specimen geometry = 'block' /\n"
+    "&design budget = 1000, batch = 3 /\n",
+    "build by theory": "&problem symmetry = 'hexagonal' /\n"
+    "&simulation simulator = 'theory' /\n"
+    "&surrogate model = 'paper', bandlimit = 4 /\n"
+    "&domain c_min = 80, 40, 30, 70, 40, c_max = 240, 120, 90, 210, 90 /\n"
+    "&design n_candidates = 40000, budget = 5000, batch = 20 /\n",
     "extract": "&problem symmetry = 'triclinic' /\n" + STEP_2,
     "next": "&problem symmetry = 'triclinic' /\n" + STEP_2 + "&next count = 5 /\n",
     "extract anywhere": "&problem symmetry = 'cubic' /\n" + STEP_2,

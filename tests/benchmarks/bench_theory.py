@@ -149,8 +149,9 @@ def density_table(crystals: dict, arguments, rng) -> None:
         error = np.abs(
             posterior.moduli(points[:1], angles)[0][0] / halfspace_modulus(first, angles) - 1
         ).max()
-        times = f"{1e6 * density:10.1f}{1e6 * together:10.1f}{together / density:10.1f}{1e6 * calls:10.0f}{calls / density:10.0f}"
-        print(f"{name:12}{symmetry:>12}{times}{100 * error:10.3f}")
+        of_posterior = f"{1e6 * density:10.1f}{1e6 * together:10.1f}{together / density:10.1f}"
+        of_calls = f"{1e6 * calls:10.0f}{calls / density:10.0f}"
+        print(f"{name:12}{symmetry:>12}{of_posterior}{of_calls}{100 * error:10.3f}")
 
 
 if __name__ == "__main__":

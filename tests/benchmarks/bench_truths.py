@@ -196,12 +196,13 @@ def main(argv=None) -> int:
             f"{name} {value:+.1f}{'*' * int(share > MOST)}" for name, value, share in values
         )
         known = f"{100 * truth.known:g} %" if truth.known else ""
+        apart = " ".join(f"{value:.2f}" for value in seeds.apart) if arguments.seeds > 1 else ""
         print(
             f"| {truth.name} | {truth.symmetry} | {truth.grains} | {100 * truth.noise:g} % | "
             f"{known} | {listed} | {seeds.sd.max():.1f} "
             f"| {sum(seeds.usable)} of {arguments.seeds} | {max(seeds.r_hat):.3f} | "
             f"{min(seeds.effective):,.0f} "
-            f"| {' '.join(f'{apart:.2f}' for apart in seeds.apart) if arguments.seeds > 1 else ''} | {seeds.seconds:.0f} |",
+            f"| {apart} | {seeds.seconds:.0f} |",
             flush=True,
         )
     print(f"\n* the prior has more than {MOST} of the variance")

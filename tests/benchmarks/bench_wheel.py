@@ -30,14 +30,16 @@ import json, sys, time
 import numpy as np
 import bayesindent as bi
 
+fe3si, titanium = (sys.argv[1] + "/" + name for name in ("cubic_fe3si.csv", "hex_titanium.csv"))
 kind = {"modulus_kind": "indentation_modulus", "workers": 1, "seed": 1}
+bulk_modulus = {"bulk_modulus": (165, 3)}
 copper = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)
 angles = np.random.default_rng(1).uniform(0, 90, (20000, 3))
 models = {name: bi.Indentation(geometry=name) for name in ("halfspace", "block")}
 work = {
     "theory": lambda: bi.halfspace_modulus(copper, angles),
-    "cubic": lambda: bi.extract(sys.argv[1] + "/cubic_fe3si.csv", symmetry="cubic", knowledge={"bulk_modulus": (165, 3)}, **kind),
-    "hexagonal": lambda: bi.extract(sys.argv[1] + "/hex_titanium.csv", symmetry="hexagonal", **kind),
+    "cubic": lambda: bi.extract(fe3si, symmetry="cubic", knowledge=bulk_modulus, **kind),
+    "hexagonal": lambda: bi.extract(titanium, symmetry="hexagonal", **kind),
     **{name: lambda model=model: model.run(copper, [0, 30, 0]) for name, model in models.items()},
 }
 seconds, numbers = {}, {}
@@ -45,7 +47,8 @@ for name, job in work.items():
     start = time.process_time()
     numbers[name] = job()
     seconds[name] = (time.process_time() - start) / (len(angles) if name == "theory" else 1)
-numbers = {"theory": numbers["theory"][0], **{name: numbers[name].indentation_modulus_gpa for name in models}}
+moduli = {name: numbers[name].indentation_modulus_gpa for name in models}
+numbers = {"theory": numbers["theory"][0], **moduli}
 print(json.dumps([seconds, {name: float(value) for name, value in numbers.items()}]))
 """
 

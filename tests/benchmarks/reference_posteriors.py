@@ -666,9 +666,9 @@ def check() -> None:
         field = FieldTheory(
             symmetry, euler, CHECK_DEGREE, nodes, points=32, angles=32, newton=6, precision=float
         ).moduli(constants[None])[0]
-        print(
-            f"{crystal:20}{symmetry:15}{np.abs(direct / expected - 1).max():12.1e}{np.abs(field / direct - 1).max():15.1e}"
-        )
+        of_direct = np.abs(direct / expected - 1).max()
+        of_field = np.abs(field / direct - 1).max()
+        print(f"{crystal:20}{symmetry:15}{of_direct:12.1e}{of_field:15.1e}")
     for symmetry in CASES:
         check_density(symmetry)
 

@@ -288,7 +288,8 @@ SAMPLE = """
 CUBIC_PRIORS = """
   c_max = 250, 150, 130 /
 &knowledge
-  quantity = 'C11', 'C44', 'bulk_modulus', 'polycrystal_young', 'polycrystal_poisson', "C44/C'", 'C12/C11'
+  quantity = 'C11', 'C44', 'bulk_modulus', 'polycrystal_young', 'polycrystal_poisson',
+    "C44/C'", 'C12/C11'
   mean = 220, 115, 165, 210, 0.29, 2.4, 0.6
   sd = 30, 20, 8, 20, 0.02, 0.5, 0.1
 """

@@ -11,7 +11,10 @@ from support.programs import BATCH
 from support.tree import SOURCE
 
 CASE = f"""&problem symmetry = 'cubic' /
-&measurements file = '{SOURCE / "inputs" / "data" / "fe3si.csv"}', modulus_kind = 'indentation_modulus' /
+&measurements
+  file = '{SOURCE / "inputs" / "data" / "fe3si.csv"}'
+  modulus_kind = 'indentation_modulus'
+/
 &prior c_min = 50, 40, 15, c_max = 250, 150, 150, anisotropy_cap = 7.2 /
 &knowledge quantity = 'bulk_modulus', mean = KNOWN, sd = 3.3 /
 &sampler samples = 1000, burn_in = 1500, chains = 2 /

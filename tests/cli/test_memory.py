@@ -22,13 +22,16 @@ from bayesindent.pipeline.stage import Simulator, run_stage
 
 folder = sys.argv[1]
 with open(folder + "/points.csv", "w") as file:
-    file.write("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\\n" + "".join(f"168.4,121.4,75.4,0,{10 * k},0\\n" for k in range(3)))
+    file.write("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\\n")
+    file.writelines(f"168.4,121.4,75.4,0,{10 * k},0\\n" for k in range(3))
 with open(folder + "/a.nml", "w") as file:
-    file.write("&problem symmetry = 'cubic' /\\n&crystals points = 'points.csv' /\\n&execution workers = 2 /\\n")
+    file.write("&problem symmetry = 'cubic' /\\n")
+    file.write("&crystals points = 'points.csv' /\\n&execution workers = 2 /\\n")
 problem = bi.Problem(folder + "/a.nml", "simulate")
 workspace = bi.Indentation().workspace_bytes
 theory = Simulator("test", "&simulation simulator = 'theory' /\\n")
-theory._call("run", stiffness=bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4), euler_deg=(0, 0, 0))
+copper = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)
+theory._call("run", stiffness=copper, euler_deg=(0, 0, 0))
 
 
 def limit(more):

@@ -148,7 +148,10 @@ folder = Path(sys.argv[1])
 k = float(sys.argv[2])
 sys.stdin.readline()
 for i in range(0, 50, 2):
-    told(folder, [(200.0 + i, 100.0, 50.0, 0.0, 0.0, 0.0), (201.0 + i, 100.0, 50.0, k, 0.0, 0.0)], [150.0, 150.0])
+    crystals = (200.0 + i, 100.0, 50.0), (201.0 + i, 100.0, 50.0)
+    orientations = (0.0, 0.0, 0.0), (k, 0.0, 0.0)
+    points = [crystal + angles for crystal, angles in zip(crystals, orientations)]
+    told(folder, points, [150.0, 150.0])
 """
 
 

@@ -20,8 +20,9 @@ import numpy as np
 import bayesindent as bi
 
 def draws(symmetry, **settings):
-    found = bi.extract(FILE, symmetry=symmetry, modulus_kind="indentation_modulus", method=sys.argv[1], chains=2, **settings)
-    return np.stack([found.posterior[name] for name in bi.constants(symmetry)])
+    settings |= {"modulus_kind": "indentation_modulus", "method": sys.argv[1], "chains": 2}
+    posterior = bi.extract(FILE, symmetry=symmetry, **settings).posterior
+    return np.stack([posterior[name] for name in bi.constants(symmetry)])
 
 few = {"samples": 20, "burn_in": 20, "knowledge": {"bulk_modulus": (165, 3)}}
 before = draws("cubic", **few)

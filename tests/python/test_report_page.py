@@ -38,17 +38,20 @@ SMALLEST_PX, LEAST_INK = 9.0, 0.005
 
 MEASURE = """
 function measure(frame) {
-  const page = frame.contentDocument, view = frame.contentWindow, root = page.documentElement, found = [];
+  const page = frame.contentDocument, view = frame.contentWindow;
+  const root = page.documentElement, found = [];
   for (const part of page.querySelectorAll("details")) part.open = true;
   if (root.scrollWidth > root.clientWidth) found.push(`the page is ${root.scrollWidth} px wide`);
   for (const element of page.body.querySelectorAll("*")) {
     const text = [...element.childNodes].some(node => node.nodeType === 3 && node.data.trim());
     const size = parseFloat(view.getComputedStyle(element).fontSize);
-    if (text && element.checkVisibility() && size < SMALLEST) found.push(`text of ${size} px: ${element.textContent.slice(0, 30)}`);
+    if (text && element.checkVisibility() && size < SMALLEST)
+      found.push(`text of ${size} px: ${element.textContent.slice(0, 30)}`);
   }
   const images = [...page.images];
   for (const image of images) {
-    const size = image.dataset.text * image.clientWidth / image.dataset.points, canvas = document.createElement("canvas");
+    const size = image.dataset.text * image.clientWidth / image.dataset.points;
+    const canvas = document.createElement("canvas");
     if (!(size >= SMALLEST)) found.push(`text of ${size} px in a figure: ${image.alt}`);
     canvas.width = 400; canvas.height = 300;
     const context = canvas.getContext("2d");
@@ -56,7 +59,8 @@ function measure(frame) {
     if (image.naturalWidth) context.drawImage(image, 0, 0, 400, 300);
     const dots = context.getImageData(0, 0, 400, 300).data;
     let ink = 0;
-    for (let i = 0; i < dots.length; i += 4) ink += Math.min(dots[i], dots[i + 1], dots[i + 2]) < 250;
+    for (let i = 0; i < dots.length; i += 4)
+      ink += Math.min(dots[i], dots[i + 1], dots[i + 2]) < 250;
     if (ink < INK * dots.length / 4) found.push(`an empty figure: ${image.alt}`);
   }
   return { width: view.innerWidth, figures: images.length, height: root.scrollHeight, found };

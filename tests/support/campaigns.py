@@ -19,8 +19,11 @@ Row = namedtuple(
     "depth_um force_mn",
 )
 
-STORED = """SELECT position, symmetry, constants, euler_deg, origin, message, indentation_modulus_gpa, seconds, elements, depth_um, force_mn
-FROM simulation JOIN physics ON physics.id = physics_id WHERE identity LIKE ? ORDER BY physics_id, position"""
+STORED = """
+SELECT position, symmetry, constants, euler_deg, origin, message, indentation_modulus_gpa,
+  seconds, elements, depth_um, force_mn
+FROM simulation JOIN physics ON physics.id = physics_id
+WHERE identity LIKE ? ORDER BY physics_id, position"""
 
 
 def rows(path: Path, physics: str = "%") -> list[Row]:

@@ -26,7 +26,8 @@ NAMES = {
     "trigonal -3": "C11 C12 C13 C14 C33 C44 C15",
     "orthorhombic": "C11 C12 C13 C22 C23 C33 C44 C55 C66",
     "monoclinic": "C11 C12 C13 C15 C22 C23 C25 C33 C35 C44 C46 C55 C66",
-    "triclinic": "C11 C12 C13 C14 C15 C16 C22 C23 C24 C25 C26 C33 C34 C35 C36 C44 C45 C46 C55 C56 C66",
+    "triclinic": "C11 C12 C13 C14 C15 C16 C22 C23 C24 C25 C26 "
+    "C33 C34 C35 C36 C44 C45 C46 C55 C56 C66",
 }
 NAMES = {symmetry: names.split() for symmetry, names in NAMES.items()}
 #: Constants that depend on others; half is (C11 - C12) / 2.

@@ -23,11 +23,12 @@ LACKING = ("gcc", "gfortran", "libopenblas", "libcholmod", "libgfortran", "libgo
 
 DOMAIN = "&domain c_min = 50, 40, 15, c_max = 250, 150, 120, anisotropy_cap = 7.2 /\n"
 FILES = {
-    "own.nml": "&problem symmetry = 'cubic', seed = 1 /\n&measurements file = 'own.csv', modulus_kind "
-    "= 'indentation_modulus' /\n"
+    "own.nml": "&problem symmetry = 'cubic', seed = 1 /\n"
+    "&measurements file = 'own.csv', modulus_kind = 'indentation_modulus' /\n"
     "&knowledge quantity = 'bulk_modulus', mean = 165, sd = 3 /\n",
-    "build.nml": "&problem symmetry = 'cubic' /\n&simulation simulator = 'theory' /\n&surrogate model = "
-    "'paper', degree = 2, bandlimit = 4 /\n"
+    "build.nml": "&problem symmetry = 'cubic' /\n"
+    "&simulation simulator = 'theory' /\n"
+    "&surrogate model = 'paper', degree = 2, bandlimit = 4 /\n"
     "&design n_candidates = 200, budget = 60 /\n" + DOMAIN,
     "simulate.nml": "&problem symmetry = 'cubic' /\n&crystals points = 'crystals.csv' /\n",
     "crystals.csv": "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,45,0\n",
@@ -38,7 +39,8 @@ STEPS = {
     "report": "bayesindent report runs/own",
     "build": "bayesindent build build.nml --json > build.json",
     "simulate": "bayesindent simulate simulate.nml --json > simulate.json",
-    "batch": "bayesindent-batch own.nml --output batch && bayesindent-batch build.nml --output batch",
+    "batch": "bayesindent-batch own.nml --output batch && "
+    "bayesindent-batch build.nml --output batch",
     "import": "python -c 'import bayesindent'",
 }
 

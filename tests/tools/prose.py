@@ -29,7 +29,8 @@ PHRASES = {
     r"\b(sds|deviations) say\b": "the stated sds",
     r"\b(taught by|learn(t|s)? from|to learn from|learnt once from)\b": "is trained on",
     r"\bthere theory has no answer\b": "no analytical solution exists",
-    r"\b(prior|priors|surrogate|surrogates|data) (knows?|believes?|speaks? for|asks?|tells?)\b": "the user or the program acts",
+    r"\b(priors?|surrogates?|data) (knows?|believes?|asks?|tells?)\b": "the user or program acts",
+    r"\b(priors?|surrogates?|data) speaks? for\b": "the user or program acts",
 }
 
 

@@ -22,9 +22,9 @@ ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "tests" / "where.md"
 HEAD = """# Where the tests of a module are
 
-`PYTHONPATH=tests python -m tools.where` writes this table from the sources (`tests/tools/where.py` explains how).
-A module that is missing here has a test of its own name. A test file may name modules that it tests at the end of its
-docstring: `Modules: core.py, core.f90.`
+`PYTHONPATH=tests python -m tools.where` writes this table from the sources (`tests/tools/where.py`
+explains how). A module that is missing here has a test of its own name. A test file may name
+modules that it tests at the end of its docstring: `Modules: core.py, core.f90.`
 
 | module | tests |
 |---|---|

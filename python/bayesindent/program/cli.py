@@ -267,9 +267,9 @@ def finish(arguments: argparse.Namespace, document: dict | int) -> int:
     for warning in document["warnings"][:MOST_WARNINGS]:
         say(f"warning: {warning}")
     if (more := len(document["warnings"]) - MOST_WARNINGS) > 0:
-        say(
-            f"{more} more warnings are in {arguments.results / 'run.log' if arguments.results else 'the JSON document (--json)'}"
-        )
+        results = arguments.results
+        where = results / "run.log" if results else "the JSON document (--json)"
+        say(f"{more} more warnings are in {where}")
     if arguments.results is not None:
         say(f"results are in {arguments.results}")
     if arguments.json:

@@ -282,4 +282,5 @@ def with_verdict(rows: list[dict], verdict: str) -> list[dict]:
 
 
 def with_sd(row: dict, symmetry: str) -> str:
-    return f"{quantity_name(row['name'], symmetry)} {plus_minus(row)} {quantity_format(row)[0]}".rstrip()
+    name, unit = quantity_name(row["name"], symmetry), quantity_format(row)[0]
+    return f"{name} {plus_minus(row)} {unit}".rstrip()

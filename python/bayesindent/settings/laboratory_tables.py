@@ -46,10 +46,13 @@ MISSING = {
     "1.797e+308",
     "1.797693e+308",
 }
-#: Names of rows of statistics, as they begin.
+#: Names of rows of statistics begin with a name of a mean ("Mittelwert"), of a spread ("Std. Dev.")
+#: or of an extent ("Overall (n = 12)").
+MEAN_NAMES = r"mean|average|avg|median|mittel\w*|moyenne|media"
+SPREAD_NAMES = r"std|st\.? ?dev|stand\w*|stabw|[eé]cart|sd|sem|(% ?)?cov|cv|coefficient|vari\w+"
+EXTENT_NAMES = r"min(imum)?|max(imum)?|count|number|range|sum|total|(over)?all|n"
 STATISTICS = re.compile(
-    r"(mean|average|avg|median|mittel\w*|moyenne|media|std|st\.? ?dev|stdev|stand\w*|stabw|[eé]cart|sd|sem|% ?cov|cov|cv|coefficient|vari\w+|min(imum)?|max(imum)?|count|number|range|sum|total|(over)?all|n)\b[^0-9]*(\(n ?= ?\d+\))?$",
-    re.I,
+    rf"({MEAN_NAMES}|{SPREAD_NAMES}|{EXTENT_NAMES})\b[^0-9]*(\(n ?= ?\d+\))?$", re.I
 )
 NUMBER = r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eEdD][+-]?\d+)?"
 is_plain_number = re.compile(NUMBER).fullmatch

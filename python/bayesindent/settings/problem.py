@@ -288,7 +288,8 @@ def html_details(thing: object, text: str) -> str:
     """What a notebook shows of a thing: its name, and after a click the text."""
     from html import escape
 
-    return f"<details><summary>{escape(repr(thing)[1:-1])}</summary><pre>{escape(text)}</pre></details>"
+    name = escape(repr(thing)[1:-1])
+    return f"<details><summary>{name}</summary><pre>{escape(text)}</pre></details>"
 
 
 def spelled(value: Any, place: str = "") -> str:

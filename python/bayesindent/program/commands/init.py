@@ -24,11 +24,15 @@ FOR_BUILDING = ("model", "degree", "bandlimit", "truncation", "scan")
 
 
 #: The variable that has no default.
-KINDS = """\
-  ! Which modulus the instrument reported. Remove the ! of one line:
-  ! modulus_kind = 'effective_modulus'     ! Er, the reduced modulus of specimen and tip: 1/Er = 1/M + (1 - nu_i^2)/E_i
-  ! modulus_kind = 'indentation_modulus'   ! M = E/(1 - nu^2) of the specimen alone; the deformation of the tip is removed
-  ! modulus_kind = 'sample_modulus'        ! Es = (1 - nu_s^2) M, often called E, EIT or Young's modulus, for an assumed sample_nu""".splitlines()
+KINDS = (
+    "  ! Which modulus the instrument reported. Remove the ! of one line:",
+    "  ! modulus_kind = 'effective_modulus'     ! Er, the reduced modulus of specimen and tip: "
+    "1/Er = 1/M + (1 - nu_i^2)/E_i",
+    "  ! modulus_kind = 'indentation_modulus'   ! M = E/(1 - nu^2) of the specimen alone; "
+    "the deformation of the tip is removed",
+    "  ! modulus_kind = 'sample_modulus'        ! Es = (1 - nu_s^2) M, often called E, EIT or "
+    "Young's modulus, for an assumed sample_nu",
+)
 
 
 def template(symmetry: str | None, metal: str | None) -> dict[str, str]:
