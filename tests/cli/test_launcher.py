@@ -82,7 +82,7 @@ def test_shows_the_log_of_a_failed_step(bare_machine):
     assert "failed: installing Debian packages: gfortran" in done.stderr
     # What will be installed is said before.
     assert done.stderr.startswith(
-        "bayesindent: the following Debian packages will be installed as root: gfortran g++ "
+        "bayesindent: these Debian packages will be installed as root: gfortran g++ "
     )
 
 

@@ -1,5 +1,4 @@
-"""Build and run the tests: those of every day, in some three minutes on two cores; with --long all
-others, in some twenty.
+"""Build and run the tests: those of every day; with --long all others.
 
 The last lines are the ten slowest cases and the count. Each case is written to
 build/meson-logs/*.txt as soon as it has ended, so that a run that is killed leaves its results.
