@@ -92,8 +92,7 @@ def kills(program: str, arguments):
         )
         happened = (
             f"{found['simulations']} simulations, {found['lost']} lost, {found['repeated']} "
-            "repeated; "
-            f"half-written files: {', '.join(found['half-written files']) or 'none'}; "
+            f"repeated; half-written files: {', '.join(found['half-written files']) or 'none'}; "
             f"other than undisturbed: {', '.join(found['other']) or 'nothing'}"
         )
         how = (

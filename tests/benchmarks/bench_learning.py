@@ -271,8 +271,9 @@ def simulated(
         folder / "points.csv", header, [list((empty | crystal).values()) for crystal in crystals]
     )
     (folder / "unseen.nml").write_text(
-        "&problem symmetry = 'triclinic' /\n&crystals points = 'points.csv' /\n&specimen "
-        f"{specimen} /\n"
+        "&problem symmetry = 'triclinic' /\n"
+        "&crystals points = 'points.csv' /\n"
+        f"&specimen {specimen} /\n"
         f"&execution workers = {arguments.workers} /\n"
     )
     results = run_stage(Problem(folder / "unseen.nml", "simulate"), "simulate", folder)["results"]
@@ -296,10 +297,10 @@ def curve(arguments, seed: int, unseen: dict) -> list[dict]:
     for size in map(int, arguments.sizes.split(",")):
         path = folder / f"build_{size}.nml"
         path.write_text(
-            f"&problem title = 'Learning: {arguments.specimen}', seed = {seed} /\n&specimen "
-            f"{specimen} /\n"
-            f"&design budget = {size}, variance_of = '{arguments.variance_of}' /\n&execution "
-            f"workers = {arguments.workers} /\n"
+            f"&problem title = 'Learning: {arguments.specimen}', seed = {seed} /\n"
+            f"&specimen {specimen} /\n"
+            f"&design budget = {size}, variance_of = '{arguments.variance_of}' /\n"
+            f"&execution workers = {arguments.workers} /\n"
         )
         document = build(Problem(path, "build"), folder)
         surrogate = Surrogate.load(document["file"])

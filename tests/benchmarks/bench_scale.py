@@ -168,8 +168,8 @@ def measure_extract(size: int, folder: Path) -> dict:
         fmt="%.3f",
     )
     (folder / "a.nml").write_text(
-        "&problem symmetry = 'cubic', synthetic = .true. /\n&measurements file = 'grains.csv', "
-        "modulus_kind = 'indentation_modulus' /\n"
+        "&problem symmetry = 'cubic', synthetic = .true. /\n"
+        "&measurements file = 'grains.csv', modulus_kind = 'indentation_modulus' /\n"
     )
     return process(["-m", "bayesindent", "extract", "a.nml"], folder)
 

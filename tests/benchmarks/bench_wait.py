@@ -111,8 +111,8 @@ def measure_extract(folder: Path):
 def extract(name: str, folder: Path, table: str, symmetry: str):
     """The program's `extract` of a table of indentation moduli."""
     (folder / "extract.nml").write_text(
-        f"&problem symmetry = '{symmetry}', synthetic = .true. /\n&measurements file = "
-        f"'{table}', modulus_kind = 'indentation_modulus' /\n"
+        f"&problem symmetry = '{symmetry}', synthetic = .true. /\n"
+        f"&measurements file = '{table}', modulus_kind = 'indentation_modulus' /\n"
     )
     return row(
         f"extract: {name}", [PROGRAM, "extract", folder / "extract.nml", "--output", folder / name]

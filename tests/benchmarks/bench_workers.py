@@ -120,8 +120,9 @@ def utilisation(arguments, engine_name: str, batch: int) -> float:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "build.nml"
     path.write_text(
-        f"&problem /\n&specimen geometry = 'block' /\n&design budget = {arguments.budget}, "
-        f"batch = {batch} /\n"
+        "&problem /\n"
+        "&specimen geometry = 'block' /\n"
+        f"&design budget = {arguments.budget}, batch = {batch} /\n"
     )
     (folder / "campaign.sqlite").unlink(missing_ok=True)
     stage, seconds = Stage(Problem(path, "build"), "build", folder), []
@@ -149,9 +150,10 @@ def losses(arguments, batches: list[int], sizes: list[int]) -> list[dict]:
         folder.mkdir(exist_ok=True)
         path = folder / f"build_{size}.nml"
         path.write_text(
-            f"&problem title = 'Batches', seed = {seed} /\n&specimen geometry = 'block' /\n"
-            f"&design budget = {size}, batch = {batch} /\n&execution workers = "
-            f"{arguments.workers} /\n"
+            f"&problem title = 'Batches', seed = {seed} /\n"
+            "&specimen geometry = 'block' /\n"
+            f"&design budget = {size}, batch = {batch} /\n"
+            f"&execution workers = {arguments.workers} /\n"
         )
         surrogate = Surrogate.load(build(Problem(path, "build"), folder)["file"])
         for name, (matrices, angles, modulus) in unseen.items():

@@ -55,11 +55,14 @@ def write(folder: Path, name: str) -> str:
     table = quoted(f"{name}.csv")
     (folder / f"{name}.nml").write_bytes(
         os.fsencode(
-            f"&problem symmetry = 'cubic', title = {quoted(name)} /\n&crystals points = {table} /\n"
-            "&simulation simulator = 'theory' /\n&design n_candidates = 60, budget = 8 /\n"
-            f"&surrogate degree = 1, file = {quoted(name[:100] + '.txt')} /\n&measurements file "
-            f"= {table} /\n"
-            "&sampler samples = 400, burn_in = 1000, chains = 2 /\n&next count = 1 /\n"
+            f"&problem symmetry = 'cubic', title = {quoted(name)} /\n"
+            f"&crystals points = {table} /\n"
+            "&simulation simulator = 'theory' /\n"
+            "&design n_candidates = 60, budget = 8 /\n"
+            f"&surrogate degree = 1, file = {quoted(name[:100] + '.txt')} /\n"
+            f"&measurements file = {table} /\n"
+            "&sampler samples = 400, burn_in = 1000, chains = 2 /\n"
+            "&next count = 1 /\n"
         )
     )
     return f"{name}.nml"

@@ -190,8 +190,9 @@ def test_builds_as_python_does(batch, bayesindent, tmp_path, words):
 def test_goes_on_where_it_was(batch, tmp_path):
     rows = ["225,135,124,0,0,0", "168.4,121.4,75.4,10,20,30", "200,100,60,30,45,0"]
     (tmp_path / "a.nml").write_text(
-        "&problem symmetry = 'cubic' /\n&crystals points = 'p.csv' /\n&simulation simulator = "
-        "'theory' /\n"
+        "&problem symmetry = 'cubic' /\n"
+        "&crystals points = 'p.csv' /\n"
+        "&simulation simulator = 'theory' /\n"
     )
     (tmp_path / "p.csv").write_text("\n".join([HEADER, *rows[:2]]))
     assert batch("a.nml").stdout.splitlines() == [
@@ -225,8 +226,9 @@ def test_a_crystal_that_cannot_be_simulated(batch, bayesindent, tmp_path):
     # holds.
     rows = ["100,99.9,50,100,50,0,90,0", "161.1,34.2,38.3,61.1,50.3,0,0,0"]
     text = (
-        "&problem symmetry = 'hexagonal' /\n&crystals points = 'p.csv' /\n&simulation refine = "
-        "0.7 /\n"
+        "&problem symmetry = 'hexagonal' /\n"
+        "&crystals points = 'p.csv' /\n"
+        "&simulation refine = 0.7 /\n"
     )
     (tmp_path / "a.nml").write_text(f"{text}&specimen geometry = 'grain' grain_radius_um = 1.5 /\n")
     (tmp_path / "p.csv").write_text(
@@ -246,8 +248,9 @@ def test_a_crystal_that_cannot_be_simulated(batch, bayesindent, tmp_path):
 def test_a_damaged_campaign(batch, bayesindent, tmp_path):
     (tmp_path / "p.csv").write_text(f"{HEADER}\n225,135,124,0,0,0\n")
     (tmp_path / "a.nml").write_text(
-        "&problem symmetry = 'cubic' /\n&crystals points = 'p.csv' /\n&simulation simulator = "
-        "'theory' /\n"
+        "&problem symmetry = 'cubic' /\n"
+        "&crystals points = 'p.csv' /\n"
+        "&simulation simulator = 'theory' /\n"
     )
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "campaign.sqlite").write_text(
@@ -408,8 +411,8 @@ def test_surrogate_of_another_symmetry(batch, tmp_path):
 
 def test_one_chain_has_no_r_hat(batch, tmp_path):
     (tmp_path / "a.nml").write_text(
-        "&problem symmetry = 'cubic' /\n&surrogate file = 'halfspace' /\n"
-        f"{MEASURED.format(data=FE3SI)}"
+        "&problem symmetry = 'cubic' /\n"
+        f"&surrogate file = 'halfspace' /\n{MEASURED.format(data=FE3SI)}"
         "&sampler method = 'scmh', samples = 50, burn_in = 100, chains = 1 /\n"
     )
     done = batch("a.nml", "--output", "out")

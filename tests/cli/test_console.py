@@ -10,8 +10,10 @@ from bayesindent.program.commands.stages import show_extract
 from support.tree import SOURCE
 
 IRON = (
-    "&problem symmetry = 'bcc' /\n&measurements file = 'grains.csv' /\n&knowledge quantity = "
-    "'bulk_modulus', mean = 165, sd = 3 /\n&sampler samples = {} burn_in = 300 /\n"
+    "&problem symmetry = 'bcc' /\n"
+    "&measurements file = 'grains.csv' /\n"
+    "&knowledge quantity = 'bulk_modulus', mean = 165, sd = 3 /\n"
+    "&sampler samples = {} burn_in = 300 /\n"
 )
 
 
@@ -152,13 +154,13 @@ def test_a_report_says_what_was_edited_since(bayesindent, iron):
     [
         (
             "&problem symmetry = \u2018cubic\u2019 /",
-            "&problem symmetry: curly quotes stand around \u2018cubic\u2019; straight quotes "
-            "are needed",
+            "&problem symmetry: curly quotes stand around "
+            "\u2018cubic\u2019; straight quotes are needed",
         ),
         (
             "&problem symmetry = \u201ccubic\u201d /",
-            "&problem symmetry: curly quotes stand around \u201ccubic\u201d; straight quotes "
-            "are needed",
+            "&problem symmetry: curly quotes stand around "
+            "\u201ccubic\u201d; straight quotes are needed",
         ),
         (
             "&problem symmetry = 'hcp' lattice = 2.95 /",

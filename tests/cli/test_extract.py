@@ -106,8 +106,8 @@ def test_angles(bayesindent, tmp_path, unit):
         writer.writeheader()
         writer.writerows(rows)
     text = (
-        "&problem symmetry = 'cubic' /\n&measurements file = 'grains.csv', modulus_kind = "
-        "'indentation_modulus', ANGLES /\n"
+        "&problem symmetry = 'cubic' /\n"
+        "&measurements file = 'grains.csv', modulus_kind = 'indentation_modulus', ANGLES /\n"
     )
     (tmp_path / "stated.nml").write_text(text.replace("ANGLES", f"angles = '{unit}'"))
     (tmp_path / "unstated.nml").write_text(text.replace(", ANGLES", ""))

@@ -66,7 +66,8 @@ SURROGATES = {
 @pytest.mark.parametrize("file", SURROGATES)
 def test_check_looks_at_the_surrogate(bayesindent, tmp_path, file):
     (tmp_path / "SURROGATE.nml").write_text(
-        f"&problem\n symmetry = 'cubic'\n/\n&surrogate\n file = '{file}'\n/\n"
+        "&problem\n symmetry = 'cubic'\n/\n"
+        f"&surrogate\n file = '{file}'\n/\n"
         f"&measurements\n file = '{SOURCE / 'inputs' / 'data' / 'fe3si.csv'}'\n modulus_kind = "
         "'indentation_modulus'\n/\n"
     )

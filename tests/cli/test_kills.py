@@ -34,8 +34,10 @@ def test_simulations(batch, tmp_path):
     rows = [HEADER, *(f"200,120,90,{turn},{angle},0" for turn in range(20) for angle in range(90))]
     (tmp_path / "points.csv").write_text("\n".join(rows) + "\n")
     (tmp_path / "a.nml").write_text(
-        "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&simulation refine = "
-        "0.6 /\n&execution workers = 1 /\n"
+        "&problem symmetry = 'cubic' /\n"
+        "&crystals points = 'points.csv' /\n"
+        "&simulation refine = 0.6 /\n"
+        "&execution workers = 1 /\n"
     )
     before = killed_after(1, [BATCH, "a.nml"], tmp_path)
     assert 0 < len(before) < 1800

@@ -25,13 +25,15 @@ TABLE = (
     "0,54.7,45,144.2,2\n10,20,30,138.0,2\n"
 )
 STEP_2 = (
-    "&problem symmetry = 'cubic' /\n&measurements file = 'a.csv' /\n&sampler samples = 400, "
-    "burn_in = 400, chains = 2 /\n"
+    "&problem symmetry = 'cubic' /\n"
+    "&measurements file = 'a.csv' /\n"
+    "&sampler samples = 400, burn_in = 400, chains = 2 /\n"
 )
 THEORY = "&crystals points = 'c.csv' /\n&simulation simulator = 'theory' /\n"
 BUILD = (
-    "&simulation simulator = 'theory' /\n&design n_candidates = 60, budget = 8 /\n&surrogate "
-    "degree = 1, file = 's.txt' /\n"
+    "&simulation simulator = 'theory' /\n"
+    "&design n_candidates = 60, budget = 8 /\n"
+    "&surrogate degree = 1, file = 's.txt' /\n"
 )
 
 

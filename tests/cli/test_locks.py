@@ -24,8 +24,9 @@ from support.small_builds import IMPORTED
 PYTHON = [sys.executable, "-m", "bayesindent"]
 PROGRAMS = {"python": [*PYTHON, "theory"], "batch": [BATCH]}
 THEORY = (
-    "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&simulation simulator = "
-    "'theory' /\n"
+    "&problem symmetry = 'cubic' /\n"
+    "&crystals points = 'points.csv' /\n"
+    "&simulation simulator = 'theory' /\n"
 )
 POINTS = "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168,121,75,0,0,0\n168,121,75,0,45,45\n"
 
@@ -146,8 +147,8 @@ def test_of_many_that_begin_at_once_one_works_and_none_spoils_the_folder(small):
         if done.returncode == 2:
             assert done.stderr.startswith("new: ")
             assert done.stderr.endswith(
-                " is at work in this folder; wait until it has ended, or choose another with "
-                "--output\n"
+                " is at work in this folder; wait until it has ended, "
+                "or choose another with --output\n"
             )
             assert done.stderr.count("\n") == 1
     with closing(sqlite3.connect(small / "new" / "campaign.sqlite")) as campaign:

@@ -93,8 +93,10 @@ def test_batch_program_without_memory_stores_nothing_and_goes_on_later(tmp_path)
         "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,0,0\n168.4,121.4,75.4,0,40,0\n"
     )
     (tmp_path / "a.nml").write_text(
-        "&problem symmetry = 'cubic' /\n&crystals points = 'a.csv' /\n&simulation refine = 0.6 "
-        "/\n&execution workers = 1 /\n"
+        "&problem symmetry = 'cubic' /\n"
+        "&crystals points = 'a.csv' /\n"
+        "&simulation refine = 0.6 /\n"
+        "&execution workers = 1 /\n"
     )
 
     def run(megabytes):

@@ -9,8 +9,9 @@ from support.programs import BATCH
 from support.tree import SOURCE
 
 CASE = (
-    "&problem symmetry = 'cubic' /\n&measurements file = 'grains.xlsx' /\n&sampler samples = "
-    "3000, burn_in = 1000, chains = 2 /\n"
+    "&problem symmetry = 'cubic' /\n"
+    "&measurements file = 'grains.xlsx' /\n"
+    "&sampler samples = 3000, burn_in = 1000, chains = 2 /\n"
 )
 
 
@@ -58,8 +59,8 @@ def test_columns_by_the_namelist_in_the_batch_program(tmp_path):
 
     def check(columns):
         text = (
-            "&problem symmetry = 'cubic' /\n&measurements file = 'grains.csv', columns = "
-            f"{columns} /\n"
+            "&problem symmetry = 'cubic' /\n"
+            f"&measurements file = 'grains.csv', columns = {columns} /\n"
         )
         (tmp_path / "a.nml").write_text(text)
         return subprocess.run(

@@ -70,8 +70,8 @@ def test_rows_that_are_done_are_kept(bayesindent, tmp_path):
 
 def test_the_theory_may_stand_in_for_the_simulation(bayesindent, tmp_path):
     (tmp_path / "theory.nml").write_text(
-        "&problem\n symmetry = 'hexagonal'\n/\n&crystals\n points = "
-        f"'{SOURCE}/inputs/data/zinc.csv'\n/\n"
+        "&problem\n symmetry = 'hexagonal'\n/\n"
+        f"&crystals\n points = '{SOURCE}/inputs/data/zinc.csv'\n/\n"
         "&simulation\n simulator = 'theory'\n/\n"
     )
     done = bayesindent("run", "theory.nml", "--json")
@@ -83,8 +83,9 @@ def test_the_theory_may_stand_in_for_the_simulation(bayesindent, tmp_path):
 
 def test_a_mesh_that_cannot_be_meant_is_refused(bayesindent, tmp_path):
     (tmp_path / "coarse.nml").write_text(
-        "&problem\n symmetry = 'hexagonal'\n/\n&crystals\n points = "
-        f"'{SOURCE}/inputs/data/zinc.csv'\n/\n&simulation\n refine = 0.3\n/\n"
+        "&problem\n symmetry = 'hexagonal'\n/\n"
+        f"&crystals\n points = '{SOURCE}/inputs/data/zinc.csv'\n/\n"
+        "&simulation\n refine = 0.3\n/\n"
     )
     done = bayesindent("simulate", "coarse.nml")
     assert done.returncode == 2
@@ -95,8 +96,8 @@ def test_a_mesh_that_cannot_be_meant_is_refused(bayesindent, tmp_path):
 
 def test_fields_and_decks(bayesindent, tmp_path):
     (tmp_path / "files.nml").write_text(
-        "&problem\n symmetry = 'cubic'\n/\n&crystals\n points = "
-        f"'{SOURCE}/inputs/data/isotropic.csv'\n/\n"
+        "&problem\n symmetry = 'cubic'\n/\n"
+        f"&crystals\n points = '{SOURCE}/inputs/data/isotropic.csv'\n/\n"
         "&simulation\n refine = 0.6\n vtu = .true.\n inp = .true.\n/\n"
     )
     done = bayesindent("simulate", "files.nml", "--json")
@@ -140,8 +141,9 @@ def test_when_every_simulation_fails_the_command_fails(bayesindent, tmp_path):
         "C11,C12,C44,C33,C13,phi1_deg,Phi_deg,phi2_deg\n100,99.9,50,100,50,0,90,0\n"
     )
     (tmp_path / "a.nml").write_text(
-        "&problem symmetry = 'hexagonal' /\n&crystals points = 'points.csv' /\n&simulation "
-        "refine = 0.7 /\n"
+        "&problem symmetry = 'hexagonal' /\n"
+        "&crystals points = 'points.csv' /\n"
+        "&simulation refine = 0.7 /\n"
         "&specimen geometry = 'grain' grain_radius_um = 1.5 /\n"
     )
     for command in (
@@ -168,10 +170,11 @@ def test_a_block_under_a_cone(bayesindent, tmp_path):
         "C11,C12,C44,C33,C13,phi1_deg,Phi_deg,phi2_deg\n161.1,34.2,38.3,61.1,50.3,0,30,0\n"
     )
     text = (
-        "&problem symmetry = 'hexagonal' /\n&crystals points = 'points.csv' /\n&specimen "
-        "geometry = 'block' height_um = 6 /\n"
-        "&indenter shape = 'cone' half_angle_deg = 75 depth_um = 0.2 /\n&simulation refine = "
-        "0.7 depths = 4 /\n"
+        "&problem symmetry = 'hexagonal' /\n"
+        "&crystals points = 'points.csv' /\n"
+        "&specimen geometry = 'block' height_um = 6 /\n"
+        "&indenter shape = 'cone' half_angle_deg = 75 depth_um = 0.2 /\n"
+        "&simulation refine = 0.7 depths = 4 /\n"
     )
     (tmp_path / "a.nml").write_text(text)
     done = bayesindent("run", "a.nml", "--output", "out", "--json")

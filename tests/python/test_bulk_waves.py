@@ -163,8 +163,8 @@ def test_bulk_waves_alone_give_a_cubic_crystal(tmp_path):
     [
         (
             "0,0,0,10,love,3000,10",
-            "line 2, column wave: love is no wave; allowed rayleigh, longitudinal, shear_slow, "
-            "shear_fast",
+            "line 2, column wave: love is no wave; allowed rayleigh, "
+            "longitudinal, shear_slow, shear_fast",
         ),
         ("0,0,0,,rayleigh,3000,10", "line 2, column wave: rayleigh: propagation_deg is missing"),
     ],

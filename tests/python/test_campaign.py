@@ -32,8 +32,9 @@ def simulated(folder, points, simulate=None, simulator="theory"):
     folder.mkdir(exist_ok=True)
     table(folder, points)
     text = (
-        "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&simulation "
-        f"simulator = '{simulator}', refine = 0.6 /\n"
+        "&problem symmetry = 'cubic' /\n"
+        "&crystals points = 'points.csv' /\n"
+        f"&simulation simulator = '{simulator}', refine = 0.6 /\n"
     )
     (folder / "a.nml").write_text(text + "&execution workers = 1 /\n")
     return run_stage(Problem(folder / "a.nml", "simulate"), "simulate", folder, simulate=simulate)

@@ -152,8 +152,8 @@ def test_files_of_the_instrument_in_a_namelist(tmp_path, bayesindent, batch):
         )
     (tmp_path / "tests.csv").write_text("test,grain\na,g\nb,h\n")
     text = (
-        "&problem symmetry = 'cubic' /\n&curves {} tests = 'tests.csv' radius_um = 5.0 "
-        "radius_sd_um = 0.01 /\n"
+        "&problem symmetry = 'cubic' /\n"
+        "&curves {} tests = 'tests.csv' radius_um = 5.0 radius_sd_um = 0.01 /\n"
     )
 
     def done(stated):

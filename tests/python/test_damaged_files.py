@@ -44,8 +44,9 @@ def simulated(folder, count: int = 20, simulator: str = "theory") -> list:
     lines = [f"{200 + i / 7!r},100,50,{0.1 * i!r},0,0\n" for i in range(count)]
     (folder / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n" + "".join(lines))
     text = (
-        "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&execution workers = "
-        "1 /\n"
+        "&problem symmetry = 'cubic' /\n"
+        "&crystals points = 'points.csv' /\n"
+        "&execution workers = 1 /\n"
     )
     (folder / "a.nml").write_text(f"{text}&simulation simulator = '{simulator}', refine = 0.6 /\n")
 
@@ -189,14 +190,15 @@ def sampled(tmp_path_factory):
     """A folder with a posterior."""
     folder = tmp_path_factory.mktemp("sampled")
     text = (
-        "&problem symmetry = 'cubic' /\n&surrogate file = 'halfspace' /\n&measurements file = "
-        f"'{REFERENCE / 'cubic_fe3si.csv'}', "
+        "&problem symmetry = 'cubic' /\n"
+        "&surrogate file = 'halfspace' /\n"
+        f"&measurements file = '{REFERENCE / 'cubic_fe3si.csv'}', "
     )
     (folder / "a.nml").write_text(
         text
         + (
-            "modulus_kind = 'indentation_modulus' /\n&sampler samples = 600, burn_in = 1000, "
-            "chains = 2 /\n"
+            "modulus_kind = 'indentation_modulus' /\n"
+            "&sampler samples = 600, burn_in = 1000, chains = 2 /\n"
         )
     )
     assert main(["extract", str(folder / "a.nml"), "--output", str(folder / "out")]) == 0

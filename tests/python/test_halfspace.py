@@ -324,8 +324,8 @@ def test_bounds_that_reach_the_edge_of_stability():
     with pytest.raises(
         bi.InputError,
         match=(
-            "&prior: measure = 'logarithms' needs bounds .*C11 = 100.0, C12 = 120.0, C44 = 60.0 "
-            "GPa is not"
+            "&prior: measure = 'logarithms' needs bounds .*C11 = "
+            "100.0, C12 = 120.0, C44 = 60.0 GPa is not"
         ),
     ):
         Posterior.of(table, bounds=bounds, **settings)

@@ -47,8 +47,8 @@ def test_every_character_of_utf8_is_read(tmp_path):
     with pytest.raises(bi.InputError, match="group is missing|nothing to do"):
         Problem(path, "extract")
     path.write_text(
-        f"{START[:-2]}, title = '{title}' /\n&measurements file = 'a.csv', modulus_kind = "
-        "'indentation_modulus' /\n"
+        f"{START[:-2]}, title = '{title}' /\n"
+        "&measurements file = 'a.csv', modulus_kind = 'indentation_modulus' /\n"
     )
     (tmp_path / "a.csv").write_text(HEADER + "1,2,3,200,4\n", encoding="utf-8")
     assert Problem(path, "extract").settings.problem.title == title

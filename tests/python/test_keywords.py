@@ -118,8 +118,8 @@ def test_other_names_and_the_symmetry_by_position(result):
     [
         (
             {"sample": 3},
-            "bi.extract: keyword 'sample' is unknown, did you mean 'samples'?; help(bi.extract) "
-            "lists all",
+            "bi.extract: keyword 'sample' is unknown, did you mean "
+            "'samples'?; help(bi.extract) lists all",
         ),
         (
             {"samples": 300, "draws": 300},
@@ -132,8 +132,8 @@ def test_other_names_and_the_symmetry_by_position(result):
         ),
         (
             {"bounds": {"C11": (300, 200)}},
-            "bi.extract: bounds: the lower bound of C11, 300.0 GPa, is not below the upper one, "
-            "200",
+            "bi.extract: bounds: the lower bound of C11, 300.0 "
+            "GPa, is not below the upper one, 200",
         ),
         ({"bounds": {"C11": 300}}, "bi.extract: bounds: C11: 300; allowed (low, high)"),
         (
@@ -143,8 +143,8 @@ def test_other_names_and_the_symmetry_by_position(result):
         ({"knowledge": {"bulk": (165, 3)}}, "bi.extract: knowledge: 'bulk' is unknown"),
         (
             {"evidence": "yes"},
-            "bi.extract: evidence: the text 'yes' stands where a logical is needed; allowed "
-            "True, False",
+            "bi.extract: evidence: the text 'yes' stands where a "
+            "logical is needed; allowed True, False",
         ),
     ],
 )

@@ -576,8 +576,8 @@ class TestSpreadsheets:
         with pytest.raises(
             bi.InputError,
             match=(
-                r"formulas without a stored value \(E5\): open it in a spreadsheet program and "
-                r"save it"
+                r"formulas without a stored value \(E5\): open it in "
+                "a spreadsheet program and save it"
             ),
         ):
             read_measurements(path, "cubic")

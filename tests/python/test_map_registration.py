@@ -161,8 +161,8 @@ def test_the_picture_and_the_grains_of_the_indents(tmp_path, capsys, monkeypatch
     )
     (tmp_path / "grains.csv").write_text(f"grain,x_um,y_um,effective_modulus_gpa,sd_gpa\n{rows}\n")
     (tmp_path / "a.nml").write_text(
-        "&problem symmetry = 'cubic' /\n&measurements file = 'grains.csv' ebsd = 'map.ang' "
-        "ebsd_points = 'points.csv' /\n"
+        "&problem symmetry = 'cubic' /\n"
+        "&measurements file = 'grains.csv' ebsd = 'map.ang' ebsd_points = 'points.csv' /\n"
         "&surrogate file = 'half-space' /\n"
     )
     assert main(["map", "a.nml", "--output", "o", "--json"]) == 0
@@ -172,8 +172,9 @@ def test_the_picture_and_the_grains_of_the_indents(tmp_path, capsys, monkeypatch
     assert (tmp_path / "o" / "map.png").stat().st_size > 10_000
     assert document["results"][1]["map_x_um"] == pytest.approx(12.3, abs=1e-4)
     (tmp_path / "b.nml").write_text(
-        "&problem symmetry = 'cubic' /\n&measurements file = 'grains.csv' /\n&surrogate file = "
-        "'half-space' /\n"
+        "&problem symmetry = 'cubic' /\n"
+        "&measurements file = 'grains.csv' /\n"
+        "&surrogate file = 'half-space' /\n"
     )
     assert main(["map", "b.nml"]) == 2
 

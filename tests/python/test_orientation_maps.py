@@ -93,8 +93,8 @@ def test_a_phase_whose_equivalents_are_none_is_refused(tmp_path, point_group, sy
     with pytest.raises(
         bi.InputError,
         match=(
-            rf"map.h5: the phase iron is .+, &problem symmetry is {symmetry}: orientations that "
-            r"are equiv"
+            "map.h5: the phase iron is .+, &problem symmetry is "
+            f"{symmetry}: orientations that are equiv"
         ),
     ):
         measured(path, [(2.1, 5.2), (12.3, 4.9)], symmetry)

@@ -102,8 +102,9 @@ def test_the_installed_batch_program_finds_the_shipped_surrogates(tmp_path):
     packages.rename(folder)
     (program,) = tmp_path.rglob("bin/bayesindent-batch")
     (tmp_path / "a.nml").write_text(
-        "&problem symmetry = 'cubic' /\n&surrogate file = 'block' /\n&measurements file = "
-        f"'{SOURCE}/inputs/data/fe3si.csv' /\n"
+        "&problem symmetry = 'cubic' /\n"
+        "&surrogate file = 'block' /\n"
+        f"&measurements file = '{SOURCE}/inputs/data/fe3si.csv' /\n"
     )
     done = subprocess.run(
         [program, "a.nml", "--check"], cwd=tmp_path, capture_output=True, text=True

@@ -141,8 +141,8 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(drawing, "FIGURES", kept)
     file = tmp_path / "case.nml"
     file.write_text(
-        "&problem symmetry = 'cubic', synthetic = .true. /\n&sampler samples = 600, burn_in = "
-        "500, chains = 2 /\n"
+        "&problem symmetry = 'cubic', synthetic = .true. /\n"
+        "&sampler samples = 600, burn_in = 500, chains = 2 /\n"
         f"&measurements file = '{SOURCE}/inputs/data/fe3si.csv' /\n"
         "&prior c_min = 150, 80, 60, c_max = 300, 200, 160 /\n"
     )
@@ -167,8 +167,8 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
     assert "11 grains" in text
     check = json.loads((output / "summary.json").read_text())["checks"]["chi_square"]
     assert (
-        rf"is {check['mean']:.1f} on average; it is larger in {100 * check['p']:.0f}\,\% of the "
-        r"data sets" in text
+        f"is {check['mean']:.1f} on average; it is larger in "
+        rf"{100 * check['p']:.0f}\,\% of the data sets" in text
     )
     # The file says nothing of the tip.
     assert "[State the shape and the radius of the tip" in text

@@ -66,11 +66,12 @@ def test_missing_file_and_folder(tmp_path):
 def test_defaults_and_values(tmp_path):
     path = write(
         tmp_path,
-        "&domain c_min=80,40,30,70,40 c_max=240,120,90,210,90 anisotropy_cap=66.2/"
-        "! a comment\r\n&PROBLEM Symmetry = 'Hexagonal', title = 'It''s / \"x\" ! é' ! more\r\n "
-        "seed=7/\r\n"
-        "&design budget = 30, &end\n&indenter radius_um=1.6d1/\n&simulation VTU=t/\n&prior "
-        "c_min = 2*20 3*1e1\n c_max = 5*500. /",
+        "&domain c_min=80,40,30,70,40 c_max=240,120,90,210,90 anisotropy_cap=66.2/! a comment\r\n"
+        "&PROBLEM Symmetry = 'Hexagonal', title = 'It''s / \"x\" ! é' ! more\r\n seed=7/\r\n"
+        "&design budget = 30, &end\n"
+        "&indenter radius_um=1.6d1/\n"
+        "&simulation VTU=t/\n"
+        "&prior c_min = 2*20 3*1e1\n c_max = 5*500. /",
     )
     problem = bi.Problem(path, "build")
     settings = problem.settings
@@ -122,10 +123,10 @@ def test_resolved_file_resolves_to_itself(tmp_path):
 def test_reference_tables_load(tmp_path):
     path = write(
         tmp_path,
-        "&problem symmetry = 'cubic' synthetic = .true. /\n&crystals points = "
-        f"'{REFERENCE}/halfspace_moduli.csv' /\n"
-        f"&measurements file = '{REFERENCE}/cubic_fe3si.csv', modulus_kind = "
-        "'indentation_modulus' /\n",
+        "&problem symmetry = 'cubic' synthetic = .true. /\n"
+        f"&crystals points = '{REFERENCE}/halfspace_moduli.csv' /\n"
+        f"&measurements file = '{REFERENCE}/cubic_fe3si.csv', "
+        "modulus_kind = 'indentation_modulus' /\n",
     )
     problem = bi.Problem(path)
     crystals = problem.crystals
@@ -199,8 +200,8 @@ def test_warnings(tmp_path, rows, warning):
     problem = bi.Problem(
         write(
             tmp_path,
-            "&problem symmetry='cubic'/\n&measurements file='m.csv' "
-            "modulus_kind='sample_modulus'/\n",
+            "&problem symmetry='cubic'/\n"
+            "&measurements file='m.csv' modulus_kind='sample_modulus'/\n",
         )
     )
     assert len(problem.warnings) == 1

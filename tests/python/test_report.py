@@ -55,10 +55,12 @@ def write_case(
     )
     file = folder / "case.nml"
     file.write_text(
-        "&problem symmetry = 'cubic' /\n&surrogate file = 'halfspace' /\n&measurements file = "
-        f"'grains.csv' modulus_kind = '{kind}' /\n"
-        f"&prior {BOUNDS} /\n&sampler samples = 2000, burn_in = 1000 {more} /\n&next sd_gpa = "
-        f"3.0, count = 2 /\n{stages}"
+        "&problem symmetry = 'cubic' /\n"
+        "&surrogate file = 'halfspace' /\n"
+        f"&measurements file = 'grains.csv' modulus_kind = '{kind}' /\n"
+        f"&prior {BOUNDS} /\n"
+        f"&sampler samples = 2000, burn_in = 1000 {more} /\n"
+        f"&next sd_gpa = 3.0, count = 2 /\n{stages}"
     )
     return file
 
@@ -362,8 +364,8 @@ def test_each_warning_stands_once_under_its_consequence():
     )
     assert advice(results) == {
         "Some constants are not determined by the measurements": [
-            "The posterior is truncated by the lower limit of C12, 40; upper limit of C12, 120. "
-            "Widen it."
+            "The posterior is truncated by the lower limit of C12, "
+            "40; upper limit of C12, 120. Widen it."
         ],
         "There are too few draws": [
             "C11: only 80 effective samples (400 are needed). Increase samples."

@@ -151,17 +151,18 @@ def test_both_steps(tmp_path, capsys):
     """By theory in place of simulations, which takes no time."""
     file = tmp_path / "steps.nml"
     file.write_text(
-        "&problem symmetry = 'cubic', title = 'Both steps of a cubic crystal', synthetic = "
-        ".true. /\n"
-        "&simulation simulator = 'theory' /\n&domain c_min = 100, 60, 40, c_max = 250, 150, "
-        "120, anisotropy_cap = 4 /\n"
-        "&surrogate file = 'mine.txt', model = 'paper', degree = 2, bandlimit = 4, scan = '1, 2 "
-        "x 4' /\n"
+        "&problem symmetry = 'cubic', title = 'Both steps of a cubic crystal', "
+        "synthetic = .true. /\n"
+        "&simulation simulator = 'theory' /\n"
+        "&domain c_min = 100, 60, 40, c_max = 250, 150, 120, anisotropy_cap = 4 /\n"
+        "&surrogate file = 'mine.txt', model = 'paper', degree = 2, bandlimit = 4, scan = '1, "
+        "2 x 4' /\n"
         "&design n_candidates = 200, budget = 60, validation = 20 /\n"
-        f"&measurements file = '{SOURCE}/inputs/data/copper_film.csv', modulus_kind = "
-        "'indentation_modulus' /\n"
-        "&prior c_min = 100, 60, 40, c_max = 250, 150, 120, anisotropy_cap = 4 /\n&sampler "
-        "chains = 2, samples = 3000, burn_in = 1000 /\n&next count = 3 /\n"
+        f"&measurements file = '{SOURCE}/inputs/data/copper_film.csv', "
+        "modulus_kind = 'indentation_modulus' /\n"
+        "&prior c_min = 100, 60, 40, c_max = 250, 150, 120, anisotropy_cap = 4 /\n"
+        "&sampler chains = 2, samples = 3000, burn_in = 1000 /\n"
+        "&next count = 3 /\n"
     )
     assert main(["run", str(file), "--output", str(tmp_path / "out")]) == 0
     check(tmp_path / "out", tmp_path)
@@ -174,8 +175,9 @@ def test_simulations(tmp_path, capsys):
     )
     file = tmp_path / "fe.nml"
     file.write_text(
-        "&problem symmetry = 'hexagonal' /\n&crystals points = 'zinc.csv' /\n&simulation refine "
-        "= 0.6 /\n"
+        "&problem symmetry = 'hexagonal' /\n"
+        "&crystals points = 'zinc.csv' /\n"
+        "&simulation refine = 0.6 /\n"
     )
     assert main(["run", str(file), "--output", str(tmp_path / "out")]) == 0
     check(tmp_path / "out", tmp_path)

@@ -105,8 +105,8 @@ def test_what_is_no_spreadsheet(tmp_path, monkeypatch):
     with pytest.raises(
         bi.InputError,
         match=(
-            r"a.csv: the file is a spreadsheet or another zip archive \(.xlsx, .ods\), not "
-            r"text: save"
+            "a.csv: the file is a spreadsheet or another zip "
+            r"archive \(.xlsx, .ods\), not text: save"
         ),
     ):
         read_measurements(tmp_path / "a.csv", "cubic")

@@ -490,11 +490,13 @@ def test_stages(tmp_path):
     theory_surrogate("cubic", 2, 4, points=400).save(tmp_path / "model.txt")
     (tmp_path / "data.csv").write_text((REFERENCE / "cubic_fe3si.csv").read_text())
     (tmp_path / "case.nml").write_text(
-        "&problem symmetry = 'cubic' /\n&surrogate file = 'model.txt' /\n&measurements file = "
-        "'data.csv', modulus_kind = 'indentation_modulus' /\n"
-        "&prior c_min = 50, 40, 15  c_max = 250, 150, 120  anisotropy_cap = 7.2 /\n&knowledge "
-        "quantity = 'bulk_modulus' mean = 165.0 sd = 3.3 /\n"
-        "&sampler samples = 300 /\n&next target = 'C44'  count = 3 /\n"
+        "&problem symmetry = 'cubic' /\n"
+        "&surrogate file = 'model.txt' /\n"
+        "&measurements file = 'data.csv', modulus_kind = 'indentation_modulus' /\n"
+        "&prior c_min = 50, 40, 15  c_max = 250, 150, 120  anisotropy_cap = 7.2 /\n"
+        "&knowledge quantity = 'bulk_modulus' mean = 165.0 sd = 3.3 /\n"
+        "&sampler samples = 300 /\n"
+        "&next target = 'C44'  count = 3 /\n"
     )
     out = tmp_path / "out"
     assert main(["extract", str(tmp_path / "case.nml"), "--output", str(out)]) == 0
@@ -529,8 +531,10 @@ def test_stages(tmp_path):
     ]
     assert suggested() == suggested(fewer) != suggested(draws)
     (tmp_path / "case.nml").write_text(
-        "&problem symmetry = 'hexagonal' /\n&surrogate file = 'model.txt' /\n&measurements file "
-        "= 'data.csv', modulus_kind = 'indentation_modulus' /\n&sampler samples = 100 /\n"
+        "&problem symmetry = 'hexagonal' /\n"
+        "&surrogate file = 'model.txt' /\n"
+        "&measurements file = 'data.csv', modulus_kind = 'indentation_modulus' /\n"
+        "&sampler samples = 100 /\n"
     )
     with pytest.raises(bi.InputError, match=r"case.nml: &surrogate file: .*for cubic crystals"):
         run_stage(bi.Problem(tmp_path / "case.nml", "run"), "extract", out)

@@ -94,8 +94,8 @@ REFUSED = {
     "decimal commas in quotes, cells between commas": (
         page().replace("210.5", '"210,5"'),
         {},
-        "'210,5' is not a number; decimal commas are read where semicolons or tabs separate the "
-        "cells",
+        "'210,5' is not a number; decimal commas are read where "
+        "semicolons or tabs separate the cells",
     ),
     "MPa in the header": (
         named("Er (MPa)", "sd_gpa"),
@@ -115,8 +115,8 @@ REFUSED = {
     "radians": (
         page(rows=RADIANS),
         {},
-        "these look like radians, and degrees are needed; if they are radians say angles = "
-        "'radians'",
+        "these look like radians, and degrees are needed; if "
+        "they are radians say angles = 'radians'",
     ),
     "radians in the header": (
         page(header=["phi1 (rad)", "Phi (rad)", "phi2 (rad)", "Er", "sd"]),
@@ -273,8 +273,8 @@ def test_columns_of_a_namelist_and_of_a_table_in_python(tmp_path):
     path = own_table(tmp_path / "a.csv")
     said = ", ".join(f"'{name} = {header}'" for name, header in NAMED.items())
     (tmp_path / "a.nml").write_text(
-        f"&problem symmetry = 'cubic' /\n&measurements file = 'a.csv', columns = {said}, "
-        "modulus_kind = 'sample_modulus' /\n"
+        "&problem symmetry = 'cubic' /\n"
+        f"&measurements file = 'a.csv', columns = {said}, modulus_kind = 'sample_modulus' /\n"
     )
     problem = bi.Problem(tmp_path / "a.nml", "extract")
     table = dict(zip(OWN, zip(*[(*row, 1.0) for row in ROWS], strict=True), strict=True))
@@ -427,8 +427,8 @@ def test_an_uncertain_zero_of_the_depth():
     with pytest.raises(
         bi.InputError,
         match=(
-            r"line 1: zero_sd_nm = 2.0 nm needs the depth of the test \(column depth_nm or "
-            r"depth_um\)"
+            "line 1: zero_sd_nm = 2.0 nm needs the depth of the "
+            r"test \(column depth_nm or depth_um\)"
         ),
     ):
         sds(table)

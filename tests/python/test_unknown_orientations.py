@@ -171,8 +171,8 @@ def test_another_texture_is_another_input(tmp_path, capsys):
     path.write_text(path.read_text().replace("orientations = 'unknown'", ""))
     assert main(["run", str(path), "--check", "--output", str(tmp_path / "out")]) == 2
     assert (
-        "&measurements texture: is only for grains of unknown orientation; state orientations = "
-        "'unknown'" in capsys.readouterr().err
+        "&measurements texture: is only for grains of unknown "
+        "orientation; state orientations = 'unknown'" in capsys.readouterr().err
     )
     path.write_text(path.read_text().replace("texture = 'g.csv'", "crystal_axes = 'a*'"))
     assert main(["run", str(path), "--check", "--output", str(tmp_path / "out")]) == 2
@@ -248,8 +248,8 @@ def written(folder, extra="", table=None):
     bounds = "&prior c_min = 130, 90, 50 c_max = 210, 160, 100 /"
     sampler = "&sampler samples = 400 burn_in = 400 chains = 2 /"
     text = (
-        "&problem symmetry = 'cubic' /\n&measurements file = 't.csv' orientations = 'unknown' "
-        f"{extra} /\n{bounds}\n{sampler}\n"
+        "&problem symmetry = 'cubic' /\n"
+        f"&measurements file = 't.csv' orientations = 'unknown' {extra} /\n{bounds}\n{sampler}\n"
     )
     (folder / "f.nml").write_text(text)
     return folder / "f.nml"

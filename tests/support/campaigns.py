@@ -84,8 +84,10 @@ def told(folder, points, moduli):
     """
     folder.mkdir(exist_ok=True)
     text = (
-        "&problem symmetry = 'cubic' /\n&simulation simulator = 'theory' /\n&domain "
-        "log_anisotropy_max = 3 /\n&design budget = 8 /\n"
+        "&problem symmetry = 'cubic' /\n"
+        "&simulation simulator = 'theory' /\n"
+        "&domain log_anisotropy_max = 3 /\n"
+        "&design budget = 8 /\n"
     )
     (folder / "b.nml").write_text(text)
     path = table(folder, points, "told.csv", moduli)

@@ -168,8 +168,8 @@ class Indentation(NativeObject):
         ).settings.execution
         if errors not in ("raise", "return"):
             raise InputError(
-                f"bi.Indentation.run_many: errors: '{errors}' is unknown; allowed: 'raise', "
-                "'return'"
+                f"bi.Indentation.run_many: errors: '{errors}' is "
+                "unknown; allowed: 'raise', 'return'"
             )
         crystals, _ = crystal_rows(stiffness, euler_deg)
         results: dict[int, Any] = {}

@@ -298,8 +298,8 @@ def sheet_of(place: str, path: Path, sheet: str, stated: Iterable[str]) -> tuple
         fit = [name for name, page in rows.items() if set(MODULI) & set(header_of(page, stated)[2])]
         if len(fit) > 1 and next(iter(rows)) not in fit:
             raise InputError(
-                f"{place}the sheets {', '.join(fit)} have moduli; state sheet = '{fit[0]}' or "
-                "another"
+                f"{place}the sheets {', '.join(fit)} have moduli; "
+                f"state sheet = '{fit[0]}' or another"
             )
         name = next(iter(rows)) if next(iter(rows)) in fit or not fit else fit[0]
         refuse_formulas(place, openpyxl, path, name, pages[name])
@@ -528,9 +528,9 @@ def split_sds(table: LaboratoryTable) -> None:
     sds: dict[int, str] = {}
     if sd > 0 and ANY_SD.fullmatch(table.names[sd]) and HARDNESS.fullmatch(table.names[sd - 1]):
         raise InputError(
-            f"{table.place}line {table.header_line}: the column {table.names[sd]} follows "
-            f"{table.names[sd - 1]} and may be of that; name it sd_gpa if it is the sd of the "
-            "modulus"
+            f"{table.place}line {table.header_line}: the column "
+            f"{table.names[sd]} follows {table.names[sd - 1]} and may be of "
+            "that; name it sd_gpa if it is the sd of the modulus"
         )
 
     numbers = dressed_columns(table)

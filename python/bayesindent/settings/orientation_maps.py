@@ -97,8 +97,7 @@ def indented_map(
         named = f"{', '.join(doubtful[:10])}{', ..' if len(doubtful) > 10 else ''}"
         warnings.append(
             f"{place}the indents of rows {named} are left out: their grain is uncertain. In "
-            "brackets: "
-            f"the probability of the grain, with a registration of ± {sd.max():.2g} um; "
+            f"brackets: the probability of the grain, with a registration of ± {sd.max():.2g} um; "
             f"{LEAST_SHARE:.0%} is needed. State more ebsd_points"
         )
     if not retained:
@@ -151,8 +150,8 @@ def registered(
     design = np.column_stack([np.ones(n), spread])
     if n < 3 or np.linalg.svd(spread, compute_uv=False)[1] < 1e-3 * np.abs(spread).max():
         raise InputError(
-            f"{place}{n} points on a line or at one place; three or more that span the sample "
-            "are needed"
+            f"{place}{n} points on a line or at one place; three or "
+            "more that span the sample are needed"
         )
     affine = np.linalg.lstsq(design, known[:, 2:], rcond=None)[0]
     at = np.column_stack([np.ones(len(stage)), stage - centre])
@@ -254,10 +253,9 @@ class Grid:
                 ", .." if len(others) > 10 else ""
             )
             raise InputError(
-                f"{self.place}the indent of row 1 is on the phase {name}, those of rows {rows} "
-                "are on "
-                f"{self.names[int(phases[others[0]])]}; leave one of them out: the constants "
-                "are those of one phase"
+                f"{self.place}the indent of row 1 is on the phase {name}, those of "
+                f"rows {rows} are on {self.names[int(phases[others[0]])]}; leave one "
+                "of them out: the constants are those of one phase"
             )
         if not symmetry:
             return []
@@ -269,9 +267,9 @@ class Grid:
         differs = f"{self.place}the phase {name} is {own} ({laue}), &problem symmetry is {symmetry}"
         if np.ptp(representative(symmetry, images), axis=0).max() > 1e-6:
             raise InputError(
-                f"{differs}: orientations that are equivalent in the map are not so in this "
-                "symmetry and its axes; state the symmetry of the phase, or the orientations "
-                "in columns"
+                f"{differs}: orientations that are equivalent in the map are "
+                "not so in this symmetry and its axes; state the symmetry of "
+                "the phase, or the orientations in columns"
             )
         return (
             []

@@ -46,8 +46,8 @@ def template(symmetry: str | None, metal: str | None) -> dict[str, str]:
     if symmetry is None:
         if known is None:
             raise InputError(
-                "init: the crystal class is missing; state one, such as fcc, hcp or mmm, or a "
-                "--metal"
+                "init: the crystal class is missing; state one, such "
+                "as fcc, hcp or mmm, or a --metal"
             )
         symmetry = known.structure
     if symmetry.capitalize() in metals():

@@ -105,8 +105,8 @@ def validation(results: Results) -> Picture:
         "largest variance."
     )
     within = (
-        f"{100 * unseen['within_1_sd']:.0f} % within 1 sd and {100 * unseen['within_2_sd']:.0f} "
-        "% within 2."
+        f"{100 * unseen['within_1_sd']:.0f} % within 1 sd and "
+        f"{100 * unseen['within_2_sd']:.0f} % within 2."
     )
     figure = against_simulated(simulated, predicted, (predicted - simulated) / sd, sd)
     return Picture(

@@ -245,8 +245,8 @@ def compared(items: list[dict], quantity: str, unit: str, of: str, more: str = "
             str(index + 1), (mean[index], residual[index]), (4, 3), textcoords="offset points"
         )
     caption = (
-        f"Measured and predicted {quantity} of {len(items)} {of}. Left: bars are ± 1 sd. Right: "
-        "residuals"
+        f"Measured and predicted {quantity} of {len(items)} {of}. "
+        "Left: bars are ± 1 sd. Right: residuals"
     )
     bands = (
         " in units of the stated sd, with bands of 1 and 2 sd; rows of the measurements beyond "
@@ -277,8 +277,8 @@ def traces(results: Results) -> Picture:
     figure.align_ylabels(column)
     return Picture(
         figure,
-        "The sampled values of each chain in order. Chains that have mixed overlap and show no "
-        "trend.",
+        "The sampled values of each chain in order. Chains that "
+        "have mixed overlap and show no trend.",
     )
 
 
@@ -304,8 +304,8 @@ def error_budget(results: Results) -> Picture:
     """The parts of the variance of each constant by source."""
     budget = present(results.documents["extract"].get("error_budget"))
     caption = (
-        "Error budget: the sources of the variance of each constant. Calibration: what moduli "
-        "share."
+        "Error budget: the sources of the variance of each "
+        "constant. Calibration: what moduli share."
     )
     return stacked(list(budget.values()), list(map(subscript, budget)), len(budget), caption)
 
