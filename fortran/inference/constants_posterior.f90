@@ -20,7 +20,7 @@ module constants_posterior
    use random, only: random_stream_type
    use abstract_sampler, only: outside, target_type
    use settings_schema, only: measurements_settings_type
-   use small_matrices, only: factor_columns, solve_upper, sum_of_logs
+   use small_matrices, only: factor_columns, sum_of_logs
    use surrogate_model, only: new_grain_model, surrogate_type
    use text, only: to_text
    use unknown_orientations, only: unknown_orientations_type
@@ -72,9 +72,9 @@ module constants_posterior
       !> Sum of the logarithms of the scales.
       real(wp) :: log_scales = 0.0_wp
    contains
-      procedure :: evaluate, evaluate_working, to_working, from_working, coarsen, draw_start, &
-         & set_field_degree, moduli_at, predict_measurements, infer_shared, evaluate_grains, &
-         & scale_factor, place_shared, log_prior, stiffness, new_grains
+      procedure :: evaluate, evaluate_working, to_working, from_working, coarsen, draw_start
+      procedure :: set_field_degree, moduli_at, predict_measurements, evaluate_grains, &
+         & scale_factor, log_prior, stiffness, new_grains
    end type posterior_type
 
 contains
@@ -436,24 +436,6 @@ contains
       end do
    end subroutine predict_measurements
 
-   !> The errors that measurements share, given the data and the constants: mean and the lower
-   !> factor of the precision.
-   pure subroutine infer_shared(self, x, b, precision)
-      class(posterior_type), intent(in) :: self
-      !> (dimension).
-      real(wp), intent(in) :: x(:)
-      !> (shared error), in sds of the prior.
-      real(wp), intent(out) :: b(:), precision(:, :)
-      real(wp), dimension(self%n_grains) :: model, scales
-      real(wp), allocatable :: u(:, :)
-      real(wp) :: value
-
-      if (self%n_shared == 0) return
-      allocate (u(self%n_grains, self%n_shared))
-      call self%predict_measurements(x, self%stiffness(x), model, scales, u)
-      call self%errors%integrate((self%data%modulus - model)/scales, u, b, precision, value)
-   end subroutine infer_shared
-
    !> What the surrogate gives other grains, for predictions of moduli and measurements.
    subroutine new_grains(self, euler, paths, grains, error, everything)
       class(posterior_type), intent(in) :: self
@@ -491,27 +473,4 @@ contains
       call self%grains%evaluate_crystals(reshape([(self%stiffness(points(:, i)), i=1, n)], &
          & [6, 6, n]), moduli)
    end function moduli_at
-
-   !> Shared errors from their mean and precision and standard normal numbers, in place, and one
-   !> plus the calibration error of each group.
-   pure subroutine place_shared(self, z, b, precision, factor)
-      class(posterior_type), intent(in) :: self
-      !> (shared error).
-      real(wp), intent(in) :: z(:)
-      !> (shared error); the lower factor of the precision.
-      real(wp), intent(inout) :: b(:)
-      real(wp), intent(in) :: precision(:, :)
-      !> (group).
-      real(wp), intent(out) :: factor(:)
-      real(wp) :: error(size(z))
-
-      ! L^-ᵀ z has the covariance (L Lᵀ)^-1.
-      error = z
-      call solve_upper(precision, error)
-      b = b + error
-      factor = 1.0_wp
-      if (any(self%calibration > 0.0_wp)) then
-         factor = factor + self%calibration*b(self%grains%n_columns + 1:self%n_calibrated)
-      end if
-   end subroutine place_shared
 end module constants_posterior

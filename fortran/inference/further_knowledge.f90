@@ -24,7 +24,7 @@ module further_knowledge
    use linear_algebra, only: cholesky_factor
    use quantities, only: check_distinct, evaluate_draws, new_quantities, quantity_type
    use samplers, only: chains_type
-   use posterior_summary, only: climb
+   use posterior_summary, only: find_maximum
    use small_matrices, only: solve_lower
    use statistics, only: covariance_of, flattened, moments, thinned
    use text, only: split_list
@@ -187,11 +187,11 @@ contains
       call without_knowledge(all, free, error)
       if (allocated(error)) return
       point = chains%best_draw()
-      call climb_up(all, chains, point, most)
+      call restart_search(all, chains, point, most)
       other = free_chains%best_draw()
-      call climb_up(free, free_chains, other, most_other)
+      call restart_search(free, free_chains, other, most_other)
       ! What is best with knowledge is a point to start from without.
-      call climb_up(free, chains, point, most_free)
+      call restart_search(free, chains, point, most_free)
       conflict%growth = 2.0_wp*max(0.0_wp, max(most_free, most_other) - most)
       conflict%sds = sds_of(conflict%growth, n)
       associate (knowledge => posterior%prior%knowledge)
@@ -207,7 +207,7 @@ contains
    end subroutine find_conflict
 
    !> Simplices one after another until the next adds nothing.
-   subroutine climb_up(density, chains, point, log_density)
+   subroutine restart_search(density, chains, point, log_density)
       type(posterior_type), intent(in) :: density
       type(chains_type), intent(in) :: chains
       real(wp), intent(inout) :: point(:)
@@ -220,12 +220,12 @@ contains
       call density%evaluate(reshape(point, [size(point), 1]), values)
       do i = 1, most
          before = values(1)
-         call climb(density, chains, point)
+         call find_maximum(density, chains, point)
          call density%evaluate(reshape(point, [size(point), 1]), values)
          if (values(1) - before < nothing) exit
       end do
       log_density = values(1)
-   end subroutine climb_up
+   end subroutine restart_search
 
    !> Wilson and Hilferty's normal variable of a chi-square; exactly its root for one degree of
    !> freedom.

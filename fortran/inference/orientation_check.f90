@@ -44,7 +44,7 @@ module orientation_check
       !> Of shuffles the share that fits as well, and the share that is noticed.
       real(wp) :: p_shuffled = 1.0_wp, power = 0.0_wp
       !> Which of the `readings` fits much better than the table as it is; 0: none.
-      integer :: better = 0
+      integer :: better_reading = 0
       !> Grains without which the others agree, the worst first, and how far each is from what the
       !> others predict, sds.
       integer, allocatable :: outliers(:)
@@ -69,7 +69,7 @@ contains
       class(orientation_check_type), intent(in) :: self
 
       ! Where all orders fit alike, they are alike.
-      is_noticed = self%better > 0 .or. (self%p < rare .and. self%power > enough_power &
+      is_noticed = self%better_reading > 0 .or. (self%p < rare .and. self%power > enough_power &
          & .and. self%p_shuffled > rare .and. self%p_shuffled < 1.0_wp)
    end function is_noticed
 
@@ -268,7 +268,7 @@ contains
             cycle
          end if
          best = other%chi_square
-         check%better = k
+         check%better_reading = k
       end do
    end subroutine try_shuffles
 end module orientation_check

@@ -15,12 +15,13 @@ module posterior_summary
    use quantities, only: evaluate_quantities, quantity_type
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type
+   use shared_errors, only: add_shared
    use small_matrices, only: solve_lower, solve_upper
    use statistics, only: covariance_of, flattened, moments, sort_order, sorted_values
    implicit none
    private
-   public :: add_shared, parameter_type, combination_type, predictions_type, summarise_parameters, &
-      & correlate, find_combinations, predict_grains, thinning, climb
+   public :: parameter_type, combination_type, predictions_type, summarise_parameters, &
+      & correlate, find_combinations, predict_grains, thinning, find_maximum
 
    !> Draws for derived quantities and predictions; more say nothing new. Of many grains fewer, so
    !> that there are about so many predictions in all.
@@ -273,36 +274,9 @@ contains
       end do
    end subroutine predict_grains
 
-   !> The surrogate's error, drawn given the data, added to moduli at a point; `factor` is one plus
-   !> the calibration error of each group drawn likewise. Without these uncertainties nothing is
-   !> added and the factors are 1.
-   subroutine add_shared(posterior, x, grains, stream, moduli, factor)
-      type(posterior_type), intent(in) :: posterior
-      !> (dimension).
-      real(wp), intent(in) :: x(:)
-      class(grain_model_type), intent(in) :: grains
-      type(random_stream_type), intent(inout) :: stream
-      !> (grain).
-      real(wp), intent(inout), contiguous :: moduli(:)
-      !> (group).
-      real(wp), intent(out) :: factor(:)
-      real(wp), dimension(posterior%n_shared) :: b, z
-      real(wp) :: precision(posterior%n_shared, posterior%n_shared), values(size(moduli)), &
-         & slope(size(moduli))
-      real(wp) :: columns(size(moduli), grains%n_columns)
-
-      call posterior%infer_shared(x, b, precision)
-      call stream%normals(z)
-      call posterior%place_shared(z, b, precision, factor)
-      if (grains%n_columns == 0) return
-      call grains%evaluate_moduli(posterior%stiffness(x), values, slope, moduli)
-      call grains%evaluate_columns(posterior%stiffness(x), columns)
-      moduli = moduli + slope*matmul(columns, b(:grains%n_columns))
-   end subroutine add_shared
-
    !> From a point `x` of the support to a maximum of the density nearby. The corners of the first
    !> simplex are a tenth of the sds of the parameters in `chains` apart.
-   subroutine climb(target, chains, x)
+   subroutine find_maximum(target, chains, x)
       class(target_type), intent(in) :: target
       type(chains_type), intent(in) :: chains
       real(wp), intent(inout) :: x(:)
@@ -369,6 +343,6 @@ contains
          call target%evaluate(reshape(point, [size(point), 1]), log_density)
          depth_at = min(1.0e300_wp, -log_density(1))
       end function depth_at
-   end subroutine climb
+   end subroutine find_maximum
 
 end module posterior_summary

@@ -59,7 +59,7 @@ module prior_sensitivity
       real(wp), allocatable :: values(:)
       !> Whether the draws end at it, and the share of the draws in the outermost twentieth of their
       !> range, at each side.
-      logical :: ends(2) = .false.
+      logical :: truncates(2) = .false.
       real(wp) :: share(2) = 0.0_wp
    end type limit_type
 
@@ -303,7 +303,7 @@ contains
          counts(k) = counts(k) + 1
       end do
       limit%share(side) = real(counts(1), wp)/size(x)
-      limit%ends(side) = low - inwards*limit%range(side) < width &
+      limit%truncates(side) = low - inwards*limit%range(side) < width &
          & .and. counts(1) > fallen*maxval(counts)
    end subroutine find_end
 
@@ -312,7 +312,7 @@ contains
       type(limit_type), intent(in) :: limits(:)
       integer :: i
 
-      is_truncated = any([(.not. limits(i)%stated .and. any(limits(i)%ends), i=1, size(limits))])
+      is_truncated = any([(.not. limits(i)%stated .and. any(limits(i)%truncates), i=1, size(limits))])
    end function is_truncated
 
 end module prior_sensitivity

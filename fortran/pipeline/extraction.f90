@@ -10,7 +10,7 @@ module extraction
    use omp_lib, only: omp_get_wtime
    use model_checks, only: check_model, checks_type, estimate_evidence, evidence_type
    use orientation_check, only: check_orientations, orientation_check_type
-   use posterior_summary, only: climb, combination_type, find_combinations, parameter_type, &
+   use posterior_summary, only: find_maximum, combination_type, find_combinations, parameter_type, &
       & predict_grains, predictions_type, summarise_parameters, thinning
    use prior_sensitivity, only: change_type, limit_type, list_limits, measure_sensitivity
    use problem, only: problem_type
@@ -227,7 +227,7 @@ contains
       if (allocated(error)) return
       call check_model(self%posterior, self%chains, threads, self%checks)
       self%most_probable = self%chains%best_draw()
-      call climb(self%posterior, self%chains, self%most_probable)
+      call find_maximum(self%posterior, self%chains, self%most_probable)
       call check_orientations(self%posterior, self%most_probable, problem%misread, &
          & problem%measurements%of_row, self%orientations, error)
       if (allocated(error)) return

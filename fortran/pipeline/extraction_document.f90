@@ -68,7 +68,7 @@ contains
          call page%put_numbers('constant_chi_square, chi_square, freedom, p, p_shuffled, power', &
             & [check%constant, check%chi_square, real(check%freedom, wp), check%p, &
             & check%p_shuffled, check%power])
-         call page%put('better_reading', trim(readings(check%better)))
+         call page%put('better_reading', trim(readings(check%better_reading)))
          call page%put('outliers', real(check%outliers, wp))
          call page%put('distances_sd', check%distances)
          call page%end_object()
@@ -156,7 +156,7 @@ contains
       do i = 1, size(found%limits)
          associate (limit => found%limits(i))
             do side = 1, 2
-               if (.not. limit%ends(side)) cycle
+               if (.not. limit%truncates(side)) cycle
                call page%begin_object()
                call page%put('name', trim(limit%name))
                call page%put('side', merge('upper', 'lower', side == 2))

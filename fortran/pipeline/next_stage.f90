@@ -26,6 +26,7 @@ module next_stage
    use random, only: new_random_stream, random_stream_type
    use running_command, only: remove_files
    use samplers, only: chain_prefix
+   use shared_errors, only: draw_shared
    use small_matrices, only: solve_lower
    use stage_documents, only: inputs_of
    use statistics, only: flattened, median, number_equal
@@ -449,12 +450,11 @@ contains
 
       m = posterior%n_shared
       c = posterior%stiffness(x)
-      call posterior%infer_shared(x, b(:m), precision)
+      call draw_shared(posterior, x, z(:m), b(:m), precision, factor)
       call grains%evaluate_moduli(c, values, slope)
       mean = values
       mean_slope = slope
       call posterior%observable%to_measured(mean(:n), mean_slope(:n))
-      call posterior%place_shared(z(:m), b(:m), precision, factor)
       b(m + 1:) = z(m + 1:)
       columns = transpose(relative)*spread(mean, 2, size(z))
       if (grains%n_columns > 0) then

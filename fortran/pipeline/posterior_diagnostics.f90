@@ -73,9 +73,10 @@ contains
 
       allocate (reasons(0))
       call check_limits(found, .false., reasons)
-      if (found%orientations%better > 0) then
+      if (found%orientations%better_reading > 0) then
          call warn(reasons, misread_text(found, 'What explains them: ' &
-            & //trim(readings(found%orientations%better))//'. Correct the table or the map'))
+            & //trim(readings(found%orientations%better_reading)) &
+            & //'. Correct the table or the map'))
       end if
       associate (knowledge => found%posterior%prior%knowledge, &
          & conflict => found%conflict%of_quantity)
@@ -115,7 +116,7 @@ contains
                remedy = '. Build the surrogate for a wider &domain'
             end if
             do side = 1, 2
-               if (limit%ends(side)) then
+               if (limit%truncates(side)) then
                   call warn(warnings, 'the posterior is truncated by the ' &
                      & //merge('upper', 'lower', side == 2)//' limit of '//name//', ' &
                      & //to_text(limit%range(side), 4)//' ('//fixed(100.0_wp*limit%share(side), 0) &
@@ -291,7 +292,7 @@ contains
          & likelihood => problem%settings%measurements%likelihood)
          blamed = check%is_noticed() .or. size(check%outliers) > 0
          if (check%is_noticed()) then
-            if (check%better == 0) then
+            if (check%better_reading == 0) then
                call warn(warnings, misread_text(found, 'Check the order of the rows, whether the ' &
                   & //'map is flipped, and the convention of the angles (Bunge, from sample to ' &
                   & //'crystal axes); or whether the sds are too small'))

@@ -16,6 +16,7 @@ module posterior_focus
    use problem_posterior, only: draw_aside, focus_run, new_problem_posterior, stiffnesses
    use prior_sensitivity, only: is_truncated, list_limits
    use random, only: new_random_stream, random_stream_type
+   use shared_errors, only: infer_shared
    use small_matrices, only: factor_definite, solve_lower
    use surrogate_domain, only: domain_type
    use surrogate_model, only: new_theory_surrogate, predict_crystals, surrogate_type
@@ -209,7 +210,7 @@ contains
          real(wp) :: all_means(posterior%n_shared)
          integer :: i
 
-         call posterior%infer_shared(x, all_means, precision)
+         call infer_shared(posterior, x, all_means, precision)
          mean = all_means(:size(mean))
          inverse = 0.0_wp
          do i = 1, size(mean)

@@ -14,7 +14,7 @@ module test_operations
    use exchange, only: exchange_type, find_object, register_object, release_object
    use kinds, only: degree, wp
    use operations, only: perform
-   use posterior_summary, only: add_shared
+   use shared_errors, only: add_shared
    use field_reading, only: choose_field_degree
    use problem_posterior, only: new_problem_posterior
    use random, only: new_random_stream, random_stream_type

@@ -9,7 +9,7 @@ program test_posterior_summary
    use logarithmic_coordinates, only: log_frame_type, new_log_coordinates
    use next_measurement, only: candidates_type, choose_measurements, expected_gains, &
       & suggestions_type
-   use posterior_summary, only: climb, combination_type, correlate, find_combinations, &
+   use posterior_summary, only: find_maximum, combination_type, correlate, find_combinations, &
       & parameter_type, summarise_parameters
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type
@@ -122,11 +122,11 @@ contains
       banana%lower = [-1.5_wp, -10.0_wp, -5.0_wp]
       banana%upper = [2.0_wp, 10.0_wp, 5.0_wp]
       x = [1.2_wp, 1.3_wp, 0.5_wp]
-      call climb(banana, chains, x)
+      call find_maximum(banana, chains, x)
       call check('uphill along a ridge', maxval(abs(x)) < 0.02_wp)
       banana%lower(1) = 0.7_wp
       x = [1.2_wp, 1.3_wp, 0.5_wp]
-      call climb(banana, chains, x)
+      call find_maximum(banana, chains, x)
       call check_close('to a bound', x(1), 0.7_wp, 0.01_wp)
       call check('and not across it', x(1) >= 0.7_wp)
    end subroutine test_simplex
