@@ -249,8 +249,8 @@ NAMELISTS = {
     ),
     "orientations": (
         "plan",
-        f"{CUBIC} &plan constants = 168, 121, 75, grains = 2, noise = 0.02, orientations = "
-        "'{file}' /",
+        f"{CUBIC} &plan constants = 168, 121, 75, grains = 2, noise = 0.02, "
+        "orientations = '{file}' /",
     ),
     "surrogate": (
         "extract",

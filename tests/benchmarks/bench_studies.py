@@ -277,14 +277,12 @@ def study_next(cases, arguments) -> int:
             sds.append(pair[0][0] / pair[1][0])
             determinants.append(pair[0][1] - pair[1][1])
         logs = np.log(sds)
-        error = logs.std(ddof=1) / np.sqrt(repeats)
+        error, factor = logs.std(ddof=1) / np.sqrt(repeats), np.exp(logs.mean())
         print(
-            f"{case.symmetry}: {repeats} repeats, {first} grains and {more} more, sd {sd:g} "
-            "GPa, chosen against random: sd of C44 "
-            f"{np.exp(logs.mean()):.3f} (± {error * np.exp(logs.mean()):.3f}) times; "
-            "log-determinant of the identified block "
-            f"{np.mean(determinants):+.2f} (± "
-            f"{np.std(determinants, ddof=1) / np.sqrt(repeats):.2f})",
+            f"{case.symmetry}: {repeats} repeats, {first} grains and {more} more, sd {sd:g} GPa, "
+            f"chosen against random: sd of C44 {factor:.3f} (± {error * factor:.3f}) times; "
+            f"log-determinant of the identified block {np.mean(determinants):+.2f} "
+            f"(± {np.std(determinants, ddof=1) / np.sqrt(repeats):.2f})",
             flush=True,
         )
     return 0

@@ -199,10 +199,9 @@ def main(argv=None) -> int:
         apart = " ".join(f"{value:.2f}" for value in seeds.apart) if arguments.seeds > 1 else ""
         print(
             f"| {truth.name} | {truth.symmetry} | {truth.grains} | {100 * truth.noise:g} % | "
-            f"{known} | {listed} | {seeds.sd.max():.1f} "
-            f"| {sum(seeds.usable)} of {arguments.seeds} | {max(seeds.r_hat):.3f} | "
-            f"{min(seeds.effective):,.0f} "
-            f"| {apart} | {seeds.seconds:.0f} |",
+            f"{known} | {listed} | {seeds.sd.max():.1f} | "
+            f"{sum(seeds.usable)} of {arguments.seeds} | {max(seeds.r_hat):.3f} | "
+            f"{min(seeds.effective):,.0f} | {apart} | {seeds.seconds:.0f} |",
             flush=True,
         )
     print(f"\n* the prior has more than {MOST} of the variance")

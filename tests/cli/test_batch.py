@@ -264,8 +264,7 @@ def test_a_damaged_campaign(batch, bayesindent, tmp_path):
     assert (
         done.stderr
         == "out/campaign.sqlite: is not a campaign, or is damaged (file is not a database); "
-        "restore a copy, or move it "
-        "away to start a new one\n"
+        "restore a copy, or move it away to start a new one\n"
     )
     assert other.stderr.endswith(done.stderr)
 

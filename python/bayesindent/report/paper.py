@@ -163,8 +163,7 @@ def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]
         ),
         "velocities": (
             f"The {results.speed} in m/s: Bunge's angles of the grain and the direction of "
-            "propagation from x, as measured, and as the "
-            "posterior predicts it without the noise.",
+            "propagation from x, as measured, and as the posterior predicts it without the noise.",
             [
                 "grain",
                 *ANGLES,
