@@ -1,5 +1,7 @@
 """Tables as instruments and people write them: the numbers of the plain table, or a refusal with
 line, column and remedy.
+
+Modules: table_cells.py, table_cleaning.py.
 """
 
 import json

@@ -17,7 +17,7 @@ from ..core import InputError, NativeObject, call
 from ..crystal.elasticity import constant_names
 
 if TYPE_CHECKING:
-    from .laboratory_tables import LaboratoryTable
+    from .table_cleaning import LaboratoryTable
 
 
 #: From texts of a namelist.

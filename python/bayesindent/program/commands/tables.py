@@ -20,7 +20,8 @@ def table(arguments: argparse.Namespace) -> dict:
     out.
     """
     # Not above: it takes time to import.
-    from ...settings.laboratory_tables import LaboratoryTable, meanings_of
+    from ...settings.laboratory_tables import meanings_of
+    from ...settings.table_cleaning import LaboratoryTable
 
     path = arguments.table
     # The last class has no symmetry.
