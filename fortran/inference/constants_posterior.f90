@@ -1,12 +1,12 @@
-!> The posterior of the elastic constants given indentation moduli measured in grains of known
-!> orientation (Eqs. 12 and 13).
+!> The posterior of the elastic constants given measurements in grains of known orientation (Eqs. 12
+!> and 13).
 !>
-!> The model of a measurement is m = f(M) (1 + e) + noise: f maps the indentation modulus M to the
+!> A measurement is m = f(M) (1 + e) + noise. The function f maps the indentation modulus M to the
 !> kind that was measured, e is a relative error common to all grains (sd `calibration_sd`), and the
-!> noise has the grain's sd, or that sd times a common factor that is inferred. The surrogate's own
+!> noise has the grain's sd, or that sd times an inferred common factor. The surrogate's own
 !> uncertainty is correlated between grains: its covariance is G T(c) Gᵀ with G = (df/dy) K, of the
-!> rank of the harmonics. So V = D + U Uᵀ with a thin U, and |V| and V^-1 cost a matrix of the size
-!> of U's columns (Woodbury).
+!> rank of the harmonics. So V = D + U Uᵀ with a thin U, and Woodbury's formula reduces |V| and V^-1
+!> to a matrix of the size of U's columns.
 module constants_posterior
    use abstract_basis, only: grain_model_type
    use constants_prior, only: prior_type
@@ -29,48 +29,50 @@ module constants_posterior
    private
    public :: posterior_type, new_posterior, has_own_variance
 
-   !> Bounds of the common factor on the sds where it is inferred; its logarithm is uniform between
+   !> Bounds of the common factor on the sds, if it is inferred. Its logarithm is uniform between
    !> them.
    real(wp), parameter :: least_factor = 0.05_wp, greatest_factor = 50.0_wp
 
    type, extends(target_type) :: posterior_type
       type(prior_type) :: prior
-      !> Of &measurements; whether a common factor on the sds is inferred, its logarithm as a
-      !> parameter; whether the data are left out.
       type(measurements_settings_type) :: settings
-      logical :: infers_scale = .false., prior_only = .false.
+      !> Whether a common factor on the sds is inferred. Its logarithm is then the last parameter.
+      logical :: infers_scale = .false.
+      !> Whether the data are left out.
+      logical :: prior_only = .false.
       integer :: n_grains = 0, n_constants = 0, n_groups = 1
-      !> Of the measurements, `n_grains`, so many are moduli, the first ones; the others are speeds.
+      !> Number of the measurements that are moduli. They precede those that are speeds.
       integer :: n_moduli = 0
-      !> Directions of each grain that are evaluated: 1, or `n_tilts`.
+      !> Directions in which each grain is evaluated: 1, or `n_tilts`.
       integer, private :: n_directions = 1
-      !> What the surrogate gives the measured grains, then the same grains with the next tilt, and
-      !> so on.
+      !> Model of the measured grains. Its rows are the grains as they are, then the same grains
+      !> with each further tilt. If the orientations are unknown, its rows are all directions.
       class(grain_model_type), allocatable :: grains
-      !> The same by a theory that is read more roughly, if that is enough to find proposals.
+      !> The same model with the theory read more coarsely, allocated if that is accurate enough for
+      !> proposals.
       class(grain_model_type), allocatable :: rough
       type(observable_type) :: observable
       class(error_model_type), allocatable :: errors
-      !> Errors that the grains share: the surrogate's, then the calibration's of each group, if
-      !> any, up to `n_calibrated`, then relative ones that were stated, then the two tilts of the
-      !> sample.
+      !> Number of errors that grains share, in this order: those of the surrogate, one for the
+      !> calibration of each group if these have an sd, the relative ones that the user stated, and
+      !> two tilts of the sample. The first two kinds are `n_calibrated`.
       integer :: n_shared = 0, n_calibrated = 0
       type(measured_type) :: data
-      !> Of the errors from calibration to the stated ones what one sd of them is of a measurement,
-      !> (grain, error).
+      !> Effect of one sd of a calibration or stated error, relative to the measurement, (grain,
+      !> error).
       real(wp), allocatable, private :: relative(:, :)
-      !> Allocated if the orientations of the measured grains are unknown: then `grains` has all
-      !> directions.
+      !> Allocated if the orientations of the measured grains are unknown.
       type(unknown_orientations_type), allocatable :: unknown
       !> Relative sds of the calibration errors, (group).
       real(wp), allocatable :: calibration(:)
       !> Bunge-Euler angles of the rows of `grains`, radians.
       real(wp), allocatable :: euler(:, :)
-      !> Scales of their errors, GPa; and the variance of y that grains do not share.
+      !> Scales of the errors of the measurements, GPa or m/s, (grain), and the sum of their
+      !> logarithms.
       real(wp), allocatable :: scale(:)
-      real(wp) :: scatter = 0.0_wp
-      !> Sum of the logarithms of the scales.
       real(wp) :: log_scales = 0.0_wp
+      !> Variance of the surrogate's y that grains do not share.
+      real(wp) :: scatter = 0.0_wp
    contains
       procedure :: evaluate, evaluate_working, to_working, from_working, coarsen, draw_start
       procedure :: set_field_degree, moduli_at, predict_measurements, evaluate_grains, &
@@ -79,27 +81,27 @@ module constants_posterior
 
 contains
 
-   !> The posterior for n grains.
+   !> Set up the posterior of the constants given measurements.
    subroutine new_posterior(surrogate, prior, settings, with_covariance, measured, posterior, error)
       type(surrogate_type), intent(in) :: surrogate
       type(prior_type), intent(in) :: prior
       type(measurements_settings_type), intent(in) :: settings
-      !> Count the surrogate's uncertainty.
+      !> Whether the surrogate's uncertainty counts.
       logical, intent(in) :: with_covariance
       type(measured_type), intent(in) :: measured
       type(posterior_type), intent(out) :: posterior
       type(error_type), allocatable, intent(out) :: error
-      !> Variance of y that is none.
-      real(wp), parameter :: none = 1.0e-20_wp
-      !> Work arrays of a thread are on its stack.
-      integer, parameter :: most = 20000
-      integer :: columns, g
+      !> A variance of y that is this small counts as zero.
+      real(wp), parameter :: negligible = 1.0e-20_wp
+      !> Work arrays of this length fit on the stack of a thread.
+      integer, parameter :: most_grains = 20000
+      integer :: n_calibrations, g
 
       call new_observable(settings%modulus_kind, settings, posterior%observable, error)
       if (.not. allocated(error)) call new_error_model(settings, posterior%errors, error)
-      if (size(measured%modulus) > most) then
+      if (size(measured%modulus) > most_grains) then
          call raise(error, to_text(size(measured%modulus))//' grains are more than the ' &
-            & //to_text(most)//' that are allowed', exit_bad_input)
+            & //to_text(most_grains)//' that are allowed', exit_bad_input)
       end if
       if (allocated(error)) return
       posterior%prior = prior
@@ -111,8 +113,9 @@ contains
       posterior%n_groups = max(1, maxval(measured%group))
       posterior%n_moduli = count(measured%paths%wave == no_wave)
       allocate (posterior%calibration(posterior%n_groups), source=settings%calibration_sd)
-      posterior%calibration(maxval([0, measured%group(:posterior%n_moduli)]) &
-         & + 1:) = settings%velocity_calibration_sd
+      ! The groups of speeds follow those of moduli.
+      g = maxval([0, measured%group(:posterior%n_moduli)])
+      posterior%calibration(g + 1:) = settings%velocity_calibration_sd
       posterior%scale = posterior%errors%scale*measured%sd
       posterior%log_scales = sum(log(posterior%scale))
       posterior%n_directions = merge(n_tilts, 1, settings%misalignment_sd_deg > 0.0_wp &
@@ -125,7 +128,7 @@ contains
          call add_waves(measured%paths, measured%density, posterior%euler, posterior%grains, error)
       end if
       if (allocated(error)) return
-      if (with_covariance .and. none*surrogate%beta <= 1.0_wp) then
+      if (with_covariance .and. negligible*surrogate%beta <= 1.0_wp) then
          posterior%scatter = 1.0_wp/surrogate%beta
       end if
       posterior%n_calibrated = posterior%grains%n_columns + merge(posterior%n_groups, 0, &
@@ -133,13 +136,15 @@ contains
       posterior%n_shared = posterior%n_calibrated + size(measured%shared, 2) + merge(2, 0, &
          & settings%misalignment_sd_deg > 0.0_wp)
       posterior%dimension = prior%n_constants + merge(1, 0, posterior%infers_scale)
-      columns = posterior%n_calibrated - posterior%grains%n_columns
-      allocate (posterior%relative(posterior%n_grains, columns + size(measured%shared, 2)), &
+      n_calibrations = posterior%n_calibrated - posterior%grains%n_columns
+      allocate (posterior%relative(posterior%n_grains, n_calibrations + size(measured%shared, 2)), &
          & source=0.0_wp)
-      do g = 1, merge(posterior%n_grains, 0, columns > 0)
-         posterior%relative(g, measured%group(g)) = posterior%calibration(measured%group(g))
-      end do
-      posterior%relative(:, columns + 1:) = measured%shared
+      if (n_calibrations > 0) then
+         do g = 1, posterior%n_grains
+            posterior%relative(g, measured%group(g)) = posterior%calibration(measured%group(g))
+         end do
+      end if
+      posterior%relative(:, n_calibrations + 1:) = measured%shared
       if (.not. allocated(measured%probability)) return
       if (posterior%scatter > 0.0_wp) then
          call refuse(error, &
@@ -151,10 +156,10 @@ contains
       end if
    end subroutine new_posterior
 
-   !> Read the theory, where the surrogate has it, with surface harmonics up to another degree.
+   !> Change the degree of the surface harmonics from which the theory is read.
    subroutine set_field_degree(self, degree, error)
       class(posterior_type), intent(inout) :: self
-      !> Even.
+      !> An even number.
       integer, intent(in) :: degree
       type(error_type), allocatable, intent(out) :: error
 
@@ -162,7 +167,7 @@ contains
       call self%grains%set_grains(self%euler, error)
    end subroutine set_field_degree
 
-   !> Read the theory of every crystal from a field.
+   !> Use the coarser model, if there is one, and read the theory of every crystal from a field.
    subroutine coarsen(self)
       class(posterior_type), intent(inout) :: self
 
@@ -189,8 +194,7 @@ contains
       end do
    end subroutine evaluate
 
-   !> Logarithm of the prior density of the constants, at a crystal of the support, up to a
-   !> constant.
+   !> Logarithm of the prior density of the constants at a crystal of the support, up to a constant.
    pure real(wp) function log_prior(self, c)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
@@ -207,17 +211,17 @@ contains
       !> (dimension, point), (point).
       real(wp), intent(in), contiguous :: w(:, :)
       real(wp), intent(out) :: log_density(:)
-      !> Points whose moduli are computed together.
-      integer, parameter :: at_once = 64
+      !> Number of points whose moduli are computed together.
+      integer, parameter :: block = 64
       type(log_frame_type) :: frame
-      real(wp) :: c(6, 6, at_once), log_volume(at_once)
-      !> Of many grains they are large for the stack of a thread.
+      real(wp) :: c(6, 6, block), log_volume(block)
+      !> Allocated, because many grains would overflow the stack of a thread.
       real(wp), allocatable :: moduli(:, :)
-      integer :: in_support(at_once), n, i, k
+      integer :: in_support(block), n, i, k
 
-      if (size(w, 2) > at_once) then
-         do i = 1, size(w, 2), at_once
-            k = min(i + at_once - 1, size(w, 2))
+      if (size(w, 2) > block) then
+         do i = 1, size(w, 2), block
+            k = min(i + block - 1, size(w, 2))
             call self%evaluate_working(w(:, i:k), log_density(i:k))
          end do
          return
@@ -240,10 +244,11 @@ contains
       allocate (moduli(size(self%euler, 2), n))
       if (.not. self%prior_only) call self%grains%evaluate_crystals(c(:, :, :n), moduli)
       do i = 1, n
-         ! A factor on the sds is the same in both coordinates.
-         log_density(in_support(i)) = self%prior%log_density(c(:, :, i), &
-            & w(:k, in_support(i))) + log_volume(i) + likelihood_of_crystal(self, &
-            & w(:, in_support(i)), c(:, :, i), moduli(:, i))
+         ! The factor on the sds needs no Jacobian: its logarithm is a coordinate of both.
+         associate (point => w(:, in_support(i)))
+            log_density(in_support(i)) = self%prior%log_density(c(:, :, i), point(:k)) &
+               & + log_volume(i) + likelihood_of_crystal(self, point, c(:, :, i), moduli(:, i))
+         end associate
       end do
       where (.not. log_density > outside) log_density = outside
    end subroutine evaluate_working
@@ -263,7 +268,7 @@ contains
       end do
    end subroutine from_working
 
-   !> Whether the factor on the sds is within its bounds, if there is one.
+   !> Whether the factor on the sds, if it is inferred, is within its bounds.
    pure logical function scale_is_admitted(self, x)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:)
@@ -284,7 +289,7 @@ contains
       x(self%dimension) = log(least_factor) + x(self%dimension)*log(greatest_factor/least_factor)
    end subroutine draw_start
 
-   !> Stiffness of the crystal at a point `x`, in its axes, GPa.
+   !> Stiffness of the crystal at a point `x`, in crystal axes, GPa.
    pure function stiffness(self, x) result(c)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:)
@@ -293,7 +298,7 @@ contains
       c = self%prior%class%stiffness(x(:self%n_constants))
    end function stiffness
 
-   !> log K of the crystals.
+   !> The working coordinates: log K of the crystal replaces its constants.
    pure subroutine to_working(self, x, w)
       class(posterior_type), intent(in) :: self
       !> (dimension, point).
@@ -307,16 +312,16 @@ contains
       end do
    end subroutine to_working
 
-   !> Logarithm of Eq. 13 and its extensions at a point, normalised over the measurements; 0 where
-   !> the data are left out.
+   !> Logarithm of Eq. 13 and its extensions at a point, normalised over the measurements; 0 if the
+   !> data are left out.
    pure real(wp) function likelihood_of_crystal(self, x, c, moduli) result(log_likelihood)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:), c(6, 6)
-      !> See `predict_measurements`.
+      !> The grain model's rows for this crystal, if the caller has them, GPa.
       real(wp), intent(in), optional :: moduli(size(self%euler, 2))
       real(wp), dimension(self%n_grains) :: model, scales, slopes
       real(wp), dimension(size(self%euler, 2)) :: rows, rows_slopes
-      real(wp), allocatable :: u(:, :), fewer(:, :), b(:), precision(:, :)
+      real(wp), allocatable :: u(:, :), reduced(:, :), shared(:), precision(:, :)
 
       log_likelihood = 0.0_wp
       if (self%prior_only) return
@@ -335,13 +340,15 @@ contains
       end if
       allocate (u(self%n_grains, self%n_shared))
       call self%predict_measurements(x, c, model, scales, u, moduli)
-      call factor_columns(u, fewer)
-      allocate (b(size(fewer, 2)), precision(size(fewer, 2), size(fewer, 2)))
-      call self%errors%integrate((self%data%modulus - model)/scales, fewer, b, precision, &
+      call factor_columns(u, reduced)
+      allocate (shared(size(reduced, 2)), precision(size(reduced, 2), size(reduced, 2)))
+      call self%errors%integrate((self%data%modulus - model)/scales, reduced, shared, precision, &
          & log_likelihood)
       log_likelihood = log_likelihood - sum_of_logs(scales)
    end function likelihood_of_crystal
 
+   !> Whether errors that grains do not share have further sources beside the measurement: the
+   !> surrogate, the orientation, or differences between grains.
    pure logical function has_own_variance(self)
       class(posterior_type), intent(in) :: self
 
@@ -349,7 +356,7 @@ contains
          & .or. self%settings%scatter_sd > 0.0_wp .or. allocated(self%unknown)
    end function has_own_variance
 
-   !> The factor on the sds at a point.
+   !> Factor on the sds at a point, 1 unless it is inferred.
    pure real(wp) function scale_factor(self, x)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:)
@@ -358,16 +365,17 @@ contains
       if (self%infers_scale) scale_factor = exp(x(self%dimension))
    end function scale_factor
 
-   !> Of each measured grain the mean of what the grain model gives, its derivative with respect to
-   !> y, and the variance that it does not share: the surrogate's, its orientation's, and that of
-   !> grains as such. Of unknown orientations they are those of all directions.
+   !> Mean of the grain model for each measured grain, its derivative with respect to y, and the
+   !> variance that the grain does not share: the surrogate's, its orientation's, and that of
+   !> differences between grains. For unknown orientations the moments are those over all
+   !> directions.
    pure subroutine evaluate_grains(self, c, modulus, slope, own_variance, tilt_slopes, moduli)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
-      !> GPa, (grain); GPa².
+      !> GPa, GPa and GPa², (grain).
       real(wp), intent(out), contiguous :: modulus(:), slope(:), own_variance(:)
-      !> Derivatives with respect to the tilts of the sample, GPa/rad, (grain, 2), where these are
-      !> asked for.
+      !> Derivatives with respect to the tilts of the sample, GPa/rad, (grain, 2). They are set only
+      !> if grains are evaluated in several directions.
       real(wp), intent(out) :: tilt_slopes(:, :)
       real(wp), intent(in), optional :: moduli(size(self%euler, 2))
       real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), moments(4)
@@ -377,15 +385,15 @@ contains
       if (allocated(self%unknown)) then
          modulus = dot_product(self%unknown%probability, rows)
          slope = dot_product(self%unknown%probability, slopes)
-         own_variance = dot_product(self%unknown%probability, &
-            & rows**2) - modulus**2 + (self%settings%scatter_sd*modulus)**2
+         own_variance = dot_product(self%unknown%probability, rows**2) - modulus**2 &
+            & + (self%settings%scatter_sd*modulus)**2
          tilt_slopes = 0.0_wp
          return
       end if
       modulus = rows(:self%n_grains)
       slope = slopes(:self%n_grains)
       own_variance = self%scatter*slope**2 + (self%settings%scatter_sd*modulus)**2
-      ! Speeds are those of the theory.
+      ! Speeds follow from the theory alone.
       slope(self%n_moduli + 1:) = 0.0_wp
       own_variance(self%n_moduli + 1:) = 0.0_wp
       if (self%n_directions == 1) return
@@ -397,15 +405,15 @@ contains
       end do
    end subroutine evaluate_grains
 
-   !> At a point the mean of what is measured, `model`, scales of the errors that grains do not
-   !> share, and over them the columns of U.
+   !> Predictions of the measurements at a point: their mean, `model`, the scales of the errors that
+   !> grains do not share, and the columns of U divided by these scales.
    pure subroutine predict_measurements(self, x, c, model, scales, u, moduli)
       class(posterior_type), intent(in) :: self
-      !> (dimension), and the stiffness there, GPa.
+      !> Point, (dimension), and its stiffness, GPa.
       real(wp), intent(in) :: x(:), c(6, 6)
       !> In the unit of the observable, (grain); (grain, shared error).
       real(wp), intent(out), contiguous :: model(:), scales(:), u(:, :)
-      !> The moduli of the grain model, if they are known.
+      !> The grain model's rows for this crystal, if the caller has them, GPa.
       real(wp), intent(in), optional :: moduli(size(self%euler, 2))
       real(wp), dimension(self%n_grains) :: slope, own_variance, map_slope
       real(wp) :: tilt_slopes(self%n_grains, 2)
@@ -436,21 +444,22 @@ contains
       end do
    end subroutine predict_measurements
 
-   !> What the surrogate gives other grains, for predictions of moduli and measurements.
-   subroutine new_grains(self, euler, paths, grains, error, everything)
+   !> A model of other grains, for predictions of their moduli and measurements.
+   subroutine new_grains(self, euler, paths, grains, error, compute_all)
       class(posterior_type), intent(in) :: self
       !> Bunge-Euler angles (radians), (3, n).
       real(wp), intent(in) :: euler(:, :)
-      !> Of the waves among them, (n).
+      !> Path of the wave of each measurement, (n).
       type(path_type), intent(in) :: paths(:)
       class(grain_model_type), allocatable, intent(out) :: grains
       type(error_type), allocatable, intent(out) :: error
-      !> Compute everything in full: no crystal's theory is read, and no grain from others.
-      logical, intent(in), optional :: everything
+      !> Compute the theory of every crystal and grain in full: read none from a field, and
+      !> interpolate none from other grains.
+      logical, intent(in), optional :: compute_all
 
       allocate (grains, source=self%grains)
-      ! No anisotropy is below.
-      if (present(everything)) call grains%read_up_to(-1.0_wp)
+      ! Every log-anisotropy is above -1.
+      if (present(compute_all)) call grains%read_up_to(-1.0_wp)
       select type (grains)
       type is (wave_grains_type)
          grains%paths = paths
@@ -460,7 +469,7 @@ contains
       end select
    end subroutine new_grains
 
-   !> What the grain model gives all rows at some points, GPa, (row, point).
+   !> Rows of the grain model at some points, GPa, (row, point).
    pure function moduli_at(self, points) result(moduli)
       class(posterior_type), intent(in) :: self
       !> (parameter, point).

@@ -1,11 +1,11 @@
-!> What is known of the constants before the measurements: one rule for all classes, within the
-!> domain of the surrogate, times normal knowledge.
+!> The prior of the constants: one rule for all crystal classes, within the surrogate's domain,
+!> times normal factors for what is known.
 !>
-!> Bounds on all constants are the paper's prior: uniform over the stable crystals within them, in
-!> the constants or in log K. Otherwise the prior has no edge: in log K the contrast s = log(3K/2G)
-!> of the isotropic part is normal, the anisotropic coordinates are jointly Student's t, and the
-!> scale tr log K/6 is normal about that of an isotropic solid with the mean measurement. Single
-!> bounds and a cap on Eq. 14 truncate it.
+!> Bounds on all constants are the paper's prior, uniform over the stable crystals within them, in
+!> the constants or in log K. Otherwise the default prior applies, which has no edge: in log K the
+!> contrast s = log(3K/2G) of the isotropic part is normal, the anisotropic coordinates are jointly
+!> Student's t, and the scale tr log K/6 is normal about that of an isotropic solid with the mean
+!> measurement. Single bounds and a cap on Eq. 14 truncate the prior.
 module constants_prior
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: anisotropy_index, is_stable
@@ -23,21 +23,22 @@ module constants_prior
    private
    public :: prior_type, new_prior, knowledge_type
 
-   !> Where not all bounds are stated: mean and sd of the contrast; degrees of freedom of the k
-   !> anisotropic coordinates, and their scale times the root of k; sd of the scale. Metals and
-   !> minerals from beryllium (contrast 0.14) to indium (2.6) and graphite (log-anisotropy 5.1) lie
-   !> within.
+   !> The default prior: mean and sd of the contrast; degrees of freedom of the k anisotropic
+   !> coordinates, and their scale times the root of k; sd of the scale. Metals and minerals from
+   !> beryllium (contrast 0.14) to indium (2.6) and graphite (log-anisotropy 5.1) lie within;
+   !> docs/verification/inference.md compares other scales.
    real(wp), parameter :: contrast_mean = 1.07_wp, contrast_sd = 0.6_wp, freedom = 3.0_wp, &
       & anisotropy_scale = 0.6_wp, scale_sd = log(5.0_wp)
-   !> Beyond, stiffness matrices lose their digits.
+   !> Greatest log-anisotropy of the support: beyond it, stiffness matrices lose their digits.
    real(wp), parameter :: most_anisotropic = 10.0_wp
-   !> GPa; what is not within is no bound.
-   real(wp), parameter :: no_lower = -1.0e6_wp, no_upper = 1.0e6_wp
-   !> On both sides of a constant whose bounds are equal: it is known, and the sampler moves in all
-   !> directions. GPa, and relative.
+   !> GPa. A bound beyond these counts as absent.
+   real(wp), parameter :: absent_lower = -1.0e6_wp, absent_upper = 1.0e6_wp
+   !> Half the width, in GPa and relative, of the interval about a constant whose bounds are equal.
+   !> It is small enough for the constant to count as known, and lets the sampler move in all
+   !> directions.
    real(wp), parameter, public :: least_width = 0.01_wp, relative_width = 2.0e-4_wp
 
-   !> Quantities of which mean (n) and covariance (n, n) are known, in their units.
+   !> Quantities that are known: mean (n) and covariance (n, n), in their units.
    type :: knowledge_type
       type(quantity_type), allocatable :: quantities(:)
       real(wp), allocatable :: mean(:), covariance(:, :)
@@ -51,40 +52,40 @@ module constants_prior
       integer :: n_constants = 0
       !> Bounds of the constants, GPa; where none is stated these are wide.
       real(wp), allocatable :: lower(:), upper(:)
-      !> Whether the density is that of the default prior: not both bounds of all constants are
-      !> stated.
+      !> Whether the default prior applies: some constant lacks a bound.
       logical :: has_default = .false.
-      !> On Eq. 14.
+      !> Greatest anisotropy index, Eq. 14.
       real(wp) :: anisotropy_cap = huge(1.0_wp)
-      !> Mean of the scale tr log K/6, K in GPa, where not all bounds are stated.
+      !> Mean of the scale tr log K/6 in the default prior, K in GPa.
       real(wp) :: typical_scale = 0.0_wp
-      !> The density is stated in log K, not in the constants.
+      !> Whether the density is uniform, or the default, in log K and not in the constants.
       logical :: in_logarithms = .false.
-      !> Share of the prior, without its normal factors, for which the surrogate is valid, and of
-      !> what `draw_start` draws that in the support, estimated.
+      !> Estimated share of the prior, without its normal factors, for which the surrogate is valid,
+      !> and share of the crystals from `draw_start` that lie in the support.
       real(wp) :: share_inside = 1.0_wp, share_drawn = 1.0_wp
       type(knowledge_type) :: knowledge
-      !> Lower Cholesky factor of the covariance of what is known, (n, n).
+      !> Lower Cholesky factor of the covariance of the knowledge, (n, n).
       real(wp), allocatable, private :: factor(:, :)
-      !> Of the surrogate: the crystals that are covered.
+      !> The surrogate's domain of validity.
       type(domain_type), allocatable :: domain
    contains
       procedure :: admits, log_density, measure
       procedure, private :: log_default
-      procedure :: draw_start, is_drawn, is_stated, set_knowledge
+      procedure :: draw_start, is_drawn, has_bound, set_knowledge
    end type prior_type
 
-   !> Points of the stated domain that are tried to see how much of it the surrogate covers.
+   !> Crystals that are drawn to estimate which share of the prior the surrogate covers: its
+   !> standard error is below 0.4 %.
    integer, parameter :: trials = 20000
 
 contains
 
-   !> The prior that is stated, over what a surrogate covers.
+   !> The prior that &prior and the knowledge state, within the surrogate's domain.
    subroutine new_prior(domain, class, stated, typical_young, knowledge, prior, error)
-      !> Of the surrogate.
+      !> The surrogate's domain of validity.
       type(domain_type), intent(in) :: domain
       type(crystal_class_type), intent(in) :: class
-      !> Of &prior.
+      !> Settings of &prior.
       type(prior_settings_type), intent(in) :: stated
       !> Young's modulus of an isotropic solid with the mean measurement, GPa.
       real(wp), intent(in) :: typical_young
@@ -98,11 +99,11 @@ contains
       prior%class = class
       prior%logarithms = new_log_coordinates(class)
       prior%n_constants = class%n_constants
-      prior%lower = spread(no_lower, 1, class%n_constants)
-      prior%upper = spread(no_upper, 1, class%n_constants)
+      prior%lower = spread(absent_lower, 1, class%n_constants)
+      prior%upper = spread(absent_upper, 1, class%n_constants)
       if (allocated(stated%c_min)) prior%lower = stated%c_min
       if (allocated(stated%c_max)) prior%upper = stated%c_max
-      prior%has_default = any(prior%lower <= no_lower .or. prior%upper >= no_upper)
+      prior%has_default = any(prior%lower <= absent_lower .or. prior%upper >= absent_upper)
       width = merge(0.0_wp, max(least_width, relative_width*abs(prior%lower)), &
          & prior%upper > prior%lower)
       prior%lower = prior%lower - width
@@ -121,7 +122,7 @@ contains
 
    !> Refuse bounds within which the volume of log K is infinite: those that reach the edge of
    !> stability. The least eigenvalue of the stiffness is a concave function of the constants, so
-   !> that within the bounds it is least at one of their corners.
+   !> its minimum within the bounds is at a corner.
    subroutine check_proper(prior, error)
       type(prior_type), intent(in) :: prior
       type(error_type), allocatable, intent(out) :: error
@@ -144,7 +145,7 @@ contains
       end do
    end subroutine check_proper
 
-   !> In what the density is stated.
+   !> The coordinates in which the prior is uniform, or 'default'.
    pure function measure(self)
       class(prior_type), intent(in) :: self
       character(len=:), allocatable :: measure
@@ -154,7 +155,7 @@ contains
       if (self%has_default) measure = 'default'
    end function measure
 
-   !> Multiply the uniform density by another normal factor.
+   !> Set the normal factor of what is known.
    subroutine set_knowledge(self, knowledge, error)
       class(prior_type), intent(inout) :: self
       type(knowledge_type), intent(in) :: knowledge
@@ -169,7 +170,7 @@ contains
       end if
    end subroutine set_knowledge
 
-   !> sds of what is known, (n).
+   !> Standard deviations of the quantities, (n).
    pure function sd_of_knowledge(self) result(sd)
       class(knowledge_type), intent(in) :: self
       real(wp) :: sd(size(self%mean))
@@ -178,62 +179,63 @@ contains
       sd = [(sqrt(self%covariance(j, j)), j=1, size(sd))]
    end function sd_of_knowledge
 
-   !> Cut the support to the surrogate's domain, and estimate how much of it is left.
+   !> Truncate the support by the surrogate's domain, and estimate which share of it remains.
    subroutine estimate_share(domain, prior, error)
       type(domain_type), intent(in) :: domain
       type(prior_type), intent(inout) :: prior
       type(error_type), allocatable, intent(out) :: error
       type(random_stream_type) :: stream
       real(wp) :: x(prior%n_constants), c(6, 6)
-      integer :: i, n, inside
+      integer :: i, n_admitted, n_inside
 
       stream = new_random_stream(1, 0)
-      n = 0
-      inside = 0
+      n_admitted = 0
+      n_inside = 0
       do i = 1, trials
          call prior%draw_start(stream, x)
          c = prior%class%stiffness(x)
          if (.not. prior%admits(x, c)) cycle
-         n = n + 1
-         if (domain%admits(c)) inside = inside + 1
+         n_admitted = n_admitted + 1
+         if (domain%admits(c)) n_inside = n_inside + 1
       end do
       prior%domain = domain
-      prior%share_inside = real(inside, wp)/max(1, n)
-      prior%share_drawn = real(inside, wp)/trials
-      if (n == 0) then
+      prior%share_inside = real(n_inside, wp)/max(1, n_admitted)
+      prior%share_drawn = real(n_inside, wp)/trials
+      if (n_admitted == 0) then
          call raise(error, 'no stable crystal was found within the bounds and limits of the ' &
             & //'prior ('//to_text(trials)//' tried)', exit_bad_input)
-      else if (inside == 0) then
-         call raise(error, 'the prior is outside the surrogate''s domain: none of '//to_text(n) &
-            & //' crystals of it is inside', exit_bad_input)
+      else if (n_inside == 0) then
+         call raise(error, 'the prior is outside the surrogate''s domain: none of ' &
+            & //to_text(n_admitted)//' crystals of it is inside', exit_bad_input)
       end if
    end subroutine estimate_share
 
-   !> Whether what `draw_start` draws has the density of the prior, and is often enough in its
-   !> support: the default prior is stated in log K, and what is uniform between bounds in the
-   !> constants.
+   !> Whether `draw_start` can sample the prior itself: its draws have the density of the prior, and
+   !> enough of them lie in the support. It draws the default prior in log K, and a uniform one in
+   !> the constants.
    pure logical function is_drawn(self)
       class(prior_type), intent(in) :: self
-      real(wp), parameter :: often = 0.02_wp
+      !> 50 draws for each in the support are still cheap.
+      real(wp), parameter :: least_share = 0.02_wp
 
-      is_drawn = size(self%knowledge%mean) == 0 .and. self%share_drawn > often &
+      is_drawn = size(self%knowledge%mean) == 0 .and. self%share_drawn > least_share &
          & .and. (self%has_default .eqv. self%in_logarithms)
    end function is_drawn
 
-   !> Whether the constant j has a bound.
-   pure logical function is_stated(self, j)
+   !> Whether at least one bound of the constant j is stated.
+   pure logical function has_bound(self, j)
       class(prior_type), intent(in) :: self
       integer, intent(in) :: j
 
-      is_stated = self%lower(j) > no_lower .or. self%upper(j) < no_upper
-   end function is_stated
+      has_bound = self%lower(j) > absent_lower .or. self%upper(j) < absent_upper
+   end function has_bound
 
    !> Whether a crystal is in the support.
    pure logical function admits(self, x, c, anisotropy)
       class(prior_type), intent(in) :: self
       !> Constants (n_constants) and stiffness in crystal axes, GPa.
       real(wp), intent(in) :: x(:), c(6, 6)
-      !> The log-anisotropy, if it is known: then the crystal is stable.
+      !> The log-anisotropy, if the caller has it. It also implies that the crystal is stable.
       real(wp), intent(in), optional :: anisotropy
 
       admits = .false.
@@ -251,13 +253,13 @@ contains
       if (self%domain%is_limited()) admits = self%domain%admits(c)
    end function admits
 
-   !> Logarithm of the density at a crystal `c` (GPa) of the support, in the coordinates in which it
-   !> is stated, up to a constant.
+   !> Logarithm of the density at a crystal of the support, up to a constant, in the coordinates
+   !> that `measure` names.
    pure real(wp) function log_density(self, c, w)
       class(prior_type), intent(in) :: self
       !> Stiffness in crystal axes, GPa.
       real(wp), intent(in) :: c(6, 6)
-      !> Its log K, where that is known.
+      !> Coordinates of its log K, if the caller has them, (n_constants).
       real(wp), intent(in), optional, contiguous :: w(:)
       real(wp) :: values(size(self%knowledge%mean))
 
@@ -273,8 +275,8 @@ contains
       log_density = log_density - 0.5_wp*sum(values**2)
    end function log_density
 
-   !> The prior where not all bounds are stated, of log K. The first two coordinates are log 3K and
-   !> sqrt(5) log 2G of its isotropic part.
+   !> Logarithm of the default prior's density of log K, up to a constant. The first two coordinates
+   !> are log 3K and sqrt(5) log 2G of the isotropic part.
    pure real(wp) function log_default(self, w)
       class(prior_type), intent(in) :: self
       !> (n_constants).
@@ -282,15 +284,16 @@ contains
       integer :: k
 
       k = size(w) - 2
-      associate (contrast => w(1) - w(2)/sqrt(5.0_wp), scale => (w(1) + sqrt(5.0_wp)*w(2))/6.0_wp)
+      associate (contrast => w(1) - w(2)/sqrt(5.0_wp), scale => (w(1) + sqrt(5.0_wp)*w(2))/6.0_wp, &
+         & squares => sum((w(3:)/anisotropy_scale)**2))
          log_default = -0.5_wp*(((contrast - contrast_mean)/contrast_sd)**2 &
             & + ((scale - self%typical_scale)/scale_sd)**2) &
-            & - 0.5_wp*(freedom + k)*log(1.0_wp + k*sum((w(3:)/anisotropy_scale)**2)/freedom)
+            & - 0.5_wp*(freedom + k)*log(1.0_wp + k*squares/freedom)
       end associate
    end function log_default
 
-   !> A crystal to begin with, in the support or not: uniform in the box if there is one, else of
-   !> the default prior.
+   !> A crystal to start a chain at, in the support or not: uniform between the bounds if all are
+   !> stated, else a draw of the default prior.
    subroutine draw_start(self, stream, x)
       class(prior_type), intent(in) :: self
       type(random_stream_type), intent(inout) :: stream

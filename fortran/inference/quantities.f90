@@ -1,9 +1,5 @@
-!> What a metallurgist asks of a crystal, by name, from a stiffness of any class: constants,
+!> Named quantities of a crystal, computed from its stiffness, for every crystal class: constants,
 !> averages, directional moduli, and products of powers of these.
-!>
-!> A direction [uvw] has its components along the Cartesian crystal axes. Polycrystal values are
-!> Hill's: bulk and shear modulus are the means of Voigt's and Reuss' for a uniform texture, and
-!> Young's modulus and Poisson's ratio follow from these two.
 module quantities
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: averages_type, anisotropy_index, compliance, hill_young_poisson, &
@@ -17,32 +13,32 @@ module quantities
       & check_value, reported_quantities
    public :: evaluate_draws, evaluate_quantities, quantity_choices
 
-   !> Words that stand alone, and words that take a direction.
+   !> Names without and names with a direction.
    character(len=*), parameter :: plain_names = 'bulk_modulus, polycrystal_bulk, ' &
       & //'polycrystal_shear, polycrystal_young, polycrystal_poisson, anisotropy_index', &
       & directional_names = 'young, shear, compressibility'
    !> Hill's averages, in the order of `hill_values`.
    character(len=*), parameter :: hill_names(4) = [character(len=19) :: 'polycrystal_bulk', &
       & 'polycrystal_shear', 'polycrystal_young', 'polycrystal_poisson']
-   !> What is allowed, for messages and the schema.
+   !> The names that are allowed, for messages and the schema.
    character(len=*), parameter :: quantity_choices = 'a constant C11 .. ' &
       & //'C66, C'' = (C11 - C12)/2, '//plain_names//', young[100], shear[001], ' &
       & //'compressibility[100], or a product of powers of these such as C33/C11 or C11^1 C12^-0.3'
 
-   !> One factor of a product: a word, with its entry of the stiffness or its direction, and the
-   !> power.
+   !> One factor of a product: a name, the entry of the stiffness or the direction that it refers
+   !> to, and a power.
    type :: factor_type
       character(len=19) :: word = ''
       integer :: row = 0, column = 0
-      !> Unit vector.
+      !> Unit vector in crystal axes.
       real(wp) :: direction(3) = 0.0_wp
       real(wp) :: power = 1.0_wp
    end type factor_type
 
    type :: quantity_type
-      !> As it was written.
+      !> The name as the user wrote it.
       character(len=:), allocatable :: name
-      !> 'GPa', '1/TPa', '1' of a ratio, or a power of GPa.
+      !> 'GPa', '1/TPa', '1' for a ratio, or a power of GPa.
       character(len=:), allocatable :: unit
       type(factor_type), allocatable, private :: factors(:)
    contains
@@ -51,45 +47,46 @@ module quantities
 
 contains
 
-   !> The quantity of a name.
+   !> Parse the name of a quantity.
    subroutine new_quantity(name, quantity, error)
       character(len=*), intent(in) :: name
       type(quantity_type), intent(out) :: quantity
       type(error_type), allocatable, intent(out) :: error
       type(factor_type) :: factor
-      character(len=:), allocatable :: piece, power
-      real(wp) :: sign
-      integer :: i, caret, depth, first, outcome
+      character(len=:), allocatable :: word, power
+      real(wp) :: power_sign
+      integer :: i, caret, word_start, outcome
+      logical :: in_brackets
 
       quantity%name = trim(adjustl(name))
       allocate (quantity%factors(0))
       i = 1
-      sign = 1.0_wp
+      power_sign = 1.0_wp
       do while (i <= len(name))
          if (index(' */', name(i:i)) > 0) then
-            if (name(i:i) == '/') sign = -1.0_wp
+            if (name(i:i) == '/') power_sign = -1.0_wp
             i = i + 1
             cycle
          end if
-         first = i
-         depth = 0
+         word_start = i
+         in_brackets = .false.
          do while (i <= len(name))
-            if (name(i:i) == '[') depth = 1
-            if (name(i:i) == ']') depth = 0
-            if (depth == 0 .and. index(' */', name(i:i)) > 0) exit
+            if (name(i:i) == '[') in_brackets = .true.
+            if (name(i:i) == ']') in_brackets = .false.
+            if (.not. in_brackets .and. index(' */', name(i:i)) > 0) exit
             i = i + 1
          end do
-         piece = name(first:i - 1)
-         caret = index(piece, '^')
+         word = name(word_start:i - 1)
+         caret = index(word, '^')
          power = '1'
          if (caret > 0) then
-            power = piece(caret + 1:)
-            piece = piece(:caret - 1)
+            power = word(caret + 1:)
+            word = word(:caret - 1)
          end if
          call read_real(power, factor%power, outcome)
-         factor%power = sign*factor%power
-         sign = 1.0_wp
-         if (outcome == number_ok) call read_word(piece, factor, error)
+         factor%power = power_sign*factor%power
+         power_sign = 1.0_wp
+         if (outcome == number_ok) call read_word(word, factor, error)
          if (outcome /= number_ok) then
             call refuse(error, ''''//trim(name)//''': the power '''//power//''' is not a number')
          end if
@@ -102,9 +99,9 @@ contains
       quantity%unit = unit_of(quantity%factors)
    end subroutine new_quantity
 
-   !> A constant, a word, or a word with a direction.
-   subroutine read_word(piece, factor, error)
-      character(len=*), intent(in) :: piece
+   !> Read a constant, a name, or a name with a direction.
+   subroutine read_word(text, factor, error)
+      character(len=*), intent(in) :: text
       type(factor_type), intent(inout) :: factor
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: word
@@ -113,13 +110,13 @@ contains
 
       factor%row = 0
       factor%column = 0
-      bracket = index(piece, '[')
-      word = lower(piece)
-      if (bracket > 0) word = lower(piece(:bracket - 1))
+      bracket = index(text, '[')
+      word = lower(text)
+      if (bracket > 0) word = lower(text(:bracket - 1))
       factor%word = word
       if (bracket > 0) then
          known = any(split_list(directional_names) == word)
-         if (known) call read_direction(piece(bracket:), factor%direction, known)
+         if (known) call read_direction(text(bracket:), factor%direction, known)
       else if (word == 'c''') then
          known = .true.
       else if (len(word) == 3 .and. verify(word, 'c123456') == 0) then
@@ -131,24 +128,24 @@ contains
          known = any(split_list(plain_names) == word)
       end if
       if (.not. known) then
-         call refuse(error, ''''//piece//''' is unknown'//suggestion(word, plain_names &
+         call refuse(error, ''''//text//''' is unknown'//suggestion(word, plain_names &
             & //', young[100], shear[100], compressibility[100]')//'; allowed: '//quantity_choices)
       end if
    end subroutine read_word
 
-   !> '[110]', '[1-10]', or numbers apart, '[1 0.5 0]'; of a hexagonal crystal [0001], or four
-   !> indices of a direction in the basal plane.
-   subroutine read_direction(text, direction, known)
+   !> Read a direction: '[110]', '[1-10]', or separate numbers, '[1 0.5 0]'. For a hexagonal crystal
+   !> also [0001], or the four indices of a direction in the basal plane.
+   subroutine read_direction(text, direction, is_valid)
       character(len=*), intent(in) :: text
       real(wp), intent(out) :: direction(3)
-      !> Three numbers, not all zero.
-      logical, intent(out) :: known
+      !> Whether the text is a direction: three numbers, not all zero.
+      logical, intent(out) :: is_valid
       character(len=:), allocatable :: inner, spaced
       real(wp) :: four(4)
       integer :: i, status
 
       direction = 0.0_wp
-      known = .false.
+      is_valid = .false.
       i = len(text)
       if (text(i:i) /= ']' .or. i < 5) return
       inner = text(2:i - 1)
@@ -162,7 +159,7 @@ contains
       if (status == 0) then
          direction = [four(1) - 0.5_wp*(four(2) + four(3)), &
             & sqrt(0.75_wp)*(four(2) - four(3)), four(4)]
-         ! Others depend on the unit cell.
+         ! Other four-index directions depend on the axial ratio of the unit cell.
          if (any(abs(four(:3)) > 0.0_wp) .and. abs(four(4)) > 0.0_wp &
             & .or. abs(sum(four(:3))) > 0.0_wp) then
             direction = 0.0_wp
@@ -170,11 +167,11 @@ contains
       else
          read (spaced, *, iostat=status) direction
       end if
-      known = status == 0 .and. sum(direction**2) > 0.0_wp .and. all(abs(direction) < 1.0e6_wp)
-      if (known) direction = direction/norm2(direction)
+      is_valid = status == 0 .and. sum(direction**2) > 0.0_wp .and. all(abs(direction) < 1.0e6_wp)
+      if (is_valid) direction = direction/norm2(direction)
    end subroutine read_direction
 
-   !> The unit of a product.
+   !> The unit of a product of factors.
    pure function unit_of(factors) result(unit)
       type(factor_type), intent(in) :: factors(:)
       character(len=:), allocatable :: unit
@@ -203,14 +200,14 @@ contains
       end if
    end function unit_of
 
-   !> Whether it is more than one word of power one.
+   !> Whether the quantity is more than one factor of power one.
    pure logical function is_product(self)
       class(quantity_type), intent(in) :: self
 
       is_product = size(self%factors) > 1 .or. abs(self%factors(1)%power - 1.0_wp) > 0.0_wp
    end function is_product
 
-   !> Refuse what is zero, or infinite, in every crystal of the class.
+   !> Refuse a quantity that is zero, or infinite, in every crystal of the class.
    subroutine check_quantity(quantity, class, error)
       type(quantity_type), intent(in) :: quantity
       type(crystal_class_type), intent(in) :: class
@@ -224,13 +221,13 @@ contains
       end if
    end subroutine check_quantity
 
-   !> Refuse a value that no solid has.
+   !> Refuse a value that no solid can have.
    pure subroutine check_value(quantity, value, error)
       type(quantity_type), intent(in) :: quantity
-      !> In its unit.
+      !> Value in the unit of the quantity.
       real(wp), intent(in) :: value
       type(error_type), allocatable, intent(out) :: error
-      !> From soft polymers to diamond.
+      !> Wide enough for soft polymers and diamond.
       real(wp) :: range(2)
       character(len=:), allocatable :: unit
 
@@ -246,8 +243,8 @@ contains
          & //'allowed: '//to_text(range(1))//' .. '//to_text(range(2))//unit//'. Check the unit')
    end subroutine check_value
 
-   !> Refuse two quantities of which one follows from the other in every crystal of the class: the
-   !> same, or a power of it times a number.
+   !> Refuse two quantities if one follows from the other in every crystal of the class: if they are
+   !> equal, or if one is a number times a power of the other.
    subroutine check_distinct(quantities, class, error)
       type(quantity_type), intent(in) :: quantities(:)
       type(crystal_class_type), intent(in) :: class
@@ -273,11 +270,11 @@ contains
       end do
    end subroutine check_distinct
 
-   !> A stable crystal of a class with nothing by chance: every entry that the class allows is
-   !> there.
+   !> A stable crystal of a class without accidental symmetry: every entry that the class allows is
+   !> nonzero and distinct.
    pure function typical_crystal(class, number) result(c)
       type(crystal_class_type), intent(in) :: class
-      !> Which of them.
+      !> Number of the crystal; each number gives another one.
       integer, intent(in) :: number
       real(wp) :: c(6, 6)
       integer :: i, j
@@ -291,8 +288,8 @@ contains
       c = class%stiffness(class%constants_of(c))
    end function typical_crystal
 
-   !> What is reported of a crystal of a class: its constants, averages, and Young's moduli along
-   !> directions that it tells apart.
+   !> The quantities that are reported for a crystal class: its constants, averages, and Young's
+   !> moduli along directions that are not equivalent in it.
    subroutine reported_quantities(class, list, error)
       type(crystal_class_type), intent(in) :: class
       type(quantity_type), allocatable, intent(out) :: list(:)
@@ -304,31 +301,31 @@ contains
          & //directions), class, size(class%constants), list, error)
    end subroutine reported_quantities
 
-   !> The quantities of some names, but those after the first `known` whose value is that of an
-   !> earlier one of them for every crystal of a class.
-   subroutine new_quantities(names, class, known, list, error)
+   !> Quantities by their names. The first `n_kept` are always in the list. Of the others, one that
+   !> equals another before it for every crystal of the class is left out.
+   subroutine new_quantities(names, class, n_kept, list, error)
       character(len=*), intent(in) :: names(:)
       type(crystal_class_type), intent(in) :: class
-      integer, intent(in) :: known
+      integer, intent(in) :: n_kept
       type(quantity_type), allocatable, intent(out) :: list(:)
       type(error_type), allocatable, intent(out) :: error
-      real(wp), parameter :: same = 1.0e-9_wp
-      type(quantity_type) :: all(size(names))
+      real(wp), parameter :: rounding = 1.0e-9_wp
+      type(quantity_type) :: candidates(size(names))
       real(wp) :: values(size(names))
       integer :: i, n
 
       n = 0
       do i = 1, size(names)
          n = n + 1
-         call new_quantity(trim(names(i)), all(n), error)
+         call new_quantity(trim(names(i)), candidates(n), error)
          if (allocated(error)) return
-         call evaluate_quantities(all(n:n), typical_crystal(class, 0), values(n:n))
-         if (any(abs(values(known + 1:n - 1) - values(n)) < same*abs(values(n)))) n = n - 1
+         call evaluate_quantities(candidates(n:n), typical_crystal(class, 0), values(n:n))
+         if (any(abs(values(n_kept + 1:n - 1) - values(n)) < rounding*abs(values(n)))) n = n - 1
       end do
-      list = all(:n)
+      list = candidates(:n)
    end subroutine new_quantities
 
-   !> The values of quantities for one stable crystal.
+   !> Values of quantities for one stable crystal, each in its unit.
    pure subroutine evaluate_quantities(quantities, c, values)
       type(quantity_type), intent(in) :: quantities(:)
       !> Stiffness in crystal axes, GPa.
@@ -351,7 +348,7 @@ contains
                   value = anisotropy_index(c)
                case ('bulk_modulus', 'young', 'shear', 'compressibility')
                   if (.not. allocated(s)) s = compliance(c)
-                  value = response(factor%word, s, factor%direction)
+                  value = directional_response(factor%word, s, factor%direction)
                case default
                   if (.not. allocated(hill)) hill = hill_values(c)
                   value = hill(findloc(hill_names, factor%word, dim=1))
@@ -362,11 +359,11 @@ contains
       end do
    end subroutine evaluate_quantities
 
-   !> The values of quantities for the crystals of draws.
+   !> Values of quantities for the crystals of many draws.
    pure subroutine evaluate_draws(quantities, class, draws, values)
       type(quantity_type), intent(in) :: quantities(:)
       type(crystal_class_type), intent(in) :: class
-      !> (parameter, draw), the first parameters constants, GPa.
+      !> (parameter, draw); the first parameters are the constants, GPa.
       real(wp), intent(in) :: draws(:, :)
       !> (quantity, draw).
       real(wp), allocatable, intent(out) :: values(:, :)
@@ -389,29 +386,31 @@ contains
       end if
    end function power_of
 
-   !> What a compliance (1/GPa) says of a direction, a unit vector.
-   pure real(wp) function response(word, s, n)
+   !> Response of a crystal along a direction, from its compliance: the bulk modulus, GPa, which has
+   !> no direction; Young's or the torsional shear modulus, GPa; the linear compressibility, 1/TPa.
+   pure real(wp) function directional_response(word, s, n)
       character(len=*), intent(in) :: word
+      !> Compliance, 1/GPa; unit vector.
       real(wp), intent(in) :: s(6, 6), n(3)
       real(wp), parameter :: axes(3, 3) = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], [3, 3])
       integer :: j
 
       select case (word)
       case ('bulk_modulus')
-         response = 1.0_wp/sum(s(:3, :3))
+         directional_response = 1.0_wp/sum(s(:3, :3))
       case ('young')
-         response = 1.0_wp/energy(n, n)
+         directional_response = 1.0_wp/energy(n, n)
       case ('compressibility')
-         response = 1000.0_wp*dot_product(sum(s(:3, :), 1), stress(n, n))
+         directional_response = 1000.0_wp*dot_product(sum(s(:3, :), 1), stress(n, n))
       case default
-         ! Torsion of a rod along n: the mean over the directions of shear across it, of the sum
-         ! over three axes less the shear along n.
-         response = 0.5_wp/(sum([(energy(n, axes(:, j)), j=1, 3)]) - energy(n, n))
+         ! Torsion of a rod along n averages the shear compliance over the directions across n. The
+         ! mean follows from the sum over three axes less the term along n.
+         directional_response = 0.5_wp/(sum([(energy(n, axes(:, j)), j=1, 3)]) - energy(n, n))
       end select
 
    contains
 
-      !> The symmetric stress a b in Voigt's order.
+      !> The symmetric dyad of two vectors as a stress, in Voigt's order.
       pure function stress(a, b)
          real(wp), intent(in) :: a(3), b(3)
          real(wp) :: stress(6)
@@ -425,9 +424,10 @@ contains
 
          energy = dot_product(stress(a, b), matmul(s, stress(a, b)))
       end function energy
-   end function response
+   end function directional_response
 
-   !> Hill's averages of a stiffness: bulk, shear and Young's modulus, GPa, and Poisson's ratio.
+   !> Hill's averages of a stiffness (GPa): bulk, shear and Young's modulus, GPa, and Poisson's
+   !> ratio.
    pure function hill_values(c) result(values)
       real(wp), intent(in) :: c(6, 6)
       real(wp) :: values(4)

@@ -1,4 +1,5 @@
-!> What is measured in a grain: a type between the crystal and the likelihood.
+!> Kinds of modulus that a measurement may report. An observable maps the modulus of the half-space
+!> to such a kind, between the grain model and the likelihood.
 module observables
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
@@ -8,21 +9,20 @@ module observables
    private
    public :: observable_type, observable_names, moduli_of_indentation, new_observable
 
-   !> What every indentation gives.
+   !> The kinds of modulus that an indentation gives.
    character(len=*), parameter :: moduli_of_indentation = 'indentation_modulus, ' &
       & //'effective_modulus, sample_modulus'
-   !> A new observable: its name here, and its lines in `new_observable`.
+   !> A new observable needs its name here and a case in `new_observable`.
    character(len=*), parameter :: observable_names = moduli_of_indentation
 
-   !> The kinds of indentation modulus, as functions of the modulus M of the half-space: all are a
-   !> M/(1 + d M).
+   !> A kind of modulus as a function of the modulus M of the half-space: a M/(1 + d M).
    !>
    !> M itself; E_eff of the contact with an elastic indenter, 1/E_eff = 1/M + (1-nu_i²)/E_i; E_s =
    !> (1-nu_s²) M of a sample whose Poisson's ratio is assumed.
    type :: observable_type
-      !> As `modulus_kind` and, with the unit, a column name it.
+      !> As in `modulus_kind` and, with the unit, in a column name.
       character(len=:), allocatable :: name
-      !> a; d in 1/GPa.
+      !> a; d, 1/GPa.
       real(wp) :: factor = 1.0_wp, compliance = 0.0_wp
    contains
       procedure :: to_measured
@@ -30,7 +30,7 @@ module observables
 
 contains
 
-   !> The observable of a name, with the numbers of &measurements that it needs.
+   !> The observable called `name`, with the properties that &measurements states.
    subroutine new_observable(name, settings, observable, error)
       character(len=*), intent(in) :: name
       type(measurements_settings_type), intent(in) :: settings
@@ -60,7 +60,7 @@ contains
       observable%name = name
    end subroutine new_observable
 
-   !> From indentation moduli to what is measured, in place.
+   !> Convert indentation moduli to the observable, in place.
    pure subroutine to_measured(self, values, slopes)
       class(observable_type), intent(in) :: self
       !> Indentation moduli, GPa.

@@ -1,4 +1,5 @@
-!> Moduli of some grains and speeds of surface waves on others, as one grain model.
+!> A grain model of two kinds of measurement: moduli of some grains and speeds of surface waves on
+!> others.
 module wave_grains
    use abstract_basis, only: grain_model_type
    use crystal_elasticity, only: no_wave, path_type
@@ -10,13 +11,15 @@ module wave_grains
    public :: wave_grains_type, add_waves
 
    type, extends(grain_model_type) :: wave_grains_type
-      !> What the surrogate gives the moduli.
+      !> The surrogate's model of the measurements that are moduli.
       class(grain_model_type), allocatable :: moduli
-      !> kg/m3.
+      !> Mass density, kg/m3.
       real(wp) :: density = 1.0_wp
-      !> Of each measurement; of more grains they take turns. Set it before the grains.
+      !> Path of the wave of each measurement, (measurement). The grains repeat it in turn if they
+      !> are more, as tilted ones are. Set it before the grains.
       type(path_type), allocatable :: paths(:)
-      integer, allocatable, private :: of_moduli(:), of_waves(:)
+      !> Rows of the grains that are moduli, and of those that are speeds.
+      integer, allocatable, private :: modulus_rows(:), wave_rows(:)
       type(surface_type), private :: surface
    contains
       procedure :: set_grains, evaluate_crystals, evaluate_columns, read_up_to
@@ -24,13 +27,14 @@ module wave_grains
 
 contains
 
-   !> Let a grain model have waves too.
+   !> Extend a grain model of moduli by surface waves.
    subroutine add_waves(paths, density, euler, grains, error)
-      !> (n).
+      !> Path of each measurement, (n).
       type(path_type), intent(in) :: paths(:)
-      !> kg/m3; Bunge-Euler angles, radians, (3, n), and of tilted ones in turn.
+      !> Mass density, kg/m3. Bunge-Euler angles, radians, (3, n), or those of all tilts, one tilt
+      !> after another.
       real(wp), intent(in) :: density, euler(:, :)
-      !> Of moduli on entry.
+      !> A model of moduli on entry, of moduli and waves on return.
       class(grain_model_type), allocatable, intent(inout) :: grains
       type(error_type), allocatable, intent(out) :: error
       type(wave_grains_type) :: waves
@@ -51,11 +55,11 @@ contains
       integer :: i
 
       paths = [(self%paths(modulo(i - 1, size(self%paths)) + 1), i=1, size(paths))]
-      self%of_waves = pack([(i, i=1, size(paths))], paths%wave /= no_wave)
-      self%of_moduli = pack([(i, i=1, size(paths))], paths%wave == no_wave)
+      self%wave_rows = pack([(i, i=1, size(paths))], paths%wave /= no_wave)
+      self%modulus_rows = pack([(i, i=1, size(paths))], paths%wave == no_wave)
       self%moduli%field_degree = self%field_degree
-      call self%moduli%set_grains(euler(:, self%of_moduli), error)
-      call new_surface(euler(:, self%of_waves), paths(self%of_waves), self%surface)
+      call self%moduli%set_grains(euler(:, self%modulus_rows), error)
+      call new_surface(euler(:, self%wave_rows), paths(self%wave_rows), self%surface)
       self%n_columns = self%moduli%n_columns
       self%has_theory = self%moduli%has_theory
       self%noise_growth = self%moduli%noise_growth
@@ -63,33 +67,33 @@ contains
       self%full_cost = self%moduli%full_cost
    end subroutine set_grains
 
-   !> Moduli, GPa, and speeds, m/s.
+   !> Moduli, GPa, and speeds of waves, m/s.
    pure subroutine evaluate_crystals(self, c, modulus)
       class(wave_grains_type), intent(in) :: self
       real(wp), intent(in), contiguous :: c(:, :, :)
       real(wp), intent(out), contiguous :: modulus(:, :)
-      real(wp) :: moduli(size(self%of_moduli), size(c, 3))
+      real(wp) :: moduli(size(self%modulus_rows), size(c, 3))
       type(wave_type) :: waves(self%surface%n)
       integer :: i
 
       call self%moduli%evaluate_crystals(c, moduli)
-      modulus(self%of_moduli, :) = moduli
+      modulus(self%modulus_rows, :) = moduli
       do i = 1, size(c, 3)
          call surface_waves(self%surface, c(:, :, i:i), waves)
-         modulus(self%of_waves, i) = wave_speed(waves%modulus, self%density)
+         modulus(self%wave_rows, i) = wave_speed(waves%modulus, self%density)
       end do
    end subroutine evaluate_crystals
 
-   !> Speeds are none of the surrogate's.
+   !> The columns are zero for speeds, which do not depend on the surrogate.
    pure subroutine evaluate_columns(self, c, columns)
       class(wave_grains_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
       real(wp), intent(out), contiguous :: columns(:, :)
-      real(wp) :: of_moduli(size(self%of_moduli), self%n_columns)
+      real(wp) :: modulus_columns(size(self%modulus_rows), self%n_columns)
 
-      call self%moduli%evaluate_columns(c, of_moduli)
+      call self%moduli%evaluate_columns(c, modulus_columns)
       columns = 0.0_wp
-      columns(self%of_moduli, :) = of_moduli
+      columns(self%modulus_rows, :) = modulus_columns
    end subroutine evaluate_columns
 
    subroutine read_up_to(self, anisotropy)

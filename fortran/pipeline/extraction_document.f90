@@ -297,7 +297,7 @@ contains
          call page%put('measure', prior%measure())
          call page%begin_object('bounds')
          do j = 1, prior%n_constants
-            if (prior%is_stated(j)) then
+            if (prior%has_bound(j)) then
                call page%put(prior%class%constants(j), [prior%lower(j), prior%upper(j)])
             end if
          end do
@@ -360,7 +360,7 @@ contains
          call warn(lines, line)
          line = ''
          do j = 1, prior%n_constants
-            if (prior%is_stated(j)) then
+            if (prior%has_bound(j)) then
                line = line//', '//prior%class%constants(j)//' '//to_text(prior%lower(j))//' .. ' &
                   & //to_text(prior%upper(j))
             end if

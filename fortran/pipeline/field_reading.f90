@@ -164,7 +164,7 @@ contains
       associate (checked => checked_grains(size(posterior%data%euler, 2)))
          allocate (exact(size(checked), size(draws, 2)))
          call posterior%new_grains(posterior%euler(:, checked), posterior%data%paths(min(checked, &
-            & posterior%n_grains)), in_full, error, everything=.true.)
+            & posterior%n_grains)), in_full, error, compute_all=.true.)
       end associate
       if (allocated(error)) return
       call observe(posterior, in_full, draws, threads, exact)

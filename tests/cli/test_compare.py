@@ -1,6 +1,7 @@
 """`compare`: several runs side by side."""
 
 import csv
+import itertools
 import json
 import math
 from pathlib import Path
@@ -12,8 +13,9 @@ import bayesindent as bi
 from bayesindent.common.result_files import read_json
 from support.tree import SOURCE
 
+TABLE = SOURCE / "tests" / "reference" / "cubic_fe3si.csv"
 CASE = f"""&problem symmetry = 'cubic', title = 'TITLE', synthetic = .true. /
-&measurements file = '{SOURCE / "tests" / "reference" / "cubic_fe3si.csv"}', modulus_kind = 'KIND', calibration_sd = CALIBRATION /
+&measurements file = '{TABLE}', modulus_kind = 'KIND', calibration_sd = CALIBRATION /
 &prior c_min = 50, 40, 15, c_max = 250, 150, 150, anisotropy_cap = 7.2 /
 &sampler samples = 2000, burn_in = 2000, chains = 2, evidence = EVIDENCE /
 """
@@ -42,98 +44,95 @@ def test_compare(bayesindent, tmp_path, monkeypatch):
     done = bayesindent("compare", "runs/plain", "runs/tip", "--json")
     assert done.returncode == 0, done.stderr
     document = json.loads(done.stdout)
-    assert [run["run"] for run in document["runs"]] == ["plain", "tip"]
-    assert document["same_data"] is True
-    for item in document["differences"]:
-        a, b = (summaries[name]["parameters"][item["constant"]] for name in ("plain", "tip"))
-        assert item["difference_gpa"] == pytest.approx(b["mean"] - a["mean"])
-        assert item["difference_sd"] == pytest.approx(
+    names = ["runs/plain", "runs/tip"]
+    constants = ("C11", "C12", "C44")
+    cells = [(row["constant"], row["run"]) for row in document["constants"]]
+    assert cells == list(itertools.product(constants, names))
+    for row in document["constants"]:
+        a, b = (
+            summaries[Path(name).name]["parameters"][row["constant"]]
+            for name in (names[0], row["run"])
+        )
+        assert [row["mean_gpa"], row["sd_gpa"], row["low_95_gpa"], row["high_95_gpa"]] == [
+            b["mean"],
+            b["sd"],
+            *b["hdi_95"],
+        ]
+        assert row["difference_sd"] == pytest.approx(
             (b["mean"] - a["mean"]) / math.hypot(a["sd"], b["sd"])
         )
-    # ArviZ' own comparison of the files; without the ranks, of which it makes the better one the
-    # first.
+    # Leave-one-out of the stored draws; ArviZ lists the best model first, and differences from it.
     stored = {
-        name: az.from_netcdf(str(tmp_path / "runs" / name / "posterior.nc"), engine="h5netcdf")
-        for name in ("plain", "tip")
+        name: az.from_netcdf(str(tmp_path / name / "posterior.nc"), engine="h5netcdf")
+        for name in names
     }
     loo = {name: az.loo(result, pointwise=True) for name, result in stored.items()}
-    first, second = document["models"]
     # Names of ArviZ before its version 1, and since.
-    one, each = (
-        getattr(found, "loo_i", getattr(found, "elpd_i", None)).values
-        for found in (loo["plain"], loo["tip"])
-    )
-    each = each - one
-    assert first["elpd"] == pytest.approx(one.sum(), abs=0.02)
-    assert second["elpd_difference"] == pytest.approx(each.sum(), abs=0.02)
-    assert second["elpd_difference_sd"] == pytest.approx(
-        math.sqrt(each.size) * each.std(), abs=0.02
-    )
-    evidence = [summaries[name]["evidence"] for name in ("plain", "tip")]
-    assert second["log_z_difference"] == pytest.approx(evidence[1]["log_z"] - evidence[0]["log_z"])
-    assert second["log_z_difference_sd"] == pytest.approx(
-        math.hypot(evidence[0]["sd"], evidence[1]["sd"])
-    )
-    folder = tmp_path / "runs" / "compare"
-    rows = list(
-        csv.DictReader(
-            line for line in (folder / "comparison.csv").open() if not line.startswith("#")
+    each = {
+        name: getattr(found, "loo_i", getattr(found, "elpd_i", None)).values
+        for name, found in loo.items()
+    }
+    best, second = document["models"]
+    assert [best["run"], second["run"]] == sorted(names, key=lambda name: -each[name].sum())
+    for row in (best, second):
+        assert row.get("elpd_loo", row.get("elpd")) == pytest.approx(
+            each[row["run"]].sum(), abs=0.02
         )
-    )
-    assert [(row["run"], row["constant"]) for row in rows] == [
-        (run, name) for run in ("plain", "tip") for name in ("C11", "C12", "C44")
-    ]
-    assert float(rows[3]["mean_gpa"]) == summaries["tip"]["parameters"]["C11"]["mean"]
+    difference = each[best["run"]] - each[second["run"]]
+    assert abs(second["elpd_diff"]) == pytest.approx(difference.sum(), abs=0.02)
+    assert second["dse"] == pytest.approx(math.sqrt(difference.size) * difference.std(), abs=0.02)
+    for row in document["evidence"]:
+        assert {key: row[key] for key in ("log_z", "sd")} == summaries[Path(row["run"]).name][
+            "evidence"
+        ]
+    assert [row["run"] for row in document["evidence"]] == names
+    folder = tmp_path / "runs" / "compare"
+    rows = list(csv.DictReader((folder / "comparison.csv").open()))
+    assert [(row["constant"], row["run"]) for row in rows] == cells
+    assert float(rows[1]["mean_gpa"]) == summaries["tip"]["parameters"]["C11"]["mean"]
     assert read_json(folder / "comparison.json") == document
-    assert all((tmp_path / figure).read_bytes()[:4] == b"\x89PNG" for figure in document["figures"])
-    assert {Path(figure).name for figure in document["figures"]} == {"forest.png", "overlay.png"}
-    # The library says the same; its warnings are Python's, and files are written where they are
-    # asked for.
+    assert {path.name for path in folder.glob("[!.]*")} == {
+        "comparison.csv",
+        "comparison.json",
+        "forest.png",
+    }
+    assert (folder / "forest.png").read_bytes()[:4] == b"\x89PNG"
+    # The library returns the same; its warnings are Python's. It writes files only on request.
     monkeypatch.chdir(tmp_path)
     before = set(folder.iterdir())
-    assert json.loads(json.dumps(bi.compare("runs/plain", Path("runs/tip")))) == document | {
-        "figures": []
-    }
+    assert json.loads(json.dumps(bi.compare("runs/plain", Path("runs/tip")))) == document
     assert set(folder.iterdir()) == before
-    with pytest.warns(bi.BayesindentWarning) as told:
-        other = bi.compare("runs/plain", "runs/other", output="new/folder", figures="svg")
+    with pytest.warns(bi.BayesindentWarning) as warned:
+        other = bi.compare("runs/plain", "runs/other", output="new/folder")
     assert other["warnings"][0].startswith("the runs are of different measurements")
     assert (
-        told[0].filename == __file__
-        and [line.message.args[0] for line in told] == other["warnings"]
+        warned[0].filename == __file__
+        and [line.message.args[0] for line in warned] == other["warnings"]
     )
     assert {path.name for path in Path("new/folder").iterdir()} == {
         "comparison.csv",
         "comparison.json",
-        "forest.svg",
-        "overlay.svg",
+        "forest.png",
     }
-    # Other measurements are compared with a word, and as people read it.
-    done = bayesindent(
-        "compare", "runs/plain", "runs/other", "runs/tip", "--output", "three", "--figures", "svg"
-    )
+    # Constants of runs of other measurements are compared under a warning.
+    done = bayesindent("compare", "runs/plain", "runs/other", "runs/tip", "--output", "three")
     assert done.returncode == 0, done.stderr
-    assert (
-        "warning: the runs are of different measurements: evidence and leave-one-out are not "
-        "compared" in done.stderr
-    )
-    assert {path.name for path in (tmp_path / "three").glob("*.svg")} == {
-        "forest.svg",
-        "overlay.svg",
-    }
-    assert "share their measurements" not in done.stdout
-    assert "share their measurements" in bayesindent("compare", "runs/plain", "runs/tip").stdout
-    line = next(line for line in done.stdout.splitlines() if line.startswith("C44")).split()
+    assert "warning: the runs are of different measurements" in done.stderr
+    assert "models:" not in done.stdout
+    assert "models:" in bayesindent("compare", "runs/plain", "runs/tip").stdout
+    lines = [line.split() for line in done.stdout.splitlines() if line.startswith("C44")]
+    assert [line[1] for line in lines] == ["runs/plain", "runs/other", "runs/tip"]
     item = summaries["plain"]["parameters"]["C44"]
-    assert line[1:4] == [f"{item['mean']:.1f}", "±", f"{item['sd']:.1f}"]
-    assert len(line) == 1 + 3 + 4 + 4
+    assert lines[0][2:] == [
+        f"{value:.2f}" for value in (item["mean"], item["sd"], *item["hdi_95"], 0.0)
+    ]
     # What cannot be compared.
     (tmp_path / "empty").mkdir()
     for folders, words in {
-        ("runs/plain",): "compare: two or more results are needed",
+        ("runs/plain",): "compare: two or more different results are needed",
         ("runs/plain", "nowhere"): "nowhere: there is no such folder of results",
-        ("runs/plain", "runs/../runs/plain"): "runs/../runs/plain: is named twice",
-        ("runs/plain", "empty"): "empty: there is no posterior in it",
+        ("runs/plain", "runs/plain/"): "compare: two or more different results are needed",
+        ("runs/plain", "empty"): "empty: there is no posterior of its latest inputs in it",
     }.items():
         done = bayesindent("compare", *folders)
         assert done.returncode == 2

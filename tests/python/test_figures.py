@@ -3,13 +3,10 @@
 Modules: plots.py.
 """
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 import bayesindent as bi
-from bayesindent.report.figures.comparison import limits
 from bayesindent.report.figures.posterior import stacked
 from bayesindent.report.figures.style import logarithmic, panels
 from bayesindent.report.figures.young import youngs_modulus
@@ -34,19 +31,6 @@ def test_youngs_modulus_of_a_cubic_crystal():
     copper, steel = youngs_modulus(crystals, directions)
     assert copper == pytest.approx(expected, rel=1e-12)
     assert steel == pytest.approx(200.0, rel=1e-7)
-
-
-def test_a_narrow_posterior_fills_a_tenth_of_its_axis():
-    def run(*ends):
-        return SimpleNamespace(samples={"C11": np.array(ends, dtype=float)})
-
-    wide, narrow, near = run(0, 1000), run(100, 110), run(85, 125)
-    for runs in ([wide, narrow], [narrow, wide, near]):
-        low, high = limits(runs, "C11")
-        assert low < 100 < 110 < high
-        assert high - low <= 100
-    low, high = limits([narrow, near], "C11")
-    assert 80 < low < 85 < 125 < high < 130
 
 
 def test_shares_that_are_not_numbers_have_no_bar():

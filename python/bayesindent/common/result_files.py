@@ -9,7 +9,7 @@ import io
 import json
 import math
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -65,7 +65,7 @@ def read_json(path: Path) -> dict:
 
 
 def write_csv(
-    path: Path, header: Sequence[str], rows: Iterable[Sequence], comment: str = ""
+    path: Path, header: Iterable[str], rows: Iterable[Iterable], comment: str = ""
 ) -> None:
     """Write a table, under a line of comment."""
     write_text(path, (f"# {comment}\n" if comment else "") + as_csv(header, rows))
@@ -97,7 +97,7 @@ def write_groups(path: Path, groups: dict[str, tuple[dict, dict]]) -> None:
         beside.write_bytes(content.getvalue())
 
 
-def as_csv(header: Sequence[str], rows: Iterable[Sequence]) -> str:
+def as_csv(header: Iterable[str], rows: Iterable[Iterable]) -> str:
     """A table as text; a float that is not given as text keeps its last bit."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([header, *rows])

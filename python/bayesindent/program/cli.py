@@ -66,6 +66,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     # ArviZ announces its next version at every import.
     warnings.filterwarnings("ignore", category=FutureWarning, module="arviz")
+    # Commands print the warnings of their documents; ArviZ repeats its own in the table of models.
+    warnings.simplefilter("ignore", UserWarning)
     # A log that cannot be written is no reason for a traceback.
     logging.raiseExceptions = False
     try:

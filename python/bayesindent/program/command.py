@@ -4,7 +4,7 @@ import argparse
 import logging
 import os
 import shlex
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -131,9 +131,9 @@ def perform(command: Command, problem: Problem, output: Path) -> dict:
     return document
 
 
-def show_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """A table under its title, numbers to the right, as wide as it needs: no number is cut."""
-    cells = [list(header), *map(list, rows)]
+def show_table(title: str, header: Iterable[str], rows: Iterable[Iterable]) -> None:
+    """Print a table under its title, numbers on the right, as wide as it needs."""
+    cells = [list(header), *(list(map(as_text, row)) for row in rows)]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     print(f"{title}:")
     for first, *others in cells:
@@ -142,3 +142,8 @@ def show_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]])
             *(f"{cell:>{width}}" for cell, width in zip(others, widths[1:], strict=True)),
             sep="  ",
         )
+
+
+def as_text(value: object) -> str:
+    """The text of a cell: real numbers have two decimals."""
+    return f"{value:.2f}" if isinstance(value, float) else str(value)

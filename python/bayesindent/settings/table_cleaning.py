@@ -1,5 +1,4 @@
-"""The table of a laboratory, whose header is known, and how it becomes the plain table that the core
-reads.
+"""The table of a laboratory, whose header is known, and how it becomes the plain table of the core.
 """
 
 import csv
