@@ -1,5 +1,8 @@
-!> What a likelihood is: the distribution of the errors of independent measurements, with or without
-!> errors that they share.
+!> Likelihoods: the distribution of the errors of independent measurements, with or without errors
+!> that they share.
+!>
+!> Residuals are divided by the scale of their error, and U has the effect of one sd of each shared
+!> error b on them, (measurement, shared error).
 module error_models
    use errors, only: error_type, refuse
    use kinds, only: pi, wp
@@ -11,23 +14,23 @@ module error_models
    private
    public :: error_model_type, likelihood_names, new_error_model
 
-   !> A new likelihood: its type, which extends `error_model_type`, its name here, and its lines in
+   !> A new likelihood needs a type that extends `error_model_type`, its name here, and a case in
    !> `new_error_model`.
    character(len=*), parameter :: likelihood_names = 'normal, student'
 
    !> Normal errors (Eq. 13).
    type :: error_model_type
-      !> The scale of the density for a standard deviation of one: residuals come in units of it.
+      !> Scale of the density for a standard deviation of one.
       real(wp) :: scale = 1.0_wp
    contains
       procedure :: log_density, weigh, as_normals, draw, integrate, leave_one_out
    end type error_model_type
 
-   !> Student's t: errors of which some are far off.
+   !> Student's t: errors with outliers.
    !>
    !> For more than two degrees of freedom its standard deviation is that of the measurement, so the
-   !> scale is sqrt((dof - 2)/dof) of it. With two or fewer the distribution has no standard
-   !> deviation, and what is stated is its scale.
+   !> scale is sqrt((dof - 2)/dof) times it. With two or fewer the distribution has no standard
+   !> deviation, and the stated sd is its scale.
    type, extends(error_model_type) :: student_errors_type
       !> Degrees of freedom, positive.
       real(wp) :: dof = 4.0_wp
@@ -36,12 +39,13 @@ module error_models
          & as_normals => student_as_normals, draw => student_draw
    end type student_errors_type
 
-   !> A pivot of the precision that is a smaller share of its entry has lost its digits.
+   !> Least share of its diagonal entry that a pivot of the precision may have: a smaller one has
+   !> lost its digits.
    real(wp), parameter :: resolution = 1.0e-13_wp
 
 contains
 
-   !> The errors that &measurements has.
+   !> The error model that &measurements states.
    subroutine new_error_model(settings, model, error)
       type(measurements_settings_type), intent(in) :: settings
       class(error_model_type), allocatable, intent(out) :: model
@@ -61,7 +65,7 @@ contains
       end select
    end subroutine new_error_model
 
-   !> Logarithm of the density of residuals `r` whose scales are all `factor`, their units.
+   !> Logarithm of the density of residuals `r` that all have the scale `factor`.
    pure real(wp) function log_density(self, r, factor)
       class(error_model_type), intent(in) :: self
       !> (measurement).
@@ -70,15 +74,15 @@ contains
       log_density = -0.5_wp*dot(r, r)/factor**2 - size(r)*(log(factor) + 0.5_wp*log(2.0_wp*pi))
    end function log_density
 
-   !> Minus the first derivative of the log density of scale one over the residual, minus the
-   !> second, and the one that is expected.
+   !> Derivatives of the log density of scale one: minus the first over the residual, minus the
+   !> second, and the expectation of the latter.
    pure subroutine weigh(self, e, weight, curvature, expected)
       class(error_model_type), intent(in) :: self
       !> Residuals in units of the scale, (measurement).
       real(wp), intent(in) :: e(:)
-      !> In the order above, (measurement).
+      !> Minus the first derivative over the residual, (measurement).
       real(wp), intent(out) :: weight(:)
-      !> (measurement), likewise.
+      !> Minus the second derivative and its expectation, (measurement).
       real(wp), intent(out), optional :: curvature(:), expected(:)
 
       weight = 1.0_wp
@@ -86,17 +90,17 @@ contains
       if (present(expected)) expected = 1.0_wp
    end subroutine weigh
 
-   !> The density of scale one as a mixture of normal ones.
+   !> Write the density of scale one as a mixture of normal densities.
    pure subroutine as_normals(self, variance, share)
       class(error_model_type), intent(in) :: self
-      !> (component).
+      !> Variance and share of each component.
       real(wp), allocatable, intent(out) :: variance(:), share(:)
 
       variance = [1.0_wp]
       share = [1.0_wp]
    end subroutine as_normals
 
-   !> An error `e` of scale one.
+   !> Draw an error `e` of scale one.
    subroutine draw(self, stream, e)
       class(error_model_type), intent(in) :: self
       type(random_stream_type), intent(inout) :: stream
@@ -105,59 +109,64 @@ contains
       call stream%normal(e)
    end subroutine draw
 
-   !> Logarithm of the integral over b of the density of r - U b, of scale one, times N(b; 0, 1): by
-   !> Laplace's approximation about the mode, which is exact for normal errors.
+   !> Integrate the density of r - U b, of scale one, times N(b; 0, 1) over b: by Laplace's
+   !> approximation about the mode, which is exact for normal errors.
    pure subroutine integrate(self, r, u, b, l, value)
       class(error_model_type), intent(in) :: self
       !> (measurement), (measurement, shared error).
       real(wp), intent(in) :: r(:), u(:, :)
-      !> Mode of b given r, and the lower factor of its precision.
+      !> Mode of b given r, and the lower factor of its precision; logarithm of the integral.
       real(wp), intent(out) :: b(:), l(:, :), value
-      real(wp), dimension(size(r)) :: e, weight, used, curvature, expected
-      real(wp) :: before(size(b))
+      integer, parameter :: most_steps = 40
+      real(wp), dimension(size(r)) :: e, weight, previous_weight, curvature, expected
+      real(wp) :: previous_b(size(b))
       integer :: j, step
       logical :: definite
 
       b = 0.0_wp
       call self%weigh(r, weight)
-      do step = 1, 40
-         before = b
-         used = weight
-         call fit_columns(r, u, used, b, l)
+      do step = 1, most_steps
+         previous_b = b
+         previous_weight = weight
+         call fit_columns(r, u, previous_weight, b, l)
          e = r - matmul(u, b)
          call self%weigh(e, weight)
-         if (maxval(abs(b - before)) < 1.0e-9_wp .or. maxval(abs(weight - used)) <= 0.0_wp) exit
+         if (maxval(abs(b - previous_b)) < 1.0e-9_wp) exit
+         if (maxval(abs(weight - previous_weight)) <= 0.0_wp) exit
       end do
       call self%weigh(e, weight, curvature, expected)
       value = self%log_density(e, 1.0_wp) - 0.5_wp*sum(b**2)
-      if (maxval(abs(curvature - used)) > 0.0_wp) then
+      if (maxval(abs(curvature - previous_weight)) > 0.0_wp) then
          call weighted_gram(u, curvature, l)
          call factor_definite(l, resolution, definite)
-         ! Outliers outweigh the rest: the expected curvature stands in for the observed one.
-         if (.not. definite) call fit_columns(e, u, expected, before, l)
+         ! The observed curvature is not definite if outliers outweigh the rest. The expected
+         ! curvature then replaces it.
+         if (.not. definite) call fit_columns(e, u, expected, previous_b, l)
       end if
       do j = 1, size(b)
          value = value - log(l(j, j))
       end do
    end subroutine integrate
 
-   !> Logarithm of the density of each residual given all others, of scale one: without shared
-   !> errors the density itself. Else b given the others is taken as normal: curvature of the log
-   !> density at the mode less that of residual i, where convex, and one step of Newton's from
-   !> there. The integral over that is one over the variances of the normal errors of which the
-   !> density is a mixture; it is exact for normal errors (Bürkner, Gabry and Vehtari, Comput. Stat.
-   !> 36, 1243, 2021).
+   !> Logarithm of the density of each residual given all others, of scale one. Without shared
+   !> errors it is the density itself.
+   !>
+   !> Otherwise b given the other residuals is taken as normal. Its precision is the curvature of
+   !> the log density at the mode less that of residual i, where convex; its mean is one step of
+   !> Newton's method from the mode. The density of residual i is then integrated over b as a
+   !> mixture of normal densities. The result is exact for normal errors (Bürkner, Gabry and
+   !> Vehtari, Comput. Stat. 36, 1243, 2021).
    pure subroutine leave_one_out(self, r, u, b, l, values)
       class(error_model_type), intent(in) :: self
       !> (measurement), (measurement, shared error).
       real(wp), intent(in) :: r(:), u(:, :)
-      !> What `integrate` gave of them.
+      !> Mode and lower factor from `integrate`.
       real(wp), intent(in) :: b(:), l(:, :)
       !> (measurement).
       real(wp), intent(out) :: values(:)
       real(wp), allocatable :: variance(:), share(:), terms(:)
       real(wp), dimension(size(r)) :: e, weight, curvature
-      real(wp) :: factor(size(b), size(b)), z(size(b)), h, spread
+      real(wp) :: factor(size(b), size(b)), z(size(b)), h, h_without
       logical :: definite
       integer :: i
 
@@ -175,11 +184,12 @@ contains
       do i = 1, size(r)
          z = u(i, :)
          call solve_lower(factor, z)
-         ! Of u b: the variance without i, and what the pull of i on the mode was.
+         ! Variances of the shared part at measurement i, with and without that measurement.
          h = sum(z**2)
-         spread = h/max(1.0e-6_wp, 1.0_wp - curvature(i)*h)
-         terms = log(share) - 0.5_wp*(e(i)*(1.0_wp + spread*weight(i)))**2/(variance + spread) &
-            & - 0.5_wp*log(2.0_wp*pi*(variance + spread))
+         h_without = h/max(1.0e-6_wp, 1.0_wp - curvature(i)*h)
+         terms = log(share) &
+            & - 0.5_wp*(e(i)*(1.0_wp + h_without*weight(i)))**2/(variance + h_without) &
+            & - 0.5_wp*log(2.0_wp*pi*(variance + h_without))
          values(i) = maxval(terms) + log(sum(exp(terms - maxval(terms))))
       end do
    end subroutine leave_one_out
@@ -188,9 +198,11 @@ contains
       class(student_errors_type), intent(in) :: self
       real(wp), intent(in) :: r(:), factor
 
-      log_density = size(r)*(log_gamma(0.5_wp*(self%dof + 1.0_wp)) &
-         & - log_gamma(0.5_wp*self%dof) - 0.5_wp*log(pi*self%dof) - log(factor)) &
-         & - 0.5_wp*(self%dof + 1.0_wp)*sum_of_logs(1.0_wp + (r/factor)**2/self%dof)
+      associate (dof => self%dof)
+         log_density = size(r)*(log_gamma(0.5_wp*(dof + 1.0_wp)) - log_gamma(0.5_wp*dof) &
+            & - 0.5_wp*log(pi*dof) - log(factor)) &
+            & - 0.5_wp*(dof + 1.0_wp)*sum_of_logs(1.0_wp + (r/factor)**2/dof)
+      end associate
    end function student_log_density
 
    pure subroutine student_weigh(self, e, weight, curvature, expected)
@@ -204,7 +216,8 @@ contains
       if (present(expected)) expected = (self%dof + 1.0_wp)/(self%dof + 3.0_wp)
    end subroutine student_weigh
 
-   !> 1/variance has a gamma distribution, whose logarithm is put on an even grid.
+   !> The inverse variance has a gamma distribution. Its logarithm is placed on an even grid that
+   !> reaches to where the density is negligible.
    pure subroutine student_as_normals(self, variance, share)
       class(student_errors_type), intent(in) :: self
       real(wp), allocatable, intent(out) :: variance(:), share(:)
@@ -222,7 +235,7 @@ contains
          & - log_gamma(0.5_wp*self%dof))
    end subroutine student_as_normals
 
-   !> By the polar method (Bailey, Math. Comp. 62, 779, 1994).
+   !> Draw an error by the polar method (Bailey, Math. Comp. 62, 779, 1994).
    subroutine student_draw(self, stream, e)
       class(student_errors_type), intent(in) :: self
       type(random_stream_type), intent(inout) :: stream

@@ -1,21 +1,22 @@
-!> What knowing more would bring: the sds of the constants if some quantities, which indentation
-!> does not see, were known as well.
+!> Expected gain from further knowledge: the sds of the constants if some quantities that
+!> indentation does not see were known as well.
 !>
-!> From the draws at hand: each of some of them in turn is taken for the truth, all are weighted by
-!> the normal factors that this knowledge would be, and the sds that are left are averaged. Where
-!> too few draws have weight, the covariance is used (linear update). What follows from &knowledge
-!> or from a quantity before it in every crystal of the class is left out. How well a modulus would
-!> be known is an sd in GPa, since its true value may be far from its mean here, and the sds that
-!> are left follow what is stated.
+!> The gain is estimated from the draws of the posterior. Some of them in turn serve as the truth.
+!> All draws are then weighted by the normal factors of the knowledge, and the resulting variances
+!> are averaged. If too few draws have weight, the covariance is used instead (linear update). A
+!> quantity that follows from &knowledge, or from an earlier one, in every crystal of the class is
+!> left out. The accuracy of a modulus is an sd in GPa, since its true value may be far from its
+!> mean here, and the resulting sds scale with it.
 !>
-!> And how far what &knowledge says is from what all else says, in sds.
+!> Conflict of the knowledge with all other information (measurements and the rest of the prior), in
+!> sds.
 !>
-!> The misfit is minus twice the logarithm of likelihood and normal factors, and D by how much its
-!> least value over the support grows if the factors are there. For one normal factor m ± s of a
-!> quantity of which all else says M ± S, D = (M - m)²/(S² + s²). It does not depend on where the
-!> prior has its volume. Of each of several quantities the same comes from mean and variance given
-!> everything, its factor included, |E q - m|/sqrt(s² - Var q), and cannot be more than the root of
-!> D.
+!> The misfit is minus twice the logarithm of likelihood and normal factors. D is the growth of its
+!> least value over the support when the factors are added. For one normal factor m ± s of a
+!> quantity, for which all other information gives M ± S, D = (M - m)²/(S² + s²). D does not depend
+!> on where the prior has its volume. For each of several quantities the same ratio follows from
+!> mean and variance given everything, the factor included: |E q - m|/sqrt(s² - Var q). It cannot
+!> exceed the root of D.
 module further_knowledge
    use constants_posterior, only: posterior_type
    use constants_prior, only: knowledge_type, prior_type
@@ -33,41 +34,44 @@ module further_knowledge
    public :: gain_type, expect_gains, conflict_type, find_conflict, without_knowledge
 
    type :: gain_type
-      !> What would be known, and how well: relative sd, and of a modulus (else 0) the same of its
-      !> mean here, GPa.
+      !> Names of the quantities, the relative sd with which they would be known, and for a modulus
+      !> that sd times its mean here, GPa (else 0).
       character(len=80) :: name = ''
       real(wp) :: relative_sd = 0.02_wp, known_sd = 0.0_wp
-      !> sds of the constants now and then, GPa, (n_constants).
+      !> Standard deviations of the constants without and with the knowledge, GPa, (n_constants).
       real(wp), allocatable :: sd_now(:), sd_then(:)
    end type gain_type
 
-   !> The quantities that come from elsewhere: one kind a row, and the quantities that belong to it.
+   !> Quantities that other experiments or tables provide: one kind in a row, with the quantities
+   !> that belong to it.
    character(len=*), parameter :: kinds(3) = [character(len=64) :: 'bulk_modulus', &
       & 'polycrystal_young', 'compressibility[100], compressibility[010], compressibility[001]']
-   integer, parameter :: most_draws = 8000, anchors = 40, least_size = 30
+   !> Draws that are used; of these, draws that serve as the truth; least effective number of
+   !> weighted draws, for an sd with an error of 13 %.
+   integer, parameter :: most_draws = 8000, truths = 40, least_effective = 30
 
    type :: conflict_type
-      !> D, and the sds of a normal variable that are as improbable as a chi-square of as many
-      !> degrees as quantities.
+      !> D, and the deviation of a normal variable, in sds, that is as improbable as a chi-square of
+      !> D with as many degrees of freedom as quantities.
       real(wp) :: growth = 0.0_wp, sds = 0.0_wp
-      !> Of each quantity, in sds.
+      !> Conflict of each quantity, in sds.
       real(wp), allocatable :: of_quantity(:)
    end type conflict_type
 
-   !> s² - Var q is at least this share of s²: less is the noise of the draws.
+   !> Least share of s² that s² - Var q is set to: a smaller one is noise of the draws.
    real(wp), parameter :: least_share = 0.05_wp
 
 contains
 
-   !> What each kind of knowledge would bring.
+   !> Estimate the gain from each kind of knowledge.
    subroutine expect_gains(prior, draws, gains)
       type(prior_type), intent(in) :: prior
-      !> (parameter, sample, chain), the first parameters constants.
+      !> (parameter, sample, chain); the first parameters are the constants.
       real(wp), intent(in) :: draws(:, :, :)
       type(gain_type), allocatable, intent(out) :: gains(:)
       type(error_type), allocatable :: error
       type(gain_type) :: gain
-      type(quantity_type), allocatable :: named(:), known(:), list(:)
+      type(quantity_type), allocatable :: of_kind(:), known(:), new(:)
       real(wp), allocatable :: values(:, :), constants(:, :)
       integer :: i, k
 
@@ -75,62 +79,65 @@ contains
       allocate (gains(0))
       known = prior%knowledge%quantities
       do k = 1, size(kinds)
-         call new_quantities(split_list(trim(kinds(k))), prior%class, 0, named, error)
-         list = named(:0)
-         do i = 1, size(named)
-            call check_distinct([known, named(i)], prior%class, error)
-            if (.not. allocated(error)) list = [list, named(i)]
+         call new_quantities(split_list(trim(kinds(k))), prior%class, 0, of_kind, error)
+         new = of_kind(:0)
+         do i = 1, size(of_kind)
+            call check_distinct([known, of_kind(i)], prior%class, error)
+            if (.not. allocated(error)) new = [new, of_kind(i)]
          end do
-         if (size(list) == 0) cycle
-         known = [known, list]
-         gain = gain_type(name=list(1)%name)
-         do i = 2, size(list)
-            gain%name = trim(gain%name)//', '//list(i)%name
+         if (size(new) == 0) cycle
+         known = [known, new]
+         gain = gain_type(name=new(1)%name)
+         do i = 2, size(new)
+            gain%name = trim(gain%name)//', '//new(i)%name
          end do
-         call evaluate_draws(list, prior%class, constants, values)
-         if (list(1)%unit == 'GPa') gain%known_sd = gain%relative_sd*sum(values)/size(values)
+         call evaluate_draws(new, prior%class, constants, values)
+         if (new(1)%unit == 'GPa') gain%known_sd = gain%relative_sd*sum(values)/size(values)
          call expect_sds(constants, values, gain)
          gains = [gains, gain]
       end do
    end subroutine expect_gains
 
+   !> Estimate the sds of the constants with knowledge of some quantities.
    subroutine expect_sds(constants, values, gain)
       !> (constant, draw), GPa; (quantity, draw).
       real(wp), intent(in) :: constants(:, :), values(:, :)
       type(gain_type), intent(inout) :: gain
       real(wp), dimension(size(constants, 1)) :: variance, mean, sd
       real(wp) :: weights(size(values, 2)), known_sd
-      integer :: a, i, n, used, anchor
+      integer :: a, i, n, n_used, truth
 
       n = size(values, 2)
       call moments(constants, mean, sd)
       gain%sd_now = sd
       variance = 0.0_wp
-      used = 0
-      do a = 1, anchors
-         anchor = 1 + ((a - 1)*n)/anchors
+      n_used = 0
+      do a = 1, truths
+         truth = 1 + ((a - 1)*n)/truths
          weights = 1.0_wp
          do i = 1, size(values, 1)
-            known_sd = merge(gain%known_sd, gain%relative_sd*values(i, anchor), &
+            known_sd = merge(gain%known_sd, gain%relative_sd*values(i, truth), &
                & gain%known_sd > 0.0_wp)
-            weights = weights*exp(-0.5_wp*((values(i, :) - values(i, anchor))/known_sd)**2)
+            weights = weights*exp(-0.5_wp*((values(i, :) - values(i, truth))/known_sd)**2)
          end do
          weights = weights/sum(weights)
-         if (1.0_wp/sum(weights**2) < least_size) cycle
-         used = used + 1
+         if (1.0_wp/sum(weights**2) < least_effective) cycle
+         n_used = n_used + 1
          call moments(constants, mean, sd, weights)
          variance = variance + sd**2
       end do
       gain%sd_then = linear_update(constants, values, gain%relative_sd)
-      if (2*used >= anchors) gain%sd_then = sqrt(variance/used)
+      if (2*n_used >= truths) gain%sd_then = sqrt(variance/n_used)
    end subroutine expect_sds
 
-   !> sds of normal variables with the covariance of the draws after measurements of the quantities.
+   !> Standard deviations of normal variables with the covariance of the draws after measurements of
+   !> the quantities.
    function linear_update(constants, values, relative_sd) result(sd)
+      !> See `expect_sds`; relative sd of the measurements.
       real(wp), intent(in) :: constants(:, :), values(:, :), relative_sd
       real(wp) :: sd(size(constants, 1))
       real(wp) :: joint(size(values, 1) + size(sd), size(values, 1) + size(sd)), &
-         & own(size(values, 1), size(values, 1))
+         & innovation(size(values, 1), size(values, 1))
       real(wp) :: cross(size(values, 1))
       type(error_type), allocatable :: error
       integer :: i, q
@@ -139,20 +146,20 @@ contains
       joint = covariance_of(transpose(reshape([transpose(values), transpose(constants)], &
          & [size(values, 2), size(joint, 1)])))
       sd = [(sqrt(joint(q + i, q + i)), i=1, size(sd))]
-      own = joint(:q, :q)
+      innovation = joint(:q, :q)
       do i = 1, q
-         own(i, i) = own(i, i) + (relative_sd*sum(values(i, :))/size(values, 2))**2
+         innovation(i, i) = innovation(i, i) + (relative_sd*sum(values(i, :))/size(values, 2))**2
       end do
-      call cholesky_factor(own, error)
+      call cholesky_factor(innovation, error)
       if (allocated(error)) return
       do i = 1, size(sd)
          cross = joint(:q, q + i)
-         call solve_lower(own, cross)
+         call solve_lower(innovation, cross)
          sd(i) = sqrt(max(0.0_wp, sd(i)**2 - sum(cross**2)))
       end do
    end function linear_update
 
-   !> The density without any knowledge.
+   !> The posterior without knowledge.
    subroutine without_knowledge(posterior, free, error)
       type(posterior_type), intent(in) :: posterior
       type(posterior_type), intent(out) :: free
@@ -164,39 +171,39 @@ contains
       call free%prior%set_knowledge(nothing, error)
    end subroutine without_knowledge
 
-   !> Compare what is known with all else.
+   !> Measure the conflict of the knowledge with all other information.
    subroutine find_conflict(posterior, chains, free_chains, conflict, error)
       type(posterior_type), intent(in) :: posterior
-      !> Of it, and of the density without knowledge.
+      !> Chains of the posterior, and of that without knowledge.
       type(chains_type), intent(in) :: chains, free_chains
       type(conflict_type), intent(out) :: conflict
       type(error_type), allocatable, intent(out) :: error
-      type(posterior_type) :: all, free
-      integer, parameter :: few = 4000
+      type(posterior_type) :: with_knowledge, free
+      integer, parameter :: most_values = 4000
       real(wp), allocatable :: values(:, :)
       real(wp), dimension(size(posterior%prior%knowledge%mean)) :: mean, sd
-      real(wp) :: point(posterior%dimension), other(posterior%dimension), most, &
-         & most_free, most_other
+      real(wp) :: point(posterior%dimension), other(posterior%dimension), greatest, &
+         & greatest_free, greatest_other
       integer :: n
 
       n = size(mean)
       allocate (conflict%of_quantity(n))
       if (n == 0) return
-      all = posterior
-      all%prior%in_logarithms = .false.
-      call without_knowledge(all, free, error)
+      with_knowledge = posterior
+      with_knowledge%prior%in_logarithms = .false.
+      call without_knowledge(with_knowledge, free, error)
       if (allocated(error)) return
       point = chains%best_draw()
-      call restart_search(all, chains, point, most)
+      call restart_search(with_knowledge, chains, point, greatest)
       other = free_chains%best_draw()
-      call restart_search(free, free_chains, other, most_other)
-      ! What is best with knowledge is a point to start from without.
-      call restart_search(free, chains, point, most_free)
-      conflict%growth = 2.0_wp*max(0.0_wp, max(most_free, most_other) - most)
+      call restart_search(free, free_chains, other, greatest_other)
+      ! The search without knowledge also starts at the best point with knowledge.
+      call restart_search(free, chains, point, greatest_free)
+      conflict%growth = 2.0_wp*max(0.0_wp, max(greatest_free, greatest_other) - greatest)
       conflict%sds = sds_of(conflict%growth, n)
       associate (knowledge => posterior%prior%knowledge)
          call evaluate_draws(knowledge%quantities, posterior%prior%class, &
-            & flattened(thinned(chains%draws, few)), values)
+            & flattened(thinned(chains%draws, most_values)), values)
          call moments(values, mean, sd)
          mean = (mean - knowledge%mean)/knowledge%sd()
          sd = sd/knowledge%sd()
@@ -206,36 +213,38 @@ contains
       if (n == 1) conflict%of_quantity = sqrt(conflict%growth)
    end subroutine find_conflict
 
-   !> Simplices one after another until the next adds nothing.
+   !> Search for the maximum of the density near `point`, restarting the simplex until it gains
+   !> nothing.
    subroutine restart_search(density, chains, point, log_density)
       type(posterior_type), intent(in) :: density
       type(chains_type), intent(in) :: chains
       real(wp), intent(inout) :: point(:)
       real(wp), intent(out) :: log_density
-      integer, parameter :: most = 8
-      real(wp), parameter :: nothing = 0.05_wp
+      integer, parameter :: most_restarts = 8
+      !> A smaller gain in log density changes D by less than 0.1.
+      real(wp), parameter :: negligible = 0.05_wp
       real(wp) :: before, values(1)
       integer :: i
 
       call density%evaluate(reshape(point, [size(point), 1]), values)
-      do i = 1, most
+      do i = 1, most_restarts
          before = values(1)
          call find_maximum(density, chains, point)
          call density%evaluate(reshape(point, [size(point), 1]), values)
-         if (values(1) - before < nothing) exit
+         if (values(1) - before < negligible) exit
       end do
       log_density = values(1)
    end subroutine restart_search
 
-   !> Wilson and Hilferty's normal variable of a chi-square; exactly its root for one degree of
-   !> freedom.
+   !> Convert a chi-square to sds of a normal variable by Wilson and Hilferty; for one degree of
+   !> freedom exactly, by the root.
    pure real(wp) function sds_of(chi_square, degrees)
       real(wp), intent(in) :: chi_square
       integer, intent(in) :: degrees
-      real(wp) :: spread
+      real(wp) :: width
 
-      spread = 2.0_wp/(9.0_wp*degrees)
-      sds_of = max(0.0_wp, ((chi_square/degrees)**(1.0_wp/3.0_wp) - 1.0_wp + spread)/sqrt(spread))
+      width = 2.0_wp/(9.0_wp*degrees)
+      sds_of = max(0.0_wp, ((chi_square/degrees)**(1.0_wp/3.0_wp) - 1.0_wp + width)/sqrt(width))
       if (degrees == 1) sds_of = sqrt(chi_square)
    end function sds_of
 

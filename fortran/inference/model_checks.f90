@@ -1,19 +1,20 @@
-!> Whether the model could have given the measurements: for some of the draws of a posterior, what
-!> each measurement is worth given all others, and the same grains measured anew.
+!> Checks of the model against the measurements: for a part of the posterior's draws, the density of
+!> each measurement given all others, and replicated data.
 !>
-!> The errors that measurements share (of the surrogate, of each calibration) are drawn given the
-!> data, and the measurements anew have them too: the same grains, the same tip, another noise.
-!> Residuals are in units of the scale of the noise, less the shared errors.
+!> Errors that measurements share (of the surrogate, of each calibration) are drawn given the data.
+!> The replicated data have the same shared errors, as they are of the same grains and the same
+!> indenter, and new noise. Residuals are in units of the scale of the noise, less the shared
+!> errors.
 !>
-!> The evidence is the probability density of the measurements under a model and its prior, from
-!> draws of both densities.
+!> The evidence is the probability density of the measurements under a model and its prior. It needs
+!> draws of the posterior and of the prior.
 !>
-!> The integral of a density that is known up to a constant, by bridge sampling (Meng and Wong,
-!> Stat. Sin. 6, 831, 1996): a normal mixture with heavy tails is fitted to the first halves of the
-!> chains, and the second halves and draws of the mixture tell each other's constants. The evidence
-!> is the integral of prior times likelihood over that of the prior, which has no closed form either
-!> where stability and limits of averages cut it. Coordinates are those of log K, which are
-!> smoother, less their mean and over the factor of their covariance.
+!> The integral of a density that is known up to a constant is computed by bridge sampling (Meng and
+!> Wong, Stat. Sin. 6, 831, 1996). A normal mixture with heavy tails is fitted to the first halves
+!> of the chains. The second halves are then compared with draws of the mixture. The evidence is the
+!> integral of prior times likelihood over that of the prior, which has no closed form either,
+!> because of stability and limits of averages. The coordinates are those of log K, in which
+!> densities are smoother, less their mean and divided by the factor of their covariance.
 module model_checks
    use abstract_sampler, only: outside
    use chain_diagnostics, only: diagnose_chains, diagnostics_type
@@ -34,39 +35,41 @@ module model_checks
 
    type :: checks_type
       !> Logarithm of the density of a measurement (1/GPa) given the constants and all other
-      !> measurements; the measurement anew, GPa; (grain, draw, chain).
+      !> measurements, and the replicated measurement, GPa; (grain, draw, chain).
       real(wp), allocatable :: log_likelihood(:, :, :), replicated(:, :, :)
-      !> Logarithm of the prior density up to a constant, (draw, chain).
+      !> Logarithm of the prior density, up to a constant, (draw, chain).
       real(wp), allocatable :: log_prior(:, :)
-      !> Mean sum of squared residuals, and how many of the data sets measured anew have a larger
-      !> one, as a share.
+      !> Mean sum of squared residuals, and the share of replicated data sets that have a larger
+      !> one.
       real(wp) :: chi_square = 0.0_wp, chi_square_p = 0.0_wp
-      !> The grain whose mean residual is the largest, that residual, and the share of data sets
-      !> whose worst grain is further off.
+      !> The grain with the largest mean residual, that residual, and the share of replicated data
+      !> sets whose largest residual is larger.
       integer :: extreme_grain = 0
       real(wp) :: extreme_residual = 0.0_wp, extreme_p = 0.0_wp
-      !> Mean residual of each, (grain).
+      !> Mean residual of each grain, (grain).
       real(wp), allocatable :: residuals(:)
    end type checks_type
 
-   !> Random streams (0, first_stream + chain) of the noise, beside those of predictions.
+   !> Random streams (0, first_stream + chain) draw the noise. Predictions use others.
    integer, parameter :: first_stream = 5000000
 
    type :: evidence_type
-      !> Natural logarithm of the evidence, in GPa to the minus number of grains, and its standard
-      !> error.
+      !> Natural logarithm of the evidence, whose unit is GPa to the minus number of grains, and its
+      !> standard error.
       real(wp) :: log_z = 0.0_wp, sd = 0.0_wp
    end type evidence_type
 
-   !> Draws that a mixture is fitted to, as many that it is compared with, and as many of its own,
-   !> at most.
+   !> Greatest number of draws to which a mixture is fitted, with which it is compared, and which
+   !> are drawn from it.
    integer, parameter :: most_draws = 8000
-   !> Draws of the mixture come in so many blocks, each from a random stream of its own.
+   !> The mixture is drawn from in this many blocks, each with a random stream of its own, so that
+   !> the result does not depend on the number of threads.
    integer, parameter :: blocks = 16, evidence_stream = 6000000
 
 contains
 
-   !> All of them; the last parameter of a draw may be the logarithm of the factor on the sds.
+   !> Compute all checks. The last parameter of a draw may be the logarithm of the factor on the
+   !> sds.
    subroutine check_model(posterior, chains, threads, checks)
       type(posterior_type), intent(in) :: posterior
       type(chains_type), intent(in) :: chains
@@ -97,7 +100,7 @@ contains
       checks%extreme_residual = checks%residuals(checks%extreme_grain)
    end subroutine check_model
 
-   !> Of the draws of one chain.
+   !> Compute the checks for the draws of one chain.
    subroutine check_chain(posterior, draws, stream_number, log_likelihood, replicated, &
       & log_prior, sums)
       type(posterior_type), intent(in) :: posterior
@@ -106,13 +109,14 @@ contains
       integer, intent(in) :: stream_number
       !> As in `checks_type`, (grain, draw), (draw).
       real(wp), intent(out) :: log_likelihood(:, :), replicated(:, :), log_prior(:)
-      !> Over the draws: residuals of the grains, sums of their squares, and how many data sets
-      !> measured anew have a larger one, and a worst grain that is further off.
+      !> Sums over the draws: residuals of the grains, their sums of squares, the number of
+      !> replicated data sets with a larger sum of squares, and that with a larger greatest
+      !> residual.
       real(wp), intent(out) :: sums(:)
       type(random_stream_type) :: stream
-      !> Crystals at once.
-      integer, parameter :: at_once = 16
-      real(wp), allocatable :: moduli(:, :), u(:, :), fewer(:, :), b(:), z(:), precision(:, :)
+      !> Number of crystals that are computed together.
+      integer, parameter :: block = 16
+      real(wp), allocatable :: moduli(:, :), u(:, :), reduced(:, :), mean(:), z(:), precision(:, :)
       real(wp), dimension(posterior%n_grains) :: model, scales, residuals, shared, noise
       real(wp) :: c(6, 6), value
       integer :: i, g
@@ -123,23 +127,24 @@ contains
       do i = 1, size(draws, 2)
          c = posterior%stiffness(draws(:, i))
          log_prior(i) = posterior%log_prior(c)
-         if (mod(i, at_once) == 1) then
-            moduli = posterior%moduli_at(draws(:, i:min(size(draws, 2), i + at_once - 1)))
+         if (mod(i, block) == 1) then
+            moduli = posterior%moduli_at(draws(:, i:min(size(draws, 2), i + block - 1)))
          end if
          call posterior%predict_measurements(draws(:, i), c, model, scales, u, &
-            & moduli(:, 1 + mod(i - 1, at_once)))
+            & moduli(:, 1 + mod(i - 1, block)))
          residuals = (posterior%data%modulus - model)/scales
-         call factor_columns(u, fewer)
-         ! Sizes: their rank is that of the point.
-         b = fewer(1, :)
-         z = b
-         precision = fewer(:size(b), :)
-         call posterior%errors%integrate(residuals, fewer, b, precision, value)
-         call posterior%errors%leave_one_out(residuals, fewer, b, precision, log_likelihood(:, i))
+         call factor_columns(u, reduced)
+         ! Only the sizes matter: the rank of the columns depends on the point.
+         mean = reduced(1, :)
+         z = mean
+         precision = reduced(:size(mean), :)
+         call posterior%errors%integrate(residuals, reduced, mean, precision, value)
+         call posterior%errors%leave_one_out(residuals, reduced, mean, precision, &
+            & log_likelihood(:, i))
          log_likelihood(:, i) = log_likelihood(:, i) - log(scales)
          call stream%normals(z)
          call solve_upper(precision, z)
-         shared = matmul(fewer, b + z)
+         shared = matmul(reduced, mean + z)
          do g = 1, posterior%n_grains
             call posterior%errors%draw(stream, noise(g))
          end do
@@ -151,26 +156,27 @@ contains
       end do
    end subroutine check_chain
 
-   !> From chains of the posterior and of the same without its data; the last parameter may be the
-   !> logarithm of the factor on the sds.
+   !> Estimate the evidence from chains of the posterior and of the same density without its data.
+   !> The last parameter may be the logarithm of the factor on the sds.
    subroutine estimate_evidence(posterior, chains, prior, prior_chains, threads, evidence, error)
       type(posterior_type), intent(in) :: posterior, prior
       type(chains_type), intent(in) :: chains, prior_chains
       integer, intent(in) :: threads
       type(evidence_type), intent(out) :: evidence
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: both(2), variances(2)
+      real(wp) :: log_integrals(2), variances(2)
 
-      call log_integral(posterior, chains, 0, threads, both(1), variances(1), error)
+      call log_integral(posterior, chains, 0, threads, log_integrals(1), variances(1), error)
       if (.not. allocated(error)) then
-         call log_integral(prior, prior_chains, blocks, threads, both(2), variances(2), error)
+         call log_integral(prior, prior_chains, blocks, threads, log_integrals(2), variances(2), &
+            & error)
       end if
       if (allocated(error)) return
-      evidence%log_z = both(1) - both(2)
+      evidence%log_z = log_integrals(1) - log_integrals(2)
       evidence%sd = sqrt(sum(variances))
    end subroutine estimate_evidence
 
-   !> Logarithm of the integral of the density of working coordinates, and the variance of that.
+   !> Logarithm of the integral of a density over the working coordinates, and its variance.
    subroutine log_integral(density, chains, stream_offset, threads, value, variance, error)
       type(posterior_type), intent(in) :: density
       type(chains_type), intent(in) :: chains
@@ -178,8 +184,8 @@ contains
       real(wp), intent(out) :: value, variance
       type(error_type), allocatable, intent(out) :: error
       type(mixture_type) :: fitted, mixture
-      real(wp), allocatable :: u(:, :, :), log_density(:, :), first(:, :), of_draws(:, :), &
-         & of_proposals(:)
+      real(wp), allocatable :: u(:, :, :), log_density(:, :), first(:, :), chain_ratios(:, :), &
+         & mixture_ratios(:)
       real(wp) :: mean(density%dimension), factor(density%dimension, density%dimension), log_factor
       integer :: i, j, c, d, n, half, stride
 
@@ -190,7 +196,7 @@ contains
       do c = 1, size(u, 3)
          call density%to_working(chains%draws(:, ::stride, c), u(:, :, c))
       end do
-      ! The first halves are fitted.
+      ! Fit a mixture to the first halves.
       first = flattened(u(:, :half, :))
       d = size(first, 1)
       n = size(first, 2)
@@ -203,8 +209,8 @@ contains
       if (allocated(error)) return
       log_factor = sum([(log(factor(j, j)), j=1, d)])
       do concurrent(i=1:size(u, 2), c=1:size(u, 3))
-         log_density(i, c) = log_density(i, &
-            & c) + density%prior%logarithms%log_volume_at(u(:density%n_constants, i, c))
+         log_density(i, c) = log_density(i, c) &
+            & + density%prior%logarithms%log_volume_at(u(:density%n_constants, i, c))
          u(:, i, c) = u(:, i, c) - mean
          call solve_lower(factor, u(:, i, c))
       end do
@@ -212,28 +218,28 @@ contains
       call new_mixture(first, max(1, min(16, n/(5*d*(d + 3)))), fitted)
       call fit_mixture(first, spread(1.0_wp, 1, n), 20, fitted)
       call widen_mixture(fitted, mixture)
-      ! The second halves are compared with.
-      of_draws = log_density(half + 1:, :) + log_factor
-      do concurrent(i=1:size(of_draws, 1), c=1:size(u, 3))
-         of_draws(i, c) = of_draws(i, c) - log_mixture(mixture, u(:, half + i, c))
+      ! Compare the second halves with the mixture.
+      chain_ratios = log_density(half + 1:, :) + log_factor
+      do concurrent(i=1:size(chain_ratios, 1), c=1:size(u, 3))
+         chain_ratios(i, c) = chain_ratios(i, c) - log_mixture(mixture, u(:, half + i, c))
       end do
-      allocate (of_proposals(blocks*(most_draws/blocks)))
+      allocate (mixture_ratios(blocks*(most_draws/blocks)))
       !$omp parallel do num_threads(max(1, threads)) schedule(dynamic, 1)
       do i = 1, blocks
          call weigh_block(density, mixture, mean, factor, evidence_stream + stream_offset + i, &
-            & of_proposals((i - 1)*(most_draws/blocks) + 1:i*(most_draws/blocks)))
+            & mixture_ratios((i - 1)*(most_draws/blocks) + 1:i*(most_draws/blocks)))
       end do
       !$omp end parallel do
-      where (of_proposals > outside) of_proposals = of_proposals + log_factor
-      call bridge(of_draws, of_proposals, value, variance)
+      where (mixture_ratios > outside) mixture_ratios = mixture_ratios + log_factor
+      call bridge(chain_ratios, mixture_ratios, value, variance)
    end subroutine log_integral
 
-   !> Draws of the mixture: the logarithm of the density over the mixture's, but for the volume of
-   !> the coordinates; `outside` the support.
+   !> Draw from the mixture, and compute the logarithm of the density over that of the mixture, up
+   !> to the volume of the coordinates; `outside` if a draw is not in the support.
    subroutine weigh_block(density, mixture, mean, factor, stream_number, values)
       type(posterior_type), intent(in) :: density
       type(mixture_type), intent(in) :: mixture
-      !> Of the coordinates, (dimension), and the lower factor of their covariance.
+      !> Mean of the coordinates, (dimension), and the lower factor of their covariance.
       real(wp), intent(in) :: mean(:), factor(:, :)
       integer, intent(in) :: stream_number
       !> (draw).
@@ -255,39 +261,40 @@ contains
       end do
    end subroutine weigh_block
 
-   !> The integral, from logarithms of density over mixture at draws of the one and of the other;
-   !> its relative variance by that of the two means (Frühwirth-Schnatter, Econom. J. 7, 143, 2004),
-   !> the draws worth as many as are effective.
-   subroutine bridge(of_draws, of_proposals, value, variance)
-      !> (sample, chain); (proposal).
-      real(wp), intent(in) :: of_draws(:, :), of_proposals(:)
+   !> Logarithm of the integral, from logarithms of the ratio of density and mixture at draws of
+   !> both. Its relative variance is that of the two means (Frühwirth-Schnatter, Econom. J. 7, 143,
+   !> 2004), with the effective number of the chains' draws.
+   subroutine bridge(chain_ratios, mixture_ratios, value, variance)
+      !> At draws of the chains, (sample, chain), and of the mixture, (draw).
+      real(wp), intent(in) :: chain_ratios(:, :), mixture_ratios(:)
       real(wp), intent(out) :: value, variance
       integer, parameter :: most_steps = 200
-      real(wp) :: above(size(of_proposals)), below(size(of_draws, 1), size(of_draws, 2)), share, &
-         & top, r, before, m, effective
+      real(wp) :: numerators(size(mixture_ratios)), share, greatest, ratio, previous, n_draws, &
+         & effective
+      real(wp) :: denominators(size(chain_ratios, 1), size(chain_ratios, 2))
       type(diagnostics_type) :: diagnostics
       integer :: step
 
-      m = size(of_draws)
-      top = maxval(of_draws)
-      diagnostics = diagnose_chains(of_draws)
-      effective = m
-      ! Draws that are all alike have no effective size.
-      if (diagnostics%ess_bulk > 0.0_wp) effective = min(m, diagnostics%ess_bulk)
-      share = effective/(effective + size(of_proposals))
-      r = 1.0_wp
+      n_draws = size(chain_ratios)
+      greatest = maxval(chain_ratios)
+      diagnostics = diagnose_chains(chain_ratios)
+      effective = n_draws
+      ! Identical draws have no effective size.
+      if (diagnostics%ess_bulk > 0.0_wp) effective = min(n_draws, diagnostics%ess_bulk)
+      share = effective/(effective + size(mixture_ratios))
+      ratio = 1.0_wp
       do step = 1, most_steps
-         before = r
-         above = 0.0_wp
-         where (of_proposals > outside) above = 1.0_wp/(share &
-            & + (1.0_wp - share)*r*exp(min(600.0_wp, top - of_proposals)))
-         below = 1.0_wp/(share*exp(of_draws - top) + (1.0_wp - share)*r)
-         r = (sum(above)/size(above))/(sum(below)/m)
-         if (abs(r - before) < 1.0e-10_wp*r) exit
+         previous = ratio
+         numerators = 0.0_wp
+         where (mixture_ratios > outside) numerators = 1.0_wp/(share &
+            & + (1.0_wp - share)*ratio*exp(min(600.0_wp, greatest - mixture_ratios)))
+         denominators = 1.0_wp/(share*exp(chain_ratios - greatest) + (1.0_wp - share)*ratio)
+         ratio = (sum(numerators)/size(numerators))/(sum(denominators)/n_draws)
+         if (abs(ratio - previous) < 1.0e-10_wp*ratio) exit
       end do
-      value = top + log(r)
-      variance = relative_variance(size(above), &
-         & above)/size(above) + relative_variance(size(below), below)/effective
+      value = greatest + log(ratio)
+      variance = relative_variance(size(numerators), numerators)/size(numerators) &
+         & + relative_variance(size(denominators), denominators)/effective
    end subroutine bridge
 
    pure real(wp) function relative_variance(n, values)

@@ -1,8 +1,8 @@
-!> What chains say: of each parameter, of combinations of the constants, and of the moduli of the
-!> grains.
+!> Summaries of the chains: of each parameter, of combinations of the constants, and of the moduli
+!> of the measured grains.
 !>
-!> The maximum of the density is found by Nelder and Mead's simplex (Comput. J. 7, 308, 1965), which
-!> needs no derivative and does not mind bounds.
+!> The maximum of the density is found by the simplex of Nelder and Mead (Comput. J. 7, 308, 1965),
+!> which needs no derivatives and copes with bounds.
 module posterior_summary
    use abstract_basis, only: grain_model_type
    use abstract_sampler, only: target_type
@@ -23,8 +23,9 @@ module posterior_summary
    public :: parameter_type, combination_type, predictions_type, summarise_parameters, &
       & correlate, find_combinations, predict_grains, thinning, find_maximum
 
-   !> Draws for derived quantities and predictions; more say nothing new. Of many grains fewer, so
-   !> that there are about so many predictions in all.
+   !> Numbers of draws for derived quantities and predictions. With 4000 independent draws the error
+   !> of a mean is 2 % of an sd. For many grains fewer draws are used, so that the predictions take
+   !> about 80 MB at most.
    integer, parameter :: most_draws = 4000, fewest_draws = 400
    real(wp), parameter :: most_predictions = 1.0e7_wp
 
@@ -35,28 +36,29 @@ module posterior_summary
       type(diagnostics_type) :: diagnostics
    end type parameter_type
 
-   !> A product of powers of the constants whose variance relative to the prior's is extreme.
+   !> A product of powers of the constants: one that the measurements determine best, worst or in
+   !> between, by its variance relative to the prior's.
    type :: combination_type
-      !> (constant): powers that it has at the mean crystal, the largest 1, and correlations of its
-      !> logarithm with the constants.
+      !> Powers of the constants at the mean crystal, the largest 1, and correlations of the
+      !> constants with the logarithm of the product, (constant).
       real(wp), allocatable :: exponents(:), correlations(:)
-      !> Of the logarithm, in the posterior and in the prior.
+      !> Standard deviations of the logarithm in the posterior and in the prior.
       real(wp) :: sd = 0.0_wp, prior_sd = 0.0_wp
    end type combination_type
 
-   !> For some of the draws, evenly spaced in each chain.
+   !> Predictions for a part of the draws, evenly spaced in each chain.
    type :: predictions_type
       integer :: stride = 1
       !> Modulus of each grain, of the kind that was measured, GPa, (grain, draw, chain); one plus
       !> the calibration error, (group, draw, chain).
       real(wp), allocatable :: moduli(:, :, :), factor(:, :, :)
-      !> Values of the quantities that were asked for, (quantity, draw, chain).
+      !> Values of the requested quantities, (quantity, draw, chain).
       real(wp), allocatable :: quantities(:, :, :)
    end type predictions_type
 
-   !> It ends where the corners are this near each other, in parameters and in log density, or after
-   !> so many evaluations.
-   real(wp), parameter :: near = 1.0e-3_wp, level = 1.0e-4_wp
+   !> The simplex stops when its corners agree within these limits, in parameters (GPa) and in log
+   !> density, or after this number of evaluations.
+   real(wp), parameter :: point_tolerance = 1.0e-3_wp, density_tolerance = 1.0e-4_wp
    integer, parameter :: most_evaluations = 1000
 
 contains
@@ -83,22 +85,21 @@ contains
       !$omp end parallel do
    end subroutine summarise_parameters
 
-   !> The narrowest interval between two of the values that holds 95 % of them, by the definition of
-   !> ArviZ.
+   !> Narrowest interval between two of the values that holds 95 % of them, as ArviZ defines it.
    pure function narrowest_interval(n, values) result(interval)
       integer, intent(in) :: n
       real(wp), intent(in) :: values(n)
       real(wp) :: interval(2)
       real(wp), allocatable :: sorted(:)
-      integer :: i, held, best
+      integer :: i, n_inside, best
 
       call sorted_values(n, values, sorted)
-      held = min(n - 1, int(0.95_wp*n))
+      n_inside = min(n - 1, int(0.95_wp*n))
       best = 1
-      do i = 2, n - held
-         if (sorted(i + held) - sorted(i) < sorted(best + held) - sorted(best)) best = i
+      do i = 2, n - n_inside
+         if (sorted(i + n_inside) - sorted(i) < sorted(best + n_inside) - sorted(best)) best = i
       end do
-      interval = sorted([best, best + held])
+      interval = sorted([best, best + n_inside])
    end function narrowest_interval
 
    !> Correlations of the first k parameters.
@@ -113,39 +114,40 @@ contains
       correlation = correlation/(spread(sd, 2, k)*spread(sd, 1, k))
    end function correlate
 
-   !> Combinations of the constants from the best to the worst identified: the eigenvectors of the
-   !> posterior's covariance of log K against the prior's. They are uncorrelated in both.
+   !> Combinations of the constants, from the best to the worst determined: the eigenvectors of the
+   !> posterior's covariance of log K relative to the prior's. They are uncorrelated in both.
    subroutine find_combinations(prior, draws, prior_draws, combinations, values, error)
       type(prior_type), intent(in) :: prior
-      !> (parameter, draw), the first parameters constants.
+      !> (parameter, draw); the first parameters are the constants, GPa.
       real(wp), intent(in) :: draws(:, :), prior_draws(:, :)
       type(combination_type), allocatable, intent(out) :: combinations(:)
-      !> Of the logarithms of the combinations, (combination, draw).
+      !> Logarithms of the combinations, (combination, draw).
       real(wp), allocatable, intent(out) :: values(:, :)
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: both(:, :)
-      real(wp), dimension(prior%n_constants, prior%n_constants) :: after, before, factor, whitened
+      real(wp), allocatable :: extended(:, :)
+      real(wp), dimension(prior%n_constants, prior%n_constants) :: posterior_covariance, &
+         & prior_covariance, factor, whitened
       real(wp), dimension(prior%n_constants) :: vector, constants, gradient, ratios
       real(wp) :: joint(2*prior%n_constants, 2*prior%n_constants)
       integer :: i, j, k
 
       k = prior%n_constants
       joint = covariance_of(with_logarithms(prior, prior_draws))
-      before = joint(k + 1:, k + 1:)
-      both = with_logarithms(prior, draws)
-      joint = covariance_of(both)
-      after = joint(k + 1:, k + 1:)
-      constants = sum(both(:k, :), 2)/size(both, 2)
-      factor = before
+      prior_covariance = joint(k + 1:, k + 1:)
+      extended = with_logarithms(prior, draws)
+      joint = covariance_of(extended)
+      posterior_covariance = joint(k + 1:, k + 1:)
+      constants = sum(extended(:k, :), 2)/size(extended, 2)
+      factor = prior_covariance
       call cholesky_factor(factor, error)
       if (allocated(error)) then
-         ! A prior without a spread of its own has no combinations.
+         ! No combination exists if the prior fixes a coordinate.
          deallocate (error)
          allocate (combinations(0), values(0, size(draws, 2)))
          return
       end if
-      ! L^-1 A L^-ᵀ, whose eigenvectors u are L^-ᵀ times those that are wanted.
-      whitened = after
+      ! The eigenvectors u of L^-1 A L^-ᵀ give the combinations L^-ᵀ u.
+      whitened = posterior_covariance
       do i = 1, 2
          do j = 1, k
             call solve_lower(factor, whitened(:, j))
@@ -160,37 +162,38 @@ contains
          call solve_upper(factor, vector)
          gradient = logarithmic_gradient(prior, constants, vector)
          vector = vector/gradient(maxloc(abs(gradient), dim=1))
-         associate (one => combinations(i))
-            one%exponents = gradient/gradient(maxloc(abs(gradient), dim=1))
-            one%sd = sqrt(max(0.0_wp, sum(vector*matmul(after, vector))))
-            one%correlations = matmul(joint(:k, k + 1:), &
-               & vector)/(one%sd*[(sqrt(joint(j, j)), j=1, k)])
-            one%prior_sd = sqrt(sum(vector*matmul(before, vector)))
+         associate (combination => combinations(i))
+            combination%exponents = gradient/gradient(maxloc(abs(gradient), dim=1))
+            combination%sd = sqrt(max(0.0_wp, sum(vector*matmul(posterior_covariance, vector))))
+            combination%correlations = matmul(joint(:k, k + 1:), vector) &
+               & /(combination%sd*[(sqrt(joint(j, j)), j=1, k)])
+            combination%prior_sd = sqrt(sum(vector*matmul(prior_covariance, vector)))
          end associate
-         values(i, :) = matmul(vector, both(k + 1:, :))
+         values(i, :) = matmul(vector, extended(k + 1:, :))
       end do
    end subroutine find_combinations
 
-   !> Constants and below them log K of draws.
-   pure function with_logarithms(prior, draws) result(both)
+   !> Constants of the draws, and below them their log K.
+   pure function with_logarithms(prior, draws) result(extended)
       type(prior_type), intent(in) :: prior
+      !> (parameter, draw).
       real(wp), intent(in) :: draws(:, :)
       !> (2 n_constants, draw).
-      real(wp) :: both(2*prior%n_constants, size(draws, 2))
+      real(wp) :: extended(2*prior%n_constants, size(draws, 2))
       integer :: i, k
 
       k = prior%n_constants
-      both(:k, :) = draws(:k, :)
+      extended(:k, :) = draws(:k, :)
       do i = 1, size(draws, 2)
-         both(k + 1:, i) = prior%logarithms%to_logarithms(prior%class%stiffness(draws(:k, i)))
+         extended(k + 1:, i) = prior%logarithms%to_logarithms(prior%class%stiffness(draws(:k, i)))
       end do
    end function with_logarithms
 
    !> Derivatives of a combination of log K with respect to the logarithms of the constants, at a
-   !> crystal.
+   !> crystal, by central differences.
    pure function logarithmic_gradient(prior, constants, vector) result(gradient)
       type(prior_type), intent(in) :: prior
-      !> GPa, (n_constants); (n_constants).
+      !> Constants of the crystal, GPa; coefficients of log K; (n_constants).
       real(wp), intent(in) :: constants(:), vector(:)
       real(wp) :: gradient(size(constants))
       real(wp), parameter :: step = 1.0e-4_wp
@@ -207,11 +210,11 @@ contains
       end do
    end function logarithmic_gradient
 
-   !> Of how many draws one is kept where there is a number for each grain: so many are left that
-   !> they say all, and memory holds them.
+   !> Stride of the draws for results that have a number for each grain: it leaves enough draws for
+   !> accurate results, and few enough for the memory.
    pure integer function thinning(chains, n_grains)
       type(chains_type), intent(in) :: chains
-      !> Of numbers for each draw.
+      !> Numbers for each draw.
       integer, intent(in) :: n_grains
       real(wp) :: wanted
 
@@ -220,7 +223,8 @@ contains
       thinning = int(max(1.0_wp, real(size(chains%draws, 2), wp)*size(chains%draws, 3)/wanted))
    end function thinning
 
-   !> The moduli of the measured grains, and quantities of the crystal, for some of the draws.
+   !> Predict the moduli of the measured grains, and quantities of the crystal, for a part of the
+   !> draws.
    subroutine predict_grains(posterior, chains, threads, quantities, predictions, error)
       type(posterior_type), intent(in) :: posterior
       type(chains_type), intent(in) :: chains
@@ -229,7 +233,7 @@ contains
       type(quantity_type), intent(in) :: quantities(:)
       type(predictions_type), intent(out) :: predictions
       type(error_type), allocatable, intent(out) :: error
-      !> Crystals at once.
+      !> Number of crystals that are computed together.
       integer, parameter :: at_once = 16
       type(random_stream_type) :: stream
       class(grain_model_type), allocatable :: grains
@@ -274,15 +278,15 @@ contains
       end do
    end subroutine predict_grains
 
-   !> From a point `x` of the support to a maximum of the density nearby. The corners of the first
-   !> simplex are a tenth of the sds of the parameters in `chains` apart.
+   !> Move a point `x` of the support to a maximum of the density nearby. The corners of the first
+   !> simplex are a tenth of an sd of the chains apart in each parameter.
    subroutine find_maximum(target, chains, x)
       class(target_type), intent(in) :: target
       type(chains_type), intent(in) :: chains
       real(wp), intent(inout) :: x(:)
       real(wp) :: corner(size(x), size(x) + 1), depth(size(x) + 1), centre(size(x)), sd(size(x)), &
-         & tried(size(x)), further(size(x))
-      real(wp) :: tried_depth, further_depth
+         & trial(size(x)), second(size(x))
+      real(wp) :: trial_depth, second_depth
       integer :: n, j, evaluations, order(size(x) + 1)
 
       call moments(flattened(chains%draws), centre, sd)
@@ -298,27 +302,27 @@ contains
          depth = depth(order)
          corner = corner(:, order)
          if (evaluations >= most_evaluations) exit
-         if (maxval(abs(corner(:, 2:) - spread(corner(:, 1), 2, n))) <= near &
-            & .and. depth(n + 1) - depth(1) <= level) then
+         if (maxval(abs(corner(:, 2:) - spread(corner(:, 1), 2, n))) <= point_tolerance &
+            & .and. depth(n + 1) - depth(1) <= density_tolerance) then
             exit
          end if
          centre = sum(corner(:, :n), 2)/n
-         tried = 2.0_wp*centre - corner(:, n + 1)
-         tried_depth = depth_at(tried)
-         if (tried_depth < depth(1)) then
-            further = 3.0_wp*centre - 2.0_wp*corner(:, n + 1)
-            further_depth = depth_at(further)
-            if (further_depth < tried_depth) then
-               tried = further
-               tried_depth = further_depth
+         trial = 2.0_wp*centre - corner(:, n + 1)
+         trial_depth = depth_at(trial)
+         if (trial_depth < depth(1)) then
+            second = 3.0_wp*centre - 2.0_wp*corner(:, n + 1)
+            second_depth = depth_at(second)
+            if (second_depth < trial_depth) then
+               trial = second
+               trial_depth = second_depth
             end if
-         else if (tried_depth >= depth(n)) then
-            further = 0.5_wp*(centre + corner(:, n + 1))
-            if (tried_depth < depth(n + 1)) further = 0.5_wp*(centre + tried)
-            further_depth = depth_at(further)
-            if (further_depth < min(tried_depth, depth(n + 1))) then
-               tried = further
-               tried_depth = further_depth
+         else if (trial_depth >= depth(n)) then
+            second = 0.5_wp*(centre + corner(:, n + 1))
+            if (trial_depth < depth(n + 1)) second = 0.5_wp*(centre + trial)
+            second_depth = depth_at(second)
+            if (second_depth < min(trial_depth, depth(n + 1))) then
+               trial = second
+               trial_depth = second_depth
             else
                do j = 2, n + 1
                   corner(:, j) = 0.5_wp*(corner(:, 1) + corner(:, j))
@@ -327,8 +331,8 @@ contains
                cycle
             end if
          end if
-         corner(:, n + 1) = tried
-         depth(n + 1) = tried_depth
+         corner(:, n + 1) = trial
+         depth(n + 1) = trial_depth
       end do
       x = corner(:, 1)
 
