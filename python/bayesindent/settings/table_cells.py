@@ -11,35 +11,26 @@ from unicodedata import normalize
 
 import numpy as np
 
-#: Cells that say that there is no value; the last is what some instruments write.
-MISSING = {
-    ".",
-    "n/a",
-    "na",
-    "nan",
-    "none",
-    "null",
-    "nil",
-    "missing",
-    "#n/a",
-    "#div/0!",
-    "#value!",
-    "#ref!",
-    "#num!",
-    "1.797e308",
-    "1.797e+308",
-    "1.797693e+308",
-}
+#: Cells that mean that there is no value: words, errors of spreadsheets, and the largest double,
+#: which some instruments write.
+MISSING_TEXTS = (
+    ". n/a na nan none null nil missing #n/a #div/0! #value! #ref! #num! "
+    "1.797e308 1.797e+308 1.797693e+308"
+)
+MISSING = {*MISSING_TEXTS.split()}
+#: A number with a decimal point or comma and perhaps an exponent, such as "1,05d2".
 NUMBER = r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eEdD][+-]?\d+)?"
 is_plain_number = re.compile(NUMBER).fullmatch
+#: A value with its sd, such as "109.7 ± 3.0 GPa".
 PLUS_MINUS = re.compile(rf"\(?({NUMBER})\s*(?:GPa)?\s*(?:±|\+/-|\+-)\s*({NUMBER})\)?\s*(GPa|%|)$")
+#: A number with its unit, such as "46.3°".
 WITH_UNIT = re.compile(rf"({NUMBER})\s*(°|deg|GPa|nm|um|µm|μm|mN|s|%)$")
-#: Signs that programs write for others, and those that nobody sees.
+#: Signs that programs write in place of the usual ones, and invisible signs.
 SIGNS = str.maketrans({"−": "-", "–": "-", "º": "°", "\u200b": None, "\ufeff": None})
 
 
 def is_missing(cell: str) -> bool:
-    """Whether a cell has no value; dashes too are none."""
+    """Whether a cell has no value: it is empty, one of `MISSING`, or made of dashes."""
     return not cell.strip("-—=:") or cell.lower() in MISSING
 
 
@@ -49,7 +40,7 @@ def is_number(cell: str) -> bool:
 
 
 def plain_numbers(cells: list[str]) -> bool:
-    """Whether all cells are numbers and nothing else; of many rows soon."""
+    """Whether all cells are numbers and nothing else; NumPy decides this fast for most columns."""
     try:
         return bool((np.abs(np.array(cells, float)) < 1e300).all())
     except ValueError:
@@ -57,25 +48,23 @@ def plain_numbers(cells: list[str]) -> bool:
 
 
 def value_of(number: str) -> float:
-    """The value of a number as tables have it: 3,5 or 1d5 too."""
+    """The value of a number, which may be written as 3,5 or 1d5."""
     return float(number.lower().replace(",", ".").replace("d", "e"))
 
 
 def tidy(value: Any, decimal_commas: bool = True) -> str:
-    """A cell in one line, a number with a decimal point."""
+    """The text of a cell on one line; a decimal comma in a number becomes a point."""
     cell = "" if value is None else " ".join(str(value).split())
-    return (
-        re.sub(r"(?<=\d),(?=\d)", ".", cell)
-        if decimal_commas and "," in cell and is_number(cell)
-        else cell
-    )
+    if decimal_commas and "," in cell and is_number(cell):
+        return re.sub(r"(?<=\d),(?=\d)", ".", cell)
+    return cell
 
 
 def usual(text: str) -> str:
-    """A text with the usual signs: narrow and fixed blanks, minus signs, raised and lowered
-    letters.
+    """The text with the usual signs in place of narrow blanks, other minus signs, and raised or
+    lowered letters.
     """
-    # Sign by sign: letters of names that are written as two signs stay so.
+    # Each sign is normalised alone, so that a letter with a combining accent stays two signs.
     own: dict[int, str | None] = {
         ord(sign): normalize("NFKC", sign).replace("μ", "µ")
         for sign in set(text)
@@ -85,39 +74,39 @@ def usual(text: str) -> str:
 
 
 def tabbed(text: str) -> str:
-    """The text of a table with tabs between its cells, where these are separated by blanks alone:
-    by two, if some cells have one inside.
+    """The text of a table with tabs between cells that only blanks separate. Where lines have
+    different numbers of words, some cells contain a blank, and two blanks separate cells.
     """
     if re.search(r"[;\t|]|,(?!\d)|(?<!\d),", text):
         return text
     lines = [line.strip() for line in text.splitlines()]
-    gap = (
-        " +"
-        if len({len(line.split()) for line in lines if line and line[0] != "#"}) == 1
-        else "  +"
-    )
+    word_counts = {len(line.split()) for line in lines if line and line[0] != "#"}
+    gap = " +" if len(word_counts) == 1 else "  +"
     return "\n".join(re.sub(gap, "\t", line) for line in lines)
 
 
 def rows_of(text: str) -> list[tuple[int, list[str]]]:
-    """Cells with the number of their line, of what separates most lines into as many: tabs,
-    semicolons, bars or commas.
+    """The rows of a table as pairs of line number and cells.
+
+    The delimiter is the one of tab, semicolon, bar and comma that splits most of the first 1000
+    lines into the same number of cells.
     """
     lines = text.splitlines()[:1000]
-    alike = {
-        mark: max(Counter(line.count(mark) for line in lines if mark in line).values(), default=0)
-        for mark in "\t;|,"
-    }
-    # As many lines may have decimal commas.
-    delimiter = max("\t;|,", key=lambda mark: alike[mark] - 0.5 * (mark == ","))
+    lines_alike: dict[str, float] = {}
+    for mark in "\t;|,":
+        counts = Counter(line.count(mark) for line in lines)
+        counts.pop(0, None)
+        lines_alike[mark] = max(counts.values(), default=0)
+    # Commas lose a tie, since they may be decimal commas.
+    lines_alike[","] -= 0.5
+    delimiter = max(lines_alike, key=lines_alike.__getitem__)
     reader = csv.reader(StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=True)
-    rows, before = [], 0
+    rows, last_line = [], 0
     for cells in reader:
-        whole = "".join(cells)
-        if whole.strip() and not cells[0].startswith("#"):
-            is_tidy = whole.split() == [whole] and "," not in whole
-            rows.append(
-                (before + 1, cells if is_tidy else [tidy(cell, delimiter != ",") for cell in cells])
-            )
-        before = reader.line_num
+        joined = "".join(cells)
+        if joined.strip() and not cells[0].startswith("#"):
+            if joined.split() != [joined] or "," in joined:
+                cells = [tidy(cell, delimiter != ",") for cell in cells]
+            rows.append((last_line + 1, cells))
+        last_line = reader.line_num
     return rows
