@@ -1,4 +1,7 @@
-"""What describes the package elsewhere agrees with the package."""
+"""What describes the package elsewhere agrees with the package.
+
+Modules: copy_package.py.
+"""
 
 import importlib.util
 import json
