@@ -1,21 +1,22 @@
-!> What one more measurement is expected to teach, from draws of the posterior and what each
-!> predicts at each candidate.
+!> Expected gain from one more measurement, from draws of the posterior and their predictions at
+!> each candidate.
 !>
-!> A measurement v at a candidate has the density p(v) = sum_s w_s N(v; m_s, sd²) over the draws s,
-!> whose predictions m_s have the errors that measurements share (of calibration, of the surrogate)
-!> drawn with the constants. What it is expected to say of the constants alone is the entropy of p
-!> less that of v where the constants are known: of the noise and the shared errors together. The
-!> variance of a target that is left is the integral of p(v) times the variance under the weights
-!> w_s N(v; m_s, sd²). Both are integrals over the one variable v, done on a grid: no normal
-!> approximation of the posterior and no noise of a simulation.
+!> A measurement v at a candidate has the density p(v) = sum_s w_s N(v; m_s, sd²) over the draws s.
+!> The predictions m_s include the errors that measurements share (of calibration, of the
+!> surrogate), drawn with the constants. The expected information on the constants alone is the
+!> entropy of p less that of v at known constants, which is due to the noise and the shared errors
+!> together. The expected variance of a target after the measurement is the integral of p(v) times
+!> the variance under the weights w_s N(v; m_s, sd²). Both are integrals over the one variable v,
+!> computed on a grid, without a normal approximation of the posterior and without Monte Carlo
+!> noise.
 !>
-!> A kernel narrower than the draws are dense would see single draws and not their density, so it
-!> has at least a share of the spread of the predictions; the entropy of the noise is that of the
-!> true sd. So the cost is bounded, and precise measurements have their limit.
+!> A kernel narrower than the distance between draws would resolve single draws and not their
+!> density, so its sd is at least a share of the spread of the predictions. The entropy of the noise
+!> is that of the true sd. This bounds the cost, and the gain of precise measurements.
 !>
-!> Several measurements are chosen one after another. What the earlier ones will say is not known,
-!> so it is averaged over scenarios: a draw taken as the truth, noise added, and the draws weighted
-!> by what was measured in that scenario.
+!> Several measurements are chosen one after another. The results of the earlier ones are not known
+!> yet, so the gain is averaged over scenarios: a draw serves as the truth, noise is added, and the
+!> draws are weighted by the result of that scenario.
 module next_measurement
    use crystal_elasticity, only: path_type
    use kinds, only: pi, wp
@@ -28,52 +29,56 @@ module next_measurement
    !> kernel in sds.
    integer, parameter :: bins_per_sd = 10, points_per_sd = 2, half_width = 6
    integer, parameter :: step = bins_per_sd/points_per_sd, half_bins = half_width*bins_per_sd
-   !> Gains are alike that are at least this share of the largest.
+   !> Least share of the largest gain that counts as alike.
    real(wp), parameter :: alike = 0.9_wp
    !> Least sd of the kernel, as a share of the sd of the predictions.
    real(wp), parameter :: least_kernel = 0.02_wp
 
    type :: candidates_type
-      !> Of moduli, then of speeds: Bunge-Euler angles, degrees, (3, candidate), the paths of the
-      !> waves, the number of the grain, or 0, and what it costs, (candidate).
+      !> Candidates, first moduli, then speeds: Bunge-Euler angles, degrees, (3, candidate), and
+      !> costs, (candidate).
       real(wp), allocatable :: euler_deg(:, :), cost(:)
+      !> Path of the wave of each candidate, and the number of its grain, or 0, (candidate).
       type(path_type), allocatable :: paths(:)
       integer, allocatable :: grain(:)
-      !> What each draw predicts, GPa or m/s, and the variance of that where the constants are
-      !> known; (draw, candidate).
+      !> Prediction of each draw, GPa or m/s, and its variance at known constants; (draw,
+      !> candidate).
       real(wp), allocatable :: predicted(:, :), shared_variance(:, :)
-      !> Of a measurement's own error, (candidate).
+      !> Standard deviation of the measurement's own error, (candidate).
       real(wp), allocatable :: sd(:)
-      !> What is to be known, (draw); empty: all about the constants.
+      !> Quantity that the measurements are to determine, (draw). If empty, they determine all
+      !> constants.
       real(wp), allocatable :: target(:)
-      !> Between two of the first candidates, and below which two are too near each other for both
-      !> to be measured; radians.
+      !> Angle between any two of the first candidates, and the angle below which two of them are
+      !> too close for both to be measured; radians.
       real(wp), allocatable :: angle(:, :)
       real(wp) :: least_angle = 0.0_wp
    end type candidates_type
 
    type :: suggestions_type
-      !> Numbers of candidates, the best first, and their gains given those before them.
+      !> Numbers of the chosen candidates, the best first, and the gain of each given those before
+      !> it.
       integer, allocatable :: chosen(:)
       real(wp), allocatable :: gains(:)
-      !> Radius of the region about each in which all candidates have gains alike, radians, 0 where
-      !> there are none.
+      !> Radius of the region about each in which all candidates have gains alike, radians; 0 if
+      !> there is none.
       real(wp), allocatable :: within(:)
-      !> Gain of every candidate as the first.
+      !> Gain of every candidate as the first measurement.
       real(wp), allocatable :: first_gains(:)
    end type suggestions_type
 
 contains
 
-   !> Gain of a measurement at a candidate, nats; with a target by how much its variance falls, in
-   !> units of its square.
+   !> Gain of a measurement at a candidate: nats, or with a target the decrease of its variance, in
+   !> its squared unit.
    pure real(wp) function gain_of_candidate(candidates, c, weights) result(gain)
       type(candidates_type), intent(in) :: candidates
       integer, intent(in) :: c
-      !> Of the draws, of sum 1.
+      !> Weights of the draws, of sum 1.
       real(wp), intent(in), contiguous :: weights(:)
       real(wp), allocatable :: bins(:, :), deviation(:)
-      real(wp) :: kernel(2*half_bins + 1), width, low, place, powers(3), entropy, left, sd
+      real(wp) :: kernel(2*half_bins + 1), width, low, position, powers(3), entropy, &
+         & variance_left, sd
       integer :: s, k, n, i
 
       deviation = deviations(candidates%target, weights)
@@ -84,33 +89,34 @@ contains
          n = int((maxval(predicted) - low)/width) + 2
          allocate (bins(3, -2*half_bins:n + 2*half_bins), source=0.0_wp)
          do s = 1, size(predicted)
-            place = (predicted(s) - low)/width
-            k = int(place)
+            position = (predicted(s) - low)/width
+            k = int(position)
             powers = weights(s)*[1.0_wp, deviation(s), deviation(s)**2]
-            bins(:, k) = bins(:, k) + (1.0_wp - (place - k))*powers
-            bins(:, k + 1) = bins(:, k + 1) + (place - k)*powers
+            bins(:, k) = bins(:, k) + (1.0_wp - (position - k))*powers
+            bins(:, k + 1) = bins(:, k + 1) + (position - k)*powers
          end do
       end associate
       kernel = [(exp(-0.5_wp*(real(i, wp)/bins_per_sd)**2)/(sqrt(2.0_wp*pi)*sd), &
          & i=-half_bins, half_bins)]
       entropy = 0.0_wp
-      left = 0.0_wp
+      variance_left = 0.0_wp
       do k = -half_bins, n + half_bins, step
          powers = matmul(bins(:, k - half_bins:k + half_bins), kernel)
          if (powers(1) <= 1.0e-30_wp/sd) cycle
          entropy = entropy - powers(1)*log(powers(1))*step*width
-         left = left + (powers(3) - powers(2)**2/powers(1))*step*width
+         variance_left = variance_left + (powers(3) - powers(2)**2/powers(1))*step*width
       end do
-      gain = sum(weights*deviation**2) - left
+      gain = sum(weights*deviation**2) - variance_left
       if (size(candidates%target) == 0) then
-         gain = entropy - 0.5_wp*sum(weights &
-             & *log(2.0_wp*pi*exp(1.0_wp)*(candidates%sd(c)**2 + candidates%shared_variance(:, c))))
+         associate (variance => candidates%sd(c)**2 + candidates%shared_variance(:, c))
+            gain = entropy - 0.5_wp*sum(weights*log(2.0_wp*pi*exp(1.0_wp)*variance))
+         end associate
       end if
    end function gain_of_candidate
 
-   !> The target of each draw less its mean; 0 without a target.
+   !> Deviation of each draw's target from the mean; 0 without a target.
    pure function deviations(target, weights)
-      !> (draw), or empty; (draw), of sum 1.
+      !> Target, (draw) or empty; weights of sum 1, (draw).
       real(wp), intent(in) :: target(:), weights(:)
       real(wp) :: deviations(size(weights))
 
@@ -118,7 +124,7 @@ contains
       if (size(target) > 0) deviations = target - sum(weights*target)
    end function deviations
 
-   !> The sd of a measurement, or more where the draws cannot resolve it.
+   !> Standard deviation of a measurement, or a larger one if the draws cannot resolve it.
    pure real(wp) function kernel_sd(candidates, c)
       type(candidates_type), intent(in) :: candidates
       integer, intent(in) :: c
@@ -131,11 +137,11 @@ contains
       end associate
    end function kernel_sd
 
-   !> Gain of every candidate, averaged over scenarios: nats, or the share of the target's expected
-   !> variance that goes.
+   !> Gain of every candidate, averaged over scenarios: nats, or the relative decrease of the
+   !> target's expected variance.
    subroutine expected_gains(candidates, weights, threads, gains)
       type(candidates_type), intent(in) :: candidates
-      !> weights(draw, scenario), each of sum 1.
+      !> Weights, (draw, scenario), each scenario of sum 1.
       real(wp), intent(in), contiguous :: weights(:, :)
       integer, intent(in) :: threads
       !> (candidate).
@@ -156,14 +162,14 @@ contains
       gains = gains/max(tiny(1.0_wp), before)
    end subroutine expected_gains
 
-   !> Choose candidates of the largest gain over cost one after another, averaged over `scenarios`
-   !> of what the earlier ones say, each given those before it, no two of them near each other;
-   !> fewer than `count` where no more are left.
+   !> Choose candidates one after another, each of the largest gain over cost given those before it.
+   !> The gain is averaged over `scenarios` of the results of the earlier ones. No two are too close
+   !> to each other. Fewer than `count` are chosen if no more remain.
    subroutine choose_measurements(candidates, count, scenarios, seed, threads, suggestions)
       type(candidates_type), intent(in) :: candidates
       integer, intent(in) :: count, scenarios, seed, threads
       type(suggestions_type), intent(out) :: suggestions
-      !> Of the random stream of the scenarios' noise, beside those of chains and predictions.
+      !> Number of the random stream for the scenarios' noise. Chains and predictions use others.
       integer, parameter :: stream_number = -1
       type(random_stream_type) :: stream
       real(wp), allocatable :: weights(:, :), values(:)
@@ -198,10 +204,10 @@ contains
          sd = kernel_sd(candidates, c)
          do r = 1, size(weights, 2)
             call stream%normal(z)
-            ! Truths are spread evenly over the draws, the same in every round.
+            ! The truths are spread evenly over the draws, and are the same in every round.
             measured = candidates%predicted(1 + int((r - 0.5_wp)/size(weights, 2)*draws), c) + sd*z
-            weights(:, r) = weights(:, &
-               & r)*exp(-0.5_wp*((measured - candidates%predicted(:, c))/sd)**2)
+            weights(:, r) = weights(:, r) &
+               & *exp(-0.5_wp*((measured - candidates%predicted(:, c))/sd)**2)
             weights(:, r) = weights(:, r)/sum(weights(:, r))
          end do
       end do

@@ -1,10 +1,10 @@
-!> Whether the orientations explain the moduli, found without the crystal's constants.
+!> Check whether the orientations explain the moduli, without the crystal's constants.
 !>
 !> To first order in the anisotropy a modulus is a sum of the harmonics of the crystal class up to
-!> degree 4, which least squares fit, with the errors that measurements share. If the orientations
-!> are those of the grains, a chi-square is left. If the rows are in disorder, it is that of
-!> shuffled rows: the share of shuffles that fit as well is a probability, the share that is noticed
-!> the power of the check.
+!> degree 4. Least squares fit the sum, with the errors that measurements share. If the orientations
+!> are those of the grains, the misfit is a chi-square. If the rows of the table are in the wrong
+!> order, the misfit is that of shuffled rows. The share of shuffles that fit as well is a
+!> probability, and the share that the chi-square test detects is the power of the check.
 module orientation_check
    use constants_posterior, only: posterior_type
    use crystal_elasticity, only: rotation_matrix
@@ -18,16 +18,17 @@ module orientation_check
    private
    public :: orientation_check_type, check_orientations
 
-   !> A probability that is noticed, and the power that a remark on orientations needs.
+   !> Probability below which a misfit counts: one false alarm in 200 data sets. The orientations
+   !> are blamed only if the check has this power.
    real(wp), parameter :: rare = 0.005_wp, enough_power = 0.5_wp
-   !> The ways to mistake two axes: way k exchanges them if k is above 3, then reverses x if it has
-   !> the bit 1, and y if it has 2; the signs.
+   !> Mistaken axes and their signs. Mistake k exchanges x and y if k is above 3, then reverses x if
+   !> k has the bit 1, and y if it has the bit 2.
    character(len=*), parameter :: mistakes(7) = [character(len=35) :: 'x reversed', 'y reversed', &
       & 'x and y reversed', 'x and y exchanged', 'x and y exchanged, then x reversed', &
       & 'x and y exchanged, then y reversed', 'x and y exchanged and reversed']
    integer, parameter :: signs(3, 7) = reshape([-1, 1, 1, 1, -1, 1, -1, -1, 1, 1, 1, 1, -1, 1, 1, &
       & 1, -1, 1, -1, -1, 1], [3, 7])
-   !> Other readings of the same table; the last ones are of the map that it comes from.
+   !> Other readings of the same table. The last ones are of the map from which the table comes.
    character(len=*), parameter, public :: readings(0:20) = [character(len=57) :: '', &
       & 'rotations from crystal to sample axes (the inverse)', &
       & 'the x axis of the sample as the indented one', &
@@ -37,48 +38,49 @@ module orientation_check
    integer, parameter :: of_map = 14, stream_number = 6000000
 
    type :: orientation_check_type
-      !> Chi-square about one constant modulus and about the fit, its degrees of freedom and the
-      !> probability of a larger one.
+      !> Chi-square about one constant modulus, chi-square about the fit, its degrees of freedom and
+      !> the probability of a larger one.
       real(wp) :: constant = 0.0_wp, chi_square = 0.0_wp, p = 1.0_wp
       integer :: freedom = 0
-      !> Of shuffles the share that fits as well, and the share that is noticed.
+      !> Share of shuffles that fit as well, and share that the chi-square test detects.
       real(wp) :: p_shuffled = 1.0_wp, power = 0.0_wp
-      !> Which of the `readings` fits much better than the table as it is; 0: none.
+      !> Number of the reading in `readings` that fits much better than the table as it is; 0: none.
       integer :: better_reading = 0
-      !> Grains without which the others agree, the worst first, and how far each is from what the
-      !> others predict, sds.
+      !> Grains without which the others agree, the worst first, and the distance of each from what
+      !> the others predict, sds.
       integer, allocatable :: outliers(:)
       real(wp), allocatable :: distances(:)
    contains
-      procedure :: is_noticed
+      procedure :: is_detected
    end type orientation_check_type
 
-   !> Moduli over their scales, their weights (0 or 1), the shared errors, and their fit.
+   !> A fit of harmonics: moduli and their scales, weights (0 or 1), (grain); columns of the shared
+   !> errors and of the whole fit, (grain, column); solution and lower factor of its precision.
    type :: fit_type
       real(wp), allocatable :: values(:), scales(:), weights(:), shared(:, :), columns(:, :), &
          & b(:), l(:, :)
       real(wp) :: chi_square = 0.0_wp
    contains
-      procedure :: to_rows
+      procedure :: fit_harmonics
    end type fit_type
 
 contains
 
-   !> Whether the orientations are not those of the grains.
-   pure logical function is_noticed(self)
+   !> Whether the check finds that the orientations are not those of the grains.
+   pure logical function is_detected(self)
       class(orientation_check_type), intent(in) :: self
 
-      ! Where all orders fit alike, they are alike.
-      is_noticed = self%better_reading > 0 .or. (self%p < rare .and. self%power > enough_power &
+      ! If all orders fit alike, the check cannot tell them apart.
+      is_detected = self%better_reading > 0 .or. (self%p < rare .and. self%power > enough_power &
          & .and. self%p_shuffled > rare .and. self%p_shuffled < 1.0_wp)
-   end function is_noticed
+   end function is_detected
 
-   !> Fit `rows` of harmonics (grain, harmonic), whose coefficients have no prior; all else stays
-   !> with the measurement.
-   subroutine to_rows(self, rows)
+   !> Fit rows of harmonics, (grain, harmonic), whose coefficients have no prior. Values, scales and
+   !> weights of the moduli stay as they are.
+   subroutine fit_harmonics(self, rows)
       class(fit_type), intent(inout) :: self
       real(wp), intent(in) :: rows(:, :)
-      !> A very large sd of the coefficients, GPa.
+      !> A very large sd of the coefficients, GPa, instead of no prior.
       real(wp), parameter :: free = 1000.0_wp
       integer :: k
 
@@ -90,27 +92,29 @@ contains
       call fit_columns(self%values, self%columns, self%weights, self%b, self%l)
       self%chi_square = sum(self%weights*(self%values - matmul(self%columns, self%b))**2) &
          & + sum(self%b**2)
-   end subroutine to_rows
+   end subroutine fit_harmonics
 
    !> Check the orientations of the measured grains.
    subroutine check_orientations(posterior, x, misread, grain, check, error)
       type(posterior_type), intent(in) :: posterior
-      !> A probable point, (dimension).
+      !> A point of high posterior density, (dimension).
       real(wp), intent(in) :: x(:)
-      !> Indented directions in crystal axes by the ways to mistake the axes of a map, (3, row,
-      !> way); unallocated: there is no map.
+      !> Indented directions in crystal axes for each mistake of the axes of a map, (3, row,
+      !> mistake); unallocated if there is no map.
       real(wp), allocatable, intent(in) :: misread(:, :, :)
-      !> Of each row of the table the grain, of which it is one of the tests.
+      !> Grain of each row of the table; a grain may have several rows.
       integer, intent(in) :: grain(:)
       type(orientation_check_type), intent(out) :: check
       type(error_type), allocatable, intent(out) :: error
       type(harmonics_type) :: harmonics
-      type(fit_type) :: fit, straight
+      type(fit_type) :: fit, about_mean
       real(wp), dimension(posterior%n_grains) :: model, scales
-      real(wp), parameter :: seen = 10.0_wp
+      !> Least pivot of a harmonic that the grains distinguish from those before it; otherwise its
+      !> pivot is 1.
+      real(wp), parameter :: least_pivot = 10.0_wp
       !> (grain, harmonic, reading).
       real(wp), allocatable :: u(:, :), directions(:, :), rows(:, :, :), values(:)
-      real(wp) :: g(3, 3), far
+      real(wp) :: g(3, 3), mistaken(21), threshold
       integer :: i, k, n
 
       n = posterior%n_moduli
@@ -130,58 +134,63 @@ contains
       call factor_columns(u(:n, :)*posterior%errors%scale, fit%shared)
       do i = 1, n
          g = rotation_matrix(posterior%euler(:, i))
-         directions = reshape([g(:, 3), g(3, :), g(:, 1), g(:, 2), g(:, [3, 3, 3]), &
-            & [(signs(:, k)*g(merge([2, 1, 3], [1, 2, 3], k > 3), 3), k=1, 7)], &
+         mistaken = [(signs(:, k)*g(merge([2, 1, 3], [1, 2, 3], k > 3), 3), k=1, 7)]
+         directions = reshape([g(:, 3), g(3, :), g(:, 1), g(:, 2), g(:, [3, 3, 3]), mistaken, &
             & spread(g(:, 3), 2, 7)], [3, size(readings)])
          do k = 1, size(readings)
             call evaluate_harmonics(harmonics, directions(:, k), rows(i, :, k - 1))
          end do
       end do
-      ! Tests of a grain may lie in several: the mean of their moduli is that of their harmonics.
-      if (allocated(misread)) rows(:, :, of_map:) = 0.0_wp
-      do i = 1, merge(size(grain), 0, allocated(misread))
-         do k = of_map, ubound(readings, 1)
-            call evaluate_harmonics(harmonics, misread(:, i, k - of_map + 1), values)
-            rows(grain(i), :, k) = rows(grain(i), :, k) + values/count(grain == grain(i))
+      ! Average over the tests of a grain, which may lie in several grains of the map: the mean of
+      ! their moduli is that of their harmonics.
+      if (allocated(misread)) then
+         rows(:, :, of_map:) = 0.0_wp
+         do i = 1, size(grain)
+            do k = of_map, ubound(readings, 1)
+               call evaluate_harmonics(harmonics, misread(:, i, k - of_map + 1), values)
+               rows(grain(i), :, k) = rows(grain(i), :, k) + values/count(grain == grain(i))
+            end do
          end do
-      end do
+      end if
       rows(:, :, 4:6) = reshape([rows(n:1:-1, :, 0), cshift(rows(:, :, 0), -1), &
          & cshift(rows(:, :, 0), 1)], [n, harmonics%n, 3])
-      ! What the crystal leaves: it bends more than the harmonics do.
+      ! Fit the residuals of the crystal, whose moduli bend more than the harmonics do.
       fit%values = (posterior%data%modulus(:n) - model(:n))/fit%scales
-      call fit%to_rows(rows(:, :, 0))
+      call fit%fit_harmonics(rows(:, :, 0))
       check%chi_square = fit%chi_square
-      ! A harmonic that the grains do not tell from those before it has the pivot 1.
-      check%freedom = n - count([(fit%l(i, i) > seen, i=1, harmonics%n)])
+      check%freedom = n - count([(fit%l(i, i) > least_pivot, i=1, harmonics%n)])
       check%p = chi_square_above(check%chi_square, check%freedom)
-      ! With sds that were fitted chi-square says nothing.
+      ! If the sds are fitted, chi-square is not a test.
       if (posterior%infers_scale) check%p = nan
-      far = 5.0_wp
-      if (check%p < rare) call find_outliers(fit, rows(:, :, 0), far, check)
-      straight = fit
-      straight%values = (posterior%data%modulus(:n) - sum(posterior%data%modulus(:n))/n)/fit%scales
+      threshold = 5.0_wp
+      if (check%p < rare) call find_outliers(fit, rows(:, :, 0), threshold, check)
+      about_mean = fit
+      associate (moduli => posterior%data%modulus(:n))
+         about_mean%values = (moduli - sum(moduli)/n)/fit%scales
+      end associate
       if (check%p < rare .and. size(check%outliers) == 0) then
-         ! A bad value may have bent the crystal so far that no grains agree about it: once more
-         ! about one modulus.
-         call straight%to_rows(rows(:, :, 0))
-         call find_outliers(straight, rows(:, :, 0), far, check)
-         fit%weights = straight%weights
+         ! A bad value may have bent the crystal so far that no grains agree with it. Search again,
+         ! about a constant modulus.
+         call about_mean%fit_harmonics(rows(:, :, 0))
+         call find_outliers(about_mean, rows(:, :, 0), threshold, check)
+         fit%weights = about_mean%weights
       end if
-      if (harmonics%n > 1) call try_shuffles(straight, rows, check)
-      if (check%is_noticed() .or. size(check%outliers) > 0) return
-      ! Now the orientations are above suspicion: as far as one grain of so many is by chance.
-      do while (n*erfc((far - 0.1_wp)/sqrt(2.0_wp)) < rare)
-         far = far - 0.1_wp
+      if (harmonics%n > 1) call try_shuffles(about_mean, rows, check)
+      if (check%is_detected() .or. size(check%outliers) > 0) return
+      ! The orientations are not blamed. Lower the threshold as far as one grain of so many reaches
+      ! it by chance with the probability `rare`.
+      do while (n*erfc((threshold - 0.1_wp)/sqrt(2.0_wp)) < rare)
+         threshold = threshold - 0.1_wp
       end do
-      call find_outliers(fit, rows(:, :, 0), far, check)
+      call find_outliers(fit, rows(:, :, 0), threshold, check)
    end subroutine check_orientations
 
-   !> Leave out the worst grain, then the next, while one is `far` off. If the others agree then,
-   !> these are the outliers.
-   subroutine find_outliers(fit, rows, far, check)
+   !> Leave out the worst grain, then the next, while one is beyond the threshold. They are the
+   !> outliers if the others agree without them.
+   subroutine find_outliers(fit, rows, threshold, check)
       type(fit_type), intent(inout) :: fit
-      !> (grain, harmonic); sds.
-      real(wp), intent(in) :: rows(:, :), far
+      !> (grain, harmonic); least distance of an outlier, sds.
+      real(wp), intent(in) :: rows(:, :), threshold
       type(orientation_check_type), intent(inout) :: check
       real(wp), allocatable :: distances(:)
       integer :: i, n
@@ -190,12 +199,12 @@ contains
       do
          distances = [(distance(i), i=1, n)]
          i = maxloc(fit%weights*abs(distances), dim=1)
-         if (fit%weights(i)*abs(distances(i)) < far) exit
+         if (fit%weights(i)*abs(distances(i)) < threshold) exit
          if (size(check%outliers) >= max(1, min(20, n/10)) .or. check%freedom == 1) exit
          check%outliers = [check%outliers, i]
          check%freedom = check%freedom - 1
          fit%weights(i) = 0.0_wp
-         call fit%to_rows(rows)
+         call fit%fit_harmonics(rows)
       end do
       check%distances = distances(check%outliers)
       if (chi_square_above(fit%chi_square, check%freedom) > rare) return
@@ -203,66 +212,67 @@ contains
       check%outliers = check%outliers(:0)
       check%distances = check%distances(:0)
       fit%weights = 1.0_wp
-      call fit%to_rows(rows)
+      call fit%fit_harmonics(rows)
 
    contains
 
-      !> From what the others predict, its own weight taken out.
+      !> Distance of a grain from the prediction of the others: its own weight is taken out.
       real(wp) function distance(i)
          integer, intent(in) :: i
          real(wp) :: z(size(fit%b))
 
          z = fit%columns(i, :)
          call solve_lower(fit%l, z)
-         distance = (fit%values(i) - sum(fit%columns(i, :)*fit%b))/sqrt(max(epsilon(far), &
+         distance = (fit%values(i) - sum(fit%columns(i, :)*fit%b))/sqrt(max(epsilon(threshold), &
             & 1.0_wp + (1.0_wp - 2.0_wp*fit%weights(i))*sum(z**2)))
       end function distance
    end subroutine find_outliers
 
-   !> Fit measurements to the orientations of other grains, at random, and to those of other
+   !> Fit the measurements to the orientations of other grains, at random, and to those of other
    !> readings of the table.
    subroutine try_shuffles(fit, rows, check)
-      !> About one modulus.
+      !> Fit about a constant modulus.
       type(fit_type), intent(in) :: fit
       !> (grain, harmonic, reading).
       real(wp), intent(in) :: rows(:, :, 0:)
       type(orientation_check_type), intent(inout) :: check
-      !> Shuffles, and of many grains multiplications in all.
+      !> Number of shuffles. For many grains it is lower, so that all fits together take about this
+      !> number of multiplications (a second).
       real(wp), parameter :: most = 999.0_wp, fewest = 99.0_wp, multiplications = 2.0e8_wp
-      !> By how much chi-square is lower: chance does this to right orientations once in exp(6)
-      !> readings at most.
-      real(wp), parameter :: clearly = 12.0_wp
+      !> Least decrease of chi-square of a better reading. Chance reaches it for right orientations
+      !> once in exp(6) readings at most.
+      real(wp), parameter :: least_decrease = 12.0_wp
       type(fit_type) :: other
       type(random_stream_type) :: stream
-      real(wp) :: here, best
-      !> Of the shuffles, chi-square.
-      real(wp), allocatable :: found(:)
+      real(wp) :: as_it_is, best
+      !> Chi-square of each shuffle, (shuffle).
+      real(wp), allocatable :: shuffled(:)
       integer :: order(size(rows, 1)), i, j, k, shuffles
 
       other = fit
-      call other%to_rows(rows(:, :1, 0))
+      call other%fit_harmonics(rows(:, :1, 0))
       check%constant = other%chi_square
-      call other%to_rows(rows(:, :, 0))
-      here = other%chi_square
+      call other%fit_harmonics(rows(:, :, 0))
+      as_it_is = other%chi_square
       shuffles = int(max(fewest, min(most, multiplications/size(other%columns)/size(other%b))))
       stream = new_random_stream(0, stream_number)
       order = [(i, i=1, size(order))]
-      allocate (found(shuffles))
+      allocate (shuffled(shuffles))
       do k = 1, shuffles
          do i = size(order), 2, -1
             call stream%pick(i, j)
             order([i, j]) = order([j, i])
          end do
-         call other%to_rows(rows(order, :, 0))
-         found(k) = other%chi_square
+         call other%fit_harmonics(rows(order, :, 0))
+         shuffled(k) = other%chi_square
       end do
-      check%p_shuffled = (1.0_wp + count(found <= here))/(shuffles + 1)
-      check%power = real(count([(chi_square_above(found(k), check%freedom) < rare, k=1, &
+      check%p_shuffled = (1.0_wp + count(shuffled <= as_it_is))/(shuffles + 1)
+      check%power = real(count([(chi_square_above(shuffled(k), check%freedom) < rare, k=1, &
          & shuffles)]), wp)/shuffles + 0.0_wp*check%p
       if (.not. check%p >= 0.0_wp) return
-      best = min(here - clearly, minval(found))
+      best = min(as_it_is - least_decrease, minval(shuffled))
       do k = 1, ubound(readings, 1)
-         call other%to_rows(rows(:, :, k))
+         call other%fit_harmonics(rows(:, :, k))
          if (other%chi_square >= best &
             & .or. chi_square_above(other%chi_square, check%freedom) < rare) then
             cycle

@@ -1,14 +1,15 @@
-!> How the results lean on the prior: what they would be with each of its limits moved by a tenth,
-!> and with its other measure.
+!> Sensitivity of the results to the prior: how they change if each limit of the prior moves by a
+!> tenth, and if the prior is uniform in the other coordinates.
 !>
-!> A limit that moves in takes draws away, and another measure weights them: both are exact but for
-!> the number of draws. What a limit that moves out lets in was not drawn: it is estimated from what
-!> is within. A parabola is fitted to the logarithm of the density over three times the distance and
-!> continued, and means go on along the line of those of two strips: both hold for a normal
-!> distribution.
+!> A limit that moves inwards removes draws, and other coordinates weight them. Both results are
+!> exact up to the number of draws. A limit that moves outwards admits crystals that were not drawn,
+!> so the result is extrapolated from the draws. A parabola is fitted to the logarithm of the
+!> density over three times the distance, and means continue along the line through those of two
+!> strips. Both are exact for a normal distribution.
 !>
-!> The limits are those of the support of a posterior, stated ones and those of the surrogate's
-!> domain, each in the coordinate that it limits; and where the draws end at one is said, too.
+!> The limits are those of the support of a posterior: stated ones and those of the surrogate's
+!> domain, each in the coordinate that it limits. The module also finds the limits that truncate the
+!> posterior.
 module prior_sensitivity
    use constants_posterior, only: posterior_type
    use constants_prior, only: least_width, prior_type, relative_width
@@ -21,56 +22,55 @@ module prior_sensitivity
    private
    public :: change_type, measure_sensitivity, limit_type, list_limits, is_truncated
 
-   !> What another prior would have said.
+   !> Results with another prior.
    type :: change_type
-      !> What is limited, see `limit_type`; or 'measure'.
+      !> Name of the coordinate that is limited, see `limit_type`, or 'measure'.
       character(len=26) :: name = ''
       logical :: is_upper = .false.
-      !> The limit, GPa or 1, and where it is put.
+      !> The limit, GPa or 1, and its new value.
       real(wp) :: from = 0.0_wp, to = 0.0_wp
-      !> Whether nothing was estimated beyond what was drawn.
+      !> Whether the result needs no extrapolation.
       logical :: exact = .true.
-      !> How many draws are left, by their weights.
+      !> Effective number of the weighted draws.
       real(wp) :: effective = 0.0_wp
-      !> Of each parameter the shift of its mean in sds, and its sd in sds; NaN where too few draws
-      !> are left.
+      !> Shift of the mean and new sd of each parameter, in sds. NaN if too few draws remain.
       real(wp), allocatable :: shift(:), sd_ratio(:)
    end type change_type
 
-   !> Share of its value by which a limit moves, but no more than the second of the interval; and
-   !> draws that say something.
+   !> Part of its value by which a limit moves, and the greatest part of the interval; least
+   !> effective number of draws, for means with an error of 0.1 sd.
    real(wp), parameter :: relative_step = 0.1_wp, greatest_step = 0.25_wp
    integer, parameter :: least_draws = 100
-   !> Poisson's ratio of what is incompressible.
+   !> Poisson's ratio of an incompressible solid.
    real(wp), parameter :: greatest_poisson = 0.5_wp
 
-   !> What is not within is no limit.
-   real(wp), parameter :: no_limit = 1.0e6_wp
+   !> A limit beyond this counts as absent.
+   real(wp), parameter :: absent = 1.0e6_wp
 
    type :: limit_type
-      !> A constant or 'anisotropy_cap' of &prior; or of the surrogate's domain, 'domain.C11' or the
-      !> variables of &domain.
+      !> A constant or 'anisotropy_cap' of &prior; for the surrogate's domain, 'domain.C11' or a
+      !> variable of &domain with this prefix.
       character(len=26) :: name = ''
-      !> By the user: a posterior that ends there is what was asked for.
+      !> Whether the user stated the limit. A posterior that it truncates is then intended.
       logical :: stated = .false.
-      !> The lower and the upper, in the unit of the coordinate.
-      real(wp) :: range(2) = [-no_limit, no_limit]
-      !> The coordinate, (draw).
+      !> Lower and upper limit, in the unit of the coordinate.
+      real(wp) :: range(2) = [-absent, absent]
+      !> The coordinate of the draws, (draw).
       real(wp), allocatable :: values(:)
-      !> Whether the draws end at it, and the share of the draws in the outermost twentieth of their
-      !> range, at each side.
+      !> At each side, whether the limit truncates the draws, and the share of the draws in the
+      !> outermost twentieth of their range.
       logical :: truncates(2) = .false.
       real(wp) :: share(2) = 0.0_wp
    end type limit_type
 
 contains
 
-   !> Every limit that there is moved in and out; and the other measure, where the prior is uniform.
+   !> Move every limit in and out, and change the coordinates of a prior that is uniform.
    subroutine measure_sensitivity(posterior, draws, limits, changes)
       type(posterior_type), intent(in) :: posterior
       !> (parameter, draw).
       real(wp), intent(in) :: draws(:, :)
-      !> Of these draws.
+      !> Limits with the coordinates of these draws.
       type(limit_type), intent(in) :: limits(:)
       type(change_type), allocatable, intent(out) :: changes(:)
       real(wp) :: log_weights(size(draws, 2)), mean(size(draws, 1)), sd(size(draws, 1))
@@ -97,39 +97,39 @@ contains
          & exp(log_weights - maxval(log_weights)), changes)
    end subroutine measure_sensitivity
 
-   !> Both limits of a coordinate, where they are any, in and out.
-   subroutine move_limits(draws, about, changes)
-      !> Less their means, over their sds, (parameter, draw).
+   !> Move both limits of a coordinate, as far as they exist, in and out.
+   subroutine move_limits(draws, limited, changes)
+      !> Draws less their means and divided by their sds, (parameter, draw).
       real(wp), intent(in) :: draws(:, :)
-      type(limit_type), intent(in) :: about
+      type(limit_type), intent(in) :: limited
       type(change_type), allocatable, intent(inout) :: changes(:)
       real(wp) :: limit, inwards, step, distance(size(draws, 2))
       integer :: side
 
       do side = 1, 2
-         limit = about%range(side)
-         if (.not. abs(limit) < no_limit) cycle
+         limit = limited%range(side)
+         if (.not. abs(limit) < absent) cycle
          inwards = merge(1.0_wp, -1.0_wp, side == 1)
-         step = min(relative_step*abs(limit), greatest_step*(about%range(2) - about%range(1)))
+         step = min(relative_step*abs(limit), greatest_step*(limited%range(2) - limited%range(1)))
          if (.not. step > 0.0_wp) cycle
-         distance = inwards*(about%values - limit)
-         call add_change(draws, change_type(about%name, side == 2, limit, limit + inwards*step), &
+         distance = inwards*(limited%values - limit)
+         call add_change(draws, change_type(limited%name, side == 2, limit, limit + inwards*step), &
             & merge(1.0_wp, 0.0_wp, distance >= step), changes)
-         if (side == 2 .and. about%name == 'domain.poisson') then
+         if (side == 2 .and. limited%name == 'domain.poisson') then
             step = min(step, greatest_poisson - limit)
          end if
-         call add_beyond(draws, change_type(about%name, side == 2, limit, limit - inwards*step, &
+         call add_beyond(draws, change_type(limited%name, side == 2, limit, limit - inwards*step, &
             & exact=.false.), distance, step, changes)
       end do
    end subroutine move_limits
 
-   !> The draws with weights.
+   !> Add the change that weights of the draws make.
    subroutine add_change(draws, about, weights, changes)
       !> See `move_limits`.
       real(wp), intent(in) :: draws(:, :)
-      !> What is changed.
+      !> What is changed; its results are not set.
       type(change_type), intent(in) :: about
-      !> (draw).
+      !> Weight of each draw, (draw).
       real(wp), intent(in) :: weights(:)
       type(change_type), allocatable, intent(inout) :: changes(:)
       real(wp), dimension(size(draws, 1)) :: mean, sd
@@ -138,47 +138,48 @@ contains
       call add_moments(about, sum(weights)**2/max(tiny(1.0_wp), sum(weights**2)), mean, sd, changes)
    end subroutine add_change
 
-   !> The draws and those that a limit which moves by `step` lets in.
+   !> Add the change by the crystals that a limit admits when it moves outwards by `step`.
    subroutine add_beyond(draws, about, distance, step, changes)
       !> See `move_limits`.
       real(wp), intent(in) :: draws(:, :)
       type(change_type), intent(in) :: about
-      !> From the limit, (draw), and by how much it moves.
+      !> Distance of the draws from the limit, (draw), and the step of the limit.
       real(wp), intent(in) :: distance(:), step
       type(change_type), allocatable, intent(inout) :: changes(:)
-      !> The most that is let in, in what the strip next to it has, and draws of a strip that say
-      !> something.
+      !> Greatest number of admitted draws, relative to the strip next to the limit: it bounds the
+      !> extrapolation.
       real(wp), parameter :: greatest_growth = 1.5_wp
+      !> Least number of draws in a strip, for a mean with an error of 0.2 sd.
       integer, parameter :: least_in_strip = 20
-      real(wp), dimension(size(draws, 1)) :: mean, sd, near_mean, near_sd, far_mean, far_sd
-      real(wp) :: near(size(distance)), far(size(distance)), beyond
+      real(wp), dimension(size(draws, 1)) :: mean, sd, inner_mean, inner_sd, outer_mean, outer_sd
+      real(wp) :: inner(size(distance)), outer(size(distance)), admitted
 
-      near = merge(1.0_wp, 0.0_wp, distance <= step)
-      far = merge(1.0_wp, 0.0_wp, distance > step .and. distance <= 2.0_wp*step)
+      inner = merge(1.0_wp, 0.0_wp, distance <= step)
+      outer = merge(1.0_wp, 0.0_wp, distance > step .and. distance <= 2.0_wp*step)
       mean = 0.0_wp
       sd = 1.0_wp
-      call moments(draws, near_mean, near_sd, near)
-      call moments(draws, far_mean, far_sd, far)
-      if (sum(near) >= least_in_strip) then
-         beyond = min(greatest_growth*sum(near), continued(distance/step))/size(near)
-         if (sum(far) >= least_in_strip) near_mean = 2.0_wp*near_mean - far_mean
-         sd = sqrt((1.0_wp + beyond*near_sd**2 + beyond/(1.0_wp + beyond)*near_mean**2) &
-            & /(1.0_wp + beyond))
-         mean = beyond*near_mean/(1.0_wp + beyond)
+      call moments(draws, inner_mean, inner_sd, inner)
+      call moments(draws, outer_mean, outer_sd, outer)
+      if (sum(inner) >= least_in_strip) then
+         admitted = min(greatest_growth*sum(inner), extrapolated(distance/step))/size(inner)
+         if (sum(outer) >= least_in_strip) inner_mean = 2.0_wp*inner_mean - outer_mean
+         sd = sqrt((1.0_wp + admitted*inner_sd**2 + admitted/(1.0_wp + admitted)*inner_mean**2) &
+            & /(1.0_wp + admitted))
+         mean = admitted*inner_mean/(1.0_wp + admitted)
       end if
       call add_moments(about, real(size(distance), wp), mean, sd, changes)
    end subroutine add_beyond
 
-   !> How many draws would lie between -1 and 0, of those that lie between 0 and 3.
-   real(wp) function continued(t)
-      !> (draw).
+   !> Extrapolated number of draws between -1 and 0, from those between 0 and 3.
+   real(wp) function extrapolated(t)
+      !> Distances from the limit in steps, (draw).
       real(wp), intent(in) :: t(:)
       integer, parameter :: bins_per_unit = 4, bins = 3*bins_per_unit, least = 5
       integer :: i, k
       real(wp), parameter :: place(bins) = [((k - 0.5_wp)/bins_per_unit, k=1, bins)]
-      !> 1, the place and its square.
-      real(wp), parameter :: terms(bins, &
-         & 3) = reshape([spread(1.0_wp, 1, bins), place, place**2], [bins, 3])
+      !> Terms of the parabola: 1, the place of a bin and its square.
+      real(wp), parameter :: terms(bins, 3) = reshape([spread(1.0_wp, 1, bins), place, &
+         & place**2], [bins, 3])
       real(wp) :: counts(bins), weighted(bins, 3), normal(3, 3), right(3, 1)
       type(error_type), allocatable :: error
 
@@ -187,24 +188,24 @@ contains
          k = 1 + int(bins_per_unit*min(3.0_wp, max(0.0_wp, t(i))))
          if (k <= bins) counts(k) = counts(k) + 1.0_wp
       end do
-      continued = counts(1)*bins_per_unit
+      extrapolated = counts(1)*bins_per_unit
       where (counts < least) counts = 0.0_wp
       weighted = terms*spread(counts, 2, 3)
       normal = matmul(transpose(weighted), terms)
       right(:, 1) = matmul(transpose(weighted), log(max(1.0_wp, counts)))
-      ! Draws in a few bins alone have no parabola.
+      ! A parabola needs more than its three bins.
       if (count(counts > 0.0_wp) < 4) return
       call cholesky_factor(normal, error)
       if (allocated(error)) return
       call cholesky_solve(normal, right)
       right(2:, 1) = [-right(2, 1), min(0.0_wp, right(3, 1))]
-      continued = sum(exp(min(100.0_wp, matmul(terms(:bins_per_unit, :), right(:, 1)))))
-   end function continued
+      extrapolated = sum(exp(min(100.0_wp, matmul(terms(:bins_per_unit, :), right(:, 1)))))
+   end function extrapolated
 
-   !> Add a change from the moments that the draws have with it.
+   !> Add a change, given the moments of the draws with it.
    pure subroutine add_moments(about, effective, mean, sd, changes)
       type(change_type), intent(in) :: about
-      !> Draws that are left; mean and sd of each parameter, in sds.
+      !> Effective number of draws; mean and sd of each parameter, in sds.
       real(wp), intent(in) :: effective, mean(:), sd(:)
       type(change_type), allocatable, intent(inout) :: changes(:)
       type(change_type) :: change
@@ -218,76 +219,78 @@ contains
       changes = [changes, change]
    end subroutine add_moments
 
-   !> Every coordinate with a limit.
+   !> List every coordinate that has a limit.
    function list_limits(prior, draws) result(limits)
       type(prior_type), intent(in) :: prior
-      !> (parameter, draw), the first parameters constants.
+      !> (parameter, draw); the first parameters are the constants, GPa.
       real(wp), intent(in) :: draws(:, :)
       type(limit_type), allocatable :: limits(:)
-      real(wp) :: means(3, size(draws, 2)), index(size(draws, 2)), c(6, 6)
+      real(wp) :: means(3, size(draws, 2)), anisotropy(size(draws, 2)), range(2), c(6, 6)
       integer :: i, j
 
       do i = 1, size(draws, 2)
          c = prior%class%stiffness(draws(:prior%n_constants, i))
          call logarithmic_mean(c, means(1, i), means(2, i), means(3, i))
-         index(i) = anisotropy_index(c)
+         anisotropy(i) = anisotropy_index(c)
       end do
       allocate (limits(0))
       associate (domain => prior%domain)
          do j = 1, prior%n_constants
-            call add(prior%class%constants(j), .true., [prior%lower(j), prior%upper(j)], &
+            call add_limit(prior%class%constants(j), .true., [prior%lower(j), prior%upper(j)], &
                & draws(j, :))
             if (size(domain%lower) > 0) then
-               call add('domain.'//prior%class%constants(j), .false., &
-                  & [merge(domain%lower(j), -no_limit, domain%lower(j) > prior%lower(j)), &
-                  & merge(domain%upper(j), no_limit, domain%upper(j) < prior%upper(j))], &
-                  & draws(j, :))
+               range = [domain%lower(j), domain%upper(j)]
+               if (.not. range(1) > prior%lower(j)) range(1) = -absent
+               if (.not. range(2) < prior%upper(j)) range(2) = absent
+               call add_limit('domain.'//prior%class%constants(j), .false., range, draws(j, :))
             end if
          end do
-         call add('anisotropy_cap', .true., [-no_limit, prior%anisotropy_cap], index)
+         call add_limit('anisotropy_cap', .true., [-absent, prior%anisotropy_cap], anisotropy)
          if (domain%anisotropy_cap < prior%anisotropy_cap) then
-            call add('domain.anisotropy_cap', .false., [-no_limit, domain%anisotropy_cap], index)
+            call add_limit('domain.anisotropy_cap', .false., [-absent, domain%anisotropy_cap], &
+               & anisotropy)
          end if
-         if (size(domain%lower) == 0 .and. domain%log_anisotropy_max < no_limit) then
-            call add('domain.log_anisotropy_max', .false., [-no_limit, domain%log_anisotropy_max], &
-               & means(2, :))
-            call add('domain.poisson', .false., domain%poisson, means(1, :))
+         if (size(domain%lower) == 0 .and. domain%log_anisotropy_max < absent) then
+            call add_limit('domain.log_anisotropy_max', .false., &
+               & [-absent, domain%log_anisotropy_max], means(2, :))
+            call add_limit('domain.poisson', .false., domain%poisson, means(1, :))
             if (domain%has_scale()) then
-               call add('domain.stiffness_gpa', .false., domain%stiffness, means(3, :))
+               call add_limit('domain.stiffness_gpa', .false., domain%stiffness, means(3, :))
             end if
          end if
       end associate
 
    contains
 
-      subroutine add(name, stated, range, values)
+      !> Add a coordinate, unless both limits are absent or fix a constant, where every draw is at
+      !> both.
+      subroutine add_limit(name, stated, range, values)
          character(len=*), intent(in) :: name
          logical, intent(in) :: stated
          real(wp), intent(in) :: range(2), values(:)
-         type(limit_type) :: one
+         type(limit_type) :: limit
 
-         ! No limits, or bounds that fix a constant, where every draw is at both.
-         if (all(abs(range) >= no_limit) &
+         if (all(abs(range) >= absent) &
             & .or. range(2) - range(1) < 2.1_wp*max(least_width, relative_width*abs(range(1)))) then
             return
          end if
-         one = limit_type(name, stated, range)
+         limit = limit_type(name, stated, range)
          ! In the constructor gfortran 12 ignores the stride of a section.
-         one%values = values
-         call find_end(one, 1)
-         call find_end(one, 2)
-         limits = [limits, one]
-      end subroutine add
+         limit%values = values
+         call find_truncation(limit, 1)
+         call find_truncation(limit, 2)
+         limits = [limits, limit]
+      end subroutine add_limit
    end function list_limits
 
-   !> Whether the draws end at the lower (1) or the upper (2) limit: in the outermost of twenty
-   !> equal parts of their range, which reaches the limit, their density has not fallen to a third
-   !> of its maximum.
-   subroutine find_end(limit, side)
+   !> Find whether the lower (1) or the upper (2) limit truncates the draws. Their range is divided
+   !> into twenty equal parts. The limit truncates them if the outermost part reaches it, with a
+   !> density above a third of the maximum.
+   subroutine find_truncation(limit, side)
       type(limit_type), intent(inout) :: limit
       integer, intent(in) :: side
       integer, parameter :: parts = 20
-      real(wp), parameter :: fallen = 1.0_wp/3.0_wp
+      real(wp), parameter :: least_density = 1.0_wp/3.0_wp
       integer :: counts(parts), i, k
       real(wp) :: inwards, low, width
       real(wp), allocatable :: x(:)
@@ -296,7 +299,7 @@ contains
       x = inwards*limit%values
       low = minval(x)
       width = (maxval(x) - low)/parts
-      if (abs(limit%range(side)) >= no_limit .or. .not. width > 0.0_wp) return
+      if (abs(limit%range(side)) >= absent .or. .not. width > 0.0_wp) return
       counts = 0
       do i = 1, size(x)
          k = min(parts, 1 + int((x(i) - low)/width))
@@ -304,15 +307,16 @@ contains
       end do
       limit%share(side) = real(counts(1), wp)/size(x)
       limit%truncates(side) = low - inwards*limit%range(side) < width &
-         & .and. counts(1) > fallen*maxval(counts)
-   end subroutine find_end
+         & .and. counts(1) > least_density*maxval(counts)
+   end subroutine find_truncation
 
-   !> Whether a limit that nobody stated ends the draws.
+   !> Whether a limit that the user did not state truncates the draws.
    pure logical function is_truncated(limits)
       type(limit_type), intent(in) :: limits(:)
       integer :: i
 
-      is_truncated = any([(.not. limits(i)%stated .and. any(limits(i)%truncates), i=1, size(limits))])
+      is_truncated = any([(.not. limits(i)%stated .and. any(limits(i)%truncates), i=1, &
+         & size(limits))])
    end function is_truncated
 
 end module prior_sensitivity

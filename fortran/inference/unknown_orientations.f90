@@ -1,11 +1,11 @@
-!> Measurements in grains of unknown orientation: the density of each is its mean over all
-!> directions.
+!> Likelihood of measurements in grains of unknown orientation: the density of each is its mean over
+!> all directions.
 !>
-!> Errors that measurements share are integrated numerically, since given them the measurements are
-!> independent. In the basis in which these errors are independent and their effects orthogonal, of
-!> root sum of squares s in sds of the measurements, the integrand is a sum of normal densities of
-!> width (1 + s²)^(-1/2) or more: the trapezoidal rule with a step of 1.4 widths errs by 1e-4 of
-!> each.
+!> Errors that measurements share are integrated numerically, since the measurements are independent
+!> given these errors. Consider the basis in which the errors are independent and their effects
+!> orthogonal, with a root sum of squares s in sds of the measurements. There the integrand is a sum
+!> of normal densities of width (1 + s²)^(-1/2) or more. The trapezoidal rule with a step of 1.4
+!> widths has an error of 1e-4 of each.
 !>
 !> Diagnostics and predictions use the mean and the variance of the moduli over all directions, see
 !> `evaluate_grains`.
@@ -19,21 +19,24 @@ module unknown_orientations
    private
    public :: unknown_orientations_type
 
-   !> Integration over shared errors: s that is left out, step in widths, reach in sds.
-   real(wp), parameter :: negligible = 0.05_wp, step = 1.4_wp, reach = 4.5_wp
+   !> Integration over shared errors: greatest s that is left out, step in widths of the integrand,
+   !> half the range in sds.
+   real(wp), parameter :: negligible = 0.05_wp, step = 1.4_wp, half_range = 4.5_wp
    integer, parameter :: most_nodes = 1000
-   !> Moduli of all directions are gathered in bins of this part of the smallest sd, or in so many
-   !> wider ones.
-   real(wp), parameter :: bin = 0.25_wp, most_bins = 500.0_wp
+   !> The moduli of all directions are gathered in bins of this width, as a part of the smallest sd,
+   !> or in this number of wider ones.
+   real(wp), parameter :: bin_width = 0.25_wp, most_bins = 500.0_wp
 
    type :: unknown_orientations_type
-      !> Of each direction, (direction); measurements and sds of their own errors, (measurement);
-      !> the relative sd of grains as such.
-      real(wp), allocatable :: probability(:), measured(:), sd(:)
+      !> Probability of each direction, (direction).
+      real(wp), allocatable :: probability(:)
+      !> Measurements and the sds of their own errors, (measurement).
+      real(wp), allocatable :: measured(:), sd(:)
+      !> Relative sd of differences between grains.
       real(wp) :: scatter_sd = 0.0_wp
       type(observable_type) :: observable
-      !> Shared errors at the nodes of integration as parts of a modulus, (measurement, node), and
-      !> logarithms of the weights.
+      !> Shared errors at the nodes of integration, relative to a modulus, (measurement, node), and
+      !> logarithms of the weights, (node).
       real(wp), allocatable :: relative(:, :), log_weight(:)
    contains
       procedure :: set_nodes, log_likelihood
@@ -41,10 +44,10 @@ module unknown_orientations
 
 contains
 
-   !> Place the nodes of integration; refused if there are too many.
+   !> Place the nodes of integration; refuse if there are too many.
    subroutine set_nodes(self, relative, error)
       class(unknown_orientations_type), intent(inout) :: self
-      !> Relative shared errors of sd 1, (measurement, error).
+      !> Effect of one sd of each shared error relative to a modulus, (measurement, error).
       real(wp), intent(in) :: relative(:, :)
       type(error_type), allocatable, intent(out) :: error
       real(wp) :: scaled(size(relative, 1), size(relative, 2)), &
@@ -62,7 +65,7 @@ contains
       do j = 1, size(squares)
          if (squares(j) < negligible**2) cycle
          width = step/sqrt(1.0_wp + squares(j))
-         z = [(width*i, i=-ceiling(reach/width), ceiling(reach/width))]
+         z = [(width*i, i=-ceiling(half_range/width), ceiling(half_range/width))]
          m = size(self%log_weight)
          if (m*size(z) > most_nodes) then
             call refuse(error, 'the errors that grains of unknown orientation share need ' &
@@ -77,26 +80,26 @@ contains
       self%log_weight = self%log_weight - log_of_sum(self%log_weight)
    end subroutine set_nodes
 
-   !> What would be measured, from the moduli of all directions: each is shared between the two
-   !> nearest of equidistant ones. The mean stays, and the variance that this adds is taken off
-   !> again.
-   pure subroutine gather(self, moduli, value, variance, probability)
+   !> Bin the moduli of all directions, converted to the kind that was measured. Each modulus is
+   !> shared between the two nearest of equidistant values. This keeps the mean, and the variance
+   !> that it adds is subtracted.
+   pure subroutine bin_moduli(self, moduli, value, variance, probability)
       class(unknown_orientations_type), intent(in) :: self
       !> GPa, (direction).
       real(wp), intent(in) :: moduli(:)
-      !> In the unit of the measurements and its square, (bin).
+      !> Value and variance in the unit of the measurements and its square, and probability, (bin).
       real(wp), allocatable, intent(out) :: value(:), variance(:), probability(:)
       real(wp), allocatable :: slope(:)
       real(wp) :: low, width, share
       integer :: bins, i, j
 
       low = minval(moduli)
-      width = max(bin*minval(self%sd), (maxval(moduli) - low)/most_bins)
+      width = max(bin_width*minval(self%sd), (maxval(moduli) - low)/most_bins)
       bins = 2 + int(min(most_bins, (maxval(moduli) - low)/width))
       allocate (probability(bins), source=0.0_wp)
       do i = 1, size(moduli)
          share = (moduli(i) - low)/width
-         ! A crystal of the prior may have moduli that are no numbers.
+         ! A crystal of the prior may have moduli that are not numbers.
          j = max(1, min(bins - 1, 1 + int(share)))
          share = share - (j - 1)
          probability(j:j + 1) = probability(j:j + 1) + self%probability(i)*[1.0_wp - share, share]
@@ -106,26 +109,27 @@ contains
       slope = spread(1.0_wp, 1, bins)
       call self%observable%to_measured(value, slope)
       variance = variance*slope**2
-   end subroutine gather
+   end subroutine bin_moduli
 
    !> Logarithm of the density of all measurements, normalised.
    pure real(wp) function log_likelihood(self, moduli)
       class(unknown_orientations_type), intent(in) :: self
-      !> Of all directions, GPa.
+      !> Moduli of all directions, GPa, (direction).
       real(wp), intent(in) :: moduli(:)
-      real(wp), allocatable :: value(:), variance(:), probability(:), scale(:), half(:), density(:)
+      real(wp), allocatable, dimension(:) :: value, variance, probability, scale, misfit, &
+         & density
       real(wp) :: joint(size(self%log_weight))
       integer :: i, q
 
-      call gather(self, moduli, value, variance, probability)
+      call bin_moduli(self, moduli, value, variance, probability)
       density = value
       joint = self%log_weight - 0.5_wp*size(self%measured)*log(2.0_wp*pi)
       do i = 1, size(self%measured)
          scale = sqrt(max(0.5_wp*self%sd(i)**2, self%sd(i)**2 + variance))
          do q = 1, size(joint)
-            half = 0.5_wp*((self%measured(i) - value*(1.0_wp + self%relative(i, q)))/scale)**2
-            call exp_all(minval(half) - half, density)
-            joint(q) = joint(q) + log(sum(density*probability/scale)) - minval(half)
+            misfit = 0.5_wp*((self%measured(i) - value*(1.0_wp + self%relative(i, q)))/scale)**2
+            call exp_all(minval(misfit) - misfit, density)
+            joint(q) = joint(q) + log(sum(density*probability/scale)) - minval(misfit)
          end do
       end do
       log_likelihood = log_of_sum(joint)

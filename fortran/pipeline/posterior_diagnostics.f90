@@ -290,8 +290,8 @@ contains
 
       associate (check => found%orientations, &
          & likelihood => problem%settings%measurements%likelihood)
-         blamed = check%is_noticed() .or. size(check%outliers) > 0
-         if (check%is_noticed()) then
+         blamed = check%is_detected() .or. size(check%outliers) > 0
+         if (check%is_detected()) then
             if (check%better_reading == 0) then
                call warn(warnings, misread_text(found, 'Check the order of the rows, whether the ' &
                   & //'map is flipped, and the convention of the angles (Bunge, from sample to ' &
