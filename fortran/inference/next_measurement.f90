@@ -206,8 +206,8 @@ contains
             call stream%normal(z)
             ! The truths are spread evenly over the draws, and are the same in every round.
             measured = candidates%predicted(1 + int((r - 0.5_wp)/size(weights, 2)*draws), c) + sd*z
-            weights(:, r) = weights(:, r) &
-               & *exp(-0.5_wp*((measured - candidates%predicted(:, c))/sd)**2)
+            weights(:, r) &
+               & = weights(:, r)*exp(-0.5_wp*((measured - candidates%predicted(:, c))/sd)**2)
             weights(:, r) = weights(:, r)/sum(weights(:, r))
          end do
       end do

@@ -68,14 +68,11 @@ contains
       type(chains_type), intent(in) :: chains
       integer, intent(in) :: threads
       type(parameter_type), allocatable, intent(out) :: parameters(:)
-      real(wp), allocatable :: values(:, :), mean(:), sd(:)
+      real(wp), allocatable :: values(:, :)
       integer :: j
 
-      allocate (parameters(size(chains%draws, 1)), mean(size(chains%draws, 1)), &
-         & sd(size(chains%draws, 1)))
-      call moments(flattened(chains%draws), mean, sd)
-      parameters%mean = mean
-      parameters%sd = sd
+      allocate (parameters(size(chains%draws, 1)))
+      call moments(flattened(chains%draws), parameters%mean, parameters%sd)
       !$omp parallel do num_threads(max(1, threads)) schedule(dynamic, 1) private(values)
       do j = 1, size(parameters)
          values = chains%draws(j, :, :)
@@ -234,46 +231,45 @@ contains
       type(predictions_type), intent(out) :: predictions
       type(error_type), allocatable, intent(out) :: error
       !> Number of crystals that are computed together.
-      integer, parameter :: at_once = 16
+      integer, parameter :: block = 16
       type(random_stream_type) :: stream
       class(grain_model_type), allocatable :: grains
-      real(wp), dimension(posterior%n_grains) :: mean, slope, variance
-      real(wp) :: tilt_slopes(posterior%n_grains, 2)
-      integer :: samples, n, i, j, last, c, s
+      real(wp), allocatable :: draws(:, :, :)
+      real(wp), dimension(posterior%n_grains) :: slope, variance
+      real(wp) :: tilt_slopes(posterior%n_grains, 2), stiffness(6, 6)
+      integer :: n, n_chains, i, j, last, c
 
-      samples = size(chains%draws, 2)
       predictions%stride = thinning(chains, posterior%n_grains)
-      n = (samples + predictions%stride - 1)/predictions%stride
-      allocate (predictions%moduli(posterior%n_grains, n, size(chains%draws, 3)), &
-         & predictions%factor(posterior%n_groups, n, size(chains%draws, 3)))
-      allocate (predictions%quantities(size(quantities), n, size(chains%draws, 3)))
+      draws = chains%draws(:, ::predictions%stride, :)
+      n = size(draws, 2)
+      n_chains = size(draws, 3)
+      allocate (predictions%moduli(posterior%n_grains, n, n_chains), &
+         & predictions%factor(posterior%n_groups, n, n_chains), &
+         & predictions%quantities(size(quantities), n, n_chains))
       call posterior%new_grains(posterior%euler(:, :posterior%n_grains), posterior%data%paths, &
          & grains, error)
       if (allocated(error)) return
       !$omp parallel do num_threads(max(1, threads)) schedule(dynamic) collapse(2) private(last, j)
-      do c = 1, size(chains%draws, 3)
-         do i = 1, n, at_once
-            last = min(n, i + at_once - 1)
-            call grains%evaluate_crystals(reshape([(posterior%stiffness(chains%draws(:, &
-               & 1 + (j - 1)*predictions%stride, c)), j=i, last)], [6, 6, last - i + 1]), &
-               & predictions%moduli(:, i:last, c))
+      do c = 1, n_chains
+         do i = 1, n, block
+            last = min(n, i + block - 1)
+            call grains%evaluate_crystals(reshape([(posterior%stiffness(draws(:, j, c)), &
+               & j=i, last)], [6, 6, last - i + 1]), predictions%moduli(:, i:last, c))
          end do
       end do
       !$omp end parallel do
       stream = new_random_stream(0, 0)
-      do c = 1, size(chains%draws, 3)
+      do c = 1, n_chains
          do i = 1, n
-            s = 1 + (i - 1)*predictions%stride
-            call add_shared(posterior, chains%draws(:, s, c), grains, stream, &
+            stiffness = posterior%stiffness(draws(:, i, c))
+            call add_shared(posterior, draws(:, i, c), grains, stream, &
                & predictions%moduli(:, i, c), predictions%factor(:, i, c))
             if (allocated(posterior%unknown)) then
-               call posterior%evaluate_grains(posterior%stiffness(chains%draws(:, s, c)), mean, &
-                  & slope, variance, tilt_slopes)
-               predictions%moduli(:, i, c) = mean
+               call posterior%evaluate_grains(stiffness, predictions%moduli(:, i, c), slope, &
+                  & variance, tilt_slopes)
             end if
             call posterior%observable%to_measured(predictions%moduli(:posterior%n_moduli, i, c))
-            call evaluate_quantities(quantities, posterior%stiffness(chains%draws(:, s, c)), &
-               & predictions%quantities(:, i, c))
+            call evaluate_quantities(quantities, stiffness, predictions%quantities(:, i, c))
          end do
       end do
    end subroutine predict_grains

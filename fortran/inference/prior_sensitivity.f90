@@ -214,8 +214,10 @@ contains
       change%effective = effective
       change%shift = mean
       change%sd_ratio = sd
-      if (effective < least_draws) change%shift = nan
-      if (effective < least_draws) change%sd_ratio = nan
+      if (effective < least_draws) then
+         change%shift = nan
+         change%sd_ratio = nan
+      end if
       changes = [changes, change]
    end subroutine add_moments
 

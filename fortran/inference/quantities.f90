@@ -192,11 +192,8 @@ contains
       unit = 'GPa^'//to_text(power)
       if (abs(power) < 1.0e-9_wp) unit = '1'
       if (abs(power - 1.0_wp) < 1.0e-9_wp) unit = 'GPa'
-      if (size(factors) == 1) then
-         if (factors(1)%word == 'compressibility' &
-            & .and. abs(factors(1)%power - 1.0_wp) < 1.0e-9_wp) then
-            unit = '1/TPa'
-         end if
+      if (size(factors) == 1 .and. abs(power + 1.0_wp) < 1.0e-9_wp) then
+         if (factors(1)%word == 'compressibility') unit = '1/TPa'
       end if
    end function unit_of
 

@@ -49,9 +49,8 @@ contains
       errors = errors + deviation
       factor = 1.0_wp
       if (any(posterior%calibration > 0.0_wp)) then
-         associate (first => posterior%grains%n_columns + 1, last => posterior%n_calibrated)
-            factor = factor + posterior%calibration*errors(first:last)
-         end associate
+         factor = factor &
+            & + posterior%calibration*errors(posterior%grains%n_columns + 1:posterior%n_calibrated)
       end if
    end subroutine draw_shared
 

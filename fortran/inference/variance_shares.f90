@@ -155,8 +155,8 @@ contains
          own = 0.0_wp
          own(:, from_noise) = (posterior%scale_factor(draws(:, i))*posterior%data%sd)**2
          own(:, from_surrogate) = posterior%scatter*(slope*map_slope)**2
-         own(:n_moduli, from_grains) = (posterior%settings%scatter_sd*modulus(:n_moduli) &
-            & *map_slope(:n_moduli))**2
+         own(:n_moduli, from_grains) &
+            & = (posterior%settings%scatter_sd*modulus(:n_moduli)*map_slope(:n_moduli))**2
          own(:, from_orientation) = max(0.0_wp, &
             & variance*map_slope**2 - own(:, from_surrogate) - own(:, from_grains))
          own(n_moduli + 1:, from_velocities) = own(n_moduli + 1:, from_noise)
