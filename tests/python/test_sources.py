@@ -105,10 +105,8 @@ def test_fortran_folders_depend_one_way():
 
 def test_python_folders_depend_one_way():
     package = SOURCE / "python" / "bayesindent"
-    for path in PYTHON:
+    for path in sorted(package.rglob("*/*.py")):
         parts = path.relative_to(package).parts
-        if len(parts) == 1:
-            continue
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.ImportFrom) and node.level == len(parts) and node.module:
                 used = node.module.split(".")[0]
@@ -189,20 +187,22 @@ def test_nothing_but_the_table_compares_a_symmetry_or_counts_constants():
     assert not found, "\n".join(found)
 
 
-#: Lines of code and arguments that a part may have.
-LARGEST = {"file": 500, "class": 210, "procedure": 115}
+#: Lines and arguments that a part may have; the tables of cases in tests are longer.
+LARGEST = {"file": 500, "class": 280, "procedure": 125}
+LARGEST_OF_TESTS = {"file": 900, "class": 400, "procedure": 125}
 MOST_ARGUMENTS = 10
 
 
-def too_large(parts):
+def too_large(parts, largest=LARGEST):
     """Parts beyond these limits."""
     return [
-        part for part in parts if part.lines > LARGEST[part.kind] or part.arguments > MOST_ARGUMENTS
+        part for part in parts if part.lines > largest[part.kind] or part.arguments > MOST_ARGUMENTS
     ]
 
 
 def test_nothing_is_too_large():
-    assert not too_large(list(lines.parts(SOURCE, "fortran", "cpp", "python", "tests")))
+    assert not too_large(lines.parts(SOURCE, "fortran", "cpp", "python"))
+    assert not too_large(lines.parts(SOURCE, "tests"), LARGEST_OF_TESTS)
 
 
 def test_finds_what_is_too_large(tmp_path):
@@ -211,9 +211,9 @@ def test_finds_what_is_too_large(tmp_path):
     arguments = ", ".join(f"a{number}" for number in range(MOST_ARGUMENTS + 1))
     (tmp_path / "python" / "p.py").write_text(
         head
-        + 114 * body
+        + 124 * body
         + head.replace("long", "longer")
-        + 115 * body
+        + 125 * body
         + f"def many({arguments}):\n{body}"
     )
     assert [part.name for part in too_large(list(lines.parts(tmp_path, "python")))] == [
