@@ -1,4 +1,4 @@
-"""Pure metals that come with the package: their constants, and what handbooks know of them."""
+"""Pure metals that come with the package: their constants, and their known compressibilities."""
 
 import csv
 from functools import cache
@@ -10,39 +10,38 @@ import numpy as np
 
 from .elasticity import constant_names, quantities
 
-#: What pressure tells of a crystal: the bulk modulus, and by it alone where these are equal.
+#: What experiments under pressure determine; where the two are equal, the bulk modulus suffices.
 COMPRESSIBILITIES = ("compressibility[100]", "compressibility[001]")
 
-#: Relative sd of these quantities: what handbooks differ by, of the largest of them.
+#: Sd of these quantities relative to the largest of them: the differences between handbooks.
 SPREAD = 0.03
 
 
 @cache
 def metals() -> dict[str, SimpleNamespace]:
-    """The pure metals that come with the package by their symbols: the `name`, the word for its
-    `structure`, the crystal class (`symmetry`), the `constants` in GPa at room temperature, and
-    their `source`.
+    """The pure metals that come with the package, by symbol.
+
+    Each has its `name`, the word for its `structure`, its crystal class (`symmetry`), its
+    `constants` in GPa at room temperature, and their `source`.
     """
     text = (Path(__file__).parents[1] / "data" / "metals.csv").read_text(encoding="utf-8")
     rows = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
-    constants = (
-        (row, {name: float(value) for name, value in row.items() if name[1:].isdigit() and value})
-        for row in rows
-    )
-    return {row["symbol"]: SimpleNamespace(**row, constants=own) for row, own in constants}
+    found = {}
+    for row in rows:
+        stated = {name: value for name, value in row.items() if name[1:].isdigit() and value}
+        constants = {name: float(value) for name, value in stated.items()}
+        found[row["symbol"]] = SimpleNamespace(**row, constants=constants)
+    return found
 
 
 def known_of(metal: SimpleNamespace) -> dict[str, tuple[float, float]]:
-    """Mean and sd of what high pressure tells: bulk modulus in GPa, or compressibilities in
-    1/TPa.
+    """Mean and sd of the bulk modulus in GPa or, where a crystal has two compressibilities, of
+    these in 1/TPa.
     """
     values = np.array([metal.constants[name] for name in constant_names(metal.symmetry)])
-    means = {
-        name: float(value)
-        for name, value in quantities(
-            metal.symmetry, values, ("bulk_modulus", *COMPRESSIBILITIES)
-        ).items()
-    }
-    isotropic = isclose(*(means[name] for name in COMPRESSIBILITIES), rel_tol=1e-9)
-    known = ("bulk_modulus",) if isotropic else COMPRESSIBILITIES
-    return {name: (means[name], SPREAD * max(means[other] for other in known)) for name in known}
+    names = ("bulk_modulus", *COMPRESSIBILITIES)
+    bulk, along_a, along_c = map(float, quantities(metal.symmetry, values, names).values())
+    if isclose(along_a, along_c, rel_tol=1e-9):
+        return {"bulk_modulus": (bulk, SPREAD * bulk)}
+    sd = SPREAD * max(along_a, along_c)
+    return dict(zip(COMPRESSIBILITIES, ((along_a, sd), (along_c, sd))))

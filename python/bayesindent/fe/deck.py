@@ -47,10 +47,8 @@ def write_deck(
     lines += ["*NODE, NSET=INDENTER", f"{indenter}, 0, 0, 0"]
     for material, name in enumerate(used):
         lines += [f"*ELEMENT, TYPE={element}, ELSET={name}"]
-        lines += [
-            f"{e + 1}, " + ", ".join(str(n + 1) for n in mesh.brick[e])
-            for e in np.flatnonzero(mesh.material == material)
-        ]
+        for e in np.flatnonzero(mesh.material == material):
+            lines += [", ".join(map(str, (e + 1, *(mesh.brick[e] + 1))))]
         lines += [
             f"*MATERIAL, NAME={name}",
             "*ELASTIC, TYPE=ANISO",

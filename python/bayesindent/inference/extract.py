@@ -295,21 +295,20 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
         name: (each, draws[..., j], {"units": units.get(name, "1")})
         for j, name in enumerate(reported)
     }
-    return {
-        "posterior": (counted(draws) | parameters, facts),
-        "prior": (
-            counted(before) | {name: (each, before[..., j], gpa) for j, name in enumerate(names)},
-            {},
-        ),
-        "sample_stats": (counted(draws) | {"lp": (each, found["log_density"])}, {}),
-        "derived": (some | derived, {}),
-        "predictions": (some | predictions, {}),
-        "posterior_predictive": (some | by_kind(per_grain, found["replicated"]), {}),
-        "log_likelihood": (some | likelihood, {}),
-        "log_prior": (some | before_data, {}),
-        "observed_data": (by_kind(("grain",), found["modulus_gpa"]), {}),
-        "constant_data": (conditions, {}),
+    prior = {name: (each, before[..., j], gpa) for j, name in enumerate(names)}
+    groups = {
+        "prior": counted(before) | prior,
+        "sample_stats": counted(draws) | {"lp": (each, found["log_density"])},
+        "derived": some | derived,
+        "predictions": some | predictions,
+        "posterior_predictive": some | by_kind(per_grain, found["replicated"]),
+        "log_likelihood": some | likelihood,
+        "log_prior": some | before_data,
+        "observed_data": by_kind(("grain",), found["modulus_gpa"]),
+        "constant_data": conditions,
     }
+    posterior = counted(draws) | parameters, facts
+    return {"posterior": posterior} | {name: (group, {}) for name, group in groups.items()}
 
 
 def summary(result: Any) -> dict:

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Mapping
+from operator import methodcaller
 from typing import Any
 
 import numpy as np
@@ -140,11 +141,10 @@ def measurements_of(table: Any) -> dict[str, list]:
         table = table.measurements()
     if isinstance(table, list | tuple):
         named = len(table) > 0 and all(isinstance(row, Mapping) for row in table)
-        table = (
-            {name: [row.get(name) for row in table] for name in table[0]}
-            if named
-            else _array(table)
-        )
+        if named:
+            table = {name: list(map(methodcaller("get", name), table)) for name in table[0]}
+        else:
+            table = _array(table)
     if isinstance(table, np.ndarray) and not table.dtype.names:
         if table.ndim != 2 or table.shape[1] not in (4, 5):
             raise InputError(

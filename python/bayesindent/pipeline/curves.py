@@ -4,7 +4,7 @@ core's.
 
 import csv
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -126,20 +126,22 @@ def file_of(table: Any, path: Path) -> Path:
     """The file of a table, written to `path` where it is none."""
     if isinstance(table, str | os.PathLike):
         return Path(table).absolute()
-    columns = {
-        str(name): ["" if value is None or value != value else value for value in table[name]]
-        for name in table
-    }
-    path.write_text(as_csv(list(columns), zip(*columns.values(), strict=True)))
+    rows = zip(*(table[name] for name in table), strict=True)
+    path.write_text(as_csv(list(map(str, table)), map(without_missing, rows)))
     return path
+
+
+def without_missing(row: Sequence) -> list:
+    """The cells of a row, '' in place of None and NaN, which differs from itself."""
+    return ["" if cell is None or cell != cell else cell for cell in row]
 
 
 def read_columns(path: Path) -> dict[str, list]:
     """The columns of a CSV of results: numbers, names apart."""
     with path.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
-    columns = {name: [row[k] for row in rows] for k, name in enumerate(header)}
-    return {
-        name: cells if name in ("grain", "test") else [float(cell or "nan") for cell in cells]
-        for name, cells in columns.items()
-    }
+    columns: dict[str, list] = {}
+    for name, *cells in zip(header, *rows):
+        is_text = name in ("grain", "test")
+        columns[name] = cells if is_text else [float(cell or "nan") for cell in cells]
+    return columns

@@ -67,7 +67,8 @@ LATEX = str.maketrans(
     }
 )
 
-#: Whose shares of a variance are reported, with their headers; and the headers of `share_cells`.
+#: Sources of a variance whose shares are reported, with their headers; and the headers of
+#: `share_cells`.
 SHARES = {"measurements": "measured", "knowledge": "known", "prior": "prior"}
 SHARE_HEADER = [*(f"{name} (%)" for name in SHARES.values()), "verdict"]
 
@@ -91,7 +92,7 @@ def percent(value: float | None, digits: int = 0) -> str:
 
 def cells(items: Iterable[Mapping], *texts: str, **digits: int) -> list[list]:
     """Rows of a table: of each item the values of `texts`, then the numbers."""
-    return [[*(item[name] for name in texts), *numbers(item, **digits)] for item in items]
+    return [[*map(item.__getitem__, texts), *numbers(item, **digits)] for item in items]
 
 
 def named(items: Mapping[str, Mapping], **digits: int) -> list[list]:
@@ -105,8 +106,8 @@ def numbers(item: Mapping, **digits: int) -> list[str]:
 
 
 def suggested_grains(items: Sequence[Mapping]) -> list[str]:
-    """The grain of each suggestion, with the direction of a speed; 'new' where any grain will do,
-    or all ranks.
+    """The grain of each suggestion, with the direction of a speed; 'new' where any grain serves. If
+    no suggestion names a grain, the ranks.
     """
     named = any("grain" in item for item in items)
     speeds = [
@@ -120,7 +121,7 @@ def suggested_grains(items: Sequence[Mapping]) -> list[str]:
 
 
 def region(item: Mapping, direction: str) -> str:
-    """The direction of a suggestion, and within which angle of it gains are alike."""
+    """The direction of a suggestion, and the angle around it within which the gain is the same."""
     words = "{1}, within {0:.0f}°" if "° from" in direction else "within {0:.0f}° of {1}"
     return words.format(item["within_deg"], direction) if "within_deg" in item else direction
 

@@ -32,27 +32,33 @@ def methods(results: Results) -> tuple[str, str]:
         for name, item in parameters.items()
     ]
     prior, surrogate = results.prior_and_surrogate
+    experiment = {
+        "measurements": results.group("measurements"),
+        "grains": with_count(len(results.predicted), "grain"),
+        "moduli": moduli,
+        "sds": sds,
+        "specimen": specimen(results),
+        "indenter": indenter(results),
+    }
+    inference = {
+        "prior": prior,
+        "surrogate": surrogate,
+        "chains": with_count(document["chains"], "chain"),
+        "r_hat": [item["r_hat"] for item in chains],
+        "effective": [min(item["ess_bulk"], item["ess_tail"]) for item in chains],
+        "constants": Markup(enumeration(constants)),
+        "combinations": len(combinations),
+        "determined": len(with_verdict(combinations, "determined")),
+        "known": known_of(results.metal) if results.metal else {},
+    }
     text = render(
         "methods.tex.j2",
         results=results,
         document=document,
         build=results.documents["build"],
-        measurements=results.group("measurements"),
         version=__version__,
-        grains=with_count(len(results.predicted), "grain"),
-        moduli=moduli,
-        sds=sds,
-        specimen=specimen(results),
-        prior=prior,
-        surrogate=surrogate,
-        indenter=indenter(results),
-        chains=with_count(document["chains"], "chain"),
-        r_hat=[item["r_hat"] for item in chains],
-        effective=[min(item["ess_bulk"], item["ess_tail"]) for item in chains],
-        constants=Markup(enumeration(constants)),
-        combinations=len(combinations),
-        determined=len(with_verdict(combinations, "determined")),
-        known=known_of(results.metal) if results.metal else {},
+        **experiment,
+        **inference,
     )
     works = read_data("references.bib").replace("@VERSION@", __version__).rstrip().split("\n\n")
     cited = [work for work in works if work.partition("{")[2].partition(",")[0] in text]
@@ -104,91 +110,67 @@ def mark(results: Results) -> str:
 def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]]:
     """Caption, header and rows of the tables that have rows, by the name of their files."""
     parameters, rows = results.documents["extract"]["parameters"], report_rows(results)
-    found = {
+    rows["constants"] = [
+        [name, *numbers(item, mean=1, sd=1), *map(number, item["hdi_95"]), *share_cells(item)]
+        for name, item in parameters.items()
+    ]
+    rows["combinations"] = [
+        [*exponent_cells(results, row), *identifiability_cells(row)]
+        for row in results.identifiability("combination")
+    ]
+    rows["grains"] = rows["predicted"]
+    rows["velocities"] = [
+        [*grain_cells(row, item), *wave_cells(item)]
+        for row, item in enumerate(results.velocities, start=1)
+    ]
+    measured = ["measured", "sd measured", "predicted", "sd predicted"]
+    headings = {
         "constants": (
             "Elastic constants in GPa: mean and standard deviation (sd) of the posterior, its "
             "95 % interval of highest density, and the "
             "shares of its variance that are due to the measurements, to what else was known "
             "and to the prior.",
             ["constant", "mean", "sd", "95 % from", "to", *SHARE_HEADER],
-            [
-                [
-                    name,
-                    *numbers(item, mean=1, sd=1),
-                    *map(number, item["hdi_95"]),
-                    *share_cells(item),
-                ]
-                for name, item in parameters.items()
-            ],
         ),
         "quantities": (
             "Quantities of the crystal that follow from its constants: mean and sd of the "
             "posterior, sd of the prior, shares.",
             ["quantity", "mean", "sd", "sd of the prior", *SHARE_HEADER],
-            rows["quantities"],
         ),
         "combinations": (
             "Products of powers of the constants, from the best to the worst identified: "
             "exponents, sds in per cent, shares.",
             [*results.constants, "sd (%)", "sd of the prior (%)", *SHARE_HEADER],
-            [
-                [
-                    *(
-                        number(round(row["exponents"].get(name, 0.0), 2) + 0.0, 2)
-                        for name in results.constants
-                    ),
-                    *identifiability_cells(row),
-                ]
-                for row in results.identifiability("combination")
-            ],
         ),
         "correlation": (
             "Correlation of the constants in the posterior.",
             ["", *parameters],
-            rows["correlation"],
         ),
         "grains": (
             f"The {results.kind} of each grain in GPa: Bunge's angles, as measured, and as the "
             "posterior predicts it without the noise.",
-            [
-                "grain",
-                *ANGLES,
-                "measured",
-                "sd measured",
-                "predicted",
-                "sd predicted",
-                "residual (sd)",
-            ],
-            rows["predicted"],
+            ["grain", *ANGLES, *measured, "residual (sd)"],
         ),
         "velocities": (
             f"The {results.speed} in m/s: Bunge's angles of the grain and the direction of "
             "propagation from x, as measured, and as the posterior predicts it without the noise.",
-            [
-                "grain",
-                *ANGLES,
-                "direction",
-                "wave",
-                "measured",
-                "sd measured",
-                "predicted",
-                "sd predicted",
-            ],
-            [
-                [
-                    *grain_cells(row, item),
-                    *(
-                        "normal" if "inclination_deg" in item else cell
-                        for cell in numbers(item, propagation_deg=1)
-                    ),
-                    item.get("wave", "rayleigh").replace("_", " "),
-                    *numbers(item, measured=1, measured_sd=1, mean=1, sd=1),
-                ]
-                for row, item in enumerate(results.velocities, start=1)
-            ],
+            ["grain", *ANGLES, "direction", "wave", *measured],
         ),
     }
-    return {name: table for name, table in found.items() if table[-1]}
+    return {name: (*heading, rows[name]) for name, heading in headings.items() if rows[name]}
+
+
+def exponent_cells(results: Results, row: dict) -> list[str]:
+    """The exponent of each constant in a combination; -0.0 is written as 0."""
+    exponents = [row["exponents"].get(name, 0.0) for name in results.constants]
+    return [number(round(exponent, 2) + 0.0, 2) for exponent in exponents]
+
+
+def wave_cells(item: dict) -> list[str]:
+    """The direction and the kind of a wave, and its measured and predicted speed."""
+    direction = "normal" if "inclination_deg" in item else number(item["propagation_deg"])
+    wave = item.get("wave", "rayleigh").replace("_", " ")
+    return [direction, wave, *numbers(item, measured=1, measured_sd=1, mean=1, sd=1)]
 
 
 def latex_table(

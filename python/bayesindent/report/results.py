@@ -243,10 +243,9 @@ class Results:
     def _of_result(self, result: Any) -> dict:
         """The same of groups of ArviZ, as far as figures and comparisons need it."""
         bounds = np.array(list(json.loads(result.posterior.attrs["bounds"]).values()), dtype=float)
-        own, before = (
-            np.stack([item.values for item in group.data_vars.values()], axis=-1)
-            for group in (result.posterior, result.prior)
-        )
+
+        def draws(group: Any) -> np.ndarray:
+            return np.stack([item.values for item in group.data_vars.values()], axis=-1)
 
         def both(group: Any, *names: str) -> np.ndarray:
             parts = [
@@ -258,8 +257,8 @@ class Results:
 
         data = result.constant_data
         return {
-            "draws": own,
-            "prior_draws": before,
+            "draws": draws(result.posterior),
+            "prior_draws": draws(result.prior),
             "lower": bounds[:, 0],
             "upper": bounds[:, 1],
             "stride": int(np.diff(result.log_likelihood["draw"][:2]).sum()) or 1,

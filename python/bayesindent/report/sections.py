@@ -5,6 +5,7 @@ template.
 import hashlib
 import platform
 from importlib import metadata
+from itertools import repeat
 
 import numpy as np
 from markupsafe import Markup
@@ -45,55 +46,52 @@ def report_rows(results: Results) -> dict[str, list[list]]:
     document = results.documents["extract"]
     parameters = document.get("parameters", {}).items()
     suggestions = results.documents["next"].get("suggestions", [])
-    return {
-        "constants": [constant_row(name, item, results.reference[1]) for name, item in parameters],
-        "predicted": [
-            [
-                *grain_cells(row, item),
-                *numbers(item | {"off": off(item)}, measured=1, measured_sd=1, mean=1, sd=1, off=1),
-            ]
-            for row, item in enumerate(results.predicted, start=1)
-        ],
-        "compliances": compliance_rows(results) if results.samples else [],
-        "correlation": [
-            [name, *(number(value, 2) for value in row)]
-            for (name, _), row in zip(parameters, document.get("correlation", []))
-        ],
-        "limits": [
-            [
-                limit_name(row["name"], row["side"]),
-                f"{row['value']:.4g}",
-                percent(row["share"]),
-                "yes" if row["stated"] else "no",
-            ]
-            for row in document.get("limits", [])
-        ],
-        "combinations": [
-            [product_html(row["exponents"]), *identifiability_cells(row)]
-            for row in results.identifiability("combination")
-        ],
-        "quantities": [
-            [quantity_label(row, results.symmetry), *identifiability_cells(row)]
-            for row in results.identifiability("quantity")
-            if row["name"] not in document["parameters"]
-        ],
-        "prior": prior_rows(results) if document.get("prior") else [],
-        "checks": check_rows(results) if document.get("checks") else [],
-        "sensitivity": [
-            row for row in map(sensitivity_row, document.get("sensitivity", [])) if row
-        ],
-        "simulations": simulation_rows(results),
-        "suggestions": [
-            [
-                name,
-                *angles_of(item),
-                region(item, item.get("uvw") or direction(item, results.symmetry)),
-                number(item["gain"], 3),
-            ]
-            for name, item in zip(suggested_grains(suggestions), suggestions, strict=True)
-        ],
-        "provenance": provenance_rows(results),
+    digits = {"measured": 1, "measured_sd": 1, "mean": 1, "sd": 1, "off": 1}
+    rows = {
+        "constants": [constant_row(name, item, results.reference[1]) for name, item in parameters]
     }
+    rows["predicted"] = [
+        [*grain_cells(row, item), *numbers(item | {"off": off(item)}, **digits)]
+        for row, item in enumerate(results.predicted, start=1)
+    ]
+    rows["compliances"] = compliance_rows(results) if results.samples else []
+    rows["correlation"] = [
+        [name, *map(number, row, repeat(2))]
+        for (name, _), row in zip(parameters, document.get("correlation", []))
+    ]
+    rows["limits"] = [
+        [
+            limit_name(row["name"], row["side"]),
+            f"{row['value']:.4g}",
+            percent(row["share"]),
+            "yes" if row["stated"] else "no",
+        ]
+        for row in document.get("limits", [])
+    ]
+    rows["combinations"] = [
+        [product_html(row["exponents"]), *identifiability_cells(row)]
+        for row in results.identifiability("combination")
+    ]
+    rows["quantities"] = [
+        [quantity_label(row, results.symmetry), *identifiability_cells(row)]
+        for row in results.identifiability("quantity")
+        if row["name"] not in document["parameters"]
+    ]
+    rows["prior"] = prior_rows(results) if document.get("prior") else []
+    rows["checks"] = check_rows(results) if document.get("checks") else []
+    rows["sensitivity"] = list(filter(None, map(sensitivity_row, document.get("sensitivity", []))))
+    rows["simulations"] = simulation_rows(results)
+    rows["suggestions"] = [
+        [
+            name,
+            *angles_of(item),
+            region(item, item.get("uvw") or direction(item, results.symmetry)),
+            number(item["gain"], 3),
+        ]
+        for name, item in zip(suggested_grains(suggestions), suggestions, strict=True)
+    ]
+    rows["provenance"] = provenance_rows(results)
+    return rows
 
 
 def angles_of(item: dict) -> list[str]:
@@ -257,22 +255,15 @@ def provenance_rows(results: Results) -> list[list]:
     commands = [
         line.split(": ", 1)[-1] for line in lines if f"INFO bayesindent {__version__[:1]}" in line
     ]
+    system = f"{platform.python_version()}, {platform.system()} {platform.machine()}"
+    digest = hashlib.sha256(results.resolved.encode()).hexdigest()
     rows = [
         ["bayesindent", __version__],
-        [
-            "Python, system",
-            f"{platform.python_version()}, {platform.system()} {platform.machine()}",
-        ],
-        [
-            "NumPy, SciPy, ArviZ",
-            ", ".join(metadata.version(name) for name in ("numpy", "scipy", "arviz")),
-        ],
+        ["Python, system", system],
+        ["NumPy, SciPy, ArviZ", ", ".join(map(metadata.version, ("numpy", "scipy", "arviz")))],
         ["seed", results.group("problem").get("seed", "–")],
         ["last command", commands[-1] if commands else "–"],
-        [
-            "SHA-256 of the resolved input",
-            hashlib.sha256(results.resolved.encode()).hexdigest() if results.resolved else "–",
-        ],
+        ["SHA-256 of the resolved input", digest if results.resolved else "–"],
     ]
     if results.outdated:
         rows.append(["left out, since made from other inputs", ", ".join(results.outdated)])

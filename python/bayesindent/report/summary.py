@@ -94,15 +94,12 @@ def advice(results: Results) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {consequence: [] for consequence in CONSEQUENCES}
     for remedy, parts in remedies.items():
         start = common(parts)
-        line = (
-            start
-            + "; ".join(part.removeprefix(start) for part in parts)
-            + (f". {remedy}" if remedy not in parts else "")
-        )
-        consequence = next(
-            name for name, words in CONSEQUENCES.items() if any(word in line for word in words)
-        )
-        found[consequence].append(line[:1].upper() + line[1:].rstrip(".") + ".")
+        line = start + "; ".join(part.removeprefix(start) for part in parts)
+        line += f". {remedy}" if remedy not in parts else ""
+        for consequence, words in CONSEQUENCES.items():
+            if any(word in line for word in words):
+                found[consequence].append(line[:1].upper() + line[1:].rstrip(".") + ".")
+                break
     return {consequence: lines for consequence, lines in found.items() if lines}
 
 
@@ -168,14 +165,12 @@ def with_count(count: int, word: str) -> str:
 
 def measured_ranges(results: Results) -> list[str]:
     """The ranges of the measured moduli and of their sds in GPa, each '' where there is none."""
-    values = [
-        [item[name] for item in results.predicted if item.get(name)]
-        for name in ("measured", "measured_sd")
-    ]
-    return [
-        " to ".join(dict.fromkeys(map(number, (min(found), max(found)))) if found else {})
-        for found in values
-    ]
+    ranges = []
+    for name in ("measured", "measured_sd"):
+        values = [item[name] for item in results.predicted if item.get(name)]
+        ends = map(number, (min(values), max(values))) if values else ()
+        ranges.append(" to ".join(dict.fromkeys(ends)))
+    return ranges
 
 
 def modulus_kind(results: Results) -> str:
@@ -268,12 +263,10 @@ def findings(results: Results) -> list[str | Markup]:
         "Determined, too": with_verdict(derived, "determined")[:MOST],
         "Not determined": with_verdict(derived, "not_determined"),
     }
-    named = {
-        words: enumeration([with_sd(row, results.symmetry) for row in rows])
-        for words, rows in rest.items()
-        if rows
-    }
-    return sentences + [f"{words}: {names}." for words, names in named.items()]
+    for verdict, rows in rest.items():
+        names = [with_sd(row, results.symmetry) for row in rows]
+        sentences += [f"{verdict}: {enumeration(names)}."] if names else []
+    return sentences
 
 
 def with_verdict(rows: list[dict], verdict: str) -> list[dict]:

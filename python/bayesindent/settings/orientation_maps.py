@@ -76,14 +76,11 @@ def indented_map(
     )
     away, pixel = grid.tree.query(indents)
     for row in np.flatnonzero(away > grid.step):
-        low, high = (
-            ", ".join(f"{value:g}" for value in edge)
-            for edge in (grid.positions.min(axis=0), grid.positions.max(axis=0))
-        )
+        (left, lower), (right, upper) = grid.positions.min(axis=0), grid.positions.max(axis=0)
         x, y = indents[row]
         raise InputError(
-            f"{place}row {row + 1}: ({x:g}, {y:g}) um is {away[row]:.3g} um from the next "
-            f"indexed point; the map is from ({low}) to ({high})"
+            f"{place}row {row + 1}: ({x:g}, {y:g}) um is {away[row]:.3g} um from the next indexed "
+            f"point; the map is from ({left:g}, {lower:g}) to ({right:g}, {upper:g})"
         )
     grains = grid.grain[pixel].tolist()
     warnings += grid.compare_phase(grid.phase[pixel], symmetry)
@@ -133,9 +130,8 @@ def registered(
             if not line.startswith("#")
         ]
         rows = list(csv.DictReader(lines, skipinitialspace=True))
-        known = np.array([[float(row[name]) for name in POINT_COLUMNS] for row in rows]).reshape(
-            -1, 4
-        )
+        cells = [float(row[name]) for row in rows for name in POINT_COLUMNS]
+        known = np.array(cells).reshape(-1, 4)
     except OSError as error:
         raise InputError(f"{place}{error.strerror}") from None
     except (ValueError, KeyError, TypeError, csv.Error):

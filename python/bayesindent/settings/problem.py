@@ -355,19 +355,15 @@ def typed(found: dict) -> dict:
 
 
 def grouped(values: Mapping, groups: Collection[str]) -> dict[str, dict]:
-    """Values of variables by name, of each of the groups those that are its variables; a name that
-    several have is that of the first.
+    """Values of variables, which are given by name, for each of the groups. A name that several
+    groups have belongs to the first of them.
     """
-    group_of = {
-        variable.name: variable.group
-        for group in reversed([*groups])
-        for variable in schema()
-        if variable.group == group
-    }
-    return {
-        group: {name: values[name] for name in values if group_of.get(name) == group}
-        for group in groups
-    }
+    found: dict[str, dict] = {group: {} for group in groups}
+    for name, value in values.items():
+        having = {variable.group for variable in schema() if variable.name == name}
+        for group in [group for group in groups if group in having][:1]:
+            found[group][name] = value
+    return found
 
 
 def batched(values: list, n: int) -> Iterator[list]:

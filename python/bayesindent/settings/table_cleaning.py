@@ -214,12 +214,11 @@ def dressed_columns(table: LaboratoryTable) -> list[int]:
     """Columns of numbers that are read and have cells that are not plain numbers, such as
     '112.3 GPa' or 'n/a'.
     """
-    read = [
-        j
-        for j, meaning in enumerate(table.meanings)
-        if meaning and meaning not in (*NAME_COLUMNS, "stated")
-    ]
-    return [j for j in read if not plain_numbers([row[j] for row in table.rows])]
+    dressed = []
+    for j, meaning in enumerate(table.meanings):
+        if meaning and meaning not in (*NAME_COLUMNS, "stated"):
+            dressed += [] if plain_numbers([row[j] for row in table.rows]) else [j]
+    return dressed
 
 
 def split_sds(table: LaboratoryTable) -> None:

@@ -60,14 +60,10 @@ def show_moduli(document: dict) -> None:
 
 def show_plan(document: dict) -> None:
     """The expected sds."""
-    rows = [
-        [
-            f"{row['grains']:g}",
-            f"{100 * row['noise']:g} %",
-            *(f"{sd:.3g}" for sd in row["sd"].values()),
-        ]
-        for row in document["results"]
-    ]
+    rows = []
+    for row in document["results"]:
+        sds = [f"{sd:.3g}" for sd in row["sd"].values()]
+        rows.append([f"{row['grains']:g}", f"{100 * row['noise']:g} %", *sds])
     show_table(
         "Expected sds of the constants (GPa)", ["grains", "noise", *document["constants"]], rows
     )
@@ -322,22 +318,24 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+BUILD = namelist_command(
+    "build",
+    action=build,
+    arguments=add_build_arguments,
+    show=show_build,
+    resumes=True,
+    then=after_build,
+)
+RUN = namelist_command(
+    "run", action=run, arguments=add_run_arguments, show=show_run, resumes=True, then=after_run
+)
 COMMANDS = (
     namelist_command("simulate", stage=simulate, show=show_moduli, resumes=True, then=report_of),
     namelist_command("theory", show=show_moduli, then=report_of),
-    namelist_command(
-        "build",
-        action=build,
-        arguments=add_build_arguments,
-        show=show_build,
-        resumes=True,
-        then=after_build,
-    ),
+    BUILD,
     namelist_command("plan", show=show_plan, then=report_of),
     namelist_command("curves", show=show_curves, then=report_of),
     namelist_command("extract", stage=extract, show=show_extract, resumes=True, then=after_extract),
     namelist_command("next", show=show_next, resumes=True, then=after_next),
-    namelist_command(
-        "run", action=run, arguments=add_run_arguments, show=show_run, resumes=True, then=after_run
-    ),
+    RUN,
 )

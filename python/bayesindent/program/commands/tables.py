@@ -19,60 +19,59 @@ def table(arguments: argparse.Namespace) -> dict:
     """Columns and what each is taken for, the kind of modulus, the grains, and the rows left
     out.
     """
-    # Not above: it takes time to import.
+    # Importing these takes time, which other commands save.
     from ...settings.laboratory_tables import meanings_of
     from ...settings.table_cleaning import LaboratoryTable
 
     path = arguments.table
-    # The last class has no symmetry.
-    classes = next(variable.allowed for variable in schema() if variable.name == "symmetry").split(
-        ", "
-    )
+    # The last class, triclinic, has no symmetry and thus fits every table.
+    classes = next(variable.allowed for variable in schema() if variable.name == "symmetry")
     crystal = {
-        "symmetry": arguments.symmetry or classes[-1].strip("'"),
+        "symmetry": arguments.symmetry or classes.split(", ")[-1].strip("'"),
         "lattice": arguments.lattice,
     }
-    asked = {
+    stated = {
         "sheet": arguments.sheet,
         "modulus_kind": arguments.modulus_kind,
         "columns": arguments.column,
         "scale": "inferred",
     }
     points = Problem.from_keywords(
-        str(path), problem=crystal, measurements={"file": path.absolute()} | asked
+        str(path), problem=crystal, measurements={"file": path.absolute()} | stated
     ).measurements
-    # Of a pipe there is none.
-    found = points.problem.table or LaboratoryTable(
+    # The core reads a pipe itself.
+    read = points.problem.table or LaboratoryTable(
         f"{path}: ", points.columns, meanings_of(points.columns), points.rows, []
     )
     none = [None] * len(points)
     sds = none if points.sd_gpa is None else points.sd_gpa
+    columns = [
+        {"header": name, "read_as": meaning or None}
+        for name, meaning in zip(read.names, read.meanings, strict=True)
+    ]
     grains = {
         "grain": points.names or none,
         "euler_deg": points.euler_deg,
         "modulus_gpa": points.modulus_gpa,
         "sd_gpa": sds,
     }
+    # A warning on the class matters only if the user stated the class.
+    warnings = [
+        text
+        for text in points.problem.warnings
+        if arguments.symmetry or not text.endswith("that indentation determines")
+    ]
+    rows = zip(*grains.values(), strict=True)
     return {
         "file": str(path),
-        "sheet": found.sheet or None,
-        "columns": [
-            {"header": name, "read_as": meaning or None}
-            for name, meaning in zip(found.names, found.meanings, strict=True)
-        ],
+        "sheet": read.sheet or None,
+        "columns": columns,
         "modulus_kind": points.modulus_kind,
         "grains": len(points),
-        "left_out": {str(line): reason for line, reason in found.left_out.items()},
-        "results": [
-            dict(zip(grains, grain, strict=True)) for grain in zip(*grains.values(), strict=True)
-        ],
-        "words": found.words(len(points)),
-        # Of a class that nobody stated nothing is said.
-        "warnings": [
-            text
-            for text in points.problem.warnings
-            if arguments.symmetry or not text.endswith("that indentation determines")
-        ],
+        "left_out": {str(line): reason for line, reason in read.left_out.items()},
+        "results": [dict(zip(grains, row, strict=True)) for row in rows],
+        "words": read.words(len(points)),
+        "warnings": warnings,
     }
 
 

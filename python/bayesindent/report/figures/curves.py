@@ -2,6 +2,8 @@
 from.
 """
 
+from operator import itemgetter
+
 import numpy as np
 
 from ...pipeline.curves import read_columns
@@ -88,15 +90,12 @@ def curve_moduli(results: Results) -> Picture:
     tests = [row for row in document["tests"] if row["used"] and row.get("grain") in grains]
     for number, session in enumerate(dict.fromkeys(row["session"] for row in tests), 1):
         rows = [row for row in tests if row["session"] == session]
-        # Left of the grain, one beside the other.
-        before = [
-            sum(row["grain"] == other["grain"] for other in tests[: tests.index(row)])
-            for row in rows
-        ]
-        places = [
-            grains.index(row["grain"]) - 0.35 + 0.1 * (k % 3)
-            for row, k in zip(rows, before, strict=True)
-        ]
+        # Tests are drawn left of their grain, one beside the other, in three columns.
+        places = []
+        for row in rows:
+            grains_before = [other["grain"] for other in tests[: tests.index(row)]]
+            column = grains_before.count(row["grain"]) % 3
+            places.append(grains.index(row["grain"]) - 0.35 + 0.1 * column)
         label = f"tests, session {session}" if session else "tests"
         axes.plot(
             places,
@@ -105,10 +104,8 @@ def curve_moduli(results: Results) -> Picture:
             color=CYCLE[number % len(CYCLE)],
             label=label,
         )
-    moduli, sds, own = (
-        np.array([row[name] for row in document["grains"]])
-        for name in ("effective_modulus_gpa", "sd_gpa", "own_sd_gpa")
-    )
+    names = "effective_modulus_gpa", "sd_gpa", "own_sd_gpa"
+    moduli, sds, own = np.array(list(map(itemgetter(*names), document["grains"]))).T
     axes.errorbar(range(len(grains)), moduli, sds, fmt="none", color=SKY, lw=4, label="sd")
     axes.errorbar(
         range(len(grains)), moduli, own, fmt="o", color=BLUE, ms=4, label="sd of the grain's own"

@@ -29,13 +29,13 @@ def learning_curve(results: Results) -> Picture:
     )
     if len(updates) < 2:
         raise NothingToShow
-    history = {name: [update[name] for update in updates] for name in updates[0]}
+    numbers = [update["simulations"] for update in updates]
     figure, axes = panels(3.4)
     curves = {"leave_crystal_out_gpa": "a crystal left out", "next_gpa": "next simulations"}
     for (name, label), colour, marker in zip(curves.items(), CYCLE, MARKERS):
         axes.plot(
-            history["simulations"],
-            np.array(history[name], dtype=float),
+            numbers,
+            np.array([update[name] for update in updates], dtype=float),
             marker=marker,
             ms=3.5,
             lw=1,
@@ -53,10 +53,8 @@ def learning_curve(results: Results) -> Picture:
     logarithmic(axes)
     axes.xaxis.get_major_locator().set_params(integer=True)
     legend_above(figure, columns=2)
-    values = (
-        "The error of a crystal left out ends at "
-        f"{number(history['leave_crystal_out_gpa'][-1], 2)} GPa."
-    )
+    last_error = number(updates[-1]["leave_crystal_out_gpa"], 2)
+    values = f"The error of a crystal left out ends at {last_error} GPa."
     beside = (
         " Lines: the half-space theory without a surrogate."
         if any(map(baselines.get, lines))
@@ -132,9 +130,8 @@ def truncations(results: Results) -> Picture:
     """
     scan = present(results.documents["build"].get("scan"))
     figure, axes = panels(3.4)
-    degrees, bandlimits = (
-        sorted({entry[name] for entry in scan}) for name in ("degree", "bandlimit")
-    )
+    degrees = sorted({entry["degree"] for entry in scan})
+    bandlimits = sorted({entry["bandlimit"] for entry in scan})
     for entry in scan:
         colour, marker = (
             CYCLE[degrees.index(entry["degree"]) % len(CYCLE)],

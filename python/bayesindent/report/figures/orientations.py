@@ -51,9 +51,8 @@ def orientations(results: Results) -> Picture:
         )[0]
     )
     mean, sd = modulus.mean(axis=0), modulus.std(axis=0)
-    measured, error = (
-        [item.get(name) or 0.0 for item in grains] for name in ("measured", "measured_sd")
-    )
+    measured = [item.get("measured") or 0.0 for item in grains]
+    error = [item.get("measured_sd") or 0.0 for item in grains]
     discs = "discs are the measured grains, on the left in the colour of the measured value"
     marked = (
         f"; {'points are the measured grains' if is_arc(lattice) else discs}"
@@ -132,9 +131,8 @@ def next_grains(results: Results) -> Picture:
     measured = directions_of(
         results, [item for item in results.predicted + results.velocities if "euler_deg" in item]
     )
-    gain, gain_suggested = (
-        np.array([item["gain"] for item in items]) for items in (candidates, suggestions)
-    )
+    gain = np.array([item["gain"] for item in candidates])
+    gain_suggested = np.array([item["gain"] for item in suggestions])
     arc = is_arc(everywhere)
     figure, axes = panels(3.0 if arc else 3.6)
     # Above all else, and within the axes: a speed may bring more than any modulus.

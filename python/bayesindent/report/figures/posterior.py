@@ -227,9 +227,8 @@ def compared(items: list[dict], quantity: str, unit: str, of: str, more: str = "
     is one.
     """
     keys = ("measured", "measured_sd", "mean", "sd")
-    measured, error, mean, sd = np.array(
-        [[item.get(key) or 0.0 for key in keys] for item in present(items)]
-    ).T
+    values = [item.get(key) or 0.0 for item in present(items) for key in keys]
+    measured, error, mean, sd = np.reshape(values, (-1, len(keys))).T
     stated = bool(np.all(error > 0))
     residual = (measured - mean) / (error if stated else 1.0)
     labels = (
@@ -315,7 +314,8 @@ def stacked(parts: list[dict], labels: list[str], above: int, caption: str) -> P
     apart.
     """
     names = list(present(parts)[0])
-    values = np.array([[part[name] for name in names] for part in parts], dtype=float)
+    cells = [part[name] for part in parts for name in names]
+    values = np.reshape(np.array(cells, dtype=float), (-1, len(names)))
     shown = [j for j in range(len(names)) if np.any(values[:, j] >= LEAST_PART)]
     place = -np.arange(len(values)) - 0.6 * (np.arange(len(values)) >= above)
     figure, axes = panels(0.29 * len(values) + 1.2)
@@ -335,15 +335,14 @@ def stacked(parts: list[dict], labels: list[str], above: int, caption: str) -> P
     axes.set(xlim=(0, 100), ylim=(place.min() - 0.6, 0.6), xlabel="share of the variance (%)")
     axes.grid(axis="y")
     legend_above(figure, columns=min(4, len(shown)))
-    text = "; ".join(
-        f"{name}: {', '.join(f'{names[j]} {100 * row[j]:.0f}' for j in shown)}"
-        for name, row in zip(parts, values)
-    )
+    texts = []
+    for label, row in zip(labels, values):
+        texts.append(f"{label}: " + ", ".join(f"{names[j]} {100 * row[j]:.0f}" for j in shown))
     return Picture(
         figure,
         caption,
-        (["name", *names], [[*row] for row in zip(parts, *values.T.tolist())]),
-        f"In per cent: {text}.",
+        (["name", *names], [[*row] for row in zip(labels, *values.T.tolist())]),
+        f"In per cent: {'; '.join(texts)}.",
     )
 
 
