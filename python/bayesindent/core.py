@@ -1,4 +1,4 @@
-"""The one door to the compiled core: operations on named values, whose errors become exceptions."""
+"""Call operations of the compiled core on named values; their errors become exceptions."""
 
 import ctypes
 import os
@@ -15,10 +15,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def _choose_kernels() -> str:
-    """Name the vector kernels that OpenBLAS shall use, before it is loaded; the module of the core
-    that uses like instructions.
+    """Choose the vector kernels of OpenBLAS before it is loaded, and return the name of the core's
+    module that is compiled for the same instructions.
 
-    What the batch program does, too (cpp/processor.cpp). A user's own choice stands.
+    The batch program does the same (cpp/processor.cpp). A choice of the user takes precedence.
     """
     found = find_spec("._processor", __package__)
     processor = ctypes.CDLL(found.origin if found else None)
@@ -36,7 +36,7 @@ _MODULE = _choose_kernels()
 
 import numpy as np  # noqa: E402
 
-#: The compiled core: an operation on named values, and what it gave, as bytes.
+#: The compiled core: it performs an operation on named values and returns its results, as bytes.
 native = import_module(_MODULE, __package__)
 
 
@@ -45,17 +45,17 @@ class BayesindentError(RuntimeError):
 
 
 class InputError(BayesindentError, ValueError):
-    """The input cannot be meant; the message says what, the value, and what is allowed."""
+    """The input is wrong; the message names the variable, its value, and the allowed values."""
 
 
 class MachineError(BayesindentError):
-    """The machine could not do it (memory, disk): no result about the input; it may work next
-    time.
+    """The machine lacks memory or disk space. The input may be right, and a second attempt may
+    succeed.
     """
 
 
 class BayesindentWarning(UserWarning):
-    """What is to be known of a result before it is used."""
+    """A caution that the user should read before using a result."""
 
 
 #: Kind, rank, length of the name, bytes of the value, shape; see fortran/common/named_values.f90.
@@ -63,8 +63,8 @@ HEADER = struct.Struct("<cBxxiq4q")
 
 
 def encode(values: Mapping) -> bytes:
-    """Named values as the core takes them: texts and paths, logicals, integers, reals, and arrays
-    of reals. What is None is left out.
+    """Encode named values for the core: texts and paths, logicals, integers, reals, and arrays of
+    reals. Values that are None are left out.
     """
     pieces = []
     for name, value in values.items():
@@ -72,13 +72,13 @@ def encode(values: Mapping) -> bytes:
         if value is None:
             continue
         if isinstance(value, str | os.PathLike):
-            # A name of a file that is not UTF-8 is what Python has of it.
+            # File names that are not UTF-8 keep their bytes.
             kind, content = b"t", os.fspath(value).encode("utf-8", "surrogateescape")
         elif isinstance(value, bool | np.bool_ | int | np.integer):
             kind, content = b"i", int(value).to_bytes(8, "little", signed=True)
         else:
             array = np.asarray(value, dtype=float)
-            # The axes are reversed there.
+            # Fortran has the axes in reverse order.
             kind, content, shape = b"r", array.tobytes(), array.shape[::-1]
         label = name.encode()
         header = HEADER.pack(
@@ -120,8 +120,8 @@ LONG = {
 
 
 def call(operation: str, handle: int = 0, /, **values: Any) -> dict:
-    """What an operation of the core gives for named values: 'KIND.VERB', of an object by its
-    handle. Its errors become exceptions.
+    """Perform an operation of the core, 'KIND.VERB', and return its named results. `handle` is that
+    of the object it works on. Errors become exceptions.
     """
     do = native.core_do_long if operation in LONG else native.core_do
     reply, address, words, status = do(
@@ -135,14 +135,14 @@ def call(operation: str, handle: int = 0, /, **values: Any) -> dict:
 
 
 class NativeObject:
-    """What the core holds for Python: one handle, freed with the last reference to this object.
+    """An object of the core under a handle, which is freed with the last reference to this object.
 
-    A subclass sets the handle with `_hold` in its constructor; from then on it is frozen, or once
-    `_frozen` is set. Copies and pickles carry no handle: `__reduce__` of a subclass says how the
-    object is made anew, and without one they are refused.
+    A subclass sets the handle with `_hold` in its constructor. The object is frozen from then on,
+    or once `_frozen` is set. Copies and pickles carry no handle: `__reduce__` of a subclass makes
+    the object anew, and without it they are refused.
     """
 
-    #: What the core calls it: 'surrogate', 'posterior', ..
+    #: The core's name of the type: 'surrogate', 'posterior', ..
     kind = ""
     _handle: int
     _frozen = False
@@ -152,11 +152,11 @@ class NativeObject:
 
     @property
     def handle(self) -> int:
-        """The number that the core knows the object by."""
+        """The number under which the core holds the object."""
         return self.__dict__.get("_handle", 0)
 
     def _call(self, verb: str, /, **values: Any) -> dict:
-        """What an operation on the object gives."""
+        """Perform an operation on the object and return its named results."""
         return call(f"{self.kind}.{verb}", self._handle, **values)
 
     def __setattr__(self, name: str, value: Any) -> None:

@@ -1,4 +1,4 @@
-"""What the package offers; see the package."""
+"""The public names of the package, see its docstring."""
 
 from . import report
 from .core import BayesindentError, BayesindentWarning, InputError, MachineError

@@ -1,1 +1,1 @@
-"""What every step uses: files of results, and progress."""
+"""Files of results and progress, which all steps use."""

@@ -1,5 +1,5 @@
-"""Progress on standard error, with an estimate of the time that is left, where somebody asked for
-it. The core counts and writes it.
+"""Progress on standard error with an estimate of the remaining time, if the user asks for it. The
+core counts and writes it.
 """
 
 from collections.abc import Callable, Iterator
@@ -9,7 +9,7 @@ from ..core import call
 
 
 def show_progress(wanted: bool) -> None:
-    """Show from now on how far loops are, or do not; the library is silent."""
+    """Switch the lines of progress on or off; they are off by default."""
     call("file.show_progress", wanted=wanted)
 
 

@@ -1,7 +1,7 @@
-"""Files of results: each is written beside its name and takes it when it is whole; numbers as CSV,
-JSON and netCDF hold them.
+"""Write files of results (CSV, JSON, netCDF). Each file is written beside its final name and
+renamed once it is complete.
 
-Documents (JSON) have a checksum as their last entry: the core writes and reads them.
+Documents (JSON) end with a checksum; the core writes and reads them.
 """
 
 import csv
@@ -21,15 +21,15 @@ from ..core import call
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Yield a path beside `path` to write to; what is there at the end takes the name, or nothing
-    does after an exception.
+    """Yield a path beside `path` to write to. The file is renamed to `path` at the end, and removed
+    after an exception.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".part-{os.getpid()}-{path.name}")
     beside.unlink(missing_ok=True)
     try:
-        # Never through a link that somebody left there.
+        # A link of that name must not redirect the writing.
         os.close(os.open(beside, os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o666))
         yield beside
         with open(beside, "rb") as stream:
@@ -48,7 +48,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, document: dict) -> None:
-    """Write a document, which is not empty, and with it its checksum."""
+    """Write a document, which must not be empty, with its checksum."""
     path.parent.mkdir(parents=True, exist_ok=True)
     call(
         "file.write_document",
@@ -58,8 +58,8 @@ def write_json(path: Path, document: dict) -> None:
 
 
 def read_json(path: Path) -> dict:
-    """The document of a file without its checksum, which the core verifies; an empty one where
-    there is none.
+    """The document of a file, whose checksum the core verifies; an empty one if there is no
+    file.
     """
     return json.loads(call("file.read_document", path=path)["text"]) if path.exists() else {}
 
@@ -67,18 +67,18 @@ def read_json(path: Path) -> dict:
 def write_csv(
     path: Path, header: Iterable[str], rows: Iterable[Iterable], comment: str = ""
 ) -> None:
-    """Write a table, under a line of comment."""
+    """Write a table under a line of comment."""
     write_text(path, (f"# {comment}\n" if comment else "") + as_csv(header, rows))
 
 
 def write_groups(path: Path, groups: dict[str, tuple[dict, dict]]) -> None:
-    """Write groups of variables (axes, values, perhaps attributes) and facts as netCDF, without
-    xarray: importing that takes half a second.
+    """Write groups of variables (axes, values, perhaps attributes) and facts as netCDF. This does
+    without xarray, whose import takes half a second.
     """
     call("file.check_memory", bytes=1e8, what=path.name)
     import h5netcdf
 
-    # In memory: HDF5 does not recover from a disk that is full.
+    # The file is made in memory, since HDF5 does not recover from a full disk.
     content = io.BytesIO()
     with h5netcdf.File(content, "w") as file:
         for name, (variables, facts) in groups.items():
@@ -98,14 +98,16 @@ def write_groups(path: Path, groups: dict[str, tuple[dict, dict]]) -> None:
 
 
 def as_csv(header: Iterable[str], rows: Iterable[Iterable]) -> str:
-    """A table as text; a float that is not given as text keeps its last bit."""
+    """A table as text; floats are written with all their bits."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([header, *rows])
     return text.getvalue()
 
 
 def plain(value: Any) -> Any:
-    """What JSON can hold: numbers of numpy become Python's, what is not finite becomes null."""
+    """The value with types that JSON has: numbers of NumPy become Python's, and numbers that are
+    not finite become null.
+    """
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

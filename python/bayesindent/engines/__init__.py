@@ -1,5 +1,5 @@
-"""Where simulations run: each engine maps a job over items and hands every result back as soon as
-it is there.
+"""Engines, on which simulations run: each maps a job over items and passes every result on as soon
+as it is complete.
 """
 
 from collections.abc import Callable
@@ -8,7 +8,8 @@ from contextlib import AbstractContextManager, nullcontext
 from .dask import DaskEngine
 from .local import LocalEngine
 
-#: By the word of &execution: from its workers and scheduler the engine, for a `with` statement.
+#: Functions that make the engine of a name in &execution from its workers and scheduler, for a
+#: `with` statement.
 ENGINES: dict[str, Callable[[int, str], AbstractContextManager]] = {
     "local": lambda workers, scheduler: nullcontext(LocalEngine(workers)),
     "dask": DaskEngine,

@@ -16,13 +16,12 @@ PATIENCE_S = 10
 
 
 class DaskEngine(AbstractContextManager):
-    """`workers` processes with one thread each (0: as many as there are cores, or one job of
-    SLURM), or all that a scheduler has.
+    """`workers` processes with one thread each (0: one for each core, or one job of SLURM), or all
+    workers of a scheduler.
 
-    `scheduler` is 'local', 'slurm' (as Dask's own `jobqueue.yaml` says) or an address such as
-    'tcp://head:8786'. Raises `InputError` where the packages are missing and `MachineError` where
-    no scheduler answers. A worker that dies loses nothing but its time: what it was doing is done
-    by another.
+    `scheduler` is 'local', 'slurm' (as configured in Dask's `jobqueue.yaml`) or an address such as
+    'tcp://head:8786'. Raises `InputError` if the packages are missing and `MachineError` if no
+    scheduler answers. If a worker dies, another one repeats its simulation.
     """
 
     def __init__(self, workers: int = 0, scheduler: str = "local"):
@@ -45,11 +44,11 @@ class DaskEngine(AbstractContextManager):
 
     @property
     def workers(self) -> int:
-        """Threads of all workers that are there now, one at least."""
+        """The number of threads of all present workers, at least one."""
         return max(1, sum(self._client.nthreads().values()))
 
     def map(self, job: Callable, items: Sequence, collect: Callable[[int, object], None]) -> None:
-        """Call job(item) of all items, see `complete`. Each worker makes the job from its pickle
+        """Call job(item) for all items, see `complete`. Each worker unpickles the job only
         once.
         """
         import cloudpickle
@@ -64,7 +63,7 @@ class DaskEngine(AbstractContextManager):
             ) from None
 
 
-#: The job of a pickle, made once.
+#: Unpickle a job; the last one is retained.
 _job = lru_cache(maxsize=1)(pickle.loads)
 
 
@@ -73,7 +72,7 @@ def _run(pickled: bytes, item: object) -> object:
 
 
 def _connect(workers: int, scheduler: str) -> tuple:
-    """A client, and the cluster that is its own, if it has one."""
+    """A client, and its own cluster or None."""
     from distributed import Client, LocalCluster
 
     cluster: Any

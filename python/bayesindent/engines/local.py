@@ -1,5 +1,5 @@
-"""Threads of this process; the core releases the interpreter's lock. And what all engines have in
-common.
+"""The engine of this process: threads, for which the core releases the interpreter's lock. And the
+loop that all engines share.
 """
 
 import os
@@ -15,11 +15,11 @@ def complete(
     items: Sequence,
     collect: Callable[[int, object], None],
 ) -> None:
-    """Submit all items, one for each of the workers that are there at the time, and collect(number,
-    result) in this thread for each as it is done.
+    """Submit all items, one for each present worker at a time, and call collect(number, result) in
+    this thread for each as it is done.
 
-    No worker waits for what is done with its result. An exception, or an interrupt, starts no more;
-    what is done, or cannot be cancelled, is still collected.
+    No worker waits until its result is collected. After an exception or an interrupt no further
+    item is submitted; results that are complete, or cannot be cancelled, are still collected.
     """
     waiting, under_way = iter(enumerate(items)), dict[Future, int]()
     done: set[Future] = set()
@@ -46,6 +46,6 @@ class LocalEngine:
         self.workers = workers or len(os.sched_getaffinity(0))
 
     def map(self, job: Callable, items: Sequence, collect: Callable[[int, object], None]) -> None:
-        """Call job(item) of all items, see `complete`."""
+        """Call job(item) for all items, see `complete`."""
         with ThreadPoolExecutor(self.workers) as pool:
             complete(partial(pool.submit, job), lambda: self.workers, items, collect)

@@ -1,1 +1,1 @@
-"""Each command as a stage, and the store of simulations."""
+"""The stages of a run, and its folder of results."""

@@ -1,5 +1,5 @@
-"""Step 1 for the library: a surrogate by simulations of a user's own, and simulations that are made
-elsewhere.
+"""Step 1 in Python: a surrogate from simulations by a function of the user, and simulations that
+are performed elsewhere.
 """
 
 import json
@@ -21,14 +21,14 @@ from .stage import Job, Stage, run_stage
 def build_surrogate(
     problem: Problem | str | PathLike, output: str | PathLike, *, simulate: Callable | None = None
 ) -> Surrogate:
-    """Step 1: the surrogate that `problem`, a namelist file or a `Problem`, asks for. Simulations
-    are kept in the folder `output`; call it again to go on.
+    """Step 1: build the surrogate of `problem`, a namelist file or a `Problem`. The folder `output`
+    stores the simulations; a second call resumes.
 
-    `simulate(stiffness, euler_deg)`, stiffness (6, 6) in GPa in crystal axes and Bunge-Euler angles
-    (3,) in degrees, gives an indentation modulus in GPa in place of the program's own simulations;
-    it may raise `BayesindentError` where it fails. &simulation simulator must be 'import', under
-    which its results are kept. As many are called at once, from threads, as &execution says (0: as
-    there are cores).
+    `simulate(stiffness, euler_deg)` replaces the program's own simulations: for a stiffness (6, 6)
+    in GPa in crystal axes and Bunge-Euler angles (3,) in degrees it returns an indentation modulus
+    in GPa, or raises `BayesindentError` if it fails. It needs &simulation simulator = 'import',
+    under which its results are stored. &execution workers threads call it at once (0: one for each
+    core).
     """
     if not isinstance(problem, Problem):
         problem = Problem(problem, "build")
@@ -38,17 +38,18 @@ def build_surrogate(
             "where it is 'import', and only there"
         )
     warn_of(
-        run_stage(problem, "build", output, simulate=simulate and partial(given, simulate)), str
+        run_stage(problem, "build", output, simulate=simulate and partial(outcome_of, simulate)),
+        str,
     )
     return Surrogate.load(Path(output) / problem.settings.surrogate.file)
 
 
-def given(function: Callable, job: Job) -> dict:
-    """What became of a job by a function of the user's in place of simulations, see `run_stage`."""
-    begun = time.perf_counter()
+def outcome_of(function: Callable, job: Job) -> dict:
+    """The outcome of a job, see `run_stage`, whose modulus a function of the user computes."""
+    start = time.perf_counter()
     try:
         modulus = float(function(job.stiffness, job.euler_deg))
-        made = (
+        outcome: dict = (
             {"modulus_gpa": modulus}
             if np.isfinite(modulus) and modulus > 0
             else {"message": f"the modulus is {modulus}"}
@@ -56,13 +57,13 @@ def given(function: Callable, job: Job) -> dict:
     except (InputError, MachineError):
         raise
     except BayesindentError as error:
-        made = {"message": str(error)}
-    return made | {"seconds": time.perf_counter() - begun}
+        outcome = {"message": str(error)}
+    return outcome | {"seconds": time.perf_counter() - start}
 
 
 def ask(problem: Problem, output: str | PathLike, count: int) -> dict:
-    """The next `count` crystals before the moduli of the first are known: the document of `build
-    --ask`, whose points are rows by the names of columns.
+    """The next `count` crystals of the design, chosen before any of their moduli is known: the
+    document of `build --ask`, whose points are rows by the names of columns.
     """
     found = Stage(problem, "build", Path(output))._call("look_ahead", count=count)
     points = [
@@ -73,7 +74,7 @@ def ask(problem: Problem, output: str | PathLike, count: int) -> dict:
 
 
 def tell(problem: Problem, output: str | PathLike, points: Points, name: str = "the table") -> dict:
-    """Import results that were computed elsewhere: a table with modulus_gpa, which errors call
+    """Import results that were computed elsewhere, a table with modulus_gpa. Messages call it
     `name`.
     """
     found = points.problem._call("import", problem=problem.handle, name=name, **places(output, ""))

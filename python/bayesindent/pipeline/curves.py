@@ -1,5 +1,5 @@
-"""Step 0 in Python: curves and tests in the ways that Python has tables; the numerics are the
-core's.
+"""Step 0 in Python: curves and tests as files or as tables of Python, and the moduli that the core
+infers.
 """
 
 import csv
@@ -20,13 +20,13 @@ from .stage import run_stage
 
 @dataclass(frozen=True)
 class Curves:
-    """What curves gave; `bi.extract` takes it in place of a table.
+    """The result of `bi.curves`; `bi.extract` takes it in place of a table.
 
-    `table`: columns grain, orientation where the tests have it, effective_modulus_gpa and sd_gpa
-    (of errors that grains do not share). `shared_errors` (grain, error): independent relative
-    errors that grains share, of sd 1 times these. `tip_radius_um`: mean and sd. `fits`: of each
-    point of a loading the test, the load, the depth, the elastic fit and the probability that it is
-    elastic. `document`: all else, as curves.json has it.
+    `table` has the columns grain, effective_modulus_gpa, sd_gpa (of the errors that grains do not
+    share), and the orientation if the tests state it. `shared_errors` (grain, error) are relative
+    errors that grains share, one column for each independent source of sd 1. `tip_radius_um` is
+    mean and sd. `fits` has for each point of a loading the test, the load, the depth, the elastic
+    fit and the probability that the point is elastic. `document` is the content of curves.json.
     """
 
     table: dict[str, list]
@@ -68,7 +68,7 @@ def curves(
     crystal_sd : float, optional
         Relative sd of the moduli of references that are crystals.
     """
-    # Not above: it takes time to import.
+    # Importing it takes time.
     from tempfile import TemporaryDirectory
 
     origin = "bi.curves"
@@ -84,18 +84,18 @@ def curves(
             origin, curves=settings, references=references_of(references, crystal_sd)
         )
         document = run_stage(problem, "curves", folder)
-        found = {
+        results = {
             name: read_columns(Path(folder) / f"{name}.csv")
             for name in ("measurements", "shared_errors", "fits")
         }
     warn_of(document)
     radius = document["tip"]["radius_um"]
-    shared = [values for name, values in found["shared_errors"].items() if name != "grain"]
+    shared = [values for name, values in results["shared_errors"].items() if name != "grain"]
     errors = (
-        np.array(shared, dtype=float).reshape(len(shared), len(found["measurements"]["grain"])).T
+        np.array(shared, dtype=float).reshape(len(shared), len(results["measurements"]["grain"])).T
     )
     return Curves(
-        found["measurements"], errors, (radius["mean"], radius["sd"]), found["fits"], document
+        results["measurements"], errors, (radius["mean"], radius["sd"]), results["fits"], document
     )
 
 
@@ -123,7 +123,7 @@ def references_of(references: Any, crystal_sd: float | None) -> dict | None:
 
 
 def file_of(table: Any, path: Path) -> Path:
-    """The file of a table, written to `path` where it is none."""
+    """The file of a table; a table that is not a file is written to `path`."""
     if isinstance(table, str | os.PathLike):
         return Path(table).absolute()
     rows = zip(*(table[name] for name in table), strict=True)
@@ -137,7 +137,7 @@ def without_missing(row: Sequence) -> list:
 
 
 def read_columns(path: Path) -> dict[str, list]:
-    """The columns of a CSV of results: numbers, names apart."""
+    """The columns of a CSV of results: numbers, and the names of grains and tests as texts."""
     with path.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
     columns: dict[str, list] = {}

@@ -1,5 +1,5 @@
-"""What a folder of results says of itself: its manifest, the resolved namelist, documents and the
-numbers of Step 2. The core writes and verifies them.
+"""Read a folder of results: its manifest, the resolved namelist, the documents and the numbers of
+Step 2. The core writes and verifies them.
 """
 
 import json
@@ -17,8 +17,8 @@ MANIFEST = "inputs.json"
 
 
 def read_resolved(folder: Path) -> str:
-    """The namelist of the results, '' where there is none. Raises `InputError` if it is not the one
-    that the manifest is about.
+    """The resolved namelist of the results, '' if there is none. Raises `InputError` if its digest
+    is not the one in the manifest.
     """
     try:
         return (
@@ -31,16 +31,14 @@ def read_resolved(folder: Path) -> str:
 
 
 def read_posterior(folder: Path) -> dict:
-    """The numbers of Step 2 by their names, see fortran/pipeline/extraction_document.f90; nothing
-    where there are none.
+    """The numbers of Step 2 by name, see fortran/pipeline/extraction_document.f90; empty if there
+    are none.
     """
     return call("file.read_posterior", folder=folder) if (folder / "posterior.bin").exists() else {}
 
 
 def surrogate_digest(name: str, folder: Path, namelist_folder: Path) -> dict[str, str]:
-    """The digest of a surrogate by its name, as it is now; nothing where there is none, as before a
-    build.
-    """
+    """The present digest of a surrogate by its name; empty if there is none, as before a build."""
     try:
         return {
             "surrogate_file": call(
@@ -52,8 +50,8 @@ def surrogate_digest(name: str, folder: Path, namelist_folder: Path) -> dict[str
 
 
 def changed_inputs(folder: Path) -> list[str]:
-    """A line for each group of the namelist last used in a folder, with the tables that it names,
-    that was edited since.
+    """A line for each group of the namelist last used in a folder that was edited since, or whose
+    tables were.
     """
     manifest = read_json(folder / MANIFEST)
     try:
@@ -61,7 +59,7 @@ def changed_inputs(folder: Path) -> list[str]:
         now = json.loads(problem._call("inputs", **places(folder, problem.folder))["text"])
     except (KeyError, InputError):
         return []
-    # These may have been options.
+    # Options of the command may have stated these.
     used = {
         name: digest
         for name, digest in manifest["inputs"].items()

@@ -1,5 +1,5 @@
-"""A stage of a problem: the core says what is to be simulated and keeps what became of it, an
-engine simulates; see docs/architecture.md.
+"""A stage of a problem: the core chooses the simulations and stores their outcomes, and an engine
+performs them; see docs/architecture.md.
 """
 
 import json
@@ -18,11 +18,11 @@ from ..core import MachineError, NativeObject
 from ..settings.problem import Problem
 from ..surrogate.surrogate import places
 
-#: What became of a simulation: the machine could not make it, or it is done, or failed.
+#: Status of a simulation: it waits, since the machine could not perform it, or is done, or failed.
 WAITING, DONE, FAILED = 0, 1, 2
-#: What is left out of what became of a simulation; its `status` follows from whether there is a
-#: modulus.
-LEFT_OUT = {
+#: Values of an outcome that a simulation does not state. Its `status` follows from whether there is
+#: a modulus.
+OUTCOME_DEFAULTS = {
     "modulus_gpa": 0.0,
     "seconds": 0.0,
     "elements": 0,
@@ -33,15 +33,17 @@ LEFT_OUT = {
 
 
 class Job(NamedTuple):
-    """A simulation to be made: a crystal (6, 6) in GPa, and angles (3,) in degrees."""
+    """A simulation to perform: the stiffness of a crystal (6, 6) in GPa, and angles (3,) in
+    degrees.
+    """
 
     stiffness: np.ndarray
     euler_deg: np.ndarray
 
 
 class Simulator(NativeObject):
-    """What the groups &specimen, &indenter and &simulation of a namelist's text ask for. Threads
-    may share it.
+    """The simulator of the groups &specimen, &indenter and &simulation of a namelist's text.
+    Threads may share it.
     """
 
     kind = "simulator"
@@ -52,7 +54,7 @@ class Simulator(NativeObject):
 
 
 class Simulations:
-    """Simulations by one simulator, made for the first job; each process makes its own."""
+    """Simulations by one simulator, which each process makes for its first job."""
 
     def __init__(self, origin: str, physics: str):
         self.origin, self.physics, self._lock = origin, physics, Lock()
@@ -62,8 +64,8 @@ class Simulations:
         return Simulations, (self.origin, self.physics)
 
     def __call__(self, job: Job) -> dict:
-        """What became of a job: status, modulus_gpa, seconds, elements, depth_um, force_mn, and the
-        message why it failed.
+        """The outcome of a job: status, modulus_gpa, seconds, elements, depth_um, force_mn, and the
+        reason of a failure as message.
         """
         with self._lock:
             if self._simulator is None:
@@ -72,7 +74,7 @@ class Simulations:
 
 
 def attempt(simulate: Callable[[Job], dict], job: Job) -> dict:
-    """What became of a job, for `run_stage`; what the machine could not do is no result."""
+    """The outcome of a job, for `run_stage`; an error of the machine leaves the job waiting."""
     try:
         return simulate(job)
     except MachineError as error:
@@ -88,20 +90,20 @@ class Stage(NativeObject):
         Path(output).mkdir(parents=True, exist_ok=True)
         self.problem = problem
         opened = problem._call("stage", name=name, **places(output, problem.folder))
-        #: Simulations that are still to be made, as far as is known.
+        #: The number of simulations that remain, as far as it is known.
         self.expected = opened["expected"]
         #: Groups of a namelist, from which an engine makes the simulator.
         self.physics = opened["physics"]
         self._hold(opened["handle"])
 
     def wanted(self) -> tuple[list[int], list[Job]]:
-        """The simulations to be made now, by their numbers; none: all is done."""
+        """The numbers and the jobs of the simulations to perform now; none when all are done."""
         found = self._call("want")
         crystals = zip(found["stiffness"], found["euler_deg"], strict=True)
         return found["number"].tolist(), [Job(*crystal) for crystal in crystals]
 
     def close(self) -> dict:
-        """Write the results; the document."""
+        """Write the results and return the document."""
         return json.loads(self._call("close")["text"])
 
 
@@ -111,10 +113,10 @@ def run_stage(
     output: str | PathLike,
     simulate: Callable[[Job], dict] | None = None,
 ) -> dict:
-    """A stage from its beginning to its document. Simulations are made by `simulate`, or as the
-    problem asks, on the engine of &execution.
+    """Perform a stage and return its document. `simulate`, or else the simulator of the problem,
+    performs the simulations on the engine of &execution.
     """
-    # Not above: it takes time to import.
+    # Importing the engines takes time, which other commands save.
     from ..engines import ENGINES
 
     stage, execution, engine = Stage(problem, name, output), problem.settings.execution, None
@@ -127,10 +129,11 @@ def run_stage(
             )
             simulate = simulate or Simulations(str(problem.path), stage.physics)
 
-            def take(k: int, made: dict, numbers: list[int] = numbers) -> None:
-                made = {"status": DONE if "modulus_gpa" in made else FAILED} | LEFT_OUT | made
-                stage._call("take", number=numbers[k], **made)
-                advance(int(made["status"] == DONE))
+            def store(k: int, outcome: dict, numbers: list[int] = numbers) -> None:
+                status = DONE if "modulus_gpa" in outcome else FAILED
+                outcome = {"status": status} | OUTCOME_DEFAULTS | outcome
+                stage._call("take", number=numbers[k], **outcome)
+                advance(int(outcome["status"] == DONE))
 
-            engine.map(partial(attempt, simulate), jobs, take)
+            engine.map(partial(attempt, simulate), jobs, store)
     return stage.close()

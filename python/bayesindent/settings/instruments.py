@@ -1,4 +1,4 @@
-"""Curves in the files of instruments, as the neutral CSV that the core reads."""
+"""Convert curves in files of instruments to the neutral CSV that the core reads."""
 
 import os
 import re
@@ -10,9 +10,9 @@ import numpy as np
 from ..core import InputError
 from .other_files import reader_of, reading
 
-#: The last where the stiffness was measured.
+#: Columns of a curve; the last one only if the stiffness was measured.
 COLUMNS = ("time_s", "depth_nm", "load_mn", "stiffness_n_m")
-#: Numbers above this are none: instruments write 1.797e308.
+#: Numbers above this mean a missing value: instruments write 1.797e308.
 NO_VALUE = 1e300
 UNITS = {"time (s)": 1.0, "depth (nm)": 1.0, "depth (µm)": 1e3, "load (mn)": 1.0, "load (µn)": 1e-3}
 
@@ -20,8 +20,8 @@ UNITS = {"time (s)": 1.0, "depth (nm)": 1.0, "depth (µm)": 1e3, "load (mn)": 1.
 def curves_of_files(
     place: str, folder: Path, names: Iterable[str], drift_removed: bool
 ) -> dict[str, list]:
-    """The columns of the neutral CSV of files of a folder, of which names such as 'raw/*.txt' are
-    several; `place` begins messages.
+    """The columns of the neutral CSV for files of a folder; a name such as 'raw/*.txt' stands for
+    several files. `place` begins messages.
     """
     found = []
     for name in names:
@@ -81,7 +81,7 @@ def read_file(file: Path, place: str) -> list[tuple[str, tuple]]:
     )
     data, tests = reader.Indentation(str(file), output={"verbose": 0}), []
     while len(data.raw.h):
-        # The package has um, mN and, of continuous stiffness, mN/um at the points that are valid.
+        # The units of the package are um, mN and, for a continuous stiffness, mN/um.
         curve, valid = (
             np.array([data.raw.t, 1e3 * data.raw.h, data.raw.p], dtype=float),
             np.asarray(data.raw.valid, dtype=bool),
@@ -128,8 +128,8 @@ def read_hysitron(text: str, place: str) -> tuple:
 
 
 def tdm_settings(file: str | os.PathLike) -> dict[str, float | bool]:
-    """What a .tdm file says that the instrument removed from its curve: drift_nm_s,
-    compliance_nm_mn, and whether it removed the drift.
+    """The corrections that the instrument made to the curve of a .tdm file: drift_nm_s,
+    compliance_nm_mn, and whether the drift was removed.
     """
     text = Path(file).read_text(encoding="utf-8", errors="replace")
     names = {

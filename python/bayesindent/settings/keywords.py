@@ -1,5 +1,5 @@
-"""Keywords of the library's functions from the schema of namelists: signatures, texts of help, and
-messages in Python's words.
+"""Make keywords of Python functions from the schema of namelists: signatures, help, and messages
+that name keywords in place of namelist variables.
 """
 
 import difflib
@@ -15,10 +15,10 @@ from typing import Any
 from ..core import BayesindentWarning, InputError, MachineError
 from .problem import Variable, schema
 
-#: Names that ArviZ' and PyMC's users know, and the variables that they are.
+#: Names in ArviZ and PyMC, and the variables with the same meaning.
 ALIASES = {"draws": "samples", "random_seed": "seed"}
 TYPES = {"logical": bool, "integer": int, "real": float}
-#: Variables of namelists, and groups, that are another keyword in Python.
+#: Variables and groups of namelists whose keyword has another name.
 KEYWORDS = {
     "c_min": "bounds",
     "c_max": "bounds",
@@ -29,9 +29,12 @@ KEYWORDS = {
 
 
 def takes(*groups: str, without: Collection[str] = ()) -> Callable[[Any], Any]:
-    """Let `**settings` of a function be a keyword for each variable of these groups but some: with
-    its type, its default and its meaning, which signature and help list. A name of the first group
-    is that of no other. Other names are refused, and messages are in Python's words.
+    """Decorate a function so that its `**settings` are the variables of these groups, apart from
+    those of `without`.
+
+    Signature and help list each keyword with its type, its default and its meaning. A name that
+    several groups have belongs to the first of them. Other names are refused, and messages name
+    keywords.
     """
     variables = {
         variable.name: variable
@@ -104,13 +107,13 @@ def type_of(variable: Variable) -> Any:
 
 
 def default_of(variable: Variable) -> Any:
-    """The default of a keyword; None where there is none."""
+    """The default of a keyword; None if it has none."""
     return None if variable.default in ("*", "unset") else variable.value_of([variable.default])
 
 
 @cache
 def explained(variable: Variable) -> str:
-    """The entry of a keyword as numpydoc has it."""
+    """The entry of a keyword in the format of numpydoc."""
     default = default_of(variable)
     kind = inspect.formatannotation(type_of(variable))
     allowed = variable.allowed if variable.kind not in ("logical", "text") else ""
@@ -127,7 +130,7 @@ def explained(variable: Variable) -> str:
 
 
 def in_python(text: str) -> str:
-    """A message of the core in the words of keywords: without the groups of namelists."""
+    """A message of the core that names keywords, without the groups of namelists."""
     known = {variable.name for variable in schema()} | {"stiffness"}
     text = re.sub(r"&knowledge (mean|sd)\b", r"knowledge \1", text)
     text = re.sub(
@@ -140,8 +143,8 @@ def in_python(text: str) -> str:
 
 
 def warn_of(document: dict, words: Callable[[str], str] = in_python) -> None:
-    """Why a result cannot be used, and the warnings of its document, as Python's; they name the
-    line that called the library's function, in these `words`.
+    """Issue the reasons why a result cannot be used and the warnings of its document as warnings of
+    Python, which name the line that called the public function. `words` rewrites the texts.
     """
     level, frame = 1, sys._getframe()
     while frame.f_back and frame.f_globals.get("__name__", "").startswith(

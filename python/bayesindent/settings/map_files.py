@@ -1,5 +1,5 @@
-"""Files of orientation maps: those that orix reads, and Oxford's .h5oina; and the crystal axes that
-their angles refer to.
+"""Read orientation maps, from files that orix reads and from Oxford's .h5oina, and find the crystal
+axes to which their angles refer.
 """
 
 from contextlib import redirect_stdout
@@ -16,12 +16,12 @@ from ..crystal.directions import representative
 from ..crystal.elasticity import class_name
 from .other_files import reader_of, reading
 
-#: Where the axes of the crystal lie in its cell, by the words of `crystal_axes`.
+#: Orientation of the crystal axes in the unit cell, by the values of `crystal_axes`.
 AXES = {"a": "x along a, z along c*", "a*": "x along a*, z along c"}
 
 
 def load_map(place: str, path: Path) -> Any:
-    """The map of a file, as orix has it; `place` begins the message of a refusal."""
+    """The map of a file as an object of orix; `place` begins the message of a refusal."""
     io = reader_of(place, path, "an orientation map", "orix.io")
     if path.suffix.lower() == ".h5oina":
         with reading(place, "is no map of Oxford's .h5oina"), h5py.File(path) as file:
@@ -30,7 +30,7 @@ def load_map(place: str, path: Path) -> Any:
         raise InputError(
             f"{place}maps {path.suffix} are not read; export the map as .ang or .ctf, or as .h5oina"
         )
-    # where orix names the phases
+    # orix prints the names of the phases.
     with reading(place, "is no map that orix reads"), redirect_stdout(StringIO()):
         return io.load(str(path))
 
@@ -39,7 +39,7 @@ def oxford_map(file: h5py.File) -> Any:
     """The first slice of a file, by Oxford's specification of H5OINA: angles in radians, positions
     in um, phases from 1; 0 is not indexed.
     """
-    # Of an optional package.
+    # The package is optional.
     from diffpy.structure import Lattice, Structure
     from orix.crystal_map import CrystalMap, Phase, PhaseList
     from orix.quaternion import Rotation as Orientations
@@ -75,8 +75,8 @@ def oxford_map(file: h5py.File) -> Any:
 
 
 def axes_of_file(path: Path) -> str | None:
-    """Where the format of a file puts the axes of the crystal: one of `AXES`, or None where its
-    angles may be of either.
+    """The convention of a file's format for the crystal axes: one of `AXES`, or None if its angles
+    may follow either.
     """
     if path.suffix.lower() == ".h5oina":
         return "a*"
@@ -91,15 +91,15 @@ def axes_of_file(path: Path) -> str | None:
 def turn_of_axes(
     place: str, group: Any, lattice: Any, stated: str | None, of_file: str | None
 ) -> Rotation:
-    """From a map's crystal axes to those of the IEEE standard, z along c, y normal to (010); of a
-    phase with this Laue class and `lattice`.
+    """The rotation from a map's crystal axes to those of the IEEE standard, z along c, y normal to
+    (010), for a phase with this Laue class and `lattice`.
     """
     operations = group.proper_subgroup
     angles = np.array(lattice.abcABG()[3:])
     if (
         np.isclose(operations.angle, 2 * np.pi / 3) & (np.abs(operations.axis.data[:, 2]) > 0.99)
     ).any():
-        # Trigonal and hexagonal angles refer to the hexagonal cell.
+        # The angles of trigonal and hexagonal phases refer to the hexagonal cell.
         angles = np.array([90.0, 90.0, 120.0])
     oblique = (np.abs(angles - 90.0) > 0.01).tolist()
     if (has_axis_along_z(group) and oblique != [False, True, False]) or (
@@ -131,7 +131,7 @@ def turn_of_axes(
 
 
 def turn_of_cell(angles: np.ndarray, axes: str) -> Rotation:
-    """The same for one of `AXES` and the angles of a cell, degrees."""
+    """The same rotation for one of `AXES` and the angles of a cell in degrees."""
     alpha, beta, gamma = np.radians(angles)
     # Unit vectors along a, b and c: a along x, b in the plane of x and y.
     a, b = np.array([1.0, 0.0, 0.0]), np.array([np.cos(gamma), np.sin(gamma), 0.0])
@@ -144,18 +144,18 @@ def turn_of_cell(angles: np.ndarray, axes: str) -> Rotation:
 
 
 def frame(x: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """The axes along two vectors that are normal to each other, and the third, as rows."""
+    """The right-handed axes, as rows, with x and z along two vectors normal to each other."""
     x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
     return np.array([x, np.cross(z, x), z])
 
 
 def has_axis_along_z(group: Any) -> bool:
-    """Whether a Laue class of orix has one two-fold axis, along z, which is along y in the IEEE
-    standard.
+    """Whether a Laue class of orix has a single two-fold axis, along z; the IEEE standard has it
+    along y.
     """
     return group.proper_subgroup.size == 2 and abs(group.proper_subgroup.axis.data[-1, 2]) > 0.5
 
 
 def from_standard(group: Any) -> Rotation:
-    """From the crystal axes of the IEEE standard to those of a Laue class of orix."""
+    """The rotation from the crystal axes of the IEEE standard to those of a Laue class of orix."""
     return Rotation.from_euler("x", 90.0 if has_axis_along_z(group) else 0.0, degrees=True)

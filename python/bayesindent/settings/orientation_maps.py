@@ -1,4 +1,4 @@
-"""Orientation maps (EBSD): what they say of the grain at each indent."""
+"""Orientation maps (EBSD): the grain at each indent, its orientation and its size."""
 
 import csv
 import re
@@ -20,15 +20,15 @@ from ..crystal.elasticity import class_name
 from .map_files import axes_of_file, from_standard, load_map, turn_of_axes
 from .other_files import reading
 
-#: Neighbours that differ by more are of two grains, degrees.
+#: Misorientation of neighbouring points, in degrees, above which they belong to two grains.
 BOUNDARY_DEG = 5.0
-#: Grains of fewer pixels are noise, and no neighbours.
+#: Grains of fewer points are noise; they do not count as neighbours.
 LEAST_PIXELS = 4
-#: Columns of homologous points: positions of the stage, and of the map.
+#: Columns of homologous points: positions on the stage, and in the map.
 POINT_COLUMNS = ("x_um", "y_um", "map_x_um", "map_y_um")
-#: Errors of registration that are drawn, and the probability of its grain that an indent needs.
+#: Number of errors of registration that are drawn, and the least probability of an indent's grain.
 SAMPLE, LEAST_SHARE = 400, 0.95
-#: No sample is larger.
+#: The largest coordinate that is accepted; every sample is smaller.
 FARTHEST_UM = 1e9
 #: The sample's axis that the indenter moves along.
 NORMAL = (0.0, 0.0, 1.0)
@@ -38,11 +38,12 @@ NORMAL = (0.0, 0.0, 1.0)
 class IndentedMap:
     """A map with indents at `positions` (n, 2) in its own coordinates, um, and the grain of each.
 
-    `rows`: their rows in the measurements, from 0; the grain of the others is uncertain.
-    `page`: a line for each indent: Bunge's angles of the mean orientation of its grain, and, where
-    the measurements have no such column, `grain`, its number in the map, `orientation_sd_deg`, the
-    spread of the indented direction over it, and `grain_radius_um`, the distance to the nearest
-    other grain."""
+    `rows` are their rows in the measurements, from 0; the grain of the other rows is uncertain.
+    `page` is a table with a line for each indent: Bunge's angles of the mean orientation of its
+    grain, and, unless the measurements have these columns, `grain` (its number in the map),
+    `orientation_sd_deg` (the spread of the indented direction over the grain), and
+    `grain_radius_um` (the distance to the nearest other grain).
+    """
 
     grid: "Grid"
     rows: list[int]
@@ -61,9 +62,9 @@ def indented_map(
     symmetry: str | None,
     axes: str | None,
 ) -> IndentedMap:
-    """The map of a file, and what it says of indents at positions (n, 2) of the stage, which the
-    file of `points` leads to those of the map; without it the two are the same. `columns`: of the
-    measurements. `axes`: see `AXES` of map_files.
+    """The map of a file with indents at positions (n, 2) of the stage. Homologous points in the
+    file `points` relate the stage to the map; without them the coordinates are the same. `columns`
+    are those of the measurements; for `axes` see `AXES` of map_files.
     """
     for name in columns:
         if name.lower().startswith(("phi", "φ", "euler")):
@@ -84,7 +85,7 @@ def indented_map(
         )
     grains = grid.grain[pixel].tolist()
     warnings += grid.compare_phase(grid.phase[pixel], symmetry)
-    # Of a sample of the errors of registration the share that leads to the same grain.
+    # The probability of a grain is the share of sampled registrations that place the indent in it.
     nearest = grid.tree.query(
         indents + np.random.default_rng(0).normal(size=(SAMPLE, 1, 2)) * sd[:, None]
     )[1]
@@ -119,9 +120,9 @@ def indented_map(
 def registered(
     place: str, path: Path, stage: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Positions of the map (n, 2) of those of the stage by the affine map that homologous points
-    determine, by least squares; their sd per coordinate, um, (n,); and the warning where it is
-    unknown. `place` begins the message of a refusal.
+    """Transform positions of the stage to the map by the affine map that fits homologous points by
+    least squares. Returns the positions (n, 2), their sd per coordinate (n,) in um, and a warning
+    if the sd is unknown. `place` begins the message of a refusal.
     """
     try:
         lines = [
@@ -171,9 +172,9 @@ class Grid:
         loaded = load_map(place, path)
         with reading(place, "is no map that orix reads"):
             found = loaded[loaded.phase_id >= 0]
-            #: (n, 2), um.
+            #: Positions (n, 2) in um.
             self.positions = np.column_stack([found.x, found.y]).astype(float)
-            #: From sample to crystal axes.
+            #: Rotations from sample to crystal axes.
             self.rotations = rotations_of(
                 found.rotations[:, 0] if found.rotations.ndim > 1 else found.rotations
             )
@@ -188,8 +189,8 @@ class Grid:
             )
         self.phase = found.phase_id
         self.place = place
-        #: Of each phase the name, its Laue class, which is all that diffraction sees, and the
-        #: proper rotations of this.
+        #: By phase its name, its Laue class (diffraction sees no more of the point group), and the
+        #: proper rotations of that class.
         self.names, self.groups, self.symmetry = {}, {}, {}
         for number in np.unique(self.phase).tolist():
             self.names[number], group = (
@@ -208,26 +209,27 @@ class Grid:
             own = np.flatnonzero(self.phase == number)
             self.rotations[own] = to_standard * self.rotations[own]
         self.tree = cKDTree(self.positions)
-        #: Distance of neighbours, um.
+        #: Distance of neighbouring points in um.
         self.step = float(np.median(self.tree.query(self.positions, k=2)[0][:, 1]))
         if not self.step > 0:
             raise InputError(
                 f"{place}has most of its points twice at the same place; a map has each once"
             )
         self.grain = self._grains(self.tree.query_pairs(1.2 * self.step, output_type="ndarray"))
-        #: Whether a point is of a grain that is more than noise.
+        #: Whether the grain of a point is large enough to be no noise.
         self.counts = np.bincount(self.grain)[self.grain] >= LEAST_PIXELS
 
     def _grains(self, pairs: np.ndarray) -> np.ndarray:
-        """The number of each point's grain: neighbours of one phase whose misorientation is small
-        are connected.
+        """The number of each point's grain. A grain connects neighbours of one phase whose
+        misorientation is small; `pairs` are the neighbours.
         """
         first, second = pairs.T
         between = (self.rotations[second] * self.rotations[first].inv()).as_quat()
         alike = np.zeros(len(pairs), dtype=bool)
         for phase, group in self.symmetry.items():
             own = (self.phase[first] == phase) & (self.phase[second] == phase)
-            # One operation after the other: a map may have millions of points.
+            # Operations of the group are tried one after the other to save memory: a map may have
+            # millions of points.
             cosine = reduce(
                 np.maximum, (np.abs(between[own] @ operation) for operation in group.as_quat())
             )
@@ -238,9 +240,9 @@ class Grid:
         )[1]
 
     def compare_phase(self, phases: np.ndarray, symmetry: str | None) -> list[str]:
-        """The warning, if there is one, on the phase at the indents, (n,), whose crystals are
-        stated to have a `symmetry`; refused if there are several or if orientations that are
-        equivalent in the phase are not so by the symmetry, with its axes.
+        """Compare the phase at each indent (n,) with the stated `symmetry`, and return the
+        warnings. Several phases are refused, and a symmetry in which equivalent orientations of the
+        phase are not equivalent.
         """
         number = int(phases[0])
         name = self.names[number]
@@ -274,10 +276,11 @@ class Grid:
         )
 
     def misread(self, positions: np.ndarray) -> np.ndarray:
-        """The indented directions (7, n, 3) in crystal axes at positions (n, 2) whose axes are
-        mistaken.
+        """The indented directions (7, n, 3) in crystal axes for positions (n, 2) whose axes are
+        exchanged or reversed.
         """
-        # In the ways of fortran/inference/orientation_check.f90. Beside the map its edge is taken.
+        # The seven mistakes are those of fortran/inference/orientation_check.f90. A position beside
+        # the map gets the orientation at its edge.
         low, size = self.positions.min(axis=0), np.ptp(self.positions, axis=0)
 
         def places(way: int) -> np.ndarray:
@@ -289,10 +292,10 @@ class Grid:
         )
 
     def colours(self) -> np.ndarray:
-        """The crystal direction along the indenter of each point in the colours of the inverse pole
-        figure, RGB (n, 3).
+        """The colours RGB (n, 3) of the crystal directions along the indenter in the inverse pole
+        figure.
         """
-        # Of an optional package, like the reader of the map.
+        # The package is optional, like the reader of the map.
         from orix.plot import IPFColorKeyTSL
         from orix.quaternion import Orientation
 
@@ -311,20 +314,20 @@ class Grid:
         """
         inside = np.flatnonzero(self.grain == grain)
         group, rotations = self.symmetry[int(self.phase[inside[0]])], self.rotations[inside]
-        # Of the equivalents of each the one that is nearest to the first.
+        # Each orientation is replaced by its equivalent that is nearest to the first one.
         cosine = np.abs((rotations[0] * rotations.inv()).as_quat() @ group.as_quat().T)
         aligned = group[cosine.argmax(axis=1)] * rotations
         mean = aligned.mean()
         tilt = np.arccos(np.clip(aligned.apply(NORMAL) @ mean.apply(NORMAL), -1, 1))
-        # Of an optional package, like the reader of the map.
+        # The package is optional, like the reader of the map.
         from orix.quaternion import Rotation as OrixRotation
 
         euler = OrixRotation(mean.as_quat(scalar_first=True)).to_euler()[0]
         return np.degrees(euler).tolist(), float(np.degrees(np.sqrt(np.mean(tilt**2) / 2)))
 
     def distance_to_boundary(self, position: np.ndarray, grain: int) -> float:
-        """From a position to the nearest point of another grain, less half a step, um; to the
-        farthest edge of the map where there is none.
+        """The distance in um from a position to the nearest point of another grain, less half a
+        step; to the farthest point of the map if there is no other grain.
         """
         others = self.positions[(self.grain != grain) & self.counts]
         if not len(others):

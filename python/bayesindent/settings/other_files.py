@@ -1,4 +1,4 @@
-"""Files of other programs: the packages that read them, and what cannot be read."""
+"""Load the packages that read files of other programs, and refuse files that cannot be read."""
 
 import sys
 import warnings
@@ -12,8 +12,8 @@ from ..core import InputError
 
 
 def reader_of(place: str, path: Path, kind: str, module: str, otherwise: str = "") -> ModuleType:
-    """The `module` of another package that reads a file of this `kind`. `place` begins a refusal;
-    `otherwise`: what to do other than install it.
+    """The `module` of another package that reads a file of this `kind`. `place` begins the message
+    of a refusal, and `otherwise` names a remedy other than the installation.
     """
     package = module.partition(".")[0]
     try:
@@ -31,8 +31,8 @@ def reader_of(place: str, path: Path, kind: str, module: str, otherwise: str = "
 
 @contextmanager
 def reading(place: str, words: str) -> Iterator[None]:
-    """What a damaged file makes its reader raise is a refusal of `place` and `words`; the reader's
-    own warnings and words are left out.
+    """Turn the exceptions of a reader of a damaged file into a refusal of `place` and `words`, and
+    suppress the reader's own warnings and output.
     """
     try:
         with warnings.catch_warnings():
@@ -45,7 +45,7 @@ def reading(place: str, words: str) -> Iterator[None]:
 
 
 def decoded(content: bytes) -> tuple[str, str]:
-    """A text and its encoding, '' if that is UTF-8; no text if it is none."""
+    """The text of a file and its encoding, '' for UTF-8; an empty text if it is not text."""
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return content.decode("utf-16", "replace"), "UTF-16"
     if b"\0" in content:

@@ -1,5 +1,5 @@
-"""Settings: of a namelist file or of keywords, read, checked and resolved by the Fortran core, as
-plain Python values.
+"""Settings of a namelist file or of keywords as plain Python values; the core reads, checks and
+resolves them.
 """
 
 import os
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from .table_cleaning import LaboratoryTable
 
 
-#: From texts of a namelist.
+#: Functions that convert texts of a namelist, by kind of variable.
 CONVERSIONS: dict[str, Callable] = {"logical": ".true.".__eq__, "integer": int, "real": float}
 
 
 @dataclass(frozen=True)
 class Variable:
-    """One row of the schema: what may stand in a namelist. `shape`: 'one' value, one for each of
-    the 'constants', or a 'list'.
+    """One variable of the schema of namelists. Its `shape` is 'one' value, one for each of the
+    'constants', or a 'list'.
     """
 
     group: str
@@ -41,7 +41,7 @@ class Variable:
     meaning: str
 
     def value_of(self, texts: list[str]) -> Any:
-        """The value that these texts of a namelist stand for."""
+        """The value that texts of a namelist represent."""
         values = [CONVERSIONS.get(self.kind, str)(text) for text in texts]
         return (
             values[0]
@@ -54,7 +54,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class Stage:
-    """A command that reads a namelist: the groups that it needs, the file of its document."""
+    """A command that reads a namelist, the groups that it needs, and the file of its document."""
 
     name: str
     groups: tuple[str, ...]
@@ -63,13 +63,13 @@ class Stage:
 
 class Points:
     """A table of n points of a problem: crystals with orientations, measurements, or candidates.
-    The core has it; what is asked for is copied.
+    The core holds the table; attributes are copies.
 
-    Of crystals `constants` is a list of n dicts (GPa), and `stiffness` (n, 6, 6) in GPa (crystal
-    frame); `euler_deg` (n, 3), `modulus_gpa` and `sd_gpa` (n,) or None where the table has none
-    (NaN in empty cells). `columns` and `rows` are the cells as written; of measurements there are
-    more rows than points where several tests of one grain are combined. `modulus_kind`: of
-    measurements, which modulus was measured. `names`: of grains, or None.
+    For crystals `constants` is a list of n dicts (GPa), and `stiffness` (n, 6, 6) in GPa (crystal
+    frame). `euler_deg` is (n, 3); `modulus_gpa` and `sd_gpa` are (n,), with NaN in empty cells, or
+    None without such a column. `columns` and `rows` are the cells as written; measurements have
+    more rows than points if several tests of one grain are combined. `modulus_kind` is the kind of
+    the measured modulus, and `names` are those of the grains, or None.
     """
 
     def __init__(self, problem: "Problem", table: str, facts: dict):
@@ -96,7 +96,6 @@ class Points:
         )
         return [dict(zip(names[number - 1], values, strict=False)) for number, values in rows]
 
-    # Others see the class.
     stiffness = cached_property(lambda self: self._columns("stiffness")["stiffness"])
     _numbers = cached_property(lambda self: self._columns("numbers"))
     euler_deg = property(lambda self: self._numbers["euler_deg"])
@@ -109,8 +108,8 @@ class Points:
     )
 
     def write(self, path: str | os.PathLike, columns: Mapping[str, np.ndarray]) -> None:
-        """Write the crystals as the table that they came from, with columns of n numbers added or,
-        where it has them, replaced.
+        """Write the table of the crystals with further columns of n numbers, which replace columns
+        of the same name.
         """
         self.problem._call(
             "write_crystals",
@@ -124,13 +123,13 @@ class Problem(NativeObject):
     """The resolved namelist file `path` for `command`: 'run', or a stage ('simulate', 'theory',
     'build', 'extract', 'next').
 
-    `changes`: a namelist whose variables take the place of the file's.
+    `changes` is a namelist whose variables replace those of the file.
 
-    `settings.design.budget` is a value as the command will use it, whether the file says it or not:
-    None if it has none, an array if there is one for each constant. `settings.design.given`:
-    whether the file has the group. `crystals`, `measurements`, `candidates` (of &design) and
-    `grains` (of &next) are the tables (`Points`) that it names, or None. Raises `InputError` with
-    one line that names file, group and variable.
+    `settings.design.budget` is the value that the command uses, stated or default: None if there is
+    none, an array if there is one for each constant. `settings.design.given` is true if the file
+    has the group. `crystals`, `measurements`, `candidates` (of &design) and `grains` (of &next) are
+    the tables (`Points`) that it names, or None. Raises `InputError` with one line that names file,
+    group and variable.
     """
 
     kind = "problem"
@@ -143,12 +142,12 @@ class Problem(NativeObject):
     def from_keywords(
         cls, origin: str, tables: Mapping[str, Mapping] | None = None, **groups: Mapping | None
     ) -> "Problem":
-        """The problem of variables by group, `specimen={"geometry": "block"}`, that the function
-        `origin` was called with.
+        """The problem of variables by group, `specimen={"geometry": "block"}`, which are arguments
+        of the function `origin`.
 
-        The messages are those of a file with these values. What is None is left out. `tables`:
-        columns of equal length by name, as files of 'measurements', of 'velocities', and of
-        'stiffness' in `&knowledge` have them.
+        The messages are those of a file with these values. Values that are None are left out.
+        `tables` are columns of equal length by name, as in files of 'measurements', of
+        'velocities', and of 'stiffness' in `&knowledge`.
         """
         text = ""
         for group, values in groups.items():
@@ -170,8 +169,8 @@ class Problem(NativeObject):
         tables: Mapping[str, Mapping] | None = None,
         made_of: tuple = (),
     ) -> "Problem":
-        """The problem of a namelist's text; messages begin with the origin. `made_of`: how a copy
-        is made, nothing where it is not.
+        """The problem of a namelist's text; messages begin with the origin. `made_of` is what
+        `__reduce__` returns; an empty one refuses copies.
         """
         self = cls.__new__(cls)
         self._made_of = made_of
@@ -184,7 +183,7 @@ class Problem(NativeObject):
             self._set_table(name, table)
         facts = self._facts()
         if names := facts.get("curves.files"):
-            # Neither this nor what follows is above: they take time to import.
+            # Importing this module and the following ones takes time.
             from .instruments import curves_of_files
 
             self._set_table(
@@ -193,7 +192,7 @@ class Problem(NativeObject):
                     f"{path}: &curves files: ", path.parent, names, facts["curves.drift_removed"]
                 ),
             )
-        #: The file of measurements as it was understood, or None.
+        #: The table of a laboratory, if one was read, or None.
         self.table: LaboratoryTable | None = None
         if "table_file" in facts:
             from .laboratory_tables import laboratory_table
@@ -285,7 +284,7 @@ class Problem(NativeObject):
 
 
 def html_details(thing: object, text: str) -> str:
-    """What a notebook shows of a thing: its name, and after a click the text."""
+    """The HTML of an object for notebooks: its name, which unfolds to the text."""
     from html import escape
 
     name = escape(repr(thing)[1:-1])
@@ -309,7 +308,7 @@ def spelled(value: Any, place: str = "") -> str:
 
 
 def read_crystals(path: str | os.PathLike, symmetry: str) -> Points:
-    """A CSV of crystals and orientations; `symmetry` is that of the rows that do not say theirs."""
+    """Read a CSV of crystals and orientations; rows without a class have this `symmetry`."""
     holder = Problem.__new__(Problem)
     holder._hold(call("file.crystals", path=path, symmetry=symmetry)["handle"])
     return Points(holder, "crystals", holder._call("describe"))
@@ -344,9 +343,7 @@ def stages() -> tuple[Stage, ...]:
 
 
 def typed(found: dict) -> dict:
-    """Named values of the core, with those of settings, which are texts there, in their own
-    types.
-    """
+    """Named values of the core with settings, which are texts there, converted to their types."""
     names = {f"{variable.group}.{variable.name}": variable for variable in schema()}
     return {
         name: names[name].value_of(value) if name in names else value
@@ -371,13 +368,13 @@ def batched(values: list, n: int) -> Iterator[list]:
     return (values[i : i + n] for i in range(0, len(values), n))
 
 
-#: The frozen class of a name with these fields.
+#: Make a frozen class from a name and fields.
 _frozen_type = cache(partial(make_dataclass, frozen=True, eq=False))
 
 
 def _settings(values: dict) -> Any:
-    """The values of all groups, as frozen objects in a frozen object; lists become tuples, and
-    arrays cannot be written to.
+    """The values of all groups as frozen objects in a frozen object; lists become tuples, and
+    arrays are read-only.
     """
     groups: dict[str, dict] = {}
     for variable in schema():
