@@ -50,7 +50,7 @@ module constants_prior
       type(crystal_class_type) :: class
       type(log_coordinates_type) :: logarithms
       integer :: n_constants = 0
-      !> Bounds of the constants, GPa; where none is stated these are wide.
+      !> Bounds of the constants, GPa; very wide ones for a bound that is not stated.
       real(wp), allocatable :: lower(:), upper(:)
       !> Whether the default prior applies: some constant lacks a bound.
       logical :: has_default = .false.

@@ -29,9 +29,11 @@ module next_measurement
    !> kernel in sds.
    integer, parameter :: bins_per_sd = 10, points_per_sd = 2, half_width = 6
    integer, parameter :: step = bins_per_sd/points_per_sd, half_bins = half_width*bins_per_sd
-   !> Least share of the largest gain that counts as alike.
+   !> Least share of the largest gain that counts as alike: the region of such directions helps to
+   !> find a grain.
    real(wp), parameter :: alike = 0.9_wp
-   !> Least sd of the kernel, as a share of the sd of the predictions.
+   !> Least sd of the kernel, as a share of the sd of the predictions: 2000 draws are dense enough
+   !> for it.
    real(wp), parameter :: least_kernel = 0.02_wp
 
    type :: candidates_type
