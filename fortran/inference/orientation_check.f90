@@ -162,7 +162,7 @@ contains
       check%p = chi_square_above(check%chi_square, check%freedom)
       ! If the sds are fitted, chi-square is not a test.
       if (posterior%infers_scale) check%p = nan
-      ! Noise alone does not reach 5 sds, wrong orientations of a few grains do.
+      ! Noise alone exceeds 5 sds once in two million measurements.
       threshold = 5.0_wp
       if (check%p < rare) call find_outliers(fit, rows(:, :, 0), threshold, check)
       about_mean = fit
