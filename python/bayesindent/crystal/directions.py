@@ -1,5 +1,5 @@
-"""Directions that a crystal class tells apart: of each set of equivalent ones the core takes
-one.
+"""Directions in a crystal class. The core represents each set of equivalent directions by one of
+them, in a region of distinct directions.
 """
 
 import numpy as np
@@ -9,7 +9,7 @@ from ..core import call
 
 
 def indentation_direction(euler_deg: ArrayLike) -> np.ndarray:
-    """The direction of indentation (n, 3) in crystal axes at Bunge-Euler angles (n, 3) in
+    """The direction of indentation (n, 3) in crystal axes for Bunge-Euler angles (n, 3) in
     degrees.
     """
     _, declination, phi2 = np.radians(np.reshape(euler_deg, (-1, 3))).T
@@ -37,14 +37,14 @@ def euler_of(directions: ArrayLike) -> np.ndarray:
 
 
 def representative(symmetry: str, directions: ArrayLike) -> np.ndarray:
-    """Of directions (n, 3) those that stand for them in the region that the class tells apart."""
+    """The equivalents of directions (n, 3) in the region of distinct directions of the class."""
     return call(
         "crystal.representatives", symmetry=symmetry, directions=np.reshape(directions, (-1, 3))
     )["values"]
 
 
 def spread_of_directions(symmetry: str, n: int = 0) -> np.ndarray:
-    """n directions (n, 3) that are far apart in the region that the class tells apart, its corners
-    first; of 0 those of an even lattice.
+    """n directions (n, 3) that are far apart in the region of distinct directions of the class,
+    its corners first; an even lattice of directions if n is 0.
     """
     return call("crystal.directions", symmetry=symmetry, count=n)["values"]

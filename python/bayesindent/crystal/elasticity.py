@@ -15,8 +15,8 @@ from ..core import InputError, call
 
 
 def quantity_names(symmetry: str) -> dict[str, str]:
-    """Quantities that are reported of a crystal and their units ('GPa', or '1' for ratios); the
-    constants come first, all where the symmetry is ''.
+    """The quantities of a crystal in reports and their units ('GPa', or '1' for ratios). The
+    constants come first: those of the class, or all if the symmetry is ''.
     """
     found = call("crystal.reported_quantities", symmetry=symmetry)
     return dict(zip(found["names"], found["units"], strict=True))
@@ -27,13 +27,13 @@ def quantities(
     constants: ArrayLike | None = None,
     names: Sequence[str] | None = None,
 ) -> dict[str, np.ndarray]:
-    """Quantities of stable crystals, each an array (...): of a stiffness (..., 6, 6) in GPa, which
-    `stiffness` makes, or of a `symmetry` with its constants (..., k) in GPa.
+    """Quantities of stable crystals, each an array (...), from a stiffness (..., 6, 6) in GPa of
+    `stiffness`, or from a `symmetry` with its constants (..., k) in GPa.
 
-    `names`: any that `knowledge` of `bi.extract` takes, 'C33/C11', 'young[110]',
-    'compressibility[001]' (1/TPa), ..; without them those that are reported: constants, bulk
+    `names` are any that `knowledge` of `bi.extract` takes, such as 'C33/C11', 'young[110]' and
+    'compressibility[001]' (1/TPa). The default are the quantities of reports: constants, bulk
     modulus (of a single crystal under pressure, 1/S_iijj), averages of the polycrystal (Hill),
-    anisotropy index (Eq. 14), and Young's moduli along directions that the crystal tells apart.
+    anisotropy index (Eq. 14), and Young's moduli along distinct directions.
     """
     if isinstance(symmetry, str):
         matrices = stiffness_rows(symmetry, [] if constants is None else constants)
@@ -47,7 +47,8 @@ def quantities(
     }
 
 
-#: A stiffness is symmetric if its halves differ by no more than this share of its largest entry.
+#: The largest difference between the halves of a symmetric stiffness, as a share of its largest
+#: entry.
 SYMMETRIC = 1e-6
 
 
@@ -58,8 +59,8 @@ def _crystal_class(symmetry: str) -> tuple[str, tuple[str, ...]]:
 
 
 def class_name(symmetry: str) -> str:
-    """The one name of the crystal class that `symmetry` names ('m-3m' is 'cubic'). Raises
-    `InputError` for others.
+    """The canonical name of the crystal class that `symmetry` names: 'cubic' for 'm-3m'. Raises
+    `InputError` for other texts.
     """
     return _crystal_class(symmetry)[0]
 
@@ -140,7 +141,7 @@ def _averages(stiffness: ArrayLike) -> np.ndarray:
 
 
 def finite_rows(crystal: str, what: str, values: ArrayLike, n: int) -> np.ndarray:
-    """Values (..., n), which are finite; messages call them n of `what` of a `crystal`."""
+    """Check that values (..., n) are finite; messages call them n of `what` of a `crystal`."""
     array = np.asarray(values, dtype=float)
     if array.shape[-1:] != (n,):
         raise InputError(f"{crystal} has {n} {what}s; their shape is {array.shape}")
@@ -150,8 +151,8 @@ def finite_rows(crystal: str, what: str, values: ArrayLike, n: int) -> np.ndarra
 
 
 def oriented_crystals(stiffness: ArrayLike, euler_deg: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness (..., 6, 6) in GPa and angles (..., 3) in degrees of what users give, checked for
-    shape, symmetry and finite angles.
+    """Check the shape and symmetry of stiffnesses (..., 6, 6) in GPa and the shape of angles
+    (..., 3) in degrees, which must be finite, and return both as arrays.
     """
     matrices, angles = (
         np.asarray(stiffness, dtype=float),
@@ -172,8 +173,8 @@ def oriented_crystals(stiffness: ArrayLike, euler_deg: ArrayLike) -> tuple[np.nd
 
 
 def angles_of(orientations: Any) -> np.ndarray:
-    """Bunge-Euler angles in degrees, as an array or as orix' Orientation, which rotates from sample
-    to crystal too.
+    """Bunge-Euler angles in degrees of an array or of orix' Orientation, which is a rotation from
+    sample to crystal as well.
     """
     return np.asarray(
         orientations.to_euler(degrees=True) if hasattr(orientations, "to_euler") else orientations,
@@ -245,7 +246,7 @@ def rayleigh_modes(
     """Speed in m/s of the waves of `rayleigh_velocity`, that of the slowest bulk wave in the same
     direction, and the share of the normal component in the square of the displacement at the
     surface, (3, ...). A wave within 3 % of the bulk wave, or with a share below 0.2, is hardly
-    excited: what is detected then is the pseudo-surface wave.
+    excited: an instrument then detects the pseudo-surface wave.
     """
     rows, shape = crystal_rows(
         stiffness, euler_deg, propagation_deg=propagation_deg, density_kg_m3=density_kg_m3

@@ -1,4 +1,4 @@
-"""The indentation problem as an input deck that Abaqus and CalculiX both read. Units: um, mN,
+"""Write the indentation problem as an input deck that Abaqus and CalculiX read. Units: um, mN,
 GPa.
 """
 
@@ -8,27 +8,27 @@ from types import SimpleNamespace
 
 import numpy as np
 
-#: Voigt index (order 11,22,33,23,13,12) of the pairs in the order 11,22,33,12,13,23 of *ELASTIC,
-#: TYPE=ANISO.
+#: Voigt indices (order 11,22,33,23,13,12) in the order 11,22,33,12,13,23 of *ELASTIC, TYPE=ANISO.
 ABAQUS_ORDER = (0, 1, 2, 5, 4, 3)
 
-#: What bricks are made of.
+#: Names of the materials of the bricks.
 MATERIALS = ("CRYSTAL", "SURROUNDINGS")
 
-#: Stiffness of a closed gap (mN/um) and the force of an open one far away (mN): CalculiX'
-#: penalties. Closed gaps then give way by less than 1e-8 um.
+#: Penalties of CalculiX: the stiffness of a closed gap (mN/um), by which closed gaps give way less
+#: than 1e-8 um, and the force of a wide open one (mN).
 GAP_STIFFNESS, GAP_TENSION = 1.0e6, 1.0e-9
 
 
 def write_deck(
     mesh: SimpleNamespace, depths: Iterable[float], element: str, title: str, parts: Sequence[str]
 ) -> str:
-    """The text of the deck: a step for each depth, the force on the indenter printed as the
-    reaction of node set INDENTER.
+    """The text of the deck. It has a step for each depth and prints the force on the indenter as
+    the reaction of node set INDENTER.
 
-    The header says what each material is, by the `parts` of the specimen. Contact is unilateral
-    gaps between each contact node and one node that stands for the indenter; infinite elements are
-    networks of springs with the same stiffness matrix; hanging nodes are equations.
+    The header names the material of each of the `parts` of the specimen. Unilateral gaps between
+    the contact nodes and one node, which represents the indenter, model the contact. Networks of
+    springs with the same stiffness matrix replace infinite elements, and equations constrain
+    hanging nodes.
     """
     indenter = len(mesh.x) + 1
     used = MATERIALS[: 1 + mesh.material.max()]
@@ -76,7 +76,7 @@ def write_deck(
 
 
 def description(stiffness: np.ndarray) -> str:
-    """A stiffness (6, 6), GPa, in short."""
+    """A short description of a stiffness (6, 6) in GPa."""
     lame, shear = stiffness[0, 1], stiffness[3, 3]
     isotropic = np.diag([2.0, 2.0, 2.0, 1.0, 1.0, 1.0]) * shear
     isotropic[:3, :3] += lame
@@ -97,7 +97,7 @@ def elastic_constants(stiffness: np.ndarray) -> list[str]:
 
 
 def gaps(mesh: SimpleNamespace, indenter: int, offset: int) -> list[str]:
-    """A unilateral gap under each contact node; those of one clearance share a card."""
+    """A unilateral gap under each contact node; gaps of equal clearance share a card."""
     same = defaultdict(list)
     for i, (node, gap) in enumerate(zip(mesh.contact, mesh.gap, strict=True)):
         same[f"{gap:.12g}"].append((offset + i + 1, node + 1))
@@ -111,10 +111,10 @@ def gaps(mesh: SimpleNamespace, indenter: int, offset: int) -> list[str]:
 
 
 def never_yielding(node: int, offset: float, element: int) -> list[str]:
-    """A fixed cube beside the sample whose material could yield but does not.
+    """A fixed cube beside the sample, whose material has a yield stress that it never reaches.
 
-    CalculiX iterates on gaps only in a nonlinear analysis, and geometric nonlinearity would change
-    the force by 2 per cent.
+    CalculiX iterates on gaps only in a nonlinear analysis, and plasticity makes it one; geometric
+    nonlinearity would change the force by 2 per cent.
     """
     corners = [(offset + x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
     lines = ["*NODE, NSET=CUBE"] + [
@@ -129,8 +129,8 @@ def never_yielding(node: int, offset: float, element: int) -> list[str]:
 
 
 def springs(facet: np.ndarray, infinite: np.ndarray, offset: int) -> Iterator[str]:
-    """Springs whose stiffness matrix is that of the infinite elements: between pairs of
-    displacements, and to ground.
+    """Springs between pairs of displacements, and to ground, with the stiffness matrix of the
+    infinite elements.
     """
     pairs: dict[tuple[int, ...], float] = defaultdict(float)
     ground: dict[tuple[int, ...], float] = defaultdict(float)
@@ -146,7 +146,7 @@ def springs(facet: np.ndarray, infinite: np.ndarray, offset: int) -> Iterator[st
             number += 1
             yield f"*ELEMENT, TYPE={kind}, ELSET={name}{i}"
             yield f"{number}, " + ", ".join(str(end // 3 + 1) for end in ends)
-            # CalculiX takes a number without a decimal point for another degree of freedom.
+            # CalculiX reads a number without a decimal point as a degree of freedom.
             yield from (
                 f"*SPRING, ELSET={name}{i}",
                 ", ".join(str(end % 3 + 1) for end in ends),

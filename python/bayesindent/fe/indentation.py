@@ -17,8 +17,7 @@ from ..settings.keywords import takes
 from ..settings.problem import Problem, grouped
 from .deck import write_deck
 
-#: Groups whose variables say what a simulation is, but for those that say what a command does with
-#: it.
+#: Groups whose variables define a simulation.
 GROUPS = ("specimen", "indenter", "simulation")
 NOT_OURS = ("simulator", "vtu", "inp")
 
@@ -38,11 +37,11 @@ def one_crystal(stiffness: ArrayLike, euler_deg: ArrayLike) -> dict[str, np.ndar
 class IndentationResult:
     """One simulated indentation. Lengths in um, forces in mN, moduli in GPa.
 
-    `indentation_modulus_gpa` is that of the isotropic half-space with the same curve, P = 4/3 M
-    sqrt(R) h^1.5 under a paraboloid: least squares through the origin over the depths whose contact
-    is resolved. `modulus_by_depth_gpa`: of each depth alone; `modulus_slope_gpa`: of a line with
-    intercept; `modulus_of_mesh_gpa`: of each mesh, the finest first. Residuals are relative.
-    `warning`: the error of the mesh, if it is large.
+    `indentation_modulus_gpa` is the modulus of the isotropic half-space with the same curve, P =
+    4/3 M sqrt(R) h^1.5 under a paraboloid, by least squares through the origin over the depths
+    whose contact is resolved. `modulus_by_depth_gpa` has the modulus of each depth alone,
+    `modulus_slope_gpa` that of a line with intercept, and `modulus_of_mesh_gpa` that of each mesh,
+    the finest first. Residuals are relative. `warning` names the error of the mesh if it is large.
     """
 
     indentation_modulus_gpa: float
@@ -65,15 +64,15 @@ class Indentation(NativeObject):
     """A mesh with its solver, ready to indent any crystal; threads may share it.
 
     Its keywords are the variables of the specimen, the indenter and the simulation;
-    help(bi.Indentation.__init__) explains all `settings`. Raises `InputError` for what cannot be
-    meant, `MachineError` where memory does not suffice.
+    help(bi.Indentation.__init__) explains all `settings`. Raises `InputError` for wrong settings
+    and `MachineError` if memory does not suffice.
     """
 
     kind = "indentation"
-    #: Name of the brick element; all elements of all solves; points of the curve; meshes; and of
-    #: the finest mesh how much there is.
+    #: Name of the brick element; then the numbers of elements in all solves, of points of the
+    #: curve, of meshes, and of parts of the finest mesh.
     element: str
-    #: What its materials are, separated by ', '.
+    #: Names of the parts of the specimen, separated by ', '.
     parts: str
     elements: int
     depths: int
@@ -103,7 +102,7 @@ class Indentation(NativeObject):
 
     @classmethod
     def of_problem(cls, problem: Problem) -> Indentation:
-        """What &specimen, &indenter and &simulation of a problem ask for."""
+        """The simulation that &specimen, &indenter and &simulation of a problem define."""
         self = cls.__new__(cls)
         self._made_of = (cls.of_problem, (problem,))
         self._set_up(problem)
@@ -156,10 +155,10 @@ class Indentation(NativeObject):
         """Indent n crystals, stiffness (n, 6, 6) and angles (n, 3), on `workers` threads (0: all
         cores), or by the `engine` 'dask' and its `scheduler`: 'local', 'slurm' or an address.
 
-        The numbers do not depend on these. errors: 'raise' the first, or 'return' each in the place
-        of its result.
+        The numbers do not depend on these. `errors` is 'raise', which raises the first one, or
+        'return', which returns each in the place of its result.
         """
-        # Not above: it takes time to import.
+        # Importing the engines takes time.
         from ..engines import ENGINES
 
         asked = {"workers": workers, "engine": engine, "scheduler": scheduler}
@@ -187,21 +186,20 @@ class Indentation(NativeObject):
         return [results[number] for number in sorted(results)]
 
     def largest_error(self, stiffness: ArrayLike) -> np.ndarray:
-        """How large the error of the mesh may be, relative (n,), for crystals of stiffness (n, 6,
-        6) in GPa: see docs/simulation.md.
+        """The largest relative error of the mesh (n,) for crystals of stiffness (n, 6, 6) in GPa,
+        see docs/simulation.md.
         """
         return self._problem._call("mesh_error", stiffness=stiffness)["values"][0]
 
     def mesh_arrays(
         self, stiffness: ArrayLike | None = None, euler_deg: ArrayLike = (0, 0, 0)
     ) -> SimpleNamespace:
-        """The finest mesh; where its refined zone is too small for the contact of a crystal, the
-        larger one that is used for it.
+        """The finest mesh, or the larger one for a crystal whose contact exceeds its refined zone.
 
-        Of nodes `x` in um, `brick`, the `material` of each (the crystal is 0), and the `facet`s
-        that carry infinite elements; `contact` nodes and the `gap` above each at zero depth;
-        `clamped` nodes; `hanging` ones, and the up to four nodes (else -1), `master`, whose mean
-        they follow. Nodes are numbered from 0.
+        It has the nodes `x` in um, the nodes of each `brick`, its `material` (the crystal is 0),
+        and the `facet`s that carry infinite elements; the `contact` nodes and the `gap` above each
+        at zero depth; the `clamped` nodes; and the `hanging` nodes, which follow the mean of up to
+        four `master` nodes (-1 for none). Nodes are numbered from 0.
         """
         return SimpleNamespace(
             **(self._call("mesh") if stiffness is None else self._fields(stiffness, euler_deg))

@@ -1,5 +1,5 @@
-"""Step 2: the constants behind measured moduli, and which grain to measure next. The densities, the
-chains and what is said of them are the core's.
+"""Step 2: infer the constants from measured moduli, and suggest the grain to measure next. The core
+computes the densities, the chains and their diagnostics.
 """
 
 import json
@@ -19,7 +19,7 @@ from ..settings.problem import Problem, grouped
 from ..surrogate.surrogate import Surrogate
 from .measurements import GROUPS, problem_of
 
-#: Variables that other keywords stand for.
+#: Variables that have no keyword of their name; other keywords replace them.
 LEFT_OUT = ("symmetry", "title", "synthetic", "file", "c_min", "c_max", "engine", "scheduler")
 
 
@@ -34,25 +34,26 @@ def next_grain(
     knowledge: Mapping | None = None,
     **settings: Any,
 ) -> dict:
-    """Orientations worth measuring next, ranked, each given those above it.
+    """Rank orientations by the information that their measurement is expected to add to that of the
+    orientations above them.
 
-    bi.next_grain(result) is enough; the variables of the next measurement are target, sd_gpa,
-    candidates and count.
+    bi.next_grain(result) is enough. The keywords target, sd_gpa, candidates and count describe the
+    next measurement.
 
     Parameters
     ----------
-    measurements : result of bi.extract, or what that takes
-        Of a result its own measurements and settings are used.
+    measurements : result of bi.extract, or measurements for it
+        A result provides its own measurements and settings.
     result : result of bi.extract, optional
-        Draws that are there already, where `measurements` is a table.
+        Draws to reuse if `measurements` is a table.
     symmetry, surrogate, bounds, knowledge
         As in `bi.extract`.
 
     Returns
     -------
     dict
-        `suggestions`: of each `euler_deg`, `gain`, and its indices; `unit` of the gain;
-        `candidates`: all that were compared.
+        `suggestions`, each with `euler_deg`, `gain` and indices; the `unit` of the gain; and all
+        `candidates`.
     """
     own = {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge} | settings
     if hasattr(measurements, "posterior"):
@@ -104,30 +105,30 @@ def extract(
     measurements : path or table
         A CSV or Excel file, a data frame, a mapping of columns, a list of rows, or an array (n, 5)
         of phi1, Phi, phi2, modulus and sd; or None with `velocities`, which may be a table too.
-        Columns are those of a file. `orientation` may be orix' Orientation in place of the three
-        angles.
+        Columns are those of a file. A column `orientation`, orix' Orientation, may replace the
+        three angles.
     symmetry : str
         The crystal class, such as 'cubic', 'hcp' or '4/mmm'.
     surrogate : Surrogate, str or path, default 'halfspace'
-        What simulations gave; 'halfspace' is the exact theory of a bulk sample, 'block' comes with
-        the package.
+        The model of the modulus; 'halfspace' is the exact theory of a bulk sample, 'block' a
+        surrogate that comes with the package.
     bounds : dict, optional
-        (low, high) in GPa by constant, each perhaps None: {'C11': (150, 300)}.
+        (low, high) in GPa by constant, {'C11': (150, 300)}; None leaves an end unbounded.
     knowledge : dict, optional
         (mean, sd) by quantity ('bulk_modulus', 'C44', 'C33/C11', 'young[110]', ..); 'stiffness':
         (means, covariance) of all constants in GPa and GPa², or a CSV of them; 'source': a list of
-        the works that the quantities were taken from.
+        the works that state the quantities.
     progressbar : bool, default False
-        Show how far the chains are.
+        Show the progress of the chains.
 
     Returns
     -------
     arviz.InferenceData (DataTree with ArviZ 1)
         `posterior` has a variable for each constant, and further groups: `prior`, `derived`
         (quantities of the crystal), `predictions` (the modulus of each grain), `log_likelihood`,
-        `log_prior`, `posterior_predictive`, `observed_data` and `constant_data`. Why a result
-        cannot be used is its first warning. `bi.summary(result)` has mean, sd and shares of each
-        constant.
+        `log_prior`, `posterior_predictive`, `observed_data` and `constant_data`. If a result
+        cannot be used, its first warning says why. `bi.summary(result)` has mean, sd and shares of
+        each constant.
     """
     name, surrogate = "" if isinstance(surrogate, Surrogate) else str(surrogate), loaded(surrogate)
     problem = problem_of(
@@ -151,7 +152,7 @@ def extract(
         surrogate=name, asked=json.dumps(plain([*made.args, made.keywords]), default=str)
     )
     result = inference_data(groups)
-    # For `next_grain` in this process; a file of the result has the name alone.
+    # `next_grain` uses the surrogate in this process; a file of the result has only its name.
     result.posterior.encoding["surrogate"] = surrogate
     return result
 
@@ -168,8 +169,8 @@ def plan(
     knowledge: Mapping | None = None,
     **settings: Any,
 ) -> dict:
-    """The `sd` that each constant is expected to have, GPa, for each number of grains and noise
-    (`results`), before anything is measured.
+    """Plan measurements: `results` has the expected `sd` in GPa of each constant for each number of
+    grains and each noise.
 
     Parameters
     ----------
@@ -195,15 +196,15 @@ def plan(
 
 
 def loaded(surrogate: Surrogate | str | PathLike) -> Surrogate:
-    """A surrogate, or the one of a name."""
+    """The surrogate itself, or the one with this name."""
     return surrogate if isinstance(surrogate, Surrogate) else Surrogate.load(surrogate)
 
 
 def inference_data(groups: dict[str, tuple[dict, dict]]) -> Any:
-    """Groups of variables and facts as the object that ArviZ takes: an InferenceData; from its
-    version 1 on a DataTree.
+    """Groups of variables and facts as an InferenceData of ArviZ, or a DataTree from its version 1
+    on.
     """
-    # Not above: importing them takes seconds.
+    # Importing these takes seconds.
     import arviz as az
     import xarray as xr
 
@@ -218,10 +219,10 @@ def inference_data(groups: dict[str, tuple[dict, dict]]) -> Any:
 
 
 def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
-    """What Step 2 found by the groups of ArviZ' schema: of each the variables (axes, values;
-    coordinates have the name of their axis) and facts. `found`: by the names of
-    fortran/pipeline/extraction_document.f90; fortran/inference/model_checks.f90 says what a
-    likelihood and a prediction are.
+    """The results of Step 2 by the groups of ArviZ' schema. A group is a pair of variables (axes,
+    values, perhaps attributes; coordinates have the name of their axis) and facts. `found` has the
+    names of fortran/pipeline/extraction_document.f90; fortran/inference/model_checks.f90 defines
+    the likelihood and the predictions.
     """
     names, units = constant_names(found["symmetry"]), quantity_names(found["symmetry"])
     draws, before, quantities = (found[name] for name in ("draws", "prior_draws", "quantities"))
@@ -247,10 +248,11 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
         names: tuple = ("modulus", "velocity"),
         units: tuple = ("GPa", "m/s"),
     ) -> dict:
-        at = axes.index("grain")
-        modulus, velocity = np.split(values, [found["n_moduli"]], axis=at)
+        axis = axes.index("grain")
+        modulus, velocity = np.split(values, [found["n_moduli"]], axis=axis)
         parts = {names[0]: (axes, modulus, {"units": units[0]})}
-        speeds = ((*axes[:at], "wave", *axes[at + 1 :]), velocity, {"units": units[1]})
+        of_waves = tuple("wave" if name == "grain" else name for name in axes)
+        speeds = (of_waves, velocity, {"units": units[1]})
         return parts | ({names[1]: speeds} if velocity.size else {})
 
     predictions = by_kind(per_grain, found["predicted"]) | {
@@ -312,11 +314,11 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
 
 
 def summary(result: Any) -> dict:
-    """What `bi.extract` found, its `result`, as the document that the command `extract` writes.
+    """The summary of a `result` of `bi.extract`: the document that the command `extract` writes.
 
-    `parameters`: of each constant `mean`, `sd`, `hdi_95`, `share` (of its variance: measurements,
-    knowledge, prior), `verdict`, `ess_bulk`, `r_hat`; `usable`, and if not its `reasons`;
-    `warnings`; `correlation`; `predicted`: of each grain; `identifiability`; `error_budget`; and
-    more.
+    `parameters` has `mean`, `sd`, `hdi_95`, `share` (of the variance: measurements, knowledge,
+    prior), `verdict`, `ess_bulk` and `r_hat` of each constant. Further entries are `usable` with
+    `reasons`, `warnings`, `correlation`, `predicted` (of each grain), `identifiability`,
+    `error_budget`, and more.
     """
     return json.loads(result.posterior.attrs["summary"])

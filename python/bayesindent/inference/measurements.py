@@ -1,4 +1,4 @@
-"""Measurements in the ways that Python has tables."""
+"""Convert tables of Python to measurements, and keywords to a problem."""
 
 import os
 from collections.abc import Mapping
@@ -28,11 +28,11 @@ def problem_of(
     velocities: Any = None,
     **variables: Any,
 ) -> Problem:
-    """The problem that keywords of the function `origin` ask for, checked as a namelist file is.
+    """The problem that keywords of the function `origin` state, checked like a namelist file.
 
-    The keywords are those of `bi.extract`. `measurements`: a CSV file, or what `measurements_of`
-    takes. `symmetry`: if there is none, that of a surrogate of one class. `variables` are those of
-    `GROUPS`, and of the next measurement or the plan.
+    The keywords are those of `bi.extract`. `measurements` is a CSV file or an argument of
+    `measurements_of`. Without a `symmetry` that of the surrogate is used, if it has only one.
+    `variables` are those of `GROUPS`, and of the next measurement or the plan.
     """
     symmetry = symmetry or (surrogate.symmetry if len(surrogate.basis.c_min) else None)
     if symmetry is None:
@@ -40,7 +40,7 @@ def problem_of(
             f"{origin}: symmetry is missing: this surrogate serves crystals of every class; "
             "state one, such as 'cubic'"
         )
-    asked = grouped(
+    groups = grouped(
         variables | {"symmetry": symmetry},
         ("plan", *GROUPS) if "constants" in variables else (*GROUPS, "next"),
     )
@@ -51,11 +51,11 @@ def problem_of(
         ("measurements", "file", measurements),
     ):
         if isinstance(given, str | os.PathLike):
-            asked["measurements"][variable] = given
+            groups["measurements"][variable] = given
         elif given is not None or (needed and variable == "file"):
             tables[name] = measurements_of(given)
     if bounds:
-        asked["prior"] |= bounds_of(origin, symmetry, bounds)
+        groups["prior"] |= bounds_of(origin, symmetry, bounds)
     if knowledge:
         if not isinstance(knowledge, Mapping):
             raise InputError(
@@ -69,19 +69,19 @@ def problem_of(
             (name, *pair_of(f"{origin}: knowledge: {name}", pair, "(mean, sd)"))
             for name, pair in named.items()
         ]
-        asked["knowledge"] = dict(zip(("quantity", "mean", "sd"), zip(*said))) | {
+        groups["knowledge"] = dict(zip(("quantity", "mean", "sd"), zip(*said))) | {
             "source": knowledge.get("source")
         }
         stiffness = knowledge.get("stiffness")
         if isinstance(stiffness, str | os.PathLike):
-            asked["knowledge"]["stiffness_file"] = stiffness
+            groups["knowledge"]["stiffness_file"] = stiffness
         elif stiffness is not None:
             tables = {"stiffness": stiffness_table(origin, symmetry, *stiffness)} | tables
-    return Problem.from_keywords(origin, tables, **asked)
+    return Problem.from_keywords(origin, tables, **groups)
 
 
 def pair_of(place: str, value: Any, allowed: str) -> tuple:
-    """A value that must be two."""
+    """A value that must be a pair."""
     if isinstance(value, str) or np.shape(value) != (2,):
         raise InputError(f"{place}: {value!r}; allowed {allowed}")
     return tuple(value)
@@ -106,13 +106,13 @@ def stiffness_table(
     )
 
 
-#: GPa; a bound there is none.
+#: Bounds in GPa of constants that have no stated ones; no crystal reaches them.
 WIDEST = (-500.0, 5000.0)
 
 
 def bounds_of(origin: str, symmetry: str, bounds: Mapping) -> dict:
-    """`c_min` and `c_max` from bounds of some constants; the others have none, and an end that is
-    None is none.
+    """`c_min` and `c_max` from bounds of some constants; the other constants are unbounded, and so
+    is an end that is None.
     """
     names = constant_names(symmetry)
     ends = {name: list(WIDEST) for name in names}
@@ -131,11 +131,13 @@ def bounds_of(origin: str, symmetry: str, bounds: Mapping) -> dict:
 
 
 def measurements_of(table: Any) -> dict[str, list]:
-    """The columns of a mapping, data frame or structured array of the columns of a measurements'
-    file (or with euler_deg or orientation, (n, 3) or orix' Orientation, for the three angles), a
-    list of such rows, an object with euler_deg, modulus_gpa and sd_gpa, or an array (n, 5) or (n,
-    4) of phi1, Phi, phi2, modulus and sd; or what `bi.curves` gave. What the columns mean is the
-    core's to say.
+    """The columns of a table of measurements.
+
+    The table is a mapping, data frame, structured array or list of rows with the columns of a file
+    of measurements, where euler_deg or orientation, (n, 3) or orix' Orientation, may replace the
+    three angles. Or it is an object with euler_deg, modulus_gpa and sd_gpa, an array (n, 5) or
+    (n, 4) of phi1, Phi, phi2, modulus and sd, or a result of `bi.curves`. The core interprets the
+    columns.
     """
     if hasattr(table, "shared_errors"):
         table = table.measurements()

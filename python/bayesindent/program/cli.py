@@ -1,4 +1,4 @@
-"""The command line: what was asked, of which command, with which exit status."""
+"""The command line: parse the arguments, run the command, and report errors by an exit status."""
 
 import argparse
 import difflib
@@ -24,13 +24,13 @@ __all__ = ["main"]
 DONE, FAILED, BAD_INPUT, UNUSABLE, INTERRUPTED = 0, 1, 2, 3, 130
 
 log = logging.getLogger("bayesindent")
-# Without a handler of its own the library would print errors, which `tell` does.
+# Without a handler the logger would print the errors that `tell` prints.
 log.addHandler(logging.NullHandler())
 
-#: Warnings that are shown; they come by their consequence.
+#: Number of warnings that are printed; the most consequential come first.
 MOST_WARNINGS = 8
 
-#: Why the machine could not read or write a file.
+#: Reasons why the machine cannot read or write a file, by number of error.
 REASONS = {
     errno.ENOSPC: "cannot be written: the disk is full",
     errno.EDQUOT: "cannot be written: the quota of the disk is used up",
@@ -47,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command of these arguments (default: the process's own); return its exit status."""
     argv = list(sys.argv[1:] if argv is None else argv)
     for stream in (sys.stdout, sys.stderr):
-        # a terminal of another encoding than UTF-8 has no sign for plus-minus
+        # A terminal with another encoding than UTF-8 may lack a plus-minus sign.
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     if argv[:1] == ["version"]:
@@ -60,18 +60,18 @@ def main(argv: Sequence[str] | None = None) -> int:
             arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     except OSError as error:
         return fail_by_file(error)
-    # Not above: they need numpy and the core, and the help does not.
+    # These import NumPy and the core, which the help does not need.
     from ..common.progress import show_progress
     from ..core import BayesindentError, InputError, call
 
     # ArviZ announces its next version at every import.
     warnings.filterwarnings("ignore", category=FutureWarning, module="arviz")
-    # Commands print the warnings of their documents; ArviZ repeats its own in the table of models.
+    # Commands print the warnings of their documents; the table of models has those of ArviZ.
     warnings.simplefilter("ignore", UserWarning)
-    # A log that cannot be written is no reason for a traceback.
+    # A failure to write the log prints no traceback.
     logging.raiseExceptions = False
     try:
-        # The tools of a source tree have processes of their own, which end as they see fit.
+        # The tools of a source tree replace this process and handle their own signals.
         if arguments.command.show is not None:
             call("file.watch_signals")
             show_progress(not arguments.quiet)
@@ -96,7 +96,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     finally:
         for handler in open_logs():
             log.removeHandler(handler)
-            # On a full disk it has lines that it cannot keep.
+            # On a full disk the log cannot write its last lines.
             with suppress(OSError):
                 handler.close()
         show_progress(False)
@@ -104,10 +104,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def fail_by_file(error: OSError) -> int:
-    """Say which file could not be read or written, and why; the exit status."""
+    """Print which file could not be read or written, and why; return the exit status."""
     if not isinstance(error, BrokenPipeError):
         log.error("%s", error)
-        # A library that cannot be loaded has no number.
+        # The error of a library that cannot be loaded has no number.
         tell(
             f"{error.filename or 'standard output'}: {REASONS.get(error.errno) or error.strerror}"
             if error.errno
@@ -121,7 +121,7 @@ def fail_by_file(error: OSError) -> int:
 
 class Parser(argparse.ArgumentParser):
     """A parser whose help ends with the namelist groups that the command reads, or with all their
-    variables, and which names what was meant.
+    variables, and whose errors suggest the nearest option.
     """
 
     groups: tuple[str, ...] = ()
@@ -131,7 +131,7 @@ class Parser(argparse.ArgumentParser):
         super().__init__(
             *args, **(kwargs | {"formatter_class": argparse.RawDescriptionHelpFormatter})
         )
-        # Classes like -3m are no options.
+        # Crystal classes such as -3m are values, no options.
         self._negative_number_matcher = re.compile("-[1346]")
 
     def format_help(self) -> str:
@@ -147,7 +147,7 @@ class Parser(argparse.ArgumentParser):
         )
 
     def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
-        # A full standard output is an error, of which argparse says nothing.
+        # argparse does not report a full disk behind standard output.
         print(end="", flush=status == 0)
         super().exit(status, message)
 
@@ -164,8 +164,8 @@ class Parser(argparse.ArgumentParser):
 
 
 def parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
-    """The parser of all commands, with the arguments of those that are among the words (default: of
-    all); with '--all' their help has every variable.
+    """The parser of all commands. Only commands among `words` (default: all) get their arguments;
+    with '--all' among them the help lists every variable.
     """
     root = Parser(prog="bayesindent", description=HELP["bayesindent"], epilog=HELP["examples"])
     root.add_argument("--version", action="version", version=f"bayesindent {__version__}")
@@ -213,9 +213,7 @@ def parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
 
 
 def describe_group(name: str, full: bool) -> str:
-    """The variables of one namelist group, as the core's reader knows them: their names, or all of
-    each.
-    """
+    """The names of the variables of one namelist group, or their full descriptions."""
     from ..settings.problem import schema
 
     variables = [variable for variable in schema() if variable.group == name]
@@ -248,7 +246,7 @@ def describe_group(name: str, full: bool) -> str:
 
 def finish(arguments: argparse.Namespace, document: dict | int) -> int:
     """Print why the result cannot be used, the warnings on standard error, and the document on
-    standard output, as JSON or in words; an exit status stays one.
+    standard output, as JSON or as tables. Return the exit status, which `document` may be.
     """
     if isinstance(document, int):
         return document

@@ -1,4 +1,4 @@
-"""What a command is: its words for help, what it does, and how its document is shown."""
+"""A command: its help, its action, and how its document is shown."""
 
 import argparse
 import logging
@@ -18,19 +18,19 @@ from ..version import __version__
 
 log = logging.getLogger("bayesindent")
 
-#: How long a command that is soon done waits for another process to leave a folder, s.
+#: Seconds that a short command waits for another process to leave a folder.
 PATIENCE_S = 60
 
 
 @dataclass(frozen=True)
 class Command:
-    """One command; `action(arguments)` gives its JSON document, or an exit status, and `show`
-    prints the document.
+    """One command: `action(arguments)` returns its JSON document, or an exit status if there is no
+    `show`, which prints the document.
 
-    A command that reads a namelist does the core's stage of its name, or `stage`(problem, output)
-    -> document; its help explains `groups`. `arguments` adds options to the parser. `resumes`: it
-    goes on from what it kept in the output folder. `then(arguments, document)` says what to do
-    next. Without `show` it gives an exit status.
+    A command that reads a namelist performs the core's stage of its name, or `stage`(problem,
+    output) -> document; its help explains `groups`. `arguments` adds options to the parser.
+    `resumes` is true if a second call continues from the output folder. `then(arguments, document)`
+    names the next step.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Command:
     then: Callable[[argparse.Namespace, dict], str] | None = None
 
     def run(self, arguments: argparse.Namespace) -> dict | int:
-        """Do it."""
+        """Perform the command."""
         return (
             self.action(arguments)
             if self.action is not None
@@ -52,7 +52,7 @@ class Command:
 
 
 def namelist_command(name: str, **more: Any) -> Command:
-    """The command of a stage, or `run`: the groups that its help explains are the core's."""
+    """The command of a stage, or `run`; the core lists the groups that its help explains."""
     row = next(row for row in stages() if row.name == name)
     groups = (
         row.groups
@@ -63,9 +63,9 @@ def namelist_command(name: str, **more: Any) -> Command:
 
 
 def prepare(arguments: argparse.Namespace, patience_s: int | None = 0) -> tuple[Problem, Path]:
-    """The problem of a command's namelist, with the options that take the place of its variables,
-    and its output folder, see `output_folder`; in one that is the command's own are the resolved
-    input and the log.
+    """The problem of a command's namelist, some of whose variables options replace, and its output
+    folder, see `output_folder`. The resolved input and the log are written to a folder that the
+    command locks.
     """
     options = {
         "&sampler samples": getattr(arguments, "samples", None),
@@ -79,7 +79,7 @@ def prepare(arguments: argparse.Namespace, patience_s: int | None = 0) -> tuple[
     if patience_s is None:
         return problem, output
     arguments.results = output
-    # Not what a link leads to, and no pipe, which would wait for a reader.
+    # The log must be no link and no pipe, which would wait for a reader.
     os.close(
         os.open(output / "run.log", os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
     )
@@ -96,20 +96,20 @@ def prepare(arguments: argparse.Namespace, patience_s: int | None = 0) -> tuple[
 
 
 def report_of(arguments: argparse.Namespace, document: dict) -> str:
-    """What to do after a stage that leaves only figures to be drawn."""
+    """The next step after a stage whose figures remain to be drawn."""
     return f"bayesindent report {quoted(arguments.results)}"
 
 
 def quoted(path: Path) -> str:
-    """As a shell takes it."""
+    """A path as a word of a shell."""
     return shlex.quote(str(path))
 
 
 def output_folder(
     arguments: argparse.Namespace, source: Path, patience_s: int | None = PATIENCE_S
 ) -> Path:
-    """Where the results of a file go. The folder is made and the command's own to its end, which is
-    refused if another process has it for longer than `patience_s`; None: it may be another's.
+    """The folder for the results of a file. It is made and locked until the command ends, which is
+    refused if another process holds it for longer than `patience_s`; None takes no lock.
     """
     output = arguments.output or Path("runs") / source.stem
     if patience_s is not None:
@@ -123,7 +123,7 @@ def output_folder(
 
 
 def perform(command: Command, problem: Problem, output: Path) -> dict:
-    """Perform a command's stage; its document is kept in the output folder for reports."""
+    """Perform a command's stage; the output folder stores its document for reports."""
     log.info("%s begins", command.name)
     stage = command.stage or partial(run_stage, name=command.name)
     document = stage(problem, output=output)

@@ -1,4 +1,4 @@
-"""What a surrogate is linear in; the core's basis under a handle."""
+"""The basis functions of a surrogate, which the core holds under a handle."""
 
 from typing import Any
 
@@ -11,12 +11,12 @@ from ..settings.problem import Problem
 
 
 class Basis(NativeObject):
-    """Terms of a crystal and its orientation over a domain, as &domain and &surrogate of a problem
-    say, or those of a surrogate; see docs/surrogate.md.
+    """Terms of a crystal and its orientation over a domain, of &domain and &surrogate of a problem
+    or of a surrogate; see docs/surrogate.md.
 
-    `symmetry`: the class by whose constants crystals are given. `stiffness`: the range of the scale
-    in GPa on which the terms depend, from 0 to the largest number where they do not. Of each term
-    of a correction `polynomial_degrees`.
+    `symmetry` is the class whose constants describe crystals. `stiffness` is the range in GPa of
+    the scale on which the terms depend; it is unbounded if they do not depend on it.
+    `polynomial_degrees` has an entry for each term of a correction.
     """
 
     kind = "basis"
@@ -41,7 +41,7 @@ class Basis(NativeObject):
     def from_keywords(
         cls, symmetry: str | None = None, domain: dict | None = None, **surrogate: Any
     ) -> "Basis":
-        """The basis of a symmetry with variables of &domain and &surrogate: `model`, `degree`,
+        """The basis of a symmetry from variables of &domain and &surrogate: `model`, `degree`,
         `bandlimit`, `truncation`.
         """
         return cls(
@@ -51,15 +51,15 @@ class Basis(NativeObject):
         )
 
     def coverage(self, stiffness: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of crystals (n, 6, 6) in GPa: the largest of the coordinates, 1 at the end of its range;
-        whether a surrogate is valid for it; and the scale in GPa, the geometric mean of the
-        eigenvalues of the Kelvin stiffness.
+        """For crystals (n, 6, 6) in GPa the largest of their coordinates, which is 1 at the end of
+        its range; whether a surrogate is valid for them; and the scale in GPa, the geometric mean
+        of the eigenvalues of the Kelvin stiffness.
         """
         distance, valid, scale = self._call("validity", stiffness=stiffness, threads=1)["values"]
         return distance, valid.astype(bool), scale
 
     def rows(self, constants: ArrayLike, euler_deg: ArrayLike) -> dict[str, np.ndarray]:
-        """Constants (n, k) in GPa and angles (n, 3) in degrees, checked."""
+        """Check constants (n, k) in GPa and angles (n, 3) in degrees, and return them by name."""
         k = len(constant_names(self.symmetry))
         values = np.atleast_2d(finite_rows(f"a {self.symmetry} crystal", "constant", constants, k))
         angles = np.atleast_2d(finite_rows("a crystal", "Euler angle", euler_deg, 3))

@@ -1,5 +1,5 @@
-"""The surrogate of Step 1: the posterior of the coefficients of a basis, and what it predicts; the
-core's under a handle.
+"""The surrogate of Step 1: the posterior of the coefficients of a basis, and its predictions. The
+core holds it under a handle.
 
 Stiffnesses and moduli in GPa, angles Bunge-Euler (phi1, Phi, phi2) in degrees.
 """
@@ -27,8 +27,8 @@ SHIPPED = tuple(sorted(path.stem for path in DATA.glob("*.txt")))
 
 
 def places(output: str | os.PathLike, folder: str | os.PathLike) -> dict[str, str]:
-    """Folders of the results, the namelist and the package's data, and the names of the shipped
-    surrogates, as the core takes them.
+    """Folders of the results, the namelist and the package's data, and the names of the surrogates
+    that come with the package, for the core.
     """
     folders = {"output": output, "folder": folder, "data_folder": DATA}
     return {name: f"{place}/" if str(place) else "" for name, place in folders.items()} | {
@@ -39,10 +39,10 @@ def places(output: str | os.PathLike, folder: str | os.PathLike) -> dict[str, st
 class Surrogate(NativeObject):
     """Indentation modulus of the crystals of a domain, with its uncertainty.
 
-    Made by `fit` or `load`, of a `handle` of the core. `coefficients` (n_terms,): the posterior
-    mean; `alpha`, `beta`: the precisions of the prior and of the noise, all in units of y; `fall`:
-    the decay rate of the prior's sd from degree to degree; `provenance`: where it comes from
-    (title, physics, namelist, ..).
+    `fit` and `load` make it, from a `handle` of the core. `coefficients` (n_terms,) is the
+    posterior mean; `alpha` and `beta` are the precisions of the prior and of the noise, all in
+    units of y; `fall` is the decay rate of the prior's sd from degree to degree; `provenance` has
+    the title, physics, namelist and so on.
     """
 
     kind = "surrogate"
@@ -86,8 +86,8 @@ class Surrogate(NativeObject):
         """A surrogate from simulated moduli (n,) of crystals (n, k) in GPa at angles (n, 3) in
         degrees, by evidence maximisation.
 
-        `symmetry`: the crystal class. `domain`: the variables of &domain. Without bounds in it the
-        crystals are given by the constants of a triclinic one.
+        `symmetry` is the crystal class, and `domain` has the variables of &domain. Without bounds
+        in it, triclinic constants describe the crystals.
 
         Parameters
         ----------
@@ -100,8 +100,8 @@ class Surrogate(NativeObject):
         )
 
     def leave_out(self, groups: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Of each simulation of `data` its modulus (n,) in GPa as the others predict it, without
-        those of its group (n,), any numbers, and the error in units of its sd.
+        """For each simulation of `data` the modulus (n,) in GPa that the simulations outside its
+        group predict, and the error in units of its sd. `groups` (n,) are any numbers.
         """
         data, numbers = self.data, np.asarray(groups, dtype=float).ravel()
         rows = self.basis.rows(data["constants"], data["euler_deg"])
@@ -122,21 +122,21 @@ class Surrogate(NativeObject):
         """The exact theory ('halfspace'), a surrogate that comes with the package ('block'), or the
         file `name` that `save` wrote.
 
-        `symmetry`: the crystal class that it must be for. `output`, `folder`: where a relative name
-        is looked for, in this order.
+        It must be valid for the crystal class `symmetry`. A relative name is searched in `output`,
+        then in `folder`.
         """
         return cls(
             call("file.surrogate", name=name, symmetry=symmetry, **places(output, folder))["handle"]
         )
 
     def save(self, path: str | PathLike) -> None:
-        """Write the surrogate, its provenance and its simulations as text; what is there and is no
-        surrogate is not replaced.
+        """Write the surrogate, its provenance and its simulations as text. Only a file of a
+        surrogate is replaced.
         """
         self._call("save", path=path)
 
     def __reduce__(self) -> tuple:
-        # Not above: it takes time to import.
+        # Importing it takes time.
         from tempfile import TemporaryDirectory
 
         with TemporaryDirectory() as folder:
@@ -162,14 +162,14 @@ class Surrogate(NativeObject):
         """Posterior covariance (n_terms, n_terms) of the coefficients, in units of y."""
         n = self.basis.n_terms
         full = np.zeros((n, n))
-        # The lower triangle, column by column.
+        # The core stores the lower triangle column by column.
         full.T[np.triu_indices(n)] = self._facts["covariance"]
         return full + np.tril(full, -1).T
 
     @property
     def data(self) -> dict[str, np.ndarray]:
-        """The simulations behind it: constants (n, k) and modulus_gpa (n,) in GPa, euler_deg (n,
-        3); empty if there are none.
+        """The simulations on which it is trained: constants (n, k) and modulus_gpa (n,) in GPa,
+        euler_deg (n, 3); empty if there are none.
         """
         arrays = {
             name: self._facts[f"simulated_{name}"]
@@ -192,15 +192,15 @@ class Surrogate(NativeObject):
         at angles (n, 3) in degrees.
 
         The sd is that of one simulation (noise included). Raises `InputError` for an unstable
-        crystal; `outside`: which crystals are outside the domain.
+        crystal; `outside` tests which crystals are outside the domain.
         """
         rows, shape = crystal_rows(stiffness, euler_deg)
         modulus, sd = self._call("predict", **rows, threads=threads)["values"]
         return modulus.reshape(shape), sd.reshape(shape)
 
     def predict_table(self, points: Points, threads: int) -> tuple[np.ndarray, np.ndarray, str]:
-        """The same of the crystals of a table, and what is to be said of those outside, if there
-        are any.
+        """The same for the crystals of a table, and a warning on those outside the domain, ''
+        if there are none.
         """
         crystals = {"problem": points.problem.handle, "threads": threads}
         _, covered, scale = self.basis._call("validity", **crystals)["values"]
@@ -214,8 +214,8 @@ class Surrogate(NativeObject):
         return ~self.basis.coverage(stiffness)[1]
 
     def outside_words(self, covered: np.ndarray, scale: np.ndarray) -> str:
-        """How many crystals are not `covered` (n,), which, and how many by their `scale` (n,) in
-        GPa; empty if all are.
+        """A warning that counts and names the crystals that are not `covered` (n,), and counts
+        those outside by their `scale` (n,) in GPa; empty if all are covered.
         """
         outside = np.flatnonzero(~covered)
         if not len(outside):

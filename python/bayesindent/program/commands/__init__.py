@@ -1,5 +1,5 @@
-"""The commands, in the order of help.txt. The module of a command is imported when it is asked for:
-numpy and the core take time.
+"""The commands, in the order of help.txt. The module of a command is imported only when it runs,
+since importing NumPy and the core takes time.
 """
 
 import re
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from ..command import Command
 
-#: Of each part of the page of help: its name, of a command the module and one line on it, and its
+#: The page of help. Each part has its name, the module of a command with one line on it, and its
 #: text.
 PAGE = (Path(__file__).parents[1] / "help.txt").read_text(encoding="utf-8")
 PARTS = re.findall(r"^== (\w+)(?: (\w+): (.*))?\n((?:(?!== ).*\n?)*)", PAGE, re.MULTILINE)

@@ -1,5 +1,5 @@
-"""`init`: a namelist and a table of measurements to begin with: every variable of Step 2 explained,
-and what handbooks know of a metal.
+"""`init`: write a namelist and a table of measurements to begin with. The namelist explains every
+variable of Step 2 and states known quantities of a metal.
 """
 
 import argparse
@@ -23,7 +23,7 @@ NAMELIST, TABLE = "grains.nml", "grains.csv"
 FOR_BUILDING = ("model", "degree", "bandlimit", "truncation", "scan")
 
 
-#: The variable that has no default.
+#: Lines of modulus_kind, the variable without a default.
 KINDS = (
     "  ! Which modulus the instrument reported. Remove the ! of one line:",
     "  ! modulus_kind = 'effective_modulus'     ! Er, the reduced modulus of specimen and tip: "
@@ -38,7 +38,7 @@ KINDS = (
 def template(symmetry: str | None, metal: str | None) -> dict[str, str]:
     """The texts of a namelist and of its table of measurements by the names of their files.
 
-    `symmetry`: a crystal class; `metal`: its symbol. One of them is enough if it is the metal.
+    `symmetry` is a crystal class and `metal` the symbol of a metal, which implies its class.
     """
     known = metals().get(metal[:1].upper() + metal[1:].lower()) if metal else None
     if metal and known is None:
@@ -69,8 +69,7 @@ def template(symmetry: str | None, metal: str | None) -> dict[str, str]:
         "! What starts with ! is a comment: take the ! away where you want another value than "
         "the default.",
     ]
-    # The variables that are set; the others of these groups stand in the file as comments with
-    # their defaults.
+    # These variables are set; the others of their groups are comments with the defaults.
     problem = {"symmetry": word, "title": known.name.capitalize() if known else ""}
     stated_of = {
         "problem": problem,
@@ -146,11 +145,11 @@ def explained(variable: Variable, value: str | None) -> list[str]:
 
 
 def init(arguments: argparse.Namespace) -> dict:
-    """Write both; what is there is not replaced."""
+    """Write both files; files that exist are not replaced."""
     folder = arguments.output or Path()
     texts = template(arguments.symmetry, arguments.metal)
     there = [folder / name for name in texts if (folder / name).exists()]
-    # One alone that is as it would be written is what a kill or a full disk left.
+    # A single file with the same content is left from a command that was killed or filled the disk.
     if len(there) == len(texts) or any(
         path.read_bytes() != texts[path.name].encode() for path in there
     ):

@@ -12,14 +12,14 @@ __all__ = ["COMMANDS"]
 
 
 def draw(arguments: argparse.Namespace) -> dict:
-    """The picture as a file, and the grain of each indent."""
+    """Draw the map to a file and list the grain of each indent."""
     problem = Problem(arguments.file, "extract")
     if problem.map is None:
         raise InputError(
             f"{arguments.file}: &measurements ebsd: the variable is missing; it is the "
             "orientation map, beside columns x_um and y_um"
         )
-    # Not above: importing matplotlib is slow, and every command would.
+    # Importing matplotlib is slow; other commands do without.
     from ...report.figures.maps import draw_map
     from ...report.figures.style import house_style, stamp_synthetic
 

@@ -1,4 +1,4 @@
-"""`report`: one page of what a folder holds."""
+"""`report`: one page on the results in a folder."""
 
 import argparse
 import gc
@@ -11,12 +11,12 @@ __all__ = ["COMMANDS", "make"]
 
 
 def make(folder: Path, output: Path, kind_of_files: str = "", paper: bool = False) -> dict:
-    """The report of what a folder holds."""
+    """Write the report on the results in a folder."""
     call("file.check_memory", bytes=2.5e8, what="the report")
-    # Figures have many parts and leave little garbage: looking for it takes a fifth of the time,
-    # now and when the process ends.
+    # Figures have many parts and leave little garbage, so that garbage collection would take a
+    # fifth of the time, also when the process ends.
     gc.disable()
-    # Not above: importing matplotlib is slow, and every command would.
+    # Importing matplotlib is slow; other commands do without.
     from ...report.report import write_report
 
     try:
@@ -30,7 +30,7 @@ def make(folder: Path, output: Path, kind_of_files: str = "", paper: bool = Fals
 
 
 def report(arguments: argparse.Namespace) -> dict:
-    """The report of a folder that no other process is writing to."""
+    """Report on a folder to which no other process writes."""
     arguments.output = arguments.output or arguments.folder
     output = output_folder(
         arguments, arguments.folder, PATIENCE_S if arguments.folder.is_dir() else None

@@ -1,5 +1,5 @@
-"""The stages: what a command adds to the core's stage of its name, and how its document is shown;
-and `run`, all that a namelist asks for.
+"""The commands of stages, each with the core's stage of its name and the tables of its document;
+and `run`, which performs all stages of a namelist.
 """
 
 import argparse
@@ -24,7 +24,7 @@ __all__ = ["COMMANDS"]
 
 
 def show_moduli(document: dict) -> None:
-    """Moduli of crystals, simulated or of the theory."""
+    """Print moduli of crystals, from simulations or the theory."""
     simulated = any(row.get("elements") for row in document["results"])
     header = [
         "constants (GPa)",
@@ -59,7 +59,7 @@ def show_moduli(document: dict) -> None:
 
 
 def show_plan(document: dict) -> None:
-    """The expected sds."""
+    """Print the expected sds."""
     rows = []
     for row in document["results"]:
         sds = [f"{sd:.3g}" for sd in row["sd"].values()]
@@ -70,7 +70,7 @@ def show_plan(document: dict) -> None:
 
 
 def show_curves(document: dict) -> None:
-    """The tip, and the moduli of the grains."""
+    """Print the tip and the moduli of the grains."""
     radius, compliance = document["tip"]["radius_um"], document["frame"]["compliance_nm_mn"]
     print(
         f"Tip: radius {' ± '.join(numbers(radius, mean=3, sd=3))} um; frame: "
@@ -95,11 +95,11 @@ def show_curves(document: dict) -> None:
 
 
 def simulate(problem: Problem, output: Path) -> dict:
-    """Moduli.csv, curves.csv, and the document; then of each crystal that was simulated the files
-    that &simulation asks for, by its row from 1: fields for ParaView (vtu), a deck (inp).
+    """Perform the stage, then write the files of &simulation for each simulated crystal, named by
+    its row from 1: fields for ParaView (vtu) and a deck (inp).
 
-    A file that is there is written again, since the crystal of its row may have changed; fields
-    cost one solution.
+    Existing files are written again, since the crystal of a row may have changed. Fields cost one
+    solution.
     """
     document = run_stage(problem, "simulate", output)
     settings, points = problem.settings.simulation, problem.crystals
@@ -126,7 +126,7 @@ def simulate(problem: Problem, output: Path) -> dict:
 
 
 def build(arguments: argparse.Namespace) -> dict:
-    """Build; or with --ask the next crystals, with --tell the moduli of others."""
+    """Build a surrogate; or list the next crystals (--ask), or import moduli (--tell)."""
     problem, output = prepare(
         arguments, PATIENCE_S if (arguments.ask, arguments.tell) != (None, None) else 0
     )
@@ -158,7 +158,7 @@ def add_build_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def show_build(document: dict) -> None:
-    """The points as CSV, for pipes; or what was imported or built."""
+    """Print the points as CSV, for pipes, or one line on the campaign or the surrogate."""
     if "points" in document:
         points = document["points"]
         print(
@@ -193,14 +193,14 @@ def after_build(arguments: argparse.Namespace, document: dict) -> str:
 
 
 def extract(problem: Problem, output: Path) -> dict:
-    """The stage, and its numbers in ArviZ' schema: posterior.nc."""
+    """Perform the stage and write its numbers in ArviZ' schema to posterior.nc."""
     document = run_stage(problem, "extract", output)
     write_groups(output / "posterior.nc", groups_of(read_posterior(output)))
     return document
 
 
 def show_extract(document: dict) -> None:
-    """The constants, and what they follow from."""
+    """Print what the constants follow from, and their table."""
     parameters = document["parameters"].items()
     rows = [
         [
@@ -231,7 +231,7 @@ def after_extract(arguments: argparse.Namespace, document: dict) -> str:
 
 
 def show_next(document: dict) -> None:
-    """The orientations, or the grains, and their directions along the indenter."""
+    """Print the suggested orientations or grains and their directions along the indenter."""
     suggestions = document["suggestions"]
     grains = any("grain" in item for item in suggestions)
     rows, header = [], ["phi1", "Phi", "phi2", "along z", f"expected gain ({document['unit']})"]
@@ -260,17 +260,17 @@ def after_next(arguments: argparse.Namespace, document: dict) -> str:
 
 
 def run(arguments: argparse.Namespace) -> dict:
-    """The stages of the file in order, then a report; with --check only what would be done. A
-    result that cannot be used suggests no grain.
+    """Perform the stages of the file in order, then write a report; with --check only name the
+    stages. The stage `next` is skipped if the result cannot be used.
     """
     problem, output = prepare(arguments, None if arguments.check else 0)
-    # What the reader cannot see: the surrogate, if no stage before builds it, and whether it is
-    # valid for the prior's crystals.
+    # The surrogate must exist if no earlier stage builds it, and be valid for the prior's crystals;
+    # the reader of the namelist cannot check this.
     problem._call("check_stages", **places(output, problem.folder))
     if arguments.check:
         return {"file": str(arguments.file), "stages": problem.stages, "warnings": problem.warnings}
     if problem.table and not arguments.quiet:
-        # Speeds of waves follow the moduli of the table.
+        # Measured speeds of waves follow the moduli in the list of measurements.
         print(
             *problem.table.words(min(len(problem.measurements), len(problem.table.rows))),
             sep="\n",
@@ -293,7 +293,7 @@ def run(arguments: argparse.Namespace) -> dict:
 def show_run(document: dict) -> None:
     if "stages" in document:
         print(f"{document['file']}: right; it asks for {', '.join(document['stages'])}")
-    # The constants last: a terminal shows the end.
+    # The constants come last, since a terminal shows the end.
     for command in sorted(
         (*COMMANDS, *report.COMMANDS), key=lambda command: command.name == "extract"
     ):

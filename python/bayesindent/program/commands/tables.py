@@ -1,5 +1,5 @@
-"""On a table: `table`, what is read of measurements before anything is computed; `predict`, a
-surrogate on crystals.
+"""Commands on tables: `table` shows how measurements are read, and `predict` evaluates a surrogate
+for crystals.
 """
 
 import argparse
@@ -16,9 +16,7 @@ __all__ = ["COMMANDS"]
 
 
 def table(arguments: argparse.Namespace) -> dict:
-    """Columns and what each is taken for, the kind of modulus, the grains, and the rows left
-    out.
-    """
+    """The columns and their meanings, the kind of modulus, the grains, and the rows left out."""
     # Importing these takes time, which other commands save.
     from ...settings.laboratory_tables import meanings_of
     from ...settings.table_cleaning import LaboratoryTable
@@ -134,13 +132,13 @@ def after_table(arguments: argparse.Namespace, document: dict) -> str:
 
 
 def predict(arguments: argparse.Namespace) -> dict:
-    """Mean and sd of the modulus for each row: predictions.csv and its rows."""
+    """Write mean and sd of the modulus for each row to predictions.csv."""
     model, table = Surrogate.load(arguments.surrogate), arguments.points
     points = read_crystals(table, arguments.symmetry or model.symmetry)
     mean, sd, outside = model.predict_table(points, len(os.sched_getaffinity(0)))
     file = output_folder(arguments, table) / "predictions.csv"
     points.write(file, {"modulus_gpa": mean, "sd_gpa": sd})
-    # Many rows in a document take much more memory than in a file.
+    # The document has the rows only for --json, since they take much more memory than in a file.
     crystals = [
         {"constants": points.constants[i], "euler_deg": points.euler_deg[i]}
         for i in range(len(points) if arguments.json else 0)
