@@ -39,6 +39,8 @@ def test_shares_that_are_not_numbers_have_no_bar():
     noise, prior = picture.figure.axes[0].containers
     assert [bar.get_width() for bar in noise] == [25, 0]
     assert [bar.get_width() for bar in prior] == [75, 0]
+    assert [row[0] for row in picture.table[1]] == ["C11", "C12"]
+    assert picture.values.startswith("In per cent: C11: noise 25, prior 75; C12: ")
     with pytest.raises(NothingToShow):
         stacked(parts[1:], ["C12"], 1, "")
 

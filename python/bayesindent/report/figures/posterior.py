@@ -335,15 +335,10 @@ def stacked(parts: list[dict], labels: list[str], above: int, caption: str) -> P
     axes.set(xlim=(0, 100), ylim=(place.min() - 0.6, 0.6), xlabel="share of the variance (%)")
     axes.grid(axis="y")
     legend_above(figure, columns=min(4, len(shown)))
-    texts = []
-    for label, row in zip(labels, values):
+    texts, rows = [], list(map(list, zip(labels, *values.T.tolist())))
+    for label, *row in rows:
         texts.append(f"{label}: " + ", ".join(f"{names[j]} {100 * row[j]:.0f}" for j in shown))
-    return Picture(
-        figure,
-        caption,
-        (["name", *names], [[*row] for row in zip(labels, *values.T.tolist())]),
-        f"In per cent: {'; '.join(texts)}.",
-    )
+    return Picture(figure, caption, (["name", *names], rows), f"In per cent: {'; '.join(texts)}.")
 
 
 def expected_sds(results: Results) -> Picture:
