@@ -1,9 +1,8 @@
 """Single-crystal elastic constants, with honest uncertainty, from spherical indentation of single
 grains.
 
-`bi.extract(table, "cubic")` infers the constants from a table of grains; `bi.summary`, `bi.report`,
-`bi.compare`, `bi.next_grain` and the plots take what it gives. help(bi.extract) lists every
-keyword.
+`bi.extract(table, "cubic")` infers the constants from a table of grains. `bi.summary`, `bi.report`,
+`bi.compare`, `bi.next_grain` and the plots take its result. help(bi.extract) lists every keyword.
 """
 
 from importlib import import_module
@@ -14,9 +13,7 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    """Import all that the package offers when some of it is first used: numpy and the core take a
-    tenth of a second.
-    """
+    """Import the public names at their first use: numpy and the core take a tenth of a second."""
     if name == "__all__" or not name.startswith("_"):
         interface = import_module(".interface", __name__)
         globals().update(

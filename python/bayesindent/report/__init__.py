@@ -1,10 +1,10 @@
 """The report and its figures.
 
-bi.report(folder, output=None, figures='', paper=False) writes report.html of the results in
-`folder`, or of what `bi.extract` gave, and returns its path. `output`: where to; default: the
-folder itself, of a result the current folder. `figures`: 'png', 'pdf' or 'svg' for every figure as
-a file in figures/ too; `paper`: text, tables and figures for a paper in paper/. This package is
-also the function, so that neither hides the other.
+bi.report(folder, output=None, figures='', paper=False) writes report.html for the results in
+`folder`, or for the result of `bi.extract`, and returns its path. `output`: the output folder; by
+default the folder itself, or for a result the current folder. `figures`: 'png', 'pdf' or 'svg' to
+write every figure to figures/ as well. `paper`: write text, tables and figures for a paper to
+paper/. This package can be called, so that the function and the package share one name.
 """
 
 import sys
@@ -23,7 +23,7 @@ class _Report(ModuleType):
         figures: str = "",
         paper: bool = False,
     ) -> Path:
-        """See the package."""
+        """Write the report; the docstring of the package describes the arguments."""
         from .report import write_report
 
         return write_report(folder, Path(output) if output else None, figures, paper)[1]

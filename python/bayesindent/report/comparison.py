@@ -19,7 +19,7 @@ def compare(*results: Any, output: Any = None) -> dict:
     the same moduli, and the evidence where it was estimated; `warnings`. `output`: a folder for
     comparison.csv, comparison.json and forest.png.
     """
-    # Importing ArviZ takes seconds.
+    # Imported here, since importing ArviZ takes seconds.
     import arviz
 
     rows, evidence, warnings, draws = [], [], [], {}

@@ -1,4 +1,4 @@
-"""Figures as files of images."""
+"""Writes figures as images, and the numbers behind them."""
 
 import base64
 import io
@@ -25,14 +25,14 @@ from .figures.style import (
 )
 from .results import NothingToShow, Results
 
-#: The panel by its number, what its axes show, kind and label of the series, the number of the
-#: point in it; of bars also their extent.
+#: Columns of the numbers behind a figure; only bars have width and height.
 HEADER = ("panel", "x_axis", "y_axis", "kind", "series", "point", "x", "y", "width", "height")
 
 
 def figure_table(picture: Picture) -> tuple[list[str], list[list]]:
-    """Header and rows: every line, bar and area of the figure in units of its axes, or the table
-    that it brings.
+    """Header and rows of the numbers behind a figure.
+
+    They are its own table, or every line, bar and area in units of the axes.
     """
     if picture.table is not None:
         return picture.table
@@ -51,7 +51,7 @@ def figure_table(picture: Picture) -> tuple[list[str], list[list]]:
 
 
 def series_of(axes: Any) -> Iterator[tuple[str, str, list[list[float]]]]:
-    """Kind, label and points of what is drawn in the units of the axes."""
+    """Kind, label and points of each series in units of the axes."""
     for line in axes.lines:
         if line.get_transform() == axes.transData:
             yield (
@@ -97,28 +97,27 @@ def series_of(axes: Any) -> Iterator[tuple[str, str, list[list[float]]]]:
             )
 
 
-#: Kinds of files of figures that papers take, and dots per inch of what is no line.
+#: File formats of figures for papers, and the dots per inch of their images.
 FOR_PAPERS = {"svg": 300, "pdf": 300, "png": 600}
 
-#: Sections whose figures rest on the measurements, where the others show simulations; and those
-#: whose figures no paper takes.
+#: Sections whose figures show measurements, and those whose figures are not for papers.
 MEASURED, NO_PAPER = ("next", "result", "curves", "diagnostics"), ("next", "diagnostics")
 
-#: Dots per inch of other files.
+#: Dots per inch of all other files.
 SCREEN = 160
 
-#: Compression of runs of a byte (zlib's Z_RLE), which is fast, and drawings are full of them.
+#: Fast compression of runs of equal bytes (Z_RLE of zlib), which suits drawings.
 FAST: dict = {"png": {"pil_kwargs": {"compress_level": 1, "compress_type": 3}}}
 
-#: The same results make the same files.
+#: No dates, so that equal results give equal files.
 UNDATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
 
 
 def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str, list[dict]]:
-    """Of each section the figures that the results can make: PNG in base 64 and their texts.
+    """Draw all figures of the results; return for each section their PNG (base 64) and texts.
 
-    As files too, of one kind in the folder `figures`, and for a paper, as wide as a column, in
-    `paper/figures` with the numbers behind each as CSV.
+    `kind_of_files`: a format in which figures are also written to the folder `figures`. `paper`:
+    also write figures as wide as a column, and their numbers as CSV, to `paper/figures`.
     """
     paper_folder = results.folder / "paper" / "figures"
     files = {WIDTH: [(results.folder / "figures", kind_of_files, SCREEN)] if kind_of_files else []}
@@ -171,7 +170,7 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str,
         if (WIDTH, name) in drawn:
             sections.setdefault(section, []).append(drawn[WIDTH, name])
             continue
-        # Files of other inputs.
+        # Remove files of other inputs.
         for folder, kind in [
             (folder, kind) for own in files.values() for folder, kind, _ in own
         ] + [(paper_folder, "csv")] * paper:

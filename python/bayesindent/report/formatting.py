@@ -67,8 +67,7 @@ LATEX = str.maketrans(
     }
 )
 
-#: Sources of a variance whose shares are reported, with their headers; and the headers of
-#: `share_cells`.
+#: Shares of a variance with their headers, and the headers of `share_cells`.
 SHARES = {"measurements": "measured", "knowledge": "known", "prior": "prior"}
 SHARE_HEADER = [*(f"{name} (%)" for name in SHARES.values()), "verdict"]
 
@@ -81,33 +80,35 @@ MODULI = {
 
 
 def number(value: float | None, digits: int = 1) -> str:
-    """A number as text; a dash where there is none."""
+    """A number as text; a dash for None and NaN."""
     return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
 
 
 def percent(value: float | None, digits: int = 0) -> str:
-    """A share in per cent as text; a dash where there is none."""
+    """A share in per cent as text; a dash for None and NaN."""
     return number(value and 100 * value, digits)
 
 
 def cells(items: Iterable[Mapping], *texts: str, **digits: int) -> list[list]:
-    """Rows of a table: of each item the values of `texts`, then the numbers."""
-    return [[*map(item.__getitem__, texts), *numbers(item, **digits)] for item in items]
+    """Rows of a table: for each item the values of `texts`, then the numbers."""
+    return [list(map(item.__getitem__, texts)) + numbers(item, **digits) for item in items]
 
 
 def named(items: Mapping[str, Mapping], **digits: int) -> list[list]:
-    """The same of items by their names."""
+    """Rows of a table: for each item its name, then the numbers."""
     return [[name, *numbers(item, **digits)] for name, item in items.items()]
 
 
 def numbers(item: Mapping, **digits: int) -> list[str]:
-    """The numbers of these names as texts, each with its digits."""
+    """The numbers of an item as texts, by name with a count of digits."""
     return [number(item.get(name), count) for name, count in digits.items()]
 
 
 def suggested_grains(items: Sequence[Mapping]) -> list[str]:
-    """The grain of each suggestion, with the direction of a speed; 'new' where any grain serves. If
-    no suggestion names a grain, the ranks.
+    """The grain of each suggestion, and the direction of a speed.
+
+    Without names of grains these are ranks; 'new' stands for a grain without a name among named
+    ones.
     """
     named = any("grain" in item for item in items)
     speeds = [
@@ -121,20 +122,18 @@ def suggested_grains(items: Sequence[Mapping]) -> list[str]:
 
 
 def region(item: Mapping, direction: str) -> str:
-    """The direction of a suggestion, and the angle around it within which the gain is the same."""
+    """The direction of a suggestion, and the angle within which gains are similar."""
     words = "{1}, within {0:.0f}°" if "° from" in direction else "within {0:.0f}° of {1}"
     return words.format(item["within_deg"], direction) if "within_deg" in item else direction
 
 
 def share_cells(item: Mapping) -> list[str]:
-    """The shares of the variance of a parameter, combination or quantity in per cent, see `SHARES`,
-    and the verdict on it.
-    """
+    """The shares of the variance in per cent (see `SHARES`), and the verdict."""
     return [*(percent(item["share"][name]) for name in SHARES), item["verdict"].replace("_", " ")]
 
 
 def limit_name(name: str, side: str = "") -> str:
-    """A limit of the prior, or of a surrogate's domain, by its side, or what it limits."""
+    """The name of a limit of the prior or of a surrogate's domain."""
     words = {
         "anisotropy_cap": "the anisotropy index",
         "log_anisotropy_max": "log-anisotropy",
@@ -151,27 +150,26 @@ def limit_name(name: str, side: str = "") -> str:
 
 
 def orientation(euler_deg: Iterable[float]) -> str:
-    """Bunge's angles."""
+    """Bunge's angles as text."""
     return "(" + ", ".join(f"{round(angle, 1):g}" for angle in euler_deg) + ")°"
 
 
 def plus_minus(item: Mapping) -> str:
-    """Mean and sd with two digits of the sd, at least to units."""
+    """Mean and sd with two digits of the sd, and at least all digits before the decimal point."""
     digits = 1 if not item["sd"] else min(4, max(0, 1 - math.floor(math.log10(item["sd"]))))
     return " ± ".join(numbers(item, mean=digits, sd=digits))
 
 
 def has_four_indices(symmetry: str) -> bool:
-    """Whether directions of the crystal class are written with four indices: its basal plane has
-    C66 = (C11 - C12)/2, and an axis of its own.
-    """
+    """Whether directions of the crystal class have four indices: C33 and C66 = (C11 - C12)/2."""
     constants = constant_names(symmetry) if symmetry else ()
     return "C33" in constants and "C66" not in constants
 
 
 def direction_name(direction: Sequence[float], four: bool) -> str:
-    """[uvw] of components along the Cartesian crystal axes; with four indices x is [2-1-10], y
-    [01-10], and others are angles to an axis.
+    """The name of a direction with components along the Cartesian crystal axes.
+
+    With four indices x is [2-1-10] and y is [01-10]; other directions are angles to an axis.
     """
     x, y, z = direction
     if not four:
@@ -195,7 +193,7 @@ def direction_name(direction: Sequence[float], four: bool) -> str:
 
 
 def quantity_name(name: str, symmetry: str = "") -> str:
-    """A quantity of the crystal as people write it; with four indices where its class has them."""
+    """The name of a quantity in reports; directions have four indices if the class has them."""
     word, _, direction = name.partition("[")
     if direction:
         short = re.fullmatch(r"((?:-?\d){3})\]", direction) if has_four_indices(symmetry) else None
@@ -211,19 +209,19 @@ def quantity_name(name: str, symmetry: str = "") -> str:
 
 
 def quantity_format(row: Mapping) -> tuple[str, int]:
-    """The unit of a quantity, '' where it has none, and how many digits its values take."""
+    """The unit of a quantity ('' for ratios), and the digits of its values."""
     return ("", 3) if row["unit"] == "1" else (row["unit"], 1)
 
 
 def quantity_label(row: Mapping, symmetry: str = "") -> str:
-    """The name of a quantity, or of those that are known together, with the unit that is stated."""
+    """The names of quantities that are known together, with their unit if it is stated."""
     names = " and ".join(quantity_name(name, symmetry) for name in row["name"].split(", "))
     unit = quantity_format(row)[0] if "unit" in row else ""
     return names + (f" ({unit})" if unit else "")
 
 
 def latex(text: str) -> str:
-    """A text as LaTeX has it, with indices of constants."""
+    """A text in LaTeX, with subscripts of constants."""
     return re.sub(r"\b([CS])([1-6][1-6])\b", r"$\1_{\2}$", text.translate(LATEX)).replace("$$", "")
 
 
@@ -233,22 +231,24 @@ def enumeration(parts: Sequence[str]) -> str:
 
 
 def subscript(name: str) -> str:
-    """C11 as C with a subscript, of signs of the font: formulas of matplotlib are slow, and no text
-    in its files.
+    """A constant such as C11 with its subscript in Unicode.
+
+    Formulas of matplotlib are slow, and are not text in its files.
     """
     return "C" + name[1:].translate(SUBSCRIPTS) if name[:1] == "C" and name[1:].isdigit() else name
 
 
 def powers(exponents: dict[str, float]) -> list[tuple[str, str]]:
-    """Indices and power of each factor of a product of powers of constants; powers that hardly
-    count are left out, and that of 1.
+    """Indices and power of each factor of a product of powers of constants.
+
+    Powers close to 0 are left out; a power of 1 is ''.
     """
     factors = [(name[1:], power) for name, power in exponents.items() if abs(power) >= 0.05]
     return [(index, "" if abs(power - 1) < 0.005 else f"{power:.2f}") for index, power in factors]
 
 
 def product_label(exponents: dict[str, float]) -> str:
-    """A product of powers of constants for matplotlib."""
+    """A product of powers of constants as a formula of matplotlib."""
     return (
         "$"
         + r"\,".join(

@@ -1,4 +1,4 @@
-"""The report's figures as functions: of what `bi.extract` gave, or of a folder of results."""
+"""The figures of the report as functions of a result of `bi.extract`, or of a folder."""
 
 from collections.abc import Callable
 from importlib import import_module
@@ -22,12 +22,11 @@ __all__ = [
 
 
 def plotter(name: str, module: str, figure: str, words: str) -> Callable:
-    """The function `name` that draws the figure of a module of `figures`, and shows what the words
-    say.
-    """
+    """Make the function `name`, which draws a figure of a module; `words` describe it."""
 
     def plot(result: Any, ax: Any = None) -> Any:
-        # Not above: importing matplotlib is slow. Notebooks show figures once pyplot is there.
+        # Imported here, since importing matplotlib takes long. Notebooks show figures if pyplot is
+        # imported.
         import matplotlib.pyplot  # noqa: F401
 
         style = import_module(".figures.style", __package__)

@@ -1,4 +1,4 @@
-"""What the stages left in a folder, as far as it belongs to the present inputs."""
+"""Results of all stages in a folder, as far as they belong to the present inputs."""
 
 import json
 import re
@@ -31,23 +31,24 @@ T = TypeVar("T", bound=Sized)
 
 
 class NothingToShow(Exception):
-    """The results have nothing of what a figure or a section shows."""
+    """The results lack the data of a figure or section."""
 
 
 def present(part: T | None) -> T:
-    """A part of the results. Raises `NothingToShow` if it is not there, or empty."""
+    """Return a part of the results. Raises `NothingToShow` if it is None or empty."""
     if part is None or not len(part):
         raise NothingToShow
     return part
 
 
 class Results:
-    """A folder of results, or what `bi.extract` gave; a stage that did not run, or on other inputs,
-    is an empty document.
+    """A folder of results, or a result of `bi.extract`.
+
+    The document of a stage is empty if the stage did not run, or ran with other inputs.
     """
 
     def __init__(self, source: Any):
-        #: What `bi.extract` gave; None if the results are a folder's.
+        #: The result of `bi.extract`, or None for a folder.
         self.result = source if hasattr(source, "posterior") else None
         folder = self.folder = Path() if self.result is not None else Path(source)
         if not folder.is_dir():
@@ -60,18 +61,17 @@ class Results:
             if self.resolved
             else {}
         )
-        #: The folder of the namelist that was last used here.
+        #: The folder of the last namelist.
         self.namelist_folder = Path(self.manifest.get("namelist", ".")).parent
         if not facts and (name := self.group("surrogate").get("file")):
-            # A build that was killed may have left a new surrogate beside the documents of the last
-            # one.
+            # A killed build may have left a new surrogate beside documents of the last one.
             self.manifest["inputs"] = self.manifest.get("inputs", {}) | surrogate_digest(
                 name, folder, self.namelist_folder
             )
         found = {
             stage: {} if facts else read_json(folder / file) for stage, file in DOCUMENTS.items()
         }
-        #: Stages whose documents are of other inputs.
+        #: Stages whose documents belong to other inputs.
         self.outdated = [
             stage
             for stage, document in found.items()
@@ -82,7 +82,7 @@ class Results:
         }
         if facts:
             self.documents["extract"] = json.loads(facts["summary"])
-        #: What was edited or removed after the results, in words.
+        #: Messages on inputs that were edited, and files that were removed, after the results.
         self.edited = [] if facts else changed_inputs(folder)
         if self.documents["extract"] and not (facts or (folder / "posterior.bin").exists()):
             self.edited += [
@@ -111,8 +111,9 @@ class Results:
 
     @cached_property
     def reference(self) -> tuple[str, dict[str, float]]:
-        """What the constants are compared with, and its values in GPa: those that the problem
-        states, or those of a pure metal that its title names; '' and none where there are none.
+        """The label and values (GPa) of reference constants; '' and {} if there are none.
+
+        The problem states them, or its title names a pure metal.
         """
         if (stated := self.group("problem").get("reference_gpa")) is not None and len(stated):
             return "truth" if self.synthetic else "reference", dict(
@@ -136,7 +137,7 @@ class Results:
 
     @property
     def warnings(self) -> list[str]:
-        """Those of all documents, after what was edited since."""
+        """Messages on edited inputs, then the warnings of all documents."""
         return list(
             dict.fromkeys(
                 [
@@ -157,7 +158,7 @@ class Results:
 
     @property
     def predicted(self) -> list[dict]:
-        """The moduli of the grains, as measured and as the posterior predicts them."""
+        """Moduli of the grains, measured and predicted."""
         return [
             item
             for item in self.documents["extract"].get("predicted", [])
@@ -166,7 +167,7 @@ class Results:
 
     @property
     def velocities(self) -> list[dict]:
-        """The speeds likewise."""
+        """Speeds of waves, measured and predicted."""
         return [
             item
             for item in self.documents["extract"].get("predicted", [])
@@ -175,7 +176,7 @@ class Results:
 
     @property
     def speed(self) -> str:
-        """What the velocities are."""
+        """The name of the measured speeds."""
         return (
             "wave velocity"
             if any("wave" in item for item in self.velocities)
@@ -183,9 +184,7 @@ class Results:
         )
 
     def identifiability(self, kind: str) -> list[dict]:
-        """What the document of `extract` says of each 'combination' of the constants, 'quantity',
-        or piece of 'knowledge'.
-        """
+        """Rows of the document of `extract` on each 'combination', 'quantity' or 'knowledge'."""
         return [
             row
             for row in self.documents["extract"].get("identifiability", [])
@@ -194,9 +193,7 @@ class Results:
 
     @property
     def prior_and_surrogate(self) -> tuple[list[str], str]:
-        """The lines of the document of `extract` on the density of its prior, and that on its
-        surrogate.
-        """
+        """Lines of the document of `extract` on its prior, and its line on the surrogate."""
         words = self.documents["extract"]["prior"]["words"]
         surrogate = next(
             line.removeprefix("surrogate: ") for line in words if line.startswith("surrogate: ")
@@ -212,7 +209,7 @@ class Results:
 
     @property
     def theory_moduli(self) -> np.ndarray | None:
-        """Theory of `simulations` in GPa, if it is there."""
+        """Moduli of `simulations` by theory in GPa, or None."""
         simulated, theory = (
             self.documents[stage].get("results", []) for stage in ("simulate", "theory")
         )
@@ -228,11 +225,9 @@ class Results:
 
     @cached_property
     def posterior(self) -> dict:
-        """The numbers of the posterior that the document of `extract` is about, see
-        `read_posterior`; nothing where there is none.
-        """
+        """The numbers of the posterior, see `read_posterior`; {} if there is none."""
         if self.result is not None:
-            return self._of_result(self.result)
+            return self._from_result(self.result)
         found = read_posterior(self.folder) if self.documents["extract"] else {}
         return (
             found
@@ -240,19 +235,16 @@ class Results:
             else {}
         )
 
-    def _of_result(self, result: Any) -> dict:
-        """The same of groups of ArviZ, as far as figures and comparisons need it."""
+    def _from_result(self, result: Any) -> dict:
+        """The same from the groups of ArviZ, as far as figures and comparisons need it."""
         bounds = np.array(list(json.loads(result.posterior.attrs["bounds"]).values()), dtype=float)
 
         def draws(group: Any) -> np.ndarray:
             return np.stack([item.values for item in group.data_vars.values()], axis=-1)
 
         def both(group: Any, *names: str) -> np.ndarray:
-            parts = [
-                group[name].transpose("angle", ..., missing_dims="ignore").values
-                for name in names
-                if name in group
-            ]
+            present = [group[name] for name in names if name in group]
+            parts = [item.transpose("angle", ..., missing_dims="ignore").values for item in present]
             return np.concatenate(parts, axis=-1)
 
         data = result.constant_data
@@ -270,7 +262,7 @@ class Results:
 
     @cached_property
     def samples(self) -> dict[str, np.ndarray]:
-        """Chains (chain, draw) of each constant; nothing where there is no posterior."""
+        """Draws (chain, draw) of each constant in GPa; {} without a posterior."""
         return (
             {name: self.posterior["draws"][..., j] for j, name in enumerate(self.constants)}
             if self.posterior
@@ -278,14 +270,14 @@ class Results:
         )
 
     def draws(self, count: int) -> np.ndarray:
-        """Stiffness (n, 6, 6) in GPa of at most `count` draws of the posterior, evenly over all."""
+        """Stiffness (n, 6, 6) in GPa of at most `count` draws, evenly over the posterior."""
         table = np.stack([chains.ravel() for chains in self.samples.values()], axis=1)
         return stiffness_rows(
             self.symmetry, table[np.linspace(0, len(table) - 1, min(len(table), count)).astype(int)]
         )
 
     def as_measured(self, modulus: ArrayLike) -> np.ndarray:
-        """Indentation moduli in GPa as the kind that was measured."""
+        """Convert indentation moduli (GPa) to the measured kind of modulus."""
         group = {"modulus_kind": "indentation_modulus"} | self.group("measurements")
         numbers = {
             name: group.get(name, 0.0)
@@ -297,9 +289,7 @@ class Results:
 
     @cached_property
     def surrogate(self) -> Surrogate | None:
-        """The surrogate of the results: in the folder, beside the namelist, or one that comes with
-        the package.
-        """
+        """The surrogate: in the folder, beside the namelist, or one that comes with the package."""
         held = (
             {}
             if self.result is None
@@ -307,7 +297,7 @@ class Results:
         )
         if isinstance(held.get("surrogate"), Surrogate):
             return held["surrogate"]
-        # What was built through the library may not have said its name.
+        # Namelists of the library need not state the name of the surrogate.
         name = (
             held.get("surrogate")
             or self.group("surrogate").get("file")
@@ -322,5 +312,5 @@ class Results:
 
 
 def succeeded(simulation: dict) -> bool:
-    """Whether a simulation gave a modulus and a curve."""
+    """Whether a simulation has a modulus and a curve."""
     return bool(simulation["indentation_modulus_gpa"] and simulation["depth_um"])

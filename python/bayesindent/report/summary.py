@@ -1,6 +1,4 @@
-"""What the report says first: the constants and whether they can be used, what to do next, what is
-determined; and the inputs.
-"""
+"""The first texts of the report: constants, usability, advice, what is determined, inputs."""
 
 from itertools import takewhile
 
@@ -30,10 +28,10 @@ __all__ = [
     "with_verdict",
 ]
 
-#: How many quantities are named at most.
+#: Most quantities that are listed.
 MOST = 6
 
-#: Consequences of warnings, with words of the warnings; the last has all others.
+#: Consequences of warnings, with phrases of the warnings; the last one takes all others.
 CONSEQUENCES = {
     "Some constants are not determined by the measurements": (
         "not determined",
@@ -57,14 +55,12 @@ CONSEQUENCES = {
 
 
 def answer(results: Results) -> list[str]:
-    """The constants with their sds in one line, and whether they can be used; nothing without
-    them.
-    """
+    """A line with the constants and their sds, and whether they can be used; [] without them."""
     document = results.documents["extract"]
     if not document:
         return []
     parameters = {name: document["parameters"][name] for name in results.constants}
-    # Blanks that break no line.
+    # Use blanks that do not break the line.
     constants = ", ".join(
         f"{subscript(name)} = {plus_minus(item)}".replace(" ", "\u00a0")
         for name, item in parameters.items()
@@ -81,8 +77,9 @@ def answer(results: Results) -> list[str]:
 
 
 def advice(results: Results) -> dict[str, list[str]]:
-    """The warnings by their consequences, each once; those with one remedy, which follows the first
-    full stop, together.
+    """The warnings by their consequences; those with the same remedy are joined.
+
+    The remedy of a warning follows its first full stop.
     """
     remedies: dict[str, list[str]] = {}
     for line in results.warnings:
@@ -94,17 +91,26 @@ def advice(results: Results) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {consequence: [] for consequence in CONSEQUENCES}
     for remedy, parts in remedies.items():
         start = common(parts)
-        line = start + "; ".join(part.removeprefix(start) for part in parts)
-        line += f". {remedy}" if remedy not in parts else ""
-        for consequence, words in CONSEQUENCES.items():
-            if any(word in line for word in words):
-                found[consequence].append(line[:1].upper() + line[1:].rstrip(".") + ".")
-                break
+        line = (
+            start
+            + "; ".join(part.removeprefix(start) for part in parts)
+            + (f". {remedy}" if remedy not in parts else "")
+        )
+        found[consequence_of(line)].append(line[:1].upper() + line[1:].rstrip(".") + ".")
     return {consequence: lines for consequence, lines in found.items() if lines}
 
 
+def consequence_of(warning: str) -> str:
+    """The first consequence one of whose phrases is in the warning."""
+
+    def has_phrase(consequence: str) -> bool:
+        return any(phrase in warning for phrase in CONSEQUENCES[consequence])
+
+    return next(filter(has_phrase, CONSEQUENCES))
+
+
 def common(parts: list[str]) -> str:
-    """The words with which all parts begin, if there are several."""
+    """The words with which all of several parts begin."""
     words = takewhile(
         lambda column: len(set(column)) == 1, zip(*(part.split(" ") for part in parts))
     )
@@ -112,9 +118,7 @@ def common(parts: list[str]) -> str:
 
 
 def inputs_summary(results: Results) -> list[tuple[str, str]]:
-    """Terms and texts: grains, kind of modulus, indenter, specimen, surrogate with its error, prior
-    in effect.
-    """
+    """Terms and texts on crystal, grains, modulus, simulations, specimen and indenter."""
     document, simulated = results.documents["extract"], len(results.simulations)
     if not any(results.documents.values()):
         return []
@@ -164,17 +168,17 @@ def with_count(count: int, word: str) -> str:
 
 
 def measured_ranges(results: Results) -> list[str]:
-    """The ranges of the measured moduli and of their sds in GPa, each '' where there is none."""
+    """The ranges of the measured moduli and of their sds in GPa; '' if there are none."""
     ranges = []
     for name in ("measured", "measured_sd"):
         values = [item[name] for item in results.predicted if item.get(name)]
-        ends = map(number, (min(values), max(values))) if values else ()
+        ends = [number(min(values)), number(max(values))] if values else []
         ranges.append(" to ".join(dict.fromkeys(ends)))
     return ranges
 
 
 def modulus_kind(results: Results) -> str:
-    """The kind of modulus, and what it depends on."""
+    """The kind of modulus, and the constants that define it."""
     measured = results.group("measurements")
     names = {
         "effective modulus": ("indenter_modulus_gpa", "indenter_nu"),
@@ -194,9 +198,7 @@ def modulus_kind(results: Results) -> str:
 
 
 def indenter(results: Results) -> str:
-    """The shape of the indenter and its last point, where simulations depend on it or it is
-    stated.
-    """
+    """The shape of the indenter and its last depth; '' if no simulation depends on it."""
     group = results.group("indenter")
     if not (group or results.documents["build"] or results.simulations):
         return ""
@@ -215,7 +217,7 @@ def indenter(results: Results) -> str:
 
 
 def specimen(results: Results) -> str:
-    """What is indented, where a surrogate or simulations depend on it."""
+    """The specimen; '' if no simulation depends on it."""
     group = results.group("specimen")
     if not (results.documents["build"] or results.simulations) or not group:
         return ""
@@ -235,9 +237,7 @@ def specimen(results: Results) -> str:
 
 
 def findings(results: Results) -> list[str | Markup]:
-    """Sentences: combinations that are determined, and by the verdict on them quantities but the
-    constants.
-    """
+    """Sentences on combinations that are determined, and on quantities by their verdict."""
     combinations, constants = (
         results.identifiability("combination"),
         results.documents["extract"].get("parameters", {}),
@@ -263,14 +263,15 @@ def findings(results: Results) -> list[str | Markup]:
         "Determined, too": with_verdict(derived, "determined")[:MOST],
         "Not determined": with_verdict(derived, "not_determined"),
     }
-    for verdict, rows in rest.items():
-        names = [with_sd(row, results.symmetry) for row in rows]
-        sentences += [f"{verdict}: {enumeration(names)}."] if names else []
+    for start_of_sentence, rows in rest.items():
+        if rows:
+            names = enumeration([with_sd(row, results.symmetry) for row in rows])
+            sentences.append(f"{start_of_sentence}: {names}.")
     return sentences
 
 
 def with_verdict(rows: list[dict], verdict: str) -> list[dict]:
-    """The rows on identifiability with this verdict."""
+    """The rows with this verdict."""
     return [row for row in rows if row["verdict"] == verdict]
 
 

@@ -2,7 +2,7 @@
 
 from importlib import resources
 
-# Not imported by the package itself: only reports need it.
+# Only reports import this module, so that the package starts without Jinja2.
 from jinja2 import Environment
 from markupsafe import Markup
 
@@ -15,8 +15,9 @@ def read_data(name: str) -> str:
 
 
 def render(name: str, **values: object) -> str:
-    """The document that the template `name` makes of these values, with the functions of
-    `formatting`; values are escaped in HTML and, but for `Markup`, in LaTeX.
+    """Fill in the template `name` with these values and the functions of `formatting`.
+
+    Values are escaped in HTML, and unless they are `Markup` in LaTeX.
     """
     escape = (
         (lambda value: value if isinstance(value, Markup) else formatting.latex(str(value)))

@@ -4,8 +4,8 @@
 
 from . import curves, learning, maps, mesh, orientations, posterior, simulations, young
 
-#: Figures by section of the report, in the order in which they are shown. A figure's file bears the
-#: name of its function.
+#: Figures by section of the report, in their order. The file of a figure has the name of its
+#: function.
 SECTIONS = {
     "next": (posterior.knowledge, orientations.next_grains),
     "result": (

@@ -1,8 +1,4 @@
-"""Step 0: curves with their elastic fits, the tip, the moduli by grain, and where their errors come
-from.
-"""
-
-from operator import itemgetter
+"""Figures of Step 0: curves with elastic fits, the tip, moduli of grains, and their errors."""
 
 import numpy as np
 
@@ -10,7 +6,7 @@ from ...pipeline.curves import read_columns
 from ..results import NothingToShow, Results, present
 from .style import BLACK, BLUE, CYCLE, GREEN, ORANGE, RED, SKY, Picture, is_column, panels
 
-#: Tests that are shown at most, evenly over all that were used.
+#: Most tests that are shown, evenly over those that were used.
 SHOWN = 4
 
 
@@ -90,12 +86,11 @@ def curve_moduli(results: Results) -> Picture:
     tests = [row for row in document["tests"] if row["used"] and row.get("grain") in grains]
     for number, session in enumerate(dict.fromkeys(row["session"] for row in tests), 1):
         rows = [row for row in tests if row["session"] == session]
-        # Tests are drawn left of their grain, one beside the other, in three columns.
         places = []
         for row in rows:
-            grains_before = [other["grain"] for other in tests[: tests.index(row)]]
-            column = grains_before.count(row["grain"]) % 3
-            places.append(grains.index(row["grain"]) - 0.35 + 0.1 * column)
+            # Tests of a grain stand side by side on its left.
+            before = sum(row["grain"] == other["grain"] for other in tests[: tests.index(row)])
+            places.append(grains.index(row["grain"]) - 0.35 + 0.1 * (before % 3))
         label = f"tests, session {session}" if session else "tests"
         axes.plot(
             places,
@@ -104,8 +99,9 @@ def curve_moduli(results: Results) -> Picture:
             color=CYCLE[number % len(CYCLE)],
             label=label,
         )
-    names = "effective_modulus_gpa", "sd_gpa", "own_sd_gpa"
-    moduli, sds, own = np.array(list(map(itemgetter(*names), document["grains"]))).T
+    moduli = [row["effective_modulus_gpa"] for row in document["grains"]]
+    sds = [row["sd_gpa"] for row in document["grains"]]
+    own = [row["own_sd_gpa"] for row in document["grains"]]
     axes.errorbar(range(len(grains)), moduli, sds, fmt="none", color=SKY, lw=4, label="sd")
     axes.errorbar(
         range(len(grains)), moduli, own, fmt="o", color=BLUE, ms=4, label="sd of the grain's own"

@@ -18,7 +18,7 @@ from .style import (
     sd_axes,
 )
 
-#: More points than that are drawn small.
+#: Points are drawn small if there are more than this.
 MANY = 400
 
 
@@ -29,21 +29,16 @@ def learning_curve(results: Results) -> Picture:
     )
     if len(updates) < 2:
         raise NothingToShow
-    numbers = [update["simulations"] for update in updates]
+    simulations = [update["simulations"] for update in updates]
+    left_out = [update["leave_crystal_out_gpa"] for update in updates]
+    following = [update["next_gpa"] for update in updates]
     figure, axes = panels(3.4)
-    curves = {"leave_crystal_out_gpa": "a crystal left out", "next_gpa": "next simulations"}
-    for (name, label), colour, marker in zip(curves.items(), CYCLE, MARKERS):
-        axes.plot(
-            numbers,
-            np.array([update[name] for update in updates], dtype=float),
-            marker=marker,
-            ms=3.5,
-            lw=1,
-            color=colour,
-            label=label,
-        )
+    curves = {"a crystal left out": left_out, "next simulations": following}
+    for (label, errors), colour, marker in zip(curves.items(), CYCLE, MARKERS):
+        values = np.array(errors, dtype=float)
+        axes.plot(simulations, values, marker=marker, ms=3.5, lw=1, color=colour, label=label)
     lines = {"theory_gpa": "theory alone", "theory_times_ratio_gpa": "theory times one ratio"}
-    # The one shows below the other where they are the same.
+    # The lines differ in width, so that both are seen where they coincide.
     for (name, label), line in zip(
         lines.items(), ({"color": "0.75", "lw": 3}, {"color": BLACK, "lw": 1, "ls": "--"})
     ):
@@ -53,27 +48,21 @@ def learning_curve(results: Results) -> Picture:
     logarithmic(axes)
     axes.xaxis.get_major_locator().set_params(integer=True)
     legend_above(figure, columns=2)
-    last_error = number(updates[-1]["leave_crystal_out_gpa"], 2)
-    values = f"The error of a crystal left out ends at {last_error} GPa."
+    alternative = f"The error of a crystal left out ends at {number(left_out[-1], 2)} GPa."
     beside = (
         " Lines: the half-space theory without a surrogate."
         if any(map(baselines.get, lines))
         else ""
     )
-    of_which = (
-        "Of crystals left out of the fit, and of the next simulations before the surrogate is "
-        "trained on them."
+    text = "Mean absolute error of the surrogate against the number of simulations."
+    crystals = (
+        "Of crystals left out of the fit, and of the next simulations before the surrogate is"
     )
-    return Picture(
-        figure,
-        "Mean absolute error of the surrogate against the number of simulations. "
-        f"{of_which}{beside}",
-        values=values,
-    )
+    return Picture(figure, f"{text} {crystals} trained on them.{beside}", values=alternative)
 
 
 def parity(results: Results) -> Picture:
-    """Each crystal as the surrogate predicts it from the simulations of the other crystals."""
+    """Each crystal, predicted from the simulations of the other crystals."""
     surrogate = results.surrogate if results.documents["build"] else None
     if surrogate is None:
         raise NothingToShow
@@ -93,7 +82,7 @@ def parity(results: Results) -> Picture:
 
 
 def validation(results: Results) -> Picture:
-    """The surrogate on simulations that it has not seen."""
+    """Predictions of simulations on which the surrogate was not trained."""
     unseen = present(results.documents["build"].get("validation"))
     simulated, predicted, sd = (
         np.array(unseen[name], dtype=float) for name in ("simulated", "predicted", "sd")
@@ -103,8 +92,8 @@ def validation(results: Results) -> Picture:
         "largest variance."
     )
     within = (
-        f"{100 * unseen['within_1_sd']:.0f} % within 1 sd and "
-        f"{100 * unseen['within_2_sd']:.0f} % within 2."
+        f"{100 * unseen['within_1_sd']:.0f} % within 1 sd and {100 * unseen['within_2_sd']:.0f} "
+        "% within 2."
     )
     figure = against_simulated(simulated, predicted, (predicted - simulated) / sd, sd)
     return Picture(
@@ -133,10 +122,8 @@ def truncations(results: Results) -> Picture:
     degrees = sorted({entry["degree"] for entry in scan})
     bandlimits = sorted({entry["bandlimit"] for entry in scan})
     for entry in scan:
-        colour, marker = (
-            CYCLE[degrees.index(entry["degree"]) % len(CYCLE)],
-            MARKERS[bandlimits.index(entry["bandlimit"]) % len(MARKERS)],
-        )
+        colour = CYCLE[degrees.index(entry["degree"]) % len(CYCLE)]
+        marker = MARKERS[bandlimits.index(entry["bandlimit"]) % len(MARKERS)]
         label = f"degree {entry['degree']}, bandlimit {entry['bandlimit']}, {entry['terms']} terms"
         curve = entry["curve"]
         axes.plot(

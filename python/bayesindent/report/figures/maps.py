@@ -42,10 +42,11 @@ def orientation_map(results: Results) -> Picture:
 def draw_map(
     found: IndentedMap, names: list[str] | None, residuals: list[float] | None = None
 ) -> Picture:
-    """The map in the colours of the inverse pole figure along the indenter, with boundaries, and
-    the indents by their names, or by their rows where several are in one grain, with residuals.
+    """Draw the map in colours of the inverse pole figure along the indenter, with indents.
+
+    Indents have names, or their rows if several are in one grain, and the colours of residuals.
     """
-    # Not above: it takes half a second, and most reports have no map.
+    # Imported here: it takes half a second, and most reports have no map.
     from scipy.spatial import cKDTree
 
     grid = found.grid

@@ -1,6 +1,4 @@
-"""The modulus, and what one more grain would add, over all directions that the crystal tells
-apart.
-"""
+"""The modulus, and the gain of one more grain, over the distinct directions of the crystal."""
 
 import os
 from typing import Any
@@ -20,10 +18,10 @@ from .style import BLACK, BLUE, SKY, Picture, legend_above, panels
 
 __all__ = ["next_grains", "orientations"]
 
-#: Draws of the posterior that are carried through the surrogate.
+#: Draws of the posterior for which the surrogate predicts moduli.
 DRAWS = 100
 
-#: Directions that are named where they are corners of the map.
+#: Directions whose names are shown at corners of the map.
 CORNERS = (
     (0, 0, 1),
     (1, 0, 1),
@@ -38,7 +36,7 @@ CORNERS = (
 
 
 def orientations(results: Results) -> Picture:
-    """Posterior of the modulus over all directions, with the grains that were measured."""
+    """Posterior of the modulus over all directions, with the measured grains."""
     present(results.samples)
     grains, surrogate = results.predicted, results.surrogate
     if surrogate is None or any("euler_deg" not in item for item in grains):
@@ -121,9 +119,7 @@ def orientations(results: Results) -> Picture:
 
 
 def next_grains(results: Results) -> Picture:
-    """Gain expected of one more grain over all directions, and those that are suggested, by
-    rank.
-    """
+    """Expected gain of one more grain over all directions, and suggestions by rank."""
     document = present(results.documents["next"])
     suggestions, unit = document["suggestions"], document.get("unit", "1")
     candidates = [item for item in document["candidates"] if "propagation_deg" not in item]
@@ -135,7 +131,7 @@ def next_grains(results: Results) -> Picture:
     gain_suggested = np.array([item["gain"] for item in suggestions])
     arc = is_arc(everywhere)
     figure, axes = panels(3.0 if arc else 3.6)
-    # Above all else, and within the axes: a speed may bring more than any modulus.
+    # Suggestions are drawn first, so that the axes include a speed with a gain above all moduli.
     places = np.column_stack(
         [declination(suggested), gain_suggested] if arc else stereographic(suggested)
     )
@@ -201,7 +197,7 @@ def next_grains(results: Results) -> Picture:
 
 
 def directions_of(results: Results, items: list[dict]) -> np.ndarray:
-    """The indented directions (n, 3) of grains in the region that the class tells apart."""
+    """The indented directions (n, 3) of grains in the region of distinct directions."""
     return representative(
         results.symmetry,
         indentation_direction(np.array([item["euler_deg"] for item in items]).reshape(-1, 3)),
@@ -209,7 +205,7 @@ def directions_of(results: Results, items: list[dict]) -> np.ndarray:
 
 
 def labelled(kind: str, directions: np.ndarray, *columns: Any) -> list[list]:
-    """Rows of a table: the kind, a direction, and its values."""
+    """Rows of a table: kind, direction, and values."""
     return [[kind, *values] for values in np.column_stack([directions, *columns]).tolist()]
 
 
@@ -223,7 +219,7 @@ def declination(directions: np.ndarray) -> np.ndarray:
 
 
 def stereographic(directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Places of directions (n, 3) of the upper half in the plane."""
+    """The stereographic projection of directions (n, 3) of the upper half-space."""
     x, y, z = directions.T
     return x / (1 + z), y / (1 + z)
 
@@ -237,8 +233,9 @@ def draw_map(
     low: float | None = None,
     high: float | None = None,
 ) -> None:
-    """Values over directions that fill a region, with its outline and the names of its corners, of
-    `four` indices if need be.
+    """Draw values over a region of directions, with its outline and the names of its corners.
+
+    `four`: whether the names have four indices.
     """
     x, y = stereographic(directions)
     triangles = Triangulation(x, y)
@@ -247,8 +244,8 @@ def draw_map(
     )
     axes.figure.colorbar(image, ax=axes, label=label, shrink=0.85)
     places, centre = np.column_stack([x, y]), np.array([x.mean(), y.mean()])
-    # Sides without a neighbour, each from a corner to the next one. (scipy's hull takes half a
-    # second to import.)
+    # The outline consists of sides without a neighbour. (Importing SciPy's hull takes half a
+    # second.)
     row, side = np.nonzero(triangles.neighbors < 0)
     following = dict(zip(triangles.triangles[row, side], triangles.triangles[row, (side + 1) % 3]))
     outline = [next(iter(following))]

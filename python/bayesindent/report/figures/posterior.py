@@ -1,6 +1,4 @@
-"""The posterior of the constants, what is left of the measurements when its prediction is taken
-off, and what further knowledge would bring.
-"""
+"""Figures of the posterior, of residuals, and of the effect of further knowledge."""
 
 from statistics import NormalDist
 from textwrap import fill
@@ -9,8 +7,7 @@ import numpy as np
 
 from ..formatting import number, plus_minus, product_label, quantity_label, quantity_name, subscript
 from ..results import NothingToShow, Results, present
-
-from .style import (  # isort: skip
+from .style import (
     BLACK,
     BLUE,
     CYCLE,
@@ -29,12 +26,12 @@ from .style import (  # isort: skip
 
 #: Samples of normal numbers behind the band of the quantiles.
 SAMPLES = 2000
-#: More grains than that are drawn small.
+#: Grains are drawn small if there are more than this.
 MANY = 60
 
 
 def residuals(results: Results) -> Picture:
-    """Residuals of the grains in order beside the quantiles of a normal distribution."""
+    """Residuals of the grains in order against the quantiles of a normal distribution."""
     predicted, count = results.predicted, len(results.predicted)
     if (
         count < 2
@@ -67,7 +64,7 @@ def residuals(results: Results) -> Picture:
 
 
 def knowledge(results: Results) -> Picture:
-    """The sd of each constant now, and as it would be with one more piece of knowledge."""
+    """The sd of each constant now, and the sd expected with one more quantity known."""
     rows = present(results.identifiability("knowledge"))
     names = [name for name in results.constants if name in rows[0]["sd_then"]]
     now = np.array([results.documents["extract"]["parameters"][name]["sd"] for name in names])
@@ -102,16 +99,14 @@ def knowledge(results: Results) -> Picture:
     )
 
 
-#: Points of the posterior that are drawn at most.
+#: Most points of the posterior that are drawn, in all and for each chain.
 POINTS, LINE_POINTS = 3000, 1500
 #: Share of a variance below which a source has no bar.
 LEAST_PART = 0.005
 
 
 def marginals(results: Results) -> Picture:
-    """Distribution of each constant before and after the measurements, with its most probable value
-    and what it is compared with.
-    """
+    """Prior and posterior of each constant, with its most probable value and its reference."""
     samples, parameters = present(results.samples), results.documents["extract"]["parameters"]
     label, reference = results.reference
     figure, grid = grid_of_constants(samples, 1.9, 0.3)
@@ -148,9 +143,7 @@ def marginals(results: Results) -> Picture:
 
 
 def pairs(results: Results) -> Picture:
-    """Every pair of constants: points of the posterior, which show its ridges, with the correlation
-    in the other half.
-    """
+    """Draws of each pair of constants below the diagonal, and correlations above it."""
     samples = present(results.samples)
     table = np.stack([chains.ravel() for chains in samples.values()])
     correlation = np.atleast_2d(np.corrcoef(table))
@@ -204,14 +197,14 @@ def pairs(results: Results) -> Picture:
 
 
 def grain_comparison(results: Results) -> Picture:
-    """Measured moduli against what the posterior predicts."""
+    """Measured against predicted moduli."""
     return compared(
         [] if results.without_orientations else results.predicted, results.kind, "GPa", "grains"
     )
 
 
 def velocities(results: Results) -> Picture:
-    """Measured speeds of waves against what the posterior predicts."""
+    """Measured against predicted speeds of waves."""
     left_out = results.documents["extract"].get("velocities_left_out", 0)
     return compared(
         results.velocities,
@@ -222,13 +215,17 @@ def velocities(results: Results) -> Picture:
     )
 
 
+def numbers_of(item: dict) -> list[float]:
+    """The measured value and its sd, and the predicted mean and sd; 0 for what is not there."""
+    return [item.get(key) or 0.0 for key in ("measured", "measured_sd", "mean", "sd")]
+
+
 def compared(items: list[dict], quantity: str, unit: str, of: str, more: str = "") -> Picture:
     """Measured against predicted values, and the residuals, in units of the stated sd where there
     is one.
     """
-    keys = ("measured", "measured_sd", "mean", "sd")
-    values = [item.get(key) or 0.0 for item in present(items) for key in keys]
-    measured, error, mean, sd = np.reshape(values, (-1, len(keys))).T
+    rows = [numbers_of(item) for item in present(items)]
+    measured, error, mean, sd = np.array(rows).T
     stated = bool(np.all(error > 0))
     residual = (measured - mean) / (error if stated else 1.0)
     labels = (
@@ -244,8 +241,8 @@ def compared(items: list[dict], quantity: str, unit: str, of: str, more: str = "
             str(index + 1), (mean[index], residual[index]), (4, 3), textcoords="offset points"
         )
     caption = (
-        f"Measured and predicted {quantity} of {len(items)} {of}. "
-        "Left: bars are ± 1 sd. Right: residuals"
+        f"Measured and predicted {quantity} of {len(items)} {of}. Left: bars are ± 1 sd. Right: "
+        "residuals"
     )
     bands = (
         " in units of the stated sd, with bands of 1 and 2 sd; rows of the measurements beyond "
@@ -276,15 +273,13 @@ def traces(results: Results) -> Picture:
     figure.align_ylabels(column)
     return Picture(
         figure,
-        "The sampled values of each chain in order. Chains that "
-        "have mixed overlap and show no trend.",
+        "The sampled values of each chain in order. Chains that have mixed overlap and show no "
+        "trend.",
     )
 
 
 def shares(results: Results) -> Picture:
-    """Shares of the measurements, of what else was known and of the prior: of combinations of the
-    constants, and of quantities.
-    """
+    """Shares of measurements, knowledge and prior in variances of combinations and quantities."""
     combinations, quantities = (
         results.identifiability(kind) for kind in ("combination", "quantity")
     )
@@ -303,19 +298,16 @@ def error_budget(results: Results) -> Picture:
     """The parts of the variance of each constant by source."""
     budget = present(results.documents["extract"].get("error_budget"))
     caption = (
-        "Error budget: the sources of the variance of each "
-        "constant. Calibration: what moduli share."
+        "Error budget: the sources of the variance of each constant. Calibration: what moduli "
+        "share."
     )
     return stacked(list(budget.values()), list(map(subscript, budget)), len(budget), caption)
 
 
 def stacked(parts: list[dict], labels: list[str], above: int, caption: str) -> Picture:
-    """A bar for each row, of its parts in per cent one after another; rows from `above` on stand
-    apart.
-    """
+    """A bar for each row with its parts in per cent; rows from `above` on are set apart."""
     names = list(present(parts)[0])
-    cells = [part[name] for part in parts for name in names]
-    values = np.reshape(np.array(cells, dtype=float), (-1, len(names)))
+    values = np.array([tuple(map(part.get, names)) for part in parts], dtype=float)
     shown = [j for j in range(len(names)) if np.any(values[:, j] >= LEAST_PART)]
     place = -np.arange(len(values)) - 0.6 * (np.arange(len(values)) >= above)
     figure, axes = panels(0.29 * len(values) + 1.2)
@@ -335,19 +327,22 @@ def stacked(parts: list[dict], labels: list[str], above: int, caption: str) -> P
     axes.set(xlim=(0, 100), ylim=(place.min() - 0.6, 0.6), xlabel="share of the variance (%)")
     axes.grid(axis="y")
     legend_above(figure, columns=min(4, len(shown)))
-    texts, rows = [], list(map(list, zip(labels, *values.T.tolist())))
-    for label, *row in rows:
-        texts.append(f"{label}: " + ", ".join(f"{names[j]} {100 * row[j]:.0f}" for j in shown))
-    return Picture(figure, caption, (["name", *names], rows), f"In per cent: {'; '.join(texts)}.")
+    texts = []
+    for label, row in zip(labels, values):
+        shares = ", ".join(f"{names[j]} {100 * row[j]:.0f}" for j in shown)
+        texts.append(f"{label}: {shares}")
+    table = [list(row) for row in zip(labels, *values.T.tolist())]
+    return Picture(figure, caption, (["name", *names], table), f"In per cent: {'; '.join(texts)}.")
 
 
 def expected_sds(results: Results) -> Picture:
     """The sds that a plan expects, against the number of grains and the noise."""
     document = present(results.documents["plan"])
     rows = sorted(document["results"], key=lambda row: row["grains"])
+    noises = sorted({row["noise"] for row in rows})
     figure, grid = grid_of_constants(document["constants"], 2.4, 0.4)
     for name, axes in grid.items():
-        for noise, marker in zip(sorted({row["noise"] for row in rows}), MARKERS):
+        for noise, marker in zip(noises, MARKERS):
             points = [(row["grains"], row["sd"][name]) for row in rows if row["noise"] == noise]
             axes.plot(*zip(*points), marker=marker, ms=4, label=f"noise {100 * noise:g} %")
         axes.set(xlabel="grains", ylabel=f"sd of {subscript(name)} (GPa)", ylim=(0, None))

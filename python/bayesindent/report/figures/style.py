@@ -1,4 +1,4 @@
-"""What all figures share: the style, and how a figure is handed over."""
+"""Style and helpers that all figures share."""
 
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
@@ -16,7 +16,7 @@ from matplotlib.text import Text
 
 from ..formatting import subscript
 
-# The palette of Okabe and Ito, which colour-blind readers can tell apart.
+# The palette of Okabe and Ito, which colour-blind readers can distinguish.
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PURPLE = (
     "#000000",
     "#E69F00",
@@ -35,19 +35,19 @@ STYLE = mpl.rc_params_from_file(
 )
 STYLE["axes.prop_cycle"] = mpl.cycler(color=CYCLE)
 
-#: Panels of a matrix, which have no letters.
+#: A figure with at least this many panels is a matrix, whose panels have no letters.
 MATRIX = 9
 
-#: Width in inches of a figure of the report, and of a column of a journal, whose figures have small
-#: text.
+#: Widths in inches of a figure of the report and of a journal's column; font size of the latter.
 WIDTH, COLUMN, SMALL = 7.0, 3.35, 7.0
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure, its caption, header and rows of the numbers behind it where it has more than lines,
-    bars and areas, and what else those who cannot see it are to know beside the first sentence of
-    the caption.
+    """A figure and its caption.
+
+    `table`: header and rows of its numbers, if it has more than lines, bars and areas. `values`:
+    the text that follows the first sentence of the caption in the alternative text.
     """
 
     figure: Figure
@@ -57,16 +57,16 @@ class Picture:
 
     @property
     def alt(self) -> str:
-        """The text for those who cannot see it."""
+        """The alternative text for readers who cannot see the figure."""
         return f"{self.caption.partition('. ')[0].rstrip('.')}. {self.values}".strip()
 
 
-#: Where figures are drawn, if not on their own.
+#: The subfigure in which figures are drawn, or None for new figures.
 PLACE: ContextVar[Any] = ContextVar("PLACE", default=None)
 
 
 def new_figure(height: float) -> Figure:
-    """An empty figure of this height in inches, or the `PLACE` that is set."""
+    """An empty figure of this height in inches, or `PLACE` if it is set."""
     return PLACE.get() or Figure(
         figsize=(mpl.rcParams["figure.figsize"][0], height), layout="constrained"
     )
@@ -78,8 +78,9 @@ def is_column() -> bool:
 
 
 def panels(height: float, rows: int = 1, columns: int = 1, **settings: Any) -> tuple[Figure, Any]:
-    """A figure of this `height` in inches and its axes; `settings` of `subplots`. In a journal's
-    column two panels are one above the other.
+    """A figure of this `height` in inches and its axes; `settings` are those of `subplots`.
+
+    In a column of a journal two panels are one above the other.
     """
     if is_column():
         rows, columns, height = (
@@ -90,7 +91,7 @@ def panels(height: float, rows: int = 1, columns: int = 1, **settings: Any) -> t
 
 
 def letter_panels(figure: Figure) -> None:
-    """(a), (b), .. at panels of a figure, where there are several but no matrix of them."""
+    """Add (a), (b), .. to the panels of a figure with several panels, unless it is a matrix."""
     shown = [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
     for letter, axes in zip(ascii_lowercase, shown if 1 < len(shown) < MATRIX else []):
         axes.set_title(f"({letter}) {axes.get_title(loc='left')}", loc="left")
@@ -108,8 +109,9 @@ def legend_above(
 def grid_of_constants(
     names: Collection[str], height: float, further: float = 0.0
 ) -> tuple[Figure, dict[str, Any]]:
-    """A figure with axes for each constant, three in a row: of a `height` a row, and `further` in
-    all, in inches.
+    """A figure with axes for each constant, three in a row.
+
+    `height`: of each row; `further`: additional height of the figure; both in inches.
     """
     columns = min(2 if is_column() else 3, len(names))
     rows = -(-len(names) // columns)
@@ -120,7 +122,7 @@ def grid_of_constants(
 
 
 def density_axes(figure: Figure, grid: dict[str, Any]) -> None:
-    """Axes of histograms of constants, whose heights are no matter, under one legend."""
+    """Label axes of histograms, whose heights have no meaning, and add one legend."""
     entries: dict = {}
     for name, axes in grid.items():
         axes.set(xlabel=f"{subscript(name)} (GPa)", yticks=[])
@@ -133,7 +135,7 @@ def density_axes(figure: Figure, grid: dict[str, Any]) -> None:
 
 @contextmanager
 def house_style(width: float = WIDTH) -> Iterator[None]:
-    """Draw in one style, whatever the user's configuration is, figures of this width in inches."""
+    """Draw figures of this width in inches, independent of the user's configuration."""
     small = (
         {"font.size": SMALL, "axes.titlesize": SMALL, "lines.linewidth": 1.0}
         if width < WIDTH
@@ -152,7 +154,7 @@ def house_style(width: float = WIDTH) -> Iterator[None]:
 
 
 def text_size(figure: Figure) -> float:
-    """The smallest size of text that is seen, in points; indices of formulas apart."""
+    """The smallest visible font size in points, except for indices of formulas."""
     seen = (
         text.get_fontsize()
         for text in figure.findobj(Text)
@@ -162,20 +164,21 @@ def text_size(figure: Figure) -> float:
 
 
 def lay_out(figure: Figure, dots: float) -> None:
-    """Place the axes of a figure for so many dots per inch, and leave it without a layout:
-    `savefig` draws figures that have one twice.
+    """Place the axes of a figure at this resolution, then remove its layout engine.
+
+    With a layout engine `savefig` would draw the figure twice.
     """
     FigureCanvasAgg(figure)
     figure.set_dpi(dots)
     for axes in figure.axes:
-        # Spines are as slow as labels, and no larger.
+        # Spines do not change the layout, and take as long as labels.
         axes.spines[:].set_in_layout(False)
     figure.get_layout_engine().execute(figure)
     figure.set_layout_engine(None)
 
 
 def stamp_synthetic(figure: Figure) -> None:
-    """Mark a figure that rests on made-up data."""
+    """Mark a figure of synthetic data."""
     height = 0.2 / figure.get_figheight()
     figure.get_layout_engine().set(rect=(0, height, 1, 1 - height))
     figure.text(0.995, 0.1 * height, "SYNTHETIC DATA", ha="right", va="bottom", color=RED)
@@ -184,14 +187,16 @@ def stamp_synthetic(figure: Figure) -> None:
 def parity_panels(
     x: np.ndarray, y: np.ndarray, difference: np.ndarray, labels: Sequence[str], **style: Any
 ) -> tuple[Figure, Any]:
-    """A figure of y against x with the line of equality, on the right of a difference, and its
-    axes. `labels` of the three; `style` of the points.
+    """A figure of y against x with the line of equality, and beside it of a difference.
+
+    `labels`: those of x, y and the difference. `style`: of the points. Returns figure and right
+    axes.
     """
     figure, (left, right) = panels(3.4, 1, 2)
     ends = [min(x.min(), y.min()), max(x.max(), y.max())]
     left.plot(ends, ends, color=BLACK, lw=0.8)
     points = left.errorbar(x, y, **{"fmt": "o", "color": BLUE, "ms": 3.5, "lw": 0.8} | style)
-    # Above the line of zero.
+    # Draw the points above the line of zero.
     right.plot(x, difference, "o", color=BLUE, ms=points.lines[0].get_markersize(), zorder=3)
     left.set(xlabel=labels[0], ylabel=labels[1])
     right.set(xlabel=labels[0], ylabel=labels[2])
@@ -199,16 +204,14 @@ def parity_panels(
 
 
 def sd_axes(axes: Any, bands: bool = True) -> None:
-    """Bands of one and two sds about zero."""
+    """Draw bands of one and two sds about zero."""
     for multiple, alpha in ((2, 0.2), (1, 0.3)) if bands else ():
         axes.axhspan(-multiple, multiple, color=SKY, alpha=alpha, lw=0)
     axes.axhline(0, color=BLACK, lw=0.8)
 
 
 def logarithmic(axes: Any) -> None:
-    """A logarithmic y axis with numbers such as 0.5, not powers; a linear one if no number is above
-    0.
-    """
+    """Make the y axis logarithmic, with labels such as 0.5, if there are positive values."""
     if not any((np.asarray(line.get_ydata(), dtype=float) > 0).any() for line in axes.lines):
         return
     axes.set_yscale("log")

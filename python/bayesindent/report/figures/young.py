@@ -24,9 +24,7 @@ def youngs_modulus(stiffness: np.ndarray, directions: np.ndarray) -> np.ndarray:
 
 
 def young_surface(results: Results) -> Picture:
-    """Radius and colour are Young's modulus, the posterior's mean; beside it the colour is its
-    sd.
-    """
+    """A surface whose radius is the mean Young's modulus; its colour is the mean, or the sd."""
     present(results.samples)
     declination, azimuth = np.meshgrid(
         np.linspace(0, np.pi, STEPS + 1), np.linspace(0, 2 * np.pi, 2 * STEPS + 1), indexing="ij"
@@ -64,13 +62,13 @@ def young_surface(results: Results) -> Picture:
 
 
 def draw(figure: Figure, axes: Any, surface: np.ndarray, values: np.ndarray, label: str) -> None:
-    """A closed surface (a, b, 3) coloured by values (a, b), with a bar of the colours."""
+    """Draw a closed surface (a, b, 3) coloured by values (a, b), with a colour bar."""
     norm = mpl.colors.Normalize(values.min(), max(values.max(), values.min() * (1 + 1e-6)))
     centre = (values[:-1, :-1] + values[1:, :-1] + values[:-1, 1:] + values[1:, 1:]) / 4
     corners = np.stack(
         [surface[:-1, :-1], surface[:-1, 1:], surface[1:, 1:], surface[1:, :-1]], axis=2
     ).reshape(-1, 4, 3)
-    # Not `plot_surface`, which converts colours one by one.
+    # `plot_surface` would convert colours one by one.
     colours = mpl.colormaps["cividis"](norm(centre)).reshape(-1, 4)
     axes.add_collection3d(
         Poly3DCollection(
