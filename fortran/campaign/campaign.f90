@@ -242,7 +242,8 @@ contains
       position = 0
       call self%file%value('SELECT COALESCE(MAX(position) + 1, 0) FROM simulation WHERE ' &
          & //'physics_id = '//self%physics, found, error)
-      if (.not. allocated(error)) call read_integer(found, position, outcome)
+      if (allocated(error)) return
+      call read_integer(found, position, outcome)
    end subroutine next_position
 
    !> The identities of the other physics in the file that have rows, one a line.

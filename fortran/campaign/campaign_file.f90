@@ -5,7 +5,7 @@
 module campaign_file
    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_int, c_null_char, &
       & c_null_ptr, c_ptr
-   use errors, only: error_type, machine_failure, raise, refuse
+   use errors, only: error_type, machine_failure, prefix_error, raise, refuse
    use files, only: file_exists, folder_of, make_folder, name_beside, place_new_file, replace_file
    use text, only: newline
    implicit none
@@ -184,9 +184,7 @@ contains
          part%path = path
          ! A file of our own, whatever is there of this name.
          call replace_file(name_beside(path), '', error)
-         if (allocated(error)) then
-            error%message = path//': the campaign cannot be used: '//error%message
-         end if
+         call prefix_error(error, path//': the campaign cannot be used: ')
          if (.not. allocated(error)) call part%open(name_beside(path), error)
          if (.not. allocated(error)) call part%run('BEGIN IMMEDIATE; '//layout//'; COMMIT', error)
          call part%close()
@@ -201,7 +199,8 @@ contains
          if (found == '0' .and. .not. allocated(error)) then
             call raise_damaged(path, 'it is empty', error)
          end if
-         if (.not. allocated(error)) call file%value('PRAGMA application_id', found, error)
+         if (allocated(error)) return
+         call file%value('PRAGMA application_id', found, error)
          if (allocated(error)) return
          if (found /= application_id) then
             call refuse(error, path//': is a database, but not a campaign of bayesindent; choose ' &

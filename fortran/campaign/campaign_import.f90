@@ -3,7 +3,7 @@ module campaign_import
    use campaign, only: campaign_name, campaign_type, row_type
    use campaign_file, only: begin_transaction, end_transaction
    use crystal_class, only: crystal_class_type
-   use errors, only: error_type, refuse, warning_type
+   use errors, only: error_type, prefix_error, refuse, warning_type
    use json, only: json_type
    use kinds, only: wp
    use point_tables, only: points_type
@@ -45,12 +45,11 @@ contains
                & //', which is the symmetry of '//problem%path)
          end if
       end if
-      if (.not. allocated(error)) then
-         call campaign%open(places%output//campaign_name, identity_text(problem%settings), error)
-      end if
+      if (allocated(error)) return
+      call campaign%open(places%output//campaign_name, identity_text(problem%settings), error)
       if (allocated(error)) return
       call import_points(campaign, points, new, error)
-      if (allocated(error)) error%message = name//': '//error%message
+      call prefix_error(error, name//': ')
       simulations = 0
       do k = 1, size(points%classes)
          if (.not. allocated(error)) call campaign%rows(points%classes(k)%name, rows, error)

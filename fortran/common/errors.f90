@@ -7,7 +7,7 @@ module errors
    use text, only: split_list
    implicit none
    private
-   public :: error_type, raise, refuse, exit_failure, exit_bad_input, exit_unusable, &
+   public :: error_type, prefix_error, raise, refuse, exit_failure, exit_bad_input, exit_unusable, &
       & machine_failure, warning_type, warn, suggestion
 
    !> Exit statuses of the programs (see the README); the last is of a process that is done, with a
@@ -51,6 +51,14 @@ contains
 
       call raise(error, message, exit_bad_input)
    end subroutine refuse
+
+   !> Put the place where an error was met before its message, if there is an error.
+   pure subroutine prefix_error(error, place)
+      type(error_type), allocatable, intent(inout) :: error
+      character(len=*), intent(in) :: place
+
+      if (allocated(error)) error%message = place//error%message
+   end subroutine prefix_error
 
    !> Add a line.
    pure subroutine warn(warnings, text)

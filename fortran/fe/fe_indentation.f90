@@ -134,7 +134,8 @@ contains
       wider%indentation_type = model%indentation_type
       wider%specimen%zone = zone
       call wider%specimen%check_sizes(error)
-      if (.not. allocated(error)) call make_grids(wider, error)
+      if (allocated(error)) return
+      call make_grids(wider, error)
    end subroutine new_wider_model
 
    !> The meshes of a model and the analyses of their matrices.

@@ -69,10 +69,9 @@ contains
       integer :: nodes, bricks, nx, i
 
       call check_plan(plan, bricks, error)
-      if (.not. allocated(error)) then
-         call check_memory(bytes_per_brick*bricks, &
-            & 'a mesh of '//to_text(bricks)//' elements', error)
-      end if
+      if (allocated(error)) return
+      call check_memory(bytes_per_brick*bricks, &
+         & 'a mesh of '//to_text(bricks)//' elements', error)
       if (allocated(error)) return
       ! More than there are: what is not written takes no memory.
       nodes = 3*bricks

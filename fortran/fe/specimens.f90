@@ -7,7 +7,7 @@ module specimens
       & graded_layers, halfspace_name, layers_of_ratio, mesh_plan_type, mesh_stage_type, require, &
       & specimen_type, to_ball, to_cylinder
    use crystal_elasticity, only: hill_young_poisson, isotropic_stiffness, polycrystal_averages
-   use errors, only: error_type, refuse
+   use errors, only: error_type, prefix_error, refuse
    use indenters, only: indenter_type, new_indenter
    use kinds, only: wp
    use settings_schema, only: settings_type
@@ -98,7 +98,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       call new_indenter(settings%indenter, indenter, error)
-      if (allocated(error)) error%message = '&indenter '//error%message
+      call prefix_error(error, '&indenter ')
       if (allocated(error)) return
       select case (settings%specimen%geometry)
       case (halfspace_name)
@@ -120,7 +120,7 @@ contains
       specimen%estimator = settings%specimen%estimator
       call specimen%set_up(settings, error)
       if (.not. allocated(error)) call specimen%check_sizes(error)
-      if (allocated(error)) error%message = '&specimen '//error%message
+      call prefix_error(error, '&specimen ')
       if (len(specimen%element) == 0) specimen%element = 'c3d8i'
    end subroutine new_indentation
 

@@ -116,8 +116,10 @@ contains
          & >= huge(1.0_wp) .and. domain%log_anisotropy_max >= huge(1.0_wp)) then
          call check_proper(prior, error)
       end if
-      if (.not. allocated(error)) call prior%set_knowledge(knowledge, error)
-      if (.not. allocated(error)) call estimate_share(domain, prior, error)
+      if (allocated(error)) return
+      call prior%set_knowledge(knowledge, error)
+      if (allocated(error)) return
+      call estimate_share(domain, prior, error)
    end subroutine new_prior
 
    !> Refuse bounds within which the volume of log K is infinite: those that reach the edge of

@@ -167,10 +167,9 @@ contains
       real(wp) :: log_integrals(2), variances(2)
 
       call log_integral(posterior, chains, 0, threads, log_integrals(1), variances(1), error)
-      if (.not. allocated(error)) then
-         call log_integral(prior, prior_chains, blocks, threads, log_integrals(2), variances(2), &
-            & error)
-      end if
+      if (allocated(error)) return
+      call log_integral(prior, prior_chains, blocks, threads, log_integrals(2), variances(2), &
+         & error)
       if (allocated(error)) return
       evidence%log_z = log_integrals(1) - log_integrals(2)
       evidence%sd = sqrt(sum(variances))

@@ -144,7 +144,8 @@ contains
 
       if (all(self%state == made)) then
          call self%campaign%flush(error)
-         if (.not. allocated(error)) call self%choose(error)
+         if (allocated(error)) return
+         call self%choose(error)
          if (allocated(error)) return
          call begin_batch(self)
       end if
@@ -218,8 +219,7 @@ contains
       call page%end_object()
       document = page%text()
       call begin_results(self%problem, self%groups, self%places, error)
-      if (.not. allocated(error)) then
-         call write_document(self%places%output//self%document_file, document, error)
-      end if
+      if (allocated(error)) return
+      call write_document(self%places%output//self%document_file, document, error)
    end subroutine close
 end module abstract_stage

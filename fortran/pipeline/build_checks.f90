@@ -5,7 +5,7 @@ module build_checks
    use abstract_basis, only: basis_type
    use bases, only: new_basis
    use crystal_class, only: general_class
-   use errors, only: error_type, exit_bad_input, refuse, warn
+   use errors, only: error_type, exit_bad_input, prefix_error, refuse, warn
    use files, only: printable
    use kinds, only: wp
    use machine, only: check_memory
@@ -41,8 +41,9 @@ contains
       if (present(output) .and. .not. allocated(error)) then
          call check_replaceable(output//'/'//problem%settings%surrogate%file, error)
       end if
-      if (allocated(error)) error%message = place(problem%path, 'surrogate', 'file')//error%message
-      if (.not. allocated(error)) call basis_of_problem(problem, basis, error)
+      call prefix_error(error, place(problem%path, 'surrogate', 'file'))
+      if (allocated(error)) return
+      call basis_of_problem(problem, basis, error)
       if (allocated(error)) return
       if (.not. allocated(basis%prior_degrees) &
          & .and. problem%settings%design%budget < basis%n_terms) then
@@ -88,7 +89,7 @@ contains
          settings%bandlimit = pairs(2, i)
          call new_basis(domain, settings, basis, error)
       end do
-      if (allocated(error)) error%message = place(problem%path, 'surrogate', 'scan')//error%message
+      call prefix_error(error, place(problem%path, 'surrogate', 'scan'))
    end subroutine check_scan
 
    !> Warn of candidates for which the surrogate would not be valid.
@@ -119,7 +120,7 @@ contains
       call domain_of(self, domain, error)
       if (allocated(error)) return
       call new_basis(domain, self%settings%surrogate, basis, error)
-      if (allocated(error)) error%message = place(self%path, 'surrogate', '')//error%message
+      call prefix_error(error, place(self%path, 'surrogate', ''))
    end subroutine basis_of_problem
 
    !> The crystals for which the surrogate of a problem is to be valid: those of its class between
@@ -152,7 +153,7 @@ contains
          end if
          if (allocated(stiffness)) domain%stiffness = stiffness
          if (.not. allocated(error)) call complete_domain(class, domain, error)
-         if (allocated(error)) error%message = place(self%path, 'domain', '')//error%message
+         call prefix_error(error, place(self%path, 'domain', ''))
       end associate
    end subroutine domain_of
 

@@ -69,9 +69,12 @@ contains
       self%stopped = ''
       associate (problem => self%problem, design => self%problem%settings%design)
          call check_build(problem, error, self%output)
-         if (.not. allocated(error)) call basis_of_problem(problem, basis, error)
-         if (.not. allocated(error)) call new_candidates(problem, basis, self%candidates, error)
-         if (.not. allocated(error)) call new_learning(basis, design, self%learning, error)
+         if (allocated(error)) return
+         call basis_of_problem(problem, basis, error)
+         if (allocated(error)) return
+         call new_candidates(problem, basis, self%candidates, error)
+         if (allocated(error)) return
+         call new_learning(basis, design, self%learning, error)
          if (allocated(error)) return
          call set_candidates(self%learning%learner%design, basis, self%candidates%constants, &
             & self%candidates%euler_deg)
@@ -85,7 +88,8 @@ contains
          call initial_set(self%candidates, basis, design, self%initial)
          call self%campaign%open(self%output//'/'//campaign_name, &
             & identity_text(problem%settings), error)
-         if (.not. allocated(error)) call self%campaign%rows('', rows, error)
+         if (allocated(error)) return
+         call self%campaign%rows('', rows, error)
          if (allocated(error)) return
          if (size(rows) == 0) then
             call self%campaign%other_physics(others, error)
@@ -177,9 +181,8 @@ contains
       build%unused%open = .false.
       if (build%phase /= teaching) return
       call learn_unused(build, .false., error)
-      if (.not. allocated(error)) then
-         call update_posterior_mean(build%learning%learner%design, .true., error)
-      end if
+      if (allocated(error)) return
+      call update_posterior_mean(build%learning%learner%design, .true., error)
    end subroutine take_unused
 
    !> What of a batch that was interrupted is in the campaign must be in the batch chosen now, which
@@ -296,14 +299,15 @@ contains
       associate (learning => build%learning, focus => build%focus, &
          & design => build%problem%settings%design)
          call refit_all(learning, error)
-         if (.not. allocated(error)) call surrogate_of(learning%learner, '', surrogate, error)
-         if (.not. allocated(error)) then
-            call find_focus(build%problem, surrogate, build%candidates, focus, error)
-         end if
+         if (allocated(error)) return
+         call surrogate_of(learning%learner, '', surrogate, error)
+         if (allocated(error)) return
+         call find_focus(build%problem, surrogate, build%candidates, focus, error)
          if (allocated(error)) return
          build%candidates = focus%candidates
          call new_basis(focus%domain, build%problem%settings%surrogate, surrogate%basis, error)
-         if (.not. allocated(error)) call change_basis(learning, surrogate%basis, error)
+         if (allocated(error)) return
+         call change_basis(learning, surrogate%basis, error)
          if (allocated(error)) return
          call set_candidates(learning%learner%design, surrogate%basis, build%candidates%constants, &
             & build%candidates%euler_deg)
@@ -341,7 +345,8 @@ contains
       if (wanted == 0) return
       build%before = build%learning%learner%design
       if (stored > 0) call assume(build, build%unseen_constants, build%unseen_euler_deg, error)
-      if (.not. allocated(error)) call choose_some(build, wanted)
+      if (allocated(error)) return
+      call choose_some(build, wanted)
    end subroutine choose_unseen
 
    !> At most `count` candidates: the rest of the initial set comes first.

@@ -2,7 +2,7 @@
 module extract_stage
    use abstract_stage, only: stage_type
    use constants_posterior, only: posterior_type
-   use errors, only: error_type
+   use errors, only: error_type, prefix_error
    use extraction, only: extract, extraction_type
    use extraction_document, only: describe_prior, save_posterior, write_extraction
    use files, only: new_file_type
@@ -41,9 +41,7 @@ contains
          if (allocated(problem%class%name)) class = problem%class%name
          call load_named_surrogate(problem%settings%surrogate%file, class, self%places, &
             & self%surrogate, error)
-         if (allocated(error)) then
-            error%message = place(problem%path, 'surrogate', 'file')//error%message
-         end if
+         call prefix_error(error, place(problem%path, 'surrogate', 'file'))
          if (.not. allocated(error)) then
             call new_problem_posterior(problem, self%surrogate, self%posterior, error)
          end if
@@ -63,7 +61,8 @@ contains
       call write_extraction(self%problem, found, page, self%warnings, self%reasons)
       call save_posterior(self%problem, found, end_document(page, [self%problem%warnings, &
          & self%warnings]), self%output, inputs_of(self%problem, self%groups, self%places), error)
-      if (.not. allocated(error)) call write_draws(found, self%output//'/posterior.csv', error)
+      if (allocated(error)) return
+      call write_draws(found, self%output//'/posterior.csv', error)
       if (allocated(error)) return
       call remove_files(self%output, chain_prefix)
       call describe_prior(found, self%more)

@@ -94,9 +94,8 @@ contains
       real(wp) :: start
 
       call omit_weak_waves(problem, surrogate, error)
-      if (.not. allocated(error)) then
-         call new_problem_posterior(problem, surrogate, self%posterior, error)
-      end if
+      if (allocated(error)) return
+      call new_problem_posterior(problem, surrogate, self%posterior, error)
       if (allocated(error)) return
       prior = self%posterior
       prior%prior_only = .true.
@@ -119,9 +118,12 @@ contains
          call estimate_evidence(self%posterior, self%chains, prior, self%prior_chains, &
             & thread_count(problem%settings%execution%workers), self%evidence, error)
       end if
-      if (.not. allocated(error)) call summarise(problem, self, error)
-      if (.not. allocated(error)) call describe_surrogate(surrogate, self, error)
-      if (.not. allocated(error)) call compare_theory(problem, self, error)
+      if (allocated(error)) return
+      call summarise(problem, self, error)
+      if (allocated(error)) return
+      call describe_surrogate(surrogate, self, error)
+      if (allocated(error)) return
+      call compare_theory(problem, self, error)
    end subroutine extract
 
    subroutine describe_surrogate(surrogate, self, error)
@@ -163,9 +165,8 @@ contains
 
       if (self%simulations == 0 .or. .not. self%posterior%grains%has_theory) return
       call new_theory_surrogate(theory, error)
-      if (.not. allocated(error)) then
-         call draw_aside(problem, theory, theory_run, posterior, draws, error)
-      end if
+      if (allocated(error)) return
+      call draw_aside(problem, theory, theory_run, posterior, draws, error)
       if (allocated(error)) return
       n = self%posterior%n_constants
       allocate (self%theory_mean(n), self%theory_sd(n))
@@ -192,9 +193,8 @@ contains
       some = flattened(self%chains%draws)
       do attempt = 1, most_attempts
          call choose_field_degree(self%posterior, some, threads, error)
-         if (.not. allocated(error)) then
-            call sample_posterior(problem, self%posterior, self%chains, error)
-         end if
+         if (allocated(error)) return
+         call sample_posterior(problem, self%posterior, self%chains, error)
          if (allocated(error)) return
          found = flattened(thinned(self%chains%draws, checked_draws))
          call find_field_error(self%posterior, found, threads, self%field_error, error)

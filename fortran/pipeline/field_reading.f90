@@ -93,7 +93,8 @@ contains
 
       largest = 0.0_wp
       call exact_moduli(posterior, draws, threads, exact, error)
-      if (.not. allocated(error)) largest = maxval(field_errors(posterior, draws, exact, threads))
+      if (allocated(error)) return
+      largest = maxval(field_errors(posterior, draws, exact, threads))
    end subroutine find_field_error
 
    !> Of each draw the largest difference from the exact theory, in sds of the measurements; or,

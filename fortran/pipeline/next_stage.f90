@@ -6,7 +6,7 @@ module next_stage
    use crystal_class, only: crystal_class_type, lattice_type, new_lattice
    use crystal_elasticity, only: no_wave, path_type, rayleigh, rotation_matrix
    use distinct_directions, only: angle_between, lattice_of_directions, new_region, region_type
-   use errors, only: error_type, refuse, warn, warning_type
+   use errors, only: error_type, prefix_error, refuse, warn, warning_type
    use files, only: file_exists
    use extract_stage, only: extract_stage_type
    use extraction, only: extract, extraction_type
@@ -77,9 +77,8 @@ contains
       if (allocated(self%problem%velocities)) then
          ! Without the speeds that `extract` leaves out.
          call omit_weak_waves(self%problem, self%surrogate, error)
-         if (.not. allocated(error)) then
-            call new_problem_posterior(self%problem, self%surrogate, self%posterior, error)
-         end if
+         if (allocated(error)) return
+         call new_problem_posterior(self%problem, self%surrogate, self%posterior, error)
          if (allocated(error)) return
       end if
       call next_document(self%problem, self%posterior, draws, page, self%warnings, error)
@@ -165,7 +164,7 @@ contains
                & suggestions)
          end if
       end associate
-      if (allocated(error)) error%message = place(problem%path, 'next', '')//error%message
+      call prefix_error(error, place(problem%path, 'next', ''))
       if (allocated(error)) return
       associate (found => size(suggestions%chosen), count => problem%settings%next%count)
          if (found < min(count, size(candidates%cost))) then

@@ -7,7 +7,7 @@
 !> fifth of the sd.
 module plan_stage
    use crystal_elasticity, only: path_type, rayleigh
-   use errors, only: error_type, refuse
+   use errors, only: error_type, prefix_error, refuse
    use extract_stage, only: extract_stage_type
    use json, only: json_type
    use kinds, only: degree, wp
@@ -47,10 +47,9 @@ contains
       self%done = self%output//'/plan.json'
       call load_named_surrogate(self%problem%settings%surrogate%file, self%problem%class%name, &
          & self%places, self%surrogate, error)
-      if (allocated(error)) then
-         error%message = place(self%problem%path, 'surrogate', 'file')//error%message
-      end if
-      if (.not. allocated(error)) call check_plan(self, error)
+      call prefix_error(error, place(self%problem%path, 'surrogate', 'file'))
+      if (allocated(error)) return
+      call check_plan(self, error)
    end subroutine begin
 
    !> The expected sds for every number of grains and noise. Of the stage it needs the problem and
@@ -76,10 +75,9 @@ contains
             do j = 1, size(plan%noise)
                do k = 1, n_sets
                   call make_up(self, [i, j, k], used, error)
-                  if (.not. allocated(error)) then
-                     call draw_aside(used, self%surrogate, run_type(burn_in, samples, n_chains, &
-                        & first_stream + n_chains*k), self%posterior, draws, error)
-                  end if
+                  if (allocated(error)) return
+                  call draw_aside(used, self%surrogate, run_type(burn_in, samples, n_chains, &
+                     & first_stream + n_chains*k), self%posterior, draws, error)
                   if (allocated(error)) return
                   call moments(draws, mean(:size(draws, 1)), sd(:size(draws, 1), k))
                end do
@@ -105,9 +103,8 @@ contains
       integer :: k
 
       call make_up(self, [1, 1, 1], used, error)
-      if (.not. allocated(error)) then
-         call new_problem_posterior(used, self%surrogate, self%posterior, error)
-      end if
+      if (allocated(error)) return
+      call new_problem_posterior(used, self%surrogate, self%posterior, error)
       if (allocated(error)) return
       associate (crystal => self%problem%settings%plan%constants, &
          & known => self%posterior%prior%knowledge)
@@ -173,9 +170,8 @@ contains
          call predict_crystals(self%surrogate, spread(c, 3, n), grains%euler_deg*degree, 1, &
             & grains%modulus_gpa, unused, error)
          if (.not. allocated(asked%modulus_kind)) asked%modulus_kind = 'indentation_modulus'
-         if (.not. allocated(error)) then
-            call new_observable(asked%modulus_kind, asked, observable, error)
-         end if
+         if (allocated(error)) return
+         call new_observable(asked%modulus_kind, asked, observable, error)
          if (allocated(error)) return
          call observable%to_measured(grains%modulus_gpa, unused)
          grains%sd_gpa = noise*grains%modulus_gpa

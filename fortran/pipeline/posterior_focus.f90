@@ -93,7 +93,8 @@ contains
       type(posterior_type) :: posterior
 
       call new_theory_surrogate(theory, error)
-      if (.not. allocated(error)) call new_problem_posterior(problem, theory, posterior, error)
+      if (allocated(error)) return
+      call new_problem_posterior(problem, theory, posterior, error)
    end subroutine check_focus
 
    !> Begin a round.
@@ -262,8 +263,10 @@ contains
       loose%settings%measurements%scatter_sd = max(loose_grain, &
          & problem%settings%measurements%scatter_sd)
       call new_theory_surrogate(theory, error)
-      if (.not. allocated(error)) call draw_aside(loose, theory, focus_run, posterior, draws, error)
-      if (.not. allocated(error)) crystals = stiffnesses(problem%class, draws)
+      if (allocated(error)) return
+      call draw_aside(loose, theory, focus_run, posterior, draws, error)
+      if (allocated(error)) return
+      crystals = stiffnesses(problem%class, draws)
    end subroutine draw_roughly
 
    !> Root mean square of the errors, over their sds, with which the round's surrogate predicts the

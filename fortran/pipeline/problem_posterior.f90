@@ -8,7 +8,7 @@ module problem_posterior
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: no_wave, path_type
    use distinct_directions, only: new_region, region_type
-   use errors, only: error_type, exit_bad_input, refuse
+   use errors, only: error_type, exit_bad_input, prefix_error, refuse
    use kinds, only: degree, wp
    use measured_grains, only: mean_modulus, measured_type
    use machine, only: check_memory, thread_count
@@ -166,21 +166,18 @@ contains
       end if
       call read_knowledge(problem, knowledge, error)
       associate (settings => problem%settings)
-         if (.not. allocated(error)) then
-            call new_observable(settings%measurements%modulus_kind, settings%measurements, &
-               & observable, error)
-         end if
+         if (allocated(error)) return
+         call new_observable(settings%measurements%modulus_kind, settings%measurements, &
+            & observable, error)
          if (allocated(error)) return
          call new_prior(surrogate%basis%domain, problem%class, settings%prior, &
             & (1.0_wp - typical_poisson**2)*mean_modulus(observable, measured, 1.0_wp), knowledge, &
             & prior, error)
-         if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
+         call prefix_error(error, place(problem%path, 'prior', ''))
          if (allocated(error)) return
          call new_posterior(surrogate, prior, settings%measurements, &
             & settings%sampler%surrogate_variance == 'full', measured, posterior, error)
-         if (allocated(error)) then
-            error%message = place(problem%path, 'measurements', '')//error%message
-         end if
+         call prefix_error(error, place(problem%path, 'measurements', ''))
       end associate
    end subroutine new_problem_posterior
 
@@ -262,7 +259,8 @@ contains
          call append_velocities(pilot%measurements, problem%velocities, kept)
          if (pilot%measurements%n == 0) exit
          call new_problem_posterior(pilot, surrogate, posterior, error)
-         if (.not. allocated(error)) call sample_aside(pilot, posterior, pilot_run, chains, error)
+         if (allocated(error)) return
+         call sample_aside(pilot, posterior, pilot_run, chains, error)
          if (allocated(error)) return
          ! What was left out once stays out.
          kept = kept .and. are_detected(posterior, chains%draws(:, :, 1), &
@@ -349,9 +347,12 @@ contains
 
       used = problem
       call omit_weak_waves(used, surrogate, error)
-      if (.not. allocated(error)) call new_problem_posterior(used, surrogate, posterior, error)
-      if (.not. allocated(error)) call sample_aside(problem, posterior, run, chains, error)
-      if (.not. allocated(error)) draws = flattened(chains%draws)
+      if (allocated(error)) return
+      call new_problem_posterior(used, surrogate, posterior, error)
+      if (allocated(error)) return
+      call sample_aside(problem, posterior, run, chains, error)
+      if (allocated(error)) return
+      draws = flattened(chains%draws)
    end subroutine draw_aside
 
    !> Of crystals of a class, GPa, (6, 6, n).
@@ -396,7 +397,7 @@ contains
             & thread_count(problem%settings%execution%workers), problem%settings%problem%seed, &
             & run%first_stream), chains, error, checkpoint)
       end if
-      if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
+      call prefix_error(error, place(problem%path, 'prior', ''))
    end subroutine run_chains
 
 end module problem_posterior

@@ -62,7 +62,8 @@ contains
       call write_document(output//manifest_name, '{'//newline//' "namelist": ' &
          & //quoted(full_path(problem%path))//','//newline//' "resolved": "'//checksum(resolved) &
          & //'",'//newline//' "inputs": {'//inputs//'}'//newline//'}'//newline, error)
-      if (.not. allocated(error)) call replace_file(output//resolved_name, resolved, error)
+      if (allocated(error)) return
+      call replace_file(output//resolved_name, resolved, error)
    end subroutine begin_results
 
    !> The namelist of a folder `output`, `resolved`, '' where there is none; refused if the manifest
@@ -142,10 +143,9 @@ contains
       call find_surrogate(name, places, path, error)
       content = ''
       if (len(path) > 0 .and. .not. allocated(error)) call read_bytes(path, content, error)
-      if (.not. allocated(error)) then
-         digest = &
-            & checksum(content(:index(content//newline//'provenance ', newline//'provenance ') - 1))
-      end if
+      if (allocated(error)) return
+      digest = &
+         & checksum(content(:index(content//newline//'provenance ', newline//'provenance ') - 1))
    end subroutine digest_surrogate
 
    !> Digests of groups of a problem, with the tables and the surrogate that they name: '"name":

@@ -8,7 +8,7 @@ module stages
    use build_checks, only: check_build, question_candidates
    use build_stage, only: build_stage_type
    use curves_stage, only: curves_stage_type
-   use errors, only: error_type, refuse
+   use errors, only: error_type, prefix_error, refuse
    use extract_stage, only: extract_stage_type
    use files, only: printable
    use machine, only: raise_no_memory, reserve_blas
@@ -96,7 +96,7 @@ contains
       end if
       if (.not. any(problem%stages == 'simulate' .or. problem%stages == 'build')) return
       call new_simulator(problem%settings, simulator, error)
-      if (allocated(error)) error%message = place(problem%path, 'simulation', '')//error%message
+      call prefix_error(error, place(problem%path, 'simulation', ''))
    end subroutine check_stages
 
    !> The stage of this name.
@@ -183,8 +183,10 @@ contains
       type(entry_type), allocatable :: namelist(:)
 
       call parse_namelist(origin, content, namelist, error)
-      if (.not. allocated(error)) call new_problem(origin, namelist, '', '', .true., self, error)
-      if (.not. allocated(error)) call check_problem(self, error)
+      if (allocated(error)) return
+      call new_problem(origin, namelist, '', '', .true., self, error)
+      if (allocated(error)) return
+      call check_problem(self, error)
    end subroutine problem_of_text
 
    !> Refuse what a stage would refuse before its first simulation or sample.

@@ -3,7 +3,7 @@ module theory_stage
    use abstract_stage, only: stage_type
    use crystal_elasticity, only: no_wave
    use stage_documents, only: begin_crystal, write_moduli
-   use errors, only: error_type
+   use errors, only: error_type, prefix_error
    use halfspace_theory, only: halfspace_moduli
    use json, only: json_type
    use kinds, only: wp
@@ -35,9 +35,7 @@ contains
          allocate (modulus(points%n), circular(points%n))
          call halfspace_moduli(points%stiffness, points%euler_deg, &
             & thread_count(self%problem%settings%execution%workers), modulus, circular, error)
-         if (allocated(error)) then
-            error%message = place(self%problem%path, 'crystals', 'points')//error%message
-         end if
+         call prefix_error(error, place(self%problem%path, 'crystals', 'points'))
          if (.not. allocated(error) .and. all(points%paths%wave /= no_wave) &
             & .and. allocated(self%problem%settings%problem%density_kg_m3)) then
             allocate (waves(points%n))
@@ -45,9 +43,8 @@ contains
             velocity = wave_speed(waves%modulus, self%problem%settings%problem%density_kg_m3)
          end if
          ! What is not allocated is not present.
-         if (.not. allocated(error)) then
-            call write_moduli(self%problem, self%output//'/theory.csv', modulus, error, velocity)
-         end if
+         if (allocated(error)) return
+         call write_moduli(self%problem, self%output//'/theory.csv', modulus, error, velocity)
          if (allocated(error)) return
          call page%begin_array('results')
          do i = 1, points%n

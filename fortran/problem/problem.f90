@@ -6,7 +6,7 @@
 module problem
    use crystal_class, only: crystal_class_type, lattice_type, new_crystal_class, new_lattice
    use curve_tables, only: curve_set_type, read_curves
-   use errors, only: error_type, refuse, warn, warning_type
+   use errors, only: error_type, prefix_error, refuse, warn, warning_type
    use files, only: folder_of, printable, read_text_file, resolve_path
    use kinds, only: wp
    use namelist_file, only: entry_type, place
@@ -129,10 +129,11 @@ contains
          if (.not. allocated(error)) self%settings%problem%symmetry = self%class%name
          if (allocated(self%settings%problem%lattice) .and. .not. allocated(error)) then
             call new_lattice(self%class, self%settings%problem%lattice, lattice, error)
-            if (allocated(error)) error%message = place(path, 'problem', 'lattice')//error%message
+            call prefix_error(error, place(path, 'problem', 'lattice'))
          end if
       end if
-      if (.not. allocated(error)) call check_settings(path, self%settings, self%class, error)
+      if (allocated(error)) return
+      call check_settings(path, self%settings, self%class, error)
       if (allocated(error)) return
       if (len(self%settings%specimen%estimator) == 0) self%settings%specimen%estimator = 'curve'
       call load_tables(self, from_python, error)
@@ -160,8 +161,9 @@ contains
          if (s%curves%given) then
             if (allocated(s%curves%file)) then
                call read_text_file(resolve_path(self%folder, s%curves%file), content, error)
-               if (allocated(error)) error%message = self%curves_place()//error%message
-               if (.not. allocated(error)) call self%take_curves(content, error)
+               call prefix_error(error, self%curves_place())
+               if (allocated(error)) return
+               call self%take_curves(content, error)
                if (allocated(error)) return
             end if
             if (.not. allocated(s%measurements%file)) then
@@ -175,10 +177,9 @@ contains
             call read_crystals(resolve_path(self%folder, s%references%crystals), &
                & place(self%path, 'references', 'crystals')//printable(s%references%crystals) &
                & //': ', self%class, self%references, error)
-            if (.not. allocated(error)) then
-               call find_column(self%references%table, 'reference', self%references%named_by, &
-                  & error, .true.)
-            end if
+            if (allocated(error)) return
+            call find_column(self%references%table, 'reference', self%references%named_by, &
+               & error, .true.)
             if (allocated(error)) return
          end if
          if (allocated(s%measurements%velocities)) then
@@ -361,8 +362,9 @@ contains
       type(stiffness_table_type) :: stiffness
 
       if (.not. allocated(error)) call new_stiffness_table(table, self%class, stiffness, error)
-      if (allocated(error)) error%message = prefix//error%message
-      if (.not. allocated(error)) self%stiffness = stiffness
+      call prefix_error(error, prefix)
+      if (allocated(error)) return
+      self%stiffness = stiffness
    end subroutine take_stiffness
 
    !> Speeds, which are all the measurements where no moduli follow; `error` may be that of their
@@ -406,7 +408,7 @@ contains
       call read_column(self%indents, 'x_um', .false., x, error)
       call read_column(self%indents, 'y_um', .false., y, error)
       if (.not. allocated(error)) self%positions = reshape([x, y], [table%rows, 2])
-      if (allocated(error)) error%message = prefix_of_table(self)//error%message
+      call prefix_error(error, prefix_of_table(self))
    end subroutine take_measurements
 
    !> Measurements with their orientations, the tests of a grain as one; `error` may be that of
@@ -508,7 +510,7 @@ contains
       else if (.not. (allocated(error) .or. radians)) then
          call refuse_radians(self%grains, error)
       end if
-      if (allocated(error)) error%message = prefix//printable(name)//': '//error%message
+      call prefix_error(error, prefix//printable(name)//': ')
    end subroutine load_grains
 
    !> What is odd about measurements, but may be meant; and angles in radians that nobody said are.
@@ -530,7 +532,7 @@ contains
       radians = self%settings%measurements%angles == 'degrees' &
          & .and. angles_look_like_radians(self%measurements)
       if (radians) call refuse_radians(self%measurements, error)
-      if (allocated(error)) error%message = prefix//': '//error%message
+      call prefix_error(error, prefix//': ')
       if (allocated(error)) return
       call judge_scatter(self%measurements, prefix, self%warnings)
       do i = 1, self%measurements%table%columns

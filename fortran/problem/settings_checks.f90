@@ -33,13 +33,11 @@ contains
       logical :: needed, excluded(size(unknown_excludes))
 
       call check_bounds(path, 'domain', class, settings%domain%c_min, settings%domain%c_max, error)
-      if (.not. allocated(error)) then
-         call check_bounds(path, 'prior', class, settings%prior%c_min, settings%prior%c_max, error)
-      end if
-      if (.not. allocated(error)) then
-         call check_count(place(path, 'problem', 'reference_gpa'), class, &
-            & settings%problem%reference_gpa, error)
-      end if
+      if (allocated(error)) return
+      call check_bounds(path, 'prior', class, settings%prior%c_min, settings%prior%c_max, error)
+      if (allocated(error)) return
+      call check_count(place(path, 'problem', 'reference_gpa'), class, &
+         & settings%problem%reference_gpa, error)
       if (allocated(error)) return
       ! Only what is learnt for all classes needs no symmetry.
       needed = settings%measurements%given .or. settings%prior%given &
@@ -68,10 +66,9 @@ contains
          call check_lists(path, list, 'knowledge', &
             & [character(len=8) :: 'quantity', 'source'], error)
       end if
-      if (.not. allocated(error)) then
-         call check_lists(path, list, 'references', &
-            & [character(len=12) :: 'name', 'young_gpa', 'young_sd_gpa', 'nu'], error)
-      end if
+      if (allocated(error)) return
+      call check_lists(path, list, 'references', &
+         & [character(len=12) :: 'name', 'young_gpa', 'young_sd_gpa', 'nu'], error)
       if (allocated(error)) return
       k = findloc([allocated(settings%measurements%velocities), &
          & allocated(settings%next%velocity_cost), allocated(settings%plan%velocity_noise)], &

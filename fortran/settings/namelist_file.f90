@@ -5,7 +5,7 @@
 !> of file, and passes duplicates and NaN in silence. This parser knows syntax alone; what the names
 !> mean is in `settings_schema`.
 module namelist_file
-   use errors, only: error_type, exit_bad_input, raise, warning_type
+   use errors, only: error_type, exit_bad_input, prefix_error, raise, warning_type
    use files, only: printable, read_text_file
    use text, only: lower, newline, read_integer, to_text
    implicit none
@@ -62,8 +62,9 @@ contains
       character(len=:), allocatable :: content
 
       call read_text_file(path, content, error)
-      if (allocated(error)) error%message = path//': '//error%message
-      if (.not. allocated(error)) call parse_namelist(path, content, file, error)
+      call prefix_error(error, path//': ')
+      if (allocated(error)) return
+      call parse_namelist(path, content, file, error)
    end subroutine read_namelist_file
 
    !> Have the groups and the variables that are `stated` in a file, in place of its own.

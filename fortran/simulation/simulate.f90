@@ -13,7 +13,7 @@ module simulate
    use indenters, only: indenter_type
    use basic_specimen, only: specimen_type
    use crystal_elasticity, only: logarithmic_mean
-   use errors, only: error_type, exit_failure, refuse
+   use errors, only: error_type, exit_failure, prefix_error, refuse
    use fe_indentation, only: indentation_model_type, indentation_result_type, &
       & new_indentation_model, numerics_revision, simulate_indentation
    use halfspace_theory, only: halfspace_modulus, halfspace_type
@@ -72,8 +72,9 @@ contains
 
       has_theory = .false.
       call new_indentation(settings, indenter, specimen, error)
-      if (allocated(error)) error%message = place(path, '', '')//error%message
-      if (.not. allocated(error)) has_theory = .not. specimen%has_length
+      call prefix_error(error, place(path, '', ''))
+      if (allocated(error)) return
+      has_theory = .not. specimen%has_length
    end subroutine check_simulation
 
    !> The scale of what a specimen has beside the crystal, the geometric mean of the eigenvalues of

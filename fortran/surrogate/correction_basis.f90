@@ -279,7 +279,8 @@ contains
       call add_gram(products, 1.0_wp, gram, transposed=.false.)
       call cholesky_factor(gram, error)
       self%expanded = matmul(products, transpose(values))
-      if (.not. allocated(error)) call cholesky_solve(gram, self%expanded)
+      if (allocated(error)) return
+      call cholesky_solve(gram, self%expanded)
    end subroutine expand_in_class
 
    !> Products of polynomials of log(3K/2G), the anisotropic coordinates and, if y depends on it,

@@ -160,10 +160,9 @@ contains
                & design%initial_set == 'latin')
             call spread_crystals(basis%domain, first, seed, candidates%constants, &
                & candidates%euler_deg, error)
-            if (.not. allocated(error)) then
-               call spread_crystals(basis%domain, design%n_candidates - first, &
-                  & modulo(seed + seed_step, huge(seed)), constants, euler_deg, error)
-            end if
+            if (allocated(error)) return
+            call spread_crystals(basis%domain, design%n_candidates - first, &
+               & modulo(seed + seed_step, huge(seed)), constants, euler_deg, error)
             if (allocated(error)) return
             candidates%constants = reshape([candidates%constants, constants], &
                & [size(constants, 1), design%n_candidates])

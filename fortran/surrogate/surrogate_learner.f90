@@ -207,9 +207,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       call new_learner(basis, learning%learner, error)
-      if (.not. allocated(error)) then
-         call new_acquisition(settings%variance_of, learning%learner%rule, error)
-      end if
+      if (allocated(error)) return
+      call new_acquisition(settings%variance_of, learning%learner%rule, error)
       if (allocated(error)) return
       learning%settings = settings
       learning%fewest = fewest_points
@@ -290,10 +289,9 @@ contains
       if (allocated(error)) return
       entry%simulations = learning%n()
       call left_out(learning%learner, [(i, i=1, learning%n())], entry%loocv, error)
-      if (.not. allocated(error)) then
-         call left_out(learning%learner, number_equal(learning%learner%simulations%constants), &
-            & entry%leave_crystal_out, error)
-      end if
+      if (allocated(error)) return
+      call left_out(learning%learner, number_equal(learning%learner%simulations%constants), &
+         & entry%leave_crystal_out, error)
       if (allocated(error)) return
       associate (errors => learning%next_errors, regression => learning%learner%design%regression)
          if (size(errors) > 0) then
@@ -327,7 +325,8 @@ contains
          call add_simulations(learner, known%constants, known%euler_deg, known%modulus, &
             & .false., error)
       end associate
-      if (.not. allocated(error)) call fit_learner(learner, error)
+      if (allocated(error)) return
+      call fit_learner(learner, error)
       if (allocated(error)) return
       call move_alloc(learning%learner%rule, learner%rule)
       learning%learner = learner

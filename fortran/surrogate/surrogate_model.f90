@@ -11,7 +11,7 @@ module surrogate_model
    use bases, only: allocate_basis, new_basis
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
    use crystal_elasticity, only: check_stiffness, is_stable
-   use errors, only: error_type, raise, refuse
+   use errors, only: error_type, prefix_error, raise, refuse
    use evidence_regression, only: factored_forms
    use files, only: file_exists, is_folder, printable, read_text_file, replace_file, resolve_path
    use kinds, only: wp
@@ -175,7 +175,8 @@ contains
       allocate (covariance(0, 0))
       if (with_covariance) covariance = surrogate%covariance
       call surrogate%basis%new_grain_model(class, surrogate%coefficients, covariance, model, error)
-      if (.not. allocated(error)) call model%set_grains(euler, error)
+      if (allocated(error)) return
+      call model%set_grains(euler, error)
    end subroutine new_grain_model
 
    !> Write a surrogate, whole or not at all; a file that is not a surrogate is not replaced.
@@ -382,7 +383,7 @@ contains
          correlation(j, j) = correlation(j, j) + rounding
       end do
       call cholesky_factor(correlation, error)
-      if (allocated(error)) error%message = 'the covariance is not one: '//error%message
+      call prefix_error(error, 'the covariance is not one: ')
    end subroutine check_values
 
    !> The path of a surrogate, '' of the theory: a file of the output folder, of the namelist's

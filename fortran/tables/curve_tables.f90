@@ -1,6 +1,6 @@
 !> Curves of indentation tests, in a long CSV, and the table that says what was tested.
 module curve_tables
-   use errors, only: error_type, refuse
+   use errors, only: error_type, prefix_error, refuse
    use files, only: checksum, printable
    use kinds, only: wp
    use point_tables, only: read_column
@@ -50,12 +50,12 @@ contains
 
       call read_table(tests_path, set%tests, error)
       if (.not. allocated(error)) call read_tests(set, error)
-      if (allocated(error)) error%message = tests_prefix//error%message
+      call prefix_error(error, tests_prefix)
       if (allocated(error)) return
       set%digest = checksum(content)
       call parse_table(content, table, error)
       if (.not. allocated(error)) call take_points(table, set%curves, error)
-      if (allocated(error)) error%message = prefix//error%message
+      call prefix_error(error, prefix)
    end subroutine read_curves
 
    !> The columns of these names, 0 where there is none.

@@ -4,7 +4,7 @@ module point_tables
    use files, only: hash_of, printable
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
    use crystal_elasticity, only: check_stiffness, path_type, rayleigh, rotation_matrix
-   use errors, only: error_type, refuse
+   use errors, only: error_type, prefix_error, refuse
    use kinds, only: degree, i8, nan, pi, wp
    use statistics, only: number_equal
    use settings_schema, only: measurements_settings_type
@@ -91,7 +91,7 @@ contains
       if (.not. allocated(error) .and. column > 0) then
          points%paths = [(path_type(rayleigh, along(i)), i=1, points%n)]
       end if
-      if (allocated(error)) error%message = prefix//error%message
+      call prefix_error(error, prefix)
    end subroutine read_crystals
 
    !> The name of point `i`, or its number.
@@ -307,11 +307,10 @@ contains
          column(j) = points%table%find(general%constants(j))
          if (column(j) == 0) cycle
          call check_unit(points%table, column(j), ' gpa ', error)
-         if (.not. allocated(error)) then
-            call read_numbers(points%table, column(j), [-stiffness_most, stiffness_most], .true., &
-               & ' GPa', ' looks like MPa; allowed up to '//to_text(stiffness_most)//' GPa', &
-               & values, error)
-         end if
+         if (allocated(error)) return
+         call read_numbers(points%table, column(j), [-stiffness_most, stiffness_most], .true., &
+            & ' GPa', ' looks like MPa; allowed up to '//to_text(stiffness_most)//' GPa', &
+            & values, error)
          if (allocated(error)) return
          points%constants(j, :) = values
       end do
@@ -355,9 +354,7 @@ contains
             end do
          end associate
          call check_stiffness(points%stiffness(:, :, i), error)
-         if (allocated(error)) then
-            error%message = 'line '//to_text(points%table%line(i))//': '//error%message
-         end if
+         call prefix_error(error, 'line '//to_text(points%table%line(i))//': ')
       end subroutine take_constants
 
       !> The class of each row, which may say it.
@@ -381,7 +378,7 @@ contains
             ! All 21 columns and no word on the symmetry: the crystals are given whole.
             if (all(column > 0) .and. named == 0) class = general
             if (len(cell) > 0) call new_crystal_class(cell, class, error)
-            if (allocated(error)) error%message = points%table%place(named, i)//error%message
+            call prefix_error(error, points%table%place(named, i))
             if (allocated(error)) return
             if (class%n_constants == 0) then
                call refuse(error, 'the class of the crystals is missing; state &problem ' &
@@ -406,9 +403,8 @@ contains
       type(error_type), allocatable, intent(inout) :: error
       integer :: column
 
-      if (.not. allocated(error)) then
-         call find_column(table, name, column, error, needed=.not. optional)
-      end if
+      if (allocated(error)) return
+      call find_column(table, name, column, error, needed=.not. optional)
       if (allocated(error)) return
       associate (known => known_columns(findloc(known_columns%name, name, 1)))
          call read_numbers(table, column, known%allowed, optional, trim(known%unit), &

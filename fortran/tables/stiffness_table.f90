@@ -4,7 +4,7 @@
 module stiffness_table
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: check_stiffness
-   use errors, only: error_type, refuse
+   use errors, only: error_type, prefix_error, refuse
    use files, only: printable
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor
@@ -87,7 +87,7 @@ contains
       end if
       if (allocated(error)) return
       call check_stiffness(class%stiffness(self%mean), error)
-      if (allocated(error)) error%message = 'the mean: '//error%message
+      call prefix_error(error, 'the mean: ')
       if (.not. allocated(error)) call check_covariance()
 
    contains

@@ -52,7 +52,8 @@ contains
       character(len=:), allocatable :: content
 
       call read_text_file(path, content, error)
-      if (.not. allocated(error)) call parse_table(content, table, error)
+      if (allocated(error)) return
+      call parse_table(content, table, error)
    end subroutine read_table
 
    !> The table of the text `content` of a CSV file.

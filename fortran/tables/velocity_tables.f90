@@ -32,7 +32,8 @@ contains
       call read_column(table, 'rayleigh_velocity_m_s', .false., points%modulus_gpa, error)
       call read_column(table, 'sd_m_s', .false., points%sd_gpa, error)
       call read_column(table, 'orientation_sd_deg', .true., points%orientation_sd_deg, error)
-      if (.not. allocated(error)) call find_column(table, 'grain', points%named_by, error)
+      if (allocated(error)) return
+      call find_column(table, 'grain', points%named_by, error)
       if (allocated(error)) return
       call read_groups(points)
       points%paths = [(path_type(rayleigh, along(i)), i=1, points%n)]

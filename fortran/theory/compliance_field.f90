@@ -208,7 +208,8 @@ contains
       is_good = .not. allocated(poor)
       if (.not. is_good) return
       call cholesky_factor(gram, error)
-      if (.not. allocated(error)) call cholesky_solve(gram, fit)
+      if (allocated(error)) return
+      call cholesky_solve(gram, fit)
    end subroutine fit_images
 
    !> What each grain reads: the modes of n.F(t).n along its great circle, as a linear function of F

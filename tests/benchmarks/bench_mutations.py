@@ -248,9 +248,9 @@ NAMELISTS = {
         "stiffness_file = '{file}' /",
     ),
     "orientations": (
-        "plan",
-        f"{CUBIC} &plan constants = 168, 121, 75, grains = 2, noise = 0.02, "
-        "orientations = '{file}' /",
+        "extract",
+        f"{CUBIC} &measurements file = 'grains.csv', orientations = 'unknown', "
+        "texture = '{file}' /",
     ),
     "surrogate": (
         "extract",

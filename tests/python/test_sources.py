@@ -188,7 +188,7 @@ def test_nothing_but_the_table_compares_a_symmetry_or_counts_constants():
 
 
 #: Lines and arguments that a part may have; the tables of cases in tests are longer.
-LARGEST = {"file": 500, "class": 280, "procedure": 125}
+LARGEST = {"file": 600, "class": 280, "procedure": 125}
 LARGEST_OF_TESTS = {"file": 900, "class": 400, "procedure": 125}
 MOST_ARGUMENTS = 10
 
