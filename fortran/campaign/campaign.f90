@@ -171,9 +171,10 @@ contains
       associate (outcome => row%outcome)
          modulus = merge(outcome%modulus, 0.0_wp, outcome%status == outcome_done)
          values = values//'r'//number_text(modulus)//c_null_char &
-            & //text_value(to_text(max(0, outcome%elements)))//'r'//number_text(max(0.0_wp, &
-            & outcome%seconds))//c_null_char//text_value(row_checksum(self%identity, texts, &
-            & modulus, outcome%elements, outcome%seconds))
+            & //text_value(to_text(max(0, outcome%elements))) &
+            & //'r'//number_text(max(0.0_wp, outcome%seconds))//c_null_char
+         values = values//text_value(row_checksum(self%identity, texts, modulus, &
+            & outcome%elements, outcome%seconds))
       end associate
       call self%file%query(insertion, values, cells, error)
    end subroutine add

@@ -8,9 +8,9 @@ module files
    use text, only: to_text
    implicit none
    private
-   public :: read_text_file, read_bytes, new_file_type, replace_file, make_folder, name_beside, &
-      & place_new_file, folder_of, full_path, resolve_path, file_exists, is_folder, printable, &
-      & process_number, checksum, hash_of
+   public :: read_text_file, read_bytes, new_file_type, replace_file, make_folder, place_new_file
+   public :: name_beside, folder_of, full_path, resolve_path, file_exists, is_folder, printable
+   public :: process_number, checksum, hash_of
 
    !> How the names of files begin that are not whole yet; then come the process that writes, '-',
    !> and the name to be.

@@ -73,13 +73,17 @@ contains
       character(len=:), allocatable :: line
       integer :: n, i, first
 
-      if (associated(self%described)) call self%described%put(label, value)
-      if (associated(self%described)) return
+      if (associated(self%described)) then
+         call self%described%put(label, value)
+         return
+      end if
       n = 1
       if (.not. self%reading) n = n + count([(value(i:i) == newline, i=1, len(value))])
       call self%integer(label, n)
-      if (.not. self%reading) call put(self, value//newline)
-      if (.not. self%reading) return
+      if (.not. self%reading) then
+         call put(self, value//newline)
+         return
+      end if
       first = self%position
       do i = 1, n
          call take_line(self, label, line)
@@ -97,8 +101,10 @@ contains
       character(len=:), allocatable :: text
       integer :: outcome
 
-      if (associated(self%described)) call self%described%put(label, value)
-      if (associated(self%described)) return
+      if (associated(self%described)) then
+         call self%described%put(label, value)
+         return
+      end if
       if (.not. self%reading) text = to_text(value)
       call self%text(label, text)
       if (.not. self%reading) return
@@ -116,8 +122,10 @@ contains
       real(wp), intent(inout) :: value
       character(len=:), allocatable :: text
 
-      if (associated(self%described)) call self%described%put(label, value)
-      if (associated(self%described)) return
+      if (associated(self%described)) then
+         call self%described%put(label, value)
+         return
+      end if
       if (.not. self%reading) text = to_text(value, all_digits)
       call self%text(label, text)
       if (self%reading) call parse(self, text, label, value)
@@ -134,8 +142,10 @@ contains
       character(len=:), allocatable :: line
       integer :: n, i, length
 
-      if (associated(self%described)) call self%described%put_array(label, values, shape(values))
-      if (associated(self%described)) return
+      if (associated(self%described)) then
+         call self%described%put_array(label, values, shape(values))
+         return
+      end if
       if (.not. self%reading) n = size(values)
       call self%integer(label, n)
       if (.not. self%reading) then

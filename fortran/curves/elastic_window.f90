@@ -163,8 +163,10 @@ contains
          chosen = i
          weight = exp(score - evidence)
       end do
-      if (chosen == 0) call leave_out(test, 'no elastic part: too few points')
-      if (chosen == 0) return
+      if (chosen == 0) then
+         call leave_out(test, 'no elastic part: too few points')
+         return
+      end if
       test%correlation = correlations(chosen)
       test%noise = test%sigma(chosen)
       call sum_windows(test, s, l, first, variances, weight)

@@ -13,9 +13,9 @@ module basic_specimen
    use text, only: to_text
    implicit none
    private
-   public :: specimen_type, halfspace_name, require, mesh_plan_type, mesh_stage_type, &
-      & core_of_contact, fineness, layers_of_ratio, graded_layers, check_plan, surface_facets, &
-      & growing, to_ball, to_cylinder, closed_by_infinite, clamped_bottom, clamped_around
+   public :: specimen_type, halfspace_name, require, mesh_plan_type, mesh_stage_type, check_plan
+   public :: core_of_contact, fineness, layers_of_ratio, graded_layers, surface_facets
+   public :: growing, to_ball, to_cylinder, closed_by_infinite, clamped_bottom, clamped_around
 
    character(len=*), parameter :: halfspace_name = 'halfspace'
 

@@ -147,8 +147,10 @@ contains
       allocate (model%grid(merge(1, size(model%refine), model%as_needed)))
       do i = 1, size(model%grid)
          call new_grid(model%specimen, model%indenter, model%refine(i), model%grid(i), error)
-         if (allocated(error)) call free_indentation_model(model)
-         if (allocated(error)) return
+         if (allocated(error)) then
+            call free_indentation_model(model)
+            return
+         end if
          model%elements = model%elements + size(model%grid(i)%mesh%brick, &
             & 2) + size(model%grid(i)%mesh%facet, 2)
       end do

@@ -3,9 +3,9 @@
 !> A new specimen: its type, which extends `specimen_type`, its name here, and its lines in
 !> `new_indentation`.
 module specimens
-   use basic_specimen, only: clamped_around, clamped_bottom, core_of_contact, fineness, &
-      & graded_layers, halfspace_name, layers_of_ratio, mesh_plan_type, mesh_stage_type, require, &
-      & specimen_type, to_ball, to_cylinder
+   use basic_specimen, only: clamped_around, clamped_bottom, halfspace_name, mesh_plan_type, &
+      & mesh_stage_type, require, specimen_type, to_ball, to_cylinder
+   use basic_specimen, only: core_of_contact, fineness, graded_layers, layers_of_ratio
    use crystal_elasticity, only: hill_young_poisson, isotropic_stiffness, polycrystal_averages
    use errors, only: error_type, prefix_error, refuse
    use indenters, only: indenter_type, new_indenter

@@ -200,8 +200,10 @@ contains
          call checkpoint%restore(number, chains%draws(:, :, k), chains%log_density(:, k), &
             & chains%acceptance(k), started(k))
          !$omp end critical (chain_files)
-         if (started(k)) call advance_progress(int(sampler%burn_in + settings%samples, i8))
-         if (started(k)) cycle
+         if (started(k)) then
+            call advance_progress(int(sampler%burn_in + settings%samples, i8))
+            cycle
+         end if
          stream = new_random_stream(settings%seed, number)
          call sampler%run(target, stream, chains%draws(:, :, k), chains%log_density(:, k), &
             & chains%acceptance(k), started(k))

@@ -341,8 +341,10 @@ contains
          end associate
          wanted = min(wanted - stored, count(build%learning%learner%design%available))
       end if
-      if (wanted == 0) build%phase = finished
-      if (wanted == 0) return
+      if (wanted == 0) then
+         build%phase = finished
+         return
+      end if
       build%before = build%learning%learner%design
       if (stored > 0) call assume(build, build%unseen_constants, build%unseen_euler_deg, error)
       if (allocated(error)) return

@@ -46,10 +46,11 @@ contains
       call file%begin(output//'/measurements.csv')
       call file%add('grain'//cells_of(0)//',effective_modulus_gpa,sd_gpa'//newline)
       do i = 1, size(grains)
-         call file%add(csv_cell(found%materials(grains(i))%name) &
-            & //cells_of(findloc(found%tests%material, grains(i), 1)) &
-            & //cells_of_numbers(exp(found%materials(grains(i))%ln_modulus)*[1.0_wp, &
-            & found%materials(grains(i))%own_sd]))
+         associate (grain => found%materials(grains(i)))
+            call file%add(csv_cell(grain%name) &
+               & //cells_of(findloc(found%tests%material, grains(i), 1)) &
+               & //cells_of_numbers(exp(grain%ln_modulus)*[1.0_wp, grain%own_sd]))
+         end associate
       end do
       call file%finish(error)
       if (allocated(error)) return

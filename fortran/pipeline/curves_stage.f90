@@ -253,8 +253,10 @@ contains
          if (allocated(r%name)) then
             names = ', '//join(r%name, ', ')
             i = findloc(r%name == material%name, .true., 1, back=.true.)
-            if (i > 0) modulus = r%young_gpa(i)/(1.0_wp - r%nu(i)**2)
-            if (i > 0) sd = r%young_sd_gpa(i)/r%young_gpa(i)
+            if (i > 0) then
+               modulus = r%young_gpa(i)/(1.0_wp - r%nu(i)**2)
+               sd = r%young_sd_gpa(i)/r%young_gpa(i)
+            end if
          end if
          if (allocated(problem%references)) then
             do i = 1, problem%references%n

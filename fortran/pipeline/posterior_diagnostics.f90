@@ -286,6 +286,7 @@ contains
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(inout) :: warnings(:)
       logical, intent(out) :: blamed
+      character(len=:), allocatable :: distance, advice
       integer :: i
 
       associate (check => found%orientations, &
@@ -300,14 +301,15 @@ contains
             return
          end if
          do i = 1, size(check%outliers)
+            distance = fixed(abs(check%distances(i)), 1)//' sd ' &
+               & //trim(merge('above', 'below', check%distances(i) > 0.0_wp))
+            advice = ''
+            if (likelihood /= 'student') advice = '; likelihood = ''student'' admits outliers'
             call warn(warnings, 'grain '//printable(problem%measurements%name(check%outliers(i))) &
-               & //' disagrees with the others: its modulus is '//fixed(abs(check%distances(i)), &
-               & 1)//' sd '//trim(merge('above', 'below', check%distances(i) > 0.0_wp)) &
+               & //' disagrees with the others: its modulus is '//distance &
                & //' what they predict, and without it they agree. Check its value (' &
                & //to_text(found%posterior%data%modulus(check%outliers(i)), 4) &
-               & //' GPa) and orientation, or remove it' &
-               & //trim(merge('; likelihood = ''student'' admits outliers', repeat(' ', 40), &
-               & likelihood /= 'student')))
+               & //' GPa) and orientation, or remove it'//advice)
          end do
       end associate
    end subroutine check_table
@@ -415,63 +417,65 @@ contains
       class(indenter_type), allocatable :: indenter
       type(error_type), allocatable :: error
       real(wp), dimension(found%posterior%n_moduli) :: contact_radius, pressure, allowed, bias
-      character(len=:), allocatable :: limit
+      character(len=:), allocatable :: limit, range
       real(wp) :: ratio
       integer :: worst, biased, n
 
       call new_indenter(problem%settings%indenter, indenter, error)
       n = found%posterior%n_moduli
       if (allocated(error) .or. n == 0) return
-      associate (measured => problem%measurements, modulus => &
-         & problem%measurements%modulus_gpa(:n), depth => problem%measurements%depth_um(:n), &
-         & measured_radius => problem%measurements%contact_radius_um(:n), &
-         & radius => problem%measurements%grain_radius_um(:n), &
-         & trained => found%surrogate_contact_radius, addition => found%surrogate_correction)
-         contact_radius = indenter%contact_radius
-         where (depth > 0.0_wp) contact_radius = indenter%contact_radius_of(depth)
-         where (measured_radius > 0.0_wp) contact_radius = measured_radius
-         pressure = indenter%unit_force(indenter%depth_of(contact_radius))/(pi*contact_radius**2)
-         allowed = elastic_pressure*modulus
-         limit = 'few metals are elastic above 3 % of the modulus'
-         if (problem%settings%measurements%yield_gpa > 0.0_wp) then
-            ! First yield below a sphere (Johnson, Contact Mechanics, 1985, Eq. 4.45 with Tresca's
-            ! criterion).
-            allowed = 1.07_wp*problem%settings%measurements%yield_gpa
-            limit = 'a contact yields above '//to_text(allowed(1), 3) &
-               & //' GPa, 1.07 times the yield stress'
-         end if
-         worst = maxloc(merge(pressure*modulus, 0.0_wp, pressure*modulus > allowed), 1)
-         if (pressure(worst)*modulus(worst) > allowed(worst)) then
-            call warn(warnings, 'the mean contact pressure is up to '//to_text(pressure(worst) &
-               & *modulus(worst), 3)//' GPa, '//to_text(100.0_wp*pressure(worst), 2) &
-               & //' % of the modulus: '//limit//'; use shallower indentations or a blunter tip')
-         end if
-         if (trained > 0.0_wp) then
-            ! What a film, say, adds to the theory grows with the contact radius.
-            ratio = maxval(abs(contact_radius/trained - 1.0_wp))
-            if (any(depth > 0.0_wp .or. measured_radius > 0.0_wp) .and. ratio > alike) then
-               call warn(warnings, 'the measurements have contact radii of ' &
-                  & //to_text(minval(contact_radius), 3)//' to '//to_text(maxval(contact_radius), &
-                  & 3)//' um, the surrogate is of '//to_text(trained, 3) &
-                  & //' um: the specimen correction, '//fixed(100.0_wp*addition, 1) &
-                  & //' % on average, grows about as the contact radius, so moduli may be off by ' &
-                  & //'up to '//fixed(100.0_wp*addition*ratio, 1)//' %; build one at this depth')
+      associate (measured => problem%measurements, trained => found%surrogate_contact_radius, &
+         & addition => found%surrogate_correction)
+         associate (modulus => measured%modulus_gpa(:n), depth => measured%depth_um(:n), &
+            & measured_radius => measured%contact_radius_um(:n), &
+            & radius => measured%grain_radius_um(:n))
+            contact_radius = indenter%contact_radius
+            where (depth > 0.0_wp) contact_radius = indenter%contact_radius_of(depth)
+            where (measured_radius > 0.0_wp) contact_radius = measured_radius
+            pressure = indenter%unit_force(indenter%depth_of(contact_radius))/(pi*contact_radius**2)
+            allowed = elastic_pressure*modulus
+            limit = 'few metals are elastic above 3 % of the modulus'
+            if (problem%settings%measurements%yield_gpa > 0.0_wp) then
+               ! First yield below a sphere (Johnson, Contact Mechanics, 1985, Eq. 4.45 with
+               ! Tresca's criterion).
+               allowed = 1.07_wp*problem%settings%measurements%yield_gpa
+               limit = 'a contact yields above '//to_text(allowed(1), 3) &
+                  & //' GPa, 1.07 times the yield stress'
             end if
-         else
-            ! Neighbours are taken to be as stiff as the mean measurement.
-            bias = 0.0_wp
-            where (radius > 0.0_wp) bias = (sum(modulus)/size(modulus)/modulus)**(slope &
+            worst = maxloc(merge(pressure*modulus, 0.0_wp, pressure*modulus > allowed), 1)
+            if (pressure(worst)*modulus(worst) > allowed(worst)) then
+               call warn(warnings, 'the mean contact pressure is up to '//to_text(pressure(worst) &
+                  & *modulus(worst), 3)//' GPa, '//to_text(100.0_wp*pressure(worst), 2) &
+                  & //' % of the modulus: '//limit//'; use shallower indentations or a blunter tip')
+            end if
+            if (trained > 0.0_wp) then
+               ! What a film, say, adds to the theory grows with the contact radius.
+               ratio = maxval(abs(contact_radius/trained - 1.0_wp))
+               if (any(depth > 0.0_wp .or. measured_radius > 0.0_wp) .and. ratio > alike) then
+                  range = to_text(minval(contact_radius), 3)//' to ' &
+                     & //to_text(maxval(contact_radius), 3)
+                  call warn(warnings, 'the measurements have contact radii of '//range &
+                     & //' um, the surrogate is of '//to_text(trained, 3)//' um: the specimen ' &
+                     & //'correction, '//fixed(100.0_wp*addition, 1)//' % on average, grows ' &
+                     & //'about as the contact radius, so moduli may be off by up to ' &
+                     & //fixed(100.0_wp*addition*ratio, 1)//' %; build one at this depth')
+               end if
+            else
+               ! Neighbours are taken to be as stiff as the mean measurement.
+               bias = 0.0_wp
+               where (radius > 0.0_wp) bias = (sum(modulus)/size(modulus)/modulus)**(slope &
                                                                   & *contact_radius/radius) - 1.0_wp
-            biased = count(abs(bias) > small_bias)
-            worst = maxloc(abs(bias), dim=1)
-            if (biased > 0) then
-               call warn(warnings, to_text(biased)//' of '//to_text(size(bias)) &
-                  & //' grains are so small that their neighbours are ' &
-                  & //'expected to change the modulus by more than 1 % (grain ' &
-                  & //printable(measured%name(worst))//': '//fixed(100.0_wp*bias(worst), 1) &
-                  & //' %): see the command size, or build a correction with geometry = ''grain''')
+               biased = count(abs(bias) > small_bias)
+               worst = maxloc(abs(bias), dim=1)
+               if (biased > 0) then
+                  call warn(warnings, to_text(biased)//' of '//to_text(size(bias)) &
+                     & //' grains are so small that their neighbours are expected to change the ' &
+                     & //'modulus by more than 1 % (grain '//printable(measured%name(worst))//': ' &
+                     & //fixed(100.0_wp*bias(worst), 1)//' %): see the table of sizes in ' &
+                     & //'docs/limits.md, or build a correction with geometry = ''grain''')
+               end if
             end if
-         end if
+         end associate
       end associate
    end subroutine check_sizes
 end module posterior_diagnostics

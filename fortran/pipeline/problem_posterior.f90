@@ -39,9 +39,11 @@ module problem_posterior
    end type run_type
    !> To see how the posterior must be computed; the prior; the posterior without any knowledge; by
    !> the theory alone; and that at which simulations are chosen.
-   type(run_type), parameter, public :: pilot_run = run_type(3000, 400, 2, 2000001), prior_run = &
-      & run_type(5000, 2500, 4, 1000001, .false.), free_run = run_type(2000, 500, 2, 3000001), &
-      & theory_run = run_type(5000, 1500, 4, 4000001), focus_run = run_type(3000, 600, 2, 5000001)
+   type(run_type), parameter, public :: pilot_run = run_type(3000, 400, 2, 2000001)
+   type(run_type), parameter, public :: prior_run = run_type(5000, 2500, 4, 1000001, .false.)
+   type(run_type), parameter, public :: free_run = run_type(2000, 500, 2, 3000001)
+   type(run_type), parameter, public :: theory_run = run_type(5000, 1500, 4, 4000001)
+   type(run_type), parameter, public :: focus_run = run_type(3000, 600, 2, 5000001)
 
    !> Of harmonics, where that is so; of many grains together a lower degree errs by more than the
    !> posterior is wide, and a higher one hardly costs more than these grains.

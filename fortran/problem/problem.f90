@@ -328,8 +328,10 @@ contains
       type(table_type) :: parsed
       integer :: i
 
-      if (table == 'warning') call warn(self%warnings, page)
-      if (table == 'warning') return
+      if (table == 'warning') then
+         call warn(self%warnings, page)
+         return
+      end if
       if (table == 'measurements' .and. len(page) == 0) then
          call read_table(self%table_file, parsed, error)
       else if (table /= 'curves') then

@@ -18,9 +18,9 @@ module surrogate_learner
    use text, only: to_text
    implicit none
    private
-   public :: learner_type, new_learner, add_simulations, revert, fit_learner, predict_moduli, &
-      & surrogate_of, learning_type, history_type, new_learning, batch_end, learn, close_batch, &
-      & refit_all, change_basis, why_to_stop, left_out
+   public :: learner_type, new_learner, add_simulations, revert, fit_learner, predict_moduli
+   public :: learning_type, history_type, new_learning, batch_end, learn, close_batch
+   public :: surrogate_of, refit_all, change_basis, why_to_stop, left_out
 
    type :: learner_type
       class(basis_type), allocatable :: basis

@@ -22,9 +22,9 @@ module surrogate_model
    use text, only: to_text
    implicit none
    private
-   public :: surrogate_type, simulations_type, new_theory_surrogate, predict_crystals, &
-      & new_grain_model, save_surrogate, load_surrogate, check_replaceable, exchange_surrogate, &
-      & theory_name, places_type, find_surrogate, load_named_surrogate, check_new_name
+   public :: surrogate_type, simulations_type, new_theory_surrogate, predict_crystals
+   public :: new_grain_model, save_surrogate, load_surrogate, check_replaceable, exchange_surrogate
+   public :: theory_name, places_type, find_surrogate, load_named_surrogate, check_new_name
 
    !> What a surrogate was trained on.
    type :: simulations_type

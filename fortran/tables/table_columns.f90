@@ -207,8 +207,10 @@ contains
          word = word(:k - 1)
          k = scan(unit, ')]')
          ! Such as sd in 'Er (GPa) sd'.
-         if (k > 0) word = trim(word)//unit(k + 1:)
-         if (k > 0) unit = unit(:k - 1)
+         if (k > 0) then
+            word = trim(word)//unit(k + 1:)
+            unit = unit(:k - 1)
+         end if
          unit = trim(adjustl(unit))
       end if
       word = trim(word)

@@ -196,8 +196,10 @@ contains
          do
             cells = cells + 1
             call take_cell(table%buffer, delimiter, i, number, bounds(:, cells), error)
-            if (allocated(error)) error%message = 'line '//to_text(line(rows))//': '//error%message
-            if (allocated(error)) return
+            if (allocated(error)) then
+               error%message = 'line '//to_text(line(rows))//': '//error%message
+               return
+            end if
             i = i + 1
             if (table%buffer(i - 1:i - 1) == newline) exit
          end do

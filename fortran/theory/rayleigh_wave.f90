@@ -148,8 +148,10 @@ contains
 
       do i = 1, size(waves)
          call check_stiffness(stiffness(:, :, i), error)
-         if (allocated(error)) error%message = 'crystal '//to_text(i)//': '//error%message
-         if (allocated(error)) return
+         if (allocated(error)) then
+            error%message = 'crystal '//to_text(i)//': '//error%message
+            return
+         end if
       end do
       call new_surface(degree*euler_deg, paths, surface)
       call surface_waves(surface, stiffness, waves)

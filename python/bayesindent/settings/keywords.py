@@ -86,7 +86,8 @@ def takes(*groups: str, without: Collection[str] = ()) -> Callable[[Any], Any]:
                 raise type(error)(in_python(str(error))) from None
 
         origin = f"bi.{function.__qualname__.removesuffix('.__init__')}"
-        checked.__signature__ = own.replace(parameters=[*stated, *more])  # type: ignore[attr-defined]
+        signature = own.replace(parameters=[*stated, *more])
+        checked.__signature__ = signature  # type: ignore[attr-defined]
         before, end, after = inspect.cleandoc(function.__doc__ or "").partition("\n\nReturns\n")
         aliases = [
             f"{new} : int\n    Another name of `{old}`."
