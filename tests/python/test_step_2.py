@@ -495,7 +495,7 @@ def test_stages(tmp_path):
         "&measurements file = 'data.csv', modulus_kind = 'indentation_modulus' /\n"
         "&prior c_min = 50, 40, 15  c_max = 250, 150, 120  anisotropy_cap = 7.2 /\n"
         "&knowledge quantity = 'bulk_modulus' mean = 165.0 sd = 3.3 /\n"
-        "&sampler samples = 300 /\n"
+        "&sampler samples = 300 burn_in = 1000 /\n"
         "&next target = 'C44'  count = 3 /\n"
     )
     out = tmp_path / "out"

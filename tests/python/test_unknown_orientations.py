@@ -261,7 +261,7 @@ def written(folder, extra="", table=None):
     return folder / "f.nml"
 
 
-def test_a_table_without_angles_gives_constants_and_a_report(tmp_path, capsys):
+def test_a_table_without_angles_gives_constants_and_a_report(tmp_path, capsys, few_figures):
     path = written(tmp_path, "calibration_sd = 0.02")
     assert main(["run", str(path), "--output", str(tmp_path / "out")]) in (0, 3)
     assert "10 grains of unknown orientation" in capsys.readouterr().out
