@@ -7,7 +7,16 @@ import pytest
 __all__ = ["few_figures"]
 
 #: The figures that remain. Each takes a tenth of a second or two.
-QUICK = ("error_budget", "shares", "grain_comparison", "residuals", "learning_curve", "validation")
+QUICK = (
+    "knowledge",
+    "shares",
+    "error_budget",
+    "grain_comparison",
+    "parity",
+    "residuals",
+    "learning_curve",
+    "validation",
+)
 
 
 @contextmanager
