@@ -160,7 +160,8 @@ def test_little_memory_is_one_line_and_no_hang(folder, program, file, megabytes)
     Python needs room, too.
     """
     two = " &execution workers = 2 /"
-    (folder / "f.nml").write_text((folder / "t.nml").read_text().replace("'theory'", "'fe', depths = 2") + two)
+    by_elements = (folder / "t.nml").read_text().replace("'theory'", "'fe', depths = 2")
+    (folder / "f.nml").write_text(by_elements + two)
     (folder / "a.nml").write_text(STEP_2 + two)
     (folder / "c.csv").write_text(
         "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n"
