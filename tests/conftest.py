@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from support import few_figures as quick
 from support.programs import BATCH, runner
 
 pytest_plugins = ["support.step_2_cases"]
@@ -50,6 +51,13 @@ def process(tmp_path):
 def batch(tmp_path):
     """The same for `bayesindent-batch`."""
     return runner([BATCH], tmp_path)
+
+
+@pytest.fixture
+def few_figures():
+    """Reports of this process draw a few quick figures alone."""
+    with quick.few_figures():
+        yield
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -70,7 +70,7 @@ def write(folder: Path, name: str) -> str:
 
 @pytest.mark.long_where("symbols", "decomposed", "blanks and quotes", "long", "two hundred")
 @pytest.mark.parametrize("name", NAMES)
-def test_every_command(bayesindent, batch, tmp_path, name):
+def test_every_command(bayesindent, batch, tmp_path, name, few_figures):
     name = NAMES[name]
     folder = tmp_path / name
     folder.mkdir()
@@ -113,7 +113,7 @@ def test_every_command(bayesindent, batch, tmp_path, name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_library(tmp_path, name):
+def test_the_library(tmp_path, name, few_figures):
     folder = tmp_path / NAMES[name]
     folder.mkdir()
     problem = bi.Problem(folder / write(folder, NAMES[name]))

@@ -284,7 +284,7 @@ SAMPLE = """
 &surrogate file = 'surrogate.txt' /
 &measurements file = '{data}', {measurements} /
 &prior {prior} /
-&sampler method = '{method}', samples = 200, burn_in = 2000, chains = 2 /
+&sampler method = '{method}', samples = 200, burn_in = 600, chains = 2 /
 """
 
 CUBIC_PRIORS = """

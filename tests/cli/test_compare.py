@@ -17,7 +17,7 @@ TABLE = SOURCE / "tests" / "reference" / "cubic_fe3si.csv"
 CASE = f"""&problem symmetry = 'cubic', title = 'TITLE', synthetic = .true. /
 &measurements file = '{TABLE}', modulus_kind = 'KIND', calibration_sd = CALIBRATION /
 &prior c_min = 50, 40, 15, c_max = 250, 150, 150, anisotropy_cap = 7.2 /
-&sampler samples = 2000, burn_in = 2000, chains = 2, evidence = EVIDENCE /
+&sampler samples = 1000, burn_in = 1000, chains = 2, evidence = EVIDENCE /
 """
 
 

@@ -64,7 +64,7 @@ def finished(request, process, tmp_path):
     return file, json.loads(done.stdout), tmp_path / "runs" / "reduced"
 
 
-def test_whole_path(finished, process, request):
+def test_whole_path(finished, bayesindent, request):
     file, document, output = finished
     budget = request.node.callspec.params["finished"]["budget"]
     assert set(FILES) <= {path.name for path in output.iterdir()}
@@ -80,14 +80,14 @@ def test_whole_path(finished, process, request):
     page = (output / "report.html").read_text()
     check_page(page)
     again = json.loads(
-        process("run" if budget == SMALL["budget"] else "build", file, "--json").stdout
+        bayesindent("run" if budget == SMALL["budget"] else "build", file, "--json").stdout
     )
     assert again.get("build", again)["new_simulations"] == 0
     if "extract" in again:
         assert again["extract"]["parameters"] == document["extract"]["parameters"]
     # A surrogate that was built predicts.
     points = ("--points", SOURCE / "inputs" / "data" / "isotropic.csv", "--symmetry", "cubic")
-    predicted = process("predict", "--surrogate", output / "surrogate.txt", *points)
+    predicted = bayesindent("predict", "--surrogate", output / "surrogate.txt", *points)
     assert predicted.returncode == 0, predicted.stderr
     header, row = predicted.stdout.splitlines()
     assert header == "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa"

@@ -35,7 +35,7 @@ def case(tmp_path):
         (tmp_path / name).write_text(text)
 
 
-def test_both_programs_have_the_same_answer(bayesindent, batch, tmp_path):
+def test_both_programs_have_the_same_answer(bayesindent, batch, tmp_path, few_figures):
     done = bayesindent("run", "a.nml", "--output", "python")
     assert done.returncode == 0, done.stderr
     assert "measured: speeds of waves in 2 directions" in done.stdout

@@ -35,6 +35,8 @@ contains
       do i = 1, size(shapes)
          settings = default_settings()
          settings%indenter%shape = trim(shapes(i))
+         settings%simulation%refine = 0.75_wp
+         settings%simulation%depths = 4
          call new_indentation_model(settings, model, error)
          call check_success('a model', error)
          call simulate_indentation(model, elongated, euler, result, error)
@@ -50,7 +52,7 @@ contains
    end subroutine test_long_contact
 
    !> A wider zone leaves the specimen as it is: the modulus changes by little, compared with
-   !> half-spaces of 0.1 %, which is what the coarse mesh leaves. A specimen of another size would
+   !> half-spaces of 0.15 %, which is what the coarse mesh leaves. A specimen of another size would
    !> show: that of a film half as thick again differs by 5 %.
    subroutine test_wider_zone()
       character(len=9), &
@@ -71,7 +73,8 @@ contains
          settings%specimen%grain_radius_um = 2.5_wp
          settings%specimen%matrix = 'isotropic'
          settings%specimen%matrix_young_gpa = 40.0_wp
-         settings%simulation%refine = 0.75_wp
+         settings%simulation%refine = 0.7_wp
+         settings%simulation%depths = 4
          settings%simulation%element = 'c3d8i'
          call new_indentation_model(settings, model, error)
          call check_success('a model: '//geometries(i), error)

@@ -316,8 +316,9 @@ def test_a_common_column_of_errors_is_a_calibration():
     settings = {
         "symmetry": "cubic",
         "knowledge": {"bulk_modulus": (137, 3)},
-        "samples": 2000,
-        "burn_in": 2000,
+        "samples": 300,
+        "burn_in": 500,
+        "chains": 2,
         "seed": 3,
     }
     one = bi.extract(grains, calibration_sd=0.03, **settings)
@@ -331,7 +332,7 @@ def test_a_common_column_of_errors_is_a_calibration():
         )
 
 
-def test_from_curves_to_constants(bayesindent, batch, tmp_path):
+def test_from_curves_to_constants(bayesindent, batch, tmp_path, few_figures):
     source = (
         (SOURCE / "inputs" / "copper_curves.nml")
         .read_text()

@@ -291,7 +291,7 @@ def test_bits_of_a_document(tmp_path):
         read_json(path)
 
 
-def test_results_of_another_namelist_are_not_mixed(sampled, tmp_path, capsys):
+def test_results_of_another_namelist_are_not_mixed(sampled, tmp_path, capsys, few_figures):
     """Somebody put another namelist beside the results."""
     folder = shutil.copytree(sampled, tmp_path / "out")
     assert read_resolved(folder) == Problem(sampled.parent / "a.nml", "extract").resolved

@@ -173,7 +173,7 @@ def test_step_that_does_not_exist_is_refused(block):
 def test_the_mesh_of_the_deck_fits_the_crystal():
     # The contact ellipse of this crystal (index 60) is so long that the simulation takes a wider
     # mesh.
-    model = bi.Indentation(refine=0.7, depths=2)
+    model = bi.Indentation(refine=0.6, depths=2)
     crystal = bi.stiffness("hexagonal", C11=106.3, C12=103.6, C44=87.2, C33=133.8, C13=69.2)
     depth = model.run(crystal, (0, 90, 0)).depth_um
     deck = model.deck(crystal, (0, 90, 0))

@@ -78,7 +78,7 @@ def test_bit_identical_for_any_number_of_threads(symmetry, surrogates):
     )
     for method in ("ensemble", "scmh"):
         runs = [
-            posterior.sample(method=method, samples=300, burn_in=3000, chains=4, threads=n, seed=3)
+            posterior.sample(method=method, samples=100, burn_in=600, chains=4, threads=n, seed=3)
             for n in (1, 2, 4)
         ]
         for run in runs[1:]:

@@ -15,6 +15,7 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.settings.problem import schema
+from support.theory_cases import theory_surrogate
 from support.tree import SOURCE
 
 IRON = SOURCE / "inputs" / "data" / "fe3si.csv"
@@ -158,7 +159,7 @@ def test_a_result_keeps_its_surrogate_in_memory(tmp_path):
     """An object of the user's own, which has no name to find it by; a file of the result does not
     have it.
     """
-    own = bi.Surrogate.load("block")
+    own = theory_surrogate("cubic", 1, 4, points=200)
     result = quietly(
         bi.extract, IRON, "cubic", surrogate=own, knowledge=KNOWN, **FEW | {"draws": 50}
     )

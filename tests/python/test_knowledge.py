@@ -1,6 +1,7 @@
 """What else is known of a crystal: its density, what contradicts it, and angles in radians."""
 
 import pickle
+from functools import cache
 
 import numpy as np
 import pytest
@@ -123,32 +124,44 @@ def test_the_conflict_of_two_sources_is_their_distance_in_sds():
     assert all("C44 = " in line for line in told)
 
 
-@pytest.mark.parametrize("bulk", [16.5, 1650.0])
-def test_a_bulk_modulus_that_no_crystal_with_such_moduli_has_is_told(bulk):
-    """Moduli alone hardly say it, the default prior does: against the maxima of the density in log
-    K with and without the knowledge.
+@cache
+def least_misfit(bulk):
+    """The least -2 log density in log K of the reference moduli, with a bulk modulus that is known
+    to 1 % or without one.
     """
     table = np.loadtxt(REFERENCE / "cubic_fe3si.csv", delimiter=",", skiprows=2)
     euler, measured, sd = table[:, :3], table[:, 3], table[:, 4]
 
-    def misfit(logarithms, known):
+    def misfit(logarithms):
         k, g, h = np.exp(logarithms)
         point = np.array([[k + 4 * g / 3, k - 2 * g / 3, h]])
         prior = float(
             (default_prior("cubic", point, measured.mean()) - log_volume("cubic", point))[0]
         )
         residuals = (bi.halfspace_modulus(stiffness_rows("cubic", point)[0], euler) - measured) / sd
-        return sum(residuals**2) - 2 * prior + known * ((k - bulk) / (0.01 * bulk)) ** 2
+        known = ((k - bulk) / (0.01 * bulk)) ** 2 if bulk else 0.0
+        return sum(residuals**2) - 2 * prior + known
 
     starts = [
-        np.log([k, g, h]) for k in (60.0, 165.0, bulk) for g, h in ((50.0, 110.0), (110.0, 200.0))
+        np.log([k, g, h])
+        for k in (60.0, 165.0, *([bulk] if bulk else []))
+        for g, h in ((50.0, 110.0), (110.0, 200.0))
     ]
-    least = []
-    for known in (0, 1):
-        found = [
-            optimize.minimize(misfit, start, (known,), method="Nelder-Mead") for start in starts
-        ]
-        least.append(min(each.fun for each in found))
+    # The differences are some tens.
+    enough = {"xatol": 1e-3, "fatol": 1e-3}
+    found = [
+        optimize.minimize(misfit, start, method="Nelder-Mead", options=enough) for start in starts
+    ]
+    return min(each.fun for each in found)
+
+
+@pytest.mark.xdist_group("bulk moduli")
+@pytest.mark.parametrize("bulk", [16.5, 1650.0])
+def test_a_bulk_modulus_that_no_crystal_with_such_moduli_has_is_told(bulk):
+    """Moduli alone hardly say it, the default prior does: against the maxima of the density in log
+    K with and without the knowledge.
+    """
+    least = least_misfit(None), least_misfit(bulk)
     result = bi.extract(
         str(REFERENCE / "cubic_fe3si.csv"),
         "cubic",

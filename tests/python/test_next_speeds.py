@@ -91,8 +91,8 @@ def gain_by_quadrature(mean, variance):
 
 @pytest.mark.parametrize("target", ["all", "C33"])
 def test_gains_of_speeds_and_moduli_by_their_definition(target):
-    """Own errors alone, from 300 draws."""
-    x = draws(300)
+    """Own errors alone, from 100 draws."""
+    x = draws(100)
     found = suggest(x, moduli_table(), velocity_cost=1.0, target=target, count=1)
     speeds, moduli = (candidates(found, kind) for kind in (True, False))
     chosen = speeds[::7]
@@ -105,11 +105,11 @@ def test_gains_of_speeds_and_moduli_by_their_definition(target):
     )
     for items, values, sd in ((chosen, by_stroh, 15.0), (moduli[::15], by_theory, 3.0)):
         for item, mean in zip(items, values.T, strict=True):
-            expected = gain_by_quadrature(mean, np.full(300, sd**2))
+            expected = gain_by_quadrature(mean, np.full(100, sd**2))
             if target != "all":
                 v = np.linspace(mean.min() - 7 * sd, mean.max() + 7 * sd, 1500)
                 weights = np.exp(-0.5 * ((v[:, None] - mean) / sd) ** 2) / (
-                    sd * np.sqrt(2 * np.pi) * 300
+                    sd * np.sqrt(2 * np.pi) * 100
                 )
                 p, first, second = (weights @ x[:, 3] ** power for power in (0, 1, 2))
                 expected = (
@@ -193,7 +193,7 @@ def test_a_speed_that_extract_leaves_out_changes_nothing():
     gains = []
     for speeds in (right, more):
         found = suggest(
-            draws(300), moduli_table(), speeds, velocity_cost=1.0, count=1, bounds=near, **ERRORS
+            draws(60), moduli_table(), speeds, velocity_cost=1.0, count=1, bounds=near, **ERRORS
         )
         gains.append([item["gain"] for item in found["candidates"]])
     assert gains[0] == pytest.approx(gains[1], rel=1e-9)

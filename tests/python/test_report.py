@@ -172,7 +172,7 @@ def test_shares_stand_beside_the_constants(tmp_path, capsys):
         )
 
 
-def test_a_result_that_cannot_be_used(tmp_path, capsys):
+def test_a_result_that_cannot_be_used(tmp_path, capsys, few_figures):
     """Too few draws: exit status 3, the reason first everywhere, and no grain to measure next."""
     output, file = tmp_path / "out", write_case(tmp_path, COPPER)
     file.write_text(file.read_text().replace("samples = 2000", "samples = 20"))

@@ -131,32 +131,31 @@ def test_every_estimator_gives_the_theory_of_the_half_space(estimator, options):
 
 @pytest.mark.long_where("soft on stiff", "thin", "stiff on soft")
 @pytest.mark.parametrize(
-    ("layer", "substrate", "thickness"),
+    ("layer", "substrate", "thickness", "refine"),
     [
-        ((128, 0.34), (163, 0.22), 1.0),
-        ((300, 0.3), (70, 0.3), 1.0),
-        ((70, 0.3), (200, 0.3), 1.0),
-        ((70, 0.3), (200, 0.3), 0.5),
+        ((128, 0.34), (163, 0.22), 1.0, 0.75),
+        ((300, 0.3), (70, 0.3), 1.0, 1.0),
+        ((70, 0.3), (200, 0.3), 1.0, 1.0),
+        ((70, 0.3), (200, 0.3), 0.5, 1.0),
     ],
     ids=["alike", "stiff on soft", "soft on stiff", "thin"],
 )
-def test_what_an_instrument_reports_of_a_film(layer, substrate, thickness):
+def test_what_an_instrument_reports_of_a_film(layer, substrate, thickness, refine):
     """Each estimator against the exact contact of a layer: they differ by up to 18 %."""
     settings = {
         "thickness_um": thickness,
         "substrate_young_gpa": substrate[0],
         "substrate_nu": substrate[1],
     }
-    contact = LayeredContact(layer, substrate, thickness)
+    contact, expected = LayeredContact(layer, substrate, thickness), {}
     for estimator in ("curve", "stiffness", "stiffness_hertz"):
-        film = bi.Indentation(geometry="film", estimator=estimator, **settings)
+        film = bi.Indentation(geometry="film", estimator=estimator, refine=refine, **settings)
         result = film.run(isotropic(*layer), [0, 0, 0])
-        (radius,), _, (slope,) = contact.curve([film.depth_max_um])
-        expected = {
-            "curve": contact.modulus_of_curve(result.depth_um),
-            "stiffness": slope / (2 * radius),
-            "stiffness_hertz": slope / (2 * film.contact_radius_max_um),
-        }
+        if estimator == "curve":
+            expected["curve"] = contact.modulus_of_curve(result.depth_um)
+            (radius,), _, (slope,) = contact.curve([film.depth_max_um])
+        expected["stiffness"] = slope / (2 * radius)
+        expected["stiffness_hertz"] = slope / (2 * film.contact_radius_max_um)
         assert result.indentation_modulus_gpa == pytest.approx(expected[estimator], rel=5e-3), (
             estimator
         )

@@ -495,13 +495,13 @@ def test_stages(tmp_path):
         "&measurements file = 'data.csv', modulus_kind = 'indentation_modulus' /\n"
         "&prior c_min = 50, 40, 15  c_max = 250, 150, 120  anisotropy_cap = 7.2 /\n"
         "&knowledge quantity = 'bulk_modulus' mean = 165.0 sd = 3.3 /\n"
-        "&sampler samples = 300 /\n"
+        "&sampler samples = 300 burn_in = 500 chains = 2 /\n"
         "&next target = 'C44'  count = 3 /\n"
     )
     out = tmp_path / "out"
     assert main(["extract", str(tmp_path / "case.nml"), "--output", str(out)]) == 0
     stored = az.from_netcdf(str(out / "posterior.nc"), engine="h5netcdf")
-    assert stored.posterior["C44"].shape == (4, 300)
+    assert stored.posterior["C44"].shape == (2, 300)
     draws = read_posterior(out)["draws"]
     assert all(
         (stored.posterior[name].values == draws[..., j]).all()

@@ -7,6 +7,8 @@ the half-space of the layer alone. That is an integral over the wavenumbers of t
 compliance, which comes from the equations of elasticity layer by layer (transfer matrices).
 """
 
+from functools import cache
+
 import numpy as np
 from scipy.integrate import quad
 from scipy.linalg import expm, schur
@@ -42,12 +44,17 @@ def transfer(young, nu) -> np.ndarray:
     )
 
 
+@cache
+def decaying(young, nu) -> np.ndarray:
+    """Two states (U, W, tau/k, sigma/k) that vanish at depth."""
+    return schur(transfer(young, nu), sort="rhp")[1][:, :2]
+
+
 def compliance(wave: float, layer, substrate) -> float:
     """W under a unit normal traction of wavenumber k on a layer of thickness 1, times k; `wave` is
     k.
     """
-    _, vectors, _ = schur(transfer(*substrate), sort="rhp")
-    states = expm(wave * transfer(*layer)) @ vectors[:, :2]
+    states = expm(wave * transfer(*layer)) @ decaying(*substrate)
     return float(states[1] @ np.linalg.solve(states[2:], [0.0, 1.0]))
 
 
