@@ -1,5 +1,5 @@
-!> What a sampler is: it makes one chain of a target from one random stream. And what it needs of a
-!> target, a density: its logarithm at many points in one call.
+!> Interfaces of samplers and targets. A sampler makes one chain of a target from one random stream.
+!> A target is a probability density: it evaluates its logarithm at many points in one call.
 module abstract_sampler
    use running_command, only: stop_requested
    use kinds, only: wp
@@ -8,19 +8,19 @@ module abstract_sampler
    private
    public :: sampler_type, draw_starts, target_type, outside
 
-   !> The logarithm of a density out of its support.
+   !> Logarithm of a density outside its support.
    real(wp), parameter :: outside = -huge(1.0_wp)
 
    type, abstract :: target_type
       !> Number of parameters.
       integer :: dimension = 0
    contains
-      !> A point that may be in the support, to begin with: widely spread, and in it often enough.
+      !> Draw a start: a point that is often in the support. Starts are widely spread.
       procedure(draw_start_interface), deferred :: draw_start
       !> Logarithm of the density of the parameters, up to a constant.
       procedure(evaluate_interface), deferred :: evaluate
-      !> The same of coordinates in which the density is smoother; by default these are the
-      !> parameters themselves.
+      !> Working coordinates, in which the density is smoother: the density there, and the maps to
+      !> and from them. By default they are the parameters themselves.
       procedure :: evaluate_working, to_working, from_working, coarsen
    end type target_type
 
@@ -32,27 +32,28 @@ module abstract_sampler
          !> (dimension).
          real(wp), intent(out) :: x(:)
       end subroutine draw_start_interface
-      !> Threads call it at the same time.
+      !> Several threads call it at the same time.
       pure subroutine evaluate_interface(self, points, log_density)
          import :: target_type, wp
          class(target_type), intent(in) :: self
          !> (dimension, point).
          real(wp), intent(in) :: points(:, :)
-         !> (point); `outside` the support.
+         !> (point); the value `outside` where a point is not in the support.
          real(wp), intent(out) :: log_density(:)
       end subroutine evaluate_interface
    end interface
 
    type, abstract :: sampler_type
-      !> Sweeps before the samples that are kept: as many evaluations of the density each as there
-      !> are parameters.
+      !> Number of sweeps before the first retained sample. A sweep evaluates the density once for
+      !> each parameter.
       integer :: burn_in = 0
    contains
       procedure(run_interface), deferred :: run
    end type sampler_type
 
    abstract interface
-      !> One chain; threads call it at the same time. It may end at any point once `stop_requested`.
+      !> Run one chain. Several threads call it at the same time. It may return early once
+      !> `stop_requested` is true.
       subroutine run_interface(self, target, stream, draws, log_density, acceptance, started)
          import :: random_stream_type, sampler_type, target_type, wp
          class(sampler_type), intent(in) :: self
@@ -62,27 +63,27 @@ module abstract_sampler
          real(wp), intent(out) :: draws(:, :), log_density(:)
          !> Share of accepted proposals.
          real(wp), intent(out) :: acceptance
-         !> Whether a point of the support with a finite density was found; else nothing is done.
+         !> Whether a start with a finite density was found. Without one there is no chain.
          logical, intent(out) :: started
       end subroutine run_interface
    end interface
 
 contains
 
-   !> Logarithm of the density of working coordinates `w`, which has the volume |dx/dw| in it, up to
-   !> a constant.
+   !> Logarithm of the density of working coordinates `w`, up to a constant. It includes the
+   !> Jacobian |dx/dw|.
    pure recursive subroutine evaluate_working(self, w, log_density)
       class(target_type), intent(in) :: self
       !> (dimension, point).
       real(wp), intent(in), contiguous :: w(:, :)
-      !> (point); `outside` the support.
+      !> (point); the value `outside` where a point is not in the support.
       real(wp), intent(out) :: log_density(:)
 
       call self%evaluate(w, log_density)
    end subroutine evaluate_working
 
-   !> The parameters of points of the support and the logarithms of their density, in place of
-   !> working coordinates and that of these.
+   !> Convert working coordinates and the logarithms of their density, in place, to parameters and
+   !> the logarithms of theirs.
    pure subroutine from_working(self, points, log_density)
       class(target_type), intent(in) :: self
       !> (dimension, point), (point).
@@ -102,8 +103,8 @@ contains
       w = x(:self%dimension, :)
    end subroutine to_working
 
-   !> Be cheaper, if that can be at all, where that costs accuracy in tails: to find proposals there
-   !> is good enough.
+   !> Make the density cheaper if the target can. The tails become less accurate, which is good
+   !> enough to find proposals.
    subroutine coarsen(self)
       class(target_type), intent(inout) :: self
 
@@ -111,34 +112,35 @@ contains
       end associate
    end subroutine coarsen
 
-   !> Points of the support from the target's starts, with their log densities; `found` may be fewer
-   !> than asked for.
-   subroutine draw_starts(target, stream, points, density, found)
+   !> Draw points of the support from the target's starts, with their log densities. `n_found` is
+   !> below the number asked for if too few tries are in the support.
+   subroutine draw_starts(target, stream, points, density, n_found)
       class(target_type), intent(in) :: target
       type(random_stream_type), intent(inout) :: stream
       !> (parameter, point), (point).
       real(wp), intent(out) :: points(:, :), density(:)
-      integer, intent(out) :: found
+      integer, intent(out) :: n_found
+      !> For each point that is asked for.
       integer, parameter :: most_tries = 20000
       real(wp), allocatable :: x(:, :), values(:)
-      integer :: tried, i
+      integer :: n_tried, i
 
-      found = 0
-      tried = 0
-      do while (found < size(density) .and. tried < most_tries*size(density) &
+      n_found = 0
+      n_tried = 0
+      do while (n_found < size(density) .and. n_tried < most_tries*size(density) &
          & .and. .not. stop_requested())
-         allocate (x(target%dimension, size(density) - found), values(size(density) - found))
+         allocate (x(target%dimension, size(density) - n_found), values(size(density) - n_found))
          do i = 1, size(values)
             call target%draw_start(stream, x(:, i))
          end do
          call target%evaluate(x, values)
          do i = 1, size(values)
             if (.not. values(i) > outside) cycle
-            found = found + 1
-            points(:, found) = x(:, i)
-            density(found) = values(i)
+            n_found = n_found + 1
+            points(:, n_found) = x(:, i)
+            density(n_found) = values(i)
          end do
-         tried = tried + size(values)
+         n_tried = n_tried + size(values)
          deallocate (x, values)
       end do
    end subroutine draw_starts

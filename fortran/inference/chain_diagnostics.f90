@@ -1,10 +1,10 @@
-!> How far chains have mixed: effective sample sizes and R-hat of rank-normalised split chains
-!> (Vehtari et al., Bayesian Anal. 16, 667, 2021), by the definitions of ArviZ' ess (bulk, tail) and
-!> rhat (rank).
+!> Convergence diagnostics of chains: effective sample sizes and R-hat of rank-normalised split
+!> chains (Vehtari et al., Bayesian Anal. 16, 667, 2021), by the definitions of ArviZ' ess (bulk,
+!> tail) and rhat (rank).
 !>
-!> Autocovariances are sums over lags that end where Geyer's sequence ends: mixed chains cost a few
-!> lags, stuck ones up to samples²/8 products for each half. Long arrays are allocatable: others are
-!> on a thread's stack.
+!> The sums of autocovariances over lags end where Geyer's sequence ends. Mixed chains need a few
+!> lags, stuck ones up to samples²/8 products for each half. Long arrays are allocatable, since
+!> other arrays would be on a thread's stack.
 module chain_diagnostics
    use kinds, only: nan, pi, wp
    use linear_algebra, only: dot
@@ -14,23 +14,22 @@ module chain_diagnostics
    public :: diagnostics_type, diagnose_chains, normal_quantile
 
    type :: diagnostics_type
-      !> Independent draws that the chains are worth for the centre, and for the 5 % and 95 %
-      !> quantiles (the lesser).
+      !> Effective sample size for the centre, and for the 5 % and 95 % quantiles (the lesser).
       real(wp) :: ess_bulk = 0.0_wp, ess_tail = 0.0_wp
       !> Potential scale reduction, of the values or of their distance from the median (the larger).
       real(wp) :: r_hat = 0.0_wp
    end type diagnostics_type
 
-   !> With fewer samples of a chain nothing is said.
+   !> A chain of fewer samples has no diagnostics.
    integer, parameter :: least_samples = 4
    real(wp), parameter :: tail = 0.05_wp
-   !> What spreads less does not move.
+   !> Values with a smaller range count as constant.
    real(wp), parameter :: resolution = 1.0e-15_wp
 
 contains
 
-   !> Diagnostics of one parameter; NaN where there are none: of fewer than four samples, R-hat of
-   !> one chain or of one value.
+   !> Diagnostics of one parameter. They are NaN for fewer than four samples; R-hat is also NaN for
+   !> one chain and for constant values.
    pure type(diagnostics_type) function diagnose_chains(draws) result(diagnostics)
       !> (sample, chain), finite.
       real(wp), intent(in), contiguous :: draws(:, :)
@@ -52,14 +51,14 @@ contains
       end if
       call sorted_values(size(draws), draws, sorted)
       call split_chains(draws, halves)
-      ! Of the shares of draws that are not above the quantiles.
+      ! The effective sample size of a quantile is that of whether a draw is at or below it.
       work = merge(1.0_wp, 0.0_wp, halves <= quantile(sorted, tail))
       diagnostics%ess_tail = effective_size(work)
       work = merge(1.0_wp, 0.0_wp, halves <= quantile(sorted, 1.0_wp - tail))
       diagnostics%ess_tail = min(diagnostics%ess_tail, effective_size(work))
    end function diagnose_chains
 
-   !> First and last halves of the chains, each a chain; a sample in the middle is left out.
+   !> Split chains into first and last halves, each a chain. A sample in the middle is left out.
    pure subroutine split_chains(draws, halves)
       !> (sample, chain), (sample, half).
       real(wp), intent(in) :: draws(:, :)
@@ -98,8 +97,8 @@ contains
    !> Quantile `p` of two or more sorted values, linear between neighbours (type 7 of Hyndman & Fan,
    !> Am. Stat. 50, 361, 1996).
    !>
-   !> The order of operations is that of ArviZ; where neighbours are equal, the last bit says
-   !> whether they are below. The parentheses keep fused operations out.
+   !> The order of operations is that of ArviZ: where neighbours are equal, the last bit decides
+   !> whether they are below the quantile. The parentheses prevent fused operations.
    pure real(wp) function quantile(sorted, p)
       real(wp), intent(in) :: sorted(:), p
       real(wp) :: position, share
@@ -141,7 +140,7 @@ contains
          t = t + 2
       end do
       last = t - 2
-      ! An even term alone lessens the variance of antithetic chains.
+      ! The last even term lowers the variance of the estimate for antithetic chains, as in ArviZ.
       if (even > 0.0_wp) rho(last + 1) = even
       do t = 1, last - 2, 2
          if (rho(t + 1) + rho(t + 2) > rho(t - 1) + rho(t)) then
@@ -162,8 +161,8 @@ contains
       autocovariance = sum([(dot(x(:size(x, 1) - t, j), x(t + 1:, j)), j=1, size(x, 2))])/size(x)
    end function autocovariance
 
-   !> Square root of the variance over all chains by that within them (Gelman et al., Bayesian Data
-   !> Analysis, 3rd ed., 11.4); NaN where nothing moves.
+   !> Square root of the variance over all chains divided by that within them (Gelman et al.,
+   !> Bayesian Data Analysis, 3rd ed., 11.4). It is NaN for constant values.
    pure real(wp) function scale_reduction(chains)
       !> (sample, chain)
       real(wp), intent(in), contiguous :: chains(:, :)
@@ -185,9 +184,9 @@ contains
       variance = sum((values - sum(values)/size(values))**2)/(size(values) - 1)
    end function variance
 
-   !> The x below which a standard normal variable is with probability `p`, 0 < p < 1.
+   !> Quantile `p` of the standard normal distribution, 0 < p < 1.
    !>
-   !> Abramowitz & Stegun 26.2.23 is right to 4.5e-4; each step of Halley's method cubes the error.
+   !> Abramowitz & Stegun 26.2.23 has an error below 4.5e-4; each step of Halley's method cubes it.
    pure real(wp) function normal_quantile(p) result(x)
       real(wp), intent(in) :: p
       real(wp) :: lower, t, step

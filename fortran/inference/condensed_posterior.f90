@@ -1,6 +1,7 @@
-!> The same density from its sufficient statistics. Where many grains read few coefficients of an
-!> expansion, errors are normal and independent, and their sds are known, the sum of squares of all
-!> grains is that of as many measurements as there are coefficients, and a constant.
+!> The same posterior density from its sufficient statistics. Many grains may depend on few
+!> coefficients of an expansion. If errors are normal, independent and of known sd, the sum of
+!> squares over all grains equals that over as many measurements as there are coefficients, plus a
+!> constant.
 module condensed_posterior
    use constants_posterior, only: has_own_variance, posterior_type
    use correction_basis, only: correction_grain_model_type
@@ -11,8 +12,8 @@ module condensed_posterior
 
 contains
 
-   !> Put these measurements in the place of the grains, if that is so: the density stays the same,
-   !> and nothing else is to be asked for.
+   !> Replace the grains by these measurements where the conditions hold. The density stays the
+   !> same. No other result may be computed from the posterior afterwards.
    subroutine condense(posterior)
       type(posterior_type), intent(inout) :: posterior
       real(wp), allocatable :: values(:)

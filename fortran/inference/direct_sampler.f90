@@ -1,4 +1,5 @@
-!> Independent draws, of a target whose starts have its density: a prior without knowledge.
+!> Independent draws of a target whose starts are distributed by its density, such as a prior
+!> without knowledge.
 module direct_sampler
    use abstract_sampler, only: draw_starts, sampler_type, target_type
    use kinds, only: i8, wp
@@ -21,15 +22,15 @@ contains
       type(random_stream_type), intent(inout) :: stream
       !> (parameter, sample), (sample).
       real(wp), intent(out) :: draws(:, :), log_density(:)
-      !> 1: all draws count.
+      !> 1: every draw is accepted.
       real(wp), intent(out) :: acceptance
       !> Whether enough points of the support were found.
       logical, intent(out) :: started
-      integer :: found
+      integer :: n_found
 
-      call draw_starts(target, stream, draws, log_density, found)
+      call draw_starts(target, stream, draws, log_density, n_found)
       acceptance = 1.0_wp
-      started = found == size(log_density)
+      started = n_found == size(log_density)
       call advance_progress(int(self%burn_in + size(log_density), i8))
    end subroutine run
 end module direct_sampler

@@ -1,12 +1,12 @@
-!> A sampler made for long ridges cut by bounds.
+!> A sampler for long ridges that bounds truncate.
 !>
-!> Each chain is on its own. An ensemble of points first finds the posterior (`ensemble_evolution`).
-!> A normal mixture is fitted to what it has visited, in the coordinates in which that is straight,
-!> and improved by importance sampling.
+!> Chains are independent of each other. In the burn-in an ensemble of points finds the posterior
+!> (`ensemble_evolution`). A normal mixture is fitted to the points that the ensemble visited, in
+!> coordinates in which the ridge is straight, and improved by importance sampling.
 !>
-!> What follows is a plain Markov chain with a fixed kernel: independent draws from the mixture,
-!> redrawn until they are in the support, and steps along the difference of two points of the
-!> burn-in. One sample is two steps, or more where the mixture fits badly.
+!> Then follows a plain Markov chain with a fixed kernel. A step is either an independent draw of
+!> the mixture, repeated until it is in the support, or a move along the difference of two points of
+!> the burn-in. One sample takes two steps, or more where the mixture fits badly.
 module ensemble_sampler
    use abstract_sampler, only: outside, sampler_type, target_type
    use ensemble_evolution, only: add_difference, evolve_population, is_accepted
@@ -21,21 +21,21 @@ module ensemble_sampler
    private
    public :: ensemble_sampler_type
 
-   !> What is fixed after the burn-in.
+   !> Kernel of the chain, which is fixed after the burn-in.
    type :: kernel_type
       type(whitening_type) :: whitening
-      !> Of steps along differences, 1 in coordinates in which the density is normal.
+      !> Factor of the steps along differences; 1 suits coordinates in which the density is normal.
       real(wp) :: step_scale = 1.0_wp
       type(mixture_type) :: mixture
       !> Points of the burn-in in whitened coordinates, (dimension, point).
       real(wp), allocatable :: archive(:, :)
-      !> Of the steps that are draws of the mixture, and steps for a sample.
-      real(wp) :: share = 0.0_wp
+      !> Share of the steps that are draws of the mixture, and number of steps for a sample.
+      real(wp) :: mixture_share = 0.0_wp
       integer :: steps = 1
    end type kernel_type
 
-   !> Draws of the mixture in the support that no step has used yet: they do not depend on where the
-   !> chain is.
+   !> Draws of the mixture in the support that no step has used yet. They do not depend on the state
+   !> of the chain.
    type :: pool_type
       !> Working and whitened coordinates, (dimension, point), and the logarithms of the density.
       real(wp), allocatable :: w(:, :), u(:, :), log_density(:)
@@ -49,7 +49,7 @@ module ensemble_sampler
 
 contains
 
-   !> One chain, in working coordinates w.
+   !> Run one chain, in working coordinates w.
    subroutine run(self, target, stream, draws, log_density, acceptance, started)
       class(ensemble_sampler_type), intent(in) :: self
       class(target_type), intent(in) :: target
@@ -72,9 +72,9 @@ contains
       call fit_proposal(target, kernel%whitening, kernel%archive, size(log_density), stream, &
          & kernel%mixture, quality)
       if (stop_requested()) return
-      ! Differences lead along tails that the mixture leaves out; where it fits badly, more of the
-      ! steps are such.
-      if (quality > 0.0_wp) kernel%share = min(0.6_wp, max(0.2_wp, quality))
+      ! Steps along differences reach tails that the mixture misses. Where it fits badly, more of
+      ! the steps are of this kind.
+      if (quality > 0.0_wp) kernel%mixture_share = min(0.6_wp, max(0.2_wp, quality))
       kernel%steps = 2 + nint(2.0_wp*target%dimension*max(0.0_wp, 0.7_wp - quality))
       call stream%pick(size(kernel%archive, 2), i)
       u = kernel%archive(:, i)
@@ -95,56 +95,63 @@ contains
       acceptance = real(accepted_in_all, wp)/max(1, drawn_in_all)
    end subroutine run
 
-   !> Some steps of the chain, from u in place.
+   !> Make the steps of one sample, in place. log_q is the logarithm of the mixture's density.
    subroutine walk(target, kernel, pool, stream, u, w, density, drawn, accepted)
       class(target_type), intent(in) :: target
       type(kernel_type), intent(in) :: kernel
       type(pool_type), intent(inout) :: pool
       type(random_stream_type), intent(inout) :: stream
-      !> Whitened coordinates, (dimension); working ones, (dimension, 1), and the logarithm of their
-      !> density, (1).
+      !> Whitened coordinates, (dimension); working coordinates, (dimension, 1); and the logarithm
+      !> of their density, (1).
       real(wp), intent(inout) :: u(:), w(:, :), density(:)
-      !> Draws of the mixture, and how many were accepted.
+      !> Number of draws of the mixture, and of the accepted ones.
       integer, intent(out) :: drawn, accepted
-      real(wp) :: tried(target%dimension), tried_w(target%dimension, 1), of_tried(1), own, other, v
+      real(wp) :: proposed(target%dimension), proposed_w(target%dimension, 1), &
+         & proposed_density(1), log_q, proposed_log_q, v
       integer :: step, a, b
 
-      own = log_mixture(kernel%mixture, u)
+      log_q = log_mixture(kernel%mixture, u)
       drawn = 0
       accepted = 0
       do step = 1, kernel%steps
          call stream%uniform(v)
-         if (v < kernel%share) then
+         if (v < kernel%mixture_share) then
             drawn = drawn + 1
-            if (pool%left == 0) call fill(target, kernel%whitening, kernel%mixture, stream, pool)
+            if (pool%left == 0) then
+               call fill_pool(target, kernel%whitening, kernel%mixture, stream, pool)
+            end if
             if (pool%left == 0) cycle
-            tried = pool%u(:, pool%left)
+            proposed = pool%u(:, pool%left)
             pool%left = pool%left - 1
-            tried_w(:, 1) = pool%w(:, pool%left + 1)
-            of_tried = pool%log_density(pool%left + 1)
-            other = log_mixture(kernel%mixture, tried)
-            if (.not. is_accepted(stream, of_tried(1) - other, density(1) - own, 1.0_wp)) cycle
+            proposed_w(:, 1) = pool%w(:, pool%left + 1)
+            proposed_density = pool%log_density(pool%left + 1)
+            proposed_log_q = log_mixture(kernel%mixture, proposed)
+            if (.not. is_accepted(stream, proposed_density(1) - proposed_log_q, &
+               & density(1) - log_q, 1.0_wp)) then
+               cycle
+            end if
             accepted = accepted + 1
          else
             ! Along the difference of two points of the burn-in.
             call stream%pick(size(kernel%archive, 2), a)
             call stream%pick(size(kernel%archive, 2), b)
             call add_difference(stream, kernel%archive(:, a) - kernel%archive(:, b), &
-               & kernel%step_scale, u, tried)
-            call kernel%whitening%from_white(tried, tried_w(:, 1))
-            call target%evaluate_working(tried_w, of_tried)
-            if (.not. is_accepted(stream, of_tried(1), density(1), 1.0_wp)) cycle
-            other = log_mixture(kernel%mixture, tried)
+               & kernel%step_scale, u, proposed)
+            call kernel%whitening%from_white(proposed, proposed_w(:, 1))
+            call target%evaluate_working(proposed_w, proposed_density)
+            if (.not. is_accepted(stream, proposed_density(1), density(1), 1.0_wp)) cycle
+            proposed_log_q = log_mixture(kernel%mixture, proposed)
          end if
-         u = tried
-         w = tried_w
-         density = of_tried
-         own = other
+         u = proposed
+         w = proposed_w
+         density = proposed_density
+         log_q = proposed_log_q
       end do
    end subroutine walk
 
-   !> Draw points of the mixture in the support; none are left if a thousand were all outside.
-   subroutine fill(target, whitening, mixture, stream, pool)
+   !> Fill the pool with draws of the mixture in the support. It stays empty if all draws of all
+   !> attempts are outside.
+   subroutine fill_pool(target, whitening, mixture, stream, pool)
       class(target_type), intent(in) :: target
       type(whitening_type), intent(in) :: whitening
       type(mixture_type), intent(in) :: mixture
@@ -165,9 +172,9 @@ contains
          end associate
          return
       end do
-   end subroutine fill
+   end subroutine fill_pool
 
-   !> Points of the mixture, evaluated.
+   !> Draw points of the mixture and evaluate the density there.
    subroutine draw_points(target, whitening, mixture, stream, u, w, log_density)
       class(target_type), intent(in) :: target
       type(whitening_type), intent(in) :: whitening
@@ -184,84 +191,87 @@ contains
       call target%evaluate_working(w, log_density)
    end subroutine draw_points
 
-   !> Fit the mixture to the archive, then improve it by importance sampling. Points that the
-   !> mixture puts outside the support count as data of their own, so that it does not shy away from
-   !> the bounds; the archive stays among the data, so that a tail that the mixture has lost comes
-   !> back. `quality` estimates the effective share of its draws; 0 if they are of no use.
+   !> Fit the mixture to the archive, then improve it by importance sampling. Draws outside the
+   !> support are data as well, so that the mixture does not avoid the bounds. The archive stays
+   !> among the data, so that a tail that the mixture lost comes back. `quality` estimates the
+   !> effective share of the mixture's draws; it is 0 if they are useless.
    subroutine fit_proposal(target, whitening, archive, samples, stream, mixture, quality)
       class(target_type), intent(in) :: target
       type(whitening_type), intent(in) :: whitening
       real(wp), intent(in), contiguous :: archive(:, :)
-      !> That are wanted of the chain: for few a search as long as for many does not pay.
+      !> Number of samples of the chain. A long search is not worth its time for few of them.
       integer, intent(in) :: samples
       type(random_stream_type), intent(inout) :: stream
       type(mixture_type), intent(out) :: mixture
       real(wp), intent(out) :: quality
       integer, parameter :: components = 16, least_draws = 600, most_draws = 3000, &
          & most_outside = 3000, least_rounds = 4, most_rounds = 12
-      !> A smaller share of good draws is not worth the search: differences alone do better.
-      real(wp), parameter :: archive_share = 0.3_wp, hopeless = 0.01_wp
+      !> Weight of the archive among the data, and the effective share of draws below which the
+      !> search ends: steps along differences alone do better then.
+      real(wp), parameter :: archive_share = 0.3_wp, least_quality = 0.01_wp
       type(mixture_type) :: fitted
-      real(wp), allocatable :: points(:, :), weights(:), log_weights(:), beyond(:, :), u(:, :), &
+      real(wp), allocatable :: points(:, :), weights(:), log_weights(:), rejected(:, :), u(:, :), &
          & w(:, :), log_density(:)
-      integer :: i, round, archived, inside, out, few, draws
+      integer :: i, round, n_archived, n_inside, n_outside, n_batch, n_rejected, n_draws
 
-      draws = min(most_draws, max(least_draws, samples/3))
-      archived = size(archive, 2)
-      allocate (points(target%dimension, archived + draws + most_outside), &
-         & weights(archived + draws + most_outside))
-      allocate (log_weights(draws), beyond(target%dimension, most_outside))
-      allocate (u(target%dimension, draws), w(target%dimension, draws), log_density(draws))
-      points(:, :archived) = archive
+      n_draws = min(most_draws, max(least_draws, samples/3))
+      n_archived = size(archive, 2)
+      allocate (points(target%dimension, n_archived + n_draws + most_outside), &
+         & weights(n_archived + n_draws + most_outside))
+      allocate (log_weights(n_draws), rejected(target%dimension, most_outside))
+      allocate (u(target%dimension, n_draws), w(target%dimension, n_draws), log_density(n_draws))
+      points(:, :n_archived) = archive
       weights = 1.0_wp
       call new_mixture(archive, components, fitted)
-      call fit_mixture(archive, weights(:archived), 15, fitted)
+      call fit_mixture(archive, weights(:n_archived), 15, fitted)
       quality = 0.0_wp
       do round = 1, most_rounds
          if (stop_requested()) return
          call widen_mixture(fitted, mixture)
-         inside = 0
-         out = 0
-         do while (inside < draws .and. out < 10*draws)
-            few = min(draws - inside, 10*draws - out)
-            call draw_points(target, whitening, mixture, stream, u(:, :few), w(:, :few), &
-               & log_density(:few))
-            do i = 1, few
+         n_inside = 0
+         n_outside = 0
+         do while (n_inside < n_draws .and. n_outside < 10*n_draws)
+            n_batch = min(n_draws - n_inside, 10*n_draws - n_outside)
+            call draw_points(target, whitening, mixture, stream, u(:, :n_batch), w(:, :n_batch), &
+               & log_density(:n_batch))
+            do i = 1, n_batch
                if (log_density(i) > outside) then
-                  inside = inside + 1
-                  points(:, archived + inside) = u(:, i)
-                  log_weights(inside) = log_density(i) - log_mixture(mixture, u(:, i))
+                  n_inside = n_inside + 1
+                  points(:, n_archived + n_inside) = u(:, i)
+                  log_weights(n_inside) = log_density(i) - log_mixture(mixture, u(:, i))
                else
-                  out = out + 1
-                  if (out <= most_outside) beyond(:, out) = u(:, i)
+                  n_outside = n_outside + 1
+                  if (n_outside <= most_outside) rejected(:, n_outside) = u(:, i)
                end if
             end do
          end do
          quality = 0.0_wp
-         if (inside == 0) return
-         log_weights(:inside) = exp(log_weights(:inside) - maxval(log_weights(:inside)))
-         quality = sum(log_weights(:inside))**2/sum(log_weights(:inside)**2)/inside
-         ! Not before the mixture that is kept has shown that it is good: its draws may have found a
-         ! tail.
+         if (n_inside == 0) return
+         log_weights(:n_inside) = exp(log_weights(:n_inside) - maxval(log_weights(:n_inside)))
+         quality = sum(log_weights(:n_inside))**2/sum(log_weights(:n_inside)**2)/n_inside
+         ! Stop only after the returned mixture itself has shown that it is good: its draws may have
+         ! found a tail.
          if (round == most_rounds .or. (round >= least_rounds .and. quality > 0.5_wp)) exit
-         if (round >= least_rounds .and. quality*inside/(inside + out) < hopeless) then
+         if (round >= least_rounds &
+            & .and. quality*n_inside/(n_inside + n_outside) < least_quality) then
             quality = 0.0_wp
             return
          end if
          ! Truncated weights (Ionides, J. Comput. Graph. Stat. 17, 295, 2008) keep one point from
-         ! taking over.
-         log_weights(:inside) = min(log_weights(:inside), &
-            & sum(log_weights(:inside))/sqrt(real(inside, wp)))
-         weights(:archived) = archive_share*inside/archived
-         weights(archived + 1:archived + inside) = (1.0_wp - archive_share)*inside &
-            & /sum(log_weights(:inside))*log_weights(:inside)
-         few = min(out, most_outside)
-         i = archived + inside
-         if (few > 0) then
-            points(:, i + 1:i + few) = beyond(:, :few)
-            weights(i + 1:i + few) = real(out, wp)/few
+         ! dominating.
+         log_weights(:n_inside) = min(log_weights(:n_inside), &
+            & sum(log_weights(:n_inside))/sqrt(real(n_inside, wp)))
+         weights(:n_archived) = archive_share*n_inside/n_archived
+         weights(n_archived + 1:n_archived + n_inside) = (1.0_wp - archive_share)*n_inside &
+            & /sum(log_weights(:n_inside))*log_weights(:n_inside)
+         n_rejected = min(n_outside, most_outside)
+         i = n_archived + n_inside
+         if (n_rejected > 0) then
+            points(:, i + 1:i + n_rejected) = rejected(:, :n_rejected)
+            weights(i + 1:i + n_rejected) = real(n_outside, wp)/n_rejected
          end if
-         call fit_mixture(points(:, :i + few), weights(:i + few), 6, fitted)
+         i = i + n_rejected
+         call fit_mixture(points(:, :i), weights(:i), 6, fitted)
       end do
    end subroutine fit_proposal
 end module ensemble_sampler

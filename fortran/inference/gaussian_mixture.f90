@@ -12,7 +12,8 @@ module gaussian_mixture
 
    type :: mixture_type
       integer :: n = 0, components = 0
-      !> Means, mean(component, i): components are the innermost index where a point is evaluated.
+      !> Means, mean(component, i). The component is the innermost index of the loops that evaluate
+      !> a point.
       real(wp), allocatable :: weight(:), mean(:, :)
       !> Lower Cholesky factor of each covariance, factor(i, j, component), and its inverse,
       !> inverse(component, j, i).
@@ -23,21 +24,22 @@ module gaussian_mixture
 
 contains
 
-   !> One component for each of `components` runs of points in the order of their first coordinate.
+   !> Start with one component for each of `components` runs of points, sorted by their first
+   !> coordinate.
    subroutine new_mixture(points, components, mixture)
-      !> points(n, many).
+      !> (n, n_points).
       real(wp), intent(in), contiguous :: points(:, :)
       integer, intent(in) :: components
       type(mixture_type), intent(out) :: mixture
       real(wp), allocatable :: responsibility(:, :)
-      integer :: order(size(points, 2)), i, many
+      integer :: order(size(points, 2)), i, n_points
 
-      many = size(points, 2)
+      n_points = size(points, 2)
       call allocate_mixture(mixture, size(points, 1), components)
       call sort_order(points(1, :), order)
-      allocate (responsibility(components, many), source=0.0_wp)
-      do i = 1, many
-         responsibility(1 + (i - 1)*components/many, order(i)) = 1.0_wp
+      allocate (responsibility(components, n_points), source=0.0_wp)
+      do i = 1, n_points
+         responsibility(1 + (i - 1)*components/n_points, order(i)) = 1.0_wp
       end do
       call maximise(products_of(points), responsibility, mixture)
    end subroutine new_mixture
@@ -107,9 +109,9 @@ contains
       end do
    end subroutine draw_mixture
 
-   !> Some steps of expectation-maximisation on weighted points, points(n, many) with `weights`
-   !> (many).
+   !> Make some steps of expectation-maximisation.
    subroutine fit_mixture(points, weights, steps, mixture)
+      !> (n, n_points), (n_points).
       real(wp), intent(in), contiguous :: points(:, :), weights(:)
       integer, intent(in) :: steps
       type(mixture_type), intent(inout) :: mixture
@@ -131,10 +133,10 @@ contains
       end do
    end subroutine fit_mixture
 
-   !> 1, the coordinates and their products, of each point, (point, product): weights, means and
-   !> covariances follow from their sums.
+   !> The number 1, the coordinates and their products of each point, (point, product). Weights,
+   !> means and covariances follow from their sums.
    pure function products_of(points) result(products)
-      !> (n, many).
+      !> (n, n_points).
       real(wp), intent(in) :: points(:, :)
       real(wp), allocatable :: products(:, :)
       integer :: i, j, n
@@ -148,10 +150,10 @@ contains
       end do
    end function products_of
 
-   !> Weights, means and covariances from weighted responsibilities; a component that has lost its
-   !> points is left out for good.
+   !> Compute weights, means and covariances from weighted responsibilities. A component with less
+   !> than a thousandth of the weight is left out for good.
    subroutine maximise(products, responsibility, mixture)
-      !> (many, product), (component, many).
+      !> (n_points, product), (component, n_points).
       real(wp), intent(in), contiguous :: products(:, :), responsibility(:, :)
       type(mixture_type), intent(inout) :: mixture
       real(wp), parameter :: floor_variance = 1.0e-6_wp
@@ -190,7 +192,7 @@ contains
       end do
    end function factor_of
 
-   !> Take the factor of the covariance of a component, and what follows from it.
+   !> Set the factor of the covariance of component m, its inverse and its log norm.
    pure subroutine set_factor(mixture, m, factor)
       type(mixture_type), intent(inout) :: mixture
       integer, intent(in) :: m
@@ -210,9 +212,9 @@ contains
       end do
    end subroutine set_factor
 
-   !> The mixture with heavier tails: a share `tails` of each component has `wider` times its
-   !> covariance, the rest `inflation` times, and a share `whole` of all has the mean of the mixture
-   !> and `wider` times its covariance.
+   !> The mixture with heavier tails. A share `tails` of each component has `wider` times its
+   !> covariance, the rest `inflation` times. A share `whole` of all has the mean of the mixture and
+   !> `wider` times its covariance.
    subroutine widen_mixture(mixture, wide)
       type(mixture_type), intent(in) :: mixture
       type(mixture_type), intent(out) :: wide

@@ -1,5 +1,5 @@
-!> Coordinates in which a curved ridge is straight: principal axes, the longest first, then each
-!> coordinate less a polynomial of the earlier ones. The map keeps volumes up to a constant.
+!> Coordinates in which a curved ridge is straight: principal axes, the longest first, less for each
+!> coordinate a polynomial of the earlier ones. The map keeps volumes up to a constant.
 module ridge_coordinates
    use errors, only: error_type
    use kinds, only: wp
@@ -9,30 +9,37 @@ module ridge_coordinates
    private
    public :: whitening_type, fit_whitening
 
-   !> Of a polynomial, by its richness: how many of the longest axes have products of two, of three
-   !> and so on. All have linear terms.
+   !> Number of the longest axes that have products of 2, 3, .. 8 factors in a polynomial, a row for
+   !> each richness 0 .. 6. All axes have linear terms.
    integer, parameter :: richest = 6, most_factors = 8
-   integer, parameter :: axes_with(2:most_factors, 0:richest) = reshape([0, 0, 0, 0, 0, 0, 0, 3, &
-      & 0, 0, 0, 0, 0, 0, 5, 3, 0, 0, 0, 0, 0, 8, 4, 3, 1, 0, 0, 0, 20, 6, 3, 1, 1, 0, 0, 20, 8, &
-      & 4, 2, 1, 1, 1, 20, 8, 4, 2, 2, 2, 1], [most_factors - 1, richest + 1])
-   !> From so many axes on, the last one not counted, products of more than four and the tangents
-   !> beyond the points would be noise.
+   integer, parameter :: axes_with(2:most_factors, 0:richest) = reshape([ &
+      & 0, 0, 0, 0, 0, 0, 0, &
+      & 3, 0, 0, 0, 0, 0, 0, &
+      & 5, 3, 0, 0, 0, 0, 0, &
+      & 8, 4, 3, 1, 0, 0, 0, &
+      & 20, 6, 3, 1, 1, 0, 0, &
+      & 20, 8, 4, 2, 1, 1, 1, &
+      & 20, 8, 4, 2, 2, 2, 1], [most_factors - 1, richest + 1])
+   !> Number of axes, without the last one, from which on products of more than four factors and
+   !> tangents beyond the points would only fit noise.
    integer, parameter :: many_axes = 5
-   !> Points for each term.
+   !> Distinct points needed for each term of a polynomial.
    integer, parameter :: points_a_term = 10
 
    type :: whitening_type
       private
       integer :: n = 0
+      !> Mean of the points; maps to their principal axes z, of unit variance, and back; sd of each
+      !> z less its polynomial.
       real(wp), allocatable :: centre(:), forward(:, :), backward(:, :), width(:)
-      !> A feature is a product of coordinates z: feature k is the earlier feature `parent(k)` times
-      !> the coordinate `axis(k)`, and those of the first m coordinates are the first
+      !> A feature is a product of coordinates z. Feature k is the earlier feature `parent(k)` times
+      !> the coordinate `axis(k)`. The features of the first m coordinates are the first
       !> `n_features(m)`, m from 0.
       integer, allocatable :: parent(:), axis(:), n_features(:)
       !> Coefficients of the features of z(1) .. z(j-1), for coordinate j.
-      real(wp), allocatable :: bend(:, :)
-      !> Range of each z in which the polynomial was fitted; beyond it goes on along its tangent for
-      !> 12 % of the range, then as it is there.
+      real(wp), allocatable :: coefficients(:, :)
+      !> Range of each z in which the polynomial was fitted. Beyond it the polynomial continues
+      !> along its tangent for 12 % of the range, and is constant from there on.
       real(wp), allocatable :: least(:), greatest(:)
    contains
       procedure :: to_white, from_white
@@ -40,8 +47,8 @@ module ridge_coordinates
 
 contains
 
-   !> The features of m coordinates: of each, after those of the earlier ones, z(i), then its
-   !> products with itself and these.
+   !> List the features of m coordinates. Those of z(i) follow those of the earlier coordinates:
+   !> z(i) itself, then its products with itself and with the earlier ones.
    pure subroutine list_features(m, richness, whitening)
       integer, intent(in) :: m
       !> 0 to `richest`.
@@ -70,24 +77,24 @@ contains
       end do
    end subroutine list_features
 
-   !> The features of coordinates from the number `first` on, those before it being there.
+   !> Evaluate the features of coordinates from the number `first` on; the earlier ones are given.
    pure subroutine evaluate_features(self, z, first, f, tangent)
       type(whitening_type), intent(in) :: self
       real(wp), intent(in), contiguous :: z(:)
       integer, intent(in) :: first
-      !> Features at the nearest point of the range, and what the tangent there adds to them.
+      !> Features at the nearest point of the range, and their changes along the tangent there.
       real(wp), intent(inout) :: f(:), tangent(:)
-      real(wp), dimension(size(z)) :: within, further
+      real(wp), dimension(size(z)) :: nearest, excess
       integer :: k
 
-      within = min(max(z, self%least(:size(z))), self%greatest(:size(z)))
-      further = merge(0.12_wp, 0.0_wp, &
+      nearest = min(max(z, self%least(:size(z))), self%greatest(:size(z)))
+      excess = merge(0.12_wp, 0.0_wp, &
          & self%n <= many_axes)*(self%greatest(:size(z)) - self%least(:size(z)))
-      further = min(max(z - within, -further), further)
+      excess = min(max(z - nearest, -excess), excess)
       do k = first, self%n_features(size(z))
-         f(k) = f(self%parent(k))*within(self%axis(k))
-         tangent(k) = tangent(self%parent(k))*within(self%axis(k)) &
-            & + f(self%parent(k))*further(self%axis(k))
+         f(k) = f(self%parent(k))*nearest(self%axis(k))
+         tangent(k) = tangent(self%parent(k))*nearest(self%axis(k)) &
+            & + f(self%parent(k))*excess(self%axis(k))
       end do
    end subroutine evaluate_features
 
@@ -95,33 +102,33 @@ contains
    subroutine fit_whitening(points, distinct, whitening)
       !> (dimension, point).
       real(wp), intent(in) :: points(:, :)
-      !> How many of the points are not copies.
+      !> Number of distinct points.
       integer, intent(in) :: distinct
       type(whitening_type), intent(out) :: whitening
       type(error_type), allocatable :: error
       real(wp), allocatable :: z(:, :), f(:, :), gram(:, :), rhs(:), tangent(:)
       real(wp) :: axes(size(points, 1), size(points, 1)), values(size(points, 1))
-      integer :: n, many, i, j, m, richness
+      integer :: n, n_points, i, j, m, richness
 
       n = size(points, 1)
-      many = size(points, 2)
+      n_points = size(points, 2)
       whitening%n = n
       do richness = richest, 0, -1
          call list_features(n - 1, richness, whitening)
          m = size(whitening%axis)
          if (points_a_term*m <= distinct) exit
       end do
-      allocate (whitening%bend(m, n), source=0.0_wp)
+      allocate (whitening%coefficients(m, n), source=0.0_wp)
       allocate (whitening%width(n))
-      whitening%centre = sum(points, 2)/many
-      z = points - spread(whitening%centre, 2, many)
-      axes = matmul(z, transpose(z))/many
+      whitening%centre = sum(points, 2)/n_points
+      z = points - spread(whitening%centre, 2, n_points)
+      axes = matmul(z, transpose(z))/n_points
       call symmetric_eigen(axes, values, error)
       if (allocated(error)) then
          values = 1.0_wp
          axes = reshape([1.0_wp, (spread(0.0_wp, 1, n), 1.0_wp, j=2, n)], [n, n])
       end if
-      ! The longest axis first, of unit variance.
+      ! Sort the axes, the longest first, and scale them to unit variance.
       values = sqrt(max(values(n:1:-1), 1.0e-16_wp*max(values(n), 1.0e-8_wp)))
       axes = axes(:, n:1:-1)
       whitening%forward = transpose(axes/spread(values, 1, n))
@@ -129,17 +136,18 @@ contains
       z = matmul(whitening%forward, z)
       whitening%least = minval(z, 2)
       whitening%greatest = maxval(z, 2)
-      allocate (f(m, many), source=1.0_wp)
+      allocate (f(m, n_points), source=1.0_wp)
       allocate (tangent(m), source=0.0_wp)
-      do i = 1, many
+      do i = 1, n_points
          call evaluate_features(whitening, z(:n - 1, i), 2, f(:, i), tangent)
       end do
       allocate (gram(m, m), source=0.0_wp)
       call add_gram(f, 1.0_wp, gram, transposed=.false.)
       do i = 1, size(gram, 1)
-         gram(i, i) = gram(i, i)*(1.0_wp + 1.0e-6_wp) + 1.0e-6_wp*many
+         gram(i, i) = gram(i, i)*(1.0_wp + 1.0e-6_wp) + 1.0e-6_wp*n_points
       end do
-      ! The features of coordinate j are the first ones, and so is their part of the factor.
+      ! Coordinate j depends on the first m features only, and the factor of their Gram matrix is
+      ! the leading block of the whole one.
       call cholesky_factor(gram, error)
       do j = 1, n
          m = whitening%n_features(j - 1)
@@ -147,10 +155,10 @@ contains
             rhs = matmul(f(:m, :), z(j, :))
             call solve_lower(gram, rhs)
             call solve_upper(gram, rhs)
-            whitening%bend(:m, j) = rhs
+            whitening%coefficients(:m, j) = rhs
          end if
          whitening%width(j) = max(1.0e-8_wp, &
-            & sqrt(sum((z(j, :) - matmul(whitening%bend(:m, j), f(:m, :)))**2)/many))
+            & sqrt(sum((z(j, :) - matmul(whitening%coefficients(:m, j), f(:m, :)))**2)/n_points))
       end do
    end subroutine fit_whitening
 
@@ -160,7 +168,7 @@ contains
       !> (dimension).
       real(wp), intent(in), contiguous :: w(:)
       real(wp), intent(out), contiguous :: u(:)
-      real(wp) :: z(self%n), f(size(self%bend, 1)), tangent(size(f))
+      real(wp) :: z(self%n), f(size(self%coefficients, 1)), tangent(size(f))
       integer :: j, m
 
       z = matmul(self%forward, w - self%centre)
@@ -169,7 +177,7 @@ contains
       call evaluate_features(self, z(:self%n - 1), 2, f, tangent)
       do j = 1, self%n
          m = self%n_features(j - 1)
-         u(j) = (z(j) - sum(self%bend(:m, j)*(f(:m) + tangent(:m))))/self%width(j)
+         u(j) = (z(j) - sum(self%coefficients(:m, j)*(f(:m) + tangent(:m))))/self%width(j)
       end do
    end subroutine to_white
 
@@ -179,19 +187,19 @@ contains
       !> (dimension).
       real(wp), intent(in), contiguous :: u(:)
       real(wp), intent(out), contiguous :: w(:)
-      real(wp) :: z(self%n), f(size(self%bend, 1)), tangent(size(f)), bent
+      real(wp) :: z(self%n), f(size(self%coefficients, 1)), tangent(size(f)), shift
       integer :: j, k, m
 
       f(1) = 1.0_wp
       tangent(1) = 0.0_wp
       do j = 1, self%n
          m = self%n_features(j - 1)
-         bent = 0.0_wp
-         !$omp simd reduction(+:bent)
+         shift = 0.0_wp
+         !$omp simd reduction(+:shift)
          do k = 1, m
-            bent = bent + self%bend(k, j)*(f(k) + tangent(k))
+            shift = shift + self%coefficients(k, j)*(f(k) + tangent(k))
          end do
-         z(j) = u(j)*self%width(j) + bent
+         z(j) = u(j)*self%width(j) + shift
          if (j < self%n) call evaluate_features(self, z(:j), m + 1, f, tangent)
       end do
       w = self%centre + matmul(self%backward, z)

@@ -1,15 +1,15 @@
-!> The samplers by name, the loop over chains, and the chains that are kept.
+!> The samplers by name, the loop over chains, and the checkpoints of finished chains.
 !>
 !> Chain k draws from the random stream (seed, first_stream + k - 1), whatever thread runs it.
 !>
-!> Finished chains are on the disk until what is made of them is written: a run that was stopped
-!> resumes from them. Its numbers are the same.
+!> A finished chain is stored on the disk until the results are written. A run that was stopped
+!> resumes from these files, with the same numbers.
 !>
-!> A chain follows from the target, the sampler's settings and its random stream. Its file is named
-!> by a hash of the settings and of the densities of some points, whose bits tell other
-!> measurements, another surrogate and another prior. The file has the bits of acceptance, densities
-!> and draws, and their checksum. A chain that cannot be kept, or whose file is damaged, is drawn
-!> again.
+!> The target, the sampler's settings and the random stream determine a chain. Its file is named by
+!> a hash of the settings and of the log densities of some points: other measurements, another
+!> surrogate or another prior change their bits. The file contains the bits of the acceptance, the
+!> log densities and the draws, and their checksum. A chain that cannot be stored, or whose file is
+!> damaged, is drawn again.
 module samplers
    use abstract_sampler, only: draw_starts, sampler_type, target_type
    use direct_sampler, only: direct_sampler_type
@@ -28,22 +28,23 @@ module samplers
    public :: sampler_names, new_sampler, run_settings_type, chains_type, sample_chains, &
       & checkpoint_type, new_checkpoint
 
-   !> How the names of the files begin.
+   !> Prefix of the names of these files.
    character(len=*), parameter, public :: chain_prefix = '.chain-'
    integer(i8), parameter :: bytes_of_real = storage_size(1.0_wp)/8
 
    type :: checkpoint_type
-      !> Path of a chain's file but for the number of its stream; unallocated: nothing is kept.
+      !> Path of a chain's file without the number of its stream. Unallocated if no chain is stored.
       character(len=:), allocatable :: stem
    contains
       procedure :: restore, store
    end type checkpoint_type
 
-   !> A new sampler: its file, its name here, and its line in `new_sampler`.
+   !> Names that the user may choose. A new sampler needs a module, its name here and a case in
+   !> `new_sampler`.
    character(len=*), parameter :: sampler_names = 'ensemble, scmh'
 
    type :: run_settings_type
-      !> Kept per chain, after the sampler's burn-in.
+      !> Number of samples of each chain after the burn-in.
       integer :: samples = 10000
       integer :: chains = 4, threads = 1, seed = 0, first_stream = 1
    end type run_settings_type
@@ -59,44 +60,45 @@ module samplers
 
 contains
 
-   !> Where chains of a target are kept: in a folder without its last slash, for settings that
-   !> `inputs` tells apart.
+   !> Set up the checkpoint of a target's chains. `folder` has no slash at its end. `inputs` is a
+   !> text that differs where the settings differ.
    subroutine new_checkpoint(folder, inputs, target, self)
       character(len=*), intent(in) :: folder, inputs
       class(target_type), intent(in) :: target
       type(checkpoint_type), intent(out) :: self
+      !> Number of points whose log densities are in the hash.
       integer, parameter :: probes = 20
       type(random_stream_type) :: stream
       real(wp) :: points(target%dimension, probes), density(probes)
       character(len=:), allocatable :: identity
       character(len=16) :: digits
-      integer :: found, i
+      integer :: n_found, i
 
       stream = new_random_stream(0, 0)
-      call draw_starts(target, stream, points, density, found)
+      call draw_starts(target, stream, points, density, n_found)
       identity = inputs
-      do i = 1, found
+      do i = 1, n_found
          write (digits, '(z16.16)') transfer(density(i), 1_i8)
          identity = identity//digits
       end do
       self%stem = folder//'/'//chain_prefix//checksum(identity)//'-'
    end subroutine new_checkpoint
 
-   !> The chain of a random stream, if it is there.
+   !> Read the chain of a random stream if its file exists and is intact.
    subroutine restore(self, number, draws, log_density, acceptance, found)
       class(checkpoint_type), intent(in) :: self
-      !> Of the stream.
+      !> Number of the random stream.
       integer, intent(in) :: number
       !> (parameter, sample), (sample).
       real(wp), intent(inout) :: draws(:, :), log_density(:)
-      !> See `sampler_type`.
+      !> Share of accepted proposals.
       real(wp), intent(inout) :: acceptance
-      !> Whether it is there; else nothing is changed.
+      !> Whether the chain was read. If not, the arguments are unchanged.
       logical, intent(out) :: found
       type(error_type), allocatable :: error
       character(len=:), allocatable :: content
       real(wp), allocatable :: values(:)
-      integer(i8) :: last
+      integer(i8) :: n_bytes
       integer :: n
 
       found = .false.
@@ -104,10 +106,10 @@ contains
       call read_bytes(self%stem//to_text(number), content, error)
       if (allocated(error)) return
       allocate (values(1 + size(log_density) + size(draws)))
-      last = size(values)*bytes_of_real
-      if (len(content) /= last + len(checksum(''))) return
-      if (content(last + 1:) /= checksum(content(:last))) return
-      values = transfer(content(:last), values)
+      n_bytes = size(values)*bytes_of_real
+      if (len(content) /= n_bytes + len(checksum(''))) return
+      if (content(n_bytes + 1:) /= checksum(content(:n_bytes))) return
+      values = transfer(content(:n_bytes), values)
       n = size(log_density)
       acceptance = values(1)
       log_density = values(2:n + 1)
@@ -115,14 +117,14 @@ contains
       found = .true.
    end subroutine restore
 
-   !> Keep the chain of a random stream.
+   !> Store the chain of a random stream. A failure has no message: the chain is then drawn again.
    subroutine store(self, number, draws, log_density, acceptance)
       class(checkpoint_type), intent(in) :: self
-      !> Of the stream.
+      !> Number of the random stream.
       integer, intent(in) :: number
       !> (parameter, sample), (sample).
       real(wp), intent(in) :: draws(:, :), log_density(:)
-      !> See `sampler_type`.
+      !> Share of accepted proposals.
       real(wp), intent(in) :: acceptance
       type(error_type), allocatable :: error
       real(wp), allocatable :: values(:)
@@ -135,10 +137,10 @@ contains
       call replace_file(self%stem//to_text(number), content//checksum(content), error)
    end subroutine store
 
-   !> The sampler of a name.
+   !> Make a sampler by its name.
    subroutine new_sampler(name, burn_in, sampler, error)
       character(len=*), intent(in) :: name
-      !> Sweeps before the samples that are kept.
+      !> Number of sweeps before the first retained sample.
       integer, intent(in) :: burn_in
       class(sampler_type), allocatable, intent(out) :: sampler
       type(error_type), allocatable, intent(out) :: error
@@ -157,7 +159,7 @@ contains
       sampler%burn_in = burn_in
    end subroutine new_sampler
 
-   !> The draw of largest density.
+   !> The draw of highest density.
    pure function best_draw(self) result(point)
       class(chains_type), intent(in) :: self
       real(wp) :: point(size(self%draws, 1))
@@ -167,14 +169,14 @@ contains
       end associate
    end function best_draw
 
-   !> Run all chains but those that are kept.
+   !> Run all chains except those that the checkpoint has.
    subroutine sample_chains(target, sampler, settings, chains, error, checkpoint)
       class(target_type), intent(in) :: target
       class(sampler_type), intent(in) :: sampler
       type(run_settings_type), intent(in) :: settings
       type(chains_type), intent(out) :: chains
       type(error_type), allocatable, intent(out) :: error
-      !> Where each chain is kept as soon as it is finished.
+      !> Stores each chain as soon as it is finished.
       type(checkpoint_type), intent(in) :: checkpoint
       type(random_stream_type) :: stream
       logical, allocatable :: started(:)

@@ -1,6 +1,6 @@
-!> The paper's sampler (section 2.2), single-component Metropolis-Hastings: one parameter after
-!> another takes a normal step; the sd of each is tuned towards an acceptance of 0.23 during burn-in
-!> only. One sample is one sweep over the parameters.
+!> The paper's sampler (section 2.2), single-component Metropolis-Hastings. The parameters take
+!> normal steps one after another. The sd of each step is tuned towards an acceptance of 0.23 during
+!> the burn-in only. One sample is one sweep over the parameters.
 module scmh_sampler
    use progress, only: advance_progress
    use running_command, only: stop_requested
@@ -11,8 +11,8 @@ module scmh_sampler
    private
    public :: scmh_sampler_type
 
-   !> Acceptance that the paper tunes each component to.
-   real(wp), parameter :: wanted_acceptance = 0.23_wp
+   !> Acceptance to which the paper tunes each component.
+   real(wp), parameter :: target_acceptance = 0.23_wp
 
    type, extends(sampler_type) :: scmh_sampler_type
    contains
@@ -33,28 +33,28 @@ contains
       !> Whether a point of the support was found.
       logical, intent(out) :: started
       real(wp) :: starts(target%dimension, 100), start_density(100), x(target%dimension)
-      real(wp) :: step(target%dimension), total(target%dimension), range(target%dimension), &
-         & proposed(1), current, previous, u, z
-      integer :: sweep, j, found, accepted, best, pick, samples
+      real(wp) :: step(target%dimension), sum_of_logs(target%dimension), range(target%dimension), &
+         & proposed(1), current, previous, gain, u, z
+      integer :: sweep, j, n_found, accepted, best, pick, samples
       logical :: accept
 
       samples = size(log_density)
       acceptance = 0.0_wp
-      call draw_starts(target, stream, starts, start_density, found)
-      started = found > 0
+      call draw_starts(target, stream, starts, start_density, n_found)
+      started = n_found > 0
       if (.not. started) return
-      call stream%pick(min(10, found), pick)
+      call stream%pick(min(10, n_found), pick)
       best = 1
       do j = 1, pick
-         best = maxloc(start_density(:found), dim=1)
+         best = maxloc(start_density(:n_found), dim=1)
          if (j < pick) start_density(best) = -huge(1.0_wp)
       end do
       x = starts(:, best)
       current = start_density(best)
-      range = maxval(starts(:, :found), 2) - minval(starts(:, :found), 2)
+      range = maxval(starts(:, :n_found), 2) - minval(starts(:, :n_found), 2)
       where (.not. range > 0.0_wp) range = abs(x)
       step = 0.1_wp*range
-      total = 0.0_wp
+      sum_of_logs = 0.0_wp
       accepted = 0
       do sweep = 1 - self%burn_in, samples
          if (stop_requested()) return
@@ -73,16 +73,17 @@ contains
                x(j) = previous
             end if
             if (sweep <= 0) then
-               ! Robbins-Monro on the logarithm of the step; it becomes finer as the burn-in goes
-               ! on.
-               u = 2.0_wp*(sweep + self%burn_in + 25)**(-0.5_wp)
-               step(j) = step(j)*exp(u*(merge(1.0_wp, 0.0_wp, accept) - wanted_acceptance))
+               ! Robbins-Monro on the logarithm of the step, with a gain that falls during the
+               ! burn-in.
+               gain = 2.0_wp*(sweep + self%burn_in + 25)**(-0.5_wp)
+               step(j) = step(j)*exp(gain*(merge(1.0_wp, 0.0_wp, accept) - target_acceptance))
                step(j) = min(step(j), 10.0_wp*range(j))
-               if (2*sweep > -self%burn_in) total(j) = total(j) + log(step(j))
+               if (2*sweep > -self%burn_in) sum_of_logs(j) = sum_of_logs(j) + log(step(j))
             end if
          end do
-         ! The chain keeps the mean over the second half, which wanders less than the last value.
-         if (sweep == 0 .and. self%burn_in > 1) step = exp(total/((self%burn_in + 1)/2))
+         ! From here on the steps are fixed at their mean, that of the logarithm, over the second
+         ! half of the burn-in, which varies less than the last value.
+         if (sweep == 0 .and. self%burn_in > 1) step = exp(sum_of_logs/((self%burn_in + 1)/2))
          if (sweep > 0) then
             draws(:, sweep) = x
             log_density(sweep) = current
