@@ -68,26 +68,15 @@ std::filesystem::path own_folder() {
   return std::filesystem::read_symlink("/proc/self/exe", failed).parent_path();
 }
 
-// The package's data in the newest Python beside this program; '' if none has them. Debian's Python
-// installs into other folders than it reports when the package is built.
-std::string newest_packages() {
+// The package's data in a Python beside this program, the last by its name; '' if none has them.
+// Debian's Python installs into other folders than it reports when the package is built.
+std::string other_packages() {
   const char *const places = "../lib*/python3*/{site,dist}-packages/bayesindent/data/";
-  const std::string pattern = (own_folder() / places).string();
-  std::string newest;
-  long highest = -1;
   glob_t found = {};
-  glob(pattern.c_str(), GLOB_BRACE | GLOB_ONLYDIR, nullptr, &found);
-  for (std::size_t i = 0; i < found.gl_pathc; ++i) {
-    const std::string path = found.gl_pathv[i];
-    // The number after 'python3.'
-    const std::size_t after = path.rfind("/python3") + std::strlen("/python3.");
-    const long minor = std::atol(path.substr(after).c_str());
-    if (minor > highest)
-      newest = path;
-    highest = std::max(highest, minor);
-  }
+  glob((own_folder() / places).c_str(), GLOB_BRACE | GLOB_ONLYDIR, nullptr, &found);
+  const std::string last = found.gl_pathc > 0 ? found.gl_pathv[found.gl_pathc - 1] : "";
   globfree(&found);
-  return newest;
+  return last;
 }
 
 // Start the program of this file with the arguments of this one; return where that is not possible.
@@ -209,7 +198,7 @@ std::int32_t bayesindent_reserve_blas(std::int32_t callers) {
 }
 
 // The folder of the package's data, with a slash at its end: BAYESINDENT_DATA; or, seen from this
-// program, where meson installs it, in a wheel, in the build folder, or in the newest Python.
+// program, where meson installs it, in a wheel, in the build folder, or beside a Python.
 void bayesindent_data_folder(const char *installed, char *folder, std::int32_t size) {
   const char *const stated = std::getenv("BAYESINDENT_DATA");
   std::string found = stated != nullptr && *stated != '\0' ? std::string(stated) + "/" : "";
@@ -220,7 +209,7 @@ void bayesindent_data_folder(const char *installed, char *folder, std::int32_t s
     if (found.empty() && std::filesystem::is_directory(own_folder() / place, failed))
       found = (own_folder() / place).string();
   }
-  std::snprintf(folder, size, "%s", found.empty() ? newest_packages().c_str() : found.c_str());
+  std::snprintf(folder, size, "%s", found.empty() ? other_packages().c_str() : found.c_str());
 }
 
 // Write a line to standard output (1) or error (2) at once. Output that cannot be written ends the

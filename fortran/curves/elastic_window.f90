@@ -220,7 +220,7 @@ contains
       real(wp) :: total(size(steps) + 1)
       real(wp), parameter :: share_of_jumps = 0.2_wp, wider = 1.5_wp, memory = 0.3_wp, &
          & share_of_rise = 0.1_wp, most = 3.0_wp
-      real(wp) :: trend, scale, tail, jump
+      real(wp) :: trend, scale, tail, jump, regular
       integer :: i
 
       trend = 0.0_wp
@@ -230,8 +230,9 @@ contains
          tail = scale + share_of_rise*abs(rise(i))
          jump = tail/pi/(tail**2 + steps(i)**2)
          if (jumps_forward) jump = jump*merge(1.9_wp, 0.1_wp, steps(i) > 0.0_wp)
-         total(i + 1) = total(i) + log((1.0_wp - share_of_jumps)*exp(-0.5_wp &
-                    & *((steps(i) - trend)/scale)**2)/(scale*sqrt(2.0_wp*pi)) + share_of_jumps*jump)
+         regular = (1.0_wp - share_of_jumps)*exp(-0.5_wp*((steps(i) - trend)/scale)**2) &
+            & /(scale*sqrt(2.0_wp*pi))
+         total(i + 1) = total(i) + log(regular + share_of_jumps*jump)
          trend = trend + memory*max(-most*sigma, min(most*sigma, steps(i) - trend))
       end do
    end function excess_scores

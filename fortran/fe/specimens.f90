@@ -323,7 +323,7 @@ contains
       class(grain_specimen_type), intent(in) :: self
       real(wp), intent(in) :: refine
       type(mesh_stage_type) :: turn
-      real(wp) :: width
+      real(wp) :: width, outer
 
       plan = core_of_contact(refine, self%contact_radius, self%zone)
       width = turning*self%radius
@@ -336,8 +336,9 @@ contains
       turn%shape = merge(to_cylinder, to_ball, self%depth > 0.0_wp)
       turn%radius = self%radius
       turn%depth = self%depth
-      plan%stages = [plan%stages, turn, graded_layers(self%radius, max(outer_contact &
-          & *self%contact_radius, outer_grain*self%radius), self%contact_radius, refine, 0.0_wp, 2)]
+      outer = max(outer_contact*self%contact_radius, outer_grain*self%radius)
+      plan%stages = [plan%stages, turn, &
+         & graded_layers(self%radius, outer, self%contact_radius, refine, 0.0_wp, 2)]
       plan%stages(1)%coarsen = .true.
       plan%far_material = 2
    end function grain_plan

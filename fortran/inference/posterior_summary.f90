@@ -194,16 +194,16 @@ contains
       real(wp), intent(in) :: constants(:), vector(:)
       real(wp) :: gradient(size(constants))
       real(wp), parameter :: step = 1.0e-4_wp
-      real(wp) :: shifted(size(constants))
+      real(wp) :: shifted(size(constants)), above, below
       integer :: j
 
       do j = 1, size(constants)
          shifted = constants
          shifted(j) = constants(j)*(1.0_wp + step)
-         gradient(j) = sum(vector*prior%logarithms%to_logarithms(prior%class%stiffness(shifted)))
+         above = sum(vector*prior%logarithms%to_logarithms(prior%class%stiffness(shifted)))
          shifted(j) = constants(j)*(1.0_wp - step)
-         gradient(j) = (gradient(j) - sum(vector &
-                   & *prior%logarithms%to_logarithms(prior%class%stiffness(shifted))))/(2.0_wp*step)
+         below = sum(vector*prior%logarithms%to_logarithms(prior%class%stiffness(shifted)))
+         gradient(j) = (above - below)/(2.0_wp*step)
       end do
    end function logarithmic_gradient
 

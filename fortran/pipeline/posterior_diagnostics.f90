@@ -463,8 +463,10 @@ contains
             else
                ! Neighbours are taken to be as stiff as the mean measurement.
                bias = 0.0_wp
-               where (radius > 0.0_wp) bias = (sum(modulus)/size(modulus)/modulus)**(slope &
-                                                                  & *contact_radius/radius) - 1.0_wp
+               where (radius > 0.0_wp)
+                  bias = (sum(modulus)/size(modulus)/modulus)**(slope*contact_radius/radius)
+                  bias = bias - 1.0_wp
+               end where
                biased = count(abs(bias) > small_bias)
                worst = maxloc(abs(bias), dim=1)
                if (biased > 0) then

@@ -1,7 +1,4 @@
-"""What describes the package elsewhere agrees with the package.
-
-Modules: copy_package.py.
-"""
+"""What describes the package elsewhere agrees with the package."""
 
 import importlib.util
 import json
