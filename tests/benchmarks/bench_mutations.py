@@ -181,7 +181,8 @@ SEEDS = {
         ".csv",
         [
             text(
-                "grain,phi1_deg,Phi_deg,phi2_deg,propagation_deg,rayleigh_velocity_m_s,sd_m_s,group",
+                "grain,phi1_deg,Phi_deg,phi2_deg,propagation_deg,rayleigh_velocity_m_s,sd_m_s"
+                ",group",
                 "a,1,2,3,4,2000,9,s",
                 "b,5,40,7,8,2100,9,t",
             )

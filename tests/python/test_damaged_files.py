@@ -338,7 +338,8 @@ def test_every_writer_goes_through_one_helper():
     its own that is gone at once.
     """
     python = re.compile(
-        r"\.write_(text|bytes)\(|open\([^)]*[\"'][wax]b?[\"']|\.to_netcdf\(|\.dump\(|\.save\(\s*[\"']"
+        r"\.write_(text|bytes)\(|open\([^)]*[\"'][wax]b?[\"']"
+        r"|\.to_netcdf\(|\.dump\(|\.save\(\s*[\"']"
     )
     fortran = re.compile(
         r"action\s*=\s*'(read)?write'|status\s*=\s*'(replace|new|unknown)'", re.IGNORECASE

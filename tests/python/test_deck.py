@@ -138,7 +138,10 @@ def brick_volumes(mesh):
 def bond_rotated(stiffness, angles):
     """Stiffness in the sample frame, by the tensor."""
     a, b, c = np.radians(angles)
-    turn = lambda t: np.array([[np.cos(t), np.sin(t), 0], [-np.sin(t), np.cos(t), 0], [0, 0, 1]])  # noqa: E731
+
+    def turn(t):
+        return np.array([[np.cos(t), np.sin(t), 0], [-np.sin(t), np.cos(t), 0], [0, 0, 1]])
+
     tilt = np.array([[1, 0, 0], [0, np.cos(b), np.sin(b)], [0, -np.sin(b), np.cos(b)]])
     g = turn(c) @ tilt @ turn(a)
     voigt = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])

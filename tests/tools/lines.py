@@ -31,7 +31,8 @@ CPP_IGNORED = re.compile(
 )
 CPP_PART = re.compile(
     r"\b(?P<kind>class|struct)\s+(?P<name>\w+)[^;{()]*\{"
-    r"|(?P<function>~?\w+)\s*\((?P<arguments>[^;{}]*?)\)\s*(?:const|noexcept|override|\s)*(?::[^;]*?)?\{"
+    r"|(?P<function>~?\w+)\s*\((?P<arguments>[^;{}]*?)\)"
+    r"\s*(?:const|noexcept|override|\s)*(?::[^;]*?)?\{"
 )
 
 
