@@ -1,5 +1,5 @@
-// The analysis of a pattern: elimination order and supernodes by METIS and CHOLMOD, their tree,
-// memory plan, and places of the entries.
+// The analysis of a pattern: elimination order and supernodes by METIS and CHOLMOD, the tree of the
+// supernodes, the memory plan, and the places of the entries.
 #include "multifrontal.h"
 
 #include <suitesparse/cholmod.h>
@@ -12,7 +12,7 @@ namespace bayesindent {
 
 namespace {
 
-// Owns cholmod_common and what CHOLMOD allocates while a pattern is analysed.
+// Owns cholmod_common and the memory of CHOLMOD during the analysis of a pattern.
 class analyser {
 public:
   analyser() {
@@ -22,8 +22,8 @@ public:
     common.nmethods = 1;
     common.method[0].ordering = CHOLMOD_GIVEN;
     common.postorder = 1;
-    // Dense BLAS wants wide supernodes: merge them as long as the explicit zeros stay a modest
-    // fraction.
+    // Dense BLAS is fastest on wide supernodes. These are CHOLMOD's rules for merging them: as many
+    // columns, and at most these shares of explicit zeros.
     common.nrelax[0] = 12;
     common.nrelax[1] = 32;
     common.nrelax[2] = 96;
@@ -48,8 +48,9 @@ public:
   cholmod_factor *factor = nullptr;
 };
 
-// METIS takes SIGTERM and SIGABRT for itself while it works, and gives them back to handlers that
-// act only once. Here they stay what they were, and a SIGTERM to this thread waits.
+// METIS replaces the handlers of SIGTERM and SIGABRT while it works, and restores them as handlers
+// that act only once. This class restores the original ones and blocks SIGTERM in this thread
+// meanwhile.
 class signal_keeper {
 public:
   signal_keeper() : alone(one_at_a_time) {
@@ -87,8 +88,8 @@ cholmod_sparse pattern(integer n, const integer *start, const integer *row) {
   return lower;
 }
 
-// Nested dissection of the graph of the groups, in which the first unknown of each stands for it:
-// the place of each in the order.
+// Nested dissection of the graph of the groups, in which the first unknown of each group represents
+// it. Returns the place of each group in the elimination order.
 std::vector<integer> places_of_groups(integer n, const integer *start, const integer *row,
                                       const integer *group, analyser &tool) {
   const integer groups = 1 + *std::max_element(group, group + n);
@@ -104,7 +105,7 @@ std::vector<integer> places_of_groups(integer n, const integer *start, const int
     group_start.push_back(static_cast<integer>(group_row.size()));
   }
   cholmod_sparse graph = pattern(groups, group_start.data(), group_row.data());
-  const signal_keeper kept;
+  const signal_keeper signals;
   tool.check(cholmod_metis(&graph, nullptr, 0, 0, order.data(), &tool.common) != 0);
   for (integer k = 0; k < groups; ++k)
     place[order[k]] = k;
@@ -114,8 +115,8 @@ std::vector<integer> places_of_groups(integer n, const integer *start, const int
 } // namespace
 
 analysis::analysis(integer n_, const integer *start, const integer *row, const integer *group,
-                   integer kept_)
-    : n(n_), kept(kept_) {
+                   integer retained_)
+    : n(n_), retained(retained_) {
   find_supernodes(start, row, group);
   build_tree();
   plan_memory();
@@ -127,7 +128,7 @@ void analysis::find_supernodes(const integer *start, const integer *row, const i
   const std::vector<integer> place = places_of_groups(n, start, row, group, tool);
   std::vector<integer> given(n);
   std::iota(given.begin(), given.end(), 0);
-  std::stable_sort(given.begin(), given.end() - kept,
+  std::stable_sort(given.begin(), given.end() - retained,
                    [&](integer i, integer j) { return place[group[i]] < place[group[j]]; });
   cholmod_sparse matrix = pattern(n, start, row);
   tool.factor = cholmod_analyze_p(&matrix, given.data(), nullptr, 0, &tool.common);
@@ -140,8 +141,8 @@ void analysis::find_supernodes(const integer *start, const integer *row, const i
   const integer *s = static_cast<const integer *>(symbolic.s);
   supernodes = static_cast<integer>(symbolic.nsuper);
   unknown_at.assign(permutation, permutation + n);
-  tool.check(std::all_of(unknown_at.end() - kept, unknown_at.end(),
-                         [this](integer i) { return i >= n - kept; }));
+  tool.check(std::all_of(unknown_at.end() - retained, unknown_at.end(),
+                         [this](integer i) { return i >= n - retained; }));
   position.resize(n);
   for (integer k = 0; k < n; ++k)
     position[unknown_at[k]] = k;
@@ -176,8 +177,8 @@ void analysis::build_tree() {
   }
 }
 
-// Update matrices of even and odd depth go to stacks of their own, last in, first out: a parent's
-// is written while its children's are still there. One stack lives in the memory that the last
+// Update matrices of even and odd depth in the tree are on separate stacks, because a parent's
+// matrix is written while its children's are read. One of the stacks uses the memory that the last
 // columns of the factor will fill.
 void analysis::plan_memory() {
   relative.resize(rows.size());

@@ -1,5 +1,5 @@
-// Database files of SQLite: statements with values for their parameters, and the cells that they
-// give. A C interface, for Fortran.
+// SQLite databases: statements with parameters, and the cells of their results. A C interface for
+// Fortran.
 #include <charconv>
 #include <cstdint>
 #include <cstring>
@@ -11,7 +11,7 @@ namespace {
 struct database {
   sqlite3 *handle;
   int opened;
-  // What the last statements gave, each ended by a zero byte; or the reason of its failure.
+  // Cells of the last result, each ended by a zero byte; or the reason of the failure.
   std::string cells;
 };
 
@@ -19,7 +19,7 @@ void add_cell(std::string &cells, const char *text) {
   cells.append(text == nullptr ? "" : text).push_back('\0');
 }
 
-// Numbers to the last bit: the library's own texts of them have 15 digits.
+// Writes numbers with all digits; SQLite's own texts of numbers have only 15.
 void add_row(std::string &cells, sqlite3_stmt *statement) {
   for (int i = 0; i < sqlite3_column_count(statement); ++i) {
     char digits[32] = {};
@@ -50,7 +50,7 @@ int run(database &self, const char *sql, const char *values, const char *end) {
       code = bind(statement, i, values);
     while (code == SQLITE_OK && sqlite3_step(statement) == SQLITE_ROW)
       add_row(self.cells, statement);
-    // Gives the code of the last step, and leaves the file to others.
+    // Gives the code of the last step and releases the locks of the file.
     const int ended = sqlite3_finalize(statement);
     code = code == SQLITE_OK ? ended : code;
   }
@@ -61,23 +61,23 @@ int run(database &self, const char *sql, const char *values, const char *end) {
 
 extern "C" {
 
-// Open a file, which is made at the first statement that writes. What is wrong with it is said
-// then.
+// Opens a database. The file is created by the first statement that writes; that statement also
+// reports any failure.
 database *bayesindent_open_database(const char *path) {
   auto *const self = new database();
   self->opened = sqlite3_open(path, &self->handle);
   return self;
 }
 
-// Close the file; what was not committed is not done.
+// Closes the file; uncommitted changes are lost.
 void bayesindent_close_database(database *self) {
   sqlite3_close_v2(self->handle);
   delete self;
 }
 
-// Perform statements, separated by semicolons, the first with the `length` bytes of values, each
-// ended by a zero byte, for its parameters. The cells of the rows that it gives, so many `bytes`,
-// or the reason of a failure, with its result code.
+// Executes statements, separated by semicolons. The parameters of the first take their values from
+// `length` bytes; a zero byte ends each value. Returns the cells of the resulting rows, `bytes` in
+// all, or the reason of a failure, whose result code is `code`.
 const char *bayesindent_query(database *self, const char *sql, const char *values,
                               std::int32_t length, std::int32_t *bytes, std::int32_t *code) {
   self->cells.clear();

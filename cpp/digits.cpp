@@ -1,4 +1,4 @@
-// Numbers to text and back, whatever the country that is set. A C interface, for Fortran.
+// Conversion between numbers and text, independent of the locale. A C interface for Fortran.
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -11,31 +11,32 @@
 
 namespace {
 
-// As the Fortran side has them.
+// The values are those of the Fortran module `text`.
 enum form { fewest_digits, few_digits, significant, fixed_point };
 enum outcome { ok, not_finite, malformed };
-// Of a number with sixty decimals.
+// Length of the longest text, that of a number with sixty decimals.
 constexpr int longest = 400;
 
-// Writes a finite number that is not negative; returns the end.
-char *write(double size, int form, int n, char *out) {
+// Writes a finite number that is not negative; returns the end of the text.
+char *write(double magnitude, int form, int n, char *out) {
   constexpr auto exponential = std::chars_format::scientific;
   constexpr int digits_for_people = 10, longest_of_python = 16;
   if (form == fixed_point)
-    return std::to_chars(out, out + longest, size, std::chars_format::fixed, std::min(n, 60)).ptr;
+    return std::to_chars(out, out + longest, magnitude, std::chars_format::fixed, std::min(n, 60))
+        .ptr;
   char text[64] = {};
   const int most = form == significant ? n : digits_for_people,
             whole = form == significant ? n : longest_of_python;
   const auto done = form == fewest_digits
-                        ? std::to_chars(text, text + 40, size, exponential)
-                        : std::to_chars(text, text + 40, size, exponential, most - 1);
+                        ? std::to_chars(text, text + 40, magnitude, exponential)
+                        : std::to_chars(text, text + 40, magnitude, exponential, most - 1);
   char *last = std::find(text, done.ptr, 'e');
   const int exponent = std::atoi(last + 1);
   const bool is_long = exponent < -4 || exponent >= whole;
   if (is_long && form == significant)
     return std::copy(text, last, out) +
            std::sprintf(out + (last - text), n > 1 ? "E%+04d" : ".E%+04d", exponent);
-  // The digits, without their point and zeros at their end.
+  // The digits without their point and trailing zeros.
   if (last > text + 1)
     last = std::copy(text + 2, last, text + 1);
   while (last > text + 1 && last[-1] == '0')
@@ -52,14 +53,14 @@ char *write(double size, int form, int n, char *out) {
   out = std::copy(text + before, last, out);
   if (is_long)
     return out + std::sprintf(out, "e%+03d", exponent);
-  // Fortran has nothing after a point that follows the last of its digits.
+  // Fortran writes nothing after a point that follows the last digit.
   const char *const end = count > before || form == few_digits       ? ""
                           : form == significant && exponent == n - 1 ? "."
                                                                      : ".0";
   return std::copy_n(end, std::strlen(end), out);
 }
 
-// Whether these digits, with their exponent, are a number of 1 or more.
+// Whether the digits with their exponent are a number of 1 or more.
 bool is_large(const std::string &digits) {
   const std::size_t mark = std::min(digits.find_first_of("eE"), digits.size()),
                     point = std::min(digits.find('.'), mark);
@@ -76,10 +77,10 @@ bool is_large(const std::string &digits) {
 
 extern "C" {
 
-// A number as text, with blanks after it. Fewest digits: those that bring the number back, as
-// Python writes them: 16.0, 1e-05. Few digits: ten at most, for people: 16; nothing where it is not
-// finite. Significant: `n` digits, without zeros at their end, as Fortran writes
-// them: 16.0, 1.00000E-005. Fixed point: `n` decimals, and no point without them.
+// Writes a number as text, filled up with blanks. Fewest digits: as many as determine the number,
+// as Python writes them: 16.0, 1e-05. Few digits: ten at most, for people: 16; nothing for a number
+// that is not finite. Significant: `n` digits without trailing zeros, as Fortran writes them: 16.0,
+// 1.00000E-005. Fixed point: `n` decimals, and no point without them.
 void bayesindent_write_real(double value, std::int32_t form, std::int32_t n, char *text,
                             std::int32_t length) {
   char written[longest + 8], *end = written;
@@ -96,8 +97,8 @@ void bayesindent_write_real(double value, std::int32_t form, std::int32_t n, cha
   std::fill(std::copy(written, end, text), text + length, ' ');
 }
 
-// A real in the syntax of Fortran or C, the whole text: 1, 1., .5, 1.0e-3, 1d0. Where it is none,
-// the value is 0.
+// Reads a real in the syntax of Fortran or C: 1, 1., .5, 1.0e-3, 1d0. It must fill the whole text;
+// the value is 0 otherwise.
 void bayesindent_read_real(const char *text, std::int32_t length, double *value,
                            std::int32_t *outcome) {
   *value = 0.0;
@@ -106,14 +107,15 @@ void bayesindent_read_real(const char *text, std::int32_t length, double *value,
   std::replace(digits.begin(), digits.end(), 'd', 'e');
   std::replace(digits.begin(), digits.end(), 'D', 'e');
   const char *const last = digits.data() + digits.size();
-  double size = 0.0;
-  const auto done = std::from_chars(digits.data(), last, size);
-  // A second sign is none.
+  double magnitude = 0.0;
+  const auto done = std::from_chars(digits.data(), last, magnitude);
+  // A second sign is not allowed.
   if (done.ec == std::errc::invalid_argument || done.ptr != last || digits[0] == '-')
     return;
-  // Out of range is what is too small, too.
-  *outcome = std::isfinite(size) && (done.ec == std::errc() || !is_large(digits)) ? ok : not_finite;
+  // Numbers that are too small are also reported as out of range; they are allowed.
+  *outcome =
+      std::isfinite(magnitude) && (done.ec == std::errc() || !is_large(digits)) ? ok : not_finite;
   if (*outcome == ok)
-    *value = text[0] == '-' ? -size : size;
+    *value = text[0] == '-' ? -magnitude : magnitude;
 }
 }

@@ -1,13 +1,13 @@
-// What this processor can do, for a choice before OpenBLAS is loaded. A C interface, for Fortran
-// and Python, without any library.
+// Instruction sets of this processor, from which the kernels of OpenBLAS are chosen before it is
+// loaded. A C interface for Fortran and Python that needs no library.
 #include <cstdint>
 #include <cstring>
 
 extern "C" {
 
-// The vector kernels that OpenBLAS shall use; '' where the choice is its own. It picks them from a
-// list of the processors it knows and runs an unknown, younger one with the kernels of 2004, five
-// times slower. What counts is the instruction set, which the processor states itself.
+// The vector kernels that OpenBLAS is to use; '' leaves the choice to OpenBLAS. OpenBLAS chooses
+// from a list of known processors, and runs a newer one with the kernels of 2004, which are five
+// times slower. The instruction sets, which the processor reports itself, decide here.
 const char *bayesindent_blas_kernels() {
 #ifdef __x86_64__
   __builtin_cpu_init();
@@ -20,7 +20,7 @@ const char *bayesindent_blas_kernels() {
   return "";
 }
 
-// Whether to use what was compiled for x86-64-v3, beside such `kernels`. A wheel has the core and
+// Whether to use the code compiled for x86-64-v3, given these `kernels`. A wheel has the core and
 // the batch program twice, for any x86-64 processor and for x86-64-v3.
 std::int32_t bayesindent_is_wide([[maybe_unused]] const char *kernels) {
 #ifdef __x86_64__

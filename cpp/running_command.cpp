@@ -1,5 +1,5 @@
-// What a running command has of the operating system: an output folder to itself, and an end at
-// once on a signal. A C interface, for Fortran.
+// Locks and signals of a running command: an output folder to itself, and an immediate end on a
+// signal. A C interface for Fortran.
 #include <atomic>
 #include <cerrno>
 #include <chrono>
@@ -27,16 +27,16 @@ struct watched_signal {
 watched_signal watched[] = {{SIGINT, "SIGINT"}, {SIGTERM, "SIGTERM"}, {SIGHUP, "SIGHUP"}};
 
 constexpr std::size_t longest = 8192;
-// Two of each, so that what a signal reads is never half-written.
-char words[2][longest], log_file[2][longest];
+// Two copies of each: a signal may arrive while one of them is written.
+char message[2][longest], log_file[2][longest];
 std::atomic<int> current{0};
 std::atomic<bool> ending{false};
 long seconds_east = 0;
 
 int descriptor = -1;
 
-// Appends a text, or a number of at least so many digits: nothing but this may be called in a
-// handler.
+// A line of text. Only such functions as these may be called in a handler of signals. `add` appends
+// a text, or a number with at least the given digits.
 struct line_buffer {
   char text[longest + 128];
   std::size_t length = 0;
@@ -63,7 +63,7 @@ struct line_buffer {
   }
 };
 
-// '2026-11-22 07:00:00,000' of the local clock, as the log writes it.
+// Adds the local time in the format of the log: '2026-11-22 07:00:00,000'.
 void add_time(line_buffer &line) {
   using namespace std::chrono;
   timespec now;
@@ -88,16 +88,17 @@ void add_time(line_buffer &line) {
 
 void add_reason(line_buffer &line, int signal) {
   line.add("stopped by ");
-  for (const watched_signal &one : watched)
-    if (one.number == signal)
-      line.add(one.name);
-  line.add(words[current]);
+  for (const watched_signal &entry : watched)
+    if (entry.number == signal)
+      line.add(entry.name);
+  line.add(message[current]);
   line.add("\n");
 }
 
-// What is under way is given up: results are whole files and whole transactions at every moment.
+// Handler that ends the process. Work in progress is lost, but results are complete files and
+// transactions at every moment.
 void end_at_once(int signal) {
-  // Another thread may take the next one.
+  // Another thread may receive the next signal.
   while (ending.exchange(true))
     pause();
   if (log_file[current][0] != '\0') {
@@ -109,7 +110,7 @@ void end_at_once(int signal) {
     add_reason(line, signal);
     line.send(log);
   }
-  // Nobody may be reading any more.
+  // The reader of standard error may have ended.
   std::signal(SIGPIPE, SIG_IGN);
   line_buffer line;
   add_reason(line, signal);
@@ -119,11 +120,11 @@ void end_at_once(int signal) {
 
 std::mutex listening;
 int listeners = 0;
-bool listens = false;
+bool records = false;
 struct sigaction handler_before;
 std::atomic<bool> requested{false};
 
-void note(int signal, siginfo_t *information, void *context) {
+void record_signal(int signal, siginfo_t *information, void *context) {
   requested = true;
   if ((handler_before.sa_flags & SA_SIGINFO) != 0)
     handler_before.sa_sigaction(signal, information, context);
@@ -131,8 +132,8 @@ void note(int signal, siginfo_t *information, void *context) {
     handler_before.sa_handler(signal);
 }
 
-// Remove the files of a folder that begin with a prefix, if so says a question about the rest of
-// the name.
+// Removes the files of a folder whose names begin with a prefix, if `removed` is true for the rest
+// of the name.
 template <typename question>
 void remove_files(const char *folder, const std::string &prefix, question removed) {
   std::error_code failed;
@@ -144,15 +145,15 @@ void remove_files(const char *folder, const std::string &prefix, question remove
   }
 }
 
-// From now on SIGINT, SIGTERM and SIGHUP end the process with status 128 + signal, unless they are
-// ignored: one line on standard error and in the log of the folder, if there is one. Calling it
-// again changes the line.
+// From now on SIGINT, SIGTERM and SIGHUP end the process with status 128 + signal and one line on
+// standard error and in the log of the folder, if there is one. Ignored signals stay ignored.
+// Another call changes the line.
 void watch(const std::string &folder, bool resumes) {
   const int other = 1 - current;
-  const std::string kept = resumes ? "; what was finished is kept in " + folder +
-                                         ", and the same command goes on from there"
-                                   : "; the same command begins anew";
-  std::snprintf(words[other], longest, "%s", kept.c_str());
+  const std::string continuation = resumes ? "; what was finished is kept in " + folder +
+                                                 ", and the same command goes on from there"
+                                           : "; the same command begins anew";
+  std::snprintf(message[other], longest, "%s", continuation.c_str());
   std::snprintf(log_file[other], longest, "%s",
                 folder.empty() ? "" : (folder + "/run.log").c_str());
   const std::time_t now = std::time(nullptr);
@@ -162,13 +163,13 @@ void watch(const std::string &folder, bool resumes) {
   current = other;
   struct sigaction action = {};
   action.sa_handler = end_at_once;
-  for (const watched_signal &one : watched)
-    sigaddset(&action.sa_mask, one.number);
-  for (watched_signal &one : watched)
-    if (!one.taken && sigaction(one.number, nullptr, &one.before) == 0 &&
-        one.before.sa_handler != SIG_IGN)
-      one.taken = sigaction(one.number, &action, nullptr) == 0;
-  // A file that is larger than the limit is a write that fails, like that on a full disk.
+  for (const watched_signal &entry : watched)
+    sigaddset(&action.sa_mask, entry.number);
+  for (watched_signal &entry : watched)
+    if (!entry.taken && sigaction(entry.number, nullptr, &entry.before) == 0 &&
+        entry.before.sa_handler != SIG_IGN)
+      entry.taken = sigaction(entry.number, &action, nullptr) == 0;
+  // Exceeding the limit of file sizes becomes a failed write, like a full disk.
   std::signal(SIGXFSZ, SIG_IGN);
 }
 
@@ -178,9 +179,10 @@ void unlock() {
   descriptor = -1;
 }
 
-// Wait at most `milliseconds` for the lock of a file, which is made and has the process that holds
-// it; the system frees the lock with that process. 0: locked; 1: process `holder` (0: unknown) has
-// it; 2: the file cannot be opened. A file system without locks counts as locked.
+// Waits at most `milliseconds` for the lock of a file, which is created and stores the number of
+// the locking process; the system releases the lock when that process ends. Returns 0: locked; 1:
+// locked by the process `holder` (0: unknown); 2: the file cannot be opened. A file system without
+// locks counts as locked.
 std::int32_t lock(const std::string &file, std::int32_t milliseconds, std::int32_t *holder) {
   constexpr std::int32_t step = 20;
   *holder = 0;
@@ -203,7 +205,7 @@ std::int32_t lock(const std::string &file, std::int32_t milliseconds, std::int32
     usleep(1000 * step);
     milliseconds -= step;
   }
-  // Who it is only serves the message: a full disk is no reason to stop here.
+  // The number only serves a message: continue if the disk is full.
   if (ftruncate(opened, 0) == 0)
     dprintf(opened, "%ld\n", static_cast<long>(getpid()));
   descriptor = opened;
@@ -216,9 +218,9 @@ extern "C" {
 
 void bayesindent_watch_signals() { watch("", false); }
 
-// Wait for the lock of an output folder and say as it does what became of it. Then a signal is told
-// in its log, too, and the files are removed whose names are `prefix`, a process that is no more,
-// and '-', and so on: what killed processes left half-written.
+// Waits for the lock of an output folder and returns the status of `lock`. Afterwards signals are
+// also written to the log of the folder, and files that killed processes left unfinished are
+// removed: their names consist of `prefix`, the number of a process that has ended, '-', and more.
 std::int32_t bayesindent_take_folder(const char *folder, const char *prefix,
                                      std::int32_t milliseconds, std::int32_t resumes,
                                      std::int32_t *holder) {
@@ -235,22 +237,22 @@ std::int32_t bayesindent_take_folder(const char *folder, const char *prefix,
   return status;
 }
 
-// Remove all files of a folder whose names begin so.
+// Removes all files of a folder whose names begin with `prefix`.
 void bayesindent_remove_files(const char *folder, const char *prefix) {
   remove_files(folder, prefix, [](const char *) { return true; });
 }
 
-// Leave the folder to others, and signals to what they did before.
+// Releases the folder and restores the handlers of signals.
 void bayesindent_end_command() {
-  for (watched_signal &one : watched)
-    if (one.taken)
-      one.taken = sigaction(one.number, &one.before, nullptr) != 0;
+  for (watched_signal &entry : watched)
+    if (entry.taken)
+      entry.taken = sigaction(entry.number, &entry.before, nullptr) != 0;
   unlock();
 }
 
-// While somebody listens, SIGINT is noted before it goes to the handler that it had; without a
-// handler, or where a command watches, nothing is changed. Threads may listen at the same time;
-// with the last what was noted is forgotten.
+// While the library listens, SIGINT is recorded before its handler is called. Nothing changes if
+// SIGINT has no handler, or if a command watches it. Threads may listen at the same time; the last
+// one to stop forgets a recorded signal.
 void bayesindent_listen() {
   const std::lock_guard<std::mutex> guard(listening);
   if (listeners++ > 0)
@@ -261,9 +263,9 @@ void bayesindent_listen() {
   if (handler == SIG_DFL || handler == SIG_IGN || handler == end_at_once)
     return;
   struct sigaction action = handler_before;
-  action.sa_sigaction = note;
+  action.sa_sigaction = record_signal;
   action.sa_flags |= SA_SIGINFO;
-  listens = sigaction(SIGINT, &action, nullptr) == 0;
+  records = sigaction(SIGINT, &action, nullptr) == 0;
 }
 
 void bayesindent_stop_listening() {
@@ -271,14 +273,14 @@ void bayesindent_stop_listening() {
   if (--listeners > 0)
     return;
   requested = false;
-  if (!listens)
+  if (!records)
     return;
   struct sigaction present;
-  // Somebody may have set another one meanwhile.
+  // Another handler may have been set meanwhile.
   if (sigaction(SIGINT, nullptr, &present) == 0 && (present.sa_flags & SA_SIGINFO) != 0 &&
-      present.sa_sigaction == note)
+      present.sa_sigaction == record_signal)
     sigaction(SIGINT, &handler_before, nullptr);
-  listens = false;
+  records = false;
 }
 
 bool bayesindent_stop_requested() { return requested; }

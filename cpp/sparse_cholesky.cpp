@@ -1,9 +1,9 @@
-// Sparse Cholesky factorisation of many matrices with one pattern: a C interface, for Fortran.
+// Sparse Cholesky factorisation of many matrices with the same pattern. A C interface for Fortran.
 //
 // The lower triangle of a symmetric matrix is given in compressed columns, 0-based, diagonal
-// included. The last `kept` unknowns are eliminated last, so that the trailing block of the factor
-// is that of their Schur complement. An analysis is read-only once made and may be shared by
-// threads; each thread acquires a workspace of its own.
+// included. The last `retained` unknowns are eliminated last, so that the trailing block of the
+// factor is the factor of their Schur complement. An analysis does not change once made and may be
+// shared by threads; each thread acquires a workspace of its own.
 #include "multifrontal.h"
 
 #include <algorithm>
@@ -15,7 +15,7 @@
 #include <malloc.h>
 #endif
 
-// The procedures of BLAS and LAPACK that the factorisation calls.
+// Procedures of BLAS and LAPACK for the factorisation.
 extern "C" {
 void spotrf_(const char *, const int *, float *, const int *, int *);
 void strsv_(const char *, const char *, const char *, const int *, const float *, const int *,
@@ -36,13 +36,13 @@ using namespace bayesindent;
 
 namespace {
 
-// Workspaces that are in use: each calls BLAS.
+// Number of workspaces in use; each calls BLAS.
 std::atomic<integer> in_use{0};
 
-// Factor the first `own` columns of a front of `tall` rows, in place: one half, its products from
-// the other half, and that one, so that nearly all the work is matrix products of some size; also
-// the triangular solves, by the inverse of the small diagonal block. Returns the 1-based column
-// whose pivot failed, or 0.
+// Factors the first `own` columns of a front of `tall` rows in place, recursively: one half, its
+// products for the other half, and the other half. Nearly all the work is then products of large
+// matrices. Triangular solves are products, too, with the inverse of the small diagonal block.
+// Returns the 1-based column whose pivot failed, or 0.
 integer factor_columns(real *block, integer height, integer tall, integer own) {
   const real one = 1.0, minus = -1.0, zero = 0.0;
   if (own > panel_width) {
@@ -59,7 +59,7 @@ integer factor_columns(real *block, integer height, integer tall, integer own) {
     failed = factor_columns(diagonal, height, tall - left, right);
     return failed == 0 ? 0 : left + failed;
   }
-  // Rows that a cache holds.
+  // Rows that fit into a cache.
   constexpr integer piece_rows = 192;
   real inverse[panel_width * panel_width], piece[panel_width * piece_rows];
   int info = 0;
@@ -85,8 +85,8 @@ integer factor_columns(real *block, integer height, integer tall, integer own) {
   return 0;
 }
 
-// Add those columns `from` to `to` of a child's update matrix, as the parent counts, of which
-// `into` has the first with `stride` between them.
+// Adds the columns `from` to `to` of a child's update matrix, numbered as in the parent. `into` is
+// the first of them, with `stride` between the columns.
 void add_child(const analysis &self, const real *update, integer d, integer from, integer to,
                real *into, integer stride) {
   const integer m = self.rows_of(d) - self.columns_of(d);
@@ -99,7 +99,7 @@ void add_child(const analysis &self, const real *update, integer d, integer from
     const real *const source = update + static_cast<std::size_t>(i) * m;
     real *const column = into + static_cast<std::size_t>(*at - from) * stride - from;
     while (i < m) {
-      // Rows come in runs.
+      // Adjacent rows are added in runs.
       const integer end = run_end[i];
       real *const run = column + place[i] - i;
       for (; i < end; ++i)
@@ -108,7 +108,7 @@ void add_child(const analysis &self, const real *update, integer d, integer from
   }
 }
 
-// The update matrix of a supernode, `below` entries above the foot of its stack.
+// The update matrix of a supernode, `below` entries above the beginning of its stack.
 real *update_matrix(const analysis &self, workspace &work, integer s, std::size_t below) {
   return self.parity[s] == self.upper
              ? work.arena.get() + self.arena_size - below - self.update_size(s)
@@ -119,20 +119,20 @@ real *update_matrix(const analysis &self, workspace &work, integer s, std::size_
 
 extern "C" {
 
-// Order and analyse a pattern. `group[i]` numbers (from 0) the mesh node of unknown i: unknowns of
-// a node share their neighbours, and the ordering works on nodes. The sizes are the entries of the
-// factor, the floating point operations of one factorisation, and the bytes of one workspace.
+// Orders and analyses a pattern. `group[i]` numbers (from 0) the mesh node of unknown i: unknowns
+// of a node share their neighbours, and the ordering works on nodes. The sizes are the entries of
+// the factor, the floating-point operations of one factorisation, and the bytes of one workspace.
 // Returns null on failure, with the reason in `outcome`.
 void *bayesindent_cholesky_new(integer n, const integer *column_start, const integer *row,
-                               const integer *group, integer kept, double *sizes,
+                               const integer *group, integer retained, double *sizes,
                                integer *outcome) {
-  // Threads of BLAS under threads of ours oversubscribe the machine.
+  // Threads of BLAS within threads of this program oversubscribe the machine.
   if (openblas_set_num_threads != nullptr)
     openblas_set_num_threads(1);
   analysis *made = nullptr;
   *outcome = ok;
   try {
-    made = new analysis(n, column_start, row, group, kept);
+    made = new analysis(n, column_start, row, group, retained);
     std::copy_n(made->sizes, 3, sizes);
   } catch (const status &reason) {
     *outcome = reason;
@@ -142,7 +142,7 @@ void *bayesindent_cholesky_new(integer n, const integer *column_start, const int
     *outcome = internal;
   }
 #ifdef __GLIBC__
-  // What is free goes back to the system: an analysis needs much for a short time.
+  // Returns free memory to the system: an analysis needs much for a short time.
   malloc_trim(0);
 #endif
   return made;
@@ -150,9 +150,9 @@ void *bayesindent_cholesky_new(integer n, const integer *column_start, const int
 
 void bayesindent_cholesky_delete(analysis *self) { delete self; }
 
-// A workspace: a released one, else a new one if less than `free_bytes` suffice. Returns null where
-// memory does not suffice. Memory is written as it is allocated: what is free then counts all that
-// other threads were given.
+// Acquires a workspace: a released one, or a new one if it needs at most `free_bytes`. Returns null
+// if memory does not suffice. Allocation writes to the memory, so the free memory that is measured
+// later excludes the workspaces of other threads.
 workspace *bayesindent_cholesky_acquire(analysis *self, double free_bytes) {
   const std::lock_guard<std::mutex> guard(self->pool_lock);
   if (const integer users = in_use + 1; bayesindent_reserve_blas(users) < users)
@@ -183,9 +183,9 @@ void bayesindent_cholesky_release(analysis *self, workspace *work) {
   --in_use;
 }
 
-// Factor the matrix with these values (order of `row`). If it is indefinite, `unknown` is the
-// 0-based unknown whose pivot failed. Multifrontal: each supernode is a dense front to which its
-// children add their updates. Big BLAS-3 calls throughout.
+// Factors the matrix with these values (order of `row`). If it is indefinite, `unknown` is the
+// 0-based unknown whose pivot failed. The method is multifrontal: each supernode is a dense front
+// to which its children add their updates by large products of matrices.
 integer bayesindent_cholesky_factor(const analysis *handle, workspace *work, const double *values,
                                     integer *unknown) {
   const analysis &self = *handle;
@@ -231,26 +231,26 @@ integer bayesindent_cholesky_factor(const analysis *handle, workspace *work, con
   return ok;
 }
 
-// The lower Cholesky factor (kept x kept, column-major, zeros above) of the Schur complement of the
-// kept unknowns.
-void bayesindent_cholesky_kept_factor(const analysis *handle, const workspace *work,
-                                      double *factor) {
+// The lower Cholesky factor (retained x retained, column-major, zeros above) of the Schur
+// complement of the retained unknowns.
+void bayesindent_cholesky_retained_factor(const analysis *handle, const workspace *work,
+                                          double *factor) {
   const analysis &self = *handle;
-  const integer offset = self.n - self.kept;
-  std::fill(factor, factor + static_cast<std::size_t>(self.kept) * self.kept, 0.0);
+  const integer offset = self.n - self.retained;
+  std::fill(factor, factor + static_cast<std::size_t>(self.retained) * self.retained, 0.0);
   for (integer k = self.supernodes - 1; k >= 0 && self.first[k + 1] > offset; --k) {
     const integer height = self.rows_of(k);
     for (integer j = std::max(self.first[k], offset); j < self.first[k + 1]; ++j) {
       const real *column = work->arena.get() + self.block_start[k] +
                            static_cast<std::size_t>(j - self.first[k]) * height;
       for (integer i = j - self.first[k]; i < height; ++i)
-        factor[static_cast<std::size_t>(j - offset) * self.kept + self.rows[self.row_start[k] + i] -
-               offset] = column[i];
+        factor[static_cast<std::size_t>(j - offset) * self.retained +
+               self.rows[self.row_start[k] + i] - offset] = column[i];
     }
   }
 }
 
-// Overwrite the right-hand side `x` with the solution.
+// Overwrites the right-hand side `x` with the solution.
 void bayesindent_cholesky_solve(const analysis *handle, workspace *work, double *x) {
   const analysis &self = *handle;
   const real one = 1.0, minus = -1.0, zero = 0.0;
@@ -258,7 +258,7 @@ void bayesindent_cholesky_solve(const analysis *handle, workspace *work, double 
   real *const y = work->column.get(), *const part = y + self.n;
   for (integer k = 0; k < self.n; ++k)
     y[k] = x[self.unknown_at[k]];
-  // What comes before the first load does not move it.
+  // Entries before the first non-zero load stay zero.
   const integer loaded =
       static_cast<integer>(std::find_if(y, y + self.n, [](real load) { return load != 0.0; }) - y);
   for (integer k = 0; k < self.supernodes; ++k) {

@@ -1,5 +1,5 @@
-// What is asked of the operating system but signals: files, memory, the program itself. A C
-// interface, for Fortran.
+// Services of the operating system other than signals: files, memory, the location of the program.
+// A C interface for Fortran.
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
@@ -22,14 +22,14 @@
 extern "C" {
 const char *bayesindent_blas_kernels();
 std::int32_t bayesindent_is_wide(const char *kernels);
-// Of OpenBLAS: a buffer for one caller, who gives it back for the next.
+// Procedures of OpenBLAS: a buffer for one caller, which is returned for the next one.
 void *blas_memory_alloc(int) __attribute__((weak));
 void blas_memory_free(void *) __attribute__((weak));
 }
 
 namespace {
 
-// What was read last, until it is taken.
+// The bytes of the last file that was read, until they are taken.
 thread_local std::string contents;
 
 struct new_file {
@@ -43,7 +43,7 @@ struct new_file {
   }
 };
 
-// The first number after a key at the beginning of a line; infinite where there is none.
+// The first number after a key at the beginning of a line; infinite if there is none.
 double entry(const char *path, const std::string &key) {
   std::ifstream file(path);
   for (std::string line; std::getline(file, line);) {
@@ -55,20 +55,20 @@ double entry(const char *path, const std::string &key) {
   return std::numeric_limits<double>::infinity();
 }
 
-// Why a file cannot be written.
+// The reason why a file cannot be written.
 const char *reason_of(int error) {
   return error == ENOSPC  ? "the disk is full"
          : error == EFBIG ? "larger than files may be here"
                           : std::strerror(error);
 }
 
-// Where this program is.
+// The folder of this program.
 std::filesystem::path own_folder() {
   std::error_code failed;
   return std::filesystem::read_symlink("/proc/self/exe", failed).parent_path();
 }
 
-// The package's data in a Python beside this program, the last by its name; '' if none has them.
+// The package's data in a Python beside this program, the last one by name; '' if there are none.
 // Debian's Python installs into other folders than it reports when the package is built.
 std::string other_packages() {
   const char *const places = "../lib*/python3*/{site,dist}-packages/bayesindent/data/";
@@ -79,7 +79,7 @@ std::string other_packages() {
   return last;
 }
 
-// Start the program of this file with the arguments of this one; return where that is not possible.
+// Replaces this process by the program of a file, with the same arguments; returns if that fails.
 void restart(const std::string &file) {
   std::ifstream started("/proc/self/cmdline");
   std::string line(std::istreambuf_iterator<char>(started), {});
@@ -94,8 +94,8 @@ void restart(const std::string &file) {
 
 extern "C" {
 
-// Read the `length` bytes of a file or a pipe, but not more than about `largest`, until they are
-// taken. 1: it cannot be opened, 2: read.
+// Reads a file or a pipe of `length` bytes, but not much more than `largest`;
+// bayesindent_take_bytes takes the bytes. Returns 1 if it cannot be opened, 2 if it cannot be read.
 std::int32_t bayesindent_read_file(const char *path, std::int32_t largest, std::int32_t *length) {
   contents.clear();
   *length = 0;
@@ -118,9 +118,9 @@ void bayesindent_take_bytes(char *bytes) {
   contents = {};
 }
 
-// Begin a file beside the one that it will replace.
+// Begins a file beside the one that it will replace.
 void *bayesindent_begin_file(const char *path, const char *beside) {
-  // Never through a link that somebody left there.
+  // A link with this name must not be followed.
   unlink(beside);
   const int opened = open(beside, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
   return new new_file{path, beside, opened < 0 ? nullptr : fdopen(opened, "wb"),
@@ -133,7 +133,8 @@ void bayesindent_add_to_file(void *handle, const char *bytes, std::int32_t n) {
     self.check(std::fwrite(bytes, 1, n, self.file) == static_cast<std::size_t>(n));
 }
 
-// To the disk, then in its place; or there is no new file and a reason, '' otherwise.
+// Writes the file to the disk and gives it its name. After a failure there is no new file, and a
+// reason, which is '' otherwise.
 void bayesindent_finish_file(void *handle, char *reason, std::int32_t size) {
   const std::unique_ptr<new_file> self(static_cast<new_file *>(handle));
   if (self->file != nullptr) {
@@ -148,23 +149,23 @@ void bayesindent_finish_file(void *handle, char *reason, std::int32_t size) {
   std::snprintf(reason, size, "%s", self->error == 0 ? "" : reason_of(self->error));
 }
 
-// Let the file `beside` have the name `path` if it is whole and there is none of that name; else it
-// is removed.
+// Renames the file `beside` to `path` if it is complete and `path` does not exist; removes it
+// otherwise.
 void bayesindent_place_file(const char *beside, const char *path, bool whole) {
-  // Not every file system has links.
+  // Some file systems have no links.
   if (whole && link(beside, path) != 0 && access(path, F_OK) != 0)
     std::rename(beside, path);
   unlink(beside);
 }
 
-// And those above it, where they are missing.
+// Creates a folder and its parents, if they are missing.
 void bayesindent_make_folder(const char *path) {
   std::error_code failed;
   std::filesystem::create_directories(path, failed);
 }
 
-// Bytes that this process may still use: of the machine, of its group of processes, and of its
-// address space.
+// Bytes that this process may still use, limited by the machine, its control group and its address
+// space.
 double bayesindent_free_memory() {
   constexpr double kilobyte = 1024.0;
   const double group = entry("/sys/fs/cgroup/memory.max", ""),
@@ -177,9 +178,9 @@ double bayesindent_free_memory() {
   return std::max(bytes, 0.0);
 }
 
-// Have OpenBLAS take its buffers for so many callers at a time, before there are any; for how many
-// of them it has. Where it cannot take one it tries for ever. A thread needs as much again for its
-// own memory.
+// Lets OpenBLAS allocate its buffers for this number of callers at a time, before there are any;
+// returns the number that it has buffers for. OpenBLAS would try for ever to allocate a missing
+// one. A thread needs as much memory again for its own data.
 std::int32_t bayesindent_reserve_blas(std::int32_t callers) {
   constexpr double bytes = 1.5e8;
   static std::mutex reserving;
@@ -197,8 +198,9 @@ std::int32_t bayesindent_reserve_blas(std::int32_t callers) {
   return reserved = static_cast<std::int32_t>(buffers.size());
 }
 
-// The folder of the package's data, with a slash at its end: BAYESINDENT_DATA; or, seen from this
-// program, where meson installs it, in a wheel, in the build folder, or beside a Python.
+// The folder of the package's data, with a trailing slash: BAYESINDENT_DATA; or, relative to this
+// program, the folder where meson installs it, that of a wheel, that of the build, or that of a
+// Python.
 void bayesindent_data_folder(const char *installed, char *folder, std::int32_t size) {
   const char *const stated = std::getenv("BAYESINDENT_DATA");
   std::string found = stated != nullptr && *stated != '\0' ? std::string(stated) + "/" : "";
@@ -212,8 +214,8 @@ void bayesindent_data_folder(const char *installed, char *folder, std::int32_t s
   std::snprintf(folder, size, "%s", found.empty() ? other_packages().c_str() : found.c_str());
 }
 
-// Write a line to standard output (1) or error (2) at once. Output that cannot be written ends the
-// program with status 1.
+// Writes a line to standard output (1) or error (2) at once. If standard output cannot be written,
+// the program ends with status 1.
 void bayesindent_print(std::int32_t to, const char *line) {
   if (dprintf(to, "%s\n", line) >= 0 || to != 1)
     return;
@@ -221,20 +223,21 @@ void bayesindent_print(std::int32_t to, const char *line) {
   std::exit(1);
 }
 
-// Say which vector kernels OpenBLAS shall use and how many threads, which it reads before a program
-// starts: so start this one once more, the one that fits this processor. More than one thread would
-// change the last bits of results with the number of cores. A user's own choice stands.
-void bayesindent_settle_blas() {
+// Sets the vector kernels and the number of threads of OpenBLAS. OpenBLAS reads them before a
+// program starts, so the program, in the version for this processor, is started once more. More
+// than one thread would make the last bits of results depend on the number of cores. The user's own
+// settings are respected.
+void bayesindent_prepare_blas() {
   const std::string kernels = bayesindent_blas_kernels();
-  const bool settled = std::getenv("OPENBLAS_NUM_THREADS") != nullptr &&
-                       (std::getenv("OPENBLAS_CORETYPE") != nullptr || kernels.empty());
+  const bool prepared = std::getenv("OPENBLAS_NUM_THREADS") != nullptr &&
+                        (std::getenv("OPENBLAS_CORETYPE") != nullptr || kernels.empty());
   setenv("OPENBLAS_NUM_THREADS", "1", 0);
   if (!kernels.empty())
     setenv("OPENBLAS_CORETYPE", kernels.c_str(), 0);
   const char *const chosen = std::getenv("OPENBLAS_CORETYPE");
   if (chosen != nullptr && bayesindent_is_wide(chosen))
     restart((own_folder() / "../bayesindent/x86_64_v3/bayesindent-batch").string());
-  if (!settled)
+  if (!prepared)
     restart("/proc/self/exe");
 }
 }

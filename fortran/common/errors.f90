@@ -1,8 +1,8 @@
-!> The one way a procedure of the library reports that it could not do its work.
+!> How a procedure of the library reports that it could not do its work.
 !>
 !> The last argument is `type(error_type), allocatable, intent(out) :: error`; unallocated means
 !> success. The caller returns at once if it is allocated. Nothing in the library stops the process.
-!> What may be meant, but should be known, is a warning: a list of lines.
+!> A warning reports input that is allowed but unusual; warnings are a list of lines.
 module errors
    use text, only: split_list
    implicit none
@@ -10,17 +10,17 @@ module errors
    public :: error_type, prefix_error, raise, refuse, exit_failure, exit_bad_input, exit_unusable, &
       & machine_failure, warning_type, warn, suggestion
 
-   !> Exit statuses of the programs (see the README); the last is of a process that is done, with a
-   !> result that cannot be used.
+   !> Exit statuses of the programs (see the README). With `exit_unusable` the program finished, but
+   !> its result cannot be used.
    integer, parameter :: exit_failure = 1, exit_bad_input = 2, exit_unusable = 3
 
-   !> The machine could not do the work (memory, disk): no result about its subject; programs end
-   !> with `exit_failure`.
+   !> The machine could not do the work (memory, disk), which says nothing about the crystal.
+   !> Programs end with `exit_failure`.
    integer, parameter :: machine_failure = 3
 
    type :: error_type
-      !> `exit_bad_input` if the user's input is at fault, `machine_failure` if the machine is, else
-      !> `exit_failure`.
+      !> `exit_bad_input` if the user's input is wrong, `machine_failure` if the machine could not
+      !> do the work, `exit_failure` otherwise.
       integer :: status = exit_failure
       !> One line: what is wrong, the value, what is allowed.
       character(len=:), allocatable :: message
@@ -32,8 +32,7 @@ module errors
 
 contains
 
-   !> Set `error` to a failure with this message; `status` says whose fault it is (default
-   !> `exit_failure`).
+   !> Set `error` to a failure with this message; the default of `status` is `exit_failure`.
    pure subroutine raise(error, message, status)
       type(error_type), allocatable, intent(out) :: error
       character(len=*), intent(in) :: message
@@ -44,7 +43,7 @@ contains
       if (present(status)) error%status = status
    end subroutine raise
 
-   !> Set `error` to a refusal, `message`, of what the user gave.
+   !> Set `error` to the refusal of a user's input, with this `message`.
    pure subroutine refuse(error, message)
       type(error_type), allocatable, intent(out) :: error
       character(len=*), intent(in) :: message
@@ -60,7 +59,7 @@ contains
       if (allocated(error)) error%message = place//error%message
    end subroutine prefix_error
 
-   !> Add a line.
+   !> Append a line to the warnings.
    pure subroutine warn(warnings, text)
       type(warning_type), allocatable, intent(inout) :: warnings(:)
       character(len=*), intent(in) :: text
@@ -71,25 +70,25 @@ contains
       warnings = [warnings, last]
    end subroutine warn
 
-   !> ', did you mean X?' with the nearest of the allowed names, or nothing if none is near.
-   pure function suggestion(written, allowed) result(words)
-      !> The name that is not known; names, separated by ', '.
+   !> ', did you mean X?' with the nearest of the allowed names; empty if no name is near.
+   pure function suggestion(written, allowed) result(hint)
+      !> The unknown name; the allowed names, separated by ', '.
       character(len=*), intent(in) :: written, allowed
-      character(len=:), allocatable :: words, names(:)
+      character(len=:), allocatable :: hint, names(:)
       integer :: i, nearest
 
-      words = ''
+      hint = ''
       names = split_list(allowed)
       if (size(names) == 0) return
       associate (distances => [(edit_distance(trim(names(i)), written), i=1, size(names))])
          nearest = minloc(distances, dim=1)
          if (distances(nearest) <= max(1, len_trim(names(nearest))/3)) then
-            words = ', did you mean '//trim(names(nearest))//'?'
+            hint = ', did you mean '//trim(names(nearest))//'?'
          end if
       end associate
    end function suggestion
 
-   !> Levenshtein's distance.
+   !> Levenshtein's distance between two texts.
    pure integer function edit_distance(a, b) result(distance)
       character(len=*), intent(in) :: a, b
       integer :: previous(0:len(b)), current(0:len(b)), i, j

@@ -1,5 +1,4 @@
-!> Whole files in, whole files out, the paths between them, and the checksum by which a change is
-!> seen.
+!> Read and write whole files, resolve their paths, and compute the checksum that reveals a change.
 module files
    use, intrinsic :: iso_c_binding, only: c_associated, c_bool, c_char, c_int, c_null_char, &
       & c_null_ptr, c_ptr
@@ -12,11 +11,11 @@ module files
    public :: name_beside, folder_of, full_path, resolve_path, file_exists, is_folder, printable
    public :: process_number, checksum, hash_of
 
-   !> How the names of files begin that are not whole yet; then come the process that writes, '-',
-   !> and the name to be.
+   !> Names of unfinished files begin with this text; the number of the writing process, '-' and the
+   !> final name follow.
    character(len=*), parameter, public :: unfinished = '.part-'
 
-   !> Larger files are refused, bytes: an input that big is no input of ours.
+   !> Largest file that is read, bytes. No input of this program is so large.
    integer, parameter :: largest = 1000000000
 
    interface
@@ -69,7 +68,7 @@ module files
       end function c_realpath
    end interface
 
-   !> A file that is written piece by piece, whole or not at all.
+   !> A file that is written piece by piece and appears under its name only when it is complete.
    type :: new_file_type
       private
       type(c_ptr) :: handle = c_null_ptr
@@ -80,35 +79,36 @@ module files
 
 contains
 
-   !> The text of a file or a pipe, without a UTF-8 byte order mark. The message of a refusal does
-   !> not name the file. `content` is all of it.
+   !> Read the `content` of a text file or a pipe, without a UTF-8 byte order mark. The message of a
+   !> refusal does not name the file.
    subroutine read_text_file(path, content, error)
       character(len=*), intent(in) :: path
       character(len=:), allocatable, intent(out) :: content
       type(error_type), allocatable, intent(out) :: error
-      integer :: wrong, i
-      logical :: here
+      integer :: invalid_byte, line, line_end, i
+      logical :: exists
 
-      inquire (file=path, exist=here)
+      inquire (file=path, exist=exists)
       if (len_trim(path) == 0) then
          call refuse(error, 'the name of the file is empty')
       else if (is_folder(path)) then
          call refuse(error, 'is a folder; a file is needed')
-      else if (.not. here) then
+      else if (.not. exists) then
          call refuse(error, 'the file does not exist')
       else
          call read_bytes(path, content, error)
       end if
       if (allocated(error)) return
-      wrong = not_utf8(content)
+      invalid_byte = not_utf8(content)
       if (index(content, 'PK'//achar(3)//achar(4)) == 1) then
          call refuse(error, 'the file is a spreadsheet or another zip archive (.xlsx, .ods), not ' &
             & //'text: save its sheet as CSV')
-      else if (index(content, achar(0)) > 0 .or. wrong == 1) then
+      else if (index(content, achar(0)) > 0 .or. invalid_byte == 1) then
          call refuse(error, 'the file is not plain text (save it as UTF-8)')
-      else if (wrong > 0) then
-         call refuse(error, 'line '//to_text(1 + count([(content(i:i) == achar(10), i=1, wrong)])) &
-            & //': byte '//to_text(wrong - index(content(:wrong - 1), achar(10), back=.true.)) &
+      else if (invalid_byte > 0) then
+         line = 1 + count([(content(i:i) == achar(10), i=1, invalid_byte)])
+         line_end = index(content(:invalid_byte - 1), achar(10), back=.true.)
+         call refuse(error, 'line '//to_text(line)//': byte '//to_text(invalid_byte - line_end) &
             & //' is not UTF-8 (save the file as UTF-8)')
       else
          if (index(content, char(239)//char(187)//char(191)) == 1) content = content(4:)
@@ -118,10 +118,10 @@ contains
       end if
    end subroutine read_text_file
 
-   !> All that can be read of a file or a pipe, as it is.
+   !> Read the bytes of a file or a pipe unchanged.
    subroutine read_bytes(path, content, error)
       character(len=*), intent(in) :: path
-      !> All of it.
+      !> All bytes.
       character(len=:), allocatable, intent(out) :: content
       type(error_type), allocatable, intent(out) :: error
       integer(c_int) :: outcome, n
@@ -136,31 +136,32 @@ contains
       end if
    end subroutine read_bytes
 
-   !> Place of the first byte that UTF-8 does not allow there, 0 where there is none.
+   !> Position of the first byte that is not valid UTF-8; 0 if all are valid.
    pure integer function not_utf8(string) result(i)
       character(len=*), intent(in) :: string
-      integer :: first, second, more, k
+      integer :: first, second, following, k
 
       i = 1
       do while (i <= len(string))
          first = ichar(string(i:i))
-         ! Bytes that must follow; below, second bytes that would make a sequence too long, a
-         ! surrogate or beyond the last character.
-         more = count(first >= [128, 224, 240])
-         if ((first >= 128 .and. first < 194) .or. first > 244 .or. i + more > len(string)) return
-         do k = 1, more
+         ! The bytes that must follow. The comparisons below exclude second bytes that would make a
+         ! sequence too long, a surrogate or a code beyond the last character.
+         following = count(first >= [128, 224, 240])
+         if ((first >= 128 .and. first < 194) .or. first > 244) return
+         if (i + following > len(string)) return
+         do k = 1, following
             second = ichar(string(i + k:i + k))
             if (second < 128 .or. second > 191) return
             if (k > 1) cycle
             if ((first == 224 .and. second < 160) .or. (first == 237 .and. second > 159)) return
             if ((first == 240 .and. second < 144) .or. (first == 244 .and. second > 143)) return
          end do
-         i = i + 1 + more
+         i = i + 1 + following
       end do
       i = 0
    end function not_utf8
 
-   !> Write a file of this `content` whole or not at all.
+   !> Write a file with this `content`, completely or not at all.
    subroutine replace_file(path, content, error)
       character(len=*), intent(in) :: path, content
       type(error_type), allocatable, intent(out) :: error
@@ -180,7 +181,7 @@ contains
       self%handle = c_begin_file(path//c_null_char, name_beside(path)//c_null_char)
    end subroutine begin
 
-   !> Write the `content` that comes next; after a failure nothing.
+   !> Write the next piece of `content`; after a failure nothing is written.
    subroutine add(self, content)
       class(new_file_type), intent(inout) :: self
       character(len=*), intent(in) :: content
@@ -188,7 +189,8 @@ contains
       call c_add_to_file(self%handle, content, len(content))
    end subroutine add
 
-   !> To the disk, then in its place; after a failure, which is reported now, there is no new file.
+   !> Write the file to the disk and give it its name. A failure of any piece is reported here, and
+   !> then there is no new file.
    subroutine finish(self, error)
       class(new_file_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
@@ -202,7 +204,7 @@ contains
       end associate
    end subroutine finish
 
-   !> The name by which this process writes a file until it is whole.
+   !> The name under which this process writes a file until it is complete.
    function name_beside(path) result(name)
       character(len=*), intent(in) :: path
       character(len=:), allocatable :: name
@@ -211,8 +213,8 @@ contains
          & //path(index(path, '/', back=.true.) + 1:)
    end function name_beside
 
-   !> Give the file that was made at `name_beside` its name, `path`, if it is whole and there is
-   !> none of that name; else it is removed.
+   !> Rename the file at `name_beside` to `path` if it is complete and `path` does not exist; remove
+   !> it otherwise.
    subroutine place_new_file(path, whole)
       character(len=*), intent(in) :: path
       !> Whether all of it was written.
@@ -221,7 +223,7 @@ contains
       call c_place_file(name_beside(path)//c_null_char, path//c_null_char, logical(whole, c_bool))
    end subroutine place_new_file
 
-   !> Make a folder and those above it, where they are missing.
+   !> Make a folder and its parents, if they are missing.
    subroutine make_folder(path, error)
       character(len=*), intent(in) :: path
       type(error_type), allocatable, intent(out) :: error
@@ -234,7 +236,7 @@ contains
       end if
    end subroutine make_folder
 
-   !> The folder part of a path with its last slash, '' for the current folder.
+   !> The folder of a path with its last slash; empty for the current folder.
    pure function folder_of(path) result(folder)
       character(len=*), intent(in) :: path
       character(len=:), allocatable :: folder
@@ -242,7 +244,8 @@ contains
       folder = path(:index(path, '/', back=.true.))
    end function folder_of
 
-   !> `name` as it is if absolute, else relative to `folder` (which ends in a slash, or is empty).
+   !> `name` unchanged if it is absolute, else relative to `folder`, which ends in a slash or is
+   !> empty.
    pure function resolve_path(folder, name) result(path)
       character(len=*), intent(in) :: folder, name
       character(len=:), allocatable :: path
@@ -251,7 +254,7 @@ contains
       if (index(name, '/') /= 1) path = folder//name
    end function resolve_path
 
-   !> The absolute path of a file that is there, else as it is.
+   !> The absolute path of an existing file; the path unchanged if there is no file.
    function full_path(path) result(resolved)
       character(len=*), intent(in) :: path
       character(len=:), allocatable :: resolved
@@ -276,8 +279,8 @@ contains
       inquire (file=path//'/.', exist=is_folder)
    end function is_folder
 
-   !> A user's text, `string`, fit for one line of a message: control characters shown as '?', long
-   !> texts cut.
+   !> A user's text, `string`, made fit for one line of a message: control characters become '?',
+   !> long texts are cut.
    pure function printable(string) result(shown)
       character(len=*), intent(in) :: string
       character(len=:), allocatable :: shown
@@ -287,7 +290,7 @@ contains
       last = len(string)
       if (last > longest) then
          last = longest
-         ! Never in the middle of a UTF-8 sequence, whose later bytes are 10xxxxxx.
+         ! Do not cut a UTF-8 sequence, whose later bytes are 10xxxxxx.
          do while (last > 1 .and. iand(iachar(string(last + 1:last + 1)), 192) == 128)
             last = last - 1
          end do
@@ -299,18 +302,17 @@ contains
       if (last < len(string)) shown = shown//'...'
    end function printable
 
-   !> Fowler, Noll and Vo's hash of 64 bits (FNV-1a) of some bytes, in hexadecimal digits; products
-   !> wrap around.
+   !> The 64-bit hash FNV-1a of Fowler, Noll and Vo, in hexadecimal digits.
    pure character(len=16) function checksum(bytes) result(digits)
-      !> Of any number.
+      !> Any number of bytes.
       character(len=*), intent(in) :: bytes
 
       write (digits, '(z16.16)') hash_of(bytes)
    end function checksum
 
-   !> The same as a number.
+   !> The hash FNV-1a as a number; its products wrap around.
    pure integer(i8) function hash_of(bytes) result(hash)
-      !> Of any number.
+      !> Any number of bytes.
       character(len=*), intent(in) :: bytes
       integer(i8), parameter :: prime = 1099511628211_i8, basis = -3750763034362895579_i8
       integer :: i

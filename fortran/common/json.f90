@@ -7,8 +7,8 @@
 !>     call document%end_array()
 !>     call document%end_object()
 !>
-!> The key is empty for the outermost value and within arrays. What is not finite becomes null;
-!> numbers come back to the last bit.
+!> The key is empty for the outermost value and within arrays. A number that is not finite becomes
+!> null. Other numbers are written with all digits, so that reading them restores every bit.
 module json
    use kinds, only: wp
    use text, only: append, newline, number_text, split_list, to_text
@@ -23,13 +23,13 @@ module json
       private
       character(len=:), allocatable :: page
       integer :: filled = 0, depth = 0
-      !> By depth: whether a value was written there, and the bracket that ends it.
+      !> For each depth: whether a value has been written, and the bracket that closes the level.
       logical :: begun(0:deepest) = .false.
       character :: bracket(0:deepest) = ' '
    contains
       procedure :: begin_object, end_object => close_level, begin_array, &
          & end_array => close_level, put_numbers
-      !> A value that is JSON already.
+      !> `put_json` writes a value that is JSON already.
       procedure :: put_json, text => document_text
       procedure, private :: put_text, put_real, put_integer, put_logical, put_reals, &
          & put_matrix, put_lines
@@ -39,7 +39,7 @@ module json
 
 contains
 
-   !> Open an object, `key` its name in the object around it.
+   !> Open an object; `key` is its name in the surrounding object.
    pure subroutine begin_object(self, key)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in), optional :: key
@@ -47,7 +47,7 @@ contains
       call open_level(self, '{}', key)
    end subroutine begin_object
 
-   !> Open an array, `key` its name in the object around it.
+   !> Open an array; `key` is its name in the surrounding object.
    pure subroutine begin_array(self, key)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in), optional :: key
@@ -55,11 +55,11 @@ contains
       call open_level(self, '[]', key)
    end subroutine begin_array
 
-   !> A number, of `values`, for each name, in the object that is open, or in one of their own under
+   !> Write one of the numbers `values` for each name, into the open object or into a new one under
    !> `key`.
    pure subroutine put_numbers(self, names, values, key)
       class(json_type), intent(inout) :: self
-      !> Separated by ', '; and of each its value.
+      !> Separated by ', '; one value for each name.
       character(len=*), intent(in) :: names
       real(wp), intent(in) :: values(:)
       character(len=*), intent(in), optional :: key
@@ -74,7 +74,7 @@ contains
       if (present(key)) call self%end_object()
    end subroutine put_numbers
 
-   !> `value`, which is JSON already, under `key`.
+   !> Write `value`, which is JSON already, under `key`.
    pure subroutine put_json(self, key, value)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in) :: key, value
@@ -83,7 +83,7 @@ contains
       call append(self%page, self%filled, value)
    end subroutine put_json
 
-   !> The text `value` under `key`.
+   !> Write the text `value` under `key`.
    pure subroutine put_text(self, key, value)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in) :: key, value
@@ -91,7 +91,7 @@ contains
       call self%put_json(key, quoted(value))
    end subroutine put_text
 
-   !> The number `value` under `key`, to the last bit.
+   !> Write the number `value` under `key`, with all digits.
    pure subroutine put_real(self, key, value)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in) :: key
@@ -100,7 +100,7 @@ contains
       call self%put_json(key, number(value))
    end subroutine put_real
 
-   !> The integer `value` under `key`.
+   !> Write the integer `value` under `key`.
    pure subroutine put_integer(self, key, value)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in) :: key
@@ -109,7 +109,7 @@ contains
       call self%put_json(key, to_text(value))
    end subroutine put_integer
 
-   !> The logical `value` under `key`.
+   !> Write the logical `value` under `key`.
    pure subroutine put_logical(self, key, value)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in) :: key
@@ -118,7 +118,7 @@ contains
       call self%put_json(key, trim(merge('true ', 'false', value)))
    end subroutine put_logical
 
-   !> An array of the numbers `values` under `key`.
+   !> Write the numbers `values` under `key` as an array.
    pure subroutine put_reals(self, key, values)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in) :: key
@@ -134,7 +134,7 @@ contains
       call append(self%page, self%filled, ']')
    end subroutine put_reals
 
-   !> A matrix `values` under `key`, as an array of its rows.
+   !> Write the matrix `values` under `key` as an array of its rows.
    pure subroutine put_matrix(self, key, values)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in) :: key
@@ -148,7 +148,7 @@ contains
       call self%end_array()
    end subroutine put_matrix
 
-   !> An array of texts under a `key`.
+   !> Write the texts `lines` under `key` as an array.
    pure subroutine put_lines(self, key, lines)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in) :: key
@@ -162,7 +162,7 @@ contains
       call self%end_array()
    end subroutine put_lines
 
-   !> What was written, with a newline at its end.
+   !> The document, with a newline at its end.
    pure function document_text(self) result(text)
       class(json_type), intent(in) :: self
       character(len=:), allocatable :: text
@@ -183,7 +183,7 @@ contains
       self%bracket(self%depth) = brackets(2:2)
    end subroutine open_level
 
-   !> Close the object or the array that is open.
+   !> Close the innermost object or array.
    pure subroutine close_level(self)
       class(json_type), intent(inout) :: self
 
@@ -194,7 +194,7 @@ contains
       self%depth = self%depth - 1
    end subroutine close_level
 
-   !> Comma, line and key before a value.
+   !> Write the comma, the line break and the key that precede a value.
    pure subroutine begin_value(self, key)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in), optional :: key
@@ -214,7 +214,7 @@ contains
       if (abs(value) <= huge(value)) string = number_text(value)
    end function number
 
-   !> The text `string` as JSON.
+   !> The text `string` as a JSON literal.
    pure function quoted(string) result(literal)
       character(len=*), intent(in) :: string
       character(len=:), allocatable :: literal

@@ -1,13 +1,14 @@
-!> Values in a fixed order, which one procedure both gives and takes: it names them one by one. So
-!> what is written, read and described cannot differ. They are text, a line or a block each:
+!> Values in a fixed order. One procedure names them one by one, and the same procedure writes them,
+!> reads them and describes them, so that the three cannot differ. Each value is text, on one line
+!> or on several:
 !>
 !>     degree 4
 !>     lower 2
 !>     0.15 2.0
 !>
-!> Reading is strict: the next line has the expected label, values are finite, counts hold, and the
-!> last line is a checksum of all before it. After the first error nothing more is done. To describe
-!> them they are given as named values instead.
+!> Reading is strict: the next line must have the expected label, values must be finite, counts must
+!> be right, and the last line is a checksum of all lines before it. After the first error nothing
+!> more is read or written. A description gives them as named values instead of text.
 module labelled_values
    use errors, only: error_type, refuse
    use files, only: checksum, printable
@@ -18,21 +19,21 @@ module labelled_values
    private
    public :: labelled_values_type
 
-   !> They bring a number back.
+   !> Digits that determine a real exactly.
    integer, parameter :: all_digits = 17
-   !> Bytes; larger files are not read (see `files`).
+   !> Bytes of the largest text (see `files`).
    integer(i8), parameter :: largest = 1000000000_i8
 
    type :: labelled_values_type
-      !> Values are taken; else they are given.
+      !> Whether values are read; they are written otherwise.
       logical :: reading = .false.
-      !> What they are given to in place of a text.
+      !> If associated, the values are put here instead of into a text.
       type(named_values_type), pointer :: described => null()
       type(error_type), allocatable :: error
-      !> What is read; or what was written, in its first `filled` bytes.
+      !> The text to read; or the written text, in its first `filled` bytes.
       character(len=:), allocatable :: content
       integer :: filled = 0
-      !> Next byte to read, and the number of the line before it.
+      !> Position of the next byte to read, and number of the line before it.
       integer, private :: position = 1, line = 0
    contains
       procedure :: text => exchange_text, lines => exchange_lines, integer => exchange_integer, &
@@ -41,34 +42,34 @@ module labelled_values
 
 contains
 
-   !> A text without line breaks.
+   !> Read or write a text without line breaks.
    subroutine exchange_text(self, label, value)
       class(labelled_values_type), intent(inout) :: self
-      !> Of the value, one word.
+      !> Label of the value, one word.
       character(len=*), intent(in) :: label
-      !> Given or taken.
+      !> Written, or replaced by the value that is read.
       character(len=:), allocatable, intent(inout) :: value
       character(len=:), allocatable :: line
 
       if (associated(self%described)) then
          call self%described%put(label, value)
       else if (self%reading) then
-         call take_line(self, label, line)
+         call read_line(self, label, line)
          if (index(line, label//' ') /= 1) then
             call self%fail(''''//label//''' is expected, not '''//printable(line)//'''')
          end if
          value = line(len(label) + 2:)
       else
-         call put(self, label//' '//value//newline)
+         call append_text(self, label//' '//value//newline)
       end if
    end subroutine exchange_text
 
-   !> A text of any number of lines.
+   !> Read or write a text of any number of lines.
    subroutine exchange_lines(self, label, value)
       class(labelled_values_type), intent(inout) :: self
-      !> Of the value, one word.
+      !> Label of the value, one word.
       character(len=*), intent(in) :: label
-      !> Given or taken.
+      !> Written, or replaced by the value that is read.
       character(len=:), allocatable, intent(inout) :: value
       character(len=:), allocatable :: line
       integer :: n, i, first
@@ -81,12 +82,12 @@ contains
       if (.not. self%reading) n = n + count([(value(i:i) == newline, i=1, len(value))])
       call self%integer(label, n)
       if (.not. self%reading) then
-         call put(self, value//newline)
+         call append_text(self, value//newline)
          return
       end if
       first = self%position
       do i = 1, n
-         call take_line(self, label, line)
+         call read_line(self, label, line)
          if (allocated(self%error)) return
       end do
       value = self%content(first:self%position - 2)
@@ -94,9 +95,9 @@ contains
 
    subroutine exchange_integer(self, label, value)
       class(labelled_values_type), intent(inout) :: self
-      !> Of the value, one word.
+      !> Label of the value, one word.
       character(len=*), intent(in) :: label
-      !> Given or taken.
+      !> Written, or replaced by the value that is read.
       integer, intent(inout) :: value
       character(len=:), allocatable :: text
       integer :: outcome
@@ -116,9 +117,9 @@ contains
 
    subroutine exchange_real(self, label, value)
       class(labelled_values_type), intent(inout) :: self
-      !> Of the value, one word.
+      !> Label of the value, one word.
       character(len=*), intent(in) :: label
-      !> Given or taken.
+      !> Written, or replaced by the value that is read.
       real(wp), intent(inout) :: value
       character(len=:), allocatable :: text
 
@@ -131,14 +132,14 @@ contains
       if (self%reading) call parse(self, text, label, value)
    end subroutine exchange_real
 
-   !> Any number of values, their count first.
+   !> Read or write any number of values, their count first.
    subroutine exchange_reals(self, label, values)
       class(labelled_values_type), intent(inout) :: self
-      !> Of the value, one word.
+      !> Label of the values, one word.
       character(len=*), intent(in) :: label
-      !> Given or taken.
+      !> Written, or replaced by the values that are read.
       real(wp), allocatable, intent(inout) :: values(:)
-      integer, parameter :: a_line = 4
+      integer, parameter :: values_per_line = 4
       character(len=:), allocatable :: line
       integer :: n, i, length
 
@@ -150,50 +151,50 @@ contains
       call self%integer(label, n)
       if (.not. self%reading) then
          do i = 1, size(values)
-            call put(self, to_text(values(i), all_digits) &
-               & //merge(newline, ' ', mod(i, a_line) == 0 .or. i == size(values)))
+            call append_text(self, to_text(values(i), all_digits) &
+               & //merge(newline, ' ', mod(i, values_per_line) == 0 .or. i == size(values)))
          end do
          return
       end if
       if (allocated(self%error)) return
-      ! A value takes two bytes at least.
+      ! A value takes at least two bytes.
       if (n < 0 .or. n > (len(self%content) - self%position)/2) then
          call self%fail(''''//label//''' has no '//to_text(n)//' values')
       end if
       if (allocated(self%error)) return
       values = reshape([real(wp) ::], [n], [0.0_wp])
       do i = 1, n
-         if (mod(i, a_line) == 1) call take_line(self, label, line)
+         if (mod(i, values_per_line) == 1) call read_line(self, label, line)
          length = index(line//' ', ' ') - 1
          call parse(self, line(:length), label, values(i))
          line = line(length + 2:)
-         if ((mod(i, a_line) == 0 .or. i == n) .and. len(line) > 0) then
+         if ((mod(i, values_per_line) == 0 .or. i == n) .and. len(line) > 0) then
             call self%fail(''''//label//''' has a line that is too long')
          end if
          if (allocated(self%error)) return
       end do
    end subroutine exchange_reals
 
-   !> The last line: a checksum, after which there is nothing.
+   !> Read or write the last line, a checksum. Nothing may follow it.
    subroutine finish(self)
       class(labelled_values_type), intent(inout) :: self
-      character(len=:), allocatable :: rest
+      character(len=:), allocatable :: stored_checksum
       integer :: last
 
       last = self%position - 1
-      if (.not. self%reading) rest = checksum(self%content(:self%filled))
-      call self%text('checksum', rest)
+      if (.not. self%reading) stored_checksum = checksum(self%content(:self%filled))
+      call self%text('checksum', stored_checksum)
       if (.not. self%reading) return
       if (self%position <= len(self%content)) call self%fail('goes on after its checksum')
-      if (rest /= checksum(self%content(:last))) then
+      if (stored_checksum /= checksum(self%content(:last))) then
          call self%fail('the checksum is not that of the content, which was changed')
       end if
    end subroutine finish
 
-   !> Record an error that names the line, unless there is one already.
+   !> Record an error that names the line, unless there is an error already.
    subroutine fail(self, reason)
       class(labelled_values_type), intent(inout) :: self
-      !> What is wrong, in words.
+      !> What is wrong.
       character(len=*), intent(in) :: reason
 
       if (allocated(self%error)) return
@@ -201,10 +202,10 @@ contains
       if (self%reading) self%error%message = 'line '//to_text(self%line)//': '//reason
    end subroutine fail
 
-   !> The next line; '' where there is none, or after an error.
-   subroutine take_line(self, label, line)
+   !> Read the next line; it is empty at the end of the text and after an error.
+   subroutine read_line(self, label, line)
       class(labelled_values_type), intent(inout) :: self
-      !> Of the value in it.
+      !> Label of the value that is expected.
       character(len=*), intent(in) :: label
       character(len=:), allocatable, intent(out) :: line
       integer :: length
@@ -216,9 +217,9 @@ contains
       if (length == 0) call self%fail('the file ends where '''//label//''' is expected')
       line = self%content(self%position:self%position + length - 2)
       self%position = self%position + length
-   end subroutine take_line
+   end subroutine read_line
 
-   !> A finite number.
+   !> Read a finite number.
    subroutine parse(self, string, label, value)
       class(labelled_values_type), intent(inout) :: self
       character(len=*), intent(in) :: string, label
@@ -231,8 +232,8 @@ contains
       end if
    end subroutine parse
 
-   !> Append to the content.
-   subroutine put(self, piece)
+   !> Append text to the content.
+   subroutine append_text(self, piece)
       class(labelled_values_type), intent(inout) :: self
       character(len=*), intent(in) :: piece
 
@@ -242,5 +243,5 @@ contains
       else
          call append(self%content, self%filled, piece)
       end if
-   end subroutine put
+   end subroutine append_text
 end module labelled_values

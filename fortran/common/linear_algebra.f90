@@ -1,5 +1,5 @@
-!> The LAPACK calls the library makes, with `info` turned into words.
-!> And kernels on short arrays that the compiler turns into vector instructions.
+!> Calls of LAPACK, with `info` turned into messages, and kernels on short arrays that the compiler
+!> vectorises.
 module linear_algebra
    use errors, only: error_type, raise
    use kinds, only: i8, wp
@@ -9,7 +9,7 @@ module linear_algebra
    public :: cholesky_factor, cholesky_solve, cholesky_inverse, symmetric_eigen, add_gram, &
       & multiply, multiply_by_factor, orthonormalize, dot, exp_all, transposed_product
 
-   !> Of LAPACK and BLAS; sizes are checked by their callers here.
+   !> Procedures of LAPACK and BLAS. The callers in this module check the sizes.
    ! allow(C091)
    external :: dpotrf, dpotrs, dpotri, dsyevd, dsyrk, dtrmm, dgeqrf, dorgqr
 
@@ -28,16 +28,16 @@ module linear_algebra
    end interface
 
    real(wp), parameter :: log2e = 1.44269504088896340735992468100189_wp
-   !> log 2 in two pieces, the first with zeros in its last bits, so that k log 2 is exact (Cody &
+   !> log 2 in two parts. The last bits of the first are zero, so that k log 2 is exact (Cody &
    !> Waite).
    real(wp), parameter :: ln2_high = 6.93145751953125e-1_wp, ln2_low = 1.42860682030941723212e-6_wp
-   !> Adding and subtracting 1.5 x 2^52 rounds to the nearest integer.
+   !> Adding and then subtracting 1.5 x 2^52 rounds to the nearest integer.
    real(wp), parameter :: rounder = 6755399441055744.0_wp
 
 contains
 
-   !> Lower Cholesky factor of the symmetric positive definite `a`, in place; the strict upper
-   !> triangle is not touched.
+   !> Overwrite the symmetric positive definite `a` with its lower Cholesky factor. The strict upper
+   !> triangle is left unchanged.
    subroutine cholesky_factor(a, error)
       real(wp), intent(inout), contiguous :: a(:, :)
       type(error_type), allocatable, intent(out) :: error
@@ -64,7 +64,7 @@ contains
          & max(1, size(b, 1)), info)
    end subroutine cholesky_solve
 
-   !> Replace a lower Cholesky factor by the full symmetric inverse of the matrix it factors.
+   !> Replace a lower Cholesky factor by the full symmetric inverse of the factored matrix.
    subroutine cholesky_inverse(factor)
       real(wp), intent(inout), contiguous :: factor(:, :)
       integer :: info, j
@@ -75,8 +75,8 @@ contains
       end do
    end subroutine cholesky_inverse
 
-   !> Ascending eigenvalues of the symmetric `a` (lower triangle); `a` becomes the eigenvectors, one
-   !> a column.
+   !> Ascending eigenvalues of the symmetric `a`, of which the lower triangle is read. `a` is
+   !> overwritten with the eigenvectors, one a column.
    subroutine symmetric_eigen(a, values, error)
       real(wp), intent(inout), contiguous :: a(:, :)
       !> Eigenvalues, (n).
@@ -95,7 +95,7 @@ contains
       end if
    end subroutine symmetric_eigen
 
-   !> gram + factor a aᵀ, or gram + factor aᵀ a if `transposed`; the full symmetric matrix.
+   !> Add factor a aᵀ to gram, or factor aᵀ a if `transposed`; gram is the full symmetric matrix.
    subroutine add_gram(a, factor, gram, transposed)
       !> (n, m).
       real(wp), intent(in), contiguous :: a(:, :)
@@ -111,12 +111,12 @@ contains
       end do
    end subroutine add_gram
 
-   !> product = a b, or aᵀ b.
+   !> product = a b, or aᵀ b if `transposed`.
    pure subroutine multiply(a, b, product, transposed)
       !> (n, k), or (k, n), and (k, m).
       real(wp), intent(in), contiguous :: a(:, :), b(:, :)
       real(wp), intent(out), contiguous :: product(:, :)
-      !> Whether it is aᵀ b.
+      !> Whether the product is aᵀ b.
       logical, intent(in), optional :: transposed
       character :: form
 
@@ -126,9 +126,9 @@ contains
          & max(1, size(a, 1)), b, max(1, size(b, 1)), 0.0_wp, product, max(1, size(product, 1)))
    end subroutine multiply
 
-   !> Lᵀ b in place of b.
+   !> Overwrite b with Lᵀ b.
    subroutine multiply_by_factor(factor, b)
-      !> L, lower, (n, n); what is above its diagonal does not count.
+      !> L, lower, (n, n); its strict upper triangle is not read.
       real(wp), intent(in), contiguous :: factor(:, :)
       !> (n, m).
       real(wp), intent(inout), contiguous :: b(:, :)
@@ -137,8 +137,8 @@ contains
          & max(1, size(factor, 1)), b, max(1, size(b, 1)))
    end subroutine multiply_by_factor
 
-   !> Orthonormal columns in place of those of `a`, each in the span of its column and those before
-   !> it where these are independent.
+   !> Replace the columns of `a` by orthonormal ones. Each lies in the span of the original column
+   !> and those before it, where these are independent.
    subroutine orthonormalize(a)
       !> (m, n), m >= n.
       real(wp), intent(inout), contiguous :: a(:, :)
@@ -156,7 +156,7 @@ contains
       end do
    end subroutine orthonormalize
 
-   !> `a`ᵀ b, summed in the order that is fastest.
+   !> `a`ᵀ b; the order of the sum is chosen for speed.
    pure real(wp) function dot(a, b)
       real(wp), intent(in), contiguous :: a(:), b(:)
       integer :: i
@@ -168,28 +168,28 @@ contains
       end do
    end function dot
 
-   !> y = exp(x), element by element, to two units in the last place; x is clamped to -700 .. 700.
+   !> y = exp(x), element by element, to two units in the last place; x is limited to -700 .. 700.
    pure subroutine exp_all(x, y)
       real(wp), intent(in), contiguous :: x(:)
       real(wp), intent(out), contiguous :: y(:)
-      real(wp) :: k, r, p, clamped
+      real(wp) :: k, r, tail, p, clamped
       integer :: i
 
-      !$omp simd private(k, r, p, clamped)
+      !$omp simd private(k, r, tail, p, clamped)
       do i = 1, size(x)
          clamped = min(700.0_wp, max(-700.0_wp, x(i)))
          k = (clamped*log2e + rounder) - rounder
          r = (clamped - k*ln2_high) - k*ln2_low
-         ! The Taylor series on |r| < 0.35; the first term left out is below 1e-17.
-         p = 1.0_wp + r*(1.0_wp + r*(0.5_wp + r*(1.0_wp/6.0_wp &
-            & + r*(1.0_wp/24.0_wp + r*(1.0_wp/120.0_wp + r*(1.0_wp/720.0_wp + r*(1.0_wp/5040.0_wp &
-            & + r*(1.0_wp/40320.0_wp + r*(1.0_wp/362880.0_wp + r*(1.0_wp/3628800.0_wp + r*(1.0_wp &
-            & /39916800.0_wp + r*(1.0_wp/479001600.0_wp + r*(1.0_wp/6227020800.0_wp)))))))))))))
+         ! The Taylor series on |r| < 0.35; the first neglected term is below 1e-17.
+         tail = 1.0_wp/40320.0_wp + r*(1.0_wp/362880.0_wp + r*(1.0_wp/3628800.0_wp &
+            & + r*(1.0_wp/39916800.0_wp + r*(1.0_wp/479001600.0_wp + r*(1.0_wp/6227020800.0_wp)))))
+         p = 1.0_wp + r*(1.0_wp + r*(0.5_wp + r*(1.0_wp/6.0_wp + r*(1.0_wp/24.0_wp &
+            & + r*(1.0_wp/120.0_wp + r*(1.0_wp/720.0_wp + r*(1.0_wp/5040.0_wp + r*tail)))))))
          y(i) = p*transfer(ishft(int(k, i8) + 1023_i8, 52), 1.0_wp)
       end do
    end subroutine exp_all
 
-   !> y(m) = `a`(n, m)ᵀ x(n) for matrices too small for BLAS; four columns at a time keep the adders
+   !> y(m) = `a`(n, m)ᵀ x(n) for matrices too small for BLAS. Four columns at a time keep the adders
    !> busy.
    pure subroutine transposed_product(n, m, a, x, y)
       integer, intent(in) :: n, m

@@ -1,6 +1,6 @@
-!> What the machine has: memory, and processors for threads. Sizes come from users: what cannot be
-!> had is refused in words before it is asked for, since the system would end the process when it is
-!> used, not when it is allocated.
+!> Memory and processors of the machine. Sizes come from users, so a size that exceeds the free
+!> memory is refused before it is allocated: the system grants an allocation, and ends the process
+!> when the memory is used.
 module machine
    use, intrinsic :: iso_c_binding, only: c_double, c_int32_t
    use errors, only: error_type, machine_failure, raise
@@ -13,29 +13,29 @@ module machine
    public :: check_memory, free_memory, memory_text, raise_no_memory, reserve_blas, thread_count
 
    interface
-      !> Bytes that this process may still use: of the machine, of its group of processes, and of
-      !> its address space.
+      !> Bytes that this process may still use, limited by the machine, its control group and its
+      !> address space.
       real(c_double) function free_memory() bind(c, name='bayesindent_free_memory')
          import :: c_double
       end function free_memory
-      !> Have BLAS take its buffers for this number of `callers` at a time; for how many of them it
-      !> has. Without one it waits for ever.
+      !> Let BLAS allocate its buffers for this number of `callers` at a time. The result is the
+      !> number that it has buffers for. A caller without a buffer would wait for ever.
       integer(c_int32_t) function reserve_blas(callers) bind(c, name='bayesindent_reserve_blas')
          import :: c_int32_t
          integer(c_int32_t), value :: callers
       end function reserve_blas
    end interface
 
-   !> The process in which threads were first asked for.
+   !> The process that first called `thread_count`.
    integer :: first_process = 0
 
 contains
 
-   !> Refuse what needs more memory than is free.
+   !> Refuse a task that needs more memory than is free.
    subroutine check_memory(bytes, what, error)
-      !> Bytes needed: a real, whose products do not overflow.
+      !> Bytes needed; a real, because its products do not overflow.
       real(wp), intent(in) :: bytes
-      !> What for: 'a mesh of 100 elements'.
+      !> The task: 'a mesh of 100 elements'.
       character(len=*), intent(in) :: what
       type(error_type), allocatable, intent(out) :: error
       real(wp), parameter :: share = 0.95_wp
@@ -48,9 +48,9 @@ contains
       end if
    end subroutine check_memory
 
-   !> The error of an allocation that failed.
+   !> Report an allocation that failed.
    subroutine raise_no_memory(what, error)
-      !> What it was for.
+      !> The task that needs the memory.
       character(len=*), intent(in) :: what
       type(error_type), allocatable, intent(out) :: error
 
@@ -71,9 +71,10 @@ contains
       end if
    end function memory_text
 
-   !> As many as are wanted, 0: one for each processor that this process may use; at most four for
-   !> each, since more gain nothing, and as many as BLAS has buffers for. One in a process that was
-   !> forked from one with threads, which it has not inherited though OpenMP waits for them.
+   !> The number of threads to use: `wanted`, or one for each processor that this process may use if
+   !> `wanted` is 0. More than four for each processor gain nothing, and BLAS must have a buffer for
+   !> each. A forked process gets one thread: OpenMP would wait for threads that the process has not
+   !> inherited.
    integer function thread_count(wanted)
       integer, intent(in) :: wanted
 

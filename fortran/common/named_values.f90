@@ -1,11 +1,11 @@
-!> Named values as bytes: the one form in which data leave the core and enter it, and in which
-!> chains are stored.
+!> Named values as bytes. In this form data enter and leave the core, and chains are stored.
 !>
-!> A value has a header of 48 bytes: its kind and its rank, a byte each, 2 bytes unused, 4 for the
-!> length of its name, 8 for the bytes of the value, 4 x 8 for its shape. Name and value follow,
-!> each filled up with zeros to a multiple of 8 bytes. The kinds: t, a text; l, texts that a zero
-!> byte ends each; i, integers of 8 bytes; b, the same as logicals; r, reals. Arrays have Fortran's
-!> order; C reads them with the axes reversed. What is given is a `value`, `values` of an array, or
+!> A value has a header of 48 bytes: its kind and its rank, a byte each, 2 unused bytes, 4 bytes for
+!> the length of its name, 8 for the number of bytes of the value, 4 x 8 for its shape. Name and
+!> value follow, each filled up with zeros to a multiple of 8 bytes. The kinds are t, a text; l,
+!> texts that each end in a zero byte; i, integers of 8 bytes; b, the same as logicals; r, reals.
+!> Arrays are in Fortran's order; C reads them with the axes reversed. The argument to write is
+!> named `value`, `values` for an array, or `words`.
 !> `words`.
 module named_values
    use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_loc, c_ptr
@@ -19,7 +19,7 @@ module named_values
 
    !> Values that are written one after the other.
    type :: named_values_type
-      !> What was written, in its first `filled` bytes.
+      !> The written values are the first `filled` bytes.
       character(kind=c_char, len=:), allocatable :: bytes
       integer(i8) :: filled = 0
    contains
@@ -28,8 +28,8 @@ module named_values
       procedure :: put_array, put_integers
    end type named_values_type
 
-   !> Values in bytes that somebody else keeps; they are found by their names. What is asked for and
-   !> is not there is an error, and empty.
+   !> Values in bytes that the caller owns, found by their names. A missing value sets `error` and
+   !> is returned empty.
    type :: named_values_reader_type
       character(kind=c_char), pointer :: bytes(:) => null()
       type(error_type), allocatable :: error
@@ -40,7 +40,7 @@ module named_values
 
 contains
 
-   !> Append a value of `n_bytes` at an address.
+   !> Append the value of `n_bytes` bytes at an address.
    subroutine append(self, name, kind, axes, n_bytes, address)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -91,24 +91,24 @@ contains
       call append(self, name, 't', [integer ::], len(value, i8), c_loc(value))
    end subroutine put_text
 
-   !> Texts of a list, `value`.
+   !> The list of texts `value`.
    subroutine put_texts(self, name, value)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
       type(warning_type), intent(in) :: value(:)
       character(len=:), allocatable, target :: joined
-      integer :: i, at
+      integer :: i, position
 
       allocate (character(len=sum([(len(value(i)%text) + 1, i=1, size(value))])) :: joined)
-      at = 0
+      position = 0
       do i = 1, size(value)
-         joined(at + 1:at + len(value(i)%text) + 1) = value(i)%text//achar(0)
-         at = at + len(value(i)%text) + 1
+         joined(position + 1:position + len(value(i)%text) + 1) = value(i)%text//achar(0)
+         position = position + len(value(i)%text) + 1
       end do
       call append(self, name, 'l', [size(value)], len(joined, i8), c_loc(joined))
    end subroutine put_texts
 
-   !> Texts of a list, each without the blanks at its end.
+   !> A list of texts, each without the blanks at its end.
    subroutine put_words(self, name, words)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name, words(:)
@@ -129,7 +129,7 @@ contains
       call self%put_integers(name, [value], [integer ::])
    end subroutine put_integer
 
-   !> Integers, `values`, of an array of any shape.
+   !> The integers `values` of an array of any shape.
    subroutine put_integers(self, name, values, shape)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -160,7 +160,7 @@ contains
       call self%put_array(name, [value], [integer ::])
    end subroutine put_real
 
-   !> Reals, `values`, of an array of any shape.
+   !> The reals `values` of an array of any shape.
    subroutine put_array(self, name, values, shape)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -170,7 +170,7 @@ contains
       call append(self, name, 'r', shape, size(values, kind=i8)*8, c_loc(values))
    end subroutine put_array
 
-   !> Read from the bytes of `content`, which stays where it is.
+   !> Read from the bytes of `content`, which must stay where it is.
    subroutine look_at(self, content)
       class(named_values_reader_type), intent(inout) :: self
       character(kind=c_char, len=*), intent(in), target :: content
@@ -178,30 +178,30 @@ contains
       call c_f_pointer(c_loc(content), self%bytes, [len(content)])
    end subroutine look_at
 
-   !> The bytes of the value of a name, not associated if it is not there, or is of none of these
-   !> kinds.
+   !> The bytes of a named value; not associated if the name is missing or its kind is not in
+   !> `kinds`.
    function find(self, name, kinds) result(content)
       class(named_values_reader_type), intent(in) :: self
       character(len=*), intent(in) :: name, kinds
       character(kind=c_char), pointer :: content(:)
-      integer(i8) :: at, start, n_bytes
+      integer(i8) :: position, start, n_bytes
       integer :: length, i
 
       content => null()
-      at = 0
-      do while (at + header_bytes <= size(self%bytes, kind=i8))
-         length = transfer(self%bytes(at + 5:at + 8), length)
-         n_bytes = transfer(self%bytes(at + 9:at + 16), n_bytes)
-         start = at + header_bytes + padded(int(length, i8))
+      position = 0
+      do while (position + header_bytes <= size(self%bytes, kind=i8))
+         length = transfer(self%bytes(position + 5:position + 8), length)
+         n_bytes = transfer(self%bytes(position + 9:position + 16), n_bytes)
+         start = position + header_bytes + padded(int(length, i8))
          if (length == len(name)) then
-            if (all([(self%bytes(at + header_bytes + i) == name(i:i), i=1, length)])) then
-               if (index(kinds, self%bytes(at + 1)) > 0) then
+            if (all([(self%bytes(position + header_bytes + i) == name(i:i), i=1, length)])) then
+               if (index(kinds, self%bytes(position + 1)) > 0) then
                   content => self%bytes(start + 1:start + n_bytes)
                end if
                return
             end if
          end if
-         at = start + padded(n_bytes)
+         position = start + padded(n_bytes)
       end do
    end function find
 
@@ -258,7 +258,7 @@ contains
       end if
    end function text_of
 
-   !> The reals of an array of any shape, in Fortran's order, where they are.
+   !> The reals of an array of any shape, in Fortran's order, without a copy.
    function reals_of(self, name) result(values)
       class(named_values_reader_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -274,7 +274,7 @@ contains
       end if
    end function reals_of
 
-   !> The same as columns of n reals each.
+   !> The reals as columns of length n.
    function columns_of(self, name, n) result(columns)
       class(named_values_reader_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -285,7 +285,7 @@ contains
       columns(1:n, 1:size(values)/n) => values
    end function columns_of
 
-   !> The same as matrices (6, 6, n).
+   !> The reals as matrices (6, 6, n).
    function matrices_of(self, name) result(matrices)
       class(named_values_reader_type), intent(inout) :: self
       character(len=*), intent(in) :: name

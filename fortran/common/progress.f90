@@ -1,8 +1,8 @@
-!> The progress of long loops, as plain lines on standard error: 'sampling: 45 %, about 12 s left'.
+!> The progress of long loops, as lines on standard error: 'sampling: 45 %, about 12 s left'.
 !>
-!> The library prints nothing until a program calls `show_progress`. A loop may begin within another
-!> one; steps belong to the innermost loop. Threads may call `advance_progress` at the same time;
-!> one thread begins and ends loops.
+!> The library prints nothing until a program calls `show_progress`. Loops may be nested; steps
+!> count for the innermost one. Threads may call `advance_progress` at the same time; a single
+!> thread begins and ends loops.
 module progress
    use kinds, only: i8
    use running_command, only: error_stream, print_line
@@ -13,13 +13,13 @@ module progress
    type :: loop_type
       character(len=64) :: name = ''
       integer(i8) :: steps = 1_i8, done = 0_i8
-      !> Time of the begin, and of the next line, ms.
+      !> Times of the beginning and of the next line, ms.
       integer(i8) :: begun = 0_i8, next_line = 0_i8
    end type loop_type
 
-   !> The first line is printed after this time, and the others follow at this distance, ms.
+   !> Time until the first line, and between the following lines, ms.
    integer(i8), parameter :: first_ms = 2000_i8, interval_ms = 10000_i8
-   !> The deepest loop also counts the steps of loops within it.
+   !> Loops nested more deeply count as part of this one.
    integer, parameter :: deepest = 8
 
    type(loop_type) :: loops(0:deepest)
@@ -28,15 +28,15 @@ module progress
 
 contains
 
-   !> From now on print lines, or do not.
-   subroutine show_progress(asked)
+   !> Turn the lines on or off.
+   subroutine show_progress(on)
       !> Whether lines are printed.
-      logical, intent(in) :: asked
+      logical, intent(in) :: on
 
-      wanted = asked
+      wanted = on
    end subroutine show_progress
 
-   !> A loop of so many `steps` begins, by this `name`.
+   !> Begin a loop of this `name` and number of `steps`.
    subroutine begin_progress(name, steps)
       character(len=*), intent(in) :: name
       integer(i8), intent(in) :: steps
@@ -47,7 +47,7 @@ contains
       loops(innermost) = loop_type(name, max(1_i8, steps), begun=now, next_line=now + first_ms)
    end subroutine begin_progress
 
-   !> So many more `steps` are done.
+   !> Count this number of `steps` as done.
    subroutine advance_progress(steps)
       integer(i8), intent(in) :: steps
       integer(i8) :: now
@@ -63,15 +63,15 @@ contains
       !$omp end critical (progress_loops)
    end subroutine advance_progress
 
-   !> The innermost loop ends.
+   !> End the innermost loop.
    subroutine end_progress()
       innermost = max(innermost - 1, 0)
    end subroutine end_progress
 
-   !> Print a line on a loop, and choose the time of the next one.
+   !> Print the line of a loop and set the time of the next one.
    subroutine print_progress(loop, now)
       type(loop_type), intent(inout) :: loop
-      !> The time, ms.
+      !> Present time, ms.
       integer(i8), intent(in) :: now
       integer(i8) :: left
       character(len=128) :: line
@@ -83,7 +83,7 @@ contains
       call print_line(error_stream, trim(line))
    end subroutine print_progress
 
-   !> Of a clock that only counts forwards.
+   !> Time of a clock that never runs backwards, ms.
    integer(i8) function milliseconds()
       integer(i8) :: ticks, per_second
 

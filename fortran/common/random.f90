@@ -9,7 +9,7 @@ module random
    private
    public :: random_stream_type, new_random_stream
 
-   !> 2^64 by the golden ratio, odd: z'9E3779B97F4A7C15'.
+   !> 2^64 divided by the golden ratio, made odd: z'9E3779B97F4A7C15'.
    integer(i8), parameter :: golden = -7046029254386353131_i8
 
    type :: random_stream_type
@@ -18,13 +18,13 @@ module random
       logical :: has_spare = .false.
       real(wp) :: spare = 0.0_wp
    contains
-      !> Uniform on the open interval (0, 1).
+      !> `uniform` draws from the open interval (0, 1).
       procedure :: uniform
-      !> Standard normal (polar method).
+      !> `normal` draws a standard normal number (polar method).
       procedure :: normal
-      !> So many of them.
+      !> `normals` fills an array with standard normal numbers.
       procedure :: normals
-      !> Uniform integer in 1..n.
+      !> `pick` draws an integer from 1..n.
       procedure :: pick
    end type random_stream_type
 
@@ -67,7 +67,7 @@ contains
       self%s(4) = ishftc(self%s(4), 45)
    end subroutine advance
 
-   !> u is uniform on the open interval (0, 1).
+   !> Draw `u`, uniform on the open interval (0, 1).
    subroutine uniform(self, u)
       class(random_stream_type), intent(inout) :: self
       real(wp), intent(out) :: u
@@ -77,7 +77,7 @@ contains
       u = (real(ishft(bits, -11), wp) + 0.5_wp)*2.0_wp**(-53)
    end subroutine uniform
 
-   !> z is standard normal (polar method).
+   !> Draw `z`, standard normal (Marsaglia's polar method, which gives two numbers at a time).
    subroutine normal(self, z)
       class(random_stream_type), intent(inout) :: self
       real(wp), intent(out) :: z
@@ -102,7 +102,7 @@ contains
       self%has_spare = .true.
    end subroutine normal
 
-   !> Each of z is standard normal, in order.
+   !> Draw each element of `z` from the standard normal distribution, in order.
    subroutine normals(self, z)
       class(random_stream_type), intent(inout) :: self
       real(wp), intent(out) :: z(:)
@@ -113,7 +113,7 @@ contains
       end do
    end subroutine normals
 
-   !> k is a uniform integer in 1..n.
+   !> Draw `k`, uniform on the integers 1..n.
    subroutine pick(self, n, k)
       class(random_stream_type), intent(inout) :: self
       integer, intent(in) :: n

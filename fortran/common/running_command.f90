@@ -1,15 +1,16 @@
-!> A command at work: it has its output folder to itself, and SIGINT, SIGTERM and SIGHUP end it at
-!> once, in compiled loops too.
+!> A running command. It has its output folder to itself, and SIGINT, SIGTERM and SIGHUP end it at
+!> once, even in compiled loops.
 !>
-!> No loop asks whether a signal came. Results are whole at every moment (files are written beside
-!> their names, rows are committed), so that the handler can tell the user and end the process,
-!> which nothing can keep from happening. Programs call this and the library does not: there signals
-!> are the user's. One command at a time.
+!> Loops do not check for signals. Stored results are complete at every moment (files are written
+!> under temporary names, rows are committed), so the handler prints a message and ends the process,
+!> whatever the process is doing. Programs call these procedures and the library does not, because
+!> signals in the library are the user's. Only one command runs at a time.
 !>
-!> Ctrl-C while the library works is another thing. A caller's handler of SIGINT, such as Python's,
-!> only takes note until compiled code has returned; so while somebody listens the signal is noted
-!> here, too, and then given to that handler. Long loops ask, leave, and their results are not used.
-!> Where SIGINT has no handler, or is that of a running command, nothing is changed.
+!> Ctrl-C during a call of the library is different. A caller's handler of SIGINT, such as Python's,
+!> only sets a flag until compiled code has returned. Therefore the library listens: it records the
+!> signal and then passes it to that handler. Long loops check `stop_requested` and leave, and their
+!> results are discarded. Nothing changes if SIGINT has no handler, or if the handler is that of a
+!> running command.
 module running_command
    use, intrinsic :: iso_c_binding, only: c_bool, c_char, c_int, c_null_char
    use errors, only: error_type, raise, refuse
@@ -20,7 +21,7 @@ module running_command
    public :: watch_signals, take_folder, remove_files, end_command
    public :: listen, stop_listening, stop_requested, print_line, output_stream, error_stream
 
-   !> Where `print_line` writes.
+   !> Streams of `print_line`.
    integer(c_int), parameter :: output_stream = 1, error_stream = 2
 
    interface
@@ -38,7 +39,7 @@ module running_command
          import :: c_char
          character(kind=c_char), intent(in) :: folder(*), prefix(*)
       end subroutine c_remove_files
-      !> Leave the folder to others, and signals to what they did before.
+      !> Release the folder and restore the handlers of signals.
       subroutine end_command() bind(c, name='bayesindent_end_command')
       end subroutine end_command
       subroutine c_print(to, line) bind(c, name='bayesindent_print')
@@ -46,13 +47,13 @@ module running_command
          integer(c_int), value :: to
          character(kind=c_char), intent(in) :: line(*)
       end subroutine c_print
-      !> From now on; threads may do so at the same time.
+      !> Begin to record SIGINT; threads may call this at the same time.
       subroutine listen() bind(c, name='bayesindent_listen')
       end subroutine listen
-      !> As often as `listen`; with the last what was noted is forgotten.
+      !> Called once for each `listen`; the last call forgets a recorded signal.
       subroutine stop_listening() bind(c, name='bayesindent_stop_listening')
       end subroutine stop_listening
-      !> Whether a signal came; it stays so while somebody listens.
+      !> Whether a signal was recorded since listening began.
       logical(c_bool) function stop_requested() bind(c, name='bayesindent_stop_requested')
          import :: c_bool
       end function stop_requested
@@ -60,28 +61,28 @@ module running_command
 
 contains
 
-   !> Make an output folder and have it alone: wait for another process, or refuse in words that
-   !> name it. Then a signal is in its log, too, and what killed processes left unfinished there is
-   !> gone.
+   !> Make an output folder and lock it: wait for another process, or refuse with a message that
+   !> names it. Signals are then written to the log of the folder, too, and the unfinished files of
+   !> killed processes are removed.
    subroutine take_folder(path, patience, resumes, error)
       character(len=*), intent(in) :: path
       !> How long to wait, s.
       integer, intent(in) :: patience
-      !> Whether the command goes on from what it has kept.
+      !> Whether the same command resumes from its stored results.
       logical, intent(in) :: resumes
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: words
-      integer(c_int), parameter :: locked = 0, held = 1
+      character(len=:), allocatable :: owner
+      integer(c_int), parameter :: locked = 0, in_use = 1
       integer(c_int) :: status, holder
 
       call make_folder(path, error)
       if (allocated(error)) return
       status = c_take_folder(path//c_null_char, unfinished//c_null_char, 1000*patience, &
          & merge(1, 0, resumes), holder)
-      if (status == held) then
-         words = 'another process'
-         if (holder > 0) words = 'process '//to_text(holder)
-         call refuse(error, path//': '//words//' is at work in this folder; wait until it has ' &
+      if (status == in_use) then
+         owner = 'another process'
+         if (holder > 0) owner = 'process '//to_text(holder)
+         call refuse(error, path//': '//owner//' is at work in this folder; wait until it has ' &
             & //'ended, or choose another with --output')
       else if (status /= locked) then
          call raise(error, path//'/.lock: is a link, or cannot be written; choose a folder of ' &
@@ -89,8 +90,7 @@ contains
       end if
    end subroutine take_folder
 
-   !> Print a `line` at once. A standard output that cannot be written ends the program with
-   !> status 1.
+   !> Print a `line` at once. If standard output cannot be written, the program ends with status 1.
    subroutine print_line(stream, line)
       !> `output_stream` or `error_stream`.
       integer(c_int), intent(in) :: stream

@@ -8,21 +8,22 @@ module small_matrices
 
 contains
 
-   !> F with F Fᵀ = U Uᵀ and as few columns as matter beside errors of unit variance: by Cholesky's
-   !> method with pivots.
+   !> F with F Fᵀ = U Uᵀ and as few columns as matter beside errors of unit variance (pivoted
+   !> Cholesky factorisation).
    pure subroutine factor_columns(u, f)
       !> (m, n); (m, rank).
       real(wp), intent(in), contiguous :: u(:, :)
       real(wp), allocatable, intent(out) :: f(:, :)
-      real(wp) :: columns(size(u, 1), size(u, 2)), left(size(u, 1)), least
+      real(wp) :: columns(size(u, 1), size(u, 2)), residual(size(u, 1)), least
       integer :: j, k, pivot
 
-      left = sum(u**2, 2)
-      ! Of a row's variance; of the largest no more than rounding leaves.
-      least = max(1.0e-8_wp, 1.0e-13_wp*maxval(left))
+      residual = sum(u**2, 2)
+      ! Smallest pivot: 1e-8 of the unit error variance, and at least the rounding error of the
+      ! largest one.
+      least = max(1.0e-8_wp, 1.0e-13_wp*maxval(residual))
       do k = 1, min(size(u, 1), size(u, 2))
-         pivot = maxloc(left, 1)
-         if (left(pivot) <= least) exit
+         pivot = maxloc(residual, 1)
+         if (residual(pivot) <= least) exit
          columns(:, k) = 0.0_wp
          do j = 1, size(u, 2)
             columns(:, k) = columns(:, k) + u(pivot, j)*u(:, j)
@@ -30,18 +31,18 @@ contains
          do j = 1, k - 1
             columns(:, k) = columns(:, k) - columns(pivot, j)*columns(:, j)
          end do
-         columns(:, k) = columns(:, k)/sqrt(left(pivot))
-         left = left - columns(:, k)**2
+         columns(:, k) = columns(:, k)/sqrt(residual(pivot))
+         residual = residual - columns(:, k)**2
       end do
       f = columns(:, :k - 1)
    end subroutine factor_columns
 
-   !> Minimise sum of w (r - U b)² + b² over b.
+   !> Minimise the sum of w (r - U b)² + b² over b.
    !>
-   !> By normal equations; where a pivot has lost its digits, by orthogonalisation of U over the
-   !> unit matrix, which squares nothing.
+   !> The normal equations are solved. If a pivot has lost its digits, U over the unit matrix is
+   !> orthogonalised instead, which does not square the condition number.
    pure subroutine fit_columns(r, u, weight, b, l)
-      !> (m), (m, n), (m): weights that are not negative.
+      !> (m), (m, n), (m); weights are not negative.
       real(wp), intent(in), contiguous :: r(:), u(:, :), weight(:)
       !> (n); (n, n), the lower factor of I + Uᵀ W U.
       real(wp), intent(out), contiguous :: b(:), l(:, :)
@@ -61,7 +62,7 @@ contains
       end if
    end subroutine fit_columns
 
-   !> The same by modified Gram-Schmidt.
+   !> Solve the problem of `fit_columns` by modified Gram-Schmidt orthogonalisation.
    pure subroutine orthogonalise(r, u, weight, b, l)
       real(wp), intent(in), contiguous :: r(:), u(:, :), weight(:)
       real(wp), intent(out), contiguous :: b(:), l(:, :)
@@ -90,25 +91,25 @@ contains
       call solve_upper(l, b)
    end subroutine orthogonalise
 
-   !> Lower factor, in place, of a positive definite matrix (lower triangle).
+   !> Overwrite the lower triangle of a positive definite matrix with its lower Cholesky factor.
    pure subroutine factor_definite(a, resolution, definite)
       !> (n, n).
       real(wp), intent(inout), contiguous :: a(:, :)
-      !> A pivot that is a smaller share of its entry has lost its digits.
+      !> A pivot below this share of its diagonal entry has lost its digits.
       real(wp), intent(in) :: resolution
-      !> Whether no pivot has; the column of one that has is zero, so that the factor is for
-      !> products, not for solutions.
+      !> Whether all pivots are accurate. The column of an inaccurate pivot is set to zero: the
+      !> factor then serves for products, not for solutions.
       logical, intent(out), optional :: definite
-      real(wp) :: whole
+      real(wp) :: diagonal
       integer :: j, k
 
       if (present(definite)) definite = .true.
       do j = 1, size(a, 1)
-         whole = a(j, j)
+         diagonal = a(j, j)
          do k = 1, j - 1
             a(j:, j) = a(j:, j) - a(j, k)*a(j:, k)
          end do
-         if (a(j, j) > resolution*abs(whole)) then
+         if (a(j, j) > resolution*abs(diagonal)) then
             a(j:, j) = a(j:, j)/sqrt(a(j, j))
          else
             a(j:, j) = 0.0_wp
@@ -117,9 +118,9 @@ contains
       end do
    end subroutine factor_definite
 
-   !> L^-1 b in place.
+   !> Overwrite b with L^-1 b.
    pure subroutine solve_lower(l, b)
-      !> (n, n) or more, the diagonal positive; (n).
+      !> (n, n) or larger, with positive diagonal; (n).
       real(wp), intent(in), contiguous :: l(:, :)
       real(wp), intent(inout), contiguous :: b(:)
       integer :: j, n
@@ -131,7 +132,7 @@ contains
       end do
    end subroutine solve_lower
 
-   !> L^-ᵀ b in place.
+   !> Overwrite b with L^-ᵀ b.
    pure subroutine solve_upper(l, b)
       !> As in `solve_lower`.
       real(wp), intent(in), contiguous :: l(:, :)
@@ -144,7 +145,7 @@ contains
       end do
    end subroutine solve_upper
 
-   !> I + Uᵀ W U, lower triangle.
+   !> The lower triangle of I + Uᵀ W U.
    pure subroutine weighted_gram(u, weight, gram)
       !> (m, n), (m).
       real(wp), intent(in), contiguous :: u(:, :), weight(:)
@@ -167,7 +168,8 @@ contains
       end do
    end subroutine weighted_gram
 
-   !> Sum of the logarithms of positive `values` of ordinary size: one logarithm for eight of them.
+   !> Sum of the logarithms of positive `values` of ordinary size: one logarithm for each eight of
+   !> them.
    pure real(wp) function sum_of_logs(values)
       !> (n).
       real(wp), intent(in), contiguous :: values(:)

@@ -1,13 +1,13 @@
-!> The crystal classes that have a stiffness of their own: one row a class. All else about a
-!> symmetry follows from its row by group average, here the linear map from the constants to the
-!> stiffness.
+!> The crystal classes with different forms of the stiffness. One row of a table defines a class;
+!> all other properties follow from it by averaging over its group, here the linear map from the
+!> constants to the stiffness.
 !>
-!> Crystal axes as in the IEEE standard 176. Voigt order 11,22,33,23,13,12 without factors of two,
-!> GPa.
+!> Crystal axes are those of the IEEE standard 176. Voigt order 11,22,33,23,13,12 without factors of
+!> two, GPa.
 !>
-!> Crystal directions and planes are by the edges of the unit cell of a class: z is along c and y
-!> along b*, the normal of the plane of a and c. So a of hexagonal, trigonal and tetragonal crystals
-!> is along x. Trigonal crystals have hexagonal cells.
+!> Crystal directions and planes refer to the edges of the unit cell of a class: z is along c, and y
+!> along b*, the normal of the plane of a and c. The edge a of hexagonal, trigonal and tetragonal
+!> crystals is therefore along x. Trigonal crystals have hexagonal cells.
 module crystal_class
    use crystal_elasticity, only: rotate_stiffness
    use errors, only: error_type, raise, refuse
@@ -20,51 +20,58 @@ module crystal_class
       & rotation_about, rotations_about, lattice_type, new_lattice, lattice_parameters
 
    type :: row_type
-      !> The name, then synonyms.
+      !> The name and its synonyms.
       character(len=28) :: names
       !> Proper rotations that, with the inversion, generate the group of the stiffness: 'fold
-      !> axis', fold 0 for an axis of infinite order.
+      !> axis'; fold 0 is an axis of infinite order.
       character(len=12) :: generators
-      !> The unit cell: edges a, b, c and angles alpha, beta, gamma in degrees; names are free, the
-      !> same name is the same value.
+      !> The unit cell: edges a, b, c and angles alpha, beta, gamma in degrees. A name is a free
+      !> parameter; the same name stands for the same value.
       character(len=29) :: cell
-      !> Independent entries of the stiffness in the order in which they are passed.
+      !> The independent entries of the stiffness, in the order of the arguments.
       character(len=83) :: constants
    end type row_type
 
-   type(row_type), parameter :: table(*) = [row_type('isotropic', '0 z, 0 x', &
-      & 'a, a, a, 90, 90, 90', 'C11 C12'), row_type('cubic, m-3m, m-3, fcc, bcc', '4 z, 3 xyz', &
-      & 'a, a, a, 90, 90, 90', 'C11 C12 C44'), row_type('hexagonal, 6/mmm, 6/m, hcp', '0 z', &
-      & 'a, a, c, 90, 90, 120', 'C11 C12 C44 C33 C13'), row_type('tetragonal, 4/mmm', &
-      & '4 z, 2 x', 'a, a, c, 90, 90, 90', 'C11 C12 C13 C33 C44 C66'), &
+   type(row_type), parameter :: classes_of_equal_axes(*) = [ &
+      & row_type('isotropic', '0 z, 0 x', 'a, a, a, 90, 90, 90', 'C11 C12'), &
+      & row_type('cubic, m-3m, m-3, fcc, bcc', '4 z, 3 xyz', 'a, a, a, 90, 90, 90', 'C11 C12 C44')]
+   type(row_type), parameter :: classes_with_main_axis(*) = [ &
+      & row_type('hexagonal, 6/mmm, 6/m, hcp', '0 z', 'a, a, c, 90, 90, 120', &
+      & 'C11 C12 C44 C33 C13'), &
+      & row_type('tetragonal, 4/mmm', '4 z, 2 x', 'a, a, c, 90, 90, 90', &
+      & 'C11 C12 C13 C33 C44 C66'), &
       & row_type('4/m', '4 z', 'a, a, c, 90, 90, 90', 'C11 C12 C13 C33 C44 C66 C16'), &
       & row_type('trigonal, -3m', '3 z, 2 x', 'a, a, c, 90, 90, 120', 'C11 C12 C13 C14 C33 C44'), &
-      & row_type('-3', '3 z', 'a, a, c, 90, 90, 120', 'C11 C12 C13 C14 C33 C44 C15'), &
+      & row_type('-3', '3 z', 'a, a, c, 90, 90, 120', 'C11 C12 C13 C14 C33 C44 C15')]
+   type(row_type), parameter :: classes_of_low_symmetry(*) = [ &
       & row_type('orthorhombic, mmm', '2 z, 2 x', 'a, b, c, 90, 90, 90', &
-      & 'C11 C12 C13 C22 C23 C33 C44 C55 C66'), row_type('monoclinic, 2/m', '2 y', &
-      & 'a, b, c, 90, beta, 90', 'C11 C12 C13 C15 C22 C23 C25 C33 C35 C44 C46 C55 C66'), &
+      & 'C11 C12 C13 C22 C23 C33 C44 C55 C66'), &
+      & row_type('monoclinic, 2/m', '2 y', 'a, b, c, 90, beta, 90', &
+      & 'C11 C12 C13 C15 C22 C23 C25 C33 C35 C44 C46 C55 C66'), &
       & row_type('triclinic, -1', '', 'a, b, c, alpha, beta, gamma', &
       & 'C11 C12 C13 C14 C15 C16 C22 C23 C24 C25 C26 C33 C34 C35 C36 C44 C45 C46 C55 C56 C66')]
+   type(row_type), parameter :: table(*) = &
+      & [classes_of_equal_axes, classes_with_main_axis, classes_of_low_symmetry]
 
    !> The class without symmetry, whose constants are all 21 entries row by row.
    character(len=*), parameter :: general_class = 'triclinic'
 
    type :: crystal_class_type
       character(len=:), allocatable :: name
-      !> Edges and angles of the unit cell, a list of six.
+      !> Edges a, b, c and angles alpha, beta, gamma of the unit cell, separated by ', '.
       character(len=:), allocatable :: cell
       !> Names of the independent constants, (n_constants), and the row and column of each, (2,
       !> n_constants).
       character(len=3), allocatable :: constants(:)
       integer, allocatable, private :: entry(:, :)
       integer :: n_constants = 0
-      !> Proper rotations that generate the group, (3, 3, n); an axis of infinite order is one
-      !> rotation by 1 radian.
+      !> Proper rotations that generate the group, (3, 3, n); an axis of infinite order is given by
+      !> a rotation through 1 radian.
       real(wp), allocatable :: generators(:, :, :)
       !> Fold of each generator, 0 for infinite order, (n).
       integer, allocatable :: folds(:)
-      !> Where the upper triangle of the stiffness is not zero: entry (row, column) gains factor
-      !> times a constant.
+      !> The linear map from the constants to the upper triangle of the stiffness, where it is not
+      !> zero: the entry (row, column) is a sum of factors times constants.
       integer, allocatable :: row(:), column(:), constant(:)
       real(wp), allocatable :: factor(:)
    contains
@@ -72,10 +79,11 @@ module crystal_class
    end type crystal_class_type
 
    type :: lattice_type
-      !> The edges a, b, c in crystal axes, columns, and the normals of the planes 100, 010, 001,
-      !> (3, 3); in the units of the parameters.
+      !> The edges a, b, c in crystal axes, one a column, and the normals of the planes 100, 010,
+      !> 001, (3, 3); in the units of the parameters.
       real(wp) :: edges(3, 3) = 0.0_wp, normals(3, 3) = 0.0_wp
-      !> Angle between a and b is 120 degrees by symmetry: indices may be four.
+      !> Whether the angle between a and b is 120 degrees by symmetry, so that directions may have
+      !> four indices.
       logical :: is_hexagonal = .false.
    contains
       procedure :: nearest
@@ -83,7 +91,7 @@ module crystal_class
 
 contains
 
-   !> The class of a name or synonym, upper or lower case.
+   !> The class of a name or synonym, in upper or lower case.
    subroutine new_crystal_class(name, class, error)
       character(len=*), intent(in) :: name
       type(crystal_class_type), intent(out) :: class
@@ -115,13 +123,13 @@ contains
       names = join(table%names, ', ')
    end function crystal_class_names
 
-   !> The proper rotations that a list 'fold axis, ..' names: fold 0 (by 1 radian), 2, 3, 4, 6; the
-   !> axis is a sum of x, y, z.
+   !> The proper rotations of a list 'fold axis, ..': folds are 0 (a rotation through 1 radian), 2,
+   !> 3, 4, 6; the axis is a sum of x, y, z.
    pure subroutine rotations_about(list, rotations, folds)
       character(len=*), intent(in) :: list
-      !> Matrices, and their folds.
+      !> Rotation matrices.
       real(wp), allocatable, intent(out) :: rotations(:, :, :)
-      !> Of each rotation.
+      !> Fold of each rotation.
       integer, allocatable, intent(out) :: folds(:)
       character(len=:), allocatable :: items(:)
       real(wp) :: u(3), angle
@@ -135,22 +143,23 @@ contains
          if (folds(i) > 0) angle = 2.0_wp*pi/folds(i)
          u = [(merge(1.0_wp, 0.0_wp, scan(items(i), 'xyz' (j:j)) > 0), j=1, 3)]
          rotations(:, :, i) = rotation_about(u, angle)
-         ! Zeros, halves and ones exactly.
-         where (abs(rotations(:, :, i) - snapped(rotations(:, :, i))) < 1.0e-12_wp) rotations(:, &
-            & :, i) = snapped(rotations(:, :, i))
+         ! Make zeros, halves and ones exact.
+         associate (r => rotations(:, :, i))
+            where (abs(r - snapped(r)) < 1.0e-12_wp) r = snapped(r)
+         end associate
       end do
    end subroutine rotations_about
 
-   !> The rotation by an angle.
+   !> The rotation through an angle about an axis.
    pure function rotation_about(axis, angle) result(rotation)
-      !> Of any length; radians.
+      !> An axis of any length; radians.
       real(wp), intent(in) :: axis(3), angle
       real(wp) :: rotation(3, 3), u(3), cross(3, 3)
 
       u = axis/norm2(axis)
       cross = reshape([0.0_wp, u(3), -u(2), -u(3), 0.0_wp, u(1), u(2), -u(1), 0.0_wp], [3, 3])
-      rotation = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], &
-         & [3, 3]) + sin(angle)*cross + (1.0_wp - cos(angle))*matmul(cross, cross)
+      rotation = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], [3, 3]) &
+         & + sin(angle)*cross + (1.0_wp - cos(angle))*matmul(cross, cross)
    end function rotation_about
 
    pure elemental real(wp) function snapped(x)
@@ -159,14 +168,14 @@ contains
       snapped = 0.5_wp*anint(2.0_wp*x)
    end function snapped
 
-   !> The stiffnesses that every generator leaves alone, as multiples of the named entries: C(g) = C
-   !> for the 21 entries, solved by least squares for those that are not named. The multiples are
-   !> halves of integers in every class.
+   !> Express the stiffnesses that every generator leaves unchanged as linear maps of the named
+   !> constants. The equations C(g) = C for the 21 entries are solved by least squares for the
+   !> entries that are not constants. The factors of the map are halves of integers in every class.
    subroutine derive_map(self, error)
       type(crystal_class_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       integer :: g, i, j, k, named(self%n_constants)
-      !> The entries of the upper triangle row by row.
+      !> Rows and columns of the 21 entries of the upper triangle, row by row.
       integer, parameter :: first(21) = [([(i, j=i, 6)], i=1, 6)], &
          & second(21) = [([(j, j=i, 6)], i=1, 6)]
       real(wp) :: equations(21*size(self%generators, 3), 21), unit(6, 6), change(6, 6), &
@@ -190,7 +199,7 @@ contains
       solution = -matmul(transpose(equations(:, other)), equations(:, named))
       if (size(other) > 0) then
          gram = matmul(transpose(equations(:, other)), equations(:, other))
-         ! Not LAPACK: OpenBLAS waits for memory for ever where it is limited.
+         ! LAPACK is avoided, because OpenBLAS waits for ever for memory that is limited.
          call factor_definite(gram, 1.0e-9_wp, definite)
          do k = 1, merge(size(solution, 2), 0, definite)
             call solve_lower(gram, solution(:, k))
@@ -233,7 +242,7 @@ contains
       end do
    end function stiffness
 
-   !> The named entries of a stiffness in crystal axes, GPa.
+   !> The constants of a stiffness in crystal axes, GPa.
    pure function constants_of(self, c) result(constants)
       class(crystal_class_type), intent(in) :: self
       !> GPa.
@@ -244,7 +253,8 @@ contains
       constants = [(c(self%entry(1, k), self%entry(2, k)), k=1, self%n_constants)]
    end function constants_of
 
-   !> Whether every stiffness of another class, in the same axes, is one of this class too.
+   !> Whether every stiffness of another class, in the same axes, also has the symmetry of this
+   !> class.
    pure logical function includes(self, other)
       class(crystal_class_type), intent(in) :: self
       type(crystal_class_type), intent(in) :: other
@@ -260,7 +270,7 @@ contains
       end do
    end function includes
 
-   !> The parameters that a class leaves open, 'a, c'; nothing where directions do not depend on
+   !> The free lattice parameters of a class, 'a, c'; empty if crystal directions do not depend on
    !> them.
    pure function lattice_parameters(class) result(list)
       type(crystal_class_type), intent(in) :: class
@@ -277,7 +287,7 @@ contains
    !> The cell of a class with these parameters.
    subroutine new_lattice(class, values, lattice, error)
       type(crystal_class_type), intent(in) :: class
-      !> As `lattice_parameters` lists them: lengths in any unit, angles in degrees.
+      !> In the order of `lattice_parameters`: lengths in any unit, angles in degrees.
       real(wp), intent(in) :: values(:)
       type(lattice_type), intent(out) :: lattice
       type(error_type), allocatable, intent(out) :: error
@@ -333,7 +343,8 @@ contains
       lattice%is_hexagonal = fields(6) == '120'
    end subroutine new_lattice
 
-   !> '[1 -1 2]': the smallest indices of a direction to 2 degrees, or else the nearest up to 9.
+   !> The smallest indices, as '[1 -1 2]', of a direction within 2 degrees, or else the nearest
+   !> direction with indices up to 9.
    function nearest(self, v) result(text)
       class(lattice_type), intent(in) :: self
       !> Unit vector in crystal axes.

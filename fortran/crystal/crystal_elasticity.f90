@@ -1,5 +1,8 @@
-!> Elasticity of one crystal of any class: rotation, stability, polycrystal averages, anisotropy of
-!> a general stiffness; paths of waves.
+!> Elasticity of one crystal of any class: rotation, stability, polycrystal averages and anisotropy
+!> of a general stiffness; paths of waves.
+!>
+!> Stiffness in GPa, Voigt order 11,22,33,23,13,12 without factors of two. Bunge-Euler angles (phi1,
+!> Phi, phi2) in radians; g maps sample to crystal axes, v_crystal = g v_sample.
 !>
 !> Stiffness in GPa, Voigt order 11,22,33,23,13,12 without factors of two. Bunge-Euler angles (phi1,
 !> Phi, phi2) in radians; g maps sample to crystal axes, v_crystal = g v_sample.
@@ -17,21 +20,22 @@ module crystal_elasticity
    public :: isotropic_stiffness
    public :: path_type, wave_names, no_wave, rayleigh, longitudinal
 
-   !> Of a stable crystal a pivot of the stiffness is a larger share of its entry.
+   !> Smallest pivot of a stable crystal's stiffness, relative to its diagonal entry; below are
+   !> rounding errors.
    real(wp), parameter :: resolution = 1.0e-12_wp
    !> Voigt index of a pair of Cartesian indices.
    integer, parameter :: voigt_index(3, 3) = reshape([1, 6, 5, 6, 2, 4, 5, 4, 3], [3, 3])
 
-   !> Kinds of waves by number: the surface wave, then bulk waves.
+   !> Kinds of waves by number: the surface wave, then the bulk waves.
    character(len=*), parameter :: wave_names(4) = [character(len=12) :: 'rayleigh', &
       & 'longitudinal', 'shear_slow', 'shear_fast']
    integer, parameter :: no_wave = 0, rayleigh = 1, longitudinal = 2
 
-   !> Which wave travels in which direction of the sample: what tells one measured speed from
-   !> another; by itself an indentation.
+   !> Kind and direction of the wave whose speed is measured; by default an indentation, without a
+   !> wave.
    type :: path_type
       integer :: wave = no_wave
-      !> In the surface from x towards y, then towards the normal; degrees.
+      !> Direction in the surface, from x towards y, and inclination towards the normal; degrees.
       real(wp) :: propagation_deg = 0.0_wp, inclination_deg = 0.0_wp
    end type path_type
 
@@ -74,31 +78,31 @@ contains
       end if
    end function euler_angles
 
-   !> Stiffness in the sample frame of a crystal whose orientation is `g`: C' = M C Mᵀ with Bond's
-   !> matrix of gᵀ.
+   !> Stiffness in the sample frame of a crystal of orientation `g`: C' = M C Mᵀ with Bond's matrix
+   !> of gᵀ.
    pure function rotate_stiffness(c, g) result(rotated)
       real(wp), intent(in) :: c(6, 6), g(3, 3)
       real(wp) :: rotated(6, 6)
-      !> With two rows more, which fill the vector units.
-      real(wp), dimension(8, 6) :: whole, bond, half, turned
+      !> Two additional rows fill the vector units.
+      real(wp), dimension(8, 6) :: padded, bond, half, turned
       integer :: j
 
       bond(:6, :) = bond_matrix(transpose(g))
-      whole(:6, :) = c
+      padded(:6, :) = c
       bond(7:, :) = 0.0_wp
-      whole(7:, :) = 0.0_wp
+      padded(7:, :) = 0.0_wp
       do j = 1, 6
-         half(:, j) = whole(:, 1)*bond(j, 1) + whole(:, 2)*bond(j, 2) + whole(:, 3)*bond(j, &
-            & 3) + whole(:, 4)*bond(j, 4) + whole(:, 5)*bond(j, 5) + whole(:, 6)*bond(j, 6)
+         half(:, j) = padded(:, 1)*bond(j, 1) + padded(:, 2)*bond(j, 2) + padded(:, 3)*bond(j, 3) &
+            & + padded(:, 4)*bond(j, 4) + padded(:, 5)*bond(j, 5) + padded(:, 6)*bond(j, 6)
       end do
       do j = 1, 6
-         turned(:, j) = bond(:, 1)*half(1, j) + bond(:, 2)*half(2, j) + bond(:, 3)*half(3, &
-            & j) + bond(:, 4)*half(4, j) + bond(:, 5)*half(5, j) + bond(:, 6)*half(6, j)
+         turned(:, j) = bond(:, 1)*half(1, j) + bond(:, 2)*half(2, j) + bond(:, 3)*half(3, j) &
+            & + bond(:, 4)*half(4, j) + bond(:, 5)*half(5, j) + bond(:, 6)*half(6, j)
       end do
       rotated = 0.5_wp*(turned(:6, :) + transpose(turned(:6, :)))
    end function rotate_stiffness
 
-   !> Bond's matrix, which turns stresses in Voigt's order.
+   !> Bond's matrix, which rotates stresses in Voigt's order.
    pure function bond_matrix(a) result(bond)
       !> A rotation of vectors.
       real(wp), intent(in) :: a(3, 3)
@@ -111,8 +115,8 @@ contains
             bond(i, j) = a(i, j)**2
             bond(i, j + 3) = 2.0_wp*a(i, first(j))*a(i, second(j))
             bond(i + 3, j) = a(first(i), j)*a(second(i), j)
-            bond(i + 3, j + 3) = a(first(i), first(j))*a(second(i), second(j)) + a(first(i), &
-               & second(j))*a(second(i), first(j))
+            bond(i + 3, j + 3) = a(first(i), first(j))*a(second(i), second(j)) &
+               & + a(first(i), second(j))*a(second(i), first(j))
          end do
       end do
    end function bond_matrix
@@ -128,7 +132,7 @@ contains
    end function is_stable
 
    !> Compliance of a stable crystal, 1/GPa, in Voigt's order with its factors of two and four; NaN
-   !> of another.
+   !> for an unstable crystal.
    pure function compliance(c) result(s)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
@@ -163,7 +167,7 @@ contains
       end if
    end subroutine check_stiffness
 
-   !> Voigt and Reuss averages; of an unstable crystal Reuss's are NaN.
+   !> Voigt and Reuss averages; Reuss averages of an unstable crystal are NaN.
    pure type(averages_type) function polycrystal_averages(c) result(averages)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
@@ -179,8 +183,8 @@ contains
    end function polycrystal_averages
 
    !> Universal anisotropy index 5 Gv/Gr + Kv/Kr - 6 (paper's Eq. 14; Ranganathan &
-   !> Ostoja-Starzewski 2008): 0 for an isotropic crystal, unbounded towards instability; NaN for an
-   !> unstable one.
+   !> Ostoja-Starzewski 2008): 0 for an isotropic crystal, unbounded towards instability, NaN for an
+   !> unstable crystal.
    pure real(wp) function anisotropy_index(c) result(index)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
@@ -220,8 +224,8 @@ contains
       end do
    end function isotropic_stiffness
 
-   !> Log-anisotropy: Frobenius norm of log K without its isotropic part, K the Kelvin form; NaN for
-   !> an unstable crystal.
+   !> Log-anisotropy: Frobenius norm of the anisotropic part of log K, with the Kelvin form K; NaN
+   !> for an unstable crystal.
    pure real(wp) function log_anisotropy(c)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
@@ -230,12 +234,12 @@ contains
       call logarithmic_mean(c, poisson, log_anisotropy)
    end function log_anisotropy
 
-   !> Poisson's ratio of the isotropic part of log K, the norm of what is left, the log-anisotropy,
-   !> and the geometric mean of the eigenvalues of K; NaN for an unstable crystal.
+   !> Poisson's ratio of the isotropic part of log K, the norm of its anisotropic part (the
+   !> log-anisotropy), and the geometric mean of the eigenvalues of K; NaN for an unstable crystal.
    pure subroutine logarithmic_mean(c, poisson, anisotropy, stiffness)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
-      !> Without unit.
+      !> Dimensionless.
       real(wp), intent(out) :: poisson, anisotropy
       !> GPa.
       real(wp), intent(out), optional :: stiffness
@@ -249,8 +253,8 @@ contains
          return
       end if
       logs = log(values)
-      ! The isotropic part of log K has the eigenvalue `bulk` (of 3 K) on the dilatation and `shear`
-      ! (of 2 G) on the five deviators.
+      ! The isotropic part of log K has the eigenvalue `bulk`, log 3K, on the dilatation and
+      ! `shear`, log 2G, on the five deviators.
       bulk = sum(logs*sum(vectors(:3, :), 1)**2)/3.0_wp
       shear = (sum(logs) - bulk)/5.0_wp
       anisotropy = sqrt(max(0.0_wp, sum(logs**2) - bulk**2 - 5.0_wp*shear**2))
@@ -258,7 +262,8 @@ contains
       if (present(stiffness)) stiffness = exp(sum(logs)/6.0_wp)
    end subroutine logarithmic_mean
 
-   !> The stiffness as a tensor of rank two in six dimensions: rows and columns 4 to 6 times sqrt 2.
+   !> The stiffness as a tensor of rank two in six dimensions: rows and columns 4 to 6 are
+   !> multiplied by sqrt 2.
    pure function kelvin_form(c) result(k)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
@@ -283,7 +288,7 @@ contains
    !> Eigenvalues and eigenvectors (columns) of a symmetric 6 x 6 matrix by cyclic Jacobi rotations.
    pure subroutine diagonalise(matrix, values, vectors)
       real(wp), intent(in) :: matrix(6, 6)
-      !> In no order; one vector a column.
+      !> Unsorted eigenvalues; eigenvectors, one a column.
       real(wp), intent(out) :: values(6), vectors(6, 6)
       real(wp) :: a(6, 6), t, cosine, sine, old(6)
       integer :: i, p, q, sweep

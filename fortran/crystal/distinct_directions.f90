@@ -1,5 +1,9 @@
-!> Directions that a crystal can tell apart: one of each set that its group, the inversion included,
-!> maps onto another.
+!> Directions that differ for a crystal. The group of a crystal, the inversion included, maps
+!> directions onto equivalent ones; one direction of each such set represents it.
+!>
+!> The representative is the direction that is largest in z, then in x, then in y. For a finite
+!> group the representatives fill a few spherical triangles (cubic: 001, 101, 111). With one axis of
+!> infinite order they fill an arc from that axis, with two axes they are a point.
 !>
 !> Of each set the one is taken that is largest in z, then in x, then in y. For a finite group these
 !> fill a few spherical triangles (cubic: 001, 101, 111); with one axis of infinite order they are
@@ -12,18 +16,18 @@ module distinct_directions
    public :: region_type, new_region, representative, angle_between, all_alike, &
       & lattice_of_directions, spread_of_directions, group_rotations
 
-   !> What differs by less is the same.
+   !> Components that differ by less are the same.
    real(wp), parameter :: same = 1.0e-9_wp
-   !> Steps of the lattice over an arc, and over a triangle at most, in degrees.
+   !> Step of the lattice over an arc, and largest step over a triangle, in degrees.
    real(wp), parameter :: arc_step = 2.0_wp, triangle_step = 3.43_wp
    integer, parameter :: most_corners = 12
 
    type :: region_type
-      !> 2: triangles; 1: an arc; 0: a point.
+      !> Dimension of the region: 2 for triangles, 1 for an arc, 0 for a point.
       integer :: dimension = 2
-      !> Corners of the triangles, unit vectors (3, 3, n); of an arc or a point none.
+      !> Corners of the triangles, unit vectors (3, 3, n); none for an arc or a point.
       real(wp), allocatable :: triangles(:, :, :)
-      !> Where the arc begins, the axis of infinite order, and where it ends.
+      !> Beginning of the arc, the axis of infinite order, and its end.
       real(wp) :: axis(3) = [0, 0, 1], equator(3) = [1, 0, 0]
       !> The finite group with the inversion, (3, 3, n).
       real(wp), allocatable, private :: group(:, :, :)
@@ -61,8 +65,8 @@ contains
       end do
    end subroutine new_region
 
-   !> Proper rotations of a class's group, (3, 3, n); an axis of infinite order stands as one of
-   !> that `order`, a second one is left out.
+   !> Proper rotations of a class's group, (3, 3, n). An axis of infinite order is replaced by one
+   !> of this `order`; a second such axis is omitted.
    function group_rotations(class, order) result(rotations)
       type(crystal_class_type), intent(in) :: class
       integer, intent(in) :: order
@@ -110,11 +114,12 @@ contains
       end do
    end subroutine close_group
 
-   !> Cut a convex spherical polygon to v.n >= 0 for every element g of the group, where n = z - gz,
-   !> or if that is zero x - gx, or y - gy: v is not smaller than its image.
+   !> Cut a convex spherical polygon to the points v that are not smaller than their images: v.n >=
+   !> 0 for every element g of the group, where n = z - gz, or x - gx if that is zero, or else y -
+   !> gy.
    pure subroutine cut_to_region(group, corners)
       real(wp), intent(in) :: group(:, :, :)
-      !> Unit vectors (3, n), in order around the polygon; none if nothing is left.
+      !> Unit vectors (3, n), in order around the polygon; empty if nothing remains.
       real(wp), allocatable, intent(inout) :: corners(:, :)
       integer, parameter :: order(3) = [3, 1, 2]
       real(wp) :: normal(3), cut(3, most_corners), height(most_corners), unit(3)
@@ -150,7 +155,7 @@ contains
       end do
    end subroutine cut_to_region
 
-   !> The direction of the region that the crystal cannot tell from this one.
+   !> The direction of the region that is equivalent to a direction.
    pure function representative(region, direction) result(best)
       type(region_type), intent(in) :: region
       !> Unit vector in crystal axes.
@@ -173,7 +178,7 @@ contains
       end select
    end function representative
 
-   !> Whether a comes after b in the order of their first components that differ.
+   !> Whether a is larger than b in the first component that differs.
    pure logical function is_larger(a, b)
       real(wp), intent(in) :: a(3), b(3)
       integer :: i
@@ -186,7 +191,7 @@ contains
       end do
    end function is_larger
 
-   !> Smallest angle (radians) between a direction and what the crystal cannot tell from another.
+   !> Smallest angle (radians) between a direction and those equivalent to another one.
    pure real(wp) function angle_between(region, first, second) result(angle)
       type(region_type), intent(in) :: region
       !> Unit vectors in crystal axes.
@@ -205,7 +210,7 @@ contains
       end select
    end function angle_between
 
-   !> Whether one of some directions has all others within an angle.
+   !> Whether all directions are within an angle of one of them.
    pure logical function all_alike(region, directions, angle)
       type(region_type), intent(in) :: region
       !> Unit vectors in crystal axes, (3, n).
@@ -219,12 +224,12 @@ contains
       do i = 1, size(apart)
          apart = [(angle_between(region, directions(:, i), directions(:, j)), j=1, size(apart))]
          all_alike = all(apart <= angle)
-         ! Two that are so far apart have no third near both.
+         ! No direction is near both of two directions that are farther apart than this.
          if (all_alike .or. any(apart > 2.0_wp*angle)) return
       end do
    end function all_alike
 
-   !> Directions evenly over the region, its corners and edges included: steps of equal size over an
+   !> Directions that cover the region evenly, its corners and edges included: equal steps over an
    !> arc, equal shares of the corners over a triangle.
    pure subroutine lattice_of_directions(region, directions)
       type(region_type), intent(in) :: region
@@ -241,8 +246,8 @@ contains
       end if
    end subroutine lattice_of_directions
 
-   !> n directions that spread over the region: equal steps over an arc; the corners of the
-   !> triangles, then always the direction of a fine grid that is farthest from those before.
+   !> n directions that spread over the region: equal steps over an arc; for triangles the corners
+   !> first, then repeatedly the direction of a fine grid that is farthest from those chosen before.
    pure subroutine spread_of_directions(region, n, directions)
       type(region_type), intent(in) :: region
       integer, intent(in) :: n
@@ -275,7 +280,7 @@ contains
       end do
    end subroutine spread_of_directions
 
-   !> n directions at equal angles over the arc; the axis n times for a point.
+   !> n directions at equal angles over the arc; n times the axis if the region is a point.
    pure function arc(region, n) result(directions)
       type(region_type), intent(in) :: region
       integer, intent(in) :: n
@@ -288,14 +293,14 @@ contains
       end do
    end function arc
 
-   !> The triangles divided: unit vectors along sums of their corners with shares i/n, j/n,
-   !> (n-i-j)/n; each distinct direction once.
+   !> Directions along sums of a triangle's corners with shares i/n, j/n, (n-i-j)/n; each distinct
+   !> direction once.
    pure subroutine divide(region, n, directions)
       type(region_type), intent(in) :: region
       integer, intent(in) :: n
       !> (3, m).
       real(wp), allocatable, intent(out) :: directions(:, :)
-      real(wp) :: found(3, size(region%triangles, 3)*(n + 1)*(n + 2)/2), v(3)
+      real(wp) :: distinct(3, size(region%triangles, 3)*(n + 1)*(n + 2)/2), v(3)
       integer :: t, i, j, k, m
 
       m = 0
@@ -308,15 +313,15 @@ contains
                if (any(abs(representative(region, v) - v) > same)) cycle
                if (i*j*(n - i - j) == 0) then
                   do k = 1, m
-                     if (all(abs(found(:, k) - v) < same)) exit
+                     if (all(abs(distinct(:, k) - v) < same)) exit
                   end do
                   if (k <= m) cycle
                end if
                m = m + 1
-               found(:, m) = v
+               distinct(:, m) = v
             end do
          end do
       end do
-      directions = found(:, :m)
+      directions = distinct(:, :m)
    end subroutine divide
 end module distinct_directions

@@ -1,21 +1,22 @@
-!> Coordinates of the stable crystals of a class that have no bounds: the logarithm of the Kelvin
-!> stiffness.
+!> Unbounded coordinates of the stable crystals of a class: the logarithm of the Kelvin stiffness.
 !>
-!> The Kelvin stiffnesses K of a class are a linear space closed under symmetric products, so log K
-!> lies in it too. Its orthonormal basis begins with the dilatation and the shear of an isotropic
-!> solid: what follows these two is the anisotropy, and its norm the log-anisotropy. The volume is
-!> that of the derivative of the matrix exponential (divided differences in the frame of the
-!> eigenvectors, Higham, Functions of Matrices, SIAM 2008, theorem 3.11).
+!> The Kelvin stiffnesses K of a class form a linear space that is closed under symmetric products,
+!> so log K lies in it, too. Its orthonormal basis begins with the dilatation and the shear of an
+!> isotropic solid. The coordinates after these two are the anisotropy, and their norm is the
+!> log-anisotropy. The volume element follows from the derivative of the matrix exponential (divided
+!> differences in the frame of the eigenvectors, Higham, Functions of Matrices, SIAM 2008, theorem
+!> 3.11).
 !>
-!> And the coordinates of a symmetric 6 x 6 matrix (Kelvin form) about the z axis: how it changes
-!> when it is turned about that axis.
+!> The second part of the module has coordinates of a symmetric 6 x 6 matrix (Kelvin form) that show
+!> how it changes under rotation about the z axis.
 !>
-!> Strains of order 0, 1, 2 about the axis: p = zz, q = (xx + yy)/sqrt 2; w1 = (xz + i yz)/sqrt 2;
-!> w2 = ((xx - yy)/sqrt 2 + i xy)/sqrt 2. The components of the matrix between them turn by m times
-!> the angle, m the sum of their orders: five real numbers of order 0, one of them the trace, which
-!> comes last here, and eight complex ones of order 1 to 4. A mirror that holds the axis and x
-!> conjugates the latter. All are coordinates in an orthonormal basis: the sum of their squares is
-!> that of the matrix' entries.
+!> Strains of order 0, 1, 2 about the axis are p = zz and q = (xx + yy)/sqrt 2; w1 = (xz + i
+!> yz)/sqrt 2; w2 = ((xx - yy)/sqrt 2 + i xy)/sqrt 2. A rotation multiplies the component of the
+!> matrix between two of them by a phase, m times the angle, with m the sum of their orders. There
+!> are five real components of order 0, one of them the trace, which is the last coordinate, and
+!> eight complex ones of order 1 to 4. A mirror plane through the axis and x conjugates the complex
+!> ones. The basis is orthonormal: the sum of the squares of the coordinates is that of the entries
+!> of the matrix.
 module logarithmic_coordinates
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: bond_matrix, diagonalise, kelvin_form, stiffness_of_kelvin
@@ -31,11 +32,11 @@ module logarithmic_coordinates
    end type log_frame_type
 
    type :: log_coordinates_type
-      !> As many as constants.
+      !> Number of coordinates, which is that of the constants.
       integer :: n = 0
       !> Orthonormal symmetric matrices (6, 6, n).
       real(wp), allocatable :: basis(:, :, :)
-      !> Its constants are coordinates in another, sparse basis of the same space.
+      !> The class, whose constants are coordinates in another, sparse basis of the same space.
       type(crystal_class_type), private :: class
    contains
       procedure :: to_logarithms, from_logarithms, log_volume, log_volume_at
@@ -43,24 +44,28 @@ module logarithmic_coordinates
 
    integer, parameter :: n_axial = 4, n_waves = 8
    integer, parameter :: wave_orders(n_waves) = [1, 1, 1, 2, 2, 2, 3, 4]
-   !> Order 0, then the real parts of the waves, then their imaginary parts, then the trace over
-   !> sqrt 6.
+   !> Number of coordinates: those of order 0, the real parts of the waves, their imaginary parts,
+   !> and the trace over sqrt 6.
    integer, parameter :: n_coordinates = n_axial + 2*n_waves + 1
 
    real(wp), parameter :: root_2 = sqrt(2.0_wp), root_half = sqrt(0.5_wp)
-   !> The numbers pp, qq, sqrt 2 pq, sqrt 2 w1*w1, sqrt 2 w2*w2 in four directions orthogonal to the
-   !> trace: dilatation against shear, the two shears against each other, and what is left.
-   real(wp), parameter :: directions(5, n_axial) = reshape([[1.0_wp, 3.0_wp, 4.0_wp, -root_2, &
-      & -root_2]/sqrt(30.0_wp), [0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, -1.0_wp]/root_2, &
+   !> The directions, orthogonal to the trace, in the space of pp, qq, sqrt 2 pq, sqrt 2 w1*w1, sqrt
+   !> 2 w2*w2: dilatation against shear, the two shears against each other, and two more.
+   real(wp), parameter :: dilatation(5) = &
+      & [1.0_wp, 3.0_wp, 4.0_wp, -root_2, -root_2]/sqrt(30.0_wp)
+   real(wp), parameter :: shears(5) = [0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, -1.0_wp]/root_2
+   real(wp), parameter :: others(5, 2) = reshape([ &
       & [2.0_wp, -1.0_wp, 0.0_wp, -0.25_wp*root_2, -0.25_wp*root_2]/sqrt(5.25_wp), &
-      & [1.0_wp, 3.0_wp, -3.5_wp, -root_2, -root_2]/sqrt(26.25_wp)], [5, n_axial])
+      & [1.0_wp, 3.0_wp, -3.5_wp, -root_2, -root_2]/sqrt(26.25_wp)], [5, 2])
+   real(wp), parameter :: directions(5, n_axial) = &
+      & reshape([dilatation, shears, others], [5, n_axial])
 
 contains
 
    !> The coordinates of a class.
    pure type(log_coordinates_type) function new_log_coordinates(class) result(self)
       type(crystal_class_type), intent(in) :: class
-      !> Of what is left of a matrix that the others span, a matrix of unit norm being 1.
+      !> A unit matrix whose remainder is below this norm lies in the span of the others.
       real(wp), parameter :: spanned = 1.0e-8_wp
       real(wp) :: matrix(6, 6), unit(class%n_constants)
       integer :: i, k
@@ -121,7 +126,7 @@ contains
       logarithm = composed(log(values), vectors)
    end function logarithm_of
 
-   !> The symmetric matrix of these eigenvalues and eigenvectors.
+   !> The symmetric matrix with these eigenvalues and eigenvectors.
    pure function composed(values, vectors) result(matrix)
       real(wp), intent(in) :: values(6), vectors(6, 6)
       real(wp) :: matrix(6, 6)
@@ -136,7 +141,7 @@ contains
       real(wp), intent(in), contiguous :: w(:)
       !> Stiffness in crystal axes, GPa.
       real(wp), intent(out) :: c(6, 6)
-      !> For `log_volume`.
+      !> Input of `log_volume`.
       type(log_frame_type), intent(out) :: frame
       real(wp) :: logarithm(6, 6)
       integer :: k
@@ -178,8 +183,8 @@ contains
                quotient = 1.0_wp + half**2/6.0_wp
                if (abs(half) > 1.0e-3_wp) quotient = sinh(half)/half
                k = k + 1
-               weights(k) = sqrt(merge(1.0_wp, 2.0_wp, &
-                  & i == j)*exp(0.5_wp*(values(i) + values(j)))*quotient)
+               weights(k) = sqrt(merge(1.0_wp, 2.0_wp, i == j) &
+                                & *exp(0.5_wp*(values(i) + values(j)))*quotient)
             end do
          end do
          parts = 0.0_wp
@@ -192,12 +197,12 @@ contains
                end associate
                i = i + j
             end do
-            parts(:, constant(k)) = parts(:, &
-               & constant(k)) + self%class%factor(k)*kelvin(row(k))*kelvin(column(k))*pairs*weights
+            parts(:, constant(k)) = parts(:, constant(k)) &
+               & + self%class%factor(k)*kelvin(row(k))*kelvin(column(k))*pairs*weights
          end do
          gram = matmul(transpose(parts), parts)
          log_volume = 0.0_wp
-         ! The determinant by elimination in place.
+         ! The determinant, by elimination in place.
          do j = 1, self%n
             log_volume = log_volume + log(gram(j, j))
             do k = j + 1, self%n
@@ -207,12 +212,12 @@ contains
       end associate
    end function log_volume
 
-   !> The coordinates of a symmetric matrix.
+   !> The axial coordinates of a symmetric matrix.
    pure function axial_coordinates_of(matrix) result(x)
       !> Rows and columns in Voigt's order, (6, 6).
       real(wp), intent(in) :: matrix(6, 6)
       real(wp) :: x(n_coordinates)
-      !> xx, yy, zz, yz, xz, xy of p, q, w1, w2.
+      !> Components xx, yy, zz, yz, xz, xy of p, q, w1, w2.
       complex(wp), parameter :: o = (0.0_wp, 0.0_wp), h = (root_half, 0.0_wp), &
          & ih = (0.0_wp, root_half)
       complex(wp), parameter :: p(6) = [o, o, (1.0_wp, 0.0_wp), o, o, o], &
@@ -224,9 +229,9 @@ contains
 
       order_0 = [between(p, p), between(q, q), root_2*between(p, q), &
          & root_2*between(conjg(w1), w1), root_2*between(conjg(w2), w2)]
-      waves = [2.0_wp*between(p, w1), 2.0_wp*between(q, w1), 2.0_wp*between(conjg(w1), w2), &
-         & 2.0_wp*between(p, w2), 2.0_wp*between(q, w2), root_2*between(w1, w1), &
-         & 2.0_wp*between(w1, w2), root_2*between(w2, w2)]
+      waves(:3) = 2.0_wp*[between(p, w1), between(q, w1), between(conjg(w1), w2)]
+      waves(4:6) = [2.0_wp*between(p, w2), 2.0_wp*between(q, w2), root_2*between(w1, w1)]
+      waves(7:) = [2.0_wp*between(w1, w2), root_2*between(w2, w2)]
       trace = sum([(matrix(i, i), i=1, 6)])
       x = [matmul(order_0, directions), real(waves, wp), aimag(waves), trace/sqrt(6.0_wp)]
 
@@ -239,7 +244,7 @@ contains
       end function between
    end function axial_coordinates_of
 
-   !> The orthogonal matrix that turns the Kelvin form of a strain, and a stiffness K to Q K Qᵀ.
+   !> The orthogonal matrix Q that rotates the Kelvin form of a strain, and a stiffness K to Q K Qᵀ.
    pure function kelvin_rotation(r) result(q)
       !> A rotation of vectors.
       real(wp), intent(in) :: r(3, 3)

@@ -1,5 +1,10 @@
-!> Surface harmonics of even degree that a group of rotations leaves alone: for each degree the
-!> kernel of its generators on the real harmonics (all even ones are unchanged by the inversion).
+!> Surface harmonics of even degree that are invariant under a group of rotations: for each degree
+!> the common kernel of Y(g x) - Y(x) for the generators g. (The inversion leaves all even harmonics
+!> unchanged.)
+!>
+!> They are orthonormal for the mean over the sphere, and the first is 1. Within a degree they are
+!> Gram-Schmidt vectors of the projector's columns in the order m = 0, cos 1, sin 1, cos 2, ..; the
+!> component of that column is positive.
 !>
 !> They are orthonormal for the mean over the sphere, the first is 1. Within a degree they are
 !> Gram-Schmidt vectors of the projector's columns in the order m = 0, cos 1, sin 1, cos 2, ..; the
@@ -15,18 +20,19 @@ module symmetric_harmonics
    integer, parameter :: largest_degree = 32
 
    type :: harmonics_type
-      !> How many there are.
+      !> Number of harmonics.
       integer :: n = 0
       !> Degree of each, (n).
       integer, allocatable :: degrees(:)
-      !> Coefficients of each on the real harmonics of its degree, m = 0, cos 1, sin 1, .., (2
+      !> Coefficients of each in the real harmonics of its degree, m = 0, cos 1, sin 1, .., (2
       !> highest degree + 1, n).
       real(wp), allocatable, private :: combination(:, :)
    end type harmonics_type
 
 contains
 
-   !> The harmonics of the group that rotations generate, such as that of a crystal's stiffness.
+   !> The harmonics of the group that rotations generate, such as the group of a crystal's
+   !> stiffness.
    subroutine new_harmonics(generators, bandlimit, harmonics, error)
       !> Proper rotations, (3, 3, n).
       real(wp), intent(in) :: generators(:, :, :)
@@ -34,30 +40,30 @@ contains
       integer, intent(in) :: bandlimit
       type(harmonics_type), intent(out) :: harmonics
       type(error_type), allocatable, intent(out) :: error
-      !> Points of the half sphere, on a spiral with the golden angle between successive ones.
+      !> Points of the half sphere, on a spiral with the golden angle between successive points.
       real(wp) :: points(3, (bandlimit + 1)*(bandlimit + 2)), z
       real(wp), parameter :: turn = pi*(3.0_wp - sqrt(5.0_wp))
-      real(wp), allocatable :: here(:), change(:, :, :), invariant(:, :), values(:)
+      real(wp), allocatable :: reference(:), change(:, :, :), invariant(:, :), values(:)
       integer :: l, a, g, i, n, n_points
 
       n_points = size(points, 2)
       n = n_points/2
-      allocate (here(n), change(n, n_points, size(generators, 3)), values(2*bandlimit + 1))
+      allocate (reference(n), change(n, n_points, size(generators, 3)), values(2*bandlimit + 1))
       do i = 1, n_points
          z = (i - 0.5_wp)/n_points
          points(:, i) = [sqrt(1.0_wp - z**2)*cos(turn*i), sqrt(1.0_wp - z**2)*sin(turn*i), z]
-         call evaluate_real(bandlimit, points(:, i), here)
+         call evaluate_real(bandlimit, points(:, i), reference)
          do g = 1, size(generators, 3)
             call evaluate_real(bandlimit, matmul(generators(:, :, g), points(:, i)), &
                & change(:, i, g))
-            change(:, i, g) = (change(:, i, g) - here)/sqrt(real(n_points, wp))
+            change(:, i, g) = (change(:, i, g) - reference)/sqrt(real(n_points, wp))
          end do
       end do
       allocate (harmonics%degrees(0), harmonics%combination(2*bandlimit + 1, 0))
       do l = 0, bandlimit, 2
          a = l*(l - 1)/2
-         ! Sum over the generators g of |Y(g x) - Y(x)|^2 as a quadratic form of the coefficients:
-         ! what it does not see is invariant.
+         ! The sum over the generators g of |Y(g x) - Y(x)|^2 as a quadratic form of the
+         ! coefficients: its kernel is invariant.
          invariant = reshape(change(a + 1:a + 2*l + 1, :, :), [2*l + 1, size(change)/n])
          invariant = matmul(invariant, transpose(invariant))
          call symmetric_eigen(invariant, values(:2*l + 1), error)
@@ -67,8 +73,8 @@ contains
       harmonics%n = size(harmonics%degrees)
    end subroutine new_harmonics
 
-   !> The harmonics of one degree: the Gram-Schmidt vectors of the columns of the projector on the
-   !> span of `invariant`.
+   !> Append the harmonics of one degree: the Gram-Schmidt vectors of the columns of the projector
+   !> onto the span of `invariant`.
    pure subroutine append_degree(invariant, l, harmonics)
       !> Orthonormal columns, (2 l + 1, n).
       real(wp), intent(in) :: invariant(:, :)
@@ -84,13 +90,14 @@ contains
          vector(:size(invariant, 1)) = matmul(invariant, invariant(pivot, :))
          do sweep = 1, 2
             do j = before + 1, size(harmonics%degrees)
-               vector = vector - dot_product(harmonics%combination(:, j), &
-                  & vector)*harmonics%combination(:, j)
+               associate (unit => harmonics%combination(:, j))
+                  vector = vector - dot_product(unit, vector)*unit
+               end associate
             end do
          end do
          norm = norm2(vector)
-         ! The squares of what is left of all columns sum to the vectors that are missing: one of
-         ! them at least is as long as this.
+         ! The squared norms of the remainders of all columns sum to the number of missing vectors,
+         ! so at least one of them is as long as this.
          if (norm**2 < 0.5_wp/size(invariant, 1)) cycle
          where (abs(vector) < 1.0e-12_wp*norm) vector = 0.0_wp
          harmonics%degrees = [harmonics%degrees, l]
@@ -99,7 +106,7 @@ contains
       end do
    end subroutine append_degree
 
-   !> All real harmonics of even degree, degree by degree, m = 0, cos 1, sin 1, ..: by the
+   !> All real harmonics of even degree, degree by degree, m = 0, cos 1, sin 1, .., by the
    !> recurrence in the degree of the normalised Legendre functions over sin^m.
    pure subroutine evaluate_real(bandlimit, direction, values)
       integer, intent(in) :: bandlimit
@@ -128,8 +135,8 @@ contains
                legendre = next
             end associate
          end do
-         wave = wave*cmplx(direction(1), direction(2), &
-            & wp)*sqrt((2.0_wp*m + 3.0_wp)/merge(2.0_wp*m + 2.0_wp, 1.0_wp, m > 0))
+         wave = wave*cmplx(direction(1), direction(2), wp) &
+               & *sqrt((2.0_wp*m + 3.0_wp)/merge(2.0_wp*m + 2.0_wp, 1.0_wp, m > 0))
       end do
    end subroutine evaluate_real
 

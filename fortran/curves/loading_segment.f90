@@ -1,4 +1,4 @@
-!> The part of a curve that is scored: its first loading, from the contact to the peak of the load.
+!> The part of a curve that is evaluated: its first loading, from the contact to the peak load.
 module loading_segment
    use kinds, only: wp
    use statistics, only: median
@@ -8,27 +8,30 @@ module loading_segment
    public :: segment_type, take_loading
 
    type :: segment_type
-      !> s, nm, mN, and, where the curve has it, mN/um; (point).
+      !> Time, s, depth, nm, load, mN, and, if the curve has it, contact stiffness, mN/um; (point).
       real(wp), allocatable :: time(:), depth(:), load(:), stiffness(:)
-      !> Why there is none; empty: there is one.
+      !> Why the segment cannot be used; empty if it can.
       character(len=:), allocatable :: refusal
    end type segment_type
 
-   !> Shares of the peak load where the contact begins to count and where loading ends.
+   !> Loads at which the contact begins and at which loading ends, as shares of the peak load.
    real(wp), parameter :: first_share = 0.004_wp, last_share = 0.995_wp
-   !> Points are averaged in blocks until there are no more.
+   !> Points are averaged in blocks if there are more than this; fewer points than the second number
+   !> are refused.
    integer, parameter :: most_points = 400, fewest_points = 12
 
 contains
 
-   !> Cut a curve. Loads before the contact give their zero.
+   !> Cut the loading segment out of a curve. The loads before the contact define the zero of the
+   !> load.
    subroutine take_loading(points, drift, segment)
-      !> s, nm, mN, and perhaps N/m; (quantity, point). What is still in the depth, nm/s.
+      !> Time, s, depth, nm, load, mN, and perhaps stiffness, N/m; (quantity, point). Drift that is
+      !> subtracted from the depth, nm/s.
       real(wp), intent(in) :: points(:, :), drift
       type(segment_type), intent(out) :: segment
-      !> As many points before the contact give a zero.
-      integer, parameter :: few = 10
-      real(wp), allocatable :: means(:, :), air(:)
+      !> Fewest points before the contact that define the zero of the load.
+      integer, parameter :: fewest_for_zero = 10
+      real(wp), allocatable :: means(:, :), loads_before(:)
       real(wp) :: peak
       integer :: first, last, block, n, i
 
@@ -41,12 +44,14 @@ contains
          first = findloc(load(:last) < first_share*peak, .true., 1, back=.true.) + 1
          block = 1 + max(0, last - first - 1)/most_points
          n = (last - first)/block
-         air = pack(load(:first - 1), load(:first - 1) < first_share*peak)
+         loads_before = pack(load(:first - 1), load(:first - 1) < first_share*peak)
       end associate
       means = sum(reshape(points(:, first:first + n*block - 1), [size(points, 1), block, n]), &
          & 2)/block
-      if (size(air) > few) means(3, :) = means(3, :) - median(size(air), air)
-      ! A contact stiffness that is not positive is none.
+      if (size(loads_before) > fewest_for_zero) then
+         means(3, :) = means(3, :) - median(size(loads_before), loads_before)
+      end if
+      ! Points without a positive contact stiffness are removed.
       means = means(:, &
          & pack([(i, i=1, n)], means(3, :) > first_share*peak .and. all(means(4:, :) > 0.0_wp, 1)))
       n = size(means, 2)

@@ -1,10 +1,11 @@
-!> The moduli of all materials and what their tests share: radius and shape of the tip, compliance
-!> of the frame, a factor of each session.
+!> The moduli of all materials and the unknowns that their tests share: radius and shape of the tip,
+!> compliance of the frame, a factor of each session.
 !>
-!> ln E of a test = ln E of its material + session + a normal factor of its own, whose sd is
-!> inferred, one for references and one for grains. Given these two sds all is normal; the sds are
-!> summed over a grid. The shape of a single curve says nothing on the shared unknowns here: there a
-!> nanometre that the model lacks would outweigh the references.
+!> ln E of a test is the sum of ln E of its material, the logarithm of the session's factor, and a
+!> normal deviation of the test. The standard deviation of the latter is inferred, separately for
+!> references and for grains. Given these two standard deviations the model is normal; a grid sums
+!> over them. The shape of a single curve does not inform the shared unknowns, because there a model
+!> error of a nanometre would outweigh the references.
 module shared_posterior
    use elastic_window, only: n_shared, test_type
    use kinds, only: wp
@@ -19,40 +20,42 @@ module shared_posterior
    type :: material_type
       character(len=:), allocatable :: name
       logical :: reference = .false.
-      !> Of a reference what is known, of others a broad prior: ln of the effective modulus in GPa,
-      !> and its sd.
+      !> Prior of ln of the effective modulus in GPa: mean and standard deviation. It is known for a
+      !> reference and broad for a grain.
       real(wp) :: prior_mean = 0.0_wp, prior_sd = 10.0_wp
-      !> Posterior mean of ln E, its sd, and the part of it that no other material shares.
+      !> Posterior mean of ln E, its standard deviation, and the part of the latter that no other
+      !> material shares.
       real(wp) :: ln_modulus = 0.0_wp, sd = 0.0_wp, own_sd = 0.0_wp
-      !> Derivatives of ln E by the shared unknowns.
+      !> Derivatives of ln E with respect to the shared unknowns.
       real(wp), allocatable :: by_shared(:)
    end type material_type
 
    type :: curves_posterior_type
       type(test_type), allocatable :: tests(:)
       type(material_type), allocatable :: materials(:)
-      !> Names.
+      !> Names of the sessions.
       type(warning_type), allocatable :: sessions(:)
-      !> Shared: ln R, beta, compliance, then the logarithm of each session's factor.
+      !> Shared unknowns: ln R, beta, compliance, then the logarithm of each session's factor.
       real(wp), allocatable :: prior_mean(:), prior_sd(:), mean(:), covariance(:, :)
-      !> Relative sds from test to test, of references and of grains; and of the drift of each test,
-      !> nm/s.
+      !> Relative standard deviations from test to test, of references and of grains; prior standard
+      !> deviation of the drift of each test, nm/s.
       real(wp) :: repeat_sd(2) = 0.0_wp, drift_prior_sd = 0.0_wp
    contains
       procedure :: infer_shared, grains
    end type curves_posterior_type
 
-   !> Sd of a test's factor: about one per cent, a factor of e for one sd; that of grains and of
-   !> references agree within a factor 1.6.
+   !> Prior of the standard deviation from test to test: log-normal about one per cent, with a
+   !> factor of e for one standard deviation; the values of grains and references agree within a
+   !> factor of 1.6. Bounds of the grid.
    real(wp), parameter :: usual_repeat = 0.01_wp, repeat_spread = 1.0_wp, repeat_ratio = 0.5_wp, &
       & least = 0.002_wp, greatest = 0.2_wp
    integer, parameter :: n_grid = 16
-   !> Points of the grid of a smaller share do not count.
+   !> Points of the grid with a smaller share of the probability are neglected.
    real(wp), parameter :: negligible = 1.0e-6_wp
 
 contains
 
-   !> The materials that are grains of which a test was used.
+   !> Numbers of the grains that have a test in use.
    pure function grains(self)
       class(curves_posterior_type), intent(in) :: self
       integer, allocatable :: grains(:)
@@ -62,7 +65,8 @@ contains
          & .and. any(self%tests%material == k .and. self%tests%used), k=1, size(self%materials))])
    end function grains
 
-   !> Posterior about the present `mean` and the moduli of the tests; both move to it.
+   !> Compute the posterior, linearised about the present `mean` and the moduli of the tests; both
+   !> move to the new posterior mean.
    subroutine infer_shared(self, error)
       class(curves_posterior_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
@@ -120,13 +124,15 @@ contains
       outer = spread(a, 2, size(b))*spread(b, 1, size(a))
    end function outer
 
-   !> All given the sds of the tests' factors: a normal distribution of the change of the shared
-   !> unknowns and of ln E of the materials about their prior means.
+   !> Solve the model for given standard deviations of the tests' deviations: a normal distribution
+   !> of the change of the shared unknowns and of ln E of the materials relative to their prior
+   !> means.
    subroutine solve_given(self, sd, final, density, mean, covariance, error)
       type(curves_posterior_type), intent(in) :: self
-      !> Of references and of grains.
+      !> Standard deviation of references and of grains.
       real(wp), intent(in) :: sd(2)
-      !> Then mean and covariance are wanted; else the log of the density of the sds.
+      !> Whether mean and covariance are computed; otherwise the log density of the standard
+      !> deviations.
       logical, intent(in) :: final
       real(wp), intent(inout) :: density
       real(wp), intent(out) :: mean(:), covariance(:, :)

@@ -1,9 +1,9 @@
-!> What is indented, as the simulation sees it: a specimen plans its own mesh, for any fineness.
-!> This one is the half-space: bricks under the indenter, layers that grow around them, infinite
-!> elements outside; the others extend it.
+!> The specimen as the simulation sees it. A specimen plans its own mesh, for any fineness. The
+!> basic one is the half-space: bricks under the indenter, growing layers around them, infinite
+!> elements outside. The other specimens extend it.
 !>
-!> The plan is what the mesh generator is asked for: a box of bricks under the indenter, and stages
-!> of layers around it, from the inside out.
+!> The mesh generator executes the plan: a box of bricks under the indenter, and stages of layers
+!> around it, from the inside out.
 module basic_specimen
    use crystal_elasticity, only: hill_young_poisson, isotropic_stiffness, log_anisotropy, &
       & polycrystal_averages
@@ -19,88 +19,91 @@ module basic_specimen
 
    character(len=*), parameter :: halfspace_name = 'halfspace'
 
-   !> What the surface becomes over a stage: `ratio` times as large, a hemisphere, or a cylinder.
+   !> Shape of the surface at the end of a stage: `ratio` times as large, a hemisphere, or a
+   !> cylinder.
    integer, parameter :: growing = 1, to_ball = 2, to_cylinder = 3
-   !> What lies around the last layer: infinite elements; a clamped bottom and free sides; or both
-   !> clamped.
+   !> What surrounds the last layer: infinite elements; a clamped bottom with free sides; or a
+   !> clamped bottom with clamped sides.
    integer, parameter :: closed_by_infinite = 1, clamped_bottom = 2, clamped_around = 3
 
-   !> Layers around the current surface. What lies above the depth `plane` keeps its depth while it
-   !> grows sideways, and its material.
+   !> A stage of layers around the current surface. Points above the depth `plane` keep their depth
+   !> and their material while the stage grows sideways.
    type :: mesh_stage_type
-      !> The surface is coarsened 2:1 first; then levels of bricks are put under its bottom, as wide
-      !> as that and so deep in all (um).
+      !> Whether the surface is coarsened 2:1 first. Then `floor_levels` levels of bricks are added
+      !> under its bottom; they are as wide as the bottom and together `floor_depth` deep (um).
       logical :: coarsen = .false.
       integer :: floor_levels = 0
       real(wp) :: floor_depth = 0.0_wp
-      !> Layers, and growth of their thickness from one to the next (> 1).
+      !> Number of layers, and ratio of the thicknesses of successive layers (> 1).
       integer :: layers = 0
       real(wp) :: growth = 0.0_wp
       integer :: shape = growing
-      !> In all, of a growing surface; radius of the ball or cylinder and depth of the cylinder, um.
+      !> Growth of the surface over the whole stage; radius of the ball or cylinder and depth of the
+      !> cylinder, um.
       real(wp) :: ratio = 1.0_wp, radius = 0.0_wp, depth = 0.0_wp
-      !> um; and the material of what lies below it.
+      !> Depth of the plane, um; the number of the material below it.
       real(wp) :: plane = 0.0_wp
       integer :: material = 1
    end type mesh_stage_type
 
    type :: mesh_plan_type
-      !> Cells of the box per half-width and over its depth; it is of material 1.
+      !> Cells of the box per half-width and over its depth; the box is of material 1.
       integer :: half_cells = 0, depth_cells = 0
-      !> Half-width and depth of the box, um; its half-width over that of the default's box.
+      !> Half-width and depth of the box, um; its half-width relative to that of the default box.
       real(wp) :: half_width = 0.0_wp, depth = 0.0_wp, widening = 1.0_wp
       type(mesh_stage_type), allocatable :: stages(:)
       integer :: closing = closed_by_infinite
-      !> The bottom of the box and of the layers is clamped where this depth (um) is reached: layers
-      !> go on sideways only. 0: nowhere.
+      !> Where the bottom of the surface reaches this depth (um) it is clamped, and further layers
+      !> grow sideways only. 0: no such depth.
       real(wp) :: clamped_depth = 0.0_wp
       !> Materials of the infinite elements below the last stage's plane, and above it.
       integer :: far_material(2) = 1
    end type mesh_plan_type
 
-   !> Elements per contact radius at refine = 1 where there is no block.
+   !> Elements per contact radius at refine = 1, for all specimens but the block.
    real(wp), parameter :: fineness = 9.5_wp
-   !> Bricks of the largest mesh.
+   !> Bricks of the largest mesh that is allowed.
    integer, parameter :: most_bricks = 400000
 
-   !> Largest error at log-anisotropy 1 and the fineness of the study (elements per contact radius),
-   !> relative.
+   !> Largest relative error at log-anisotropy 1 and at the fineness of the study (elements per
+   !> contact radius), of bricks with and without incompatible modes.
    real(wp), parameter :: worst_incompatible = 1.0e-3_wp, worst_plain = 1.3e-3_wp, &
       & studied_fineness = 9.5_wp
-   !> Powers of the log-anisotropy and of the fineness.
+   !> Exponents of the log-anisotropy and of the fineness in the error.
    real(wp), parameter :: power_of_anisotropy = 3.5_wp, order = 2.0_wp
-   !> Extrapolation divides the mean error by some five, but the largest by less than two; of films
-   !> beside what is unlike by more.
+   !> Factors by which extrapolation lowers the largest error. It divides the mean error by about
+   !> five, but the largest by less than two; the error of unlike materials falls by more.
    real(wp), parameter :: extrapolated = 0.7_wp, extrapolated_contrast = 0.45_wp
-   !> From this error on a modulus is extrapolated unless the settings say otherwise.
+   !> A modulus is extrapolated from this relative error on, unless the settings say otherwise.
    real(wp), parameter :: limit_of_one_mesh = 0.005_wp
 
    type :: specimen_type
-      !> Names of the variables that only some specimens read, those that this one reads; and what
-      !> its materials are; separated by ', '.
+      !> Names, separated by ', ', of the variables that this specimen reads and some others do not,
+      !> and of the materials.
       character(len=:), allocatable :: variables, parts
-      !> How its modulus is read (`&specimen estimator`); brick element, 'c3d8' or 'c3d8i': as asked
-      !> for, or the specimen's own.
+      !> How the modulus is computed (`&specimen estimator`); the brick element, 'c3d8' or 'c3d8i',
+      !> from the settings or the specimen's default.
       character(len=:), allocatable :: estimator, element
-      !> Whether it has a length of its own: then its modulus depends on the depth, and theory,
-      !> which is of the half-space, does not hold.
+      !> Whether the specimen has a length of its own. If so, its modulus depends on the depth, and
+      !> the theory of the half-space is not valid.
       logical :: has_length = .true.
       !> Contact radius at the last depth (half-space), and edge of the bricks under the contact at
       !> refine = 1, um.
       real(wp) :: contact_radius = 0.0_wp, element_size = 0.0_wp
-      !> How far the refined zone of the mesh reaches, relative to the default: an elliptical
-      !> contact may be longer than that.
+      !> Size of the refined zone of the mesh relative to the default; a long elliptical contact
+      !> needs a larger one.
       real(wp) :: zone = 1.0_wp
-      !> Young's modulus (GPa) and Poisson's ratio of what is given beside the crystal; 0: nothing
-      !> is.
+      !> Young's modulus (GPa) and Poisson's ratio of the other material, which the user states; 0
+      !> if none is stated.
       real(wp) :: young = 0.0_wp, poisson = 0.0_wp
-      !> About how large the error of the mesh at refine = 1 may be, relative, by what the crystal
-      !> is joined with: where they are alike, and by the logarithm of the ratio of their Young's
-      !> moduli, if the crystal is the stiffer one.
+      !> Approximate relative error of the mesh at refine = 1 that the material next to the crystal
+      !> causes: for two similar materials, and for each unit of the logarithm of the ratio of
+      !> Young's moduli if the crystal is stiffer.
       real(wp) :: contrast(2) = 0.0_wp
-      !> Elements per contact radius of the coarser mesh of an extrapolation, relative to the finer.
+      !> Elements per contact radius of the coarser mesh of an extrapolation, relative to the finer
+      !> one.
       real(wp) :: coarse_ratio = 2.0_wp/3.0_wp
-      !> Of a half-space: where the infinite elements begin, in contact radii, and growth of the
+      !> For the half-space: distance of the infinite elements in contact radii, and growth of the
       !> layers before them at refine = 1.
       real(wp), private :: outer = 0.0_wp, growth = 0.0_wp
    contains
@@ -110,17 +113,17 @@ module basic_specimen
 
 contains
 
-   !> The box under a contact: nothing around it yet.
+   !> The box under a contact, without any stages.
    pure type(mesh_plan_type) function core_of_contact(refine, contact_radius, zone) result(plan)
-      !> Relative to the default; contact radius, um; size of the refined zone relative to the
-      !> default.
+      !> Fineness relative to the default; contact radius, um; size of the refined zone relative to
+      !> the default.
       real(wp), intent(in) :: refine, contact_radius, zone
       !> Depth of the box in contact radii.
       real(wp), parameter :: depth = 1.1_wp
       real(wp) :: across
 
       across = fineness*refine
-      ! Room for an elliptical contact, and for the ring of nodes around it that must stay free.
+      ! The box has room for an elliptical contact and for the ring of free nodes around it.
       plan%half_cells = max(4, nint(1.25_wp*across*zone) + 2)
       plan%widening = plan%half_cells/real(max(4, nint(1.25_wp*across) + 2), wp)
       plan%depth_cells = max(2, 2*nint(0.5_wp*depth*across))
@@ -128,11 +131,11 @@ contains
       plan%depth = contact_radius*plan%depth_cells/across
    end function core_of_contact
 
-   !> Layers that make the surface `ratio` times as large, each about `growth` times as thick as the
-   !> one before at refine = 1.
+   !> Layers that make the surface `ratio` times as large. At refine = 1 each is about `growth`
+   !> times as thick as the one before.
    pure type(mesh_stage_type) function layers_of_ratio(ratio, growth, refine) result(stage)
       real(wp), intent(in) :: ratio, growth, refine
-      !> What rounding may take from a number of layers that ends in a half.
+      !> Tolerance of rounding in a number of layers that ends in a half.
       real(wp), parameter :: rounding = 1.0e-9_wp
 
       stage%ratio = ratio
@@ -140,14 +143,15 @@ contains
       stage%growth = ratio**(1.0_wp/stage%layers)
    end function layers_of_ratio
 
-   !> Layers from one half-width to another (um), which grow faster from some contact radii on.
+   !> Layers from one half-width to another (um); layers farther from the contact grow faster.
    pure function graded_layers(from, to, contact_radius, refine, plane, material) result(stages)
-      !> um; `refine`: layers relative to the default; `plane`: of the stages, um.
+      !> Half-widths at both ends and contact radius, um; `refine`: number of layers relative to the
+      !> default; `plane`: depth of the plane of the stages, um.
       real(wp), intent(in) :: from, to, contact_radius, refine, plane
-      !> Below the plane.
+      !> Material below the plane.
       integer, intent(in) :: material
       type(mesh_stage_type), allocatable :: stages(:)
-      !> Growth at refine = 1, and up to which distance (contact radii).
+      !> Growth at refine = 1, and the distance up to which it holds (contact radii).
       real(wp), parameter :: growth(3) = [1.2_wp, 1.3_wp, 1.5_wp], &
          & limit(3) = [5.0_wp, 12.0_wp, huge(1.0_wp)]
       type(mesh_stage_type) :: stage
@@ -158,7 +162,7 @@ contains
       width = from
       do i = 1, size(growth)
          goal = min(to, limit(i)*contact_radius)
-         ! No layer that is much thinner than the others.
+         ! Avoid a layer that is much thinner than the others.
          if (to < 1.1_wp*goal) goal = to
          if (goal < 1.05_wp*width) cycle
          stage = layers_of_ratio(goal/width, growth(i), refine)
@@ -169,13 +173,14 @@ contains
       end do
    end function graded_layers
 
-   !> Its own variables.
+   !> Read the specimen's own variables.
    subroutine set_up(self, settings, error)
-      !> With its contact radius and element size, and the element that was asked for, or ''.
+      !> Its contact radius and element size are set, and its element is that of the settings, or
+      !> empty.
       class(specimen_type), intent(inout) :: self
       type(settings_type), intent(in) :: settings
       type(error_type), allocatable, intent(out) :: error
-      !> Growth of layers that interpolate as displacements decay, and of ordinary ones
+      !> Growth of layers whose shape functions decay as displacements do, and of ordinary layers
       !> (docs/simulation.md).
       real(wp), parameter :: decaying = 1.35_wp, ordinary = 1.13_wp
 
@@ -187,7 +192,7 @@ contains
       if (allocated(settings%simulation%growth)) self%growth = settings%simulation%growth
    end subroutine set_up
 
-   !> The mesh with `refine` times the default's elements per contact radius.
+   !> The plan of a mesh with `refine` times the default number of elements per contact radius.
    pure type(mesh_plan_type) function plan(self, refine)
       class(specimen_type), intent(in) :: self
       real(wp), intent(in) :: refine
@@ -198,7 +203,7 @@ contains
       plan%stages(1)%coarsen = .true.
    end function plan
 
-   !> The number of bricks that the mesh of a plan will have; refused is one that cannot be made.
+   !> Count the bricks of the mesh of a plan; refuse a mesh that cannot be made or is too large.
    subroutine check_plan(plan, bricks, error)
       type(mesh_plan_type), intent(in) :: plan
       integer, intent(out) :: bricks
@@ -229,7 +234,7 @@ contains
       end if
    end subroutine check_plan
 
-   !> Facets of the sides and the bottom of a lattice.
+   !> The number of facets of the sides and the bottom of a lattice.
    pure integer function surface_facets(nx, nz)
       !> Cells along x and y, and along z.
       integer, intent(in) :: nx, nz
@@ -237,15 +242,15 @@ contains
       surface_facets = nx**2 + 4*nx*nz
    end function surface_facets
 
-   !> Refuse sizes that cannot be meshed, in a message that begins with the variable; by default
-   !> there are none.
+   !> Refuse sizes that cannot be meshed; the message begins with the variable. The half-space has
+   !> none.
    subroutine check_sizes(self, error)
       class(specimen_type), intent(in) :: self
       type(error_type), allocatable, intent(out) :: error
    end subroutine check_sizes
 
-   !> Stiffness of each material of the mesh, sample frame, GPa (6, 6, materials): the crystal
-   !> alone, unless a specimen has more.
+   !> Stiffness of each material of the mesh in the sample frame, GPa (6, 6, materials). The
+   !> half-space consists of the crystal alone.
    pure function materials(self, crystal) result(c)
       class(specimen_type), intent(in) :: self
       !> Sample frame, GPa.
@@ -255,14 +260,14 @@ contains
       c = spread(crystal, 3, 1)
    end function materials
 
-   !> About how large, relative, the error of the modulus of a crystal may be. Orientations differ:
-   !> most are better.
+   !> Approximate largest relative error of the modulus of a crystal over all orientations; for most
+   !> orientations the error is smaller.
    !>
-   !> Near elastic instability bricks resolve neither the soft modes nor the far field. Measured on
-   !> the half-space against the exact theory (docs/verification/simulation.md, `bench simulate
-   !> soft`): beyond a log-anisotropy of 1.5 the largest error grows with its power 3.5, and falls
-   !> with the square of the fineness. A film that is stiffer than its substrate is resolved worse
-   !> (`bench simulate pairs`).
+   !> Near elastic instability bricks resolve neither the soft modes nor the far field. The
+   !> constants are measured on the half-space against the exact theory
+   !> (docs/verification/simulation.md, `bench simulate soft`): beyond a log-anisotropy of 1.5 the
+   !> largest error grows with its power 3.5, and falls with the square of the fineness. A film that
+   !> is stiffer than its substrate is resolved less well (`bench simulate pairs`).
    pure real(wp) function mesh_error(self, refine, stiffness, two_meshes)
       class(specimen_type), intent(in) :: self
       !> Elements per contact radius relative to the default; GPa.
@@ -272,8 +277,8 @@ contains
       real(wp) :: fineness, instability, contrast, young, poisson
 
       fineness = refine*self%contact_radius/self%element_size
-      instability = merge(worst_incompatible, worst_plain, &
-         & self%element == 'c3d8i')*log_anisotropy(stiffness)**power_of_anisotropy
+      instability = merge(worst_incompatible, worst_plain, self%element == 'c3d8i')
+      instability = instability*log_anisotropy(stiffness)**power_of_anisotropy
       contrast = self%contrast(1)
       if (self%young > 0.0_wp) then
          call hill_young_poisson(polycrystal_averages(stiffness), young, poisson)
@@ -286,8 +291,8 @@ contains
       mesh_error = max(instability, contrast)*(studied_fineness/fineness)**order
    end function mesh_error
 
-   !> Whether one mesh may be too wrong for a crystal; for contact stiffnesses it is. C3D8 is
-   !> Abaqus' element, and stays alone unless it is stated otherwise.
+   !> Whether the error of one mesh may be too large for a crystal; contact stiffnesses always need
+   !> two meshes. C3D8, Abaqus' element, is not extrapolated unless the settings ask for it.
    pure logical function wants_extrapolation(self, refine, stiffness)
       class(specimen_type), intent(in) :: self
       !> As in `mesh_error`.
@@ -297,8 +302,8 @@ contains
          & self%mesh_error(refine, stiffness, .false.) > limit_of_one_mesh)
    end function wants_extrapolation
 
-   !> Stiffness of what is given beside the crystal, GPa; zero where there is nothing, so that the
-   !> crystal's scale changes the moduli by a factor only.
+   !> Stiffness of the other material, GPa. It is zero if none is stated; then scaling the crystal's
+   !> stiffness scales the moduli by the same factor.
    pure function own_stiffness(self) result(c)
       class(specimen_type), intent(in) :: self
       real(wp) :: c(6, 6)
@@ -307,13 +312,13 @@ contains
       if (self%young > 0.0_wp) c = isotropic_stiffness(self%young, self%poisson)
    end function own_stiffness
 
-   !> Take over a variable that a geometry needs.
+   !> Copy the value of a variable that a geometry needs; refuse its absence.
    subroutine require(geometry, name, stated, value, error)
       !> Names of the specimen and of the variable.
       character(len=*), intent(in) :: geometry, name
-      !> As in the settings.
+      !> The value in the settings.
       real(wp), intent(in), optional :: stated
-      !> Where it goes.
+      !> The component of the specimen.
       real(wp), intent(inout) :: value
       type(error_type), allocatable, intent(inout) :: error
 

@@ -1,5 +1,5 @@
-!> From element stiffness to the sparse matrix of a mesh: unknowns, pattern and scatter maps once,
-!> values per crystal.
+!> From element stiffnesses to the sparse matrix of a mesh. The unknowns, the pattern and the places
+!> of the entries are found once for a mesh, the values for each crystal.
 module fe_assembly
    use errors, only: error_type, raise
    use fe_element, only: brick_stiffness, infinite_stiffness
@@ -10,27 +10,31 @@ module fe_assembly
    private
    public :: assembly_type, new_assembly, assemble, expand_displacement, product_with, reaction
 
-   !> Read-only once made. Unknowns are three displacements a free node; those normal to the contact
-   !> surface come last.
+   !> The structure of the matrix. It does not change once made, so threads share it. Each free node
+   !> has three unknowns, its displacements; the displacements normal to the contact surface come
+   !> last.
    type :: assembly_type
       integer :: unknowns = 0, n_contact = 0
-      !> Unknown of each displacement component of each node; 0 where clamped or hanging.
+      !> Number of the unknown of each displacement component of each node, (3, nodes); 0 for
+      !> clamped and hanging nodes.
       integer, allocatable :: unknown(:, :)
-      !> Lower triangle in compressed columns, 1-based, rows in no order.
+      !> Pattern of the lower triangle in compressed columns, 1-based; the rows of a column are not
+      !> sorted.
       integer, allocatable :: column_start(:), row(:)
-      !> Node of each unknown, numbered by first use.
+      !> Number of the free node of each unknown.
       integer, allocatable :: group(:)
-      !> Elements are the bricks, then the infinite elements. Unknowns of element e: `dof_start(e)`
-      !> to `dof_start(e+1)-1` of `dof`. `place`: place in the values of each entry of the elements'
-      !> packed lower triangles; 0: dropped.
+      !> Elements are the bricks, then the infinite elements. The unknowns of element e are
+      !> `dof_start(e)` to `dof_start(e+1)-1` of `dof`. `place` is the place of each entry of the
+      !> elements' packed lower triangles among the values of the matrix; 0: the entry is dropped.
       integer, allocatable :: dof_start(:), dof(:), place(:)
-      !> Number of each brick among those with hanging nodes, or 0. These span the nodes that their
-      !> own hang on, with weights.
+      !> Number of each brick among those with hanging nodes, 0 for the others. Such a brick is
+      !> expanded to the nodes on which its hanging nodes depend, with these weights (8, nodes of
+      !> the expanded brick, brick).
       integer, allocatable :: constrained(:)
       real(wp), allocatable :: weight(:, :, :)
    end type assembly_type
 
-   !> A brick with hanging nodes spans at most this many nodes.
+   !> Most nodes of an expanded brick.
    integer, parameter :: most_nodes = 20
    integer :: r, c
    logical, parameter :: lower(3*most_nodes, 3*most_nodes) = &
@@ -52,8 +56,8 @@ contains
       assembly%unknowns = 3*count(free)
       assembly%n_contact = size(mesh%contact)
       allocate (assembly%unknown(3, size(free)), assembly%group(assembly%unknowns), source=0)
-      assembly%unknown(3, &
-         & mesh%contact) = [(assembly%unknowns - assembly%n_contact + i, i=1, assembly%n_contact)]
+      n = assembly%unknowns - assembly%n_contact
+      assembly%unknown(3, mesh%contact) = [(n + i, i=1, assembly%n_contact)]
       n = 0
       groups = 0
       do i = 1, size(free)
@@ -70,8 +74,8 @@ contains
       call build_pattern(assembly)
    end subroutine new_assembly
 
-   !> The unknowns of each element; bricks that have hanging nodes are expressed in the nodes these
-   !> hang on.
+   !> List the unknowns of each element. Bricks with hanging nodes are expanded to the nodes on
+   !> which these depend.
    subroutine list_dofs(mesh, hanging_index, assembly)
       type(mesh_type), intent(in) :: mesh
       integer, intent(in) :: hanging_index(:)
@@ -110,8 +114,8 @@ contains
             end do
          end if
          assembly%dof_start(e + 1) = assembly%dof_start(e) + 3*n
-         assembly%dof(assembly%dof_start(e):assembly%dof_start(e + 1) &
-            & - 1) = reshape(assembly%unknown(:, node(:n)), [3*n])
+         m = assembly%dof_start(e)
+         assembly%dof(m:m + 3*n - 1) = reshape(assembly%unknown(:, node(:n)), [3*n])
       end do
 
    contains
@@ -126,19 +130,20 @@ contains
          end do
          n = max(n, k)
          node(k) = master
-         assembly%weight(a, k, assembly%constrained(e)) = assembly%weight(a, k, &
-            & assembly%constrained(e)) + weight
+         associate (total => assembly%weight(a, k, assembly%constrained(e)))
+            total = total + weight
+         end associate
       end subroutine add
    end subroutine list_dofs
 
-   !> The rows of each column, and where the entries of the elements go.
+   !> Find the rows of each column, and the places of the elements' entries.
    subroutine build_pattern(assembly)
       type(assembly_type), intent(inout) :: assembly
-      !> The last place in the dofs of each unknown, the one before each place, 0 where there is
-      !> none, and the element of a place.
+      !> The last place of each unknown in the list of dofs; for each place, the one before it of
+      !> the same unknown (0: none); the element of each place.
       integer, allocatable :: last(:), previous(:), owner(:)
-      !> Before the entries of each element; the entry of each row in the latest column that has
-      !> one; rows of the entries.
+      !> Number of entries before those of each element; the entry of each row in the latest column
+      !> that has one; rows of the entries.
       integer, allocatable :: entry_start(:), position(:), rows(:)
       integer :: elements, e, i, j, n, column, next, p, t
 
@@ -156,7 +161,7 @@ contains
          n = assembly%dof_start(e + 1) - assembly%dof_start(e)
          entry_start(e + 1) = entry_start(e) + (n*(n + 1))/2
       end do
-      ! Elements share entries: they fill less than that.
+      ! Upper bound: elements share entries.
       allocate (assembly%place(entry_start(elements + 1)), &
          & rows(entry_start(elements + 1)), source=0)
       next = 1
@@ -176,8 +181,8 @@ contains
                      next = next + 1
                   end if
                   p = min(i, j)
-                  assembly%place(entry_start(e) + ((p - 1)*(2*n - p))/2 + max(i, &
-                     & j)) = position(dof(i))
+                  p = entry_start(e) + ((p - 1)*(2*n - p))/2 + max(i, j)
+                  assembly%place(p) = position(dof(i))
                end do
             end associate
             t = previous(t)
@@ -187,13 +192,13 @@ contains
       assembly%row = rows(:next - 1)
    end subroutine build_pattern
 
-   !> Values of the matrix, in mN/um, where the materials have the stiffnesses `c`.
+   !> Compute the values of the matrix, in mN/um, for materials of stiffness `c`.
    subroutine assemble(mesh, assembly, formulation, c, values, error)
       type(mesh_type), intent(in) :: mesh
       type(assembly_type), intent(in) :: assembly
-      !> Of the bricks (`fe_element`).
+      !> Formulation of the bricks (`fe_element`).
       integer, intent(in) :: formulation
-      !> Sample frame, GPa (6, 6, materials).
+      !> In the sample frame, GPa (6, 6, materials).
       real(wp), intent(in) :: c(:, :, :)
       !> In the order of `assembly%row`.
       real(wp), intent(out) :: values(:)
@@ -249,10 +254,10 @@ contains
       end do
    end subroutine scatter
 
-   !> Tᵀ k T, where each node of the brick is a weighted mean of the m nodes of the expanded
-   !> element.
+   !> Tᵀ k T, where T expresses each node of the brick as a weighted mean of the m nodes of the
+   !> expanded element.
    pure function expanded(k, weight)
-      !> Of the nodes of the expanded element at each node, (8, m).
+      !> Weights of the nodes of the expanded element at each node of the brick, (8, m).
       real(wp), intent(in) :: k(24, 24), weight(:, :)
       real(wp) :: expanded(3*size(weight, 2), 3*size(weight, 2)), t(24, 3*size(weight, 2))
       integer :: i
@@ -264,10 +269,10 @@ contains
       expanded = matmul(transpose(t), matmul(k, t))
    end function expanded
 
-   !> The matrix with these values times x.
+   !> Product of the matrix with x.
    pure function product_with(assembly, values, x) result(y)
       type(assembly_type), intent(in) :: assembly
-      !> mN/um, in the order of `assembly%row`; (unknowns).
+      !> Values of the matrix, mN/um, in the order of `assembly%row`; (unknowns).
       real(wp), intent(in) :: values(:), x(:)
       real(wp) :: y(size(x))
       integer :: i, j, p
@@ -282,7 +287,7 @@ contains
       end do
    end function product_with
 
-   !> Displacement (um) of every node from the unknowns.
+   !> Displacement (um) of every node, from the unknowns.
    pure subroutine expand_displacement(mesh, assembly, solution, u)
       type(mesh_type), intent(in) :: mesh
       type(assembly_type), intent(in) :: assembly
@@ -302,12 +307,14 @@ contains
       end do
    end subroutine expand_displacement
 
-   !> Force (mN) with which the surroundings hold the mesh: clamped nodes, or the infinite elements.
+   !> Force (mN) that the surroundings exert on the mesh, through the infinite elements or the
+   !> clamped nodes.
    subroutine reaction(mesh, formulation, c, u, force)
       type(mesh_type), intent(in) :: mesh
-      !> Of the bricks (`fe_element`).
+      !> Formulation of the bricks (`fe_element`).
       integer, intent(in) :: formulation
-      !> Stiffness of the materials in the sample frame (GPa), displacement of the nodes (um).
+      !> Stiffness of the materials in the sample frame (GPa, (6, 6, materials)), displacement of
+      !> the nodes (um, (3, nodes)).
       real(wp), intent(in) :: c(:, :, :), u(:, :)
       real(wp), intent(out) :: force(3)
       logical, allocatable :: clamped(:)

@@ -1,8 +1,8 @@
 !> Element kernels: eight-node bricks and the infinite element that closes a half-space.
 !>
-!> Lengths in um, stiffness in GPa, so that forces are in mN. Voigt order 11,22,33,23,13,12 with
-!> engineering shear strains. Nodes of a brick: 1-4 counterclockwise seen from face 5-8, then 5-8
-!> above them (Abaqus' order).
+!> Lengths are in um and stiffnesses in GPa, so forces are in mN. Voigt order 11,22,33,23,13,12 with
+!> engineering shear strains. Nodes of a brick are in Abaqus' order: 1-4 counterclockwise seen from
+!> face 5-8, then 5-8 above them.
 module fe_element
    use kinds, only: wp
    implicit none
@@ -10,29 +10,28 @@ module fe_element
    public :: brick_full, brick_selective, brick_incompatible, brick_stiffness, brick_strain, &
       & brick_stress, infinite_stiffness
 
-   !> Formulations: 2 x 2 x 2 integration throughout (CalculiX' C3D8); volumetric strain averaged
-   !> over the element (Abaqus' C3D8); nine incompatible modes (C3D8I: Wilson et al. 1973, with
-   !> Taylor's correction of 1976 that makes it pass the patch test).
+   !> Formulations: full 2 x 2 x 2 integration (CalculiX' C3D8); volumetric strain averaged over the
+   !> element (Abaqus' C3D8); nine incompatible modes (C3D8I: Wilson et al. 1973, with Taylor's
+   !> correction of 1976, which makes it pass the patch test).
    integer, parameter :: brick_full = 1, brick_selective = 2, brick_incompatible = 3
 
    !> Corners of the reference cube.
-   real(wp), parameter :: corner(3, 8) = reshape([-1.0_wp, -1.0_wp, -1.0_wp, 1.0_wp, -1.0_wp, &
-      & -1.0_wp, 1.0_wp, 1.0_wp, -1.0_wp, -1.0_wp, 1.0_wp, -1.0_wp, -1.0_wp, -1.0_wp, 1.0_wp, &
-      & 1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp, 1.0_wp, 1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp], [3, 8])
+   real(wp), parameter :: corner(3, 8) = 1.0_wp*reshape([-1, -1, -1, 1, -1, -1, 1, 1, -1, &
+      & -1, 1, -1, -1, -1, 1, 1, -1, 1, 1, 1, 1, -1, 1, 1], [3, 8])
    real(wp), parameter :: gauss = 0.577350269189625764509148780502_wp
 
 contains
 
    !> Stiffness (mN/um) of a brick with nodes `x` (um) and stiffness `c` (GPa) in the axes of `x`.
-   !> Zero unless `valid`.
+   !> The result is zero unless `valid`.
    pure subroutine brick_stiffness(x, c, formulation, growth, k, valid)
-      !> The growth of the layer: see `brick_strain`.
+      !> `growth` is that of the layer: see `brick_strain`.
       real(wp), intent(in) :: x(3, 8), c(6, 6), growth
       !> One of the formulations above.
       integer, intent(in) :: formulation
       !> mN/um.
       real(wp), intent(out) :: k(24, 24)
-      !> The Jacobian is positive at all integration points.
+      !> Whether the Jacobian is positive at all integration points.
       logical, intent(out) :: valid
       real(wp) :: b(6, 33, 8), volume(8), cb(48, 33), bb(48, 33), total(33, 33)
       integer :: n, q
@@ -51,7 +50,7 @@ contains
       k = 0.5_wp*(total(:24, :24) + transpose(total(:24, :24)))
    end subroutine brick_stiffness
 
-   !> Displacements of the nodes, and of the incompatible modes.
+   !> Number of nodal displacements and incompatible modes.
    pure integer function unknowns_of(formulation, growth)
       integer, intent(in) :: formulation
       real(wp), intent(in) :: growth
@@ -60,10 +59,10 @@ contains
       if (formulation == brick_incompatible) unknowns_of = merge(30, 33, growth > 1.0_wp)
    end function unknowns_of
 
-   !> Mean stress (GPa) of a brick from the displacements `u` (um) of its nodes.
+   !> Mean stress (GPa) of a brick with nodal displacements `u` (um).
    pure subroutine brick_stress(x, c, formulation, growth, u, stress)
       !> Nodes (um), stiffness in the axes of the nodes (GPa), growth of the layer (see
-      !> `brick_strain`), displacements.
+      !> `brick_strain`), nodal displacements (um).
       real(wp), intent(in) :: x(3, 8), c(6, 6), growth, u(3, 8)
       !> One of the formulations above.
       integer, intent(in) :: formulation
@@ -77,20 +76,20 @@ contains
       stress = matmul(c, matmul(strain, volume))/sum(volume)
    end subroutine brick_stress
 
-   !> Strain at the eight integration points per unit degree of freedom, and the volumes of the
+   !> Strain at the eight integration points for unit degrees of freedom, and the volumes of the
    !> points (um3).
    !>
-   !> Columns 1-24: three displacements a node; then the incompatible modes, if any. In a layer,
-   !> whose outer face (nodes 5-8) is `growth` times as far out as its inner one, bricks with
-   !> incompatible modes interpolate from face to face by 1 and 1/rho, rho = 1 to `growth`, which is
-   !> how the displacements of a force decay, and have no mode in that direction. A growth of 1 is
-   !> an ordinary brick.
+   !> Columns 1-24 are for the three displacements of each node, the others for the incompatible
+   !> modes. The outer face (nodes 5-8) of a brick in a layer is `growth` times as far out as the
+   !> inner one. In a layer, bricks with incompatible modes interpolate from face to face by 1 and
+   !> 1/rho, rho = 1 to `growth`, because the displacements under a force decay like this. They have
+   !> no mode in that direction. A growth of 1 gives an ordinary brick.
    pure subroutine brick_strain(x, formulation, growth, b, volume)
       !> Nodes, um; growth of the layer, 1 outside layers.
       real(wp), intent(in) :: x(3, 8), growth
       !> One of the formulations above.
       integer, intent(in) :: formulation
-      !> Strain by displacements (1/um) and volume (um3) at each point of integration.
+      !> Strain by degrees of freedom (1/um) and volume (um3) of each integration point.
       real(wp), intent(out) :: b(6, 33, 8), volume(8)
       real(wp) :: natural(3, 8), jacobian(3, 3), inverse(3, 3), determinant, centre_inverse(3, 3), &
          & centre_determinant
@@ -102,7 +101,7 @@ contains
          xi = gauss*corner(:, q)
          weight = 1.0_wp
          if (formulation == brick_incompatible .and. growth > 1.0_wp) then
-            ! Points of integration in 1/rho: exact for the energy of what decays so.
+            ! Integration points in 1/rho, which are exact for the energy of decaying displacements.
             rho = 2.0_wp*growth/(growth + 1.0_wp - (growth - 1.0_wp)*xi(3))
             xi(3) = 2.0_wp*(rho - 1.0_wp)/(growth - 1.0_wp) - 1.0_wp
             weight = rho**2/growth
@@ -122,8 +121,8 @@ contains
       if (formulation == brick_selective) then
          mean = matmul(reshape(gradient, [24, 8]), volume)/sum(volume)
          do q = 1, 8
-            b(:3, :24, q) = b(:3, :24, &
-               & q) + spread((mean - reshape(gradient(:, :, q), [24]))/3.0_wp, 1, 3)
+            b(:3, :24, q) = b(:3, :24, q) &
+               & + spread((mean - reshape(gradient(:, :, q), [24]))/3.0_wp, 1, 3)
          end do
       else if (formulation == brick_incompatible) then
          natural = natural_gradient([0.0_wp, 0.0_wp, 0.0_wp], 1.0_wp)
@@ -131,8 +130,8 @@ contains
          call invert(jacobian, centre_inverse, centre_determinant)
          do q = 1, 8
             do i = 1, unknowns_of(formulation, growth)/3 - 8
-               ! Mode 1 - xi_i^2, its gradient mapped by the Jacobian of the centre, scaled to do no
-               ! work on constant stress.
+               ! The mode 1 - xi_i^2. Its gradient is mapped by the Jacobian of the centre and
+               ! scaled, so that it does no work on constant stress.
                mode = -2.0_wp*gauss*corner(i, q)*centre_inverse(i, :)*(centre_determinant/volume(q))
                b(:, 22 + 3*i:24 + 3*i, q) = strain_of(mode)
             end do
@@ -142,11 +141,11 @@ contains
 
    !> Stiffness (mN/um) of the infinite element over a facet with nodes `x` (um).
    !>
-   !> The facet is swept along rays from the origin to infinity, x = rho X with rho ≥ 1;
-   !> displacements decay as u = N_a u_a / rho, which is how the displacements of a point load
-   !> decay. The energy is integrated in closed form in rho. Six incompatible modes, (1/3 - s2)/rho
-   !> and (1/3 - t2)/rho, let displacements bend across the facet as those of the bricks do; with
-   !> mean zero, and gradients mapped by the Jacobian of the centre, they do no work on a uniform
+   !> The element is swept from the facet along rays from the origin to infinity, x = rho X with rho
+   !> ≥ 1. Displacements decay as u = N_a u_a / rho, like those of a point load. The energy is
+   !> integrated in closed form in rho. Six incompatible modes, (1/3 - s2)/rho and (1/3 - t2)/rho,
+   !> let displacements bend across the facet as those of the bricks do. Their mean is zero and
+   !> their gradients are mapped by the Jacobian of the centre, so they do no work on a uniform
    !> stress.
    pure subroutine infinite_stiffness(x, c, k)
       real(wp), intent(in) :: x(3, 4), c(6, 6)
@@ -182,7 +181,7 @@ contains
          do a = 1, 4
             b(:, 3*a - 2:3*a) = strain_of(gradient(:, a))
          end do
-         ! The modes themselves vanish at the integration points, s2 = t2 = 1/3.
+         ! At the integration points s2 = t2 = 1/3, so the modes themselves vanish there.
          scale = centre_determinant/determinant
          b(:, 13:15) = strain_of(-2.0_wp*s*scale*centre_inverse(2, :))
          b(:, 16:18) = strain_of(-2.0_wp*t*scale*centre_inverse(3, :))
@@ -192,7 +191,7 @@ contains
       k = 0.5_wp*(total(:12, :12) + transpose(total(:12, :12)))
    end subroutine infinite_stiffness
 
-   !> Statically condense all unknowns but the first `n` out of `k`.
+   !> Eliminate all unknowns but the first `n` from `k` (static condensation).
    pure subroutine eliminate_modes(k, n)
       real(wp), intent(inout) :: k(:, :)
       integer, intent(in) :: n
@@ -205,12 +204,12 @@ contains
       end do
    end subroutine eliminate_modes
 
-   !> Derivatives of the eight shape functions with respect to the natural coordinates. With a
-   !> growth above 1 they decay from face to face of a layer (`brick_strain`), else they are linear.
+   !> Derivatives of the eight shape functions by the natural coordinates. With a growth above 1 the
+   !> functions decay from face to face of a layer (`brick_strain`), else they are linear.
    pure function natural_gradient(xi, growth) result(g)
       real(wp), intent(in) :: xi(3), growth
       real(wp) :: g(3, 8)
-      !> Of the inner and of the outer face.
+      !> Weights of the inner and the outer face.
       real(wp) :: share(2), f1, f2, rho, slope
       integer :: a
 
@@ -231,7 +230,7 @@ contains
       end do
    end function natural_gradient
 
-   !> Strain of the three displacement components whose common gradient is `g`.
+   !> Strain of three unit displacements that have the same gradient `g`.
    pure function strain_of(g) result(b)
       real(wp), intent(in) :: g(3)
       real(wp) :: b(6, 3)
@@ -241,7 +240,7 @@ contains
       b(:, 3) = [0.0_wp, 0.0_wp, g(3), g(2), g(1), 0.0_wp]
    end function strain_of
 
-   !> Inverse of J(i, j) = dx_i/dxi_j.
+   !> Inverse and determinant of the Jacobian J(i, j) = dx_i/dxi_j.
    pure subroutine invert(j, inverse, determinant)
       real(wp), intent(in) :: j(3, 3)
       real(wp), intent(out) :: inverse(3, 3), determinant

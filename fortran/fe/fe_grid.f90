@@ -1,11 +1,9 @@
-!> One mesh with its matrix and contact nodes: the load-depth curve of a crystal on it.
+!> One mesh with its matrix and contact nodes. It gives the load-depth curve of a crystal.
 !>
-!> It is frictionless contact of a rigid indenter with nodes whose normal compliance is known: a
-!> linear complementarity problem.
-!>
-!> With nodal pressures forces f ≥ 0 (mN, into the material), compliance F (um/mN) and the
-!> indenter's height above the undeformed surface g - d, the clearance is w = g - d + F f ≥ 0, and f
-!> w = 0 node by node.
+!> The contact of a rigid, frictionless indenter with nodes of known normal compliance is a linear
+!> complementarity problem. With nodal forces f ≥ 0 (mN, into the material), compliance F (um/mN)
+!> and the height g - d of the indenter above the undeformed surface, the clearance is w = g - d + F
+!> f ≥ 0, and f w = 0 at each node.
 module fe_grid
    use, intrinsic :: iso_c_binding, only: c_ptr
    use indenters, only: indenter_type
@@ -28,7 +26,7 @@ module fe_grid
    !> Newton steps on the active set before it is changed one node at a time, and steps in all.
    integer, parameter :: most_block_steps = 40, most_steps = 2000
 
-   !> Read-only once made, so that threads share it.
+   !> Does not change once made, so threads share it.
    type :: grid_type
       type(mesh_type) :: mesh
       type(assembly_type) :: assembly
@@ -38,30 +36,31 @@ module fe_grid
    end type grid_type
 
    type :: curve_type
-      !> Depths (um), force (mN), and radius of a circle as large as the area of the touching nodes
-      !> (um).
+      !> Depths (um), force (mN), and radius (um) of the circle whose area is that of the touching
+      !> nodes.
       real(wp), allocatable :: depth(:), force(:), contact_radius(:)
       !> Wall time of the numeric factorisation, s.
       real(wp) :: seconds_factor = 0.0_wp
-      !> Largest violation of the contact conditions, and imbalance of indenter force and reactions,
-      !> relative.
+      !> Largest relative violation of the contact conditions, and relative imbalance of indenter
+      !> force and reactions.
       real(wp) :: contact_residual = 0.0_wp, equilibrium_residual = 0.0_wp
-      !> Number of the depth at which the contact left the refined zone of the mesh; 0: it did not.
+      !> Number of the depth at which the contact left the refined zone of the mesh; 0 if it did
+      !> not.
       integer :: left_zone = 0
-      !> Displacement (um) of the nodes at the depth that was asked for (3, nodes).
+      !> Displacement (um) of the nodes at the requested depth (3, nodes).
       real(wp), allocatable :: displacement(:, :)
    end type curve_type
 
 contains
 
-   !> Nodal forces at one depth by the primal-dual active set method, starting from `active`.
+   !> Nodal forces at one depth, by the primal-dual active set method that starts from `active`.
    subroutine solve_contact(compliance, gap, depth, active, force, error)
-      !> Normal displacement of the nodes by their normal forces, um/mN; height of the indenter
+      !> Normal displacements of the nodes by unit normal forces, um/mN; height of the indenter
       !> above each node at zero depth, and its depth, um.
       real(wp), intent(in) :: compliance(:, :), gap(:), depth
-      !> In: a guess; out: the nodes in contact.
+      !> In: a guess of the nodes in contact; out: the nodes in contact.
       logical, intent(inout) :: active(:)
-      !> Into the material, mN.
+      !> Forces into the material, mN.
       real(wp), intent(out) :: force(:)
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: a(:, :), b(:, :), clearance(:)
@@ -88,7 +87,7 @@ contains
          if (step <= most_block_steps) then
             active = active .neqv. wrong
          else
-            ! Murty's rule cannot cycle: exchange the last of the wrong nodes only.
+            ! Murty's rule cannot cycle: only the last of the wrong nodes changes.
             i = findloc(wrong, .true., dim=1, back=.true.)
             active(i) = .not. active(i)
          end if
@@ -97,8 +96,8 @@ contains
          & //' um was not found in '//to_text(most_steps)//' steps')
    end subroutine solve_contact
 
-   !> Largest violation of the contact conditions: tension and complementarity relative to the
-   !> largest nodal force, penetration and complementarity relative to the depth.
+   !> Largest violation of the contact conditions. Forces are relative to the largest nodal force,
+   !> clearances relative to the depth.
    pure real(wp) function contact_residual(compliance, gap, depth, force) result(residual)
       !> As in `solve_contact`.
       real(wp), intent(in) :: compliance(:, :), gap(:), depth, force(:)
@@ -109,7 +108,7 @@ contains
       residual = max(maxval(-relative), maxval(-clearance), maxval(abs(relative*clearance)), 0.0_wp)
    end function contact_residual
 
-   !> The mesh of a specimen, ready to be indented.
+   !> The mesh of a specimen with its analysed matrix, ready to be indented.
    subroutine new_grid(specimen, indenter, refine, grid, error)
       class(specimen_type), intent(in) :: specimen
       class(indenter_type), intent(in) :: indenter
@@ -127,22 +126,23 @@ contains
       end associate
    end subroutine new_grid
 
-   !> The curve at the depths that it brings: factor the matrix, solve the contact at every depth,
-   !> and compare force and reactions at the last.
+   !> Compute the curve at its given depths: factor the matrix, solve the contact at every depth,
+   !> and compare force and reactions at the last one.
    subroutine indent_grid(grid, formulation, c, field_step, curve, error)
       type(grid_type), intent(in) :: grid
-      !> Of the bricks (`fe_element`); number of the depth whose displacement is kept, 0: none.
+      !> Formulation of the bricks (`fe_element`); number of the depth whose displacement is stored,
+      !> 0: none.
       integer, intent(in) :: formulation, field_step
       !> Stiffness of the materials in the sample frame, GPa (6, 6, materials).
       real(wp), intent(in) :: c(:, :, :)
-      !> In: its depths.
+      !> Only its depths are read.
       type(curve_type), intent(inout) :: curve
       type(error_type), allocatable, intent(out) :: error
       type(c_ptr) :: factor
-      !> Normal displacement of the contact nodes by their normal forces, um/mN; nodal forces into
+      !> Normal displacements of the contact nodes by unit normal forces, um/mN; nodal forces into
       !> the material, mN (contact nodes, depths).
       real(wp), allocatable :: compliance(:, :), forces(:, :), values(:), u(:, :)
-      real(wp) :: held(3), total, start
+      real(wp) :: reaction_force(3), total, start
       integer :: n, depths
 
       call acquire_factor(grid%cholesky, factor, error)
@@ -173,21 +173,21 @@ contains
          if (field_step /= depths) then
             call solve_displacement(grid, factor, values, forces(:, depths), u)
          end if
-         call reaction(grid%mesh, formulation, c, u, held)
+         call reaction(grid%mesh, formulation, c, u, reaction_force)
          total = sum(forces(:, depths))
-         curve%equilibrium_residual = maxval(abs(held - [0.0_wp, 0.0_wp, total]))/total
+         curve%equilibrium_residual = maxval(abs(reaction_force - [0.0_wp, 0.0_wp, total]))/total
       end block solve
       call release_factor(grid%cholesky%handle, factor)
 
    contains
 
-      !> The contact at every depth, each starting from the one before.
+      !> Solve the contact at every depth; each solution starts from that of the depth before.
       subroutine solve_depths()
-         logical, allocatable :: active(:), edge(:)
+         logical, allocatable :: active(:), at_edge(:)
          integer :: i
 
          associate (x => grid%mesh%x(:, grid%mesh%contact))
-            edge = hypot(x(1, :), x(2, :)) > grid%mesh%contact_limit - grid%mesh%element_size
+            at_edge = hypot(x(1, :), x(2, :)) > grid%mesh%contact_limit - grid%mesh%element_size
          end associate
          curve%force = 0.0_wp*curve%depth
          curve%contact_radius = curve%force
@@ -195,7 +195,7 @@ contains
          do i = 1, size(curve%depth)
             call solve_contact(compliance, grid%gap, curve%depth(i), active, forces(:, i), error)
             if (allocated(error)) return
-            if (any(active .and. edge)) then
+            if (any(active .and. at_edge)) then
                curve%left_zone = i
                call raise(error, 'the contact leaves the refined zone of the mesh at depth ' &
                   & //to_text(curve%depth(i))//' um (it may reach ' &
@@ -210,13 +210,12 @@ contains
       end subroutine solve_depths
    end subroutine indent_grid
 
-   !> Displacement of every node under the nodal forces of the contact nodes: the factor is of
-   !> single precision, and the solution is refined until what it leaves is a small share of the
-   !> largest force.
+   !> Displacement of every node under the forces of the contact nodes. The factor is of single
+   !> precision; the solution is refined until the residual is a small share of the largest force.
    subroutine solve_displacement(grid, factor, values, force, u)
       type(grid_type), intent(in) :: grid
       type(c_ptr), intent(in) :: factor
-      !> Of the matrix, mN/um; into the material, mN (contact nodes).
+      !> Values of the matrix, mN/um; forces into the material, mN (contact nodes).
       real(wp), intent(in) :: values(:), force(:)
       !> um (3, nodes).
       real(wp), intent(out) :: u(:, :)
@@ -229,8 +228,9 @@ contains
       allocate (x(n), residual(n), source=0.0_wp)
       do i = 0, most_refinements
          if (i > 0) residual = -product_with(grid%assembly, values, x)
-         residual(n - grid%assembly%n_contact + 1:) = residual(n - grid%assembly%n_contact &
-            & + 1:) - force
+         associate (normal => residual(n - grid%assembly%n_contact + 1:))
+            normal = normal - force
+         end associate
          if (maxval(abs(residual)) <= small_share*maxval(abs(force))) exit
          call solve_factored(grid%cholesky%handle, factor, residual)
          x = x + residual

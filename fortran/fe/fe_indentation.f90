@@ -1,7 +1,7 @@
-!> The indentation simulation: meshes, solver and contact behind one model, and the modulus that a
-!> simulated curve gives.
+!> The simulation of an indentation: one model comprises meshes, solver and contact, and yields the
+!> modulus of a simulated curve.
 !>
-!> Lengths in um, forces in mN, stiffness in GPa. The indenter moves along -z of the sample.
+!> Lengths are in um, forces in mN, stiffnesses in GPa. The indenter moves along -z of the sample.
 module fe_indentation
    use indenters, only: indenter_type
    use basic_specimen, only: specimen_type
@@ -20,27 +20,28 @@ module fe_indentation
    public :: indentation_model_type, indentation_result_type, new_indentation_model, &
       & new_wider_model, free_indentation_model, simulate_indentation, numerics_revision
 
-   !> Counts changes of the numerics that change results; part of the identity of stored results.
+   !> Revision of the numerics: it increases with every change that alters results, and is part of
+   !> the identity of stored results.
    integer, parameter :: numerics_revision = 7
 
-   !> What is to be indented, how, and to which depths.
+   !> What is indented, with which indenter, and to which depths.
    type :: indentation_type
       class(indenter_type), allocatable :: indenter
       class(specimen_type), allocatable :: specimen
       !> Formulation of the bricks (`fe_element`).
       integer :: formulation = brick_selective
-      !> Elements per contact radius relative to the default, of each mesh.
+      !> Elements per contact radius relative to the default, for each mesh.
       real(wp), allocatable :: refine(:)
-      !> The second mesh is made for the crystals that want one.
+      !> Whether the second mesh is made only for the crystals that need it.
       logical :: as_needed = .false.
-      !> Depths of the curve, and those around its last point from which the contact stiffness is
-      !> taken (um).
+      !> Depths of the curve, and the depths around its last point that give the contact stiffness
+      !> (um).
       real(wp), allocatable :: depth(:), window(:)
    end type indentation_type
 
-   !> Read-only once made, so that threads share it.
+   !> Does not change once made, so threads share it.
    type, extends(indentation_type) :: indentation_model_type
-      !> The finest first.
+      !> Grids, the finest first.
       type(grid_type), allocatable :: grid(:)
       !> Elements of all meshes.
       integer :: elements = 0
@@ -48,41 +49,41 @@ module fe_indentation
       final :: free_indentation_model
    end type indentation_model_type
 
-   !> The curve of the finest mesh, its force extrapolated where there are two, and the moduli.
-   !> Until it is ended it goes on over the window.
+   !> The curve of the finest mesh, its force extrapolated if there are two meshes, and the moduli.
+   !> While it is computed, the curve includes the depths of the window.
    type, extends(curve_type) :: indentation_result_type
-      !> The estimate of the indentation modulus, GPa, and two diagnostics: slope with intercept,
-      !> and last point.
+      !> The estimate of the indentation modulus, GPa, and two diagnostics: from the slope of a line
+      !> with intercept, and from the last point.
       real(wp) :: modulus = 0.0_wp, modulus_slope = 0.0_wp, modulus_last = 0.0_wp
-      !> Of each depth alone, GPa; the estimate on each mesh alone, GPa, the finest first.
+      !> Modulus from each depth alone, GPa; estimate from each mesh alone, GPa, the finest first.
       real(wp), allocatable :: modulus_by_depth(:), modulus_of_mesh(:)
-      !> Of all solves.
+      !> Elements of all solves.
       integer :: elements = 0
-      !> Size of the mesh's refined zone relative to the default (`new_wider_model`); wall time in
-      !> all, s.
+      !> Size of the refined zone of the mesh relative to the default (`new_wider_model`); total
+      !> wall time, s.
       real(wp) :: zone = 1.0_wp, seconds = 0.0_wp
    end type indentation_result_type
 
-   !> A depth counts for the modulus from this many elements per contact radius on.
+   !> A depth counts for the modulus if the contact radius spans at least this many elements.
    real(wp), parameter :: least_elements = 5.0_wp
-   !> The window reaches over this share of the last contact radius to both sides, in so many
-   !> depths.
+   !> The window extends over this share of the last contact radius to both sides, with this number
+   !> of depths.
    real(wp), parameter :: window_share = 0.16_wp
    integer, parameter :: window_depths = 25
    integer :: i
-   !> Their places, from -1 to 1.
+   !> Depths of the window, scaled to -1 .. 1.
    real(wp), parameter :: window_position(window_depths) = &
       & [(2.0_wp*(i - 1)/(window_depths - 1) - 1.0_wp, i=1, window_depths)]
-   !> A contact ends so many elements before the edge of the area of its nodes (half-space;
-   !> docs/simulation.md).
+   !> Distance, in elements, between the edge of the contact and the edge of the area of its nodes
+   !> (half-space; docs/simulation.md).
    real(wp), parameter :: edge_bias = 0.31_wp
-   !> The largest refined zone of a mesh relative to the default, and the most that it grows by at a
-   !> time.
+   !> The largest refined zone of a mesh relative to the default, and the largest factor of one
+   !> widening.
    real(wp), parameter :: widest = 4.0_wp, most_widening = 2.0_wp
 
 contains
 
-   !> Make the meshes that &specimen, &indenter and &simulation ask for and analyse their matrices.
+   !> Make the meshes that &specimen, &indenter and &simulation define, and analyse their matrices.
    subroutine new_indentation_model(settings, model, error)
       type(settings_type), intent(in) :: settings
       type(indentation_model_type), intent(out) :: model
@@ -123,10 +124,10 @@ contains
       end associate
    end subroutine new_indentation_model
 
-   !> The same specimen, fineness and depths on meshes whose refined zone reaches farther.
+   !> The same specimen, fineness and depths with a larger refined zone of the meshes.
    subroutine new_wider_model(model, zone, wider, error)
       type(indentation_model_type), intent(in) :: model
-      !> Its size relative to the default.
+      !> Size of the zone relative to the default.
       real(wp), intent(in) :: zone
       type(indentation_model_type), intent(out) :: wider
       type(error_type), allocatable, intent(out) :: error
@@ -138,7 +139,7 @@ contains
       call make_grids(wider, error)
    end subroutine new_wider_model
 
-   !> The meshes of a model and the analyses of their matrices.
+   !> Make the meshes of a model and analyse their matrices.
    subroutine make_grids(model, error)
       type(indentation_model_type), intent(inout) :: model
       type(error_type), allocatable, intent(out) :: error
@@ -151,14 +152,15 @@ contains
             call free_indentation_model(model)
             return
          end if
-         model%elements = model%elements + size(model%grid(i)%mesh%brick, &
-            & 2) + size(model%grid(i)%mesh%facet, 2)
+         associate (mesh => model%grid(i)%mesh)
+            model%elements = model%elements + size(mesh%brick, 2) + size(mesh%facet, 2)
+         end associate
       end do
    end subroutine make_grids
 
    !> Whether the contact radius (half-space) at each depth spans enough elements for the estimate
-   !> of the modulus. On finer meshes the depths are those of the default one: the modulus of a film
-   !> changes with them.
+   !> of the modulus. Finer meshes use the depths of the default mesh, because the modulus of a film
+   !> depends on them.
    pure function is_resolved(model)
       type(indentation_model_type), intent(in) :: model
       logical :: is_resolved(size(model%depth))
@@ -169,9 +171,8 @@ contains
          & model%specimen%element_size)*(1.0_wp - 1.0e-9_wp)
    end function is_resolved
 
-   !> Give back what the meshes hold outside Fortran; the model is then empty.
-   ! gfortran 12 finalises a dummy argument of intent(out), but does not give it its initial values
-   ! again.
+   !> Release the memory of a model outside Fortran; the model is then empty.
+   ! gfortran 12 finalises a dummy argument of intent(out), but does not restore its initial values.
    impure elemental subroutine free_indentation_model(model)
       type(indentation_model_type), intent(inout) :: model
       integer :: i
@@ -184,19 +185,19 @@ contains
       deallocate (model%grid)
    end subroutine free_indentation_model
 
-   !> Indent a crystal: the whole curve and its modulus, and the displacement at one depth where
-   !> `field_step` is given.
+   !> Indent a crystal: compute the curve and its modulus, and the displacement at one depth if
+   !> `field_step` is present.
    !>
-   !> Where the contact ellipse is so long that it leaves the refined zone of the mesh, a mesh with
-   !> a wider one takes its place. Where one mesh may be too wrong for the crystal, a coarser one is
-   !> made for it.
+   !> If the contact ellipse is so long that it leaves the refined zone of the mesh, the simulation
+   !> is repeated on a mesh with a larger zone. If the error of one mesh may be too large for the
+   !> crystal, a coarser mesh is made for it.
    subroutine simulate_indentation(model, stiffness, euler, result, error, field_step)
       type(indentation_model_type), intent(in) :: model
       !> Stiffness in the crystal frame (GPa) and Bunge-Euler angles (radians).
       real(wp), intent(in) :: stiffness(6, 6), euler(3)
       type(indentation_result_type), intent(out) :: result
       type(error_type), allocatable, intent(out) :: error
-      !> Number of the depth whose displacement is kept.
+      !> Number of the depth whose displacement is stored.
       integer, intent(in), optional :: field_step
       type(indentation_model_type) :: wider
       type(error_type), allocatable :: obstacle
@@ -226,8 +227,9 @@ contains
       call simulate_depths(model, c, two_meshes, step, result, error)
       elements = result%elements
       do while (result%left_zone > 0)
-         ! The contact fitted at the depth before: at the last one it is about as much longer as a
-         ! circle's radius is. Of one that left at the first depth nothing is known.
+         ! The contact fitted at the depth before. A circular contact would have grown by this ratio
+         ! of radii until the last depth, and an elliptical one grows about as much. A contact that
+         ! left at the first depth gives no such estimate.
          associate (radius => model%indenter%contact_radius_of([model%depth, model%window]), &
             & i => result%left_zone)
             zone = zone*merge(most_widening, &
@@ -258,7 +260,7 @@ contains
       result%seconds = omp_get_wtime() - start
    end subroutine simulate_indentation
 
-   !> The curve, extrapolated where two meshes are wanted.
+   !> Compute the curve, and extrapolate it if two meshes are requested.
    subroutine simulate_depths(model, c, two_meshes, field_step, result, error)
       type(indentation_model_type), intent(in) :: model
       !> Stiffness in the sample frame, GPa.
@@ -288,8 +290,8 @@ contains
 
    contains
 
-      !> Extrapolate the curve of the finest mesh by that of a coarser one: the error of both is
-      !> taken to fall with the square of the element size.
+      !> Extrapolate the curve of the finest mesh with that of a coarser one, on the assumption that
+      !> the error falls with the square of the element size.
       subroutine extrapolate_curve(grid)
          type(grid_type), intent(in) :: grid
          type(curve_type) :: other
@@ -299,7 +301,7 @@ contains
          call indent_grid(grid, model%formulation, model%specimen%materials(c), 0, other, error)
          result%left_zone = other%left_zone
          if (allocated(error)) return
-         ! The contact of the finer mesh is the better one.
+         ! Use the contact of the finer mesh.
          other%contact_radius = result%contact_radius
          result%modulus_of_mesh = [result%modulus_of_mesh, modulus_of(model, other)]
          ratio = (grid%mesh%element_size/model%grid(1)%mesh%element_size)**2
@@ -310,9 +312,9 @@ contains
       end subroutine extrapolate_curve
    end subroutine simulate_depths
 
-   !> The modulus as the instrument reads it, GPa. With dU = 2 a_H dh of the half-space, a_H its
-   !> contact radius, S/(2 a_H) = dP/dU: the slope at the last depth of a parabola over the window.
-   !> Discrete contact grows in steps; weights that fall to both ends smooth them.
+   !> The modulus as an instrument computes it, GPa. For the half-space dU = 2 a_H dh with contact
+   !> radius a_H, so S/(2 a_H) = dP/dU: the slope at the last depth of a parabola over the window. A
+   !> discrete contact grows in steps; weights that fall towards both ends smooth them.
    pure real(wp) function modulus_of(model, curve) result(modulus)
       type(indentation_model_type), intent(in) :: model
       type(curve_type), intent(in) :: curve
@@ -343,23 +345,23 @@ contains
          & - sum(weight*u)*sum(weight*linear*area)/sum(weight*linear**2))
    end function modulus_of
 
-   !> Moduli of a curve, GPa: least squares through the origin over the depths that are used, the
-   !> slope of a line with intercept, and the last point alone.
+   !> Moduli of a curve, GPa: from least squares through the origin over the resolved depths, from
+   !> the slope of a line with intercept, and from the last point.
    pure function moduli_of(model, force) result(moduli)
       type(indentation_model_type), intent(in) :: model
       !> mN (depths).
       real(wp), intent(in) :: force(:)
       real(wp) :: moduli(3)
       real(wp), dimension(size(force)) :: unit_force, x, y
-      logical :: used(size(force))
+      logical :: resolved(size(force))
 
       unit_force = model%indenter%unit_force(model%depth)
-      used = is_resolved(model)
-      moduli(1:2) = sum(force*unit_force, mask=used)/sum(unit_force**2, mask=used)
+      resolved = is_resolved(model)
+      moduli(1:2) = sum(force*unit_force, mask=resolved)/sum(unit_force**2, mask=resolved)
       moduli(3) = force(size(force))/unit_force(size(force))
-      if (count(used) < 2) return
-      x = unit_force - sum(unit_force, mask=used)/count(used)
-      y = force - sum(force, mask=used)/count(used)
-      moduli(2) = sum(x*y, mask=used)/sum(x**2, mask=used)
+      if (count(resolved) < 2) return
+      x = unit_force - sum(unit_force, mask=resolved)/count(resolved)
+      y = force - sum(force, mask=resolved)/count(resolved)
+      moduli(2) = sum(x*y, mask=resolved)/sum(x**2, mask=resolved)
    end function moduli_of
 end module fe_indentation

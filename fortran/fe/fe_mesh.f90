@@ -1,14 +1,14 @@
 !> The mesh generator: a uniform box of bricks under the indenter, wrapped in layers.
 !>
 !> The box is [-w, w] x [-w, w] x [-d, 0]; material is z < 0. A stage of the plan wraps layers of
-!> bricks around the surface of what there is (without its top), whose nodes move on straight lines
-!> to where the stage ends: a surface of the same shape, a hemisphere, a cylinder. Where the shape
-!> stays the same bricks repeat from layer to layer up to scale, and so do their stiffnesses. An
-!> interface that is a hemisphere or a cylinder is where a stage ends. One that is a plane is
-!> reached by the bottom of a stage: then bricks are put under that bottom, and the layers go on
-!> around both, above the plane sideways only. Before a stage the surface may be coarsened 2:1; the
-!> nodes that then hang take the mean of their neighbours. Around it all comes either a layer of
-!> infinite elements, swept along rays from the origin, or what is clamped.
+!> bricks around the present surface (without its top). The nodes of the surface move on straight
+!> lines to their places at the end of the stage, on a surface of the same shape, a hemisphere or a
+!> cylinder. If the shape stays the same, bricks repeat from layer to layer up to scale, and so do
+!> their stiffnesses. An interface that is a hemisphere or a cylinder is the end of a stage. A plane
+!> interface is reached by the bottom of a stage. Bricks are then added under that bottom, and
+!> layers continue around both; above the plane they grow sideways only. Before a stage the surface
+!> may be coarsened 2:1; a node that then hangs takes the mean of its neighbours. Either a layer of
+!> infinite elements, swept along rays from the origin, or clamped nodes surround the whole.
 module fe_mesh
    use errors, only: error_type
    use kinds, only: wp
@@ -21,39 +21,41 @@ module fe_mesh
    public :: mesh_type, new_mesh
 
    type :: mesh_type
-      !> Coordinates of the nodes, um.
+      !> Coordinates of the nodes, um (3, nodes).
       real(wp), allocatable :: x(:, :)
-      !> Nodes of each brick, Abaqus' order, and its material.
+      !> Nodes of each brick in Abaqus' order (8, bricks), and its material.
       integer, allocatable :: brick(:, :), material(:)
-      !> Bricks of a class are of one material and equal up to translation and scale: class of each
-      !> brick, its scale (stiffness is proportional to it), and a brick of scale 1 for each class.
+      !> Bricks of a class have the same material and are equal up to translation and scale. For
+      !> each brick: its class and its scale, to which the stiffness is proportional; for each
+      !> class: a brick of scale 1.
       integer, allocatable :: class(:), representative(:)
       real(wp), allocatable :: scale(:)
-      !> Growth of the layer that each brick belongs to; 1 in boxes.
+      !> Growth of the layer that contains each brick; 1 in boxes.
       real(wp), allocatable :: growth(:)
-      !> Facets that carry infinite elements, and their materials.
+      !> Nodes of the facets that carry infinite elements (4, facets), and their materials.
       integer, allocatable :: facet(:, :), facet_material(:)
       !> Clamped nodes.
       integer, allocatable :: clamped(:)
-      !> Hanging nodes: node j is the mean of those of `master(:, j)`, two or four, then zeros.
+      !> Hanging nodes. Hanging node j is the mean of the two or four nodes `master(:, j)`, which
+      !> zeros follow.
       integer, allocatable :: hanging(:), master(:, :)
       !> Surface nodes that may touch the indenter.
       integer, allocatable :: contact(:)
-      !> Contact may reach this far from the centre, and edge of an element there, um.
+      !> Largest distance of a contact from the centre, and edge of an element there, um.
       real(wp) :: contact_limit = 0.0_wp, element_size = 0.0_wp
    end type mesh_type
 
    !> A mesh under construction.
    type, extends(mesh_type) :: builder_type
-      !> Node of each lattice point of the current surface; 0 inside, where the surface is coarser,
-      !> and where it is clamped.
-      integer, allocatable :: at(:, :, :)
-      !> Lattice spacing of the current surface, and items made so far.
+      !> Node of each lattice point of the current surface; 0 for inner points, for points that
+      !> coarsening removes, and for clamped points.
+      integer, allocatable :: node_at(:, :, :)
+      !> Lattice spacing of the current surface; numbers of items made so far.
       integer :: step = 1, nodes = 0, bricks = 0, n_hanging = 0, classes = 0
    end type builder_type
 
-   !> Memory of a mesh with its pattern and places of entries, bytes a brick, rounded up from what
-   !> was measured.
+   !> Memory of a mesh with its pattern and the places of its entries, bytes per brick, rounded up
+   !> from a measurement.
    real(wp), parameter :: bytes_per_brick = 6.0e3_wp
    !> Lengths that differ by less than this share are equal.
    real(wp), parameter :: equal = 1.0e-9_wp
@@ -73,7 +75,7 @@ contains
       call check_memory(bytes_per_brick*bricks, &
          & 'a mesh of '//to_text(bricks)//' elements', error)
       if (allocated(error)) return
-      ! More than there are: what is not written takes no memory.
+      ! An upper bound: memory that is never written is never used.
       nodes = 3*bricks
       allocate (self%x(3, nodes), self%brick(8, bricks), self%material(bricks), &
          & self%class(bricks), self%representative(bricks))
@@ -83,11 +85,11 @@ contains
       do i = 1, size(plan%stages)
          if (plan%stages(i)%coarsen) call coarsen(self)
          if (plan%stages(i)%floor_levels > 0) call add_floor(plan%stages(i), self)
-         ! Where the bottom of the surface is clamped nothing goes on below it.
-         nx = ubound(self%at, 1)
+         ! If the bottom of the surface is clamped, no layers continue below it.
+         nx = ubound(self%node_at, 1)
          if (plan%clamped_depth > 0.0_wp &
-            & .and. self%x(3, self%at(0, 0, 0)) <= -plan%clamped_depth*(1.0_wp - equal)) then
-            self%at(1:nx - 1, 1:nx - 1, 0) = 0
+            & .and. self%x(3, self%node_at(0, 0, 0)) <= -plan%clamped_depth*(1.0_wp - equal)) then
+            self%node_at(1:nx - 1, 1:nx - 1, 0) = 0
          end if
          call add_layers(plan%stages(i), self)
       end do
@@ -104,7 +106,7 @@ contains
       mesh = self%mesh_type
    end subroutine new_mesh
 
-   !> The box of bricks, and the nodes of its top that may touch the indenter.
+   !> Make the box of bricks, and list the nodes of its top that may touch the indenter.
    subroutine fill_box(plan, self)
       type(mesh_plan_type), intent(in) :: plan
       type(builder_type), intent(inout) :: self
@@ -112,49 +114,49 @@ contains
       integer :: n, i, j
 
       n = plan%half_cells
-      allocate (self%at(0:2*n, 0:2*n, 0:0))
-      ! Those below come first.
+      allocate (self%node_at(0:2*n, 0:2*n, 0:0))
+      ! The nodes of the levels below come first.
       self%nodes = plan%depth_cells*(2*n + 1)**2
       do j = -n, n
          do i = -n, n
             self%nodes = self%nodes + 1
-            self%at(i + n, j + n, 0) = self%nodes
+            self%node_at(i + n, j + n, 0) = self%nodes
             self%x(:, self%nodes) = [(real(i, wp)/n)*plan%half_width, &
                & (real(j, wp)/n)*plan%half_width, 0.0_wp]
          end do
       end do
       self%element_size = plan%half_width/n
       self%contact_limit = plan%half_width
-      ! A hanging node has no displacement of its own.
+      ! A hanging node has no displacement of its own, so it cannot be in contact.
       if (plan%stages(max(1, findloc(plan%stages%layers > 0, .true., dim=1)))%coarsen) then
          self%contact_limit = plan%half_width - self%element_size
       end if
-      top = reshape(self%at, [size(self%at)])
+      top = reshape(self%node_at, [size(self%node_at)])
       self%contact = pack(top, norm2(self%x(:2, top), dim=1) <= self%contact_limit*(1.0_wp + equal))
       self%nodes = 0
       call add_floor(mesh_stage_type(floor_levels=plan%depth_cells, floor_depth=plan%depth), self)
       self%nodes = maxval(top)
    end subroutine fill_box
 
-   !> Levels of equal bricks under the bottom of the surface, which is flat and uniform.
+   !> Add levels of equal bricks under the bottom of the surface, which is flat and uniform.
    subroutine add_floor(stage, self)
       type(mesh_stage_type), intent(in) :: stage
       type(builder_type), intent(inout) :: self
       integer, parameter :: corner(3, 8) = reshape([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, &
          & 1, 0, 1, 1, 1, 1, 0, 1, 1], [3, 8])
-      integer, allocatable :: at(:, :, :)
+      integer, allocatable :: node_at(:, :, :)
       integer :: nx, levels, first, i, j, k
 
-      nx = ubound(self%at, 1)
+      nx = ubound(self%node_at, 1)
       levels = stage%floor_levels*self%step
-      allocate (at(0:nx, 0:nx, 0:ubound(self%at, 3) + levels), source=0)
-      at(:, :, levels:) = self%at
+      allocate (node_at(0:nx, 0:nx, 0:ubound(self%node_at, 3) + levels), source=0)
+      node_at(:, :, levels:) = self%node_at
       do k = 0, stage%floor_levels - 1
          do j = 0, nx, self%step
             do i = 0, nx, self%step
                self%nodes = self%nodes + 1
-               at(i, j, k*self%step) = self%nodes
-               self%x(:, self%nodes) = self%x(:, at(i, j, levels)) - [0.0_wp, 0.0_wp, &
+               node_at(i, j, k*self%step) = self%nodes
+               self%x(:, self%nodes) = self%x(:, node_at(i, j, levels)) - [0.0_wp, 0.0_wp, &
                   & stage%floor_depth*(stage%floor_levels - k)/stage%floor_levels]
             end do
          end do
@@ -164,7 +166,8 @@ contains
          do j = 0, nx - self%step, self%step
             do i = 0, nx - self%step, self%step
                self%bricks = self%bricks + 1
-               self%brick(:, self%bricks) = nodes_of(at, spread([i, j, k], 2, 8) + self%step*corner)
+               self%brick(:, self%bricks) = &
+                  & nodes_of(node_at, spread([i, j, k], 2, 8) + self%step*corner)
             end do
          end do
       end do
@@ -172,11 +175,11 @@ contains
       self%representative(self%classes) = first
       self%class(first:self%bricks) = self%classes
       self%material(first:self%bricks) = stage%material
-      at(1:nx - 1, 1:nx - 1, 1:levels) = 0
-      call move_alloc(at, self%at)
+      node_at(1:nx - 1, 1:nx - 1, 1:levels) = 0
+      call move_alloc(node_at, self%node_at)
    end subroutine add_floor
 
-   !> The layers of a stage around the current surface.
+   !> Add the layers of a stage around the current surface.
    subroutine add_layers(stage, self)
       type(mesh_stage_type), intent(in) :: stage
       type(builder_type), intent(inout) :: self
@@ -189,21 +192,21 @@ contains
       if (stage%layers == 0) return
       call surface_quads(self, quad)
       facets = size(quad, 3)
-      points = count(self%at > 0)
-      start = self%x(:, pack(self%at, self%at > 0))
+      points = count(self%node_at > 0)
+      start = self%x(:, pack(self%node_at, self%node_at > 0))
       finish = stage_end(stage, start)
       allocate (first_class(facets))
       do layer = 1, stage%layers
          do f = 1, facets
-            self%brick(1:4, self%bricks + f) = nodes_of(self%at, quad(:, :, f))
+            self%brick(1:4, self%bricks + f) = nodes_of(self%node_at, quad(:, :, f))
          end do
          share = (stage%growth**layer - 1.0_wp)/(stage%growth**stage%layers - 1.0_wp)
-         self%at = unpack([(self%nodes + p, p=1, points)], self%at > 0, self%at)
+         self%node_at = unpack([(self%nodes + p, p=1, points)], self%node_at > 0, self%node_at)
          self%x(:, self%nodes + 1:self%nodes + points) = start + share*(finish - start)
          self%nodes = self%nodes + points
          do f = 1, facets
             associate (brick => self%bricks + f)
-               self%brick(5:8, brick) = nodes_of(self%at, quad(:, :, f))
+               self%brick(5:8, brick) = nodes_of(self%node_at, quad(:, :, f))
                above = is_above(stage, self, self%brick(:, brick))
                self%material(brick) = merge(1, stage%material, above)
                self%growth(brick) = stage%growth
@@ -221,7 +224,7 @@ contains
       end do
    end subroutine add_layers
 
-   !> Whether nodes lie above the plane of a stage that has one.
+   !> Whether nodes lie above the plane of a stage that has a plane.
    pure logical function is_above(stage, self, node)
       type(mesh_stage_type), intent(in) :: stage
       type(builder_type), intent(in) :: self
@@ -230,10 +233,10 @@ contains
       is_above = stage%plane > 0.0_wp .and. all(self%x(3, node) >= -stage%plane*(1.0_wp + equal))
    end function is_above
 
-   !> Where the points of a surface are at the end of a stage, um.
+   !> Positions of the points of a surface at the end of a stage, um.
    pure function stage_end(stage, start) result(finish)
       type(mesh_stage_type), intent(in) :: stage
-      !> um (3, points).
+      !> Positions at the beginning of the stage, um (3, points).
       real(wp), intent(in) :: start(:, :)
       real(wp) :: finish(3, size(start, 2)), half_width, depth, square
       integer :: p
@@ -245,7 +248,7 @@ contains
          case (to_ball)
             finish(:, p) = start(:, p)*(stage%radius/norm2(start(:, p)))
          case (to_cylinder)
-            ! Squares become circles.
+            ! Squares around the axis become circles.
             square = maxval(abs(start(:2, p)))
             finish(:2, p) = start(:2, p)*(stage%radius/half_width)
             if (square > 0.0_wp) finish(:2, p) = finish(:2, p)*(square/norm2(start(:2, p)))
@@ -260,8 +263,8 @@ contains
       end do
    end function stage_end
 
-   !> What lies around the last layer: infinite elements, or clamped nodes at the bottom, and
-   !> perhaps at the sides.
+   !> Close the mesh by infinite elements, or by clamped nodes at the bottom and perhaps at the
+   !> sides.
    subroutine close_mesh(plan, self)
       type(mesh_plan_type), intent(in) :: plan
       type(builder_type), intent(inout) :: self
@@ -273,7 +276,7 @@ contains
       if (plan%closing == closed_by_infinite) call surface_quads(self, quad)
       allocate (self%facet(4, size(quad, 3)), self%facet_material(size(quad, 3)))
       do f = 1, size(quad, 3)
-         self%facet(:, f) = nodes_of(self%at, quad(:, :, f))
+         self%facet(:, f) = nodes_of(self%node_at, quad(:, :, f))
          self%facet_material(f) = plan%far_material(merge(2, 1, &
             & is_above(plan%stages(size(plan%stages)), self, self%facet(:, f))))
       end do
@@ -288,21 +291,22 @@ contains
       self%clamped = pack([(i, i=1, size(clamped))], clamped)
    end subroutine close_mesh
 
-   !> Nodes of lattice points (3, points).
-   pure function nodes_of(at, lattice) result(node)
-      integer, intent(in) :: at(0:, 0:, 0:), lattice(:, :)
+   !> Nodes at lattice points (3, points).
+   pure function nodes_of(node_at, lattice) result(node)
+      integer, intent(in) :: node_at(0:, 0:, 0:), lattice(:, :)
       integer :: node(size(lattice, 2)), a
 
-      node = [(at(lattice(1, a), lattice(2, a), lattice(3, a)), a=1, size(lattice, 2))]
+      node = [(node_at(lattice(1, a), lattice(2, a), lattice(3, a)), a=1, size(lattice, 2))]
    end function nodes_of
 
-   !> Keep every other lattice point of the surface; the others hang on their neighbours.
+   !> Retain every other lattice point of the surface; the nodes between them hang on their
+   !> neighbours.
    subroutine coarsen(self)
       type(builder_type), intent(inout) :: self
       integer :: i, j, k, step, odd(3), corner(3), offset(3), m, p
       integer, allocatable :: fine(:, :, :)
 
-      allocate (fine, source=self%at)
+      allocate (fine, source=self%node_at)
       step = self%step
       do k = 0, ubound(fine, 3), step
          do j = 0, ubound(fine, 2), step
@@ -320,7 +324,7 @@ contains
                   m = m + 1
                   self%master(m, self%n_hanging) = fine(corner(1), corner(2), corner(3))
                end do
-               self%at(i, j, k) = 0
+               self%node_at(i, j, k) = 0
             end do
          end do
       end do
@@ -335,8 +339,8 @@ contains
       integer, parameter :: x(3) = [1, 0, 0], y(3) = [0, 1, 0], z(3) = [0, 0, 1]
       integer :: nx, nz, step, i, j, k, n
 
-      nx = ubound(self%at, 1)
-      nz = ubound(self%at, 3)
+      nx = ubound(self%node_at, 1)
+      nz = ubound(self%node_at, 3)
       step = self%step
       allocate (quad(3, 4, surface_facets(nx/step, nz/step)))
       n = 0
@@ -357,14 +361,15 @@ contains
 
    contains
 
-      !> The facet that begins at a corner and extends along two axes.
+      !> Add the facet that begins at a corner and extends along two axes, unless it is not on the
+      !> surface.
       subroutine add(corner, first, second)
          integer, intent(in) :: corner(3), first(3), second(3)
          integer :: points(3, 4)
 
          points = reshape([corner, corner + step*first, corner + step*(first + second), &
             & corner + step*second], [3, 4])
-         if (any(nodes_of(self%at, points) == 0)) return
+         if (any(nodes_of(self%node_at, points) == 0)) return
          n = n + 1
          quad(:, :, n) = points
       end subroutine add

@@ -1,5 +1,8 @@
 !> The rigid indenters: their shapes, and their closed forms on an isotropic half-space.
 !>
+!> The force is the plane-strain modulus M times `unit_force`, and d(force)/d(depth) = 2 a M with
+!> the contact radius a, for every shape. I. N. Sneddon, Int. J. Engng Sci. 3, 47 (1965).
+!>
 !> The force is M times `unit_force`, M the plane-strain modulus, and d(force)/d(depth) = 2 a M with
 !> a the contact radius, whatever the shape. I. N. Sneddon, Int. J. Engng Sci. 3, 47 (1965).
 module indenters
@@ -11,20 +14,21 @@ module indenters
    private
    public :: indenter_type, indenter_names, new_indenter
 
-   !> A new indenter: its type, which extends `indenter_type`, its name here, and its lines in
+   !> A new indenter needs a type that extends `indenter_type`, a name here, and lines in
    !> `new_indenter`.
    character(len=*), parameter :: paraboloid_name = 'paraboloid', cone_name = 'cone', &
       & sphere_name = 'sphere'
    character(len=*), parameter :: indenter_names = paraboloid_name//', '//sphere_name &
       & //', '//cone_name
 
-   !> One whose height above its end grows as a power of the distance r from the axis: paraboloid
-   !> (2) and cone (1).
+   !> An indenter whose height above its tip grows as a power of the distance r from the axis:
+   !> paraboloid (exponent 2) and cone (exponent 1).
    type :: indenter_type
-      !> Names of the variables of &indenter that only some indenters read, separated by ', '.
+      !> Names of the variables of &indenter that this indenter reads and some others do not,
+      !> separated by ', '.
       character(len=:), allocatable :: variables
-      !> The last point of the curve: contact radius and depth, um; and the radius of a sphere,
-      !> which ends there, um.
+      !> Contact radius and depth at the last point of the curve, um; radius of a sphere, which
+      !> bounds both, um.
       real(wp) :: contact_radius = 0.0_wp, depth = 0.0_wp, radius = huge(1.0_wp)
       integer, private :: exponent = 2
       !> Height over r**exponent, and depth over (contact radius)**exponent; um**(1 - exponent).
@@ -34,7 +38,7 @@ module indenters
       procedure, non_overridable :: check_length
    end type indenter_type
 
-   !> A true sphere.
+   !> A sphere, not approximated by a paraboloid.
    type, extends(indenter_type) :: sphere_indenter_type
    contains
       procedure :: set_up => sphere_set_up, gap => sphere_gap, unit_force => sphere_unit_force, &
@@ -43,7 +47,8 @@ module indenters
 
 contains
 
-   !> The indenter of &indenter with its last point; a message of an error begins with the variable.
+   !> The indenter of &indenter with its last point. The message of an error begins with the
+   !> variable.
    subroutine new_indenter(settings, indenter, error)
       type(indenter_settings_type), intent(in) :: settings
       class(indenter_type), allocatable, intent(out) :: indenter
@@ -72,7 +77,7 @@ contains
       end if
    end subroutine new_indenter
 
-   !> Its shape.
+   !> Set the shape.
    subroutine set_up(self, settings)
       class(indenter_type), intent(inout) :: self
       type(indenter_settings_type), intent(in) :: settings
@@ -90,7 +95,7 @@ contains
       end if
    end subroutine set_up
 
-   !> Height above a surface point of the indenter at zero depth, um, at a distance from the axis.
+   !> Height of the indenter above the surface at zero depth, um, at a distance from the axis.
    elemental real(wp) function gap(self, length)
       class(indenter_type), intent(in) :: self
       !> Distance from the axis, um.
@@ -99,7 +104,7 @@ contains
       gap = self%steepness*length**self%exponent
    end function gap
 
-   !> Force over plane-strain modulus, um2, at a depth.
+   !> Force at a depth, divided by the plane-strain modulus, um2.
    elemental real(wp) function unit_force(self, length)
       class(indenter_type), intent(in) :: self
       !> Depth, um.
@@ -109,7 +114,7 @@ contains
                   & *self%contact_radius_of(length)*length
    end function unit_force
 
-   !> Depth, um, of a contact radius.
+   !> Depth at a contact radius, um.
    elemental real(wp) function depth_of(self, length)
       class(indenter_type), intent(in) :: self
       !> Contact radius, um.
@@ -118,7 +123,7 @@ contains
       depth_of = self%sinking*length**self%exponent
    end function depth_of
 
-   !> Contact radius, um, of a depth.
+   !> Contact radius at a depth, um.
    elemental real(wp) function contact_radius_of(self, length) result(contact_radius)
       class(indenter_type), intent(in) :: self
       !> Depth, um.
@@ -127,10 +132,10 @@ contains
       contact_radius = (length/self%sinking)**(1.0_wp/self%exponent)
    end function contact_radius_of
 
-   !> Refuse a last point that the shape does not reach: that of a sphere is on its lower half.
+   !> Refuse a last point beyond the shape: the contact of a sphere stays on its lower half.
    subroutine check_length(self, variable, length, error)
       class(indenter_type), intent(in) :: self
-      !> The name of the variable that states it.
+      !> Name of the variable that states the length.
       character(len=*), intent(in) :: variable
       !> Its value, um.
       real(wp), intent(in) :: length
@@ -150,25 +155,26 @@ contains
       self%radius = settings%radius_um
    end subroutine sphere_set_up
 
-   !> Very large where the sphere has no surface.
+   !> Very large at distances beyond the radius of the sphere.
    elemental real(wp) function sphere_gap(self, length) result(gap)
       class(sphere_indenter_type), intent(in) :: self
       !> Distance from the axis, um.
       real(wp), intent(in) :: length
-      !> In radii.
+      !> In radii of the sphere.
       real(wp), parameter :: very_large = 1.0e3_wp
 
-      ! r2/(R + sqrt(R2 - r2)) is R - sqrt(R2 - r2) without its cancellation.
+      ! r2/(R + sqrt(R2 - r2)) equals R - sqrt(R2 - r2), without cancellation.
       gap = very_large*self%radius
       if (length < self%radius) gap = length**2/(self%radius + sqrt(self%radius**2 - length**2))
    end function sphere_gap
 
-   !> Force over modulus and R², of t = a/R: (1 + t²) atanh(t) - t.
+   !> Force over modulus and R², as a function of t = a/R: (1 + t²) atanh(t) - t.
    elemental real(wp) function sphere_unit_force(self, length) result(unit_force)
       class(sphere_indenter_type), intent(in) :: self
       !> Depth, um.
       real(wp), intent(in) :: length
-      !> Below this the terms cancel, and the series serves: ten of its terms leave 1e-17.
+      !> Below this value the terms cancel, and a series is used instead: ten of its terms leave an
+      !> error of 1e-17.
       real(wp), parameter :: small = 0.15_wp
       real(wp) :: t
       integer :: k
@@ -190,8 +196,8 @@ contains
       depth_of = length*atanh(length/self%radius)
    end function sphere_depth_of
 
-   !> t = a/R of t atanh(t) = h/R, by Newton's method in u = atanh(t) between bounds that close in
-   !> on it.
+   !> Solve t atanh(t) = h/R for t = a/R, by Newton's method in u = atanh(t), safeguarded by bounds
+   !> that close in on the solution.
    elemental real(wp) function sphere_contact_radius_of(self, length) result(contact_radius)
       class(sphere_indenter_type), intent(in) :: self
       !> Depth, um.

@@ -1,4 +1,4 @@
-!> Fortran's view of the C++ layer that factors many sparse matrices with one pattern
+!> Fortran interface to the C++ code that factors many sparse matrices with the same pattern
 !> (cpp/sparse_cholesky.cpp).
 module sparse_cholesky
    use, intrinsic :: iso_c_binding, only: c_associated, c_double, c_int32_t, c_null_ptr, c_ptr
@@ -11,11 +11,12 @@ module sparse_cholesky
    public :: cholesky_type, analyse_pattern, free_analysis, acquire_factor, release_factor
    public :: factorise, retained_factor, solve_factored
 
-   !> The symbolic analysis of a pattern; read-only once made, so that threads share it.
+   !> The symbolic analysis of a pattern. It does not change once made, so threads share it.
    type :: cholesky_type
       type(c_ptr) :: handle = c_null_ptr
       integer :: n = 0
-      !> Entries of the factor, operations of one factorisation, and bytes of one workspace.
+      !> Entries of the factor, floating-point operations of one factorisation, and bytes of one
+      !> workspace.
       real(wp) :: entries = 0.0_wp, operations = 0.0_wp, bytes = 0.0_wp
    end type cholesky_type
 
@@ -40,7 +41,7 @@ module sparse_cholesky
          type(c_ptr), value :: analysis
          real(c_double), value :: free_bytes
       end function c_acquire
-      !> Give a workspace back to its analysis.
+      !> Return a workspace to its analysis.
       subroutine release_factor(analysis, workspace) bind(c, name='bayesindent_cholesky_release')
          import :: c_ptr
          type(c_ptr), value :: analysis, workspace
@@ -52,10 +53,10 @@ module sparse_cholesky
          real(c_double), intent(in) :: values(*)
          integer(c_int32_t), intent(out) :: unknown
       end function c_factor
-      !> Lower Cholesky factor of the Schur complement of the retained unknowns, zeros above the
-      !> diagonal.
+      !> Lower Cholesky factor of the Schur complement of the retained unknowns, with zeros above
+      !> the diagonal.
       subroutine retained_factor(analysis, workspace, factor) &
-         & bind(c, name='bayesindent_cholesky_kept_factor')
+         & bind(c, name='bayesindent_cholesky_retained_factor')
          import :: c_double, c_ptr
          type(c_ptr), value :: analysis, workspace
          real(c_double), intent(out) :: factor(*)
@@ -73,8 +74,8 @@ contains
    !> Order and analyse the pattern of a lower triangle in compressed columns, 1-based.
    subroutine analyse_pattern(column_start, row, group, retained, cholesky, error)
       !> First entry of each column, and rows of the entries; number of the mesh node of each
-      !> unknown: unknowns of a node share their neighbours; and the last unknowns, to be eliminated
-      !> last.
+      !> unknown (unknowns of a node share their neighbours); number of retained unknowns, the last
+      !> ones, which are eliminated last.
       integer, intent(in) :: column_start(:), row(:), group(:), retained
       type(cholesky_type), intent(out) :: cholesky
       type(error_type), allocatable, intent(out) :: error
@@ -106,13 +107,13 @@ contains
       cholesky%handle = c_null_ptr
    end subroutine free_analysis
 
-   !> A workspace for one factor; give it back with `release_factor`.
+   !> Acquire a workspace for one factor; `release_factor` returns it.
    subroutine acquire_factor(cholesky, factor, error)
       type(cholesky_type), intent(in) :: cholesky
       type(c_ptr), intent(out) :: factor
       type(error_type), allocatable, intent(out) :: error
 
-      ! What is free now is so only until the next thread has taken its share.
+      ! Another thread must not allocate between the measurement of the free memory and its use.
       !$omp critical (sparse_cholesky)
       factor = c_acquire(cholesky%handle, free_memory())
       !$omp end critical (sparse_cholesky)
@@ -122,7 +123,7 @@ contains
       end if
    end subroutine acquire_factor
 
-   !> Factor the matrix with these values; refuse one that is not positive definite.
+   !> Factor the matrix with these values; report a matrix that is not positive definite.
    subroutine factorise(cholesky, factor, values, error)
       type(cholesky_type), intent(in) :: cholesky
       type(c_ptr), intent(in) :: factor

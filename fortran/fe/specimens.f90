@@ -1,4 +1,8 @@
-!> The specimens there are beside the half-space, their names, and one by its settings.
+!> The specimens other than the half-space, the names of all, and the specimen that the settings
+!> define.
+!>
+!> A new specimen needs a type that extends `specimen_type`, a name here, and lines in
+!> `new_indentation`.
 !>
 !> A new specimen: its type, which extends `specimen_type`, its name here, and its lines in
 !> `new_indentation`.
@@ -20,36 +24,36 @@ module specimens
    character(len=*), parameter :: geometry_names = halfspace_name//', '//block_name//', ' &
       & //film_name//', '//grain_name
 
-   !> A block, bottom clamped and sides free: the paper's, of 9.6 x 9.6 x 4.8 um, where nothing else
-   !> is stated.
+   !> A block with a clamped bottom and free sides; by default that of the paper, 9.6 x 9.6 x 4.8
+   !> um.
    type, extends(specimen_type) :: block_specimen_type
-      !> Its edges along x and y, and along z, um.
+      !> Edge along x and y, and edge along z, um.
       real(wp) :: width = 0.0_wp, height = 0.0_wp
    contains
       procedure :: set_up => block_set_up, check_sizes => block_check_sizes, plan => block_plan
    end type block_specimen_type
 
-   !> Half-width of the box of bricks under the contact in contact radii, and cells across it at
-   !> refine = 1.
+   !> Half-width of the box of bricks under the contact in contact radii, and cells over the
+   !> half-width at refine = 1.
    real(wp), parameter :: box_width = 1.3_wp, box_cells = 10.0_wp
-   !> Layers around the box at refine = 1, and the size of the block over that of its box, of the
-   !> paper's block.
+   !> Of the paper's block: layers around the box at refine = 1, and size of the block relative to
+   !> the box.
    real(wp), parameter :: paper_layers = 7.0_wp, paper_ratio = 4.8_wp/0.65_wp
-   !> The block is this many contact radii wide, and as high as these shares of half its width; and
-   !> its half-width over that of the box under the contact, at least.
+   !> Least width of a block in contact radii; least and largest height relative to half the width;
+   !> least half-width relative to that of the box under the contact.
    real(wp), parameter :: least_width = 4.0_wp, lowest = 0.25_wp, highest = 4.0_wp, &
       & least_ratio = 1.2_wp
 
-   !> A film on a substrate: bricks of the film down to the interface, layers that go on around
-   !> both, infinite elements of the substrate.
+   !> A film on a substrate: bricks of the film down to the interface, layers around them in film
+   !> and substrate, infinite elements of the substrate.
    !>
-   !> A thin film ends inside the box under the indenter, a thick one where layers around the box
-   !> reach the interface. Below begins a box of the substrate's bricks, and the further layers are
-   !> homothetic about the point of the interface under the contact; in the film they go on
-   !> sideways. A rigid substrate is a clamped bottom, and the sides are clamped some thicknesses
-   !> away, where nothing moves.
+   !> A thin film ends inside the box under the indenter; a thick film ends where layers around the
+   !> box reach the interface. A box of bricks of the substrate begins below, and the further layers
+   !> grow about the point of the interface under the contact; within the film they grow sideways
+   !> only. A rigid substrate is a clamped bottom; then the sides are clamped at a distance of some
+   !> thicknesses, where the displacements vanish.
    !>
-   !> A substrate of no stiffness that is given is rigid.
+   !> A substrate without a stated stiffness is rigid.
    type, extends(specimen_type) :: film_specimen_type
       !> um.
       real(wp) :: thickness = 0.0_wp
@@ -58,39 +62,39 @@ module specimens
          & materials => film_materials
    end type film_specimen_type
 
-   !> A film up to this thickness, in contact radii, ends inside the box: on both meshes of an
-   !> extrapolation, or on none.
+   !> A film up to this thickness, in contact radii, ends inside the box, on both meshes of an
+   !> extrapolation.
    real(wp), parameter :: thick = 1.3_wp
-   !> Depth of the substrate's box over half its width, and edge of a thin film's bricks there,
-   !> vertical over horizontal.
+   !> Depth of the substrate's box over half its width, and height over width of its bricks under a
+   !> thin film.
    real(wp), parameter :: floor_proportion = 0.7_wp, flat = 1.5_wp
 
    !> A grain among isotropic neighbours: bricks of the grain up to its boundary, a hemisphere or a
-   !> cylinder, layers and infinite elements of the matrix around it.
+   !> cylinder, surrounded by layers and infinite elements of the matrix.
    !>
-   !> A matrix of no stiffness that is given is the polycrystal of the grain's own crystal.
+   !> A matrix without a stated stiffness is the polycrystal of the grain's own crystal.
    type, extends(specimen_type) :: grain_specimen_type
-      !> um; depth 0: a hemisphere, else a cylinder.
+      !> Radius and depth, um. Depth 0: a hemisphere, else a cylinder.
       real(wp) :: radius = 0.0_wp, depth = 0.0_wp
    contains
       procedure :: set_up => grain_set_up, check_sizes => grain_check_sizes, plan => grain_plan, &
          & materials => grain_materials
    end type grain_specimen_type
 
-   !> The boundary is at least so far from the box under the contact, over the box's size; a
-   !> cylinder is so deep, in radii.
+   !> Least size of the boundary relative to the box under the contact; least and largest depth of a
+   !> cylinder in radii.
    real(wp), parameter :: clearance = 1.2_wp, flattest = 0.5_wp, deepest = 2.0_wp
-   !> From here on (half-width over radius) the layers turn into the shape of the boundary, growing
-   !> so.
+   !> From this half-width on, relative to the radius, layers of this growth turn into the shape of
+   !> the boundary.
    real(wp), parameter :: turning = 0.45_wp, turning_growth = 1.25_wp
-   !> Where meshes end, in contact radii and in thicknesses of a film or radii of a grain, whichever
-   !> is farther.
+   !> Size of the mesh in contact radii, in thicknesses of a film and in radii of a grain; the
+   !> larger size is used.
    real(wp), parameter :: outer_contact = 5.0_wp, outer_thickness = 10.0_wp, outer_grain = 2.0_wp
 
 contains
 
-   !> The indenter and the specimen of the settings; a message of an error begins with the group and
-   !> the variable.
+   !> The indenter and the specimen of the settings. The message of an error begins with the group
+   !> and the variable.
    subroutine new_indentation(settings, indenter, specimen, error)
       type(settings_type), intent(in) :: settings
       class(indenter_type), allocatable, intent(out) :: indenter
@@ -137,7 +141,7 @@ contains
       self%height = settings%specimen%height_um
    end subroutine block_set_up
 
-   !> Refuse a block that is too small for its contact, or that is no block.
+   !> Refuse a block that is too small for its contact, or whose height does not suit its width.
    subroutine block_check_sizes(self, error)
       class(block_specimen_type), intent(in) :: self
       type(error_type), allocatable, intent(out) :: error
@@ -156,7 +160,7 @@ contains
       end associate
    end subroutine block_check_sizes
 
-   !> The box under the contact has the proportions of the block.
+   !> Plan a box under the contact that has the proportions of the block.
    pure type(mesh_plan_type) function block_plan(self, refine) result(plan)
       class(block_specimen_type), intent(in) :: self
       real(wp), intent(in) :: refine
@@ -214,7 +218,7 @@ contains
       logical :: thin
 
       plan = core_of_contact(refine, self%contact_radius, self%zone)
-      ! A wider zone is wider everywhere, and no deeper.
+      ! A larger zone is wider at all depths, but no deeper.
       contact_radius = self%contact_radius*plan%widening
       edge = plan%half_width/plan%half_cells
       width = plan%half_width
@@ -247,11 +251,12 @@ contains
       if (thin) plan%stages(findloc(plan%stages%layers > 0, .true., dim=1))%coarsen = .true.
    end function film_plan
 
-   !> The film, the substrate, and their mean: beyond the mesh an infinite element makes a wedge of
-   !> what is a film, with twice its energy, since strains decay as the square of the distance.
+   !> Film, substrate, and their mean for the infinite elements beyond the mesh: an infinite element
+   !> continues the film as a wedge, which doubles its energy because strains decay as the square of
+   !> the distance.
    pure function film_materials(self, crystal) result(c)
       class(film_specimen_type), intent(in) :: self
-      !> Sample frame, GPa.
+      !> Stiffness of the film in the sample frame, GPa.
       real(wp), intent(in) :: crystal(6, 6)
       real(wp), allocatable :: c(:, :, :)
 
@@ -268,8 +273,8 @@ contains
 
       self%variables = 'grain_radius_um, grain_depth_um, matrix'
       self%parts = 'the grain, the matrix around it'
-      ! So the few layers that turn into its boundary are about in proportion on both meshes
-      ! (docs/verification/simulation.md).
+      ! With this ratio the few layers that turn into the boundary have similar proportions on both
+      ! meshes (docs/verification/simulation.md).
       self%coarse_ratio = 0.75_wp
       associate (stated => settings%specimen)
          call require(grain_name, 'grain_radius_um', stated%grain_radius_um, self%radius, error)
@@ -282,7 +287,7 @@ contains
       end associate
    end subroutine grain_set_up
 
-   !> Refuse a grain that does not hold the refined zone of the mesh.
+   !> Refuse a grain that is smaller than the refined zone of the mesh.
    subroutine grain_check_sizes(self, error)
       class(grain_specimen_type), intent(in) :: self
       type(error_type), allocatable, intent(out) :: error
@@ -343,10 +348,10 @@ contains
       plan%far_material = 2
    end function grain_plan
 
-   !> The grain and the matrix.
+   !> Grain and matrix.
    pure function grain_materials(self, crystal) result(c)
       class(grain_specimen_type), intent(in) :: self
-      !> Sample frame, GPa.
+      !> Stiffness of the grain in the sample frame, GPa.
       real(wp), intent(in) :: crystal(6, 6)
       real(wp), allocatable :: c(:, :, :)
       real(wp) :: young, poisson

@@ -16,7 +16,7 @@ module next_stage
    use namelist_file, only: place
    use next_measurement, only: candidates_type, choose_measurements, suggestions_type
    use point_tables, only: points_type
-   use table_columns, only: angles_of_direction
+   use direction_columns, only: angles_of_direction
    use machine, only: thread_count
    use extraction_document, only: stored_draws
    use problem, only: problem_type

@@ -23,7 +23,7 @@ module problem_posterior
    use settings_reader, only: settings_namelist
    use statistics, only: flattened
    use surrogate_model, only: surrogate_type
-   use table_columns, only: angles_of_direction
+   use direction_columns, only: angles_of_direction
    use text, only: to_text
    use velocity_tables, only: append_velocities
    implicit none

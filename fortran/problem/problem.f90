@@ -10,16 +10,17 @@ module problem
    use files, only: folder_of, printable, read_text_file, resolve_path
    use kinds, only: wp
    use namelist_file, only: entry_type, place
-   use orientation_questions, only: question_directions, refuse_radians
+   use measurement_questions, only: like_radians, question_measurements
+   use orientation_questions, only: refuse_radians
    use point_tables, only: angles_look_like_radians, points_type, read_column, read_crystals, &
       & read_measurements, read_orientations
-   use repeated_tests, only: combine_tests, judge_scatter, refuse_copied_rows
+   use repeated_tests, only: combine_tests, refuse_copied_rows
    use settings_schema, only: settings_type
    use settings_checks, only: check_settings
    use settings_reader, only: read_settings, settings_namelist
-   use statistics, only: median
+   use shared_error_tables, only: read_shared_errors
    use stiffness_table, only: new_stiffness_table, stiffness_table_type
-   use table_columns, only: column_hint, find_column, name_columns
+   use table_columns, only: find_column, name_columns
    use tables, only: parse_table, read_table, table_type
    use velocity_tables, only: append_velocities, read_velocities
    use text, only: lower, newline, to_text
@@ -83,8 +84,6 @@ module problem
 
    !> Contact radius of the paper's indentations at the last depth, um.
    real(wp), parameter :: paper_contact = 0.5_wp
-   character(len=*), parameter :: like_radians = ': no angle is above 2 pi; angles are in ' &
-      & //'degrees, and these look like radians'
 
 contains
 
@@ -265,47 +264,6 @@ contains
       call take_measurements(self, table, error)
    end subroutine take_curve_results
 
-   !> Relative errors that the measurements of a table share: the columns of a file with a row for
-   !> each, or its own shared_1, shared_2, ..
-   subroutine take_shared_errors(self, table, error)
-      type(problem_type), intent(inout) :: self
-      type(table_type), intent(in) :: table
-      type(error_type), allocatable, intent(out) :: error
-      type(table_type) :: source
-      logical, allocatable :: chosen(:)
-      integer :: rows, i, j
-
-      source = table
-      if (allocated(self%shared_file)) call read_table(self%shared_file, source, error)
-      rows = table%rows
-      if (allocated(self%shared_file) .and. allocated(self%retained)) rows = size(self%positions, 1)
-      if (.not. allocated(error) .and. source%rows /= rows) then
-         call refuse(error, to_text(source%rows)//' rows for '//to_text(rows) &
-            & //' of the measurements; each row has the errors of one of them')
-      end if
-      if (.not. allocated(error) .and. rows > table%rows) call source%retain(self%retained)
-      if (allocated(error)) source%columns = 0
-      chosen = [(index(source%name(j), 'shared_') == 1 &
-         & .or. (allocated(self%shared_file) .and. source%name(j) /= 'grain'), j=1, source%columns)]
-      if (any(chosen)) then
-         if (allocated(self%shared_errors)) deallocate (self%shared_errors)
-         allocate (self%shared_errors(source%rows, count(chosen)))
-         associate (columns => pack([(j, j=1, source%columns)], chosen))
-            do i = 1, source%rows
-               do j = 1, size(columns)
-                  if (.not. allocated(error)) then
-                     call source%number(columns(j), i, self%shared_errors(i, j), error)
-                  end if
-               end do
-            end do
-         end associate
-         self%shared_digest = source%digest()
-      end if
-      if (allocated(error) .and. allocated(self%shared_file)) then
-         error%message = 'shared_errors: '//printable(self%shared_file)//': '//error%message
-      end if
-   end subroutine take_shared_errors
-
    !> Leave out all indents but those of these `rows`. It precedes the table 'ebsd' of `set_table`.
    subroutine retain_indents(self, rows)
       class(problem_type), intent(inout) :: self
@@ -434,7 +392,10 @@ contains
             & //' needs Euler angles: directions alone do not say how a turn of the sample moves ' &
             & //'them. Or state orientation_sd_deg')
       end if
-      if (.not. allocated(error)) call take_shared_errors(self, measurements%table, error)
+      if (.not. allocated(error)) then
+         call read_shared_errors(measurements%table, self%shared_file, self%retained, &
+            & self%positions, self%shared_errors, self%shared_digest, error)
+      end if
       if (.not. allocated(error)) call refuse_copied_rows(measurements, error)
       if (.not. allocated(error)) weight = 1.0_wp/measurements%sd_gpa**2
       if (.not. allocated(error)) call combine_tests(self%class, measurements, error)
@@ -451,7 +412,8 @@ contains
             end associate
          end do
          self%settings%measurements%modulus_kind = measurements%modulus_kind
-         call question_measurements(self, error)
+         call question_measurements(self%path, self%settings, self%class, allocated(self%map), &
+            & self%measurements, self%warnings, error)
          if (allocated(self%velocities)) call append_velocities(self%measurements, self%velocities)
       end if
    end subroutine set_measurements
@@ -514,62 +476,6 @@ contains
       end if
       call prefix_error(error, prefix//printable(name)//': ')
    end subroutine load_grains
-
-   !> What is odd about measurements, but may be meant; and angles in radians that nobody said are.
-   subroutine question_measurements(self, error)
-      type(problem_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: prefix, hint
-      !> Of the modulus.
-      real(wp), parameter :: least_share = 0.003_wp
-      logical :: radians
-      real(wp) :: share
-      integer :: i
-
-      prefix = 'the table'
-      if (allocated(self%settings%measurements%file)) then
-         prefix = printable(self%settings%measurements%file)
-      end if
-      prefix = place(self%path, 'measurements', 'file')//prefix
-      radians = self%settings%measurements%angles == 'degrees' &
-         & .and. angles_look_like_radians(self%measurements)
-      if (radians) call refuse_radians(self%measurements, error)
-      call prefix_error(error, prefix//': ')
-      if (allocated(error)) return
-      call judge_scatter(self%measurements, prefix, self%warnings)
-      do i = 1, self%measurements%table%columns
-         hint = column_hint(self%measurements%table, i)
-         if (len(hint) > 0) then
-            call warn(self%warnings, prefix//': the column ' &
-               & //printable(self%measurements%table%name(i))//' is not read'//hint)
-         end if
-      end do
-      if (self%measurements%n == 1) then
-         call warn(self%warnings, &
-            & prefix//' has one grain; one modulus cannot determine the constants')
-      else if (allocated(self%class%name) .and. .not. radians &
-         & .and. self%settings%measurements%orientations == 'known') then
-         hint = ''
-         if (allocated(self%map)) then
-            hint = '. If the positions all lie in one grain of the map, check the unit and the ' &
-               & //'origin of x_um and y_um'
-         end if
-         call question_directions(self%measurements, self%class, prefix, hint, self%warnings, error)
-         if (allocated(error)) return
-      end if
-      if (radians) call warn(self%warnings, prefix//like_radians)
-      if (any(self%measurements%sd_gpa > 0.5_wp*self%measurements%modulus_gpa)) then
-         call warn(self%warnings, prefix//': an sd_gpa is more than half of its modulus_gpa')
-      end if
-      if (self%measurements%n == 0) return
-      share = median(self%measurements%n, self%measurements%sd_gpa/self%measurements%modulus_gpa)
-      if (share > 0.0_wp .and. share < least_share) then
-         call warn(self%warnings, prefix//': the sds are '//to_text(100.0_wp*share, 2) &
-            & //' % of the moduli (median); indentation rarely does better than ' &
-            & //to_text(100.0_wp*least_share, 1) &
-            & //' %. sd_gpa is in GPa: if these are fractions, multiply them by the moduli')
-      end if
-   end subroutine question_measurements
 
    !> The resolved namelists: the groups that are there or needed, every variable with its value.
    function resolved_text(self) result(page)

@@ -73,10 +73,11 @@ contains
       k = findloc([allocated(settings%measurements%velocities), &
          & allocated(settings%next%velocity_cost), allocated(settings%plan%velocity_noise)], &
          & .true., dim=1)
-      excluded = [allocated(settings%measurements%ebsd), &
-         & allocated(settings%measurements%velocities), settings%measurements%misalignment_sd_deg &
-         & > 0.0_wp, settings%measurements%orientation_sd_deg > 0.0_wp, &
-         & settings%measurements%likelihood /= 'normal', settings%measurements%scale == 'inferred']
+      associate (stated => settings%measurements)
+         excluded = [allocated(stated%ebsd), allocated(stated%velocities), &
+            & stated%misalignment_sd_deg > 0.0_wp, stated%orientation_sd_deg > 0.0_wp, &
+            & stated%likelihood /= 'normal', stated%scale == 'inferred']
+      end associate
       associate (design => settings%design, geometry => settings%specimen%geometry, measured => &
          & settings%measurements, is_bulk => all(['film ', 'grain'] /= settings%specimen%geometry))
          if (settings%curves%given &

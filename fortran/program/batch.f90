@@ -30,8 +30,8 @@ program batch
       end subroutine end_process
       !> Have the vector kernels of OpenBLAS that fit this processor, and one thread, in this
       !> program or the same one started once more.
-      subroutine settle_blas() bind(c, name='bayesindent_settle_blas')
-      end subroutine settle_blas
+      subroutine prepare_blas() bind(c, name='bayesindent_prepare_blas')
+      end subroutine prepare_blas
       subroutine c_data_folder(installed, folder, size) bind(c, name='bayesindent_data_folder')
          import :: c_char, c_int
          character(kind=c_char), intent(in) :: installed(*)
@@ -41,7 +41,7 @@ program batch
       end subroutine c_data_folder
    end interface
 
-   call settle_blas()
+   call prepare_blas()
    call watch_signals()
    call show_progress(.true.)
    call read_arguments()

@@ -1,9 +1,9 @@
-!> The syntax of namelist files: text to a list of (group, variable, values), with refusals that
-!> name file, group and line.
+!> The syntax of namelist files. Text becomes a list of (group, variable, values); messages name
+!> file, group and line.
 !>
 !> gfortran's own namelist READ reports a missing group, a missing slash and a wrong type all as end
-!> of file, and passes duplicates and NaN in silence. This parser knows syntax alone; what the names
-!> mean is in `settings_schema`.
+!> of file, and accepts duplicates and NaN silently. This parser handles syntax only;
+!> `settings_schema` defines the meaning of the names.
 module namelist_file
    use errors, only: error_type, exit_bad_input, prefix_error, raise, warning_type
    use files, only: printable, read_text_file
@@ -13,36 +13,37 @@ module namelist_file
    public :: entry_type, value_type, read_namelist_file, replace_entries, parse_namelist, &
       & find_entry, place
 
-   !> One value as written: a quoted text without its quotes, or a bare word.
+   !> One value as written: a quoted text without its quotes, or an unquoted word.
    type, extends(warning_type) :: value_type
       logical :: quoted = .false.
    end type value_type
 
-   !> `name = values` of a group; names in lower case. Of the group itself, an empty one too, the
-   !> name is '', and there are no values.
+   !> `name = values` of a group; names are in lower case. The entry of the group itself, which may
+   !> be empty, has the name '' and no values.
    type :: entry_type
       character(len=:), allocatable :: group, name
       integer :: line = 0
       type(value_type), allocatable :: values(:)
    end type entry_type
 
-   !> What has been read, where the parser stands, and in which group and variable, '' for none.
+   !> The entries that have been read, the position of the parser, and its group and variable ('':
+   !> none).
    type :: parser_type
       type(entry_type), allocatable :: file(:)
       character(len=:), allocatable :: path, text, group, name
-      integer :: at = 1, line = 1
+      integer :: position = 1, line = 1
       type(error_type), allocatable :: error
    end type parser_type
 
    character(len=*), parameter :: blanks = ' '//achar(9)//achar(13)
    character(len=*), parameter :: letters = 'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_'
-   !> More repetitions and values than any array of ours has elements are refused before they are
-   !> made; and more groups and variables, which are no input of ours.
+   !> Upper bounds, checked before memory is allocated: more repetitions and values than any array
+   !> of the program has elements; more groups and variables than any input has.
    integer, parameter :: most_repeats = 10000, most_values = most_repeats, most_names = 2000
 
 contains
 
-   !> 'FILE: &group name: ', the beginning of every message about an input; group and name may be
+   !> 'FILE: &group name: ', the beginning of every message about an input. Group and name may be
    !> ''.
    pure function place(path, group, name) result(prefix)
       character(len=*), intent(in) :: path, group, name
@@ -67,7 +68,7 @@ contains
       call parse_namelist(path, content, file, error)
    end subroutine read_namelist_file
 
-   !> Have the groups and the variables that are `stated` in a file, in place of its own.
+   !> Put the `stated` groups and variables into a file; they replace its own.
    subroutine replace_entries(file, stated)
       type(entry_type), allocatable, intent(inout) :: file(:)
       type(entry_type), intent(in) :: stated(:)
@@ -80,8 +81,7 @@ contains
       end do
    end subroutine replace_entries
 
-   !> The place of a variable among entries, or of a group, whose `name` is ''; 0 if it is not
-   !> there.
+   !> The index of a variable among entries, or of a group if `name` is ''; 0 if it is missing.
    pure integer function find_entry(entries, group, name) result(i)
       type(entry_type), intent(in) :: entries(:)
       character(len=*), intent(in) :: group, name
@@ -118,32 +118,32 @@ contains
 
    subroutine parse_group(parser)
       type(parser_type), intent(inout) :: parser
-      character(len=:), allocatable :: name, words
-      type(entry_type) :: found
+      character(len=:), allocatable :: name, reason
+      type(entry_type) :: entry
       integer :: line
 
       line = parser%line
       if (peek(parser) /= '&') then
-         ! Not what stands there: the file may be no namelist, and nobody's business.
-         words = 'text stands before the first group; a group begins with &name'
+         ! The message does not quote the text: the file may be no namelist, and confidential.
+         reason = 'text stands before the first group; a group begins with &name'
          if (len(parser%group) > 0) then
-            words = rest_of_line(parser)//' follows the / that ends the group; &name begins the ' &
+            reason = rest_of_line(parser)//' follows the / that ends the group; &name begins the ' &
                & //'next one (a text that holds / must be in quotes)'
          end if
-         call refuse(parser, words, line)
+         call refuse(parser, reason, line)
          return
       end if
-      parser%at = parser%at + 1
+      parser%position = parser%position + 1
       parser%group = ''
-      call take_name(parser, name)
+      call read_name(parser, name)
       if (len(name) == 0) call refuse(parser, '& is not followed by the name of a group', line)
       if (name == 'end') call refuse(parser, '&end without a group to end', line)
       if (allocated(parser%error)) return
       parser%group = name
-      found%group = name
-      found%name = ''
-      found%line = line
-      call add_entry(parser, found)
+      entry%group = name
+      entry%name = ''
+      entry%line = line
+      call add_entry(parser, entry)
       if (allocated(parser%error)) return
       if (index(blanks//newline//'/!', peek(parser)) == 0) then
          call refuse(parser, 'a blank must follow the name of a group, not ' &
@@ -153,11 +153,11 @@ contains
          call skip_blanks(parser)
          select case (peek(parser))
          case ('/')
-            parser%at = parser%at + 1
+            parser%position = parser%position + 1
             return
          case ('&', '')
-            parser%at = parser%at + 1
-            call take_name(parser, name)
+            parser%position = parser%position + 1
+            call read_name(parser, name)
             if (name == 'end') return
             call refuse(parser, 'the / that ends the group is missing (the group begins on line ' &
                & //to_text(line)//')')
@@ -169,35 +169,35 @@ contains
       end do
    end subroutine parse_group
 
-   !> `name = value, value ...`
+   !> Parse `name = value, value ...`
    subroutine parse_entry(parser)
       type(parser_type), intent(inout) :: parser
       type(entry_type) :: entry
-      character(len=:), allocatable :: here
+      character(len=:), allocatable :: rest
 
       entry%group = parser%group
       entry%line = parser%line
-      here = rest_of_line(parser)
-      call take_name(parser, entry%name)
+      rest = rest_of_line(parser)
+      call read_name(parser, entry%name)
       parser%name = entry%name
       call skip_blanks(parser)
       if (len(entry%name) == 0) then
-         call refuse(parser, here//' is not understood; name = value is needed', entry%line)
+         call refuse(parser, rest//' is not understood; name = value is needed', entry%line)
       else if (scan(peek(parser), '(%') > 0) then
          call refuse(parser, 'parts of a variable cannot be set; give all its values: ' &
             & //printable(entry%name)//' = a, b, c', entry%line)
       else if (peek(parser) /= '=') then
          call refuse(parser, &
-            & 'no = after the name in '//here//'; name = value is needed', entry%line)
+            & 'no = after the name in '//rest//'; name = value is needed', entry%line)
       end if
       if (allocated(parser%error)) return
-      parser%at = parser%at + 1
+      parser%position = parser%position + 1
       call parse_values(parser, entry)
       call add_entry(parser, entry)
       parser%name = ''
    end subroutine parse_entry
 
-   !> A group or a variable that is not there yet.
+   !> Append a group or a variable; refuse one that is there already.
    subroutine add_entry(parser, entry)
       type(parser_type), intent(inout) :: parser
       type(entry_type), intent(in) :: entry
@@ -228,32 +228,32 @@ contains
       do while (.not. allocated(parser%error))
          call skip_blanks(parser)
          mark = peek(parser)
-         start = [parser%at, parser%line]
+         start = [parser%position, parser%line]
          select case (mark)
          case ('', '/', '&')
             exit
          case (',')
             if (needs_value) call refuse(parser, 'a comma without a value before it', parser%line)
             needs_value = .true.
-            parser%at = parser%at + 1
+            parser%position = parser%position + 1
             cycle
          case ('=')
             call refuse(parser, '= where a value must be', parser%line)
          case ('''', '"')
             repeats = 1
-            call take_quoted(parser, value)
+            call read_quoted(parser, value)
          case default
-            length = scan(parser%text(parser%at:), blanks//newline//',/!&=''"') - 1
-            value%text = parser%text(parser%at:parser%at + length - 1)
-            parser%at = parser%at + length
-            ! The name of the next variable, if = or a subscript follows it.
+            length = scan(parser%text(parser%position:), blanks//newline//',/!&=''"') - 1
+            value%text = parser%text(parser%position:parser%position + length - 1)
+            parser%position = parser%position + length
+            ! The word is the name of the next variable if = or a subscript follows it.
             if (index(letters, mark) > 0) call skip_blanks(parser)
             if (index(letters, mark) > 0 .and. index('=(', peek(parser)) > 0) then
-               parser%at = start(1)
+               parser%position = start(1)
                parser%line = start(2)
                exit
             end if
-            call take_repeats(parser, value, repeats)
+            call split_repeats(parser, value, repeats)
          end select
          if (allocated(parser%error)) return
          if (size(entry%values) + repeats > most_values) then
@@ -266,8 +266,8 @@ contains
       if (size(entry%values) == 0) call refuse(parser, 'no value follows the =', entry%line)
    end subroutine parse_values
 
-   !> The count of `3*1.0` or `2*'a'`, which is taken off the value.
-   subroutine take_repeats(parser, value, repeats)
+   !> Remove the count of `3*1.0` or `2*'a'` from a value.
+   subroutine split_repeats(parser, value, repeats)
       type(parser_type), intent(inout) :: parser
       type(value_type), intent(inout) :: value
       integer, intent(out) :: repeats
@@ -288,14 +288,14 @@ contains
       value%text = value%text(star + 1:)
       if (len(value%text) > 0) return
       if (scan(peek(parser), '''"') > 0) then
-         call take_quoted(parser, value)
+         call read_quoted(parser, value)
       else
          call refuse(parser, 'no value follows the repeat count '//count//'*')
       end if
-   end subroutine take_repeats
+   end subroutine split_repeats
 
-   !> A text in quotes of either kind, doubled inside to stand for one.
-   subroutine take_quoted(parser, value)
+   !> Read a text in quotes of either kind. A doubled quote inside stands for one.
+   subroutine read_quoted(parser, value)
       type(parser_type), intent(inout) :: parser
       type(value_type), intent(inout) :: value
       character :: quote
@@ -303,15 +303,15 @@ contains
 
       quote = peek(parser)
       value%quoted = .true.
-      n = parser%at
-      i = parser%at + 1
-      ! What is read is moved to the front, over the quotes.
+      n = parser%position
+      i = parser%position + 1
+      ! The text is moved to the front, over the quotes.
       do while (parser%text(i:i) /= newline)
          if (parser%text(i:i) == quote) then
             i = i + 1
             if (parser%text(i:i) /= quote) then
-               value%text = parser%text(parser%at + 1:n)
-               parser%at = i
+               value%text = parser%text(parser%position + 1:n)
+               parser%position = i
                return
             end if
          end if
@@ -320,57 +320,61 @@ contains
          i = i + 1
       end do
       call refuse(parser, 'the closing quote is missing', parser%line)
-   end subroutine take_quoted
+   end subroutine read_quoted
 
-   !> A name in lower case: a letter, then letters, digits and underscores; '' if none is here.
-   subroutine take_name(parser, name)
+   !> Read a name in lower case: a letter, then letters, digits and underscores; '' if there is
+   !> none.
+   subroutine read_name(parser, name)
       type(parser_type), intent(inout) :: parser
       character(len=:), allocatable, intent(out) :: name
 
       name = ''
       if (index(letters, peek(parser)) == 0) return
-      name = lower(parser%text(parser%at:parser%at &
-         & + verify(parser%text(parser%at:), letters//'0123456789') - 2))
-      parser%at = parser%at + len(name)
-   end subroutine take_name
+      name = lower(parser%text(parser%position:parser%position &
+         & + verify(parser%text(parser%position:), letters//'0123456789') - 2))
+      parser%position = parser%position + len(name)
+   end subroutine read_name
 
    !> Move past blanks, newlines and comments.
    subroutine skip_blanks(parser)
       type(parser_type), intent(inout) :: parser
 
       do
-         parser%at = parser%at + max(1, verify(parser%text(parser%at:), blanks)) - 1
+         parser%position = parser%position - 1 &
+            & + max(1, verify(parser%text(parser%position:), blanks))
          select case (peek(parser))
          case (newline)
             parser%line = parser%line + 1
-            parser%at = parser%at + 1
+            parser%position = parser%position + 1
          case ('!')
-            parser%at = parser%at + index(parser%text(parser%at:), newline) - 1
+            parser%position = parser%position + index(parser%text(parser%position:), newline) - 1
          case default
             return
          end select
       end do
    end subroutine skip_blanks
 
-   !> The character here; a blank at the end of the text.
+   !> The present character; a blank at the end of the text.
    pure character function peek(parser) result(here)
       type(parser_type), intent(in) :: parser
 
       here = ' '
-      if (parser%at <= len(parser%text)) here = parser%text(parser%at:parser%at)
+      if (parser%position <= len(parser%text)) here = parser%text(parser%position:parser%position)
    end function peek
 
-   !> In quotes, for a message.
+   !> The rest of the line in quotes, for a message.
    pure function rest_of_line(parser) result(rest)
       type(parser_type), intent(in) :: parser
       character(len=:), allocatable :: rest
+      integer :: last
 
-      rest = trim(parser%text(parser%at:parser%at + index(parser%text(parser%at:), newline) - 2))
+      last = parser%position + index(parser%text(parser%position:), newline) - 2
+      rest = trim(parser%text(parser%position:last))
       if (index(rest, achar(13), back=.true.) == len(rest)) rest = trim(rest(:len(rest) - 1))
       rest = ''''//printable(rest)//''''
    end function rest_of_line
 
-   !> The first refusal stays.
+   !> Record a refusal, unless there is one already.
    subroutine refuse(parser, message, line)
       type(parser_type), intent(inout) :: parser
       character(len=*), intent(in) :: message

@@ -1,5 +1,8 @@
-!> The variables of the settings with their values as a namelist has them: read, listed, written and
-!> compared in this one form.
+!> The variables of the settings, with values as texts of a namelist. In this one form settings are
+!> read, listed, written and compared.
+!>
+!> The build makes `settings_schema` from docs/namelists.md. It lists each group and variable with
+!> the components of variable_type, and converts between values and texts.
 !>
 !> `settings_schema`, which is made of docs/namelists.md, adds each group and variable, with what
 !> variable_type says of `kind`, `default`, `allowed`, `unit` and `meaning`, and turns components
@@ -13,31 +16,31 @@ module settings_list
    public :: settings_list_type, group_type, variable_type, is_text, text_values, real_values, &
       & real_of, name_of, longest_item, new_variable
 
-   !> Bytes of a text in a list: the name of a quantity, or of a column with its header.
+   !> Longest text in a list, bytes: the name of a quantity, or of a column with its header.
    integer, parameter :: longest_item = 128
 
    type :: group_type
       character(len=:), allocatable :: name
-      !> The file has it.
+      !> Whether the file has the group.
       logical :: given = .false.
    end type group_type
 
    type :: variable_type
       character(len=:), allocatable :: group, name
-      !> As the page has it: 'integer', 'real', 'logical', 'text', 'choice' of some words, 'file'
-      !> that must exist, 'choice or file', or 'real for each constant', 'list of reals', 'list of
-      !> texts'.
+      !> As in docs/namelists.md: 'integer', 'real', 'logical', 'text', 'choice' of some words,
+      !> 'file' that must exist, 'choice or file', or 'real for each constant', 'list of reals',
+      !> 'list of texts'.
       character(len=:), allocatable :: kind
-      !> Namelist text; '*' is required; 'unset' has no value.
+      !> Text of a namelist; '*' if the variable is required; 'unset' if it has no value.
       character(len=:), allocatable :: default
-      !> As messages say it: '0 to below 1', 'above 0 to 1'; the words of a choice in quotes.
+      !> As in messages: '0 to below 1', 'above 0 to 1'; the words of a choice in quotes.
       character(len=:), allocatable :: allowed, unit, meaning
-      !> Unallocated: unset.
+      !> Unallocated if the variable is unset.
       type(value_type), allocatable :: values(:)
    end type variable_type
 
    type :: settings_list_type
-      !> In order.
+      !> In the order of docs/namelists.md.
       type(group_type), allocatable :: groups(:)
       type(variable_type), allocatable :: variables(:)
    end type settings_list_type
@@ -52,7 +55,7 @@ contains
       v = variable_type(group, name, kind, default, allowed, unit, meaning)
    end function new_variable
 
-   !> The texts `names`, without the blanks at their ends, as the values of a variable.
+   !> Values of a variable from the texts `names`, without their trailing blanks.
    pure function text_values(names) result(values)
       character(len=*), intent(in) :: names(:)
       type(value_type) :: values(size(names))
@@ -63,7 +66,7 @@ contains
       end do
    end function text_values
 
-   !> The same of `numbers`.
+   !> Values of a variable from `numbers`.
    pure function real_values(numbers) result(values)
       real(wp), intent(in) :: numbers(:)
       type(value_type) :: values(size(numbers))

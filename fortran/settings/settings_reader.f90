@@ -2,6 +2,10 @@
 !>
 !> A message is one line: `ORIGIN: &group name: what is wrong, the value, what is allowed`.
 !>
+!> The module also writes the settings as a namelist and as named values.
+!>
+!> A message is one line: `ORIGIN: &group name: what is wrong, the value, what is allowed`.
+!>
 !> And the settings as a namelist, and as named values.
 module settings_reader
    use errors, only: error_type, refuse, suggestion
@@ -21,8 +25,8 @@ module settings_reader
 
 contains
 
-   !> Read the settings of a namelist. `needed`: groups that are as if given, separated by blanks,
-   !> because of `command`, which is '' where tables come as arrays, so that no file is required.
+   !> Read the settings of a namelist. `needed` lists the groups, separated by blanks, that
+   !> `command` needs. `command` is '' if tables are passed as arrays; then no file is required.
    subroutine read_settings(path, file, command, needed, settings, error)
       character(len=*), intent(in) :: path
       type(entry_type), intent(in) :: file(:)
@@ -42,10 +46,11 @@ contains
          associate (v => list%variables(i))
             call read_variable(path, file, v, error)
             if (allocated(error)) return
-            ! What is there and wrong comes before what is not there.
+            ! Report wrong values before missing ones.
             if (allocated(v%values) .or. allocated(missing) .or. v%default /= '*') cycle
             if (len(command) == 0 .and. v%kind == 'file') cycle
-            ! Curves give the measurements; a plan makes them up; speeds take their place.
+            ! Measurements may be missing: curves give them, a plan invents them, and speeds replace
+            ! them.
             if (v%group == 'measurements' .and. find_entry(file, 'curves', '') + find_entry(file, &
                & 'plan', '') + find_entry(file, 'measurements', 'velocities') > 0) then
                cycle
@@ -65,14 +70,14 @@ contains
       call set_settings(list, settings)
    end subroutine read_settings
 
-   !> Every group and variable of the file is in the schema; else what was probably meant.
+   !> Refuse unknown groups and variables, and suggest the name that was probably meant.
    subroutine check_names(path, file, schema, error)
       !> For messages.
       character(len=*), intent(in) :: path
       type(entry_type), intent(in) :: file(:)
       type(settings_list_type), intent(in) :: schema
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: names, near
+      character(len=:), allocatable :: names, hint
       integer :: i, j
 
       do i = 1, size(file)
@@ -90,26 +95,26 @@ contains
          associate (entry => file(i))
             if (len(entry%name) == 0) cycle
             names = ''
-            near = ''
+            hint = ''
             do j = 1, size(schema%variables)
                associate (v => schema%variables(j))
                   if (v%group == entry%group .and. v%name == entry%name) exit
                   if (v%group == entry%group) names = names//', '//v%name
-                  if (v%name == entry%name .and. len(near) == 0) then
-                     near = ', did you mean '//v%name//' of &'//v%group//'?'
+                  if (v%name == entry%name .and. len(hint) == 0) then
+                     hint = ', did you mean '//v%name//' of &'//v%group//'?'
                   end if
                end associate
             end do
             if (j <= size(schema%variables)) cycle
-            if (len(suggestion(entry%name, names(3:))) > 0) near = suggestion(entry%name, names(3:))
-            call refuse(error, place(path, entry%group, entry%name)//'unknown variable'//near &
+            if (len(suggestion(entry%name, names(3:))) > 0) hint = suggestion(entry%name, names(3:))
+            call refuse(error, place(path, entry%group, entry%name)//'unknown variable'//hint &
                & //'; allowed: '//names(3:))
             return
          end associate
       end do
    end subroutine check_names
 
-   !> The values of the file, checked, or the default; unallocated: unset.
+   !> Take the values of the file, checked, or the default; unallocated if the variable is unset.
    subroutine read_variable(path, file, variable, error)
       !> For messages.
       character(len=*), intent(in) :: path
@@ -144,7 +149,7 @@ contains
       if (len(message) > 0) call refuse(error, place(path, variable%group, variable%name)//message)
    end subroutine read_variable
 
-   !> A text in quotes; words in lower case.
+   !> Check a text in quotes; the words of a choice become lower case.
    subroutine check_text(v, value, message)
       type(variable_type), intent(in) :: v
       type(value_type), intent(inout) :: value
@@ -177,7 +182,7 @@ contains
       end associate
    end subroutine check_text
 
-   !> A finite number in its range; a logical as .true. or .false.
+   !> Check that a number is finite and in its range; a logical becomes .true. or .false.
    subroutine check_number(v, value, message)
       type(variable_type), intent(in) :: v
       type(value_type), intent(inout) :: value
@@ -217,13 +222,13 @@ contains
       end if
    end subroutine check_number
 
-   pure function allowed_part(v) result(words)
+   pure function allowed_part(v) result(allowed)
       type(variable_type), intent(in) :: v
-      character(len=:), allocatable :: words
+      character(len=:), allocatable :: allowed
 
-      words = ''
-      if (len(v%allowed) > 0) words = '; allowed '//v%allowed
-      if (len(words) > 0 .and. len(v%unit) > 0) words = words//' '//v%unit
+      allowed = ''
+      if (len(v%allowed) > 0) allowed = '; allowed '//v%allowed
+      if (len(allowed) > 0 .and. len(v%unit) > 0) allowed = allowed//' '//v%unit
    end function allowed_part
 
    !> Whether `number` is in a range such as '0 to below 1'.
@@ -240,7 +245,7 @@ contains
          & .and. (number < high .or. (index(range, 'below') == 0 .and. .not. number > high))
    end function in_range
 
-   !> The groups of the list `needed`, separated by blanks, as namelists; numbers to the last bit.
+   !> The groups of the list `needed`, separated by blanks, as namelists; numbers have all digits.
    function settings_namelist(settings, needed) result(page)
       type(settings_type), intent(in) :: settings
       character(len=*), intent(in) :: needed
@@ -281,8 +286,8 @@ contains
       if (len(variable%unit) > 0) line = line//' ! '//variable%unit
    end function line_of
 
-   !> Add all settings to named values, 'group.variable', each a list of texts; what is unset is not
-   !> there.
+   !> Add all settings to named values, as 'group.variable', each a list of texts; unset variables
+   !> are omitted.
    subroutine put_settings(settings, values)
       type(settings_type), intent(in) :: settings
       type(named_values_type), intent(inout) :: values

@@ -1,14 +1,13 @@
-!> What &specimen, &indenter and &simulation ask for, behind one interface: one crystal in, its
-!> indentation modulus and curve out.
+!> Simulation of one crystal as &specimen, &indenter and &simulation define it: the crystal is the
+!> input, its indentation modulus and its curve are the outcome.
 !>
-!> A crystal that cannot be simulated is an outcome with its message. Bad input, and what the
-!> machine could not do, are errors: they say nothing about the crystal.
+!> A crystal that cannot be simulated is an outcome with a message. Wrong input and failures of the
+!> machine are errors: they say nothing about the crystal.
 !>
-!> What makes two simulations the same physics is one line of JSON, keys sorted, under which
-!> campaigns store their results.
-!>
-!> It has the variables of &specimen, &indenter and &simulation that the simulation reads. Stored
-!> texts are compared as they are: what changes here orphans every campaign.
+!> The identity of the physics is one line of JSON with sorted keys, under which campaigns store
+!> their results. It has the variables of &specimen, &indenter and &simulation that the simulation
+!> reads. Stored texts are compared literally: if this line changes, all stored campaigns become
+!> invalid.
 module simulate
    use indenters, only: indenter_type
    use basic_specimen, only: specimen_type
@@ -30,30 +29,30 @@ module simulate
       & specimen_stiffness, specimen_contact_radius, outcome_waiting, outcome_done, &
       & outcome_failed, identity_text
 
-   !> What became of a crystal.
+   !> Status of the simulation of a crystal.
    integer, parameter :: outcome_waiting = 0, outcome_done = 1, outcome_failed = 2
 
    type :: outcome_type
       integer :: status = outcome_waiting
       !> Indentation modulus, GPa, and wall time, s.
       real(wp) :: modulus = 0.0_wp, seconds = 0.0_wp
-      !> Finite elements of all solves; 0 without any.
+      !> Finite elements of all solves; 0 for the theory.
       integer :: elements = 0
-      !> The curve, um and mN; empty without finite elements.
+      !> The curve, um and mN; empty for the theory.
       real(wp), allocatable :: depth(:), force(:)
-      !> Why it failed.
+      !> Why the simulation failed.
       character(len=:), allocatable :: message
    end type outcome_type
 
-   !> Read-only once made, so that threads share it: a model of finite elements, or without one the
-   !> theory.
+   !> A finite-element model, or the theory if it is not allocated. It does not change once made, so
+   !> threads share it.
    type :: simulator_type
       type(indentation_model_type), allocatable :: model
    contains
       procedure :: run
    end type simulator_type
 
-   !> What every simulation by finite elements reads.
+   !> Variables that every finite-element simulation reads.
    character(len=*), parameter :: common = 'geometry, estimator, shape, depth_um, ' &
       & //'contact_radius_um, simulator, element, integration, refine, extrapolate, depths'
 
@@ -61,10 +60,10 @@ contains
 
    !> Refuse a specimen or an indenter that cannot be simulated, before a mesh is made.
    subroutine check_simulation(path, settings, has_theory, error)
-      !> Begins the message.
+      !> File or function, the beginning of the message.
       character(len=*), intent(in) :: path
       type(settings_type), intent(in) :: settings
-      !> Whether the specimen is the half-space, which theory knows.
+      !> Whether the specimen is the half-space, for which the theory is exact.
       logical, intent(out) :: has_theory
       type(error_type), allocatable, intent(out) :: error
       class(indenter_type), allocatable :: indenter
@@ -77,8 +76,9 @@ contains
       has_theory = .not. specimen%has_length
    end subroutine check_simulation
 
-   !> The scale of what a specimen has beside the crystal, the geometric mean of the eigenvalues of
-   !> its Kelvin stiffness, GPa; 0 where the crystal's own scale changes moduli by a factor only.
+   !> Stiffness of the other material of a specimen: the geometric mean of the eigenvalues of its
+   !> Kelvin form, GPa. It is 0 if scaling the crystal's stiffness scales the moduli by the same
+   !> factor.
    real(wp) function specimen_stiffness(settings) result(scale)
       type(settings_type), intent(in) :: settings
       class(specimen_type), allocatable :: specimen
@@ -91,8 +91,8 @@ contains
       if (maxval(own) > 0.0_wp) call logarithmic_mean(own, poisson, anisotropy, scale)
    end function specimen_stiffness
 
-   !> Contact radius (half-space) at the last depth of simulations of a specimen with a length of
-   !> its own, um; 0 of one without.
+   !> Contact radius (half-space) at the last simulated depth, um, of a specimen with a length of
+   !> its own; 0 for the half-space.
    real(wp) function specimen_contact_radius(settings) result(radius)
       type(settings_type), intent(in) :: settings
       class(specimen_type), allocatable :: specimen
@@ -103,8 +103,8 @@ contains
       if (specimen%has_length) radius = specimen%contact_radius
    end function specimen_contact_radius
 
-   !> What finite elements, ours or others', indent; not allocated where theory takes their place,
-   !> or it cannot be.
+   !> The specimen that finite elements indent, in this program or elsewhere; not allocated if the
+   !> theory is used or the settings are wrong.
    subroutine find_specimen(settings, specimen)
       type(settings_type), intent(in) :: settings
       class(specimen_type), allocatable, intent(out) :: specimen
@@ -116,7 +116,7 @@ contains
       if (allocated(error) .and. allocated(specimen)) deallocate (specimen)
    end subroutine find_specimen
 
-   !> The simulator that the settings ask for; for finite elements the meshes are made.
+   !> The simulator that the settings define, with its meshes.
    subroutine new_simulator(settings, simulator, error)
       type(settings_type), intent(in) :: settings
       type(simulator_type), intent(out) :: simulator
@@ -134,13 +134,13 @@ contains
       end select
    end subroutine new_simulator
 
-   !> Simulate a crystal and take the time.
+   !> Simulate a crystal and measure the time.
    subroutine run(self, stiffness, euler, outcome, error)
       class(simulator_type), intent(in) :: self
       !> Stiffness in the crystal frame (GPa) and Bunge-Euler angles (radians).
       real(wp), intent(in) :: stiffness(6, 6), euler(3)
       type(outcome_type), intent(out) :: outcome
-      !> Of the input or the machine: there is no outcome.
+      !> An error of the input or of the machine; then there is no outcome.
       type(error_type), allocatable, intent(out) :: error
       type(indentation_result_type) :: result
       type(halfspace_type) :: theory
@@ -172,17 +172,17 @@ contains
       deallocate (error)
    end subroutine run
 
-   !> How large the error of the simulation may be for each crystal, and what is to be said of it,
-   !> '' if nothing.
+   !> Approximate largest error of the simulation for each crystal, and a warning if it is large,
+   !> else ''.
    subroutine simulation_error(settings, stiffness, largest, warning)
       type(settings_type), intent(in) :: settings
       !> GPa (6, 6, crystals).
       real(wp), intent(in) :: stiffness(:, :, :)
-      !> Relative (crystals).
+      !> Relative error (crystals).
       real(wp), intent(out) :: largest(:)
       !> One line.
       character(len=:), allocatable, intent(out) :: warning
-      !> From this error on a result is warned of.
+      !> Relative error from which on there is a warning.
       real(wp), parameter :: limit = 0.01_wp
       class(specimen_type), allocatable :: specimen
       logical :: two_meshes
@@ -193,11 +193,11 @@ contains
       if (settings%simulation%simulator /= 'fe') return
       call find_specimen(settings, specimen)
       if (.not. allocated(specimen)) return
-      associate (asked => settings%simulation)
+      associate (simulation => settings%simulation)
          do i = 1, size(largest)
-            two_meshes = specimen%wants_extrapolation(asked%refine, stiffness(:, :, i))
-            if (allocated(asked%extrapolate)) two_meshes = asked%extrapolate
-            largest(i) = specimen%mesh_error(asked%refine, stiffness(:, :, i), two_meshes)
+            two_meshes = specimen%wants_extrapolation(simulation%refine, stiffness(:, :, i))
+            if (allocated(simulation%extrapolate)) two_meshes = simulation%extrapolate
+            largest(i) = specimen%mesh_error(simulation%refine, stiffness(:, :, i), two_meshes)
          end do
       end associate
       if (.not. any(largest > limit)) return
@@ -213,30 +213,30 @@ contains
          & //rows_of(largest > limit)
    end subroutine simulation_error
 
-   !> The numbers of those that are chosen from several, in brackets.
-   pure function rows_of(chosen) result(words)
+   !> ' (rows 1, 4)': the numbers of the chosen crystals; empty if there is only one crystal.
+   pure function rows_of(chosen) result(list)
       logical, intent(in) :: chosen(:)
-      character(len=:), allocatable :: words
+      character(len=:), allocatable :: list
       integer, parameter :: most_listed = 10
       integer, allocatable :: number(:)
       integer :: i
 
-      words = ''
+      list = ''
       if (size(chosen) == 1) return
       number = pack([(i, i=1, size(chosen))], chosen)
       do i = 1, min(size(number), most_listed)
-         words = words//', '//to_text(number(i))
+         list = list//', '//to_text(number(i))
       end do
-      if (size(number) > most_listed) words = words//', ..'
-      words = ' (rows '//words(3:)//')'
+      if (size(number) > most_listed) list = list//', ..'
+      list = ' (rows '//list(3:)//')'
    end function rows_of
 
    !> The identity of the physics of a problem.
    function identity_text(settings) result(identity)
       type(settings_type), intent(in) :: settings
       character(len=:), allocatable :: identity
-      !> Names that are wanted, separated by ', '; their values as JSON.
-      character(len=:), allocatable :: wanted, value
+      !> Names of the variables, separated by ', '; the value of a variable as JSON.
+      character(len=:), allocatable :: names, value
       !> `"name": value`, sorted.
       type(value_type), allocatable :: pairs(:)
       type(settings_list_type) :: list
@@ -247,15 +247,15 @@ contains
       integer :: i
 
       allocate (pairs(0))
-      wanted = 'simulator'
+      names = 'simulator'
       is_fe = settings%simulation%simulator == 'fe'
-      ! Those that are imported are of a specimen and an indenter, too.
+      ! Imported moduli also belong to a specimen and an indenter.
       if (is_fe .or. settings%simulation%simulator == 'import') then
          if (is_fe) call add_pair('numerics', to_text(numerics_revision))
-         wanted = common
+         names = common
          call new_indentation(settings, indenter, specimen, error)
-         if (allocated(indenter)) wanted = wanted//', '//indenter%variables
-         if (allocated(specimen)) wanted = wanted//', '//specimen%variables
+         if (allocated(indenter)) names = names//', '//indenter%variables
+         if (allocated(specimen)) names = names//', '//specimen%variables
          if (allocated(specimen) .and. is_fe) then
             two_meshes = .not. allocated(settings%simulation%extrapolate)
             if (two_meshes) call add_pair('extrapolate', '"as needed"')
@@ -270,7 +270,7 @@ contains
                & .or. .not. allocated(v%values)) then
                cycle
             end if
-            if (all(split_list(wanted) /= v%name)) cycle
+            if (all(split_list(names) /= v%name)) cycle
             value = v%values(1)%text
             if (is_text(v)) value = '"'//value//'"'
             if (v%kind == 'logical') value = value(2:len(value) - 1)
@@ -285,9 +285,9 @@ contains
 
    contains
 
-      !> Put a pair in its place.
+      !> Insert a pair in sorted order.
       subroutine add_pair(name, value)
-         !> Of the variable; JSON.
+         !> Name of the variable; its value as JSON.
          character(len=*), intent(in) :: name, value
          type(value_type) :: pair
          integer :: i

@@ -8,9 +8,9 @@ module point_tables
    use kinds, only: degree, i8, nan, pi, wp
    use statistics, only: number_equal
    use settings_schema, only: measurements_settings_type
+   use direction_columns, only: find_ways, read_directions
    use table_columns, only: check_unit, column_list, degrees, find_column, find_modulus, &
-      & find_ways, known_columns, name_columns, nearest_to, read_directions, refused_column, &
-      & standard_name
+      & known_columns, name_columns, nearest_to, refused_column, standard_name
    use tables, only: longest_name, read_table, table_type
    use text, only: join, to_text
    implicit none
@@ -265,6 +265,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       ! Half a turn in radians is a rounded number.
       real(wp), parameter :: largest_turn = 36000.0_wp, rounding = 1.0e-4_wp
+      character(len=:), allocatable :: refusal
       real(wp), allocatable :: values(:)
       real(wp) :: allowed(2), unit
       integer :: column, j
@@ -281,9 +282,10 @@ contains
          end if
          if (allocated(error)) return
          allowed = merge([0.0_wp, 180.0_wp], [-largest_turn, largest_turn], j == 2)*unit
+         refusal = '; allowed '//to_text(allowed(1))//' to '//to_text(allowed(2))
          call read_numbers(points%table, column, allowed + [0.0_wp, merge(rounding, 0.0_wp, &
-            & radians .and. j == 2)], .false., merge(' radians', ' degrees', radians), &
-            & '; allowed '//to_text(allowed(1))//' to '//to_text(allowed(2)), values, error)
+            & radians .and. j == 2)], .false., merge(' radians', ' degrees', radians), refusal, &
+            & values, error)
          if (allocated(error)) return
          points%euler_deg(j, :) = min(values, allowed(2))/unit
       end do

@@ -1,23 +1,16 @@
 !> Which column of a table is which quantity: the names that tables have, whatever the case, with
 !> their units in brackets, after a slash, as the last word or in a row of their own.
-!>
-!> The indented direction of grains, from columns that state it otherwise than by Euler angles: unit
-!> quaternions, or the crystal direction or plane normal along the indenter.
-!>
-!> Of a half-space only that direction matters, in crystal axes; a turn about it is free. So these
-!> become angles (0, Phi, phi2) whose g takes the sample's z to it.
 module table_columns
-   use crystal_class, only: crystal_class_type, lattice_parameters, lattice_type, new_lattice
+   use direction_columns, only: ways
    use errors, only: error_type, refuse, suggestion
    use files, only: printable
-   use kinds, only: degree, pi, wp
+   use kinds, only: wp
    use tables, only: longest_name, table_type
    use text, only: join, lower, split_list, to_text
    implicit none
    private
    public :: known_columns, refused_column, find_column, find_modulus, standard_name
    public :: column_list, nearest_to, check_unit, column_hint, name_columns, degrees
-   public :: find_ways, read_directions, angles_of_direction
 
    !> A column, other names that it may have without their unit, the words for its unit, each
    !> between blanks, and what its numbers can be.
@@ -41,37 +34,54 @@ module table_columns
       & speeds(2) = [100.0_wp, 30000.0_wp], turns(2) = [-360.0_wp, 360.0_wp], no_less = tiny(1.0_wp)
    !> The columns of an indent that may lie in another grain. Measurements with one are refused.
    character(len=*), parameter :: refused_column = 'other_probability'
-   type(column_type), parameter :: known_columns(*) = [column_type('phi1_deg', &
-      & 'phi1, phi_1, φ1, euler1, euler_1, euler_angle_1', angle_units), &
+   type(column_type), parameter :: angle_columns(3) = [ &
+      & column_type('phi1_deg', 'phi1, phi_1, φ1, euler1, euler_1, euler_angle_1', angle_units), &
       & column_type('Phi_deg', 'phi, φ, Φ, euler2, euler_2, euler_angle_2', angle_units), &
-      & column_type('phi2_deg', 'phi2, phi_2, φ2, euler3, euler_3, euler_angle_3', angle_units), &
-      & column_type('modulus_gpa', 'modulus, e, youngs_modulus, young_modulus, elastic_modulus', &
-      & gpa, moduli, ' GPa', no_modulus), column_type('indentation_modulus_gpa', &
-      & 'indentation_modulus, plane_strain_modulus, m', gpa, moduli, ' GPa', no_modulus), &
-      & column_type('effective_modulus_gpa', &
-      & 'effective_modulus, reduced_modulus, er, e_r, eeff, e_eff, e*, ereduced, e_reduced', &
-      & gpa, moduli, ' GPa', no_modulus), column_type('sample_modulus_gpa', &
-      & 'sample_modulus, es, e_s, eit, e_it', gpa, moduli, ' GPa', no_modulus), &
+      & column_type('phi2_deg', 'phi2, phi_2, φ2, euler3, euler_3, euler_angle_3', angle_units)]
+   !> The name of each modulus, and its other names.
+   character(len=176), parameter :: modulus_names(2, 4) = reshape([character(len=176) :: &
+      & 'modulus_gpa', 'modulus, e, youngs_modulus, young_modulus, elastic_modulus', &
+      & 'indentation_modulus_gpa', 'indentation_modulus, plane_strain_modulus, m', &
+      & 'effective_modulus_gpa', 'effective_modulus, reduced_modulus, er, e_r, eeff, e_eff, e*, ' &
+      & //'ereduced, e_reduced', &
+      & 'sample_modulus_gpa', 'sample_modulus, es, e_s, eit, e_it'], [2, 4])
+   integer :: i
+   type(column_type), parameter :: modulus_columns(4) = [(column_type(modulus_names(1, i), &
+      & modulus_names(2, i), gpa, moduli, ' GPa', no_modulus), i=1, 4)]
+   type(column_type), parameter :: sd_columns(2) = [ &
       & column_type('sd_gpa', 'sd, std, stdev, st_dev, std_dev, stddev, error, err, uncertainty, ' &
       & //'standard_deviation, standard_error, std_error, std_err, se, sem, sigma, ±', gpa, &
       & [no_less, moduli(2)], ' GPa', '; a standard deviation is above 0, up to 2000.0 GPa'), &
-      & column_type('orientation_sd_deg', 'orientation_sd', degrees, [0.0_wp, 20.0_wp], &
-      & ' degrees'), column_type(refused_column, 'other_phi1, other_phi, other_phi2', degrees), &
-      & column_type('depth_um', 'depth', um, lengths, ' um'), column_type('depth_nm', 'depth', &
-      & ' nm ', 1.0e3_wp*lengths, ' nm'), column_type('contact_radius_um', '', um, lengths, &
-      & ' um'), column_type('zero_sd_nm', '', ' nm ', [0.0_wp, 1000.0_wp], ' nm'), &
-      & column_type('grain_radius_um', '', um, lengths, ' um'), column_type('propagation_deg', &
-      & 'propagation', degrees, turns, ' degrees'), column_type('rayleigh_velocity_m_s', &
+      & column_type('orientation_sd_deg', 'orientation_sd', degrees, [0.0_wp, 20.0_wp], ' degrees')]
+   type(column_type), parameter :: indent_columns(3) = [ &
+      & column_type(refused_column, 'other_phi1, other_phi, other_phi2', degrees), &
+      & column_type('depth_um', 'depth', um, lengths, ' um'), &
+      & column_type('depth_nm', 'depth', ' nm ', 1.0e3_wp*lengths, ' nm')]
+   type(column_type), parameter :: size_columns(3) = [ &
+      & column_type('contact_radius_um', '', um, lengths, ' um'), &
+      & column_type('zero_sd_nm', '', ' nm ', [0.0_wp, 1000.0_wp], ' nm'), &
+      & column_type('grain_radius_um', '', um, lengths, ' um')]
+   type(column_type), parameter :: wave_columns(3) = [ &
+      & column_type('propagation_deg', 'propagation', degrees, turns, ' degrees'), &
+      & column_type('rayleigh_velocity_m_s', &
       & 'rayleigh_velocity, rayleigh_speed, saw_velocity, velocity, velocity_m_s', &
       & speed, speeds, ' m/s', ' is no speed of a wave'), &
       & column_type('sd_m_s', 'sd, std, stdev, error, uncertainty, standard_deviation', speed, &
-      & [no_less, speeds(2)], ' m/s', '; a standard deviation is above 0, up to 30000.0 m/s'), &
-      & column_type('x_um', 'x', um), column_type('y_um', 'y', um), column_type('group', '', ''), &
-      & column_type('grain', 'grain_id, grain_number, grain_no', ''), column_type('test', &
-      & 'test_id, test_number', ''), column_type('reference', '', ''), column_type('session', '', &
-      & ''), column_type('time_s', 'time', ' s '), column_type('load_mn', 'load, force', ' mn '), &
-      & column_type('stiffness_n_m', 'stiffness', ' n/m n_m '), column_type('drift_nm_s', 'drift', &
-      & ' nm/s nm_s ', [-5.0_wp, 5.0_wp], ' nm/s', ' is no drift of an instrument')]
+      & [no_less, speeds(2)], ' m/s', '; a standard deviation is above 0, up to 30000.0 m/s')]
+   type(column_type), parameter :: map_columns(2) = [ &
+      & column_type('x_um', 'x', um), column_type('y_um', 'y', um)]
+   type(column_type), parameter :: label_columns(5) = [ &
+      & column_type('group', '', ''), &
+      & column_type('grain', 'grain_id, grain_number, grain_no', ''), &
+      & column_type('test', 'test_id, test_number', ''), &
+      & column_type('reference', '', ''), column_type('session', '', '')]
+   type(column_type), parameter :: curve_columns(4) = [ &
+      & column_type('time_s', 'time', ' s '), column_type('load_mn', 'load, force', ' mn '), &
+      & column_type('stiffness_n_m', 'stiffness', ' n/m n_m '), &
+      & column_type('drift_nm_s', 'drift', ' nm/s nm_s ', [-5.0_wp, 5.0_wp], ' nm/s', &
+      & ' is no drift of an instrument')]
+   type(column_type), parameter :: known_columns(*) = [angle_columns, modulus_columns, sd_columns, &
+      & indent_columns, size_columns, wave_columns, map_columns, label_columns, curve_columns]
    !> The rows of the moduli; all but the first name their kind, and then the unit.
    integer, parameter :: plain = 4, last_modulus = 7
    character(len=*), parameter :: modulus_unit = '_gpa'
@@ -80,14 +90,6 @@ module table_columns
       & parameter :: unit_words = ' deg degrees degree rad radians gpa mpa kpa pa um nm mm % mn un '
    !> Fewer letters are near to everything.
    integer, parameter :: shortest_misspelt = 4
-
-   !> Ways to state a direction: the columns of each. The first three have all names.
-   integer, parameter :: quaternions = 1, four_directions = 2, four_planes = 3, &
-      & directions = 4, planes = 5
-   character(len=14), parameter :: ways(5) = [ &
-      & 'q0, q1, q2, q3', 'u, v, t, w    ', 'h, k, i, l    ', 'u, v, w       ', 'h, k, l       ']
-   !> What is rounded away in a file, relative.
-   real(wp), parameter :: rounding = 1.0e-2_wp
 
 contains
 
@@ -379,126 +381,5 @@ contains
       end do
       table%given_names = given
    end subroutine name_columns
-
-   !> The number of the way in which a table states directions, and its columns; 0 if it does in
-   !> none. Two are refused.
-   subroutine find_ways(table, way, columns, error)
-      type(table_type), intent(in) :: table
-      integer, intent(out) :: way
-      integer, allocatable, intent(out) :: columns(:)
-      type(error_type), allocatable, intent(out) :: error
-      character(len=len(ways)), allocatable :: names(:)
-      integer, allocatable :: own(:)
-      integer :: i, j
-
-      way = 0
-      allocate (columns(0))
-      do i = 1, size(ways)
-         names = split_list(ways(i))
-         own = [(table%find(trim(names(j))), j=1, size(names))]
-         if (any(own == 0)) cycle
-         ! Three of four indices are no way of their own.
-         if ((way == four_directions .and. i == directions) &
-            & .or. (way == four_planes .and. i == planes)) then
-            cycle
-         end if
-         if (way > 0) then
-            call refuse(error, 'orientations are stated twice, by '//trim(ways(way))//' and by ' &
-               & //trim(ways(i))//'; one of them is allowed')
-         end if
-         if (allocated(error)) return
-         way = i
-         columns = own
-      end do
-   end subroutine find_ways
-
-   !> Bunge-Euler angles of every row, degrees.
-   subroutine read_directions(table, way, columns, class, parameters, euler_deg, error)
-      type(table_type), intent(in) :: table
-      !> As `find_ways` gives them.
-      integer, intent(in) :: way, columns(:)
-      type(crystal_class_type), intent(in) :: class
-      !> Of the lattice, perhaps unallocated.
-      real(wp), allocatable, intent(in) :: parameters(:)
-      !> (3, n).
-      real(wp), intent(out) :: euler_deg(:, :)
-      type(error_type), allocatable, intent(out) :: error
-      type(lattice_type) :: lattice
-      real(wp) :: row(4), v(3)
-      integer :: i, j
-
-      if (way /= quaternions) then
-         call find_lattice()
-         if (allocated(error)) return
-      end if
-      do i = 1, table%rows
-         row = 0.0_wp
-         do j = 1, size(columns)
-            call table%number(columns(j), i, row(j), error)
-            if (allocated(error)) return
-         end do
-         if (way == quaternions) then
-            if (abs(norm2(row) - 1.0_wp) > rounding) then
-               call table%refuse(columns(1), i, ' is of no unit quaternion: q0^2 + q1^2 + q2^2 + ' &
-                  & //'q3^2 = '//to_text(sum(row**2))//', and 1 is needed', error)
-            end if
-            ! The sample's z in crystal axes, the third column of the matrix of the rotation from
-            ! sample to crystal axes.
-            associate (q => row/norm2(row))
-               v = [2.0_wp*(q(2)*q(4) + q(1)*q(3)), 2.0_wp*(q(3)*q(4) - q(1)*q(2)), &
-                  & q(1)**2 - q(2)**2 - q(3)**2 + q(4)**2]
-            end associate
-         else
-            if (maxval(abs(row)) <= 0.0_wp) then
-               call table%refuse(columns(1), i, ' and all other indices are 0: no direction', error)
-            end if
-            if (size(columns) == 4) then
-               if (abs(sum(row(:3))) > rounding*maxval(abs(row))) then
-                  call table%refuse(columns(3), i, ': the first three of four indices have ' &
-                     & //'the sum '//to_text(sum(row(:3)))//', and 0 is needed', error)
-               end if
-               if (way == four_directions) row(:2) = row(:2) - row(3)
-               row(3) = row(4)
-            end if
-            v = matmul(lattice%normals, row(:3))
-            if (way == directions .or. way == four_directions) v = matmul(lattice%edges, row(:3))
-         end if
-         if (allocated(error)) return
-         euler_deg(:, i) = angles_of_direction(v/norm2(v))
-      end do
-
-   contains
-
-      !> The cell to which indices refer.
-      subroutine find_lattice()
-         character(len=:), allocatable :: open
-
-         open = lattice_parameters(class)
-         if (allocated(parameters)) then
-            call new_lattice(class, parameters, lattice, error)
-         else if (len(open) == 0) then
-            call new_lattice(class, [real(wp) ::], lattice, error)
-         else
-            call refuse(error, 'the columns '//trim(ways(way))//' are indices of a '//class%name &
-               & //' crystal, whose directions depend on its cell: &problem lattice = '//open &
-               & //' (lengths in any unit, angles in degrees) is needed')
-         end if
-         if (.not. allocated(error) .and. size(columns) == 4 .and. .not. lattice%is_hexagonal) then
-            call refuse(error, 'the columns '//trim(ways(way)) &
-               & //' are four indices, which only cells with 120 degrees between a and b have; a ' &
-               & //class%name//' crystal has three')
-         end if
-      end subroutine find_lattice
-   end subroutine read_directions
-
-   !> Bunge-Euler angles, degrees, whose g takes the sample's z to a direction.
-   pure function angles_of_direction(v) result(euler_deg)
-      !> Unit vector in crystal axes.
-      real(wp), intent(in) :: v(3)
-      real(wp) :: euler_deg(3)
-
-      euler_deg = [0.0_wp, acos(max(-1.0_wp, min(1.0_wp, v(3)))), &
-         & modulo(atan2(v(1), v(2)), 2.0_wp*pi)]/degree
-   end function angles_of_direction
 
 end module table_columns

@@ -1,0 +1,88 @@
+!> Warnings on measurements that are unusual but may be meant.
+module measurement_questions
+   use crystal_class, only: crystal_class_type
+   use errors, only: error_type, prefix_error, warn, warning_type
+   use files, only: printable
+   use kinds, only: wp
+   use namelist_file, only: place
+   use orientation_questions, only: question_directions, refuse_radians
+   use point_tables, only: angles_look_like_radians, points_type
+   use repeated_tests, only: judge_scatter
+   use settings_schema, only: settings_type
+   use statistics, only: median
+   use table_columns, only: column_hint
+   use text, only: to_text
+   implicit none
+   private
+   public :: question_measurements
+
+   !> The warning on Euler angles that look like radians, after the name of their table.
+   character(len=*), parameter, public :: like_radians = &
+      & ': no angle is above 2 pi; angles are in degrees, and these look like radians'
+
+contains
+
+   !> Warn of unusual measurements, and refuse angles in radians unless the settings declare them.
+   subroutine question_measurements(path, settings, class, from_map, measurements, warnings, error)
+      !> The namelist, or the origin of keywords.
+      character(len=*), intent(in) :: path
+      type(settings_type), intent(in) :: settings
+      type(crystal_class_type), intent(in) :: class
+      !> Whether the orientations are taken from a map.
+      logical, intent(in) :: from_map
+      type(points_type), intent(in) :: measurements
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: prefix, hint
+      !> Smallest plausible standard deviation of indentation, relative to the modulus.
+      real(wp), parameter :: least_share = 0.003_wp
+      logical :: radians
+      real(wp) :: share
+      integer :: i
+
+      prefix = 'the table'
+      if (allocated(settings%measurements%file)) then
+         prefix = printable(settings%measurements%file)
+      end if
+      prefix = place(path, 'measurements', 'file')//prefix
+      radians = settings%measurements%angles == 'degrees' &
+         & .and. angles_look_like_radians(measurements)
+      if (radians) call refuse_radians(measurements, error)
+      call prefix_error(error, prefix//': ')
+      if (allocated(error)) return
+      call judge_scatter(measurements, prefix, warnings)
+      do i = 1, measurements%table%columns
+         hint = column_hint(measurements%table, i)
+         if (len(hint) > 0) then
+            call warn(warnings, prefix//': the column ' &
+               & //printable(measurements%table%name(i))//' is not read'//hint)
+         end if
+      end do
+      if (measurements%n == 1) then
+         call warn(warnings, &
+            & prefix//' has one grain; one modulus cannot determine the constants')
+      else if (allocated(class%name) .and. .not. radians &
+         & .and. settings%measurements%orientations == 'known') then
+         hint = ''
+         if (from_map) then
+            hint = '. If the positions all lie in one grain of the map, check the unit and the ' &
+               & //'origin of x_um and y_um'
+         end if
+         call question_directions(measurements, class, prefix, hint, warnings, error)
+         if (allocated(error)) return
+      end if
+      if (radians) call warn(warnings, prefix//like_radians)
+      if (any(measurements%sd_gpa > 0.5_wp*measurements%modulus_gpa)) then
+         call warn(warnings, prefix//': an sd_gpa is more than half of its modulus_gpa')
+      end if
+      if (measurements%n == 0) return
+      share = median(measurements%n, measurements%sd_gpa/measurements%modulus_gpa)
+      if (share > 0.0_wp .and. share < least_share) then
+         call warn(warnings, prefix//': the sds are '//to_text(100.0_wp*share, 2) &
+            & //' % of the moduli (median); indentation rarely does better than ' &
+            & //to_text(100.0_wp*least_share, 1) &
+            & //' %. sd_gpa is in GPa: if these are fractions, multiply them by the moduli')
+      end if
+   end subroutine question_measurements
+
+end module measurement_questions

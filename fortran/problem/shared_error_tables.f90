@@ -1,0 +1,63 @@
+!> Relative errors that measurements share, such as the calibration of the instrument.
+module shared_error_tables
+   use errors, only: error_type, prefix_error, refuse
+   use files, only: printable
+   use kinds, only: wp
+   use tables, only: read_table, table_type
+   use text, only: to_text
+   implicit none
+   private
+   public :: read_shared_errors
+
+contains
+
+   !> Read the shared errors of the rows of a table of measurements: from the file `path`, which has
+   !> one row for each of them, or from the columns shared_1, shared_2, .. of the table itself.
+   subroutine read_shared_errors(table, path, retained, positions, shared_errors, digest, error)
+      !> The measurements.
+      type(table_type), intent(in) :: table
+      !> Unallocated: the table itself has the columns.
+      character(len=:), allocatable, intent(in) :: path
+      !> The rows of the file whose measurements the table has; unallocated: all.
+      integer, allocatable, intent(in) :: retained(:)
+      !> Positions of all indents, retained or not (n, 2), um; allocated if `retained` is.
+      real(wp), allocatable, intent(in) :: positions(:, :)
+      !> (row of the table, error), of standard deviation 1; they stay as they are without columns.
+      real(wp), allocatable, intent(inout) :: shared_errors(:, :)
+      !> Checksum of the table that they are from.
+      character(len=:), allocatable, intent(inout) :: digest
+      type(error_type), allocatable, intent(out) :: error
+      type(table_type) :: source
+      logical, allocatable :: chosen(:)
+      integer :: rows, i, j
+
+      source = table
+      if (allocated(path)) call read_table(path, source, error)
+      rows = table%rows
+      if (allocated(path) .and. allocated(retained)) rows = size(positions, 1)
+      if (.not. allocated(error) .and. source%rows /= rows) then
+         call refuse(error, to_text(source%rows)//' rows for '//to_text(rows) &
+            & //' of the measurements; each row has the errors of one of them')
+      end if
+      if (.not. allocated(error) .and. rows > table%rows) call source%retain(retained)
+      if (allocated(error)) source%columns = 0
+      chosen = [(index(source%name(j), 'shared_') == 1 &
+         & .or. (allocated(path) .and. source%name(j) /= 'grain'), j=1, source%columns)]
+      if (any(chosen)) then
+         if (allocated(shared_errors)) deallocate (shared_errors)
+         allocate (shared_errors(source%rows, count(chosen)))
+         associate (columns => pack([(j, j=1, source%columns)], chosen))
+            do i = 1, source%rows
+               do j = 1, size(columns)
+                  if (.not. allocated(error)) then
+                     call source%number(columns(j), i, shared_errors(i, j), error)
+                  end if
+               end do
+            end do
+         end associate
+         digest = source%digest()
+      end if
+      if (allocated(path)) call prefix_error(error, 'shared_errors: '//printable(path)//': ')
+   end subroutine read_shared_errors
+
+end module shared_error_tables

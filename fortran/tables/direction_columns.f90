@@ -1,0 +1,147 @@
+!> The indented direction of grains, from columns that state it otherwise than by Euler angles: unit
+!> quaternions, or the crystal direction or plane normal along the indenter.
+!>
+!> The modulus of a half-space depends only on that direction in crystal axes. The rotation about it
+!> is free, so each direction becomes angles (0, Phi, phi2) whose g takes the sample's z to it.
+module direction_columns
+   use crystal_class, only: crystal_class_type, lattice_parameters, lattice_type, new_lattice
+   use errors, only: error_type, refuse
+   use kinds, only: degree, pi, wp
+   use tables, only: table_type
+   use text, only: split_list, to_text
+   implicit none
+   private
+   public :: ways, find_ways, read_directions, angles_of_direction
+
+   !> Ways to state a direction: the columns of each. The first three have all names.
+   integer, parameter :: quaternions = 1, four_directions = 2, four_planes = 3, &
+      & directions = 4, planes = 5
+   character(len=14), parameter :: ways(5) = [ &
+      & 'q0, q1, q2, q3', 'u, v, t, w    ', 'h, k, i, l    ', 'u, v, w       ', 'h, k, l       ']
+   !> What is rounded away in a file, relative.
+   real(wp), parameter :: rounding = 1.0e-2_wp
+
+contains
+
+   !> The number of the way in which a table states directions, and its columns; 0 if it does in
+   !> none. Two are refused.
+   subroutine find_ways(table, way, columns, error)
+      type(table_type), intent(in) :: table
+      integer, intent(out) :: way
+      integer, allocatable, intent(out) :: columns(:)
+      type(error_type), allocatable, intent(out) :: error
+      character(len=len(ways)), allocatable :: names(:)
+      integer, allocatable :: own(:)
+      integer :: i, j
+
+      way = 0
+      allocate (columns(0))
+      do i = 1, size(ways)
+         names = split_list(ways(i))
+         own = [(table%find(trim(names(j))), j=1, size(names))]
+         if (any(own == 0)) cycle
+         ! Three of four indices are no way of their own.
+         if ((way == four_directions .and. i == directions) &
+            & .or. (way == four_planes .and. i == planes)) then
+            cycle
+         end if
+         if (way > 0) then
+            call refuse(error, 'orientations are stated twice, by '//trim(ways(way))//' and by ' &
+               & //trim(ways(i))//'; one of them is allowed')
+         end if
+         if (allocated(error)) return
+         way = i
+         columns = own
+      end do
+   end subroutine find_ways
+
+   !> Bunge-Euler angles of every row, degrees.
+   subroutine read_directions(table, way, columns, class, parameters, euler_deg, error)
+      type(table_type), intent(in) :: table
+      !> As `find_ways` gives them.
+      integer, intent(in) :: way, columns(:)
+      type(crystal_class_type), intent(in) :: class
+      !> Of the lattice, perhaps unallocated.
+      real(wp), allocatable, intent(in) :: parameters(:)
+      !> (3, n).
+      real(wp), intent(out) :: euler_deg(:, :)
+      type(error_type), allocatable, intent(out) :: error
+      type(lattice_type) :: lattice
+      real(wp) :: row(4), v(3)
+      integer :: i, j
+
+      if (way /= quaternions) then
+         call find_lattice()
+         if (allocated(error)) return
+      end if
+      do i = 1, table%rows
+         row = 0.0_wp
+         do j = 1, size(columns)
+            call table%number(columns(j), i, row(j), error)
+            if (allocated(error)) return
+         end do
+         if (way == quaternions) then
+            if (abs(norm2(row) - 1.0_wp) > rounding) then
+               call table%refuse(columns(1), i, ' is of no unit quaternion: q0^2 + q1^2 + q2^2 + ' &
+                  & //'q3^2 = '//to_text(sum(row**2))//', and 1 is needed', error)
+            end if
+            ! The sample's z in crystal axes, the third column of the matrix of the rotation from
+            ! sample to crystal axes.
+            associate (q => row/norm2(row))
+               v = [2.0_wp*(q(2)*q(4) + q(1)*q(3)), 2.0_wp*(q(3)*q(4) - q(1)*q(2)), &
+                  & q(1)**2 - q(2)**2 - q(3)**2 + q(4)**2]
+            end associate
+         else
+            if (maxval(abs(row)) <= 0.0_wp) then
+               call table%refuse(columns(1), i, ' and all other indices are 0: no direction', error)
+            end if
+            if (size(columns) == 4) then
+               if (abs(sum(row(:3))) > rounding*maxval(abs(row))) then
+                  call table%refuse(columns(3), i, ': the first three of four indices have ' &
+                     & //'the sum '//to_text(sum(row(:3)))//', and 0 is needed', error)
+               end if
+               if (way == four_directions) row(:2) = row(:2) - row(3)
+               row(3) = row(4)
+            end if
+            v = matmul(lattice%normals, row(:3))
+            if (way == directions .or. way == four_directions) v = matmul(lattice%edges, row(:3))
+         end if
+         if (allocated(error)) return
+         euler_deg(:, i) = angles_of_direction(v/norm2(v))
+      end do
+
+   contains
+
+      !> The cell to which indices refer.
+      subroutine find_lattice()
+         character(len=:), allocatable :: open
+
+         open = lattice_parameters(class)
+         if (allocated(parameters)) then
+            call new_lattice(class, parameters, lattice, error)
+         else if (len(open) == 0) then
+            call new_lattice(class, [real(wp) ::], lattice, error)
+         else
+            call refuse(error, 'the columns '//trim(ways(way))//' are indices of a '//class%name &
+               & //' crystal, whose directions depend on its cell: &problem lattice = '//open &
+               & //' (lengths in any unit, angles in degrees) is needed')
+         end if
+         if (.not. allocated(error) .and. size(columns) == 4 .and. .not. lattice%is_hexagonal) then
+            call refuse(error, 'the columns '//trim(ways(way)) &
+               & //' are four indices, which only cells with 120 degrees between a and b have; a ' &
+               & //class%name//' crystal has three')
+         end if
+      end subroutine find_lattice
+   end subroutine read_directions
+
+   !> Bunge-Euler angles, degrees, whose g takes the sample's z to a direction.
+   pure function angles_of_direction(v) result(euler_deg)
+      !> Unit vector in crystal axes.
+      real(wp), intent(in) :: v(3)
+      real(wp) :: euler_deg(3)
+
+      euler_deg = [0.0_wp, acos(max(-1.0_wp, min(1.0_wp, v(3)))), &
+         & modulo(atan2(v(1), v(2)), 2.0_wp*pi)]/degree
+   end function angles_of_direction
+
+end module direction_columns
