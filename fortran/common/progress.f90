@@ -17,8 +17,8 @@ module progress
       integer(i8) :: begun = 0_i8, next_line = 0_i8
    end type loop_type
 
-   !> Time until the first line, and between the following lines, ms.
-   integer(i8), parameter :: first_ms = 2000_i8, interval_ms = 10000_i8
+   !> The first line is printed after this time, and the others follow at this distance, ms.
+   integer(i8), parameter :: interval_ms = 10000_i8
    !> Loops nested more deeply count as part of this one.
    integer, parameter :: deepest = 8
 
@@ -44,7 +44,7 @@ contains
 
       now = milliseconds()
       innermost = min(innermost + 1, deepest)
-      loops(innermost) = loop_type(name, max(1_i8, steps), begun=now, next_line=now + first_ms)
+      loops(innermost) = loop_type(name, max(1_i8, steps), begun=now, next_line=now + interval_ms)
    end subroutine begin_progress
 
    !> Count this number of `steps` as done.

@@ -72,7 +72,8 @@ def test_contradiction_is_a_warning_of_both_programs(bayesindent, tmp_path):
         [BATCH, "a.nml", "--output", "b"], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     done = bayesindent("extract", "a.nml")
-    for one, first in ((done, done.stdout), (batch, batch.stderr)):
+    messages = [line for line in batch.stderr.splitlines() if not line.endswith(" s left")]
+    for one, first in ((done, done.stdout), (batch, "\n".join(messages))):
         assert one.returncode == 3, one.stderr
         assert first.lower().startswith(
             "the result cannot be used: bulk_modulus = 300.0 ± 3.3 gpa is "

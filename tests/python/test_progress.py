@@ -5,14 +5,14 @@ import sys
 
 from bayesindent.common.progress import progress_bar
 
-#: A loop of 4 steps, of which three take 0.8 s each, and one within it.
+#: A loop of 4 steps, of which three take 3.5 s each, and one within it.
 CODE = """
 import time
 from bayesindent.common.progress import progress_bar, show_progress
 show_progress(True)
 with progress_bar("outer", 4) as advance:
     for _ in range(3):
-        time.sleep(0.8)
+        time.sleep(3.5)
         with progress_bar("inner", 2) as step:
             step(1)
         advance(1)
@@ -28,6 +28,6 @@ def test_silent_by_default(capfd):
 
 
 def test_the_share_and_the_time_left():
-    """Nothing in two seconds; then one plain line, and none within the next five seconds."""
+    """Nothing in ten seconds; then one plain line, and none within the next ten seconds."""
     done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("", "outer: 75 %, about 0 s left\n")
