@@ -172,7 +172,7 @@ contains
       class(posterior_type), intent(inout) :: self
 
       if (allocated(self%rough)) call move_alloc(self%rough, self%grains)
-      call self%grains%read_up_to(huge(1.0_wp))
+      call self%grains%use_field_up_to(huge(1.0_wp))
    end subroutine coarsen
 
    pure subroutine evaluate(self, points, log_density)
@@ -459,7 +459,7 @@ contains
 
       allocate (grains, source=self%grains)
       ! Every log-anisotropy is above -1.
-      if (present(compute_all)) call grains%read_up_to(-1.0_wp)
+      if (present(compute_all)) call grains%use_field_up_to(-1.0_wp)
       select type (grains)
       type is (wave_grains_type)
          grains%paths = paths

@@ -46,7 +46,7 @@ contains
       !> them. All warm rounds together have `tail_effort` shares.
       integer, parameter :: rounds = 10, cooling_divisor = 4, most_cooling = 40, tail_effort = 20
       class(target_type), allocatable, target :: coarse
-      class(target_type), pointer :: other, used
+      class(target_type), pointer :: used
       real(wp), allocatable :: points(:, :), density(:)
       real(wp) :: last_temperatures(5), warm, inverse, next
       integer :: m, cooling_walkers, distinct, round, i
@@ -70,14 +70,13 @@ contains
       allocate (coarse, source=target)
       call coarse%coarsen()
       used => target
-      other => coarse
       inverse = 0.0_wp
       do round = 1, most_cooling
          next = 1.0_wp/last_temperatures(1)
          if (round < most_cooling) next = min(next, next_inverse(density, inverse))
          call resample(stream, (next - inverse)*density, points, density, distinct)
          inverse = next
-         call choose_density(target, other, 1.0_wp/inverse, min(distinct, 4*m), stream, points, &
+         call choose_density(target, coarse, 1.0_wp/inverse, min(distinct, 4*m), stream, points, &
             & density, whitening, used)
          generations = evaluations/(m*rounds)
          call step_population(used, 1.0_wp/inverse, cooling_walkers, generations/cooling_divisor, &
@@ -88,7 +87,7 @@ contains
          if (stop_requested()) return
          ! The cooling rounds were half of the evaluations.
          call advance_progress(evaluations/(target%dimension*merge(2, rounds, round == 1)))
-         call choose_density(target, other, last_temperatures(round), min(distinct, 4*m), stream, &
+         call choose_density(target, coarse, last_temperatures(round), min(distinct, 4*m), stream, &
             & points, density, whitening, used)
          ! Walkers need many steps to reach the end of a long tail.
          generations = evaluations/(m*rounds)*merge(tail_effort/count(last_temperatures > 1.0_wp), &

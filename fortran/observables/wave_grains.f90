@@ -22,7 +22,7 @@ module wave_grains
       integer, allocatable, private :: modulus_rows(:), wave_rows(:)
       type(surface_type), private :: surface
    contains
-      procedure :: set_grains, evaluate_crystals, evaluate_columns, read_up_to
+      procedure :: set_grains, evaluate_crystals, evaluate_columns, use_field_up_to
    end type wave_grains_type
 
 contains
@@ -96,11 +96,11 @@ contains
       columns(self%modulus_rows, :) = modulus_columns
    end subroutine evaluate_columns
 
-   subroutine read_up_to(self, anisotropy)
+   subroutine use_field_up_to(self, anisotropy)
       class(wave_grains_type), intent(inout) :: self
       real(wp), intent(in) :: anisotropy
 
       self%full_above = anisotropy
-      call self%moduli%read_up_to(anisotropy)
-   end subroutine read_up_to
+      call self%moduli%use_field_up_to(anisotropy)
+   end subroutine use_field_up_to
 end module wave_grains

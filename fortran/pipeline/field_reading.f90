@@ -52,7 +52,7 @@ contains
          associate (grains => posterior%grains)
             ! What follows costs more than the best so far.
             if (grains%field_cost >= least) exit
-            call grains%read_up_to(huge(least))
+            call grains%use_field_up_to(huge(least))
             errors = field_errors(posterior, draws, exact, threads)
             if (.not. allocated(posterior%rough) &
                & .and. count(errors < rough_errors*allowed_error) > most_draws*size(errors)) then
@@ -61,7 +61,7 @@ contains
             if (any(errors > reserve*allowed_error)) then
                wrong = minval(anisotropy, mask=errors > reserve*allowed_error)
                ! Where every draw errs, nothing shows that others may be read.
-               call grains%read_up_to(merge(0.98_wp*wrong, 0.0_wp, any(anisotropy < wrong)))
+               call grains%use_field_up_to(merge(0.98_wp*wrong, 0.0_wp, any(anisotropy < wrong)))
                ! Of many grains an expansion over directions is left.
                errors = field_errors(posterior, draws, exact, threads)
                if (any(errors > reserve*allowed_error) .and. i < size(degrees)) cycle

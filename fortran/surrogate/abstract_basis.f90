@@ -1,10 +1,10 @@
-!> What a surrogate is linear in: terms of a crystal and its orientation, from which the indentation
-!> modulus M follows.
+!> Interface of bases. A surrogate is linear in the terms of its basis: functions of a crystal and
+!> its orientation from which the indentation modulus M follows.
 !>
-!> y = Σ A_k term_k, and M = scale y or, with a logarithmic basis, M = scale exp(spread y): the
-!> noise of a regression is one number in units of y, and grows with the crystal's spread in the
-!> modulus. A family of bases is a module that extends `basis_type` and `grain_model_type`, and a
-!> line in `bases`.
+!> y = Σ A_k term_k, and M = scale y or, with a logarithmic basis, M = scale exp(spread y). The
+!> noise of a regression is one number in units of y; in the modulus it grows with the spread of the
+!> crystal. A family of bases is a module that extends `basis_type` and `grain_model_type`, and a
+!> case in `bases`.
 module abstract_basis
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: log_anisotropy
@@ -17,25 +17,27 @@ module abstract_basis
    private
    public :: basis_type, grain_model_type, spread_of
 
-   !> How the noise grows with the log-anisotropy.
+   !> Power of the log-anisotropy with which the noise grows; it was chosen on 390 crystals
+   !> (docs/verification/surrogate.md).
    integer, parameter, public :: growth_power = 3
 
    type, abstract :: basis_type
-      !> The crystals that it was made for, and what &surrogate says of it: from these follows all
-      !> else.
+      !> Crystals for which the basis was made, and settings of &surrogate. Everything else follows
+      !> from these.
       type(domain_type) :: domain
       type(surrogate_settings_type) :: settings
       integer :: n_terms = 0
-      !> M = scale exp(spread y), not scale y.
+      !> Whether M = scale exp(spread y) rather than scale y.
       logical :: logarithmic = .false.
       !> Least sd of the noise in a regression, in units of y.
       real(wp) :: least_noise = 0.0_wp
-      !> How the noise grows with the crystal's anisotropy, see `spread_of`.
+      !> Growth of the noise with the crystal's anisotropy, see `spread_of`.
       real(wp) :: noise_growth = 0.0_wp
       !> sds of a coefficient and of the noise before the first regression, in units of y.
       real(wp) :: first_sds(2) = 1.0_wp
-      !> How the prior sd of a coefficient depends on its term, (n_terms): 0 almost free, d that it
-      !> decays with the degree d. Not allocated: all are alike (Eq. 6).
+      !> Degree of each term, (n_terms), from which the prior sd of its coefficient follows: 0 is
+      !> almost free, and above 1 the sd decays from degree to degree. Unallocated if all have the
+      !> same sd (Eq. 6).
       integer, allocatable :: prior_degrees(:)
    contains
       procedure(set_up_interface), deferred :: set_up
@@ -45,26 +47,27 @@ module abstract_basis
       procedure :: evaluate_crystals, to_y, to_modulus
    end type basis_type
 
-   !> The moduli that a surrogate gives certain grains, as a function of the crystal alone: what
-   !> depends on the orientations is computed once.
+   !> Moduli of certain grains by a surrogate, as a function of the crystal alone. What depends on
+   !> the orientations is computed once.
    type, abstract :: grain_model_type
-      !> Of the factor of the covariance of y.
+      !> Number of columns of the factor of the covariance of y.
       integer :: n_columns = 0
-      !> Degree of the surface harmonics with which the theory is read, where the model has theory
-      !> in it: even. Set it before the grains.
+      !> Degree of the surface harmonics of the compliance field, even, where the model contains the
+      !> theory. Set it before the grains.
       integer :: field_degree = 12
       logical :: has_theory = .false.
-      !> How the noise grows with the crystal's anisotropy, see `spread_of`.
+      !> Growth of the noise with the crystal's anisotropy, see `spread_of`.
       real(wp) :: noise_growth = 0.0_wp
-      !> Crystals of a larger log-anisotropy have theory in full.
+      !> Log-anisotropy above which a crystal has moduli of the exact theory rather than of the
+      !> field.
       real(wp) :: full_above = huge(1.0_wp)
-      !> About what a crystal costs, microseconds, with theory read and with theory in full.
+      !> Approximate times of one crystal, microseconds: by the field, and by the exact theory.
       real(wp) :: field_cost = 0.0_wp, full_cost = 0.0_wp
    contains
       procedure(set_grains_interface), deferred :: set_grains
       procedure(evaluate_crystals_interface), deferred :: evaluate_crystals
       procedure(evaluate_columns_interface), deferred :: evaluate_columns
-      procedure :: evaluate_moduli, read_up_to
+      procedure :: evaluate_moduli, use_field_up_to
    end type grain_model_type
 
    abstract interface
@@ -75,37 +78,37 @@ module abstract_basis
          type(error_type), allocatable, intent(out) :: error
       end subroutine set_up_interface
 
-      !> Write or read those settings that the family has.
+      !> Write or read the settings that the family has.
       subroutine exchange_interface(self, file)
          import :: basis_type, labelled_values_type
          class(basis_type), intent(inout) :: self
          type(labelled_values_type), intent(inout) :: file
       end subroutine exchange_interface
 
-      !> The terms of many crystals, of which each may have other last bits than alone.
+      !> Terms of many crystals. The last bits may differ from those of each crystal alone.
       subroutine evaluate_many_interface(self, c, euler, terms, scale, spread)
          import :: basis_type, wp
          class(basis_type), intent(in) :: self
          !> Stiffness in crystal axes of stable crystals, GPa, (6, 6, n); Bunge-Euler angles,
          !> radians, (3, n).
          real(wp), intent(in) :: c(:, :, :), euler(:, :)
-         !> (n_terms, n), GPa, and relative.
+         !> (n_terms, n); GPa, (n); relative, (n).
          real(wp), intent(out) :: terms(:, :), scale(:), spread(:)
       end subroutine evaluate_many_interface
 
-      !> The model of grains, none yet, of a surrogate with this posterior.
+      !> Make a grain model, without grains yet, of a surrogate with this posterior.
       subroutine new_grain_model_interface(self, class, coefficients, covariance, model, error)
          import :: basis_type, crystal_class_type, error_type, grain_model_type, wp
          class(basis_type), intent(in) :: self
-         !> Of the crystals that will be asked for.
+         !> Class of the crystals that will be evaluated.
          type(crystal_class_type), intent(in) :: class
-         !> Posterior mean (n_terms); covariance (n_terms, n_terms), of size 0 if it does not count.
+         !> Posterior mean (n_terms); covariance (n_terms, n_terms), or of size 0 if it is left out.
          real(wp), intent(in) :: coefficients(:), covariance(:, :)
          class(grain_model_type), allocatable, intent(out) :: model
          type(error_type), allocatable, intent(out) :: error
       end subroutine new_grain_model_interface
 
-      !> The grains from now on.
+      !> Set the grains, in place of earlier ones.
       subroutine set_grains_interface(self, euler, error)
          import :: error_type, grain_model_type, wp
          class(grain_model_type), intent(inout) :: self
@@ -114,7 +117,7 @@ module abstract_basis
          type(error_type), allocatable, intent(out) :: error
       end subroutine set_grains_interface
 
-      !> The moduli of the grains for some crystals.
+      !> Moduli of the grains for some crystals.
       pure subroutine evaluate_crystals_interface(self, c, modulus)
          import :: grain_model_type, wp
          class(grain_model_type), intent(in) :: self
@@ -124,8 +127,8 @@ module abstract_basis
          real(wp), intent(out), contiguous :: modulus(:, :)
       end subroutine evaluate_crystals_interface
 
-      !> U with U Uᵀ the covariance of y between the grains, 1/beta not included. Rows of grains
-      !> that were set at different times belong together: the same coefficients predict them all.
+      !> U with U Uᵀ the covariance of y between the grains, without 1/beta. Rows of grains that
+      !> were set at different times can be combined: the same coefficients predict them all.
       pure subroutine evaluate_columns_interface(self, c, columns)
          import :: grain_model_type, wp
          class(grain_model_type), intent(in) :: self
@@ -138,23 +141,23 @@ module abstract_basis
 
 contains
 
-   !> The spread of a crystal, 1 or above: sd of what the terms cannot express, relative to that of
-   !> a nearly isotropic crystal.
+   !> The spread of a crystal, 1 or more: sd of the part of y that the terms cannot express,
+   !> relative to that of a nearly isotropic crystal.
    pure real(wp) function spread_of(growth, c)
-      !> Of the noise, per power of the log-anisotropy; stiffness of a stable crystal, GPa.
+      !> Growth of the noise per power of the log-anisotropy; stiffness of a stable crystal, GPa.
       real(wp), intent(in) :: growth, c(6, 6)
 
       spread_of = 1.0_wp
       if (growth > 0.0_wp) spread_of = spread_of + growth*log_anisotropy(c)**growth_power
    end function spread_of
 
-   !> The terms of crystals of the domain's class, one after another: those of each do not depend on
-   !> the others.
+   !> Terms of crystals of the domain's class, one crystal after another, so that those of each do
+   !> not depend on the others.
    subroutine evaluate_crystals(self, constants, euler_deg, terms, scale, spread)
       class(basis_type), intent(in) :: self
       !> Constants (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
       real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
-      !> (n_terms, n), and of each GPa and relative, (n).
+      !> (n_terms, n); GPa, (n); relative, (n).
       real(wp), allocatable, intent(out) :: terms(:, :), scale(:), spread(:)
       integer :: i
 
@@ -173,7 +176,7 @@ contains
       real(wp), intent(in) :: c(6, 6)
       !> GPa, (n).
       real(wp), intent(out), contiguous :: modulus(:), slope(:)
-      !> The moduli, where they are known.
+      !> The moduli, if they are known already.
       real(wp), intent(in), optional :: known(size(modulus))
       real(wp), allocatable :: moduli(:, :)
 
@@ -184,17 +187,17 @@ contains
          call self%evaluate_crystals(reshape(c, [6, 6, 1]), moduli)
          modulus = moduli(:, 1)
       end if
-      ! With theory in it y is a logarithm.
+      ! y is a logarithm where the model contains the theory.
       slope = merge(modulus, 1.0_wp, self%has_theory)*spread_of(self%noise_growth, c)
    end subroutine evaluate_moduli
 
-   !> Let crystals of a larger log-anisotropy have theory in full.
-   subroutine read_up_to(self, anisotropy)
+   !> Use the field up to a log-anisotropy, and the exact theory above it.
+   subroutine use_field_up_to(self, anisotropy)
       class(grain_model_type), intent(inout) :: self
       real(wp), intent(in) :: anisotropy
 
       self%full_above = anisotropy
-   end subroutine read_up_to
+   end subroutine use_field_up_to
 
    !> y of a modulus.
    pure elemental real(wp) function to_y(self, modulus, scale, spread)

@@ -1,5 +1,4 @@
-!> The rules by which the next simulation may be chosen, by the variance of M or of log M that the
-!> posterior leaves.
+!> The rules that choose the next simulation, by the variance of M or of log M under the posterior.
 module acquisitions
    use abstract_basis, only: basis_type
    use errors, only: error_type, refuse
@@ -10,23 +9,23 @@ module acquisitions
    private
    public :: acquisition_type, acquisition_names, new_acquisition
 
-   !> A new rule: its type, which extends `acquisition_type`, its name here, and its line in
-   !> `new_acquisition`. All but the first, the third and the fifth are older names.
+   !> Names of the rules, of which the second, fourth and sixth are older ones. A new rule needs a
+   !> type that extends `acquisition_type`, its name here and a case in `new_acquisition`.
    character(len=*), parameter :: acquisition_names = 'imse, all_moduli, variance, modulus, ' &
       & //'relative_variance, log_modulus'
 
-   !> The candidate of largest predictive variance (paper's section 2.1; active learning, MacKay
-   !> 1992), of the modulus or of its logarithm.
+   !> Choose the candidate of largest predictive variance (paper's section 2.1; active learning,
+   !> MacKay 1992), of the modulus or of its logarithm.
    type :: acquisition_type
-      !> The variance of log M counts, not that of M.
+      !> Whether the variance of log M counts, not that of M.
       logical :: relative = .false.
    contains
       procedure :: choose
    end type acquisition_type
 
-   !> The candidate that lowers the mean predictive variance over all candidates most: the
-   !> integrated mean squared error (active learning, Cohn 1996). Where the domain spreads crystals
-   !> over their scale it is the variance of log M: else the stiffest would decide for all.
+   !> Choose the candidate that most lowers the mean predictive variance over all candidates: the
+   !> integrated mean squared error (active learning, Cohn 1996). If the domain has a range of the
+   !> scale, the variance is that of log M: otherwise the stiffest crystals would dominate.
    type, extends(acquisition_type) :: imse_acquisition_type
    contains
       procedure :: choose => choose_for_mean
@@ -34,7 +33,7 @@ module acquisitions
 
 contains
 
-   !> The rule of a name.
+   !> Make a rule by its name.
    subroutine new_acquisition(name, rule, error)
       character(len=*), intent(in) :: name
       class(acquisition_type), allocatable, intent(out) :: rule
@@ -52,9 +51,10 @@ contains
       end select
    end subroutine new_acquisition
 
-   !> Choose `size(chosen)` available candidates, of which there are so many, each given all chosen
-   !> before; the lowest number of equals. Their moduli are not needed: afterwards the posterior's
-   !> covariance is that of all data and all chosen.
+   !> Choose `size(chosen)` of the available candidates, each given all that were chosen before; of
+   !> equal ones that with the lowest number. As many must be available. The moduli of the chosen
+   !> ones are not needed. Afterwards the posterior covariance is that of all data and all chosen
+   !> candidates.
    subroutine choose(self, design, basis, threads, chosen, variance)
       class(acquisition_type), intent(in) :: self
       type(design_type), intent(inout) :: design
@@ -74,13 +74,13 @@ contains
       end do
    end subroutine choose
 
-   !> Take the available candidate of largest gain, the lowest number of equals; it is available no
-   !> more.
+   !> Choose the available candidate of largest gain, of equal ones that with the lowest number, and
+   !> mark it as not available.
    subroutine take_largest(design, gain, chosen, variance)
       type(design_type), intent(inout) :: design
       !> Of each candidate.
       real(wp), intent(in) :: gain(:)
-      !> Its number, and the variance of y there.
+      !> Number of the chosen candidate, and variance of y there.
       integer, intent(out) :: chosen
       real(wp), intent(out) :: variance
 
@@ -90,7 +90,8 @@ contains
       design%available(chosen) = .false.
    end subroutine take_largest
 
-   !> A choice t lowers the variance at r by (t C r)²/(t C t + 1/beta), C the covariance.
+   !> Choose by the mean variance. A choice t lowers the variance at r by (t C r)²/(t C t + 1/beta),
+   !> with C the covariance.
    subroutine choose_for_mean(self, design, basis, threads, chosen, variance)
       class(imse_acquisition_type), intent(in) :: self
       type(design_type), intent(inout) :: design
@@ -111,7 +112,8 @@ contains
       allocate (gram(n, n), product(n, n), lowered(n, n), reduction(size(slope)), source=0.0_wp)
       call add_gram(weighted, 1.0_wp, gram, transposed=.false.)
       deallocate (weighted)
-      ! With G the Gram matrix of all candidates by their sensitivity: t C G C t.
+      ! The reduction by a choice t is t C G C t over t C t + 1/beta, with G the Gram matrix of all
+      ! candidates, weighted by their sensitivities.
       call multiply(gram, design%regression%covariance, product)
       call multiply(design%regression%covariance, product, lowered)
       call quadratic_forms(lowered, design%candidates, threads, reduction)
@@ -125,15 +127,16 @@ contains
       end do
    end subroutine choose_for_mean
 
-   !> C G C and the reductions t C G C t after the next choice s: C falls by v vᵀ, v = C s/σ,
-   !> σ² = s C s + 1/beta, and C G C by v wᵀ + w vᵀ - (v G v) v vᵀ with w = C G v = (C G C) s/σ.
+   !> Update C G C and the reductions t C G C t for the choice of s. C falls by v vᵀ with v = C s/σ
+   !> and σ² = s C s + 1/beta. C G C falls by v wᵀ + w vᵀ - (v G v) v vᵀ with w = C G v = (C G C)
+   !> s/σ.
    subroutine lower_reductions(design, chosen, variance, threads, lowered, reduction)
       type(design_type), intent(in) :: design
       !> The candidate s, and s C s.
       integer, intent(in) :: chosen
       real(wp), intent(in) :: variance
       integer, intent(in) :: threads
-      !> C G C (n_terms, n_terms); of each candidate.
+      !> C G C, (n_terms, n_terms), and the reduction of each candidate.
       real(wp), intent(inout), contiguous :: lowered(:, :), reduction(:)
       real(wp), dimension(size(lowered, 1)) :: v, w
       real(wp) :: own, along
@@ -157,12 +160,12 @@ contains
       end do
    end subroutine lower_reductions
 
-   !> |dM/dy| of each candidate, or |d log M/dy|, above 0: its square times the variance of y is the
+   !> |dM/dy| of each candidate, or |d log M/dy|, above 0. Its square times the variance of y is the
    !> variance of M, or of log M.
    function sensitivity(design, basis, relative) result(slope)
       type(design_type), intent(in) :: design
       class(basis_type), intent(in) :: basis
-      !> Of log M.
+      !> Whether log M counts, not M.
       logical, intent(in) :: relative
       real(wp), allocatable :: slope(:)
 

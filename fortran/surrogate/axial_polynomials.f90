@@ -1,12 +1,12 @@
 !> Polynomials of the coordinates of a stiffness about the indenter's axis that do not change when
-!> the crystal is turned about that axis or mirrored: what a specimen with axial symmetry may depend
-!> on.
+!> the crystal is turned about that axis or mirrored. The modulus on a specimen with axial symmetry
+!> depends on the crystal through these.
 !>
-!> Each is the real part of a product of order 0: numbers of order 0, and waves and conjugate waves
-!> whose orders cancel. There are 1, 5, 29, 141 of them up to degree 0, 1, 2, 3, and 1, 6, 35, 176
-!> where the scale of the stiffness is one of the numbers. Each has a factor such that for two
-!> points the sum of the products of those of degree d is the mean of (x x')^d over all turns and
-!> mirrors of one of them: equal coefficients prefer no basis of the coordinates.
+!> Each is the real part of a product of order 0: of numbers of order 0, and of waves and conjugate
+!> waves whose orders cancel. There are 1, 5, 29, 141 of them up to degree 0, 1, 2, 3, and 1, 6, 35,
+!> 176 where the scale of the stiffness is one of the numbers. Each has a weight such that, for two
+!> points x and x', the sum of the products of those of degree d is the mean of (x x')^d over all
+!> turns and mirrors of one point. So equal coefficients prefer no basis of the coordinates.
 module axial_polynomials
    use kinds, only: wp
    use logarithmic_coordinates, only: n_axial, n_coordinates, n_waves, wave_orders
@@ -16,33 +16,33 @@ module axial_polynomials
    public :: axial_polynomials_type, new_axial_polynomials, evaluate_polynomials, greatest_degree
 
    integer, parameter :: greatest_degree = 4
-   !> Factors, numbered as the coordinates: numbers of order 0, waves, in place of imaginary parts
-   !> their conjugates, the scale.
+   !> Factors, numbered as the coordinates: numbers of order 0, waves, conjugate waves in place of
+   !> the imaginary parts, the scale.
    integer, parameter :: n_factors = n_coordinates
    integer, parameter :: orders(n_factors) = [[0, 0, 0, 0], wave_orders, -wave_orders, 0]
 
    type :: axial_polynomials_type
       integer :: n = 0
-      !> The coordinates that they depend on: all, or all but the last, which is the scale.
+      !> Number of coordinates that they depend on: all, or all but the last, which is the scale.
       integer :: n_coordinates = 0
       !> Degree of each, (n), ascending.
       integer, allocatable :: degrees(:)
       !> The factors of each, 0 for the number 1, (greatest_degree, n).
       integer, allocatable, private :: factors(:, :)
-      !> The scale is counted from here.
+      !> Value from which the scale is counted.
       real(wp) :: centre = 0.0_wp
-      !> Before the product, (n).
+      !> Weight of each product, (n).
       real(wp), allocatable, private :: weights(:)
    end type axial_polynomials_type
 
 contains
 
-   !> All up to a degree.
+   !> All polynomials up to a degree.
    pure type(axial_polynomials_type) function new_axial_polynomials(degree, centre) result(self)
       !> 0 to `greatest_degree`.
       integer, intent(in) :: degree
-      !> The value from which the last coordinate, the scale, is counted; without it they do not
-      !> depend on that.
+      !> Value from which the last coordinate, the scale, is counted. Without it they do not depend
+      !> on the scale.
       real(wp), intent(in), optional :: centre
       integer :: chosen(greatest_degree), d, k, last
 
@@ -74,7 +74,7 @@ contains
 
    contains
 
-      !> A product and its conjugate have the same real part: the first of the two counts.
+      !> Append a product unless its conjugate precedes it: both have the same real part.
       pure subroutine append_if_first(product, d)
          integer, intent(in) :: product(greatest_degree), d
          integer :: conjugate(d), order(d), i, k
@@ -89,8 +89,8 @@ contains
          if (i > 0) then
             if (conjugate(i) < product(i)) return
          end if
-         ! d!/(n1! n2! ..) of the factors' powers; half for each wave; twice if the product is not
-         ! its own conjugate.
+         ! The square of the weight is d!/(n1! n2! ..) of the powers of the factors; half of that
+         ! for each wave; twice if the product is not its own conjugate.
          square = 1.0_wp
          do k = 1, d
             square = square*k/count(product(:k) == product(k))
@@ -110,7 +110,7 @@ contains
       is_wave = orders(factor) /= 0
    end function is_wave
 
-   !> All at points, which are worked on side by side.
+   !> All polynomials at points. A loop over the points is innermost.
    pure subroutine evaluate_polynomials(self, x, values)
       type(axial_polynomials_type), intent(in) :: self
       !> Coordinates about the axis of each point, (point, self%n_coordinates).
@@ -131,7 +131,8 @@ contains
       product(:, 0) = 1.0_wp
       chosen = 0
       do k = 1, self%n
-         ! The first factors are often those of the polynomial before.
+         ! The first factors are often those of the polynomial before, whose partial products are
+         ! then used again.
          do i = max(1, findloc(self%factors(:, k) /= chosen, .true., 1)), self%degrees(k)
             product(:, i) = product(:, i - 1)*factors(:, self%factors(i, k))
          end do

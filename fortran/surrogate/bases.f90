@@ -1,4 +1,4 @@
-!> The bases that a surrogate may have: a new one is its module and a line in `allocate_basis`.
+!> The bases of surrogates. A new one needs a module and a case in `allocate_basis`.
 module bases
    use abstract_basis, only: basis_type
    use correction_basis, only: correction_basis_type
@@ -12,12 +12,12 @@ module bases
    private
    public :: basis_names, new_basis, allocate_basis, describe_basis
 
-   !> Those that &surrogate may ask for.
+   !> Names that &surrogate may state.
    character(len=*), parameter :: basis_names = 'correction, paper'
 
 contains
 
-   !> The basis that &surrogate asks for, over a domain.
+   !> The basis that &surrogate states, over a domain.
    subroutine new_basis(domain, settings, basis, error)
       type(domain_type), intent(in) :: domain
       type(surrogate_settings_type), intent(in) :: settings
@@ -31,7 +31,7 @@ contains
       call basis%set_up(error)
    end subroutine new_basis
 
-   !> A basis of this model, to be set up when its domain and its settings are known.
+   !> Allocate a basis of this model. It can be set up once its domain and its settings are known.
    subroutine allocate_basis(model, basis, error)
       character(len=*), intent(in) :: model
       class(basis_type), allocatable, intent(out) :: basis
@@ -50,22 +50,22 @@ contains
       basis%settings%model = model
    end subroutine allocate_basis
 
-   !> Name the parameters of a basis, and what its terms are.
-   subroutine describe_basis(basis, found)
+   !> Store the parameters of a basis and its terms as named values.
+   subroutine describe_basis(basis, description)
       class(basis_type), intent(inout) :: basis
-      type(named_values_type), intent(inout), target :: found
+      type(named_values_type), intent(inout), target :: description
       type(labelled_values_type) :: labels
 
-      labels%described => found
+      labels%described => description
       call exchange_domain(basis%domain, labels)
       call basis%exchange(labels)
-      call found%put('model', basis%settings%model)
-      call found%put('n_terms', basis%n_terms)
-      call found%put('least_noise', basis%least_noise)
-      call found%put('noise_growth', basis%noise_growth)
-      call found%put('logarithmic', basis%logarithmic)
+      call description%put('model', basis%settings%model)
+      call description%put('n_terms', basis%n_terms)
+      call description%put('least_noise', basis%least_noise)
+      call description%put('noise_growth', basis%noise_growth)
+      call description%put('logarithmic', basis%logarithmic)
       if (allocated(basis%prior_degrees)) then
-         call found%put_integers('polynomial_degrees', basis%prior_degrees, [basis%n_terms])
+         call description%put_integers('polynomial_degrees', basis%prior_degrees, [basis%n_terms])
       end if
    end subroutine describe_basis
 end module bases

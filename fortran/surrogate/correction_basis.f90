@@ -1,15 +1,15 @@
-!> The exact theory of the half-space, for crystals of every class, times a correction of the
+!> The exact theory of the half-space, for crystals of every class, times a correction for the
 !> specimen: M = M_theory exp(y).
 !>
-!> Theory has the crystal's own anisotropy. y is a polynomial of the logarithm of the Kelvin
-!> stiffness in the frame of the indenter, which does not change when the crystal is turned about
-!> the axis, nor with its scale unless the domain states a range of that; its coefficients are the
-!> less likely to be large the higher their degree. Terms of the highest degree that the simulations
-!> have not decided are the misfit of the others: a function of the crystal, which grains of like
-!> orientation share.
+!> The theory has the crystal's own anisotropy. y is a polynomial of the logarithm of the Kelvin
+!> stiffness in the frame of the indenter. It does not change when the crystal is turned about the
+!> axis. It depends on the scale of the stiffness only if the domain states a range of it. The prior
+!> sd of a coefficient decays with its degree. Terms of the highest degree that the simulations have
+!> not determined describe the misfit of the others: it is a function of the crystal, which grains
+!> of similar orientation share.
 !>
-!> The model 'halfspace' has no terms, and needs no simulation: its error is that of the expansion
-!> of the surface compliance, see `compliance_field`.
+!> The model 'halfspace' has no terms and needs no simulation. Its error is that of the expansion of
+!> the surface compliance, see `compliance_field`.
 module correction_basis
    use abstract_basis, only: basis_type, grain_model_type, growth_power, spread_of
    use axial_polynomials, only: axial_polynomials_type, evaluate_polynomials, greatest_degree, &
@@ -35,16 +35,24 @@ module correction_basis
    private
    public :: correction_basis_type, correction_grain_model_type
 
-   !> Relative: least sd of the noise, and sds of a coefficient of degree 1 and of the noise before
-   !> the first regression.
+   !> Least sd of the noise, and sds of a coefficient of degree 1 and of the noise before the first
+   !> regression, all relative. The sd of degree 1 is that of 1900 simulations of a block
+   !> (docs/verification/surrogate.md); docs/surrogate.md states the least noise.
    real(wp), parameter :: least_noise = 1.7e-4_wp, first_sds(2) = [0.017_wp, 1.0e-3_wp]
 
-   !> How much larger than that of a nearly isotropic crystal the noise of a crystal at the domain's
-   !> greatest log-anisotropy is, less 1.
+   !> Noise of a crystal at the greatest log-anisotropy of the domain relative to a nearly isotropic
+   !> one, less 1; chosen on 390 crystals (docs/verification/surrogate.md).
    real(wp), parameter :: spread_at_end = 8.0_wp
 
+   !> Approximate times, microseconds, on the core of docs/verification/theory.md: a modulus by the
+   !> exact theory, a contact ellipse, a node of the field, and a node for the modes of a grain.
+   !> They reproduce the moduli per second and the densities of 50 grains there. Only their ratios
+   !> matter.
+   real(wp), parameter :: theory_time = 2.6_wp, ellipse_time = 0.07_wp, node_time = 0.09_wp, &
+      & mode_time = 0.004_wp
+
    type, extends(basis_type) :: correction_basis_type
-      !> None of the theory alone.
+      !> Polynomials of y; the model 'halfspace' has none.
       type(axial_polynomials_type) :: polynomials
    contains
       procedure :: set_up, exchange, evaluate_many, new_grain_model
@@ -53,23 +61,24 @@ module correction_basis
    type, extends(grain_model_type) :: correction_grain_model_type
       private
       type(crystal_class_type) :: class
-      !> Of the grains, or of the directions of their expansion if that pays.
+      !> Field of the grains, or of the directions of their expansion if that is used.
       type(field_type) :: field
       type(modulus_expansion_type), public :: expansion
-      !> How many moduli are computed, and their Bunge-Euler angles, (3, n_independent), radians.
+      !> Number of moduli that are computed, and their Bunge-Euler angles, (3, n_independent),
+      !> radians.
       integer :: n_independent = 0
       real(wp), allocatable :: euler(:, :)
       type(axial_polynomials_type) :: polynomials
       type(log_coordinates_type) :: logarithms
-      !> From coordinates of log K to those about each axis for which moduli are computed, (axis,
-      !> coordinate, n_constants).
+      !> Map from coordinates of log K to those about each axis for which moduli are computed,
+      !> (axis, coordinate, n_constants).
       real(wp), allocatable :: maps(:, :, :)
-      !> Of the polynomials, and F with F Fᵀ their covariance as far as it matters, (n_terms,
+      !> Coefficients of the polynomials, and F with F Fᵀ approximately their covariance, (n_terms,
       !> n_columns).
       real(wp), allocatable :: coefficients(:), factor(:, :)
-      !> Where the class has few constants: products of its own coordinates, and their coefficients
-      !> in y of the moduli that are computed and in each column, (product, n_independent*(1 +
-      !> n_columns)). Else there are none.
+      !> If the class has few constants: products of polynomials of its own coordinates, and the
+      !> coefficients of y in them, for the moduli that are computed and for each column, (product,
+      !> n_independent*(1 + n_columns)). Otherwise n_products is 0.
       type(legendre_products_type) :: own
       real(wp), allocatable :: expanded(:, :)
    contains
@@ -116,7 +125,7 @@ contains
       if (self%settings%model /= 'halfspace') call file%integer('degree', self%settings%degree)
    end subroutine exchange
 
-   !> The polynomials of many are worked on side by side.
+   !> The polynomials of many crystals are evaluated together.
    subroutine evaluate_many(self, c, euler, terms, scale, spread)
       class(correction_basis_type), intent(in) :: self
       real(wp), intent(in) :: c(:, :, :), euler(:, :)
@@ -140,7 +149,7 @@ contains
       end do
    end subroutine evaluate_many
 
-   !> Coordinates about the indenter's axis of a matrix in crystal axes.
+   !> Coordinates of a matrix in crystal axes about the indenter's axis.
    pure function turned_coordinates(matrix, euler) result(x)
       real(wp), intent(in) :: matrix(6, 6)
       !> Bunge-Euler angles, radians.
@@ -168,23 +177,23 @@ contains
       new%logarithms = new_log_coordinates(class)
       new%coefficients = coefficients
       if (size(covariance) > 0) then
-         call factor_where_it_matters(self, class, covariance, new%factor, error)
+         call factor_covariance(self, class, covariance, new%factor, error)
          if (allocated(error)) return
          new%n_columns = size(new%factor, 2)
       end if
       call move_alloc(new, model)
    end subroutine new_grain_model
 
-   !> F with F Fᵀ the covariance but for 0.2 % of the variance of y, the mean over crystals of the
-   !> class in the domain: most directions of the coefficients hardly matter to any of them.
-   subroutine factor_where_it_matters(self, class, covariance, factor, error)
+   !> F with F Fᵀ the covariance, less 0.2 % of the variance of y in the mean over crystals of the
+   !> class in the domain: most directions of the coefficients hardly change y in any of them.
+   subroutine factor_covariance(self, class, covariance, factor, error)
       class(correction_basis_type), intent(in) :: self
       type(crystal_class_type), intent(in) :: class
       real(wp), intent(in) :: covariance(:, :)
       real(wp), allocatable, intent(out) :: factor(:, :)
       type(error_type), allocatable, intent(out) :: error
       integer, parameter :: n_crystals = 500, seed = 1
-      real(wp), parameter :: share = 2.0e-3_wp
+      real(wp), parameter :: variance_left_out = 2.0e-3_wp
       real(wp), allocatable, dimension(:, :) :: constants, euler_deg, terms, root, projected, gram
       real(wp), allocatable :: scale(:), spread(:), values(:)
       type(domain_type) :: domain
@@ -207,13 +216,13 @@ contains
       call add_gram(projected, 1.0_wp, gram, transposed=.false.)
       call symmetric_eigen(gram, values, error)
       if (allocated(error)) return
-      ! Ascending.
+      ! The eigenvalues are in ascending order.
       i = 1
-      do while (i < n .and. sum(values(:i)) <= share*sum(values))
+      do while (i < n .and. sum(values(:i)) <= variance_left_out*sum(values))
          i = i + 1
       end do
       factor = matmul(root, gram(:, i:))
-   end subroutine factor_where_it_matters
+   end subroutine factor_covariance
 
    subroutine set_grains(self, euler, error)
       class(correction_grain_model_type), intent(inout) :: self
@@ -223,21 +232,21 @@ contains
       real(wp) :: x(n_coordinates)
       integer :: i, k
 
-      self%expansion%pays = .false.
+      self%expansion%is_used = .false.
       if (self%full_above >= 0.0_wp) then
          call new_modulus_expansion(self%class, self%field_degree, euler, self%expansion, error)
       end if
       if (allocated(error)) return
       self%euler = euler
-      if (self%expansion%pays) self%euler = self%expansion%euler
+      if (self%expansion%is_used) self%euler = self%expansion%euler
       self%field_cost = self%expansion%cost
       self%n_independent = size(self%euler, 2)
       call new_field(self%class, self%field_degree, self%euler, self%field, error)
       if (allocated(error)) return
-      self%full_cost = self%field_cost + 2.6_wp*self%n_independent
-      self%field_cost = self%field_cost + 0.07_wp*self%n_independent
-      self%field_cost = self%field_cost + size(self%field%nodes, &
-         & 2)*(0.09_wp + 0.004_wp*self%n_independent)
+      self%full_cost = self%field_cost + theory_time*self%n_independent
+      self%field_cost = self%field_cost + ellipse_time*self%n_independent
+      self%field_cost = self%field_cost &
+         & + size(self%field%nodes, 2)*(node_time + mode_time*self%n_independent)
       self%maps = reshape([real(wp) ::], &
          & [self%n_independent, self%polynomials%n_coordinates, self%logarithms%n], [0.0_wp])
       do i = 1, self%n_independent
@@ -249,7 +258,8 @@ contains
       call expand_in_class(self, error)
    end subroutine set_grains
 
-   !> `own` and `expanded`, if that pays: least squares over points, which polynomials meet exactly.
+   !> Set `own` and `expanded`, if that is cheaper: least squares over random points, which is exact
+   !> for polynomials.
    subroutine expand_in_class(self, error)
       class(correction_grain_model_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
@@ -269,7 +279,7 @@ contains
       stream = new_random_stream(1, 1)
       do j = 1, 2*n
          call stream%normals(w)
-         ! The logarithm of an isotropic scale has these two coordinates.
+         ! An isotropic stiffness of the middle scale has these two coordinates.
          w(:2) = w(:2) + self%polynomials%centre*sqrt([1.0_wp, 5.0_wp]/6.0_wp)
          terms = terms_of_grains(self, w)
          values(:self%n_independent, j) = matmul(terms, self%coefficients)
@@ -283,11 +293,11 @@ contains
       call cholesky_solve(gram, self%expanded)
    end subroutine expand_in_class
 
-   !> Products of polynomials of log(3K/2G), the anisotropic coordinates and, if y depends on it,
-   !> the scale.
+   !> Products of polynomials of log(3K/2G), of the anisotropic coordinates and, if y depends on it,
+   !> of the scale.
    pure function own_products(self, w) result(products)
       class(correction_grain_model_type), intent(in) :: self
-      !> log K in the coordinates of its class.
+      !> Coordinates of log K in the class.
       real(wp), intent(in) :: w(:)
       real(wp) :: products(self%own%n_products), x(size(w))
 
@@ -296,12 +306,12 @@ contains
       call evaluate_products(self%own, x/3.0_wp, products)
    end function own_products
 
-   !> The polynomials of a crystal in the independent grains, (n_independent, n_terms).
+   !> The polynomials of a crystal in the orientations that are computed, (n_independent, n_terms).
    pure function terms_of_grains(self, w) result(terms)
       class(correction_grain_model_type), intent(in) :: self
-      !> log K in the coordinates of its class.
+      !> Coordinates of log K in the class.
       real(wp), intent(in) :: w(:)
-      !> Of many grains they are large for the stack of a thread.
+      !> Allocatable, since they are too large for the stack of a thread if there are many grains.
       real(wp), allocatable :: terms(:, :), x(:, :)
       integer :: k
 
@@ -317,7 +327,7 @@ contains
       class(correction_grain_model_type), intent(in) :: self
       real(wp), intent(in), contiguous :: c(:, :, :)
       real(wp), intent(out), contiguous :: modulus(:, :)
-      !> The moduli that are computed, (n_independent, crystal).
+      !> Moduli that are computed, (n_independent, crystal).
       real(wp), allocatable :: independent(:, :)
       type(halfspace_type) :: theory
       type(error_type), allocatable :: error
@@ -325,7 +335,7 @@ contains
       integer :: i, k
 
       allocate (independent(self%n_independent, size(c, 3)))
-      ! A negative limit: none is read.
+      ! With a negative limit no crystal uses the field.
       if (self%full_above >= 0.0_wp) call field_moduli(self%field, c, independent)
       do i = 1, size(c, 3)
          if (self%full_above >= huge(1.0_wp)) exit
@@ -335,7 +345,8 @@ contains
             independent(k, i) = theory%modulus
          end do
       end do
-      do i = 1, merge(size(c, 3), 0, self%polynomials%n > 0)
+      do i = 1, size(c, 3)
+         if (self%polynomials%n == 0) exit
          w = self%logarithms%to_logarithms(c(:, :, i))
          if (self%own%n_products > 0) then
             call transposed_product(self%own%n_products, size(y), self%expanded, &

@@ -2,8 +2,9 @@
 !>
 !> y = Φ A + noise of variance 1/beta; A ~ N(0, W²/alpha), W diagonal. With W = 1 the prior is the
 !> paper's Eq. 6. Where the terms have degrees, the widths W decay with them: 1 at degree 1, f at
-!> degree 2, f² at degree 3; a term of degree 0 is almost free. The decay rate f has the largest
-!> evidence, too. All is done for the whitened coefficients z = A/W, whose prior is N(0, 1/alpha).
+!> degree 2, f² at degree 3; a term of degree 0 is almost free. The decay rate f is chosen by the
+!> evidence, as alpha and beta are. The regression works with the whitened coefficients z = A/W,
+!> whose prior is N(0, 1/alpha).
 module evidence_regression
    use errors, only: error_type
    use kinds, only: pi, wp
@@ -18,9 +19,10 @@ module evidence_regression
 
    type :: regression_type
       integer :: n_terms = 0, n_data = 0
-      !> Degree of each term, (n_terms); all are 1 where these do not matter.
+      !> Degree of each term, (n_terms); all are 1 where the widths do not depend on degrees.
       integer, allocatable :: degrees(:)
-      !> W, and its decay rate: the ratio from degree to degree.
+      !> W, and its decay rate: the ratio of the widths of a degree and of the one before. It starts
+      !> near the centre of its prior.
       real(wp), allocatable :: prior_width(:)
       real(wp) :: decay_rate = 0.4_wp
       !> Whitened terms (n_terms, capacity), and y.
@@ -28,19 +30,19 @@ module evidence_regression
       !> Smallest standard deviation of the noise, in units of y.
       real(wp) :: least_noise = 0.0_wp
       real(wp) :: alpha = 1.0_wp, beta = 1.0_wp
-      !> Posterior of z: mean, covariance, and the right-hand side Σ terms y of the normal
+      !> Posterior mean and covariance of z, and the right-hand side Σ terms y of the normal
       !> equations.
       real(wp), allocatable :: mean(:), covariance(:, :), moment(:)
    end type regression_type
 
-   !> The covariance of y is 1/beta + values/alpha along directions where y has the given squares,
-   !> and 1/beta else where.
+   !> Spectrum of the data. The covariance of y is 1/beta + values/alpha along some directions, and
+   !> 1/beta in all others. `squares` are the squared components of y along those directions.
    type :: spectrum_type
       integer :: n_data = 0
       real(wp), allocatable :: values(:), squares(:)
       !> Squared length of y outside those directions.
       real(wp) :: rest = 0.0_wp
-      !> The Gram matrix over terms, (n_terms, n_terms), where it was that one.
+      !> Gram matrix over terms, (n_terms, n_terms), allocated if the spectrum is its own.
       real(wp), allocatable :: gram(:, :)
    end type spectrum_type
 
@@ -48,9 +50,9 @@ contains
 
    !> A regression without data.
    subroutine new_regression(degrees, first_sds, least_noise, regression, error)
-      !> Of each term, (n_terms), not negative.
+      !> Degree of each term, (n_terms), not negative.
       integer, intent(in) :: degrees(:)
-      !> sds of a coefficient of degree 1 and of the noise until the evidence is maximised, and the
+      !> sds of a coefficient of degree 1 and of the noise until the evidence is maximised, and
       !> least sd of the noise, in units of y; above 0.
       real(wp), intent(in) :: first_sds(2), least_noise
       type(regression_type), intent(out) :: regression
@@ -71,12 +73,11 @@ contains
       call compute_posterior(regression, error)
    end subroutine new_regression
 
-   !> Let the widths of the prior decay at another rate; the posterior is that of before until it is
-   !> computed.
+   !> Change the decay rate of the prior's widths. The posterior is not computed anew.
    pure subroutine set_decay_rate(regression, decay_rate)
       type(regression_type), intent(inout) :: regression
       real(wp), intent(in) :: decay_rate
-      !> Of a term of degree 0.
+      !> Width of a term of degree 0.
       real(wp), parameter :: free = 100.0_wp
       real(wp) :: ratio(regression%n_terms)
 
@@ -99,8 +100,7 @@ contains
       end do
    end subroutine scale_columns
 
-   !> Append observations: terms (n_terms, m) and y (m). The posterior is that of the earlier data
-   !> until it is computed.
+   !> Append observations: terms (n_terms, m) and y (m). The posterior is not computed anew.
    subroutine add_data(regression, terms, y)
       type(regression_type), intent(inout) :: regression
       real(wp), intent(in) :: terms(:, :), y(:)
@@ -119,13 +119,14 @@ contains
       do j = 1, size(y)
          regression%terms(:, n + j) = regression%prior_width*terms(:, j)
          regression%targets(n + j) = y(j)
-         regression%moment = regression%moment + regression%targets(n + j)*regression%terms(:, &
-            & n + j)
+         regression%moment = regression%moment &
+            & + regression%targets(n + j)*regression%terms(:, n + j)
       end do
       regression%n_data = n + size(y)
    end subroutine add_data
 
-   !> Eigenvalues of the Gram matrix of the data, over data or over terms, whichever are fewer.
+   !> Compute the eigenvalues of the Gram matrix of the data, over data or over terms, whichever are
+   !> fewer.
    subroutine compute_spectrum(regression, spectrum, error)
       type(regression_type), intent(in) :: regression
       type(spectrum_type), intent(out) :: spectrum
@@ -148,8 +149,8 @@ contains
          spectrum%squares = [(dot_product(gram(:, i), regression%targets(:n)), i=1, m)]**2
          return
       end if
-      ! What is left after projection is computed as a vector: the difference of squares would
-      ! cancel for a good fit.
+      ! The rest after projection is computed as a vector: the difference of squares would cancel
+      ! for a good fit.
       projection = [(dot_product(gram(:, i), regression%moment), i=1, m)]
       where (spectrum%values > m*epsilon(1.0_wp)*maxval(spectrum%values))
          projection = projection/spectrum%values
@@ -184,20 +185,21 @@ contains
       beta = 1.0_wp/max(variance, least_noise**2)
    end function best_beta
 
-   !> alpha, beta and decay rate of largest evidence, 1/beta >= least_noise^2, the decay rate being
-   !> known to a factor from experience.
+   !> Set alpha, beta and decay rate of largest evidence, with 1/beta >= least_noise^2. The decay
+   !> rate has a prior from experience.
    subroutine maximise_evidence(regression, error, evidence)
       type(regression_type), intent(inout) :: regression
       type(error_type), allocatable, intent(out) :: error
       !> ln evidence there.
       real(wp), intent(out) :: evidence
-      !> Logarithms: the decay rates that are tried, and the mean and the sd of the prior.
+      !> Logarithms of the decay rates that are tried, and mean and sd of the prior of the logarithm
+      !> (docs/verification/surrogate.md).
       integer, parameter :: n_rates = 14
       real(wp), parameter :: least = -2.1_wp, step = 0.15_wp, typical = -0.9_wp, sd = 0.12_wp
       type(spectrum_type) :: spectrum, best
       real(wp) :: log_rate, ratio, value, best_rate, best_ratio
       logical :: decays
-      integer :: i
+      integer :: n_tried, i
 
       evidence = 0.0_wp
       if (regression%n_data == 0) return
@@ -205,7 +207,9 @@ contains
       best_ratio = 1.0_wp
       best_rate = typical
       decays = maxval(regression%degrees) > 1
-      do i = 1, merge(n_rates, 1, decays)
+      n_tried = 1
+      if (decays) n_tried = n_rates
+      do i = 1, n_tried
          log_rate = least + step*(i - 1)
          if (decays) call set_decay_rate(regression, exp(log_rate))
          call compute_spectrum(regression, spectrum, error)
@@ -224,8 +228,8 @@ contains
       call compute_posterior(regression, error, best%gram)
    end subroutine maximise_evidence
 
-   !> alpha/beta of largest evidence. For a given ratio of the two the best beta is known in closed
-   !> form: one search along its logarithm, each step O(terms), finds the global maximum.
+   !> alpha/beta of largest evidence. For a given ratio of the two the best beta has a closed form.
+   !> So one search along the logarithm of the ratio, each step O(terms), finds the global maximum.
    pure subroutine maximise_over_ratio(spectrum, least_noise, ratio, evidence)
       type(spectrum_type), intent(in) :: spectrum
       real(wp), intent(in) :: least_noise
@@ -236,8 +240,8 @@ contains
       real(wp) :: scale, low, high, x(n_grid), a, b, c, d, fc, fd
       integer :: i, best
 
-      ! From a prior that only reins in what the data do not determine to one that the data cannot
-      ! move.
+      ! The grid goes from a prior that constrains only what the data do not determine to one that
+      ! the data cannot move.
       scale = log(max(maxval(spectrum%values), tiny(1.0_wp)))
       low = scale + log(1.0e-15_wp)
       high = scale + log(1.0e5_wp)
@@ -278,11 +282,11 @@ contains
       end function profile
    end subroutine maximise_over_ratio
 
-   !> Mean and covariance from all data at the present alpha, beta (Eq. 7).
+   !> Compute mean and covariance from all data at the present alpha, beta (Eq. 7).
    subroutine compute_posterior(regression, error, gram)
       type(regression_type), intent(inout) :: regression
       type(error_type), allocatable, intent(out) :: error
-      !> Of all data over the terms, (n_terms, n_terms), if it is known.
+      !> Gram matrix of all data over the terms, (n_terms, n_terms), if it is known.
       real(wp), intent(in), optional :: gram(:, :)
       real(wp), allocatable :: solution(:, :)
       integer :: i
@@ -306,17 +310,18 @@ contains
    end subroutine compute_posterior
 
    !> Residual y - prediction, and sd of y (noise included), of each observation when its whole
-   !> group is left out; exact at the present alpha, beta. With Q = I - H, H = beta Φ S Φᵀ, and r
-   !> the residuals with all data, those without the group B are (Q_BB)^-1 r_B, with covariance
-   !> (Q_BB)^-1/beta.
+   !> group is left out. They are exact at the present alpha, beta. Let Q = I - H, H = beta Φ S Φᵀ,
+   !> and r the residuals with all data. The residuals without the group B are (Q_BB)^-1 r_B, with
+   !> covariance (Q_BB)^-1/beta.
    subroutine leave_groups_out(regression, groups, residual, sd, error)
       type(regression_type), intent(in) :: regression
       !> Group number of each observation, in any order.
       integer, intent(in) :: groups(:)
       real(wp), intent(out) :: residual(:), sd(:)
       type(error_type), allocatable, intent(out) :: error
-      !> Below this 1 - h has lost its digits, and the covariance of the data is factored instead.
-      real(wp), parameter :: least = 1.0e-7_wp
+      !> 1 - h below which it has too few digits, so that the covariance of the data is factored
+      !> instead.
+      real(wp), parameter :: least_q = 1.0e-7_wp
       real(wp), allocatable :: projected(:, :), q(:, :), all_residuals(:), block_of_q(:, :)
       integer, allocatable :: members(:)
       logical :: over_data
@@ -331,7 +336,7 @@ contains
             call multiply(regression%covariance, terms, projected)
             all_residuals = targets - matmul(regression%mean, terms)
             over_data = any([(1.0_wp - beta*dot_product(terms(:, i), projected(:, i)), i=1, n)] &
-               & < least)
+               & < least_q)
          end if
          if (over_data) then
             ! Q = (I + beta/alpha Φ Φᵀ)^-1, and r = Q y.
@@ -365,12 +370,12 @@ contains
       end associate
    end subroutine leave_groups_out
 
-   !> xᵀ S x of each vector x: |Lᵀ x|² with S = L Lᵀ, or, where S is singular to rounding, as it
-   !> stands.
+   !> xᵀ S x of each vector x: |Lᵀ x|² with S = L Lᵀ, or without L, where S is singular to rounding,
+   !> a product with S.
    subroutine factored_forms(matrix, factor, vectors, values)
-      !> S, symmetric and not negative, (n, n); (n, m).
+      !> S, symmetric and not negative, (n, n); vectors, (n, m).
       real(wp), intent(in), contiguous :: matrix(:, :), vectors(:, :)
-      !> L, lower, if S has it.
+      !> L, lower, allocated if S has it.
       real(wp), intent(in), allocatable :: factor(:, :)
       !> (m).
       real(wp), intent(out) :: values(:)

@@ -2,8 +2,8 @@
 !>
 !> The covariance of y between grains i and j is K_iᵀ T(c) K_j with T_hh' = sum over q, q' of
 !> S_(h,q)(h',q') P_q P_q'. A product of two Legendre polynomials is a sum of them (Adams, Proc. R.
-!> Soc. 27, 63, 1878), so T is a polynomial of twice the degree whose coefficients are found once;
-!> evaluating it costs some thousand operations where the double sum costs hundreds of thousands.
+!> Soc. 27, 63, 1878). So T is a polynomial of twice the degree whose coefficients are computed
+!> once. Its evaluation takes some thousand operations, the double sum hundreds of thousands.
 module legendre_products
    use kinds, only: wp
    implicit none
@@ -13,8 +13,8 @@ module legendre_products
 
    type :: legendre_products_type
       integer :: n_coordinates = 0, n_products = 0
-      !> Largest degree in one coordinate; of each product in each coordinate, (n_coordinates,
-      !> n_products).
+      !> Largest degree in one coordinate; degree of each product in each coordinate,
+      !> (n_coordinates, n_products).
       integer :: degree = 0
       integer, allocatable :: degrees(:, :)
       logical, private :: total = .false.
@@ -27,25 +27,25 @@ module legendre_products
 
 contains
 
-   !> How many products there are; a real, which does not overflow.
+   !> Number of products, as a real, which does not overflow.
    pure real(wp) function count_products(n, degree, total) result(count)
-      !> Coordinates.
+      !> Number of coordinates.
       integer, intent(in) :: n, degree
-      !> Whether `degree` bounds the sum of the degrees, or each.
+      !> Whether `degree` limits the sum of the degrees, or each of them.
       logical, intent(in) :: total
       integer :: i
 
       count = product([(merge((degree + i)/real(i, wp), degree + 1.0_wp, total), i=1, n)])
    end function count_products
 
-   !> All products up to a degree; those of lower total degree first, then the last coordinate
-   !> fastest.
+   !> All products up to a degree. Those of lower total degree are first; within a total degree the
+   !> last coordinate varies fastest.
    pure type(legendre_products_type) function new_legendre_products(n, degree, total) result(self)
-      !> Coordinates.
+      !> Number of coordinates.
       integer, intent(in) :: n, degree
-      !> Whether `degree` bounds the sum of the degrees, or each.
+      !> Whether `degree` limits the sum of the degrees, or each of them.
       logical, intent(in) :: total
-      integer :: counter(n), sum_of_degrees, q, i, m
+      integer :: counter(n), largest_sum, sum_of_degrees, q, i, m
 
       self%n_coordinates = n
       self%degree = degree
@@ -54,12 +54,14 @@ contains
       allocate (self%degrees(n, self%n_products), self%parent(self%n_products), &
          & self%factor(self%n_products), self%factor_degree(self%n_products))
       q = 0
-      do sum_of_degrees = 0, merge(degree, n*degree, total)
+      largest_sum = n*degree
+      if (total) largest_sum = degree
+      do sum_of_degrees = 0, largest_sum
          call fill_last(counter, sum_of_degrees, degree)
          do
             q = q + 1
             self%degrees(:, q) = counter
-            ! The next one of this sum: a later degree moves to an earlier coordinate.
+            ! Go on to the next product of this sum: a later degree moves to an earlier coordinate.
             do i = n - 1, 1, -1
                if (counter(i) < degree .and. sum(counter(i + 1:)) > 0) exit
             end do
@@ -97,7 +99,7 @@ contains
       end do
    end subroutine fill_last
 
-   !> Which product has these degrees.
+   !> Number of the product of these degrees.
    pure integer function place_of(self, degrees) result(middle)
       type(legendre_products_type), intent(in) :: self
       integer, intent(in) :: degrees(:)
@@ -149,13 +151,13 @@ contains
       end do
    end subroutine evaluate_products
 
-   !> T(c): the products it is made of, and the coefficients of T_hh', h >= h', one column a pair in
+   !> Expand T(c): its products, and the coefficients of T_hh', h >= h', one column for each pair in
    !> the order (1,1), (2,1), .. (n,1), (2,2), ..
    subroutine covariance_polynomial(self, n, covariance, squares, coefficients)
       type(legendre_products_type), intent(in) :: self
-      !> Harmonics.
+      !> Number of harmonics.
       integer, intent(in) :: n
-      !> Of the coefficients, harmonics fastest, (n n_products, n n_products).
+      !> Covariance of the coefficients, harmonics fastest, (n n_products, n n_products).
       real(wp), intent(in) :: covariance(:, :)
       type(legendre_products_type), intent(out) :: squares
       !> (n_products of the squares, n (n + 1)/2).
@@ -183,8 +185,8 @@ contains
             high = self%degrees(:, q) + self%degrees(:, r)
             c = low
             do
-               weight = &
-                  & product([(table(self%degrees(i, q), self%degrees(i, r), c(i)), i=1, size(c))])
+               weight = product([(table(self%degrees(i, q), self%degrees(i, r), c(i)), &
+                  & i=1, size(c))])
                i = place_of(squares, c)
                sums(:, i) = sums(:, i) + weight*pair
                do i = size(c), 1, -1
@@ -206,7 +208,7 @@ contains
       real(wp) :: half(0:2*d)
       integer :: a, b, r, c
 
-      ! (2r-1)!!/r!
+      ! half(r) = (2r-1)!!/r!
       half(0) = 1.0_wp
       do r = 1, 2*d
          half(r) = half(r - 1)*(2*r - 1)/r
@@ -216,8 +218,8 @@ contains
          do a = 0, d
             do r = 0, min(a, b)
                c = a + b - 2*r
-               table(a, b, c) = half(r)*half(a - r)*half(b - r)/half(a + b - r)*(2*c + 1)/real(2*a &
-                  & + 2*b - 2*r + 1, wp)*sqrt((2*a + 1)*(2*b + 1)/real(2*c + 1, wp))
+               table(a, b, c) = half(r)*half(a - r)*half(b - r)/half(a + b - r)*(2*c + 1) &
+                  & /real(2*(a + b - r) + 1, wp)*sqrt((2*a + 1)*(2*b + 1)/real(2*c + 1, wp))
             end do
          end do
       end do

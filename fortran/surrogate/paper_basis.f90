@@ -1,9 +1,9 @@
 !> The paper's terms (Eq. 1-2): symmetrised surface harmonics of the indentation direction times
 !> products of Legendre polynomials of the elastic constants of one crystal class.
 !>
-!> Term k = h + (q-1) n_harmonics is K_h P_q. Both families are orthonormal for the mean: of K_h
-!> K_h' over the sphere and of P_q P_q' over the cube [-1, 1]^n, so that K_1 = P_1 = 1. The
-!> coordinates are the constants between their bounds, and M = y.
+!> Term k = h + (q-1) n_harmonics is K_h P_q. Both families are orthonormal: the mean of K_h K_h'
+!> over the sphere and that of P_q P_q' over the cube [-1, 1]^n are 1 for equal functions and 0
+!> otherwise, and K_1 = P_1 = 1. The coordinates are the constants between their bounds, and M = y.
 module paper_basis
    use abstract_basis, only: basis_type, grain_model_type
    use crystal_class, only: crystal_class_type
@@ -58,7 +58,7 @@ contains
    subroutine set_up(self, error)
       class(paper_basis_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      !> More terms are a mistake: their covariance alone would take 3 GB.
+      !> With more terms the covariance alone would take more than 3 GB.
       real(wp), parameter :: most_terms = 20000.0_wp
       integer :: n
       real(wp) :: terms
@@ -104,7 +104,7 @@ contains
       call file%integer('bandlimit', self%settings%bandlimit)
    end subroutine exchange
 
-   !> Indentation direction in crystal axes: sample z turned by g.
+   !> Indentation direction in crystal axes: sample z, rotated by g.
    pure function direction_of(euler) result(direction)
       !> Bunge-Euler angles, radians.
       real(wp), intent(in) :: euler(3)
@@ -133,7 +133,7 @@ contains
 
    subroutine new_grain_model(self, class, coefficients, covariance, model, error)
       class(paper_basis_type), intent(in) :: self
-      !> That of the domain.
+      !> Class of the domain.
       type(crystal_class_type), intent(in) :: class
       !> (n_terms); (n_terms, n_terms), or of size 0.
       real(wp), intent(in) :: coefficients(:), covariance(:, :)
@@ -203,7 +203,7 @@ contains
          factor(g:, g) = pairs(first:first + self%n_columns - g)
          first = first + self%n_columns - g + 1
       end do
-      ! A direction whose variance is lost to rounding has none.
+      ! A direction of no more variance than rounding is left out.
       call factor_definite(factor, 1.0e-13_wp)
       do g = 1, self%n_columns
          columns(:, g) = 0.0_wp

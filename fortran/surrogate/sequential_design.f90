@@ -1,8 +1,9 @@
-!> The crystals and orientations that a design chooses from, those that it begins with, and the
+!> The crystals and orientations that a design chooses from, those that it starts with, and the
 !> variance of y at each (paper's section 2.1).
 !>
-!> The variance does not depend on the values to come, so that a batch is chosen one after another
-!> as if each were already simulated, exactly, at frozen alpha and beta.
+!> The variance does not depend on the moduli that simulations will have. So a batch is chosen one
+!> candidate after another, as if each were already simulated; this is exact at fixed alpha and
+!> beta.
 !>
 !> A choice changes the covariance by one outer product and every variance by one square (Eq. 11).
 module sequential_design
@@ -21,23 +22,23 @@ module sequential_design
    public :: design_type, set_candidates, compute_variances, quadratic_forms, condition_on, &
       & update_posterior_mean, candidates_type, new_candidates, initial_set
 
-   !> Candidates of one matrix product.
+   !> Number of candidates in one matrix product.
    integer, parameter :: block_size = 256
-   !> Choices after which all is computed afresh, so that rounding does not build up.
+   !> Number of choices after which everything is computed anew, so that rounding errors do not
+   !> accumulate.
    integer, parameter, public :: refresh_interval = 500
-   !> Values closer than this share are equal: rounding does not decide between them.
+   !> Relative difference below which values are equal: rounding must not decide between them.
    real(wp), parameter, public :: tie = 1.0e-10_wp
 
    type :: design_type
       type(regression_type) :: regression
-      !> Whitened terms of the candidates (n_terms, n), and variance of y at each, noise not
-      !> included.
+      !> Whitened terms of the candidates (n_terms, n), and variance of y at each, without noise.
       real(wp), allocatable :: candidates(:, :), variance(:)
       !> Scale of each candidate, GPa, and its spread.
       real(wp), allocatable :: scale(:), spread(:)
-      !> Candidates that may still be chosen.
+      !> Whether each candidate may still be chosen.
       logical, allocatable :: available(:)
-      !> Choices since the last exact variances.
+      !> Number of choices since the variances were computed anew.
       integer :: n_choices = 0
    end type design_type
 
@@ -46,12 +47,12 @@ module sequential_design
       real(wp), allocatable :: constants(:, :), euler_deg(:, :)
    end type candidates_type
 
-   !> Between the seeds of the two blocks of a Latin hypercube.
+   !> Difference of the seeds of the two blocks of a Latin hypercube.
    integer, parameter :: seed_step = 1000003
 
 contains
 
-   !> Give the candidates, all of them available.
+   !> Set the candidates, all of them available.
    subroutine set_candidates(design, basis, constants, euler_deg)
       type(design_type), intent(inout) :: design
       class(basis_type), intent(in) :: basis
@@ -66,7 +67,7 @@ contains
       call compute_variances(design)
    end subroutine set_candidates
 
-   !> Variances of all candidates from the regression's covariance.
+   !> Compute the variances of all candidates from the regression's covariance.
    subroutine compute_variances(design)
       type(design_type), intent(inout) :: design
 
@@ -76,7 +77,7 @@ contains
 
    !> xᵀ S x of each vector x. The values do not depend on the number of threads.
    subroutine quadratic_forms(matrix, vectors, threads, values)
-      !> S, symmetric and not negative, (n, n); (n, m).
+      !> S, symmetric and not negative, (n, n); vectors, (n, m).
       real(wp), intent(in), contiguous :: matrix(:, :), vectors(:, :)
       integer, intent(in) :: threads
       !> (m).
@@ -96,8 +97,8 @@ contains
       !$omp end parallel do
    end subroutine quadratic_forms
 
-   !> As if a simulation with these whitened terms were in the data. The values do not depend on the
-   !> number of threads.
+   !> Update the covariance and the variances as if a simulation with these whitened terms were in
+   !> the data. The values do not depend on the number of threads.
    subroutine condition_on(design, terms, threads)
       type(design_type), intent(inout) :: design
       !> (n_terms).
@@ -122,9 +123,9 @@ contains
       design%n_choices = design%n_choices + 1
    end subroutine condition_on
 
-   !> After the values of all chosen candidates were added as data: the posterior mean. From time to
-   !> time, and always if `exactly` (a choice that failed and gave no value), everything is computed
-   !> afresh.
+   !> Update the posterior mean after the moduli of all chosen candidates were added as data.
+   !> Everything is computed anew after `refresh_interval` choices, and if `exactly`: a chosen
+   !> candidate that failed has no modulus.
    subroutine update_posterior_mean(design, exactly, error)
       type(design_type), intent(inout) :: design
       logical, intent(in) :: exactly
@@ -139,7 +140,7 @@ contains
       end if
    end subroutine update_posterior_mean
 
-   !> The candidates that &design asks for.
+   !> The candidates that &design states.
    subroutine new_candidates(problem, basis, candidates, error)
       type(problem_type), intent(in) :: problem
       class(basis_type), intent(in) :: basis
@@ -151,11 +152,11 @@ contains
       seed = problem%settings%problem%seed
       associate (design => problem%settings%design)
          if (allocated(problem%candidates)) then
-            call take_table(problem, basis%domain, candidates)
+            call select_rows(problem, basis%domain, candidates)
          else if (design%candidates == 'factorial') then
             call factorial(basis%domain, design, seed, candidates, error)
          else
-            ! The initial set is a hypercube of its own.
+            ! The initial set is a Latin hypercube of its own.
             first = merge(min(design%initial, design%n_candidates), 0, &
                & design%initial_set == 'latin')
             call spread_crystals(basis%domain, first, seed, candidates%constants, &
@@ -169,9 +170,9 @@ contains
             candidates%euler_deg = reshape([candidates%euler_deg, euler_deg], &
                & [3, design%n_candidates])
             if (design%orientations == 'declination') then
-               ! Of a uniform direction the declination's cosine is uniform.
-               candidates%euler_deg(2, &
-                  & :) = 90.0_wp*(1.0_wp - cos(degree*candidates%euler_deg(2, :)))
+               ! The cosine of a uniform direction's declination is uniform.
+               candidates%euler_deg(2, :) = 90.0_wp*(1.0_wp &
+                  & - cos(degree*candidates%euler_deg(2, :)))
                candidates%euler_deg([1, 3], :) = 0.0_wp
             end if
          end if
@@ -179,7 +180,7 @@ contains
    end subroutine new_candidates
 
    !> The rows of the user's table that are in the domain.
-   subroutine take_table(problem, domain, candidates)
+   subroutine select_rows(problem, domain, candidates)
       type(problem_type), intent(in) :: problem
       type(domain_type), intent(in) :: domain
       type(candidates_type), intent(out) :: candidates
@@ -194,9 +195,9 @@ contains
          end do
          candidates%euler_deg = table%euler_deg(:, rows)
       end associate
-   end subroutine take_table
+   end subroutine select_rows
 
-   !> Crystals of a Latin hypercube, each in the same directions.
+   !> Crystals of a Latin hypercube, all in the same directions.
    subroutine factorial(domain, design, seed, candidates, error)
       type(domain_type), intent(in) :: domain
       type(design_settings_type), intent(in) :: design
@@ -204,11 +205,11 @@ contains
       type(candidates_type), intent(out) :: candidates
       type(error_type), allocatable, intent(out) :: error
       type(region_type) :: region
-      real(wp), allocatable :: crystals(:, :), unused(:, :), directions(:, :)
+      real(wp), allocatable :: crystals(:, :), random(:, :), directions(:, :)
       integer :: i, j, k, m
 
       m = design%n_directions
-      call spread_crystals(domain, max(1, design%n_candidates/m), seed, crystals, unused, error)
+      call spread_crystals(domain, max(1, design%n_candidates/m), seed, crystals, random, error)
       if (allocated(error)) return
       call new_region(domain%class, region)
       call spread_of_directions(region, m, directions)
@@ -225,13 +226,13 @@ contains
       end do
    end subroutine factorial
 
-   !> Candidates that are simulated before the variance chooses: 'latin', the first; 'boundary',
-   !> those at the ends of the ranges, each crystal once, in directions that take turns.
+   !> Candidates that are simulated before the variance chooses. 'latin': the first ones.
+   !> 'boundary': those farthest out in the domain, each crystal once, in alternating directions.
    subroutine initial_set(candidates, basis, design, numbers)
       type(candidates_type), intent(in) :: candidates
       class(basis_type), intent(in) :: basis
       type(design_settings_type), intent(in) :: design
-      !> From 1.
+      !> Numbers of the candidates, from 1.
       integer, allocatable, intent(out) :: numbers(:)
       integer, allocatable :: order(:), crystal(:), firsts(:), members(:)
       integer :: i, j, n, round, wanted

@@ -1,4 +1,4 @@
-!> For which crystals a surrogate is valid, and crystals spread over them.
+!> The crystals for which a surrogate is valid, and samples of them.
 module surrogate_domain
    use crystal_class, only: crystal_class_type, new_crystal_class
    use crystal_elasticity, only: anisotropy_index, is_stable, logarithmic_mean
@@ -12,21 +12,21 @@ module surrogate_domain
    private
    public :: domain_type, complete_domain, exchange_domain, spread_crystals
 
-   !> Born-stable crystals of a class within limits: bounds of the constants and a cap on Eq. 14, or
-   !> limits of the log-anisotropy, of Poisson's ratio, that of the isotropic part of log K, and of
-   !> the scale. What is not stated is no limit.
+   !> Born-stable crystals of a class within limits. The limits are bounds of the constants and a
+   !> cap on Eq. 14, or ranges of the log-anisotropy, of Poisson's ratio of the isotropic part of
+   !> log K, and of the scale. Limits that are not stated do not apply.
    type :: domain_type
-      !> Of the constants by which crystals are given, and of all that are in the domain.
+      !> Class whose constants describe the crystals; every crystal of the domain has its symmetry.
       type(crystal_class_type) :: class
-      !> Names of the classes that are spread over the domain, separated by ', '.
+      !> Names, separated by ', ', of the classes of the crystals that are spread over the domain.
       character(len=:), allocatable :: members
-      !> GPa, (n_constants), or of size 0.
+      !> Bounds of the constants, GPa, (n_constants), or of size 0.
       real(wp), allocatable :: lower(:), upper(:)
       real(wp) :: anisotropy_cap = huge(1.0_wp), log_anisotropy_max = huge(1.0_wp), &
          & poisson(2) = [-1.0_wp, 0.5_wp]
-      !> Of the geometric mean of the six eigenvalues of the Kelvin stiffness, exp(tr log K/6), GPa:
-      !> where it is stated the specimen correction depends on it. Bounds of the constants go before
-      !> it.
+      !> Range of the scale, GPa: the geometric mean of the six eigenvalues of the Kelvin stiffness,
+      !> exp(tr log K/6). Where it is stated the specimen correction depends on the scale. Bounds of
+      !> the constants take precedence over it.
       real(wp) :: stiffness(2) = [0.0_wp, huge(1.0_wp)]
    contains
       procedure :: has_scale, is_limited, admits, is_of_class, normalised_distance, coordinates_of
@@ -34,8 +34,9 @@ module surrogate_domain
 
 contains
 
-   !> Give a domain, whose limits are stated, its class, of which it is where no members are;
-   !> refused are classes that it does not hold, and limits that are none.
+   !> Set the class of a domain whose limits are stated, and check it. Without members the class is
+   !> the only member. Members that are not crystals of the class, and limits that are not ranges,
+   !> are refused.
    subroutine complete_domain(class, domain, error)
       !> Name or synonym of the crystal class.
       character(len=*), intent(in) :: class
@@ -90,14 +91,14 @@ contains
       end associate
    end subroutine complete_domain
 
-   !> Whether the range of the scale is stated.
+   !> Whether a range of the scale is stated.
    pure logical function has_scale(self)
       class(domain_type), intent(in) :: self
 
       has_scale = self%stiffness(2) < huge(1.0_wp)
    end function has_scale
 
-   !> Whether it leaves any stable crystal of its class out.
+   !> Whether the domain excludes any stable crystal of its class.
    pure logical function is_limited(self)
       class(domain_type), intent(in) :: self
 
@@ -105,7 +106,7 @@ contains
          & .or. min(self%anisotropy_cap, self%log_anisotropy_max) < huge(1.0_wp)
    end function is_limited
 
-   !> Write a domain, or read what was written.
+   !> Write a domain, or read it.
    subroutine exchange_domain(domain, file)
       type(domain_type), intent(inout) :: domain
       type(labelled_values_type), intent(inout) :: file
@@ -163,8 +164,9 @@ contains
          & <= rounding*maxval(abs(c))
    end function is_of_class
 
-   !> How far out a stable crystal is: the largest of the coordinates that the domain limits, each
-   !> relative to its range, 1 on the boundary. The cap is none of them.
+   !> Normalised distance of a stable crystal from the middle of the domain: the largest of the
+   !> coordinates that have limits, each relative to its range; 1 on the boundary. The cap on Eq. 14
+   !> is not among them.
    pure real(wp) function normalised_distance(self, c) result(distance)
       class(domain_type), intent(in) :: self
       !> Stiffness in crystal axes, GPa.
@@ -202,7 +204,7 @@ contains
       position = (2.0_wp*value - least - greatest)/(greatest - least)
    end function position
 
-   !> n crystals of the domain of a Latin hypercube, with indentation directions uniform on the
+   !> A Latin hypercube of n crystals of the domain, with indentation directions uniform on the
    !> sphere.
    subroutine spread_crystals(domain, n, seed, constants, euler_deg, error)
       type(domain_type), intent(in) :: domain
@@ -227,8 +229,8 @@ contains
       euler_deg(3, :) = 360.0_wp*angles(3, :)
    end subroutine spread_crystals
 
-   !> The first n points of a Latin hypercube of bounds and three numbers of the unit interval, (3,
-   !> n), whose crystals are admitted.
+   !> The first n points of a Latin hypercube whose crystals are in the domain: constants between
+   !> their bounds, and three numbers of the unit interval, (3, n).
    subroutine spread_in_box(domain, n, seed, constants, unit, error)
       type(domain_type), intent(in) :: domain
       integer, intent(in) :: n, seed
@@ -237,7 +239,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer, parameter :: most_points = 4000000
       real(wp), allocatable :: points(:, :)
-      integer :: k, i, n_kept, points_needed
+      integer :: k, i, n_admitted, points_needed
 
       k = domain%class%n_constants
       points_needed = n
@@ -248,27 +250,27 @@ contains
          do i = 1, size(points, 2)
             points(:k, i) = domain%lower + points(:k, i)*(domain%upper - domain%lower)
          end do
-         ! No array constructors: they are on the stack, and these are large.
-         n_kept = 0
+         ! Array constructors would be on the stack, and these arrays are large.
+         n_admitted = 0
          do i = 1, size(points, 2)
             if (.not. domain%admits(domain%class%stiffness(points(:k, i)))) cycle
-            n_kept = n_kept + 1
-            points(:, n_kept) = points(:, i)
-            if (n_kept < n) cycle
+            n_admitted = n_admitted + 1
+            points(:, n_admitted) = points(:, i)
+            if (n_admitted < n) cycle
             constants = points(:k, :n)
             unit = points(k + 1:, :n)
             return
          end do
          points_needed = ceiling(min(4.0_wp*points_needed, &
-            & 1.02_wp*points_needed*n/max(1, n_kept) + 8.0_wp))
+            & 1.02_wp*points_needed*n/max(1, n_admitted) + 8.0_wp))
       end do
       call refuse(error, 'the domain holds (almost) no stable crystal below its anisotropy ' &
          & //'cap of '//to_text(domain%anisotropy_cap))
    end subroutine spread_in_box
 
-   !> Crystals whose log(3K/2G) and log-anisotropy are spread as the first two rows of `unit` (5 or
-   !> 6, n) over the unit square, anisotropic in random ways; the classes of the domain take turns.
-   !> The logarithm of their scale is spread as row 6, or that of 100 GPa.
+   !> Crystals whose log(3K/2G) and log-anisotropy follow the first two rows of `unit` (5 or 6, n)
+   !> over their ranges. The directions of the anisotropy are random, and the classes of the domain
+   !> alternate. The logarithm of their scale follows row 6, or is that of 100 GPa.
    subroutine spread_logarithms(domain, unit, seed, constants, error)
       type(domain_type), intent(in) :: domain
       real(wp), intent(in) :: unit(:, :)
@@ -276,7 +278,7 @@ contains
       !> Constants (n_constants, n), GPa.
       real(wp), allocatable, intent(out) :: constants(:, :)
       type(error_type), allocatable, intent(out) :: error
-      real(wp), parameter :: typical = 100.0_wp
+      real(wp), parameter :: typical_scale = 100.0_wp
       type(crystal_class_type) :: member
       type(log_coordinates_type), allocatable :: coordinates(:)
       type(random_stream_type) :: stream
@@ -297,10 +299,10 @@ contains
       do i = 1, size(unit, 2)
          associate (space => coordinates(1 + mod(i - 1, size(names))))
             between = contrast(1) + unit(1, i)*(contrast(2) - contrast(1))
-            mean = log(typical)
+            mean = log(typical_scale)
             if (domain%has_scale()) then
-               mean = (1.0_wp - unit(6, i))*log(domain%stiffness(1)) + unit(6, &
-                  & i)*log(domain%stiffness(2))
+               mean = (1.0_wp - unit(6, i))*log(domain%stiffness(1)) &
+                  & + unit(6, i)*log(domain%stiffness(2))
             end if
             w(1) = mean + 5.0_wp/6.0_wp*between
             w(2) = sqrt(5.0_wp)*(mean - between/6.0_wp)
@@ -313,7 +315,8 @@ contains
       end do
    end subroutine spread_logarithms
 
-   !> n points of m coordinates in the unit interval: each has one point in each of n equal parts.
+   !> A Latin hypercube: n points of m coordinates in the unit interval. In each coordinate, each of
+   !> n equal parts has one point.
    subroutine latin_hypercube(m, n, seed, points)
       integer, intent(in) :: m, n, seed
       !> (m, n).

@@ -1,8 +1,8 @@
 !> The regression of a surrogate: the posterior of a basis' coefficients given the simulations so
 !> far, and the candidates for the next.
 !>
-!> And the training, batch by batch: the simulations, the posterior of the coefficients, the history
-!> of its errors, and whether that is enough.
+!> It is trained batch by batch: the simulations, the posterior of the coefficients, the history of
+!> its errors, and the criteria to stop.
 module surrogate_learner
    use abstract_basis, only: basis_type, spread_of
    use acquisitions, only: acquisition_type, new_acquisition
@@ -26,39 +26,41 @@ module surrogate_learner
       class(basis_type), allocatable :: basis
       type(design_type) :: design
       class(acquisition_type), allocatable :: rule
-      !> The data of the regression.
+      !> Data of the regression.
       type(simulations_type) :: simulations
-      !> ln evidence when it was last maximised.
+      !> ln evidence at the last maximisation.
       real(wp) :: log_evidence = 0.0_wp
    end type learner_type
 
-   !> Points of an informative prior before alpha and beta are first computed from the data.
+   !> Least number of points before alpha and beta are first computed, with an informative prior.
    integer, parameter :: fewest_points = 8
-   !> Points over which the error of the next points is averaged.
+   !> Number of latest points over which the error of the next points is averaged.
    integer, parameter :: window = 20
-   !> The error improved if it fell below this share of the best before.
+   !> An error below this share of the best one before is an improvement.
    real(wp), parameter :: improvement = 0.98_wp
 
    !> The state after a maximisation of the evidence.
    type :: history_type
       integer :: simulations = 0
-      !> Mean absolute errors, GPa: of each simulation left out, of each with all of its crystal,
-      !> and of the next points before they were data; the last is below 0 if there is none.
+      !> Mean absolute errors, GPa: of each simulation left out, of each with all of its crystal
+      !> left out, and of the next points before they were data; the last is negative if there are
+      !> none.
       real(wp) :: loocv = 0.0_wp, leave_crystal_out = 0.0_wp, next = -1.0_wp
       real(wp) :: alpha = 0.0_wp, beta = 0.0_wp, decay_rate = 0.0_wp, log_evidence = 0.0_wp
-      !> Of the coefficients, and their angle to those of the batch before, degrees.
+      !> Norm of the coefficients, and their angle to those of the batch before, degrees.
       real(wp) :: norm = 0.0_wp, angle_deg = 0.0_wp
    end type history_type
 
    type :: learning_type
       type(learner_type) :: learner
       type(design_settings_type) :: settings
-      !> As few points as the basis needs, and those before alpha and beta are first computed.
+      !> Least number of points that the basis needs, and number of points before alpha and beta are
+      !> first computed.
       integer :: fewest = 0, first = 0
-      !> Simulations when the evidence was last maximised.
+      !> Number of simulations at the last maximisation of the evidence.
       integer :: last_refit = 0
       type(history_type), allocatable :: history(:)
-      !> Coefficients at the end of the last batch; errors of each point before it was data, GPa.
+      !> Coefficients at the end of the last batch; error of each point before it was data, GPa.
       real(wp), allocatable :: last_mean(:), next_errors(:)
    contains
       procedure :: n => count_simulations
@@ -66,7 +68,7 @@ module surrogate_learner
 
 contains
 
-   !> A learner without simulations and candidates.
+   !> Make a learner without simulations and candidates.
    subroutine new_learner(basis, learner, error)
       class(basis_type), intent(in) :: basis
       type(learner_type), intent(out) :: learner
@@ -86,9 +88,9 @@ contains
       end associate
    end subroutine new_learner
 
-   !> Add simulations to the data. If the design has `chosen` them, it expects them and the
-   !> posterior mean follows with `update_posterior_mean`; else each is an update of the posterior
-   !> (Eq. 11), or all at once are where there are many.
+   !> Add simulations to the data. If the design has `chosen` them, the covariance contains them
+   !> already, and `update_posterior_mean` follows later. Otherwise the posterior is updated for
+   !> each (Eq. 11), or computed once if there are many.
    subroutine add_simulations(learner, constants, euler_deg, modulus, chosen, error)
       type(learner_type), intent(inout) :: learner
       !> Constants (n_constants, n) and moduli (n), GPa; Bunge-Euler angles (3, n), degrees.
@@ -126,7 +128,7 @@ contains
       end associate
    end subroutine add_simulations
 
-   !> Revert to an earlier design; simulations that it does not have are dropped.
+   !> Revert to an earlier design; later simulations are dropped.
    subroutine revert(learner, design)
       type(learner_type), intent(inout) :: learner
       type(design_type), intent(in) :: design
@@ -139,8 +141,8 @@ contains
       end associate
    end subroutine revert
 
-   !> Posterior from all simulations, and the variances of all candidates, at alpha and beta of
-   !> largest evidence.
+   !> Maximise the evidence over alpha and beta, and compute the posterior from all simulations and
+   !> the variances of all candidates.
    subroutine fit_learner(learner, error)
       type(learner_type), intent(inout) :: learner
       type(error_type), allocatable, intent(out) :: error
@@ -171,7 +173,7 @@ contains
       modulus = learner%basis%to_modulus(matmul(coefficients, terms), scale, spread)
    end subroutine predict_moduli
 
-   !> The surrogate from these simulations.
+   !> Make the surrogate from these simulations.
    subroutine surrogate_of(learner, provenance, surrogate, error)
       type(learner_type), intent(inout) :: learner
       !> Where it comes from: a JSON object.
@@ -198,8 +200,8 @@ contains
       surrogate%provenance = provenance
    end subroutine surrogate_of
 
-   !> Without data; `initial` points before the evidence is first maximised, 0: as many as the basis
-   !> needs.
+   !> Start the training, without data. The evidence is first maximised after `initial` points; 0
+   !> stands for as many as the basis needs.
    subroutine new_learning(basis, settings, learning, error)
       class(basis_type), intent(in) :: basis
       type(design_settings_type), intent(in) :: settings
@@ -219,14 +221,14 @@ contains
       allocate (learning%history(0), learning%next_errors(0))
    end subroutine new_learning
 
-   !> Simulations so far.
+   !> Number of simulations so far.
    pure integer function count_simulations(self)
       class(learning_type), intent(in) :: self
 
       count_simulations = size(self%learner%simulations%modulus)
    end function count_simulations
 
-   !> The number of points at which the batch that is under way ends.
+   !> Number of points at the end of the present batch.
    pure integer function batch_end(learning)
       type(learning_type), intent(in) :: learning
 
@@ -237,7 +239,8 @@ contains
       end if
    end function batch_end
 
-   !> Take observations in; if they were chosen by the design, the covariance has them already.
+   !> Add observations to the training. If the design has `chosen` them, the covariance contains
+   !> them already.
    subroutine learn(learning, constants, euler_deg, modulus, chosen, error)
       type(learning_type), intent(inout) :: learning
       !> Constants of the domain's class (n_constants, n) and moduli (n), GPa; Bunge-Euler angles
@@ -248,7 +251,8 @@ contains
       real(wp) :: predicted(size(modulus))
 
       if (size(modulus) == 0) return
-      ! As of the end of the last batch, wherever in a batch a build was interrupted.
+      ! Predict with the coefficients of the end of the last batch, so that the errors do not depend
+      ! on where in a batch a build was interrupted.
       if (learning%n() >= learning%first) then
          call predict_moduli(learning%learner, learning%last_mean, constants, euler_deg, predicted)
          learning%next_errors = [learning%next_errors, abs(predicted - modulus)]
@@ -256,10 +260,10 @@ contains
       call add_simulations(learning%learner, constants, euler_deg, modulus, chosen, error)
    end subroutine learn
 
-   !> The end of a batch: the posterior, with new alpha and beta when it is time.
+   !> End a batch: compute the posterior, with new alpha and beta if it is time for them.
    subroutine close_batch(learning, exactly, error)
       type(learning_type), intent(inout) :: learning
-      !> Compute everything afresh.
+      !> Whether to compute everything anew.
       logical, intent(in) :: exactly
       type(error_type), allocatable, intent(out) :: error
 
@@ -274,8 +278,8 @@ contains
       learning%last_mean = coefficient_mean(learning%learner%design%regression)
    end subroutine close_batch
 
-   !> alpha and beta of largest evidence, and an entry of the history; nothing if that was done with
-   !> these simulations.
+   !> Maximise the evidence and append an entry to the history, unless both were done with these
+   !> simulations.
    subroutine refit_all(learning, error)
       type(learning_type), intent(inout) :: learning
       type(error_type), allocatable, intent(out) :: error
@@ -336,13 +340,13 @@ contains
    !> Mean absolute error of each simulation predicted with its whole group left out, GPa.
    subroutine left_out(learner, groups, error_gpa, error, modulus, z)
       type(learner_type), intent(in) :: learner
-      !> Of each simulation, any numbers.
+      !> Group number of each simulation, any numbers.
       integer, intent(in) :: groups(:)
       !> GPa.
       real(wp), intent(out) :: error_gpa
       type(error_type), allocatable, intent(out) :: error
-      !> Modulus (GPa) of each simulation as the others predict it, and the error of this in units
-      !> of its sd.
+      !> Modulus (GPa) of each simulation as predicted without its group, and the error of the
+      !> prediction in units of its sd.
       real(wp), dimension(:), intent(out), optional :: modulus, z
       real(wp), dimension(size(groups)) :: residual, sd, spread, predicted
       integer :: i
@@ -354,15 +358,15 @@ contains
          & y => learner%design%regression%targets(:size(groups)))
          spread = [(spread_of(basis%noise_growth, &
             & basis%domain%class%stiffness(known%constants(:, i))), i=1, size(groups))]
-         predicted = known%modulus*(basis%to_modulus(y - residual, 1.0_wp, &
-            & spread)/basis%to_modulus(y, 1.0_wp, spread))
+         predicted = basis%to_modulus(y - residual, 1.0_wp, spread) &
+            & /basis%to_modulus(y, 1.0_wp, spread)*known%modulus
          error_gpa = sum(abs(predicted - known%modulus))/size(groups)
       end associate
       if (present(modulus)) modulus = predicted
       if (present(z)) z = -residual/sd
    end subroutine left_out
 
-   !> Why to stop before the budget, or ''.
+   !> Reason to stop before the budget, or ''.
    pure function why_to_stop(learning) result(reason)
       type(learning_type), intent(in) :: learning
       character(len=:), allocatable :: reason

@@ -1,11 +1,12 @@
 !> A surrogate: the posterior of the coefficients of a basis, and what it predicts.
 !>
-!> All algebra is in y (see `basis`). The predicted modulus is that of the mean of y; its sd is by
-!> the delta method, |dM/dy| sd(y), and is that of a simulated modulus: it includes 1/beta.
+!> The regression is in y (see `abstract_basis`). The predicted modulus is that of the mean of y.
+!> Its sd follows from the delta method, |dM/dy| sd(y), and is that of a simulated modulus: it
+!> includes 1/beta.
 !>
-!> Its file is text, one value or block of values a line or more, the first line naming format and
-!> version, the last a checksum. GPa, and degrees for the simulations' angles. Where a named
-!> surrogate is, and what a new one may be named, is the same for both programs.
+!> The file is text: a value or an array after each label. The first line names format and version,
+!> the last line is a checksum. Moduli are in GPa, the angles of the simulations in degrees. This
+!> module also finds named surrogates and checks the names of new ones, for both programs.
 module surrogate_model
    use abstract_basis, only: basis_type, grain_model_type
    use bases, only: allocate_basis, new_basis
@@ -26,7 +27,7 @@ module surrogate_model
    public :: new_grain_model, save_surrogate, load_surrogate, check_replaceable, exchange_surrogate
    public :: theory_name, places_type, find_surrogate, load_named_surrogate, check_new_name
 
-   !> What a surrogate was trained on.
+   !> Simulations on which a surrogate was trained.
    type :: simulations_type
       !> Constants of the domain's class (n_constants, n) and moduli (n), GPa; Bunge-Euler angles
       !> (3, n), degrees.
@@ -40,15 +41,15 @@ module surrogate_model
       real(wp), allocatable :: coefficients(:), covariance(:, :)
       !> Precision of the prior (of a term of degree 1) and of the noise, in units of y.
       real(wp) :: alpha = 1.0_wp, beta = 1.0_wp
-      !> Of the prior's sd of a coefficient: its ratio from degree to degree.
+      !> Decay rate of the prior's sd of a coefficient: its ratio from degree to degree.
       real(wp) :: decay_rate = 1.0_wp
-      !> At the last depth of the simulations, on a half-space, um; 0 where the specimen has no
-      !> length of its own.
+      !> Contact radius at the last depth of the simulations, on a half-space, um; 0 if the specimen
+      !> has no length.
       real(wp) :: contact_radius = 0.0_wp
       type(simulations_type) :: simulations
-      !> Where it comes from: a JSON object.
+      !> Origin of the surrogate: a JSON object.
       character(len=:), allocatable :: provenance
-      !> Of the file that it was read from or written to, '' if there is none.
+      !> Checksum of the file that it was read from or written to, '' if there is none.
       character(len=16) :: checksum = ''
    end type surrogate_type
 
@@ -60,11 +61,11 @@ module surrogate_model
 
    character(len=*), parameter :: extension = '.txt'
 
-   !> Where surrogates are looked for. Folders are '' or have a slash at their ends.
+   !> Folders in which surrogates are looked for. Each is '' or ends in a slash.
    type :: places_type
-      !> Of the results, and of the namelist.
+      !> Folders of the results and of the namelist.
       character(len=:), allocatable :: output, folder
-      !> Of the package's data, and the names of the surrogates in it, separated by ', '.
+      !> Folder of the package's data, and the names of the surrogates in it, separated by ', '.
       character(len=:), allocatable :: data_folder, shipped
    end type places_type
 
@@ -88,8 +89,8 @@ contains
       surrogate%provenance = '{"model": "exact theory of the half-space"}'
    end subroutine new_theory_surrogate
 
-   !> Mean and sd (GPa) of the simulated indentation modulus of crystals. Refused are those for
-   !> which it has no meaning: unstable, or without the symmetry of the surrogate's class.
+   !> Mean and sd (GPa) of the simulated indentation modulus of crystals. Unstable crystals, and
+   !> crystals without the symmetry of the surrogate's class, are refused.
    subroutine predict_crystals(surrogate, stiffness, euler, threads, modulus, sd, error)
       type(surrogate_type), intent(in) :: surrogate
       !> In crystal axes, GPa, (6, 6, n); Bunge-Euler angles, radians, (3, n).
@@ -98,49 +99,49 @@ contains
       !> GPa, (n).
       real(wp), intent(inout) :: modulus(:), sd(:)
       type(error_type), allocatable, intent(out) :: error
-      integer, parameter :: at_once = 64
+      integer, parameter :: block_size = 64
       type(error_type), allocatable :: singular
       real(wp), allocatable :: factor(:, :)
-      integer :: first, last, i
+      integer :: first_invalid, last, i
 
-      first = huge(first)
-      !$omp parallel do num_threads(threads) schedule(static) reduction(min: first)
+      first_invalid = huge(first_invalid)
+      !$omp parallel do num_threads(threads) schedule(static) reduction(min: first_invalid)
       do i = 1, size(stiffness, 3)
          if (is_stable(stiffness(:, :, i)) &
             & .and. surrogate%basis%domain%is_of_class(stiffness(:, :, i))) then
             cycle
          end if
-         first = min(first, i)
+         first_invalid = min(first_invalid, i)
       end do
       !$omp end parallel do
-      if (first < huge(first)) then
-         call check_stiffness(stiffness(:, :, first), error)
+      if (first_invalid < huge(first_invalid)) then
+         call check_stiffness(stiffness(:, :, first_invalid), error)
          if (.not. allocated(error)) then
             call refuse(error, &
                & 'the stiffness is not that of a '//surrogate%basis%domain%class%name &
                & //' crystal in its axes, for which the surrogate is')
          end if
-         error%message = 'crystal '//to_text(first)//': '//error%message
+         error%message = 'crystal '//to_text(first_invalid)//': '//error%message
          return
       end if
       factor = surrogate%covariance
       call cholesky_factor(factor, singular)
       if (allocated(singular)) deallocate (factor)
       !$omp parallel do num_threads(threads) schedule(static) private(last)
-      do i = 1, size(stiffness, 3), at_once
-         last = min(i + at_once - 1, size(stiffness, 3))
-         call predict_side_by_side(surrogate, stiffness(:, :, i:last), euler(:, i:last), &
+      do i = 1, size(stiffness, 3), block_size
+         last = min(i + block_size - 1, size(stiffness, 3))
+         call predict_block(surrogate, stiffness(:, :, i:last), euler(:, i:last), &
             & modulus(i:last), sd(i:last), factor)
       end do
       !$omp end parallel do
    end subroutine predict_crystals
 
-   !> The same for some crystals: the variances by one product of matrices.
-   subroutine predict_side_by_side(surrogate, c, euler, modulus, sd, factor)
+   !> Mean and sd of some crystals, whose variances follow from one product of matrices.
+   subroutine predict_block(surrogate, c, euler, modulus, sd, factor)
       type(surrogate_type), intent(in) :: surrogate
       real(wp), intent(in) :: c(:, :, :), euler(:, :)
       real(wp), intent(out) :: modulus(:), sd(:)
-      !> Of the covariance, lower, if it has one.
+      !> Lower factor of the covariance, if it has one.
       real(wp), intent(in), allocatable :: factor(:, :)
       real(wp) :: terms(surrogate%basis%n_terms, size(modulus))
       real(wp), dimension(size(modulus)) :: scale, spread, variance
@@ -156,17 +157,16 @@ contains
       if (surrogate%basis%logarithmic) sd = spread*modulus
       if (surrogate%beta < huge(1.0_wp)) variance = variance + 1.0_wp/surrogate%beta
       sd = sd*sqrt(variance)
-   end subroutine predict_side_by_side
+   end subroutine predict_block
 
-   !> The moduli of certain grains as a function of the crystal, and their covariance if that
-   !> counts.
+   !> Moduli of certain grains as a function of the crystal, and their covariance on request.
    subroutine new_grain_model(surrogate, class, euler, with_covariance, model, error)
       type(surrogate_type), intent(in) :: surrogate
-      !> Of the crystals that will be asked for.
+      !> Class of the crystals that will be evaluated.
       type(crystal_class_type), intent(in) :: class
       !> Bunge-Euler angles (3, n), radians.
       real(wp), intent(in) :: euler(:, :)
-      !> Whether the covariance counts.
+      !> Whether the model includes the covariance.
       logical, intent(in) :: with_covariance
       class(grain_model_type), allocatable, intent(out) :: model
       type(error_type), allocatable, intent(out) :: error
@@ -179,7 +179,8 @@ contains
       call model%set_grains(euler, error)
    end subroutine new_grain_model
 
-   !> Write a surrogate, whole or not at all; a file that is not a surrogate is not replaced.
+   !> Write a surrogate. An incomplete file is never left, and a file that is not a surrogate is not
+   !> replaced.
    subroutine save_surrogate(surrogate, path, error)
       type(surrogate_type), intent(inout) :: surrogate
       character(len=*), intent(in) :: path
@@ -194,7 +195,7 @@ contains
          call raise(error, path//': '//file%error%message)
       else
          call replace_file(path, file%content(:file%filled), error)
-         surrogate%checksum = last_word(file%content(:file%filled))
+         surrogate%checksum = checksum_in(file%content(:file%filled))
       end if
    end subroutine save_surrogate
 
@@ -217,19 +218,19 @@ contains
          if (allocated(file%error)) then
             call refuse(error, path//': the surrogate is damaged: '//file%error%message)
          end if
-         surrogate%checksum = last_word(file%content)
+         surrogate%checksum = checksum_in(file%content)
       end if
    end subroutine load_surrogate
 
-   !> The checksum, with which a file ends.
-   pure function last_word(content)
+   !> The checksum at the end of a file.
+   pure function checksum_in(content)
       character(len=*), intent(in) :: content
-      character(len=16) :: last_word
+      character(len=16) :: checksum_in
 
-      last_word = content(max(1, len(content) - len(last_word)):len(content) - 1)
-   end function last_word
+      checksum_in = content(max(1, len(content) - len(checksum_in)):len(content) - 1)
+   end function checksum_in
 
-   !> Refuse to write where something is that is not a surrogate.
+   !> Refuse to replace something that is not a surrogate.
    subroutine check_replaceable(path, error)
       character(len=*), intent(in) :: path
       type(error_type), allocatable, intent(out) :: error
@@ -259,7 +260,7 @@ contains
       close (unit)
    end function is_surrogate
 
-   !> All of a surrogate, in the order of the file; what is read is checked.
+   !> Write a surrogate in the order of the file, or read and check it.
    subroutine exchange_surrogate(surrogate, file)
       type(surrogate_type), intent(inout) :: surrogate
       type(labelled_values_type), intent(inout) :: file
@@ -302,7 +303,7 @@ contains
       if (file%reading .and. .not. allocated(file%error)) call check_values(surrogate, file%error)
    end subroutine exchange_surrogate
 
-   !> The lower triangle, column by column.
+   !> Write or read the lower triangle of the covariance, column by column.
    subroutine exchange_covariance(surrogate, file)
       type(surrogate_type), intent(inout) :: surrogate
       type(labelled_values_type), intent(inout) :: file
@@ -356,7 +357,7 @@ contains
       if (any(simulations%modulus <= 0.0_wp)) call file%fail('a simulated modulus is not positive')
    end subroutine exchange_simulations
 
-   !> Refuse precisions that are not positive and a covariance that is none.
+   !> Refuse precisions that are not positive and a covariance that is not positive definite.
    subroutine check_values(surrogate, error)
       type(surrogate_type), intent(in) :: surrogate
       type(error_type), allocatable, intent(out) :: error
@@ -386,8 +387,8 @@ contains
       call prefix_error(error, 'the covariance is not one: ')
    end subroutine check_values
 
-   !> The path of a surrogate, '' of the theory: a file of the output folder, of the namelist's
-   !> folder, or one that comes with the package.
+   !> Find the path of a surrogate, '' for the theory: a file of the output folder, of the
+   !> namelist's folder, or one that comes with the package.
    subroutine find_surrogate(name, places, path, error)
       !> A shipped name, or the name of a file.
       character(len=*), intent(in) :: name
@@ -412,13 +413,13 @@ contains
    subroutine load_named_surrogate(name, class, places, surrogate, error)
       !> A shipped name, or the name of a file.
       character(len=*), intent(in) :: name
-      !> Name or synonym of the crystal class that it must be for, or ''.
+      !> Name or synonym of a crystal class whose crystals it must be valid for, or ''.
       character(len=*), intent(in) :: class
       type(places_type), intent(in) :: places
       type(surrogate_type), intent(out) :: surrogate
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: path
-      type(crystal_class_type) :: wanted
+      type(crystal_class_type) :: crystal
 
       if (name == theory_name) then
          call new_theory_surrogate(surrogate, error)
@@ -427,18 +428,18 @@ contains
       call find_surrogate(name, places, path, error)
       if (.not. allocated(error)) call load_surrogate(path, surrogate, error)
       if (allocated(error) .or. len(class) == 0) return
-      call new_crystal_class(class, wanted, error)
+      call new_crystal_class(class, crystal, error)
       if (allocated(error)) return
       associate (own => surrogate%basis%domain%class)
-         if (.not. own%includes(wanted)) then
-            call refuse(error, path//' is for '//own%name//' crystals, not '//wanted%name//' ones')
+         if (.not. own%includes(crystal)) then
+            call refuse(error, path//' is for '//own%name//' crystals, not '//crystal%name//' ones')
          end if
       end associate
    end subroutine load_named_surrogate
 
-   !> Refuse a name under which a new surrogate cannot be kept in the output folder.
+   !> Refuse a name that a new surrogate in the output folder cannot have.
    subroutine check_new_name(name, error)
-      !> Of the file.
+      !> Name of the file.
       character(len=*), intent(in) :: name
       type(error_type), allocatable, intent(out) :: error
       character(len=*), parameter :: allowed = '; allowed: a name that ends in '//extension &

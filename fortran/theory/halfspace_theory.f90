@@ -6,14 +6,14 @@
 !> larger.
 !>
 !> The Barnett-Lothe tensor L is inverted for several directions of a crystal at once. B of the
-!> half-space theory is L/(4 pi), and -L is the lower left block of the mean, over the turn of m and
-!> n about t, of Stroh's matrix N = [A, D; E, A^T], A = -(nn)^-1 (nm), D = (nn)^-1, E = (mn)(nn)^-1
-!> (nm) - (mm) (Barnett & Lothe, Phys. Norvegica 7, 13, 1973). A turn by phi maps N as it maps the
-!> cotangent of an angle: N(phi) = (N cos phi - sin phi)(cos phi + N sin phi)^-1. So the trapezoid
-!> rule F over n equally spaced angles of half a turn obeys F_2n = (F_n - F_n^-1)/2, the rule of cot
-!> 2 x: one inverse of a 6 x 6 matrix doubles the angles, where the sum would need n inverses of
-!> (nn). F_n^-1 has the blocks of N too; D is positive and E negative definite in both, being means
-!> of (nn)^-1, so that the 3 x 3 inverses below need no pivots.
+!> half-space theory is L/(4 pi). -L is the lower left block of the mean, over the turn of m and n
+!> about t, of Stroh's matrix N = [A, D; E, A^T] with A = -(nn)^-1 (nm), D = (nn)^-1, E =
+!> (mn)(nn)^-1 (nm) - (mm) (Barnett & Lothe, Phys. Norvegica 7, 13, 1973). A turn by phi maps N as
+!> it maps the cotangent of an angle: N(phi) = (N cos phi - sin phi)(cos phi + N sin phi)^-1. So the
+!> trapezoid rule F over n equally spaced angles of half a turn obeys F_2n = (F_n - F_n^-1)/2, the
+!> rule of cot 2 x. One inverse of a 6 x 6 matrix doubles the angles, where the sum would need n
+!> inverses of (nn). F_n^-1 has the blocks of N too. D is positive and E negative definite in both,
+!> being means of (nn)^-1, so that the 3 x 3 inverses below need no pivots.
 module halfspace_theory
    use crystal_elasticity, only: check_stiffness, rotate_stiffness, rotation_matrix, voigt_index
    use errors, only: error_type, raise
@@ -25,42 +25,43 @@ module halfspace_theory
       & inverse_barnett, plane_products, double_angles, invert, multiply, &
       & multiply_transposed, transposed
 
-   !> What the theory says of one crystal under the indenter.
+   !> Moduli of one crystal under the indenter.
    type :: halfspace_type
       !> Exact (elliptical contact) and circular-contact (Vlassak-Nix) modulus, GPa.
       real(wp) :: modulus = 0.0_wp, modulus_circular = 0.0_wp
    end type halfspace_type
 
-   !> Directions that one call takes: they fill the vector units.
+   !> Directions of one block: eight numbers fill a vector register.
    integer, parameter :: lanes = 8
-   !> Directions of the coarsest grid that is accepted, and of the finest grid.
+   !> Number of directions of the coarsest grid that is accepted, and of the finest grid.
    integer, parameter :: coarsest = 2*lanes, finest = 4096
-   !> Of the harmonic of h at 3/4 of what a grid resolves, relative to the mean. With the doubling
-   !> of the grid it guards against a change that is small by the phase of a harmonic alone.
+   !> Largest accepted amplitude, relative to the mean, of the harmonic of h at 3/4 of what a grid
+   !> resolves. A harmonic may vanish on a grid by its phase, so that doubling the grid changes
+   !> little; this limit prevents that.
    real(wp), parameter :: allowed_tail = 3.0e-4_wp
 
    integer :: k
-   !> Of directions theta in half a turn, such that the first n = 8, 16, 32, .. are equally spaced:
-   !> after the first eight those that double a grid are half way between its own. Each element is
-   !> an expression of its number: gfortran needs half a minute for cos(array).
-   real(wp), parameter :: cosines(finest) = [(cos(pi*(k/real(lanes, wp))), k=0, lanes - 1), &
+   !> cos theta and sin theta of directions in half a turn. The first n = 8, 16, 32, .. are equally
+   !> spaced: after the first eight, those that double a grid are half way between its own. Each
+   !> element is an expression of its number, since gfortran needs half a minute for cos(array).
+   real(wp), parameter :: cos_theta(finest) = [(cos(pi*(k/real(lanes, wp))), k=0, lanes - 1), &
       & (cos(pi*((k + 0.5_wp)/2**int(log(k + 0.5_wp)/log(2.0_wp)) - 1.0_wp)), k=lanes, finest - 1)]
-   real(wp), parameter :: sines(finest) = [(sin(pi*(k/real(lanes, wp))), k=0, lanes - 1), &
+   real(wp), parameter :: sin_theta(finest) = [(sin(pi*(k/real(lanes, wp))), k=0, lanes - 1), &
       & (sin(pi*((k + 0.5_wp)/2**int(log(k + 0.5_wp)/log(2.0_wp)) - 1.0_wp)), k=lanes, finest - 1)]
-   !> Of 2 theta.
-   real(wp), parameter :: cosine(finest) = 2.0_wp*cosines**2 - 1.0_wp, &
-      & sine(finest) = 2.0_wp*sines*cosines
+   !> cos 2 theta and sin 2 theta.
+   real(wp), parameter :: cos_2theta(finest) = 2.0_wp*cos_theta**2 - 1.0_wp, &
+      & sin_2theta(finest) = 2.0_wp*sin_theta*cos_theta
 
    !> Relative change of the modulus on doubling the directions below which the finer grid is
    !> accepted. The rule converges exponentially on these periodic integrands, so that the error
    !> left is about the square of the change.
    real(wp), parameter :: tolerance = 2.0e-5_wp
-   !> The same of A on doubling the angles; and doublings at most.
-   real(wp), parameter :: close = 4.0e-5_wp
+   !> Change of A on doubling the angles below which they are accepted, and most doublings.
+   real(wp), parameter :: angle_tolerance = 4.0e-5_wp
    integer, parameter :: most_doublings = 14
-   !> Of the components 11, 22, 33, 23, 13, 12.
+   !> First and second index of the components 11, 22, 33, 23, 13, 12.
    integer, parameter :: first(6) = [1, 2, 3, 2, 1, 1], second(6) = [1, 2, 3, 3, 3, 2]
-   !> Places of the elements of a transposed matrix, by columns.
+   !> Places, by columns, of the elements of a transposed matrix.
    integer, parameter :: transposed(9) = [1, 4, 7, 2, 5, 8, 3, 6, 9]
 
 contains
@@ -91,25 +92,26 @@ contains
          & //'converge on '//to_text(finest)//' directions')
    end subroutine halfspace_modulus
 
-   !> The moduli of many crystals on `threads` threads; the error is that of the first that has one.
+   !> Moduli of many crystals on `threads` threads. The error is that of the first crystal that has
+   !> one.
    subroutine halfspace_moduli(stiffness, euler_deg, threads, modulus, circular, error)
-      !> GPa (6, 6, n), Bunge-Euler angles in degrees (3, n).
+      !> GPa, (6, 6, n); Bunge-Euler angles in degrees, (3, n).
       real(wp), intent(in) :: stiffness(:, :, :), euler_deg(:, :)
       integer, intent(in) :: threads
       !> Exact, and of a circular contact, GPa (n).
       real(wp), intent(out) :: modulus(:), circular(:)
       type(error_type), allocatable, intent(out) :: error
       type(halfspace_type) :: result
-      type(error_type), allocatable :: own
+      type(error_type), allocatable :: own_error
       logical :: failed(size(modulus))
       integer :: i
 
-      !$omp parallel do num_threads(threads) schedule(dynamic, 16) private(result, own)
+      !$omp parallel do num_threads(threads) schedule(dynamic, 16) private(result, own_error)
       do i = 1, size(modulus)
-         call halfspace_modulus(stiffness(:, :, i), degree*euler_deg(:, i), result, own)
+         call halfspace_modulus(stiffness(:, :, i), degree*euler_deg(:, i), result, own_error)
          modulus(i) = result%modulus
          circular(i) = result%modulus_circular
-         failed(i) = allocated(own)
+         failed(i) = allocated(own_error)
       end do
       !$omp end parallel do
       i = findloc(failed, .true., dim=1)
@@ -118,10 +120,10 @@ contains
       error%message = 'crystal '//to_text(i)//': '//error%message
    end subroutine halfspace_moduli
 
-   !> h(theta) of u_z = h/r for a unit normal point force, 1/GPa, in the directions after the first
-   !> `done`; theta is counted from sample x in the surface.
+   !> h(theta) of the displacement u_z = h/r by a unit normal point force, 1/GPa, in the directions
+   !> after the first `done`. theta is measured from sample x in the surface.
    pure subroutine extend_grid(c, done, h)
-      !> In axes of the sample.
+      !> Stiffness in sample axes, GPa.
       real(wp), intent(in) :: c(6, 6)
       integer, intent(in) :: done
       real(wp), intent(inout) :: h(:)
@@ -130,19 +132,19 @@ contains
 
       do block = done, size(h) - lanes, lanes
          ! m = (x, y, 0) and n = z are perpendicular to t.
-         x = sines(block + 1:block + lanes)
-         y = -cosines(block + 1:block + lanes)
+         x = sin_theta(block + 1:block + lanes)
+         y = -cos_theta(block + 1:block + lanes)
          do j = 1, 3
             do i = 1, 3
-               mn(:, i + 3*(j - 1)) = x*c(voigt_index(1, i), &
-                  & voigt_index(j, 3)) + y*c(voigt_index(2, i), voigt_index(j, 3))
+               mn(:, i + 3*(j - 1)) = x*c(voigt_index(1, i), voigt_index(j, 3)) &
+                  & + y*c(voigt_index(2, i), voigt_index(j, 3))
             end do
          end do
          do i = 1, 6
-            associate (one => voigt_index(:, first(i)), other => voigt_index(:, second(i)))
-               mm(:, i) = x**2*c(one(1), other(1)) &
-                  & + x*y*(c(one(1), other(2)) + c(one(2), other(1))) + y**2*c(one(2), other(2))
-               nn(:, i) = c(one(3), other(3))
+            associate (left => voigt_index(:, first(i)), right => voigt_index(:, second(i)))
+               mm(:, i) = x**2*c(left(1), right(1)) &
+                  & + x*y*(c(left(1), right(2)) + c(left(2), right(1))) + y**2*c(left(2), right(2))
+               nn(:, i) = c(left(3), right(3))
             end associate
          end do
          call inverse_barnett(mm, mn, nn, f)
@@ -151,16 +153,16 @@ contains
    end subroutine extend_grid
 
    !> Amplitude of the harmonic 2 (3 n/8) of theta in h on n = 16, 32, .. directions, relative to
-   !> the mean: n/8 is a power of two, and with the cube of exp(2 i theta) any symmetry of the
-   !> surface about its normal has that harmonic.
+   !> the mean. n/8 is a power of two; with the factor 3 this is a harmonic that every rotational
+   !> symmetry of the surface about its normal allows.
    pure real(wp) function tail(h)
       real(wp), intent(in), contiguous :: h(:)
       real(wp) :: c(size(h)), s(size(h))
       integer :: n
 
       n = size(h)
-      c = cosine(:n)*(4.0_wp*cosine(:n)**2 - 3.0_wp)
-      s = sine(:n)*(3.0_wp - 4.0_wp*sine(:n)**2)
+      c = cos_2theta(:n)*(4.0_wp*cos_2theta(:n)**2 - 3.0_wp)
+      s = sin_2theta(:n)*(3.0_wp - 4.0_wp*sin_2theta(:n)**2)
       do while (n > 8)
          s = 2.0_wp*s*c
          c = 2.0_wp*c**2 - 1.0_wp
@@ -172,25 +174,24 @@ contains
    !> Minimise the convex compliance over the shape (a, b) of the contact ellipse by Newton's
    !> method.
    pure subroutine fit_contact_ellipse(h, shape, result, change)
-      !> In n equally spaced directions, of which the first half are equally spaced too.
+      !> h in n equally spaced directions, of which the first half are equally spaced too.
       real(wp), intent(in), contiguous :: h(:)
       !> (a, b): a guess, or 0, on entry.
       real(wp), intent(inout) :: shape(2)
       type(halfspace_type), intent(out) :: result
-      !> Of the modulus on leaving the second half out, relative.
+      !> Relative change of the modulus if the second half is left out.
       real(wp), intent(out) :: change
-      !> Steps of less leave an error of the order of their square, and of its square in the
-      !> modulus.
-      real(wp), parameter :: smallest = 1.0e-3_wp
-      !> Shapes and steps for which Newton's method needs no watching.
+      !> Last step. A step d leaves an error of the order d^2 of the shape, and d^4 of the modulus.
+      real(wp), parameter :: last_step = 1.0e-3_wp
+      !> Eccentricity and step below which Newton's method needs no line search.
       real(wp), parameter :: safe_shape = 0.7_wp, safe_step = 0.1_wp
       real(wp) :: step(2), gradient(2), hessian(3), value, half, determinant, length
       integer :: n, iteration
 
       n = size(h)
-      ! The quadratic expansion about a circle.
+      ! Start from the quadratic expansion about a circle.
       if (.not. any(abs(shape) > 0.0_wp)) then
-         shape = 4.0_wp/3.0_wp*[sum(h*cosine(:n)), sum(h*sine(:n))]/sum(h)
+         shape = 4.0_wp/3.0_wp*[sum(h*cos_2theta(:n)), sum(h*sin_2theta(:n))]/sum(h)
       end if
       do iteration = 1, 50
          call differentiate(h, shape, gradient, hessian)
@@ -210,7 +211,7 @@ contains
             if (length < 1.0e-10_wp) exit
          end if
          shape = shape + length*step
-         if (sum(step**2) < smallest**2) exit
+         if (sum(step**2) < last_step**2) exit
       end do
       half = total_compliance(h(:n/2), shape)
       value = total_compliance(h, shape)
@@ -228,11 +229,11 @@ contains
       total = 0.0_wp
       !$omp simd reduction(+: total)
       do i = 1, size(h)
-         total = total + h(i)/sqrt(1.0_wp + shape(1)*cosine(i) + shape(2)*sine(i))
+         total = total + h(i)/sqrt(1.0_wp + shape(1)*cos_2theta(i) + shape(2)*sin_2theta(i))
       end do
    end function total_compliance
 
-   !> Its gradient and its second derivatives aa, ab, bb.
+   !> Gradient of the total compliance, and its second derivatives aa, ab, bb.
    pure subroutine differentiate(h, shape, gradient, hessian)
       real(wp), intent(in), contiguous :: h(:)
       real(wp), intent(in) :: shape(2)
@@ -247,14 +248,14 @@ contains
       bb = 0.0_wp
       !$omp simd private(r, w) reduction(+: a, b, aa, ab, bb)
       do i = 1, size(h)
-         r = 1.0_wp/(1.0_wp + shape(1)*cosine(i) + shape(2)*sine(i))
+         r = 1.0_wp/(1.0_wp + shape(1)*cos_2theta(i) + shape(2)*sin_2theta(i))
          w = 0.5_wp*h(i)*r*sqrt(r)
-         a = a - w*cosine(i)
-         b = b - w*sine(i)
+         a = a - w*cos_2theta(i)
+         b = b - w*sin_2theta(i)
          w = 1.5_wp*w*r
-         aa = aa + w*cosine(i)*cosine(i)
-         ab = ab + w*cosine(i)*sine(i)
-         bb = bb + w*sine(i)*sine(i)
+         aa = aa + w*cos_2theta(i)*cos_2theta(i)
+         ab = ab + w*cos_2theta(i)*sin_2theta(i)
+         bb = bb + w*sin_2theta(i)*sin_2theta(i)
       end do
       gradient = [a, b]
       hessian = [aa, ab, bb]
@@ -262,29 +263,29 @@ contains
 
    !> The contractions (ab)_ij = a_k C_kijl b_l of a stiffness as linear functions of the products
    !> a_k b_l.
-   pure subroutine contraction_maps(c, one, both)
+   pure subroutine contraction_maps(c, map_mn, map_mm)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
-      !> From a_k b_l, l fastest, to (ab) by columns.
-      real(wp), intent(out) :: one(9, 9)
-      !> From a_k a_l to (aa), both by the components 11, 22, 33, 23, 13, 12.
-      real(wp), intent(out) :: both(6, 6)
+      !> Map from a_k b_l, l fastest, to (ab) by columns.
+      real(wp), intent(out) :: map_mn(9, 9)
+      !> Map from a_k a_l to (aa), both by the components 11, 22, 33, 23, 13, 12.
+      real(wp), intent(out) :: map_mm(6, 6)
       integer :: i, j, k, l
 
       do concurrent(i=1:3, j=1:3, k=1:3, l=1:3)
-         one(l + 3*(k - 1), i + 3*(j - 1)) = c(voigt_index(k, i), voigt_index(j, l))
+         map_mn(l + 3*(k - 1), i + 3*(j - 1)) = c(voigt_index(k, i), voigt_index(j, l))
       end do
       do concurrent(i=1:6, j=1:6)
-         both(i, j) = c(voigt_index(first(i), first(j)), voigt_index(second(j), second(i)))
+         map_mm(i, j) = c(voigt_index(first(i), first(j)), voigt_index(second(j), second(i)))
          if (i > 3) then
-            both(i, j) = both(i, j) + c(voigt_index(second(i), first(j)), &
+            map_mm(i, j) = map_mm(i, j) + c(voigt_index(second(i), first(j)), &
                & voigt_index(second(j), first(i)))
          end if
       end do
    end subroutine contraction_maps
 
-   !> Of two directions what the maps take: `mn` is m_k n_l, l fastest; `mm` and `nn` are m_k m_l
-   !> and n_k n_l, kl = 11, 22, 33, 23, 13, 12.
+   !> Products of two directions, to which the maps apply: `mn` is m_k n_l, l fastest; `mm` and `nn`
+   !> are m_k m_l and n_k n_l, kl = 11, 22, 33, 23, 13, 12.
    pure subroutine plane_products(m, n, mn, mm, nn)
       !> Unit vectors.
       real(wp), intent(in) :: m(3), n(3)
@@ -297,10 +298,10 @@ contains
 
    !> B^-1/(8 pi^2) = L^-1/(2 pi), 1/GPa: components 11, 22, 33, 23, 13, 12.
    pure subroutine inverse_barnett(mm, mn, nn, f)
-      !> The contractions (ab)_ij = a_k C_kijl b_l with two directions perpendicular to t and to
-      !> each other, GPa: those six components of (mm) and (nn), and (mn) by columns.
+      !> Contractions (ab)_ij = a_k C_kijl b_l with two directions perpendicular to t and to each
+      !> other, GPa: the six components of (mm) and (nn), and (mn) by columns.
       real(wp), intent(in) :: mm(lanes, 6), mn(lanes, 9), nn(lanes, 6)
-      !> Those of B^-1/(8 pi^2) in the axes of the contractions.
+      !> Components of B^-1/(8 pi^2) in the axes of the contractions.
       real(wp), intent(out) :: f(lanes, 6)
       real(wp) :: a(lanes, 9), d(lanes, 6), e(lanes, 6), t(lanes, 6), x(lanes, 9), change
       integer :: k
@@ -318,24 +319,24 @@ contains
       e = 0.5_wp*(e + f - mm - nn)
       do k = 1, most_doublings
          call double_angles(a, d, e, change)
-         if (change <= close) exit
+         if (change <= angle_tolerance) exit
       end do
       call invert(e, f)
       f = f*(-0.5_wp/pi)
    end subroutine inverse_barnett
 
-   !> F of twice as many angles.
+   !> Double the number of angles of F.
    pure subroutine double_angles(a, d, e, change)
       !> The blocks of F: A by columns, D and E by components.
       real(wp), intent(inout) :: a(lanes, 9), d(lanes, 6), e(lanes, 6)
-      !> That of A, the largest of its elements, which have no unit.
+      !> Largest change of an element of A, which has no unit.
       real(wp), intent(out) :: change
       real(wp) :: p1, p2, p3, p4, p5, p6, k11, k21, k31, k12, k22, k32, k13, k23, k33, s1, s2, s3, &
          & s4, s5, s6, t1, t2, t3, t4, t5, t6, w11, w21, w31, w12, w22, w32, w13, w23, w33, scale
       integer :: i
 
       ! K = D^-1 A, S = E - A^T K, and its inverse T, the upper right block of F^-1; W = T K^T: F^-1
-      ! = [-W, T; D^-1 + W^T K^T, -W^T]. As scalars they are in registers.
+      ! = [-W, T; D^-1 + W^T K^T, -W^T]. Scalars stay in registers.
       change = 0.0_wp
       !$omp simd simdlen(8) reduction(max: change)
       do i = 1, lanes
@@ -380,7 +381,7 @@ contains
          t4 = t4*scale
          t5 = t5*scale
          t6 = t6*scale
-         ! Of T and W the halves.
+         ! From here on T and W are halved.
          w11 = t1*k11 + t6*k12 + t5*k13
          w21 = t6*k11 + t2*k12 + t4*k13
          w31 = t5*k11 + t4*k12 + t3*k13
@@ -425,7 +426,7 @@ contains
       end do
    end subroutine double_angles
 
-   !> Each `inverse` of symmetric matrices `a`, by the components 11, 22, 33, 23, 13, 12.
+   !> Inverses of symmetric matrices `a`, by the components 11, 22, 33, 23, 13, 12.
    pure subroutine invert(a, inverse)
       real(wp), intent(in) :: a(lanes, 6)
       real(wp), intent(out) :: inverse(lanes, 6)
@@ -444,7 +445,7 @@ contains
       end do
    end subroutine invert
 
-   !> The `product` S A of symmetric matrices `s`, by components, and others `a`, by columns.
+   !> Products S A of symmetric matrices `s`, by components, and others `a`, by columns.
    pure subroutine multiply(s, a, product)
       real(wp), intent(in) :: s(lanes, 6), a(lanes, 9)
       real(wp), intent(out) :: product(lanes, 9)
@@ -457,17 +458,17 @@ contains
       end do
    end subroutine multiply
 
-   !> The `product` A^T B, where that is symmetric, of `a` and `b` by columns.
+   !> Products A^T B that are symmetric, of `a` and `b` by columns.
    pure subroutine multiply_transposed(a, b, product)
       real(wp), intent(in) :: a(lanes, 9), b(lanes, 9)
       real(wp), intent(out) :: product(lanes, 6)
-      !> Where the two columns of a component begin.
-      integer, parameter :: one(6) = [0, 3, 6, 3, 0, 0], other(6) = [0, 3, 6, 6, 6, 3]
+      !> Where the columns of A and of B of a component begin, less 1.
+      integer, parameter :: left(6) = [0, 3, 6, 3, 0, 0], right(6) = [0, 3, 6, 6, 6, 3]
       integer :: k
 
       do k = 1, 6
-         product(:, k) = a(:, one(k) + 1)*b(:, other(k) + 1) + a(:, one(k) + 2)*b(:, other(k) + 2) &
-            & + a(:, one(k) + 3)*b(:, other(k) + 3)
+         product(:, k) = a(:, left(k) + 1)*b(:, right(k) + 1) &
+            & + a(:, left(k) + 2)*b(:, right(k) + 2) + a(:, left(k) + 3)*b(:, right(k) + 3)
       end do
    end subroutine multiply_transposed
 

@@ -2,20 +2,21 @@
 !> surface.
 !>
 !> Below the limiting speed the impedance Z = D^-1 (1 + i A) is Hermitian (Lothe & Barnett, J. Appl.
-!> Phys. 47, 428, 1976), with D and A the blocks of the mean of Stroh's matrix (see
-!> `halfspace_theory`), in which (mm) is less by rho v^2. Z is positive definite up to the speed of
-!> the surface wave, where its smallest eigenvalue is zero (Fu & Mielke, Proc. R. Soc. A 458, 2523,
-!> 2002). With P = D^-1 and w the vector of the antisymmetric P A: det Z = det P - w.P.w. Its root
-!> is sought over s = sqrt(1 - (v/v_limiting)^2), in which it is smooth. At the root Z has one null
-!> vector a, and |n.a|^2/|a|^2 follows from the adjugate of Z, whose real part is adj P - w w^T.
+!> Phys. 47, 428, 1976). D and A are the blocks of the mean of Stroh's matrix (see
+!> `halfspace_theory`), in which rho v^2 is subtracted from (mm). Z is positive definite up to the
+!> speed of the surface wave, where its smallest eigenvalue is zero (Fu & Mielke, Proc. R. Soc. A
+!> 458, 2523, 2002). With P = D^-1 and w the vector of the antisymmetric P A: det Z = det P - w.P.w.
+!> Its root is sought over s = sqrt(1 - (v/v_limiting)^2), in which it is smooth. At the root Z has
+!> one null vector a, and |n.a|^2/|a|^2 follows from the adjugate of Z, whose real part is adj P - w
+!> w^T.
 !>
-!> In strongly anisotropic crystals the branch may run just below the slowest bulk wave of its
-!> direction, or hardly move along the normal: then it is neither excited nor detected, and what a
-!> measurement shows is the pseudo-surface wave, which is faster. (Nearness to the limiting speed is
-!> no such sign: most waves of copper are within 3 % of it, and well excited.)
+!> In strongly anisotropic crystals the surface wave may be just slower than the slowest bulk wave
+!> of its direction, or may hardly move along the normal. Then it is neither excited nor detected,
+!> and a measurement shows the pseudo-surface wave, which is faster. (Nearness to the limiting speed
+!> is no such sign: most waves of copper are within 3 % of it, and well excited.)
 !>
-!> "Modulus" of a wave is rho v^2. Of bulk waves it is an eigenvalue of the acoustic (Christoffel)
-!> tensor of the direction.
+!> The "modulus" of a wave is rho v^2. That of a bulk wave is an eigenvalue of the acoustic
+!> (Christoffel) tensor of the direction.
 module rayleigh_wave
    use crystal_elasticity, only: check_stiffness, longitudinal, path_type, rayleigh, rotation_matrix
    use errors, only: error_type
@@ -30,7 +31,7 @@ module rayleigh_wave
    type :: wave_type
       !> rho v^2 of the surface wave, and of the slowest bulk wave in the same direction, GPa.
       real(wp) :: modulus = 0.0_wp, bulk = 0.0_wp
-      !> Of the square of the displacement at the surface, the part along its normal.
+      !> Share of the component along the normal in the squared displacement at the surface.
       real(wp) :: normal_share = 0.0_wp
    contains
       procedure :: is_detected
@@ -45,22 +46,22 @@ module rayleigh_wave
       real(wp), allocatable, private :: mn(:, :, :), mm(:, :, :), nn(:, :, :), normal(:, :, :)
    end type surface_type
 
-   !> The greatest speed over that of the bulk wave, and the least share of the normal displacement,
-   !> of a wave that is detected.
-   real(wp), parameter :: nearest = 0.97_wp, weakest = 0.2_wp
-   !> Of s: the least that is tried, and the change after which the root is found.
-   real(wp), parameter :: least = 1.0e-3_wp, close = 1.0e-8_wp
+   !> Greatest speed relative to the bulk wave, and least share of the normal displacement, of a
+   !> wave that is detected.
+   real(wp), parameter :: greatest_ratio = 0.97_wp, least_share = 0.2_wp
+   !> Least s that is tried, and change of s below which the root is accepted.
+   real(wp), parameter :: least_s = 1.0e-3_wp, root_tolerance = 1.0e-8_wp
 
 contains
 
-   !> Whether it is the wave that a measurement shows.
+   !> Whether a measurement shows this wave.
    elemental logical function is_detected(self)
       class(wave_type), intent(in) :: self
 
-      is_detected = self%modulus < nearest**2*self%bulk .and. self%normal_share > weakest
+      is_detected = self%modulus < greatest_ratio**2*self%bulk .and. self%normal_share > least_share
    end function is_detected
 
-   !> m/s of a modulus rho v^2.
+   !> Speed of a wave of modulus rho v^2, m/s.
    elemental real(wp) function wave_speed(modulus, density)
       !> GPa, kg/m3.
       real(wp), intent(in) :: modulus, density
@@ -68,11 +69,11 @@ contains
       wave_speed = sqrt(1.0e9_wp*modulus/density)
    end function wave_speed
 
-   !> The directions of propagation of grains.
+   !> Set up the directions of propagation of grains.
    pure subroutine new_surface(euler, paths, surface)
       !> Bunge-Euler angles, radians, (3, n).
       real(wp), intent(in) :: euler(:, :)
-      !> Of waves, (n).
+      !> Path of each wave, (n).
       type(path_type), intent(in) :: paths(:)
       type(surface_type), intent(out) :: surface
       real(wp) :: g(3, 3), along(3), angle, tilt
@@ -98,45 +99,46 @@ contains
       end do
    end subroutine new_surface
 
-   !> The waves of all directions of a stable crystal, or of a crystal for each.
+   !> Waves in all directions, of one stable crystal or of a crystal for each direction.
    pure subroutine surface_waves(surface, c, waves)
       type(surface_type), intent(in) :: surface
       !> (6, 6, 1 or n), GPa.
       real(wp), intent(in) :: c(:, :, :)
       !> (n).
       type(wave_type), intent(out) :: waves(:)
-      type(wave_type) :: found(lanes)
-      real(wp) :: one(9, 9), both(6, 6), mm(lanes, 6), mn(lanes, 9), nn(lanes, 6), bulk(lanes)
+      type(wave_type) :: in_block(lanes)
+      real(wp) :: map_mn(9, 9), map_mm(6, 6), mm(lanes, 6), mn(lanes, 9), nn(lanes, 6), bulk(lanes)
       integer :: block, first, lane, wave
 
-      call contraction_maps(c(:, :, 1), one, both)
+      call contraction_maps(c(:, :, 1), map_mn, map_mm)
       do block = 1, size(surface%mn, 3)
          first = lanes*(block - 1)
-         mm = matmul(surface%mm(:, :, block), both)
-         mn = matmul(surface%mn(:, :, block), one)
-         nn = matmul(surface%nn(:, :, block), both)
-         do lane = 1, merge(lanes, 0, size(c, 3) > 1)
-            call contraction_maps(c(:, :, min(surface%n, first + lane)), one, both)
-            mm(lane, :) = matmul(surface%mm(lane, :, block), both)
-            mn(lane, :) = matmul(surface%mn(lane, :, block), one)
-            nn(lane, :) = matmul(surface%nn(lane, :, block), both)
+         mm = matmul(surface%mm(:, :, block), map_mm)
+         mn = matmul(surface%mn(:, :, block), map_mn)
+         nn = matmul(surface%nn(:, :, block), map_mm)
+         do lane = 1, lanes
+            if (size(c, 3) == 1) exit
+            call contraction_maps(c(:, :, min(surface%n, first + lane)), map_mn, map_mm)
+            mm(lane, :) = matmul(surface%mm(lane, :, block), map_mm)
+            mn(lane, :) = matmul(surface%mn(lane, :, block), map_mn)
+            nn(lane, :) = matmul(surface%nn(lane, :, block), map_mm)
          end do
-         call find_waves(mm, mn, nn, surface%normal(:, :, block), found)
+         call find_waves(mm, mn, nn, surface%normal(:, :, block), in_block)
          do lane = 1, min(lanes, surface%n - first)
             wave = surface%wave(first + lane)
             if (wave > rayleigh) then
                bulk = eigenvalues(mm, wave - longitudinal)
-               found(lane) = wave_type(bulk(lane), huge(1.0_wp), 1.0_wp)
+               in_block(lane) = wave_type(bulk(lane), huge(1.0_wp), 1.0_wp)
             end if
          end do
-         waves(first + 1:min(first + lanes, surface%n)) = found(:min(lanes, surface%n - first))
+         waves(first + 1:min(first + lanes, surface%n)) = in_block(:min(lanes, surface%n - first))
       end do
    end subroutine surface_waves
 
-   !> The wave of each of many crystals in one direction; the error is that of the first that has
-   !> one.
+   !> Wave of each of many crystals in one direction. The error is that of the first crystal that
+   !> has one.
    subroutine rayleigh_waves(stiffness, euler_deg, paths, waves, error)
-      !> GPa (6, 6, n), Bunge-Euler angles (3, n), degrees.
+      !> GPa, (6, 6, n); Bunge-Euler angles, degrees, (3, n).
       real(wp), intent(in) :: stiffness(:, :, :), euler_deg(:, :)
       !> (n).
       type(path_type), intent(in) :: paths(:)
@@ -157,16 +159,16 @@ contains
       call surface_waves(surface, stiffness, waves)
    end subroutine rayleigh_waves
 
-   !> Secants, kept between a point below the root and one above it.
+   !> Find the roots by secants, which stay between a point below the root and one above it.
    pure subroutine find_waves(mm, mn, nn, normal, waves)
-      !> See `inverse_barnett`, GPa; (lanes, 3).
+      !> Contractions, GPa, see `inverse_barnett`; (lanes, 3).
       real(wp), intent(in) :: mm(lanes, 6), mn(lanes, 9), nn(lanes, 6), normal(lanes, 3)
       type(wave_type), intent(out) :: waves(lanes)
       !> Isotropic solids have roots between 0.3 and 0.5.
       real(wp), parameter :: guesses(2) = [0.35_wp, 0.45_wp]
       integer, parameter :: most_steps = 60
-      real(wp), dimension(lanes) :: low, high, s, before, value, last, further, limiting
-      real(wp) :: a(lanes, 9), d(lanes, 6), e(lanes, 6)
+      real(wp), dimension(lanes) :: low, high, s, previous, value, previous_value, next, limiting
+      real(wp) :: a(lanes, 9), d(lanes, 6), e(lanes, 6), rise
       integer :: i, step
 
       call bulk_moduli(mm, mn, nn, limiting, waves%bulk)
@@ -175,7 +177,7 @@ contains
       call multiply_transposed(a, mn(:, transposed), e)
       a = -a
       e = e - mm
-      low = least
+      low = least_s
       high = 1.0_wp
       s = guesses(1)
       do step = 0, most_steps
@@ -183,23 +185,23 @@ contains
          high = merge(min(high, s), high, value > 0.0_wp)
          low = merge(low, max(low, s), value > 0.0_wp)
          if (step == 0) then
-            before = s
-            last = value
+            previous = s
+            previous_value = value
             s = guesses(2)
             cycle
          end if
          do i = 1, lanes
-            if (abs(s(i) - before(i)) < close) cycle
-            further(i) = s(i) - value(i)*(s(i) - before(i))/sign(max(abs(value(i) - last(i)), &
-               & tiny(1.0_wp)), value(i) - last(i))
-            if (.not. (further(i) > low(i) .and. further(i) < high(i))) then
-               further(i) = sqrt(low(i)*high(i))
+            if (abs(s(i) - previous(i)) < root_tolerance) cycle
+            rise = value(i) - previous_value(i)
+            next(i) = s(i) - value(i)*(s(i) - previous(i))/sign(max(abs(rise), tiny(1.0_wp)), rise)
+            if (.not. (next(i) > low(i) .and. next(i) < high(i))) then
+               next(i) = sqrt(low(i)*high(i))
             end if
-            before(i) = s(i)
-            last(i) = value(i)
-            s(i) = further(i)
+            previous(i) = s(i)
+            previous_value(i) = value(i)
+            s(i) = next(i)
          end do
-         if (all(abs(s - before) < close)) exit
+         if (all(abs(s - previous) < root_tolerance)) exit
       end do
       call determinant(s, value, waves%normal_share)
       waves%modulus = limiting*(1.0_wp - s**2)
@@ -207,13 +209,13 @@ contains
 
    contains
 
-      !> det Z, and the part of the adjugate along the normal.
-      pure subroutine determinant(at, found, normal_share)
-         !> s.
-         real(wp), intent(in) :: at(lanes)
-         real(wp), intent(out) :: found(lanes)
+      !> det Z, and the share of the adjugate along the normal.
+      pure subroutine determinant(trial_s, det, normal_share)
+         !> Trial values of s.
+         real(wp), intent(in) :: trial_s(lanes)
+         real(wp), intent(out) :: det(lanes)
          real(wp), intent(out), optional :: normal_share(lanes)
-         !> The error left is about the square of the change.
+         !> The error that is left is about the square of the change.
          real(wp), parameter :: tolerance = 1.0e-7_wp
          integer, parameter :: most_doublings = 40
          real(wp) :: turned_a(lanes, 9), turned_d(lanes, 6), turned_e(lanes, 6), p(lanes, 6), &
@@ -224,7 +226,7 @@ contains
          turned_d = d
          turned_e = e
          do k = 1, 3
-            turned_e(:, k) = e(:, k) + limiting*(1.0_wp - at**2)
+            turned_e(:, k) = e(:, k) + limiting*(1.0_wp - trial_s**2)
          end do
          do k = 1, most_doublings
             call double_angles(turned_a, turned_d, turned_e, change)
@@ -234,42 +236,44 @@ contains
          call multiply(p, turned_a, x)
          w = 0.5_wp*(x(:, [6, 7, 2]) - x(:, [8, 3, 4]))
          ! The adjugate of P is D det P.
-         x(:, 1) = p(:, 1)*(p(:, 2)*p(:, 3) - p(:, 4)**2) - p(:, &
-            & 6)*(p(:, 6)*p(:, 3) - p(:, 4)*p(:, 5)) + p(:, 5)*(p(:, 6)*p(:, 4) - p(:, 2)*p(:, 5))
-         found = x(:, 1) - along(p, w)
+         x(:, 1) = p(:, 1)*(p(:, 2)*p(:, 3) - p(:, 4)**2) &
+            & - p(:, 6)*(p(:, 6)*p(:, 3) - p(:, 4)*p(:, 5)) &
+            & + p(:, 5)*(p(:, 6)*p(:, 4) - p(:, 2)*p(:, 5))
+         det = x(:, 1) - along(p, w)
          if (present(normal_share)) then
-            normal_share = (x(:, 1)*along(turned_d, normal) - sum(w*normal, 2)**2)/(x(:, &
-               & 1)*sum(turned_d(:, :3), 2) - sum(w**2, 2))
+            normal_share = (x(:, 1)*along(turned_d, normal) - sum(w*normal, 2)**2) &
+               & /(x(:, 1)*sum(turned_d(:, :3), 2) - sum(w**2, 2))
          end if
       end subroutine determinant
 
-      !> x.S.x of symmetric matrices.
+      !> x.S.x of symmetric matrices S.
       pure function along(matrix, x)
          real(wp), intent(in) :: matrix(lanes, 6), x(lanes, 3)
          real(wp) :: along(lanes)
 
-         along = sum(matrix(:, :3)*x**2, 2) + 2.0_wp*(matrix(:, 4)*x(:, 2)*x(:, 3) + matrix(:, &
-            & 5)*x(:, 1)*x(:, 3) + matrix(:, 6)*x(:, 1)*x(:, 2))
+         along = sum(matrix(:, :3)*x**2, 2) + 2.0_wp*(matrix(:, 4)*x(:, 2)*x(:, 3) &
+            & + matrix(:, 5)*x(:, 1)*x(:, 3) + matrix(:, 6)*x(:, 1)*x(:, 2))
       end function along
    end subroutine find_waves
 
-   !> Moduli of bulk waves, GPa: of the slowest along m, and the limiting one, which is, over
-   !> directions in the plane of m and n of the slope p to m, the least eigenvalue of the acoustic
-   !> tensor times 1 + p^2.
+   !> Moduli of bulk waves, GPa: that of the slowest along m, and the limiting one. The limiting
+   !> modulus is the minimum, over directions of slope p to m in the plane of m and n, of the least
+   !> eigenvalue of the acoustic tensor times 1 + p^2.
    pure subroutine bulk_moduli(mm, mn, nn, limiting, along)
       !> As in `find_waves`.
       real(wp), intent(in) :: mm(lanes, 6), mn(lanes, 9), nn(lanes, 6)
       real(wp), intent(out) :: limiting(lanes), along(lanes)
-      !> Angles that are tried; each minimum among them is then refined by parabolas, ever smaller.
+      !> Number of angles that are tried. Each minimum among them is refined by parabolas of falling
+      !> width.
       integer, parameter :: n = 30, refinements = 4
       real(wp), parameter :: step = pi/n, shrink = 0.1_wp
       integer :: i, k, start(lanes)
       real(wp), parameter :: slopes(0:n - 1) = [(tan(step*(k + 0.5_wp) - 0.5_wp*pi), k=0, n - 1)]
-      real(wp) :: values(lanes, -1:n), both(lanes, 6)
+      real(wp) :: values(lanes, -1:n), mn_nm(lanes, 6)
       real(wp), dimension(lanes) :: p, width, value, left, right, bend
       logical :: minima(0:n - 1, lanes)
 
-      both = mn(:, [1, 5, 9, 6, 3, 2]) + mn(:, [1, 5, 9, 8, 7, 4])
+      mn_nm = mn(:, [1, 5, 9, 6, 3, 2]) + mn(:, [1, 5, 9, 8, 7, 4])
       values = huge(1.0_wp)
       p = 0.0_wp
       along = least_eigenvalues(p)
@@ -282,8 +286,8 @@ contains
       do k = 0, n - 1
          minima(k, :) = .not. values(:, k) > min(values(:, k - 1), values(:, k + 1))
       end do
-      ! The first minima of all lanes, then the second ones; a lane that has no more repeats its
-      ! last.
+      ! Refine the first minima of all lanes, then the second ones, and so on. A lane without
+      ! another minimum repeats its last one.
       do while (any(minima))
          do i = 1, lanes
             k = findloc(minima(:, i), .true., dim=1) - 1
@@ -306,34 +310,34 @@ contains
 
    contains
 
-      !> Of (mm) + p ((mn) + (nm)) + p^2 (nn).
+      !> Least eigenvalues of (mm) + p ((mn) + (nm)) + p^2 (nn).
       pure function least_eigenvalues(p)
          real(wp), intent(in) :: p(lanes)
          real(wp) :: least_eigenvalues(lanes), matrix(lanes, 6)
          integer :: i
 
          do i = 1, 6
-            matrix(:, i) = mm(:, i) + p*(both(:, i) + p*nn(:, i))
+            matrix(:, i) = mm(:, i) + p*(mn_nm(:, i) + p*nn(:, i))
          end do
          least_eigenvalues = eigenvalues(matrix, 1)
       end function least_eigenvalues
    end subroutine bulk_moduli
 
-   !> The greatest (0), the least (1) or the other (2) eigenvalues of symmetric matrices, in the
-   !> order of `wave_names`. The greatest is mean + 2 r cos(alpha/3), with r the length of the
-   !> deviator over sqrt 6 and cos(alpha) half its determinant over r^3; the least is that of the
-   !> negative matrix. Vector units have no arc cosine: y = cos(acos(x)/3) is a root of (2 y - 1)
-   !> sqrt((1 + y)/2) = sqrt((1 + x)/2).
+   !> The greatest (0), the least (1) or the middle (2) eigenvalues of symmetric matrices, in the
+   !> order of `wave_names`. The greatest is mean + 2 r cos(alpha/3). Here r is the length of the
+   !> deviator over sqrt 6, and cos(alpha) is half the determinant of the deviator over r^3. The
+   !> least is that of the negative matrix. Vector units have no arc cosine: y = cos(acos(x)/3) is a
+   !> root of (2 y - 1) sqrt((1 + y)/2) = sqrt((1 + x)/2).
    pure recursive function eigenvalues(matrix, which) result(values)
       !> Components 11, 22, 33, 23, 13, 12.
       real(wp), intent(in) :: matrix(lanes, 6)
       integer, intent(in) :: which
-      real(wp) :: values(lanes), side, mean, r, x1, x2, x3, x4, x5, x6, goal, y
+      real(wp) :: values(lanes), side, mean, r, x1, x2, x3, x4, x5, x6, right_side, y
       integer :: i, k
 
       if (which == 2) then
-         values = matrix(:, 1) + matrix(:, 2) + matrix(:, 3) - eigenvalues(matrix, &
-            & 0) - eigenvalues(matrix, 1)
+         values = matrix(:, 1) + matrix(:, 2) + matrix(:, 3) &
+            & - eigenvalues(matrix, 0) - eigenvalues(matrix, 1)
          return
       end if
       side = merge(1.0_wp, -1.0_wp, which == 0)
@@ -349,12 +353,12 @@ contains
          r = sqrt((x1**2 + x2**2 + x3**2 + 2.0_wp*(x4**2 + x5**2 + x6**2))/6.0_wp)
          y = 0.5_wp*(x1*(x2*x3 - x4**2) - x6*(x6*x3 - x4*x5) + x5*(x6*x4 - x2*x5))/max(r, &
             & tiny(1.0_wp)**0.25_wp)**3
-         goal = sqrt(0.5_wp*(1.0_wp + max(-1.0_wp, min(1.0_wp, side*y))))
-         ! Near to it, and two steps of Newton's.
-         y = 0.5_wp + goal*(0.56416_wp - 0.06416_wp*goal)
+         right_side = sqrt(0.5_wp*(1.0_wp + max(-1.0_wp, min(1.0_wp, side*y))))
+         ! Start near the root, then two steps of Newton's method.
+         y = 0.5_wp + right_side*(0.56416_wp - 0.06416_wp*right_side)
          do k = 1, 2
             y = y - (2.0_wp*(1.0_wp + y)*(2.0_wp*y - 1.0_wp) &
-               & - 4.0_wp*goal*sqrt(0.5_wp*(1.0_wp + y)))/(6.0_wp*y + 3.0_wp)
+               & - 4.0_wp*right_side*sqrt(0.5_wp*(1.0_wp + y)))/(6.0_wp*y + 3.0_wp)
          end do
          values(i) = mean + side*2.0_wp*r*y
       end do
