@@ -1,17 +1,19 @@
 !> A stage: what one command does with a problem in an output folder, for both programs:
 !>
-!>     call stage%open(problem, places, error)        ! checks, and what is there already
+!>     call stage%open(problem, places, error)        ! checks, and reads what the folder holds
 !>     do
-!>        call stage%want(error)                      ! stage%jobs: the simulations to be made now
+!>        call stage%want(error)                      ! sets stage%jobs, the simulations to make
 !>        if (size(stage%jobs) == 0) exit
-!>        (simulate each, in any order, and give what became of it to stage%take)
+!>        (simulate each job, in any order, and give its outcome to stage%take)
 !>     end do
-!> call stage%close(document, error)              ! files, and the document; after an error or an
-!> interrupt stage%campaign%flush
+!>     call stage%close(document, error)              ! writes the files and the document
 !>
-!> What became of a simulation is stored by `take`, of a stage that has a campaign; a modulus that
-!> is none is a failure. What the machine could not do (memory) is no result: it is wanted once
-!> more, alone, and is an error if that fails too.
+!> After an error or an interrupt call stage%campaign%flush instead of stage%close.
+!>
+!> `take` stores the outcome of a simulation in the campaign, if the stage has one. A modulus that
+!> is not a positive number counts as a failure. A simulation that the machine could not perform,
+!> for lack of memory, has no outcome: the stage asks for it once more, alone, and a second failure
+!> is an error.
 module abstract_stage
    use campaign, only: campaign_type, row_type
    use errors, only: error_type, machine_failure, raise, refuse, warning_type
@@ -26,44 +28,44 @@ module abstract_stage
    private
    public :: stage_type, job_type
 
-   !> A simulation that is wanted.
+   !> A simulation that the stage asks for.
    type :: job_type
       !> Stiffness in crystal axes, GPa; Bunge-Euler angles, degrees.
       real(wp) :: stiffness(6, 6) = 0.0_wp, euler_deg(3) = 0.0_wp
-      !> Its number in the batch that the stage chose.
+      !> Number in the batch of the stage, from 1.
       integer :: number = 0
    end type job_type
 
    type, abstract :: stage_type
-      !> Of the command, and of the file of its document; the groups of the namelist that its
-      !> results follow from, and those of a posterior.
+      !> Names of the command and of the file of its document; the groups of the namelist that
+      !> determine its results, and those that determine a posterior; separated by blanks.
       character(len=:), allocatable :: name, document_file, groups, groups_of_posterior
       type(problem_type), pointer :: problem => null()
-      !> Folder of the results, without a slash at its end; and where surrogates are looked for.
+      !> Folder of the results, without a slash at its end.
       character(len=:), allocatable :: output
+      !> Folders in which a surrogate is searched.
       type(places_type) :: places
-      !> What a person should know; why its result cannot be used, none: it can.
+      !> Warnings; and the reasons for which the result cannot be used, none if it can.
       type(warning_type), allocatable :: warnings(:), reasons(:)
-      !> What is to be simulated now.
+      !> The simulations to make now.
       type(job_type), allocatable :: jobs(:)
-      !> Simulations that were made in this run, those that failed, and those that are still
-      !> expected.
+      !> Numbers of simulations: made in this run, failed, and still expected.
       integer :: n_new = 0, n_failed = 0, n_expected = 0
-      !> One line on what was done, and perhaps more.
+      !> One line on what was done, and further lines.
       character(len=:), allocatable :: done
       type(warning_type), allocatable :: more(:)
-      !> The batch that was chosen, what became of each, as a row of the campaign, which may have
-      !> had it already, and its state.
+      !> The simulations of the present batch; each as a row of the campaign, with its outcome; and
+      !> the state of each, see below. The campaign may have had a row before.
       type(job_type), allocatable :: batch(:)
       type(row_type), allocatable :: rows(:)
       integer, allocatable, private :: state(:)
-      !> Of stages that open it.
+      !> Open only in stages that simulate.
       type(campaign_type) :: campaign
    contains
       procedure, non_overridable :: open, want, take, close, look_up
-      !> Look at what is there, refuse what cannot be, and choose the first batch.
+      !> Read the results in the folder, refuse what is impossible, and choose the first batch.
       procedure :: begin
-      !> Learn from the batch that was simulated, and choose the next; none: all is done.
+      !> Use the batch that was simulated and choose the next one; an empty batch ends the stage.
       procedure :: choose
       !> Write the files, and the document into the object of a `page`.
       procedure(describe), deferred :: finish
@@ -78,16 +80,16 @@ module abstract_stage
       end subroutine describe
    end interface
 
-   !> A job is to be made, to be made once more, or made.
+   !> States of a job: to be simulated, to be simulated once more, simulated.
    integer, parameter :: waiting = 0, again = 1, made = 2
 
 contains
 
-   !> Begin in an output folder.
+   !> Begin the stage in the output folder.
    subroutine open(self, problem, places, error)
       class(stage_type), intent(inout) :: self
       type(problem_type), intent(in), target :: problem
-      !> The folder of the results among them.
+      !> With the folder of the results.
       type(places_type), intent(in) :: places
       type(error_type), allocatable, intent(out) :: error
 
@@ -102,7 +104,7 @@ contains
       call begin_batch(self)
    end subroutine open
 
-   !> All of the batch is to be made but what the campaign had.
+   !> Mark the rows of the batch that the campaign does not have as waiting.
    subroutine begin_batch(self)
       class(stage_type), intent(inout) :: self
       integer :: i
@@ -112,32 +114,33 @@ contains
          & self%rows(:size(self%batch))%outcome%status == outcome_waiting)
    end subroutine begin_batch
 
-   !> What the campaign has of the rows of a batch. The others are to follow all that is there; or
-   !> those `in_place`, of a batch that was interrupted, to take the places that they left in it.
+   !> Read the outcomes that the campaign has for the rows of a batch. The positions of the other
+   !> rows follow the last row of the campaign. With `in_place` the batch was interrupted before:
+   !> its missing rows get the positions that are free within it.
    subroutine look_up(self, in_place, error)
       class(stage_type), intent(inout) :: self
       logical, intent(in) :: in_place
       type(error_type), allocatable, intent(out) :: error
       type(row_type) :: stored
-      logical :: found(size(self%rows))
+      logical :: is_stored(size(self%rows))
       integer :: first(size(self%rows)), next, i
 
-      do i = 1, size(found)
+      do i = 1, size(is_stored)
          call self%campaign%find(self%rows(i)%symmetry, self%rows(i)%constants, &
-            & self%rows(i)%euler_deg, stored, found(i), error)
+            & self%rows(i)%euler_deg, stored, is_stored(i), error)
          if (allocated(error)) return
-         if (found(i)) self%rows(i)%outcome = stored%outcome
+         if (is_stored(i)) self%rows(i)%outcome = stored%outcome
          first(i) = stored%position - i + 1
       end do
       call self%campaign%next_position(next, error)
-      self%rows%position = next - 1 + [(count(.not. found(:i)), i=1, size(found))]
-      if (.not. (in_place .and. any(found))) return
-      if (minval(first, found) == maxval(first, found)) then
-         self%rows%position = minval(first, found) - 1 + [(i, i=1, size(found))]
+      self%rows%position = next - 1 + [(count(.not. is_stored(:i)), i=1, size(is_stored))]
+      if (.not. (in_place .and. any(is_stored))) return
+      if (minval(first, is_stored) == maxval(first, is_stored)) then
+         self%rows%position = minval(first, is_stored) - 1 + [(i, i=1, size(is_stored))]
       end if
    end subroutine look_up
 
-   !> Let `jobs` be what is to be simulated now.
+   !> Set `jobs` to the simulations to make now.
    subroutine want(self, error)
       class(stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
@@ -156,11 +159,12 @@ contains
       end if
    end subroutine want
 
-   !> What became of the job of this number. One thread at a time.
+   !> Take the outcome of the job of this number. Only one thread at a time may call it.
    subroutine take(self, number, outcome, error)
       class(stage_type), intent(inout) :: self
       integer, intent(in) :: number
-      !> Waiting: the machine could not do it, for the reason in its message.
+      !> The status `outcome_waiting` means that the machine could not perform the simulation, for
+      !> the reason in the message.
       type(outcome_type), intent(in) :: outcome
       type(error_type), allocatable, intent(out) :: error
 
@@ -170,13 +174,13 @@ contains
          self%state(number) = made
          self%n_new = self%n_new + 1
          self%rows(number)%outcome = outcome
-         associate (kept => self%rows(number)%outcome)
-            if (kept%status == outcome_done &
-               & .and. .not. (kept%modulus > 0.0_wp .and. kept%modulus <= huge(1.0_wp))) then
-               kept%status = outcome_failed
-               kept%message = 'the modulus is '//lower(to_text(kept%modulus))//' GPa'
+         associate (stored => self%rows(number)%outcome)
+            if (stored%status == outcome_done &
+               & .and. .not. (stored%modulus > 0.0_wp .and. stored%modulus <= huge(1.0_wp))) then
+               stored%status = outcome_failed
+               stored%message = 'the modulus is '//lower(to_text(stored%modulus))//' GPa'
             end if
-            if (kept%status == outcome_failed) self%n_failed = self%n_failed + 1
+            if (stored%status == outcome_failed) self%n_failed = self%n_failed + 1
          end associate
          if (allocated(self%campaign%path)) call self%campaign%add_soon(self%rows(number), error)
       else if (self%state(number) == again) then
@@ -194,7 +198,7 @@ contains
       end associate
    end subroutine begin
 
-   !> Nothing more is to be simulated.
+   !> End the stage after its first batch.
    subroutine choose(self, error)
       class(stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
@@ -202,7 +206,7 @@ contains
       self%batch = [job_type ::]
    end subroutine choose
 
-   !> Write the results, and keep the document in the folder.
+   !> Write the results and the document into the folder.
    subroutine close(self, document, error)
       class(stage_type), intent(inout) :: self
       !> JSON.

@@ -1,6 +1,6 @@
-!> What a build would refuse, or warn of, before its first simulation, as far as the namelist tells.
-!> And the truncations that &surrogate `scan` compares: '1, 2, 3 x 8, 10, 12' is each of these
-!> degrees with each of these bandlimits.
+!> Refusals and warnings of a build that need no simulation; the domain and the basis of a problem;
+!> and the truncations that &surrogate `scan` compares. The scan '1, 2, 3 x 8, 10, 12' stands for
+!> each of these degrees with each of these bandlimits.
 module build_checks
    use abstract_basis, only: basis_type
    use bases, only: new_basis
@@ -20,20 +20,21 @@ module build_checks
    private
    public :: check_build, question_candidates, basis_of_problem, read_scan
 
-   !> Crystals are up to so many times stiffer, or more compliant, than the surroundings of the
-   !> specimen.
+   !> Default range of the scale of the crystals: they are up to 3 times stiffer, or more compliant,
+   !> than the other parts of the specimen.
    real(wp), parameter :: scale_factor = 3.0_wp
 
 contains
 
-   !> Refuse the name of the surrogate's file, a basis that cannot be, more than memory holds, or
-   !> the truncations to compare.
+   !> Refuse a name of a file that is not allowed for a surrogate, an impossible basis, a build that
+   !> needs more memory than there is, and impossible truncations.
    subroutine check_build(problem, error, output)
       type(problem_type), intent(in) :: problem
       type(error_type), allocatable, intent(out) :: error
-      !> Folder in which the surrogate must be kept, too, without a slash at its end.
+      !> Folder, without a slash at its end, in which the file of the surrogate must be replaceable.
       character(len=*), intent(in), optional :: output
       class(basis_type), allocatable :: basis
+      !> Of a number.
       real(wp), parameter :: bytes = 8.0_wp
       integer :: n
 
@@ -56,7 +57,8 @@ contains
       if (allocated(error)) return
       n = problem%settings%design%n_candidates
       if (allocated(problem%candidates)) n = problem%candidates%n
-      ! The terms of all candidates, twice while they are whitened, and four matrices of the terms.
+      ! Two copies of the terms of all candidates, while they are whitened, and four square matrices
+      ! of the terms.
       call check_memory(bytes*basis%n_terms*(2.0_wp*n + 4.0_wp*basis%n_terms), &
          & to_text(n)//' candidates of '//to_text(basis%n_terms)//' terms', error)
       if (.not. allocated(error)) then
@@ -67,7 +69,7 @@ contains
       end if
    end subroutine check_build
 
-   !> The truncations to compare are possible, too.
+   !> Refuse impossible truncations of `scan`.
    subroutine check_scan(problem, domain, error)
       type(problem_type), intent(in) :: problem
       type(domain_type), intent(in) :: domain
@@ -92,7 +94,7 @@ contains
       call prefix_error(error, place(problem%path, 'surrogate', 'scan'))
    end subroutine check_scan
 
-   !> Warn of candidates for which the surrogate would not be valid.
+   !> Warn of candidates outside the domain of the surrogate.
    subroutine question_candidates(self, error)
       type(problem_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
@@ -110,7 +112,7 @@ contains
       end if
    end subroutine question_candidates
 
-   !> What &domain and &surrogate ask for.
+   !> The basis that &domain and &surrogate define.
    subroutine basis_of_problem(self, basis, error)
       type(problem_type), intent(in) :: self
       class(basis_type), allocatable, intent(out) :: basis
@@ -123,8 +125,8 @@ contains
       call prefix_error(error, place(self%path, 'surrogate', ''))
    end subroutine basis_of_problem
 
-   !> The crystals for which the surrogate of a problem is to be valid: those of its class between
-   !> bounds, or all.
+   !> The domain of validity of the surrogate of a problem: crystals of its class between bounds of
+   !> the constants, or crystals of all classes within limits of invariants.
    subroutine domain_of(self, domain, error)
       type(problem_type), intent(in) :: self
       type(domain_type), intent(out) :: domain
@@ -157,25 +159,25 @@ contains
       end associate
    end subroutine domain_of
 
-   !> The range of the scale of the crystals on which the correction depends; not allocated where it
-   !> does not. Where none is stated it is a factor about the stiffness that the specimen has of its
-   !> own.
+   !> The range of the scale of the crystals, for a correction that depends on the scale. The
+   !> default range is a factor of 3 about the stiffness of the other parts of the specimen.
    subroutine range_of_scale(self, stiffness, error)
       type(problem_type), intent(in) :: self
-      !> The least and the greatest, see `surrogate_domain`, GPa.
+      !> Least and greatest scale, GPa, see `surrogate_domain`; unallocated if the correction does
+      !> not depend on the scale.
       real(wp), allocatable, intent(out) :: stiffness(:)
       type(error_type), allocatable, intent(out) :: error
       character(len=*), parameter :: names(2) = ['stiffness_min_gpa', 'stiffness_max_gpa']
       logical :: stated(2)
-      real(wp) :: own
+      real(wp) :: scale
 
       associate (domain => self%settings%domain, &
          & is_paper => self%settings%surrogate%model == 'paper')
          stated = [allocated(domain%stiffness_min_gpa), allocated(domain%stiffness_max_gpa)]
          if (.not. any(stated)) then
-            own = 0.0_wp
-            if (.not. is_paper) own = specimen_stiffness(self%settings)
-            if (own > 0.0_wp) stiffness = own*[1.0_wp/scale_factor, scale_factor]
+            scale = 0.0_wp
+            if (.not. is_paper) scale = specimen_stiffness(self%settings)
+            if (scale > 0.0_wp) stiffness = scale*[1.0_wp/scale_factor, scale_factor]
          else if (is_paper) then
             call refuse(error, place(self%path, 'domain', names(findloc(stated, .true., 1))) &
                & //'the paper''s model has no scale apart from its constants; allowed with ' &
@@ -193,20 +195,20 @@ contains
       end associate
    end subroutine range_of_scale
 
-   !> `pairs` (2, n) of degree and bandlimit; none of a blank text.
+   !> Read the pairs of degree and bandlimit, (2, n), of a scan. A blank text has none.
    pure subroutine read_scan(text, pairs, error)
       character(len=*), intent(in) :: text
       integer, allocatable, intent(out) :: pairs(:, :)
       type(error_type), allocatable, intent(out) :: error
       integer, allocatable :: degrees(:), bandlimits(:)
-      integer :: i, j, cross
+      integer :: i, j, sign_position
 
       allocate (pairs(2, 0))
       if (len_trim(text) == 0) return
-      cross = scan(text, 'xX')
-      if (cross > 0) then
-         call read_list(text(:cross - 1), degrees)
-         call read_list(text(cross + 1:), bandlimits)
+      sign_position = scan(text, 'xX')
+      if (sign_position > 0) then
+         call read_list(text(:sign_position - 1), degrees)
+         call read_list(text(sign_position + 1:), bandlimits)
          pairs = reshape([((degrees(i), bandlimits(j), j=1, size(bandlimits)), i=1, &
             & size(degrees))], [2, size(degrees)*size(bandlimits)])
       end if
@@ -216,18 +218,18 @@ contains
       end if
    end subroutine read_scan
 
-   !> The integers of a list; none if one of its items is no integer.
+   !> Read the integers of a list. The result is empty if an item is not an integer.
    pure subroutine read_list(text, list)
       character(len=*), intent(in) :: text
       integer, allocatable, intent(out) :: list(:)
       character(len=len(text)), allocatable :: items(:)
-      integer :: i, outcome
+      integer :: i, status
 
       allocate (items, source=split_list(text))
       allocate (list(size(items)))
       do i = 1, size(items)
-         call read_integer(trim(items(i)), list(i), outcome)
-         if (outcome /= number_ok) exit
+         call read_integer(trim(items(i)), list(i), status)
+         if (status /= number_ok) exit
       end do
       if (i <= size(items)) list = [integer ::]
    end subroutine read_list

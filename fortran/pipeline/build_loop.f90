@@ -1,8 +1,8 @@
-!> The loop of Step 1: choose the next simulations, learn from what became of them, until the budget
-!> is used. See `build_stage`.
+!> The loop of Step 1: choose simulations and train the surrogate on them, until the budget is used.
+!> `build_stage` writes the results.
 !>
-!> All results go through the campaign, so that an interrupted build goes on where it was, and a
-!> larger budget continues it. What is in the campaign is not asked for again.
+!> All simulations are stored in the campaign. A build that was interrupted, or that has a larger
+!> budget now, therefore resumes without repeating a simulation.
 module build_loop
    use abstract_basis, only: basis_type
    use bases, only: new_basis
@@ -27,27 +27,28 @@ module build_loop
    private
    public :: build_type
 
-   !> What the loop is at: simulations to learn from, those to validate with, nothing more.
-   integer, parameter :: teaching = 1, validating = 2, finished = 3
+   !> Phases of the loop: simulations for training, simulations for validation, the end.
+   integer, parameter :: training = 1, validating = 2, finished = 3
 
    type, abstract, extends(stage_type) :: build_type
       type(learning_type) :: learning
       type(candidates_type) :: candidates
-      !> Where the posterior is, if simulations are to be chosen there.
+      !> The posterior, if the simulations are chosen there; otherwise unallocated.
       type(focus_type), allocatable :: focus
-      integer, private :: phase = teaching
-      !> Why the learning ended.
+      integer, private :: phase = training
+      !> Why the training ended.
       character(len=:), allocatable :: stopped
-      !> What to validate with: constants (n_constants, n), angles (3, n), moduli (n).
+      !> The simulations for validation: constants, GPa, (n_constants, n), Bunge-Euler angles,
+      !> degrees, (3, n), and moduli, GPa, (n).
       real(wp), allocatable :: unseen_constants(:, :), unseen_euler_deg(:, :), unseen_modulus(:)
-      !> The rest of the initial set.
+      !> Candidates of the initial set that were not chosen yet.
       integer, allocatable, private :: initial(:)
-      !> Rows of the campaign that are not learnt: of a batch that was interrupted, or what the
-      !> budget leaves over.
+      !> Rows of the campaign on which the surrogate is not trained: those of an interrupted batch,
+      !> and those beyond the budget.
       type(known_rows_type), private :: unused
-      !> The design before the present choice, which may be taken back.
-      type(design_type), allocatable, private :: before
-      !> The candidates that are chosen, of which the rows are; whether the variance chose them.
+      !> The design before the present choice, to which `undo_choice` reverts.
+      type(design_type), allocatable, private :: design_before
+      !> Numbers of the candidates of the present batch, and whether the variance chose them.
       integer, allocatable, private :: chosen(:)
       logical, private :: by_variance = .false.
    contains
@@ -56,8 +57,8 @@ module build_loop
 
 contains
 
-   !> Refuse a build that could not be, or whose surrogate could not be kept; then learn what the
-   !> campaign has.
+   !> Refuse a build that is impossible, or whose surrogate cannot be stored; then train on the rows
+   !> of the campaign.
    subroutine begin(self, error)
       class(build_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
@@ -105,49 +106,48 @@ contains
       end associate
    end subroutine begin
 
-   !> Learn from the rows of the campaign as they were learnt from when they were made: whole
-   !> batches. What is there of a batch that was interrupted may be chosen once more, so that its
-   !> moduli are learnt in the order of choice; see `settle`.
+   !> Train on the rows of the campaign as in the run that made them: in whole batches. The rows of
+   !> an interrupted batch stay available to the design, so that the same choice is made again and
+   !> their moduli are used in the order of choice; see `match_interrupted`.
    subroutine replay(build, rows, error)
       class(build_type), intent(inout) :: build
       type(row_type), intent(in) :: rows(:)
       type(error_type), allocatable, intent(out) :: error
-      logical, allocatable :: taken(:)
-      integer :: beyond
+      logical, allocatable :: is_trained(:)
+      integer :: n_outside
 
       associate (learner => build%learning%learner, learning => build%learning)
-         ! The simulations of a round are chosen again by the same posterior, and found in the
-         ! campaign.
+         ! The same posterior chooses the simulations of a round again, and the campaign has them.
          call select_rows(rows, learner%basis, build%candidates, &
             & build%problem%settings%design%reuse == 'chosen', allocated(build%focus), &
-            & build%unused, beyond, error)
+            & build%unused, n_outside, error)
          if (allocated(error)) return
          if (allocated(build%focus)) then
             learning%settings%budget = min(learning%settings%budget, &
                & max(simulations_before, build%unused%n()))
             learning%first = min(learning%first, learning%settings%budget)
          end if
-         if (beyond > 0) then
-            call warn(build%warnings, to_text(beyond)//' simulations of the campaign are outside ' &
-               & //'the surrogate''s domain and are not used')
+         if (n_outside > 0) then
+            call warn(build%warnings, to_text(n_outside)//' simulations of the campaign are ' &
+               & //'outside the surrogate''s domain and are not used')
          end if
          build%n_failed = build%unused%failed
-         call learn_unused(build, .true., error)
+         call train_on_rows(build, .true., error)
          if (allocated(error)) return
-         call build%unused%divide(taken)
-         where (taken) learner%design%available = .false.
+         call build%unused%divide(is_trained)
+         where (is_trained) learner%design%available = .false.
          if (any(build%unused%open)) then
             call update_posterior_mean(learner%design, .true., error)
          else
-            call take_unused(build, error)
+            call use_all_rows(build, error)
          end if
       end associate
    end subroutine replay
 
-   !> Learn from the rows that are not learnt yet, batch by batch; `whole`: as long as they fill a
-   !> batch.
-   subroutine learn_unused(build, whole, error)
+   !> Train on the rows that are left, batch by batch.
+   subroutine train_on_rows(build, whole, error)
       class(build_type), intent(inout) :: build
+      !> Leave out the rows that do not fill a batch.
       logical, intent(in) :: whole
       type(error_type), allocatable, intent(out) :: error
       integer :: complete, last
@@ -169,26 +169,26 @@ contains
             if (allocated(error)) return
          end do
       end associate
-   end subroutine learn_unused
+   end subroutine train_on_rows
 
-   !> Learn from what is not learnt yet in the order in which it was stored; none of it is chosen
-   !> any more.
-   subroutine take_unused(build, error)
+   !> Train on the rows that are left, in the order in which they were stored. The design does not
+   !> choose them any more.
+   subroutine use_all_rows(build, error)
       class(build_type), intent(inout) :: build
       type(error_type), allocatable, intent(out) :: error
 
       where (build%unused%open) build%learning%learner%design%available = .false.
       build%unused%open = .false.
-      if (build%phase /= teaching) return
-      call learn_unused(build, .false., error)
+      if (build%phase /= training) return
+      call train_on_rows(build, .false., error)
       if (allocated(error)) return
       call update_posterior_mean(build%learning%learner%design, .true., error)
-   end subroutine take_unused
+   end subroutine use_all_rows
 
-   !> What of a batch that was interrupted is in the campaign must be in the batch chosen now, which
-   !> is then the same one. If something else is there, and something of the batch is not, another
-   !> &design chose: the choice is taken back, and the rows are learnt as they are.
-   subroutine settle(build, error)
+   !> Compare the present choice with the rows of an interrupted batch. If the choice contains all
+   !> of these rows, it is that batch, and the build resumes. If it does not, and the choice has
+   !> rows that are missing, another &design made the batch: undo the choice and train on the rows.
+   subroutine match_interrupted(build, error)
       class(build_type), intent(inout) :: build
       type(error_type), allocatable, intent(out) :: error
 
@@ -197,21 +197,21 @@ contains
          call build%unused%choose(build%chosen)
          return
       end if
-      call take_back(build)
+      call undo_choice(build)
       if (allocated(build%unseen_modulus)) deallocate (build%unseen_modulus)
-      call take_unused(build, error)
-   end subroutine settle
+      call use_all_rows(build, error)
+   end subroutine match_interrupted
 
-   !> Let the design be as it was before the present choice, which ends.
-   subroutine take_back(build)
+   !> Restore the design to its state before the present choice.
+   subroutine undo_choice(build)
       class(build_type), intent(inout) :: build
 
       build%chosen = [integer ::]
-      call revert(build%learning%learner, build%before)
-      deallocate (build%before)
-   end subroutine take_back
+      call revert(build%learning%learner, build%design_before)
+      deallocate (build%design_before)
+   end subroutine undo_choice
 
-   !> Learn the batch that was performed and choose the next; nothing is wanted when all is done.
+   !> Train on the batch that was simulated and choose the next one. The batch is empty at the end.
    subroutine choose(self, error)
       class(build_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
@@ -219,14 +219,16 @@ contains
       do
          if (size(self%chosen) > 0) call close_choice(self, error)
          if (allocated(error)) return
-         if (self%phase == teaching) call choose_lesson(self, error)
-         if (self%phase == validating .and. .not. allocated(error)) call choose_unseen(self, error)
+         if (self%phase == training) call choose_training_batch(self, error)
+         if (self%phase == validating .and. .not. allocated(error)) then
+            call choose_validation(self, error)
+         end if
          if (allocated(error)) return
          call set_batch(self)
          if (self%phase == finished) return
-         ! What is missing of a batch that was interrupted takes the places that it left.
+         ! Missing rows of an interrupted batch get the positions that are free within it.
          call self%look_up(any(self%unused%open) .or. allocated(self%focus), error)
-         if (.not. allocated(error) .and. any(self%unused%open)) call settle(self, error)
+         if (.not. allocated(error) .and. any(self%unused%open)) call match_interrupted(self, error)
          if (allocated(error) .or. (size(self%chosen) > 0 &
             & .and. any(self%rows%outcome%status == outcome_waiting))) then
             return
@@ -234,7 +236,7 @@ contains
       end do
    end subroutine choose
 
-   !> The batch and its rows are the candidates that are chosen.
+   !> Make the batch and its rows from the candidates that are chosen.
    subroutine set_batch(build)
       class(build_type), intent(inout) :: build
       integer :: i
@@ -252,8 +254,8 @@ contains
       end associate
    end subroutine set_batch
 
-   !> The next batch to learn from, or the end of the learning.
-   subroutine choose_lesson(build, error)
+   !> Choose the next batch for training, or end the training.
+   subroutine choose_training_batch(build, error)
       class(build_type), intent(inout) :: build
       type(error_type), allocatable, intent(out) :: error
       integer :: n_left
@@ -275,7 +277,7 @@ contains
             n_left = count(learning%learner%design%available)
          end if
          if (len(build%stopped) == 0) then
-            if (any(build%unused%open)) build%before = learning%learner%design
+            if (any(build%unused%open)) build%design_before = learning%learner%design
             call choose_some(build, min(batch_end(learning) - learning%n(), n_left))
          else if (learning%n() < 2) then
             call raise(error, failures(build))
@@ -287,9 +289,10 @@ contains
             build%phase = validating
          end if
       end associate
-   end subroutine choose_lesson
+   end subroutine choose_training_batch
 
-   !> The candidates and the domain are those of the posterior; or the learning ends.
+   !> Begin a round at the posterior, whose crystals are the new candidates and define the domain;
+   !> or end the training.
    subroutine begin_round(build, error)
       class(build_type), intent(inout) :: build
       type(error_type), allocatable, intent(out) :: error
@@ -323,8 +326,9 @@ contains
       end associate
    end subroutine begin_round
 
-   !> What to validate with: rows that the budget left over, then the next points by variance.
-   subroutine choose_unseen(build, error)
+   !> Choose the simulations for validation: first the rows beyond the budget, then the candidates
+   !> with the largest variance.
+   subroutine choose_validation(build, error)
       class(build_type), intent(inout) :: build
       type(error_type), allocatable, intent(out) :: error
       integer :: stored, wanted
@@ -345,13 +349,15 @@ contains
          build%phase = finished
          return
       end if
-      build%before = build%learning%learner%design
-      if (stored > 0) call assume(build, build%unseen_constants, build%unseen_euler_deg, error)
+      build%design_before = build%learning%learner%design
+      if (stored > 0) then
+         call assume_simulated(build, build%unseen_constants, build%unseen_euler_deg, error)
+      end if
       if (allocated(error)) return
       call choose_some(build, wanted)
-   end subroutine choose_unseen
+   end subroutine choose_validation
 
-   !> At most `count` candidates: the rest of the initial set comes first.
+   !> Choose up to `count` candidates: those of the initial set first.
    subroutine choose_some(build, count)
       class(build_type), intent(inout) :: build
       integer, intent(in) :: count
@@ -372,8 +378,9 @@ contains
       end associate
    end subroutine choose_some
 
-   !> Let the variance be that with these crystals simulated; their moduli do not matter.
-   subroutine assume(build, constants, euler_deg, error)
+   !> Update the variance as if these crystals were simulated. The variance does not depend on their
+   !> moduli.
+   subroutine assume_simulated(build, constants, euler_deg, error)
       class(build_type), intent(inout) :: build
       !> Constants (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
       real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
@@ -386,18 +393,18 @@ contains
          call add_simulations(learner, constants, euler_deg, modulus, .false., error)
          if (.not. allocated(error)) call update_posterior_mean(learner%design, .true., error)
       end associate
-   end subroutine assume
+   end subroutine assume_simulated
 
-   !> The next `n` candidates, before the moduli of the first of them are known.
+   !> Choose the next `n` candidates without waiting for their moduli.
    subroutine look_ahead(self, n, numbers, error)
       class(build_type), intent(inout) :: self
       integer, intent(in) :: n
-      !> From 1.
+      !> Of the candidates, from 1.
       integer, allocatable, intent(out) :: numbers(:)
       type(error_type), allocatable, intent(out) :: error
       integer :: left
 
-      if (any(self%unused%open)) call take_unused(self, error)
+      if (any(self%unused%open)) call use_all_rows(self, error)
       if (allocated(error)) return
       if (allocated(self%focus) .and. self%learning%n() >= self%learning%settings%budget) then
          call begin_round(self, error)
@@ -412,8 +419,8 @@ contains
       call choose_some(self, n)
       numbers = self%chosen
       if (size(numbers) < n) then
-         ! The initial set is at its end: the variance, given that set, chooses the rest.
-         call assume(self, self%candidates%constants(:, numbers), &
+         ! The initial set is used up. The variance, given that set, chooses the others.
+         call assume_simulated(self, self%candidates%constants(:, numbers), &
             & self%candidates%euler_deg(:, numbers), error)
          if (allocated(error)) return
          call choose_some(self, n - size(numbers))
@@ -422,7 +429,7 @@ contains
       self%chosen = [integer ::]
    end subroutine look_ahead
 
-   !> Learn from the batch, or keep it to validate with.
+   !> Train on the batch, or store it for validation.
    subroutine close_choice(build, error)
       class(build_type), intent(inout) :: build
       type(error_type), allocatable, intent(out) :: error
@@ -442,8 +449,8 @@ contains
                & [size(constants, 1), n])
             build%unseen_euler_deg = reshape([build%unseen_euler_deg, euler_deg], [3, n])
             build%unseen_modulus = [build%unseen_modulus, modulus]
-            ! The surrogate has not learnt what it is validated with.
-            call take_back(build)
+            ! The surrogate is not trained on the simulations that validate it.
+            call undo_choice(build)
          else
             complete = batch_end(learning)
             call learn(learning, constants, euler_deg, modulus, build%by_variance, error)
@@ -463,7 +470,7 @@ contains
       build%chosen = [integer ::]
    end subroutine close_choice
 
-   !> How many simulations failed, and why the last did.
+   !> A message with the number of simulations that failed and the reason of the last failure.
    function failures(build) result(message)
       class(build_type), intent(in) :: build
       character(len=:), allocatable :: message

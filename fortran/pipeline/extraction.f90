@@ -166,7 +166,8 @@ contains
       if (self%simulations == 0 .or. .not. self%posterior%grains%has_theory) return
       call new_theory_surrogate(theory, error)
       if (allocated(error)) return
-      call draw_aside(problem, theory, theory_run, posterior, draws, error)
+      call draw_aside(problem, problem%settings%measurements, theory, theory_run, posterior, &
+         & draws, error)
       if (allocated(error)) return
       n = self%posterior%n_constants
       allocate (self%theory_mean(n), self%theory_sd(n))

@@ -16,6 +16,7 @@ module posterior_focus
    use problem_posterior, only: draw_aside, focus_run, new_problem_posterior, stiffnesses
    use prior_sensitivity, only: is_truncated, list_limits
    use random, only: new_random_stream, random_stream_type
+   use settings_schema, only: measurements_settings_type
    use shared_errors, only: infer_shared
    use small_matrices, only: factor_definite, solve_lower
    use surrogate_domain, only: domain_type
@@ -123,7 +124,8 @@ contains
          & stiffnesses(surrogate%basis%domain%class, candidates%constants))
       focus%domain = wide%basis%domain
       call widen(wide%basis%domain)
-      call draw_aside(problem, wide, focus_run, posterior, draws, error)
+      call draw_aside(problem, problem%settings%measurements, wide, focus_run, posterior, draws, &
+         & error)
       if (allocated(error)) return
       call find_shares(posterior, draws, draws(:posterior%n_constants, :), real(size(draws, 2), &
          & wp), thread_count(problem%settings%execution%workers), shares, error)
@@ -252,19 +254,17 @@ contains
       !> Stiffnesses, GPa, (6, 6, n).
       real(wp), allocatable, intent(out) :: crystals(:, :, :)
       type(error_type), allocatable, intent(out) :: error
-      type(problem_type) :: loose
+      type(measurements_settings_type) :: loose
       type(surrogate_type) :: theory
       type(posterior_type) :: posterior
       real(wp), allocatable :: draws(:, :)
 
-      loose = problem
-      loose%settings%measurements%calibration_sd = max(loose_common, &
-         & problem%settings%measurements%calibration_sd)
-      loose%settings%measurements%scatter_sd = max(loose_grain, &
-         & problem%settings%measurements%scatter_sd)
+      loose = problem%settings%measurements
+      loose%calibration_sd = max(loose_common, loose%calibration_sd)
+      loose%scatter_sd = max(loose_grain, loose%scatter_sd)
       call new_theory_surrogate(theory, error)
       if (allocated(error)) return
-      call draw_aside(loose, theory, focus_run, posterior, draws, error)
+      call draw_aside(problem, loose, theory, focus_run, posterior, draws, error)
       if (allocated(error)) return
       crystals = stiffnesses(problem%class, draws)
    end subroutine draw_roughly

@@ -21,6 +21,7 @@ module problem_posterior
    use samplers, only: chains_type, checkpoint_type, new_checkpoint, new_sampler, &
       & run_settings_type, sample_chains
    use settings_reader, only: settings_namelist
+   use settings_schema, only: measurements_settings_type
    use statistics, only: flattened
    use surrogate_model, only: surrogate_type
    use direction_columns, only: angles_of_direction
@@ -28,27 +29,36 @@ module problem_posterior
    use velocity_tables, only: append_velocities
    implicit none
    private
-   public :: are_detected, check_step_2, check_target, new_problem_posterior, omit_weak_waves, &
-      & sample_aside, draw_aside, sample_posterior, stiffnesses
+   public :: are_detected, check_step_2, check_target, new_measured_posterior, &
+      & new_problem_posterior, omit_weak_waves, sample_aside, draw_aside, sample_posterior, &
+      & shared_errors, stiffnesses
 
-   !> Burn-in, samples, chains, and the first of their random streams, of which a posterior's own
-   !> are the first; whether the last digits of the theory do not matter.
+   !> Lengths of chains.
    type, public :: run_type
-      integer :: burn_in, samples, chains, first_stream
+      integer :: burn_in, samples, chains
+      !> Number of the random stream of the first chain; each further chain has the next one. The
+      !> chains that &sampler asks for have the streams from 1.
+      integer :: first_stream
+      !> The half-space theory is evaluated with few harmonics: its last digits do not matter.
       logical :: is_rough = .true.
+      !> Finished chains are stored in the folder `kept_in` of the problem.
+      logical :: is_stored = .true.
    end type run_type
-   !> To see how the posterior must be computed; the prior; the posterior without any knowledge; by
-   !> the theory alone; and that at which simulations are chosen.
+   !> Chains that show how the posterior must be evaluated; that show which waves are detected; of
+   !> the prior; of the posterior without &knowledge; of the posterior by the theory alone; and of
+   !> the posterior at which simulations are chosen.
    type(run_type), parameter, public :: pilot_run = run_type(3000, 400, 2, 2000001)
+   type(run_type), parameter :: detection_run = run_type(3000, 400, 2, 2000001, is_stored=.false.)
    type(run_type), parameter, public :: prior_run = run_type(5000, 2500, 4, 1000001, .false.)
    type(run_type), parameter, public :: free_run = run_type(2000, 500, 2, 3000001)
    type(run_type), parameter, public :: theory_run = run_type(5000, 1500, 4, 4000001)
    type(run_type), parameter, public :: focus_run = run_type(3000, 600, 2, 5000001)
 
-   !> Of harmonics, where that is so; of many grains together a lower degree errs by more than the
-   !> posterior is wide, and a higher one hardly costs more than these grains.
+   !> Degree of the harmonics of a rough run, for up to `many` grains and for more. The error of all
+   !> grains together would exceed the width of the posterior of many grains at the lower degree;
+   !> the time of a higher degree is then small beside that of the grains.
    integer, parameter :: rough_degree = 12, degree_of_many = 20, many = 2000
-   !> Bytes of a number, and how often a draw is kept at a time.
+   !> Bytes of a number, and the copies of all draws that memory must hold at a time.
    real(wp), parameter :: bytes = 8.0_wp, copies = 3.0_wp
 
 contains
@@ -135,53 +145,91 @@ contains
       type(surrogate_type), intent(in) :: surrogate
       type(posterior_type), intent(out) :: posterior
       type(error_type), allocatable, intent(out) :: error
-      !> Poisson's ratio of the isotropic solid that the mean measurement is read as.
+
+      call new_table_posterior(problem, problem%settings%measurements, problem%measurements, &
+         & surrogate, posterior, error)
+   end subroutine new_problem_posterior
+
+   !> The posterior of a table, with a model of the errors.
+   subroutine new_table_posterior(problem, model, table, surrogate, posterior, error)
+      type(problem_type), intent(in) :: problem
+      type(measurements_settings_type), intent(in) :: model
+      type(points_type), allocatable, intent(in) :: table
+      type(surrogate_type), intent(in) :: surrogate
+      type(posterior_type), intent(out) :: posterior
+      type(error_type), allocatable, intent(out) :: error
+
+      if (allocated(table)) then
+         call new_measured_posterior(problem, model, measured_grains_of(problem, table), &
+            & surrogate, posterior, error)
+      else
+         call refuse(error, place(problem%path, 'measurements', '') &
+            & //'there are no measurements: at least one grain is needed')
+      end if
+   end subroutine new_table_posterior
+
+   !> The posterior of other measurements, or with another model of their errors, than those of the
+   !> problem. The prior and the knowledge are those of the problem.
+   subroutine new_measured_posterior(problem, model, measured, surrogate, posterior, error)
+      type(problem_type), intent(in) :: problem
+      type(measurements_settings_type), intent(in) :: model
+      type(measured_type), intent(in) :: measured
+      type(surrogate_type), intent(in) :: surrogate
+      type(posterior_type), intent(out) :: posterior
+      type(error_type), allocatable, intent(out) :: error
+      !> Poisson's ratio of an isotropic solid with the mean measurement: its Young's modulus sets
+      !> the scale of the default prior.
       real(wp), parameter :: typical_poisson = 0.3_wp
       type(prior_type) :: prior
       type(knowledge_type) :: knowledge
       type(observable_type) :: observable
-      type(measured_type) :: measured
 
-      if (.not. allocated(problem%measurements)) then
-         call refuse(error, place(problem%path, 'measurements', '') &
-            & //'there are no measurements: at least one grain is needed')
-         return
+      call read_knowledge(problem, knowledge, error)
+      if (allocated(error)) return
+      call new_observable(model%modulus_kind, model, observable, error)
+      if (allocated(error)) return
+      call new_prior(surrogate%basis%domain, problem%class, problem%settings%prior, &
+         & (1.0_wp - typical_poisson**2)*mean_modulus(observable, measured, 1.0_wp), knowledge, &
+         & prior, error)
+      call prefix_error(error, place(problem%path, 'prior', ''))
+      if (allocated(error)) return
+      call new_posterior(surrogate, prior, model, &
+         & problem%settings%sampler%surrogate_variance == 'full', measured, posterior, error)
+      call prefix_error(error, place(problem%path, 'measurements', ''))
+   end subroutine new_measured_posterior
+
+   !> The measurements of a table. If the orientations are unknown, all possible ones take their
+   !> place.
+   function measured_grains_of(problem, table) result(measured)
+      type(problem_type), intent(in) :: problem
+      type(points_type), intent(in) :: table
+      type(measured_type) :: measured
+      integer :: n_moduli
+
+      measured%euler = table%euler_deg*degree
+      measured%modulus = table%modulus_gpa
+      measured%sd = table%sd_gpa
+      ! An sd is absent only if all sds are one unknown value, which the factor on the sds infers.
+      where (.not. measured%sd > 0.0_wp) measured%sd = 1.0_wp
+      measured%tilt_sd = merge(table%orientation_sd_deg, &
+         & problem%settings%measurements%orientation_sd_deg, &
+         & table%orientation_sd_deg >= 0.0_wp)*degree
+      measured%group = table%group
+      measured%paths = table%paths
+      if (allocated(problem%settings%problem%density_kg_m3)) then
+         measured%density = problem%settings%problem%density_kg_m3
       end if
-      associate (table => problem%measurements)
-         measured%euler = table%euler_deg*degree
-         measured%modulus = table%modulus_gpa
-         measured%sd = table%sd_gpa
-         ! Only where the sds are one unknown common value may they be absent.
-         where (.not. measured%sd > 0.0_wp) measured%sd = 1.0_wp
-         measured%tilt_sd = merge(table%orientation_sd_deg, &
-            & problem%settings%measurements%orientation_sd_deg, &
-            & table%orientation_sd_deg >= 0.0_wp)*degree
-         measured%group = table%group
-         measured%paths = table%paths
-         if (allocated(problem%settings%problem%density_kg_m3)) then
-            measured%density = problem%settings%problem%density_kg_m3
-         end if
-         measured%shared = shared_errors(problem)
-      end associate
+      n_moduli = count(table%paths%wave == no_wave)
+      if (allocated(problem%shared_errors)) then
+         measured%shared = shared_errors(problem, problem%shared_errors(table%row(:n_moduli), :), &
+            & table%n)
+      else
+         measured%shared = shared_errors(problem, reshape([real(wp) ::], [n_moduli, 0]), table%n)
+      end if
       if (problem%settings%measurements%orientations == 'unknown') then
          call spread_orientations(problem%class, problem%texture, measured)
       end if
-      call read_knowledge(problem, knowledge, error)
-      associate (settings => problem%settings)
-         if (allocated(error)) return
-         call new_observable(settings%measurements%modulus_kind, settings%measurements, &
-            & observable, error)
-         if (allocated(error)) return
-         call new_prior(surrogate%basis%domain, problem%class, settings%prior, &
-            & (1.0_wp - typical_poisson**2)*mean_modulus(observable, measured, 1.0_wp), knowledge, &
-            & prior, error)
-         call prefix_error(error, place(problem%path, 'prior', ''))
-         if (allocated(error)) return
-         call new_posterior(surrogate, prior, settings%measurements, &
-            & settings%sampler%surrogate_variance == 'full', measured, posterior, error)
-         call prefix_error(error, place(problem%path, 'measurements', ''))
-      end associate
-   end subroutine new_problem_posterior
+   end function measured_grains_of
 
    !> Let each measurement be of any direction of the crystal, evenly over the sphere, or of any
    !> orientation of a texture.
@@ -217,67 +265,85 @@ contains
       measured%tilt_sd = spread(0.0_wp, 1, n)
    end subroutine spread_orientations
 
-   !> Relative errors that measurements share, (measurement, error): those that are stated of the
-   !> moduli; of the speeds that of the density, of which they are the power -1/2.
-   pure function shared_errors(problem) result(shared)
+   !> Relative errors that n measurements share, (measurement, error). The first rows are those of
+   !> the moduli, with the errors that the user stated; the others are those of the speeds, with
+   !> the error of the density. A speed is the power -1/2 of the density.
+   pure function shared_errors(problem, stated, n) result(shared)
       type(problem_type), intent(in) :: problem
+      !> (modulus, error).
+      real(wp), intent(in) :: stated(:, :)
+      integer, intent(in) :: n
       real(wp), allocatable :: shared(:, :)
-      integer :: n, k
+      logical :: has_density
 
-      associate (table => problem%measurements, of_problem => problem%settings%problem)
-         n = count(table%paths%wave == no_wave)
-         k = 0
-         if (allocated(problem%shared_errors)) k = size(problem%shared_errors, 2)
-         allocate (shared(table%n, k &
-            & + merge(1, 0, table%n > n .and. of_problem%density_sd_kg_m3 > 0.0_wp)), source=0.0_wp)
-         if (k > 0) shared(:n, :k) = problem%shared_errors(table%row(:n), :)
-         if (size(shared, 2) > k) then
-            shared(n + 1:, k + 1) = -0.5_wp*of_problem%density_sd_kg_m3/of_problem%density_kg_m3
-         end if
+      associate (n_moduli => size(stated, 1), n_stated => size(stated, 2), &
+         & density => problem%settings%problem%density_kg_m3, &
+         & density_sd => problem%settings%problem%density_sd_kg_m3)
+         has_density = n > n_moduli .and. density_sd > 0.0_wp
+         allocate (shared(n, n_stated + merge(1, 0, has_density)), source=0.0_wp)
+         shared(:n_moduli, :n_stated) = stated
+         if (has_density) shared(n_moduli + 1:, n_stated + 1) = -0.5_wp*density_sd/density
       end associate
    end function shared_errors
 
-   !> Leave out the speeds whose wave is not the one that a measurement shows at some crystals of
-   !> the posterior. The errors of the first posterior are Student's, since what was measured in
-   !> place of a wave may be far off.
+   !> Leave out the speeds that `find_detected` leaves out.
    subroutine omit_weak_waves(problem, surrogate, error)
       type(problem_type), intent(inout) :: problem
       type(surrogate_type), intent(in) :: surrogate
       type(error_type), allocatable, intent(out) :: error
-      integer, parameter :: most_rounds = 4
-      type(problem_type) :: pilot
-      type(posterior_type) :: posterior
-      type(chains_type) :: chains
-      logical, allocatable :: kept(:)
-      integer :: round
+      type(points_type), allocatable :: detected
 
       if (problem%are_detected .or. .not. allocated(problem%velocities)) return
-      kept = spread(.true., 1, problem%velocities%n)
-      pilot = problem
-      if (allocated(pilot%kept_in)) deallocate (pilot%kept_in)
-      pilot%settings%measurements%likelihood = 'student'
-      pilot%settings%measurements%student_dof = 2.0_wp
-      do round = 1, most_rounds
-         call append_velocities(pilot%measurements, problem%velocities, kept)
-         if (pilot%measurements%n == 0) exit
-         call new_problem_posterior(pilot, surrogate, posterior, error)
-         if (allocated(error)) return
-         call sample_aside(pilot, posterior, pilot_run, chains, error)
-         if (allocated(error)) return
-         ! What was left out once stays out.
-         kept = kept .and. are_detected(posterior, chains%draws(:, :, 1), &
-            & problem%velocities%euler_deg, problem%velocities%paths)
-         if (round > 1 .and. count(kept) == posterior%n_grains - posterior%n_moduli) exit
-         pilot%settings%measurements = problem%settings%measurements
-      end do
-      call append_velocities(problem%measurements, problem%velocities, kept)
+      call find_detected(problem, problem%settings%measurements, surrogate, detected, error)
+      if (allocated(error)) return
+      call move_alloc(detected, problem%measurements)
       problem%are_detected = .true.
-      if (problem%measurements%n == 0) then
+   end subroutine omit_weak_waves
+
+   !> The measurements without the speeds whose wave is not the one that a measurement shows, at
+   !> some crystals of the posterior.
+   subroutine find_detected(problem, model, surrogate, detected, error)
+      type(problem_type), intent(in) :: problem
+      !> Of the errors. In the first round they have Student's distribution instead, since another
+      !> wave that was measured may be far off.
+      type(measurements_settings_type), intent(in) :: model
+      type(surrogate_type), intent(in) :: surrogate
+      type(points_type), allocatable, intent(out) :: detected
+      type(error_type), allocatable, intent(out) :: error
+      integer, parameter :: most_rounds = 4
+      type(measurements_settings_type) :: model_of_round
+      type(posterior_type) :: posterior
+      type(chains_type) :: chains
+      logical, allocatable :: retained(:)
+      integer :: round
+
+      if (allocated(problem%measurements)) detected = problem%measurements
+      if (problem%are_detected .or. .not. allocated(problem%velocities)) return
+      retained = spread(.true., 1, problem%velocities%n)
+      model_of_round = model
+      model_of_round%likelihood = 'student'
+      model_of_round%student_dof = 2.0_wp
+      do round = 1, most_rounds
+         call append_velocities(detected, problem%velocities, retained)
+         if (detected%n == 0) exit
+         call new_table_posterior(problem, model_of_round, detected, surrogate, posterior, &
+            & error)
+         if (allocated(error)) return
+         call sample_aside(problem, posterior, detection_run, chains, error)
+         if (allocated(error)) return
+         ! A speed that was left out in one round is not taken up in a later one.
+         retained = retained .and. are_detected(posterior, chains%draws(:, :, 1), &
+            & problem%velocities%euler_deg, problem%velocities%paths)
+         if (round > 1 .and. count(retained) == posterior%n_grains - posterior%n_moduli) exit
+         model_of_round = model
+      end do
+      call append_velocities(detected, problem%velocities, retained)
+      if (detected%n == 0) then
          call refuse(error, place(problem%path, 'measurements', 'velocities') &
             & //'all speeds are left out: at crystals of the posterior their wave is not the one ' &
             & //'that is measured. Choose other directions')
       end if
-   end subroutine omit_weak_waves
+   end subroutine find_detected
 
    !> Whether waves are those that a measurement shows, at all but a few of some crystals.
    function are_detected(posterior, draws, euler_deg, paths) result(detected)
@@ -336,21 +402,22 @@ contains
          & density%prior_only .and. density%prior%is_drawn())), 'aside', run, chains, error)
    end subroutine sample_aside
 
-   !> The draws of such chains of the posterior with a surrogate, (parameter, draw).
-   subroutine draw_aside(problem, surrogate, run, posterior, draws, error)
+   !> Draw from the posterior of a problem with another surrogate or model of the errors.
+   subroutine draw_aside(problem, model, surrogate, run, posterior, draws, error)
       type(problem_type), intent(in) :: problem
+      type(measurements_settings_type), intent(in) :: model
       type(surrogate_type), intent(in) :: surrogate
       type(run_type), intent(in) :: run
       type(posterior_type), intent(out) :: posterior
+      !> (parameter, draw).
       real(wp), allocatable, intent(out) :: draws(:, :)
       type(error_type), allocatable, intent(out) :: error
-      type(problem_type) :: used
+      type(points_type), allocatable :: detected
       type(chains_type) :: chains
 
-      used = problem
-      call omit_weak_waves(used, surrogate, error)
+      call find_detected(problem, model, surrogate, detected, error)
       if (allocated(error)) return
-      call new_problem_posterior(used, surrogate, posterior, error)
+      call new_table_posterior(problem, model, detected, surrogate, posterior, error)
       if (allocated(error)) return
       call sample_aside(problem, posterior, run, chains, error)
       if (allocated(error)) return
@@ -386,8 +453,9 @@ contains
       type(posterior_type) :: condensed
 
       call new_sampler(method, run%burn_in, sampler, error)
-      ! How theory is read changes densities where the points of the checkpoint need not be.
-      if (allocated(problem%kept_in)) then
+      ! The evaluation of the theory changes the density, perhaps not at the points by which a
+      ! checkpoint recognises it: the label of the checkpoint therefore contains its limit.
+      if (allocated(problem%kept_in) .and. run%is_stored) then
          call new_checkpoint(problem%kept_in, label//' '//to_text(run%burn_in)//' ' &
             & //to_text(run%samples)//' '//to_text(density%grains%full_above) &
             & //settings_namelist(problem%settings, groups), density, checkpoint)

@@ -426,7 +426,8 @@ contains
       end do
    end subroutine double_angles
 
-   !> Inverses of symmetric matrices `a`, by the components 11, 22, 33, 23, 13, 12.
+   !> Set `inverse` to the inverses of symmetric matrices `a`, by the components 11, 22, 33, 23,
+   !> 13, 12.
    pure subroutine invert(a, inverse)
       real(wp), intent(in) :: a(lanes, 6)
       real(wp), intent(out) :: inverse(lanes, 6)
@@ -445,7 +446,7 @@ contains
       end do
    end subroutine invert
 
-   !> Products S A of symmetric matrices `s`, by components, and others `a`, by columns.
+   !> Set `product` to S A for symmetric matrices `s`, by components, and `a`, by columns.
    pure subroutine multiply(s, a, product)
       real(wp), intent(in) :: s(lanes, 6), a(lanes, 9)
       real(wp), intent(out) :: product(lanes, 9)
@@ -458,7 +459,7 @@ contains
       end do
    end subroutine multiply
 
-   !> Products A^T B that are symmetric, of `a` and `b` by columns.
+   !> Set `product` to A^T B where that is symmetric, for `a` and `b` by columns.
    pure subroutine multiply_transposed(a, b, product)
       real(wp), intent(in) :: a(lanes, 9), b(lanes, 9)
       real(wp), intent(out) :: product(lanes, 6)

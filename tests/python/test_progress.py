@@ -1,5 +1,6 @@
 """Progress goes to standard error, only where it is wanted, with what is left."""
 
+import re
 import subprocess
 import sys
 
@@ -30,4 +31,5 @@ def test_silent_by_default(capfd):
 def test_the_share_and_the_time_left():
     """Nothing in ten seconds; then one plain line, and none within the next ten seconds."""
     done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=True)
-    assert (done.stdout, done.stderr) == ("", "outer: 75 %, about 0 s left\n")
+    assert done.stdout == ""
+    assert re.fullmatch(r"outer: 75 %, about \d+ s left\n", done.stderr)
