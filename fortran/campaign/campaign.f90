@@ -1,10 +1,11 @@
-!> campaign.sqlite: every simulation that was ever made or imported, one row each, never changed;
-!> both programs read and continue it.
+!> campaign.sqlite: one row for each simulation that was made or imported. Rows are never changed.
+!> Both programs read and continue the file.
 !>
-!> A row is on the disk when the call that adds it returns, so that an interrupted campaign loses at
-!> most what was under way. A point that failed stays failed. Rows belong to a physics (mesh,
-!> element, estimator, revision of the numerics): several surrogates share a file, and a new release
-!> does not orphan old results. One thread at a time may use a campaign; processes share the file.
+!> A row is on the disk when the call that adds it returns, so an interrupted campaign loses only
+!> the simulations that were running. A failed simulation is not repeated. Each row belongs to a
+!> physics (mesh, element, estimator, revision of the numerics), so several surrogates share a file,
+!> and old results stay usable with a new release. Only one thread at a time may use a campaign;
+!> several processes may share the file.
 module campaign
    use files, only: checksum
    use, intrinsic :: iso_c_binding, only: c_null_char
@@ -18,35 +19,36 @@ module campaign
    private
    public :: campaign_type, row_type, campaign_name
 
-   !> The file in an output folder.
+   !> Name of the file in an output folder.
    character(len=*), parameter :: campaign_name = 'campaign.sqlite'
 
    !> One simulation of a crystal.
    type :: row_type
-      !> Order of choice within the physics, from 0; below 0 in a row that is to be added: the next.
+      !> Number in the order of choice within the physics, from 0. A new row with a number below 0
+      !> gets the next one.
       integer :: position = -1
-      !> Name of its class; its constants in the order of the class, GPa; Bunge's angles, degrees.
+      !> Name of the crystal class; constants in its order, GPa; Bunge-Euler angles, degrees.
       character(len=12) :: symmetry = ''
       real(wp), allocatable :: constants(:)
       real(wp) :: euler_deg(3) = 0.0_wp
-      !> Computed by another program.
+      !> Whether another program computed it.
       logical :: imported = .false.
-      !> Done or failed. What the file has not is 0, or empty.
+      !> Done or failed. Values that the file does not have are 0, or empty.
       type(outcome_type) :: outcome
    end type row_type
 
    !> The rows of one physics in a campaign file.
    type :: campaign_type
       character(len=:), allocatable :: path
-      !> Of the physics: JSON, keys sorted.
+      !> The physics: JSON, keys sorted.
       character(len=:), allocatable, private :: identity
       type(database_type) :: file
-      !> The number of the physics in the file.
+      !> Number of the physics in the file.
       character(len=:), allocatable, private :: physics
-      !> Rows on their way to the disk, and since when the first of them waits.
+      !> Rows that are not on the disk yet, and the clock count when the first of them came.
       type(row_type), allocatable, private :: waiting(:)
       integer, private :: n_waiting = 0
-      integer(i8), private :: since = 0
+      integer(i8), private :: waiting_since = 0
    contains
       procedure :: open => open_campaign, rows, find, add, add_soon, flush, next_position, &
          & other_physics
@@ -54,11 +56,11 @@ module campaign
       final :: finalize_campaign
    end type campaign_type
 
-   !> The columns of a row, in the order in which `read_row` takes them and `add` gives them.
+   !> Columns of a row, in the order of `read_row` and `add`.
    character(len=*), &
       & parameter :: columns = 'position, symmetry, constants, euler_deg, origin, status, ' &
       & //'message, depth_um, force_mn, indentation_modulus_gpa, elements, seconds, checksum'
-   !> Those from the second on are texts.
+   !> Number of columns; number of those, from the second on, that are texts.
    integer, parameter :: n_columns = 13, n_texts = 8
    character(len=*), parameter :: lookup = 'SELECT '//columns//' FROM simulation WHERE ' &
       & //'physics_id = ? AND symmetry = ? AND constants = ? AND euler_deg = ?'
@@ -69,23 +71,24 @@ module campaign
       & //'0.0), NULLIF(?12, ''0''), NULLIF(?13, 0.0), ?14, ' &
       & //'strftime(''%Y-%m-%dT%H:%M:%S+00:00'', ''now'')) ON CONFLICT (physics_id, symmetry, ' &
       & //'constants, euler_deg) DO NOTHING'
-   character(len=*), parameter :: simulated = 'simulated', told = 'told', done = 'done', &
+   !> Values of the columns origin and status.
+   character(len=*), parameter :: simulated = 'simulated', imported = 'told', done = 'done', &
       & failed = 'failed'
 
-   !> Between the texts of a row, for its checksum.
+   !> Separates the texts of a row in its checksum.
    character, parameter :: separator = achar(10)
 
-   !> Rows that wait at most, and seconds between two writes; seconds of a simulation that is not
-   !> worth a write of its own.
+   !> Greatest number of rows that wait, and seconds after which they are written. Simulations of
+   !> less than `quick_seconds` are written together.
    integer, parameter :: most_waiting = 1000, interval = 5
-   real(wp), parameter :: quick = 0.01_wp
+   real(wp), parameter :: quick_seconds = 0.01_wp
 
 contains
 
-   !> Open a file for the physics of an `identity` (see `simulate`); it is made if it is not there.
+   !> Open a file for the physics of an `identity` (see `simulate`), or make it if there is none.
    subroutine open_campaign(self, path, identity, error)
       class(campaign_type), intent(inout) :: self
-      !> Of the file; JSON, keys sorted.
+      !> Path of the file; the physics, JSON with sorted keys.
       character(len=*), intent(in) :: path, identity
       type(error_type), allocatable, intent(out) :: error
 
@@ -94,12 +97,9 @@ contains
       self%identity = identity
       call open_campaign_file(path, self%file, error)
       if (.not. allocated(error)) then
-         call self%file%run('INSERT OR IGNORE INTO physics (identity) VALUES (' &
-            & //quoted(identity, '''')//')', error)
-      end if
-      if (.not. allocated(error)) then
-         call self%file%value('SELECT id FROM physics WHERE identity = '//quoted(identity, ''''), &
-            & self%physics, error)
+         call self%file%value('INSERT OR IGNORE INTO physics (identity) VALUES (' &
+            & //quoted(identity, '''')//'); SELECT id FROM physics WHERE identity = ' &
+            & //quoted(identity, ''''), self%physics, error)
       end if
       if (allocated(error)) call self%file%close()
    end subroutine open_campaign
@@ -110,12 +110,12 @@ contains
       call self%file%close()
    end subroutine finalize_campaign
 
-   !> All rows of this physics, of one symmetry or, of '', of all, in order of choice.
+   !> Read the rows of this physics in the order of choice.
    subroutine rows(self, symmetry, found, error)
       class(campaign_type), intent(in) :: self
-      !> Name of a class.
+      !> Name of a crystal class; '' for all.
       character(len=*), intent(in) :: symmetry
-      !> In order of position.
+      !> In the order of their positions.
       type(row_type), allocatable, intent(out) :: found(:)
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: cells
@@ -131,15 +131,15 @@ contains
       end do
    end subroutine rows
 
-   !> The row of a point, if it is there.
+   !> Find the row of a crystal at an orientation.
    subroutine find(self, symmetry, constants, euler_deg, row, found, error)
       class(campaign_type), intent(inout) :: self
-      !> Name of its class.
+      !> Name of the crystal class.
       character(len=*), intent(in) :: symmetry
-      !> Of one crystal, GPa (k), and of one grain, degrees (3).
+      !> Constants (k), GPa; Bunge-Euler angles (3), degrees.
       real(wp), intent(in) :: constants(:), euler_deg(:)
       type(row_type), intent(out) :: row
-      !> Whether it is there.
+      !> Whether the file has the row.
       logical, intent(out) :: found
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: cells
@@ -152,8 +152,8 @@ contains
       if (found) call self%read_row(cells, at, row, error)
    end subroutine find
 
-   !> Store a row, at its position or the next one; on return it is on the disk. One that is there
-   !> already, from another program at work on the same file, stays.
+   !> Store a row on the disk, at its position or the next one. A row of the same point that another
+   !> program stored meanwhile is kept instead.
    subroutine add(self, row, error)
       class(campaign_type), intent(inout) :: self
       type(row_type), intent(in) :: row
@@ -179,7 +179,7 @@ contains
       call self%file%query(insertion, values, cells, error)
    end subroutine add
 
-   !> The texts of a row.
+   !> Set the texts of a row.
    subroutine get_texts(row, texts)
       type(row_type), intent(in) :: row
       type(warning_type), intent(out) :: texts(n_texts)
@@ -187,8 +187,10 @@ contains
       texts(1)%text = trim(row%symmetry)
       texts(2)%text = list_text(row%constants)
       texts(3)%text = list_text(row%euler_deg)
-      texts(4)%text = trim(merge(told//'     ', simulated, row%imported))
-      texts(5)%text = trim(merge(done//'  ', failed, row%outcome%status == outcome_done))
+      texts(4)%text = simulated
+      if (row%imported) texts(4)%text = imported
+      texts(5)%text = failed
+      if (row%outcome%status == outcome_done) texts(5)%text = done
       texts(6)%text = ''
       if (allocated(row%outcome%message) .and. row%outcome%status /= outcome_done) then
          texts(6)%text = row%outcome%message
@@ -197,8 +199,8 @@ contains
       texts(8)%text = list_text(row%outcome%force)
    end subroutine get_texts
 
-   !> Store a row now, or, if it took next to no time, such as the theory's, when there are many of
-   !> them or some seconds have passed.
+   !> Store a row. Quick results, such as the theory's, wait until there are many of them or some
+   !> seconds have passed.
    subroutine add_soon(self, row, error)
       class(campaign_type), intent(inout) :: self
       type(row_type), intent(in) :: row
@@ -208,16 +210,16 @@ contains
 
       if (.not. allocated(self%waiting)) allocate (self%waiting(most_waiting))
       call system_clock(now, rate)
-      if (self%n_waiting == 0) self%since = now
+      if (self%n_waiting == 0) self%waiting_since = now
       self%n_waiting = self%n_waiting + 1
       self%waiting(self%n_waiting) = row
-      full = self%n_waiting == most_waiting .or. now - self%since > interval*rate
-      if (full .or. row%outcome%seconds > quick .or. row%outcome%elements > 0) then
+      full = self%n_waiting == most_waiting .or. now - self%waiting_since > interval*rate
+      if (full .or. row%outcome%seconds > quick_seconds .or. row%outcome%elements > 0) then
          call self%flush(error)
       end if
    end subroutine add_soon
 
-   !> Store all that wait: all or none.
+   !> Store the waiting rows: all, or none after an error.
    subroutine flush(self, error)
       class(campaign_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
@@ -232,7 +234,7 @@ contains
       self%n_waiting = 0
    end subroutine flush
 
-   !> The `position` of a row to come.
+   !> Get the `position` of the next row.
    subroutine next_position(self, position, error)
       class(campaign_type), intent(in) :: self
       integer, intent(out) :: position
@@ -247,10 +249,10 @@ contains
       call read_integer(found, position, outcome)
    end subroutine next_position
 
-   !> The identities of the other physics in the file that have rows, one a line.
+   !> Get the identities of the other physics that have rows in the file.
    subroutine other_physics(self, identities, error)
       class(campaign_type), intent(in) :: self
-      !> Lines, or ''.
+      !> One on each line, or ''.
       character(len=:), allocatable, intent(out) :: identities
       type(error_type), allocatable, intent(out) :: error
 
@@ -258,10 +260,10 @@ contains
          & //self%physics//' AND id IN (SELECT physics_id FROM simulation)', identities, error)
    end subroutine other_physics
 
-   !> The row whose cells begin `at` a byte, which is left after them.
+   !> Read the row whose cells begin at the byte `at`, and move `at` to the next row.
    subroutine read_row(self, cells, at, row, error)
       class(campaign_type), intent(in) :: self
-      !> As a query gives them.
+      !> Result of a query.
       character(len=*), intent(in) :: cells
       integer, intent(inout) :: at
       type(row_type), intent(out) :: row
@@ -280,7 +282,7 @@ contains
       row%symmetry = cell(2)%text
       call read_list(cell(3)%text, row%constants, good(1))
       call read_list(cell(4)%text, angles, good(2))
-      row%imported = cell(5)%text == told
+      row%imported = cell(5)%text == imported
       row%outcome%status = merge(outcome_done, outcome_failed, cell(6)%text == done)
       row%outcome%message = cell(7)%text
       call read_list(cell(8)%text, row%outcome%depth, good(3))
@@ -298,7 +300,7 @@ contains
       end if
    end subroutine read_row
 
-   !> The numbers of a JSON list, none of an empty text.
+   !> Read the numbers of a JSON list; an empty text has none.
    pure subroutine read_list(list, values, good)
       character(len=*), intent(in) :: list
       real(wp), allocatable, intent(out) :: values(:)
@@ -311,7 +313,7 @@ contains
       good = .true.
       first = 2
       do j = 1, n
-         ! Numbers are separated by a comma and a blank, the last ends before the bracket.
+         ! A comma and a blank separate the numbers; a bracket follows the last.
          last = first + index(list(first:), ',') - 2
          if (j == n) last = len(list) - 1
          call read_real(list(first:last), values(j), outcome)
@@ -320,28 +322,26 @@ contains
       end do
    end subroutine read_list
 
-   !> The checksum of a row: of the identity of its physics, its texts, and its numbers, to the last
-   !> bit.
+   !> Checksum of a row: of the identity of its physics, its texts, and all bits of its numbers.
    pure function row_checksum(identity, texts, modulus, elements, seconds) result(digits)
       character(len=*), intent(in) :: identity
       type(warning_type), intent(in) :: texts(:)
-      !> GPa; number; s. Each is 0 where there is none.
+      !> Modulus, GPa, and time, s; 0 if there is none.
       real(wp), intent(in) :: modulus, seconds
       integer, intent(in) :: elements
       character(len=16) :: digits
-      character(len=:), allocatable :: words
+      character(len=:), allocatable :: content
       integer :: i
 
-      words = identity
+      content = identity
       do i = 1, size(texts)
-         words = words//separator//texts(i)%text
+         content = content//separator//texts(i)%text
       end do
-      digits = checksum(words//separator//to_text(transfer(modulus, 1_i8))//separator &
+      digits = checksum(content//separator//to_text(transfer(modulus, 1_i8))//separator &
          & //to_text(max(0, elements))//separator//to_text(transfer(max(0.0_wp, seconds), 1_i8)))
    end function row_checksum
 
-   !> Numbers as the file spells them: a JSON list, every double to its last bit; empty if there are
-   !> none.
+   !> Numbers as a JSON list with all their digits; empty if there are none.
    pure function list_text(values) result(list)
       real(wp), intent(in), optional :: values(:)
       character(len=:), allocatable :: list

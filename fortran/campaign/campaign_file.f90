@@ -1,7 +1,7 @@
-!> The file of a campaign: its layout, and whether what is there is one.
+!> The file of a campaign: its layout, and the check that a file is a campaign.
 !>
-!> Database files are read and written through libsqlite3 (cpp/database.cpp). What the machine could
-!> not do (a lock, the disk) is an error of its own kind. One thread at a time may use a database.
+!> libsqlite3 reads and writes database files (cpp/database.cpp). Failures of the machine, such as
+!> a lock or a full disk, have their own error status. One thread at a time may use a database.
 module campaign_file
    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_int, c_null_char, &
       & c_null_ptr, c_ptr
@@ -13,16 +13,16 @@ module campaign_file
    public :: open_campaign_file, begin_transaction, end_transaction, raise_damaged, &
       & database_type, text_value
 
-   !> Result codes of the library for which the machine is to blame: permission, busy, locked,
-   !> memory, read-only, interrupt, input and output, full, cannot open; and that of a database that
-   !> is not open.
-   integer, parameter :: of_the_machine(9) = [3, 5, 6, 7, 8, 9, 10, 13, 14], read_only = 8, &
+   !> Result codes of the library for failures of the machine: permission, busy, locked, memory,
+   !> read-only, interrupt, input and output, full, cannot open; and the code for a database that is
+   !> not open.
+   integer, parameter :: machine_codes(9) = [3, 5, 6, 7, 8, 9, 10, 13, 14], read_only = 8, &
       & full = 13, misuse = 21
 
    type :: database_type
       private
       type(c_ptr) :: handle = c_null_ptr
-      !> Of the campaign, for messages.
+      !> Path of the campaign, for messages.
       character(len=:), allocatable :: path
    contains
       procedure :: open => open_database, close => close_database, run, value, query
@@ -47,9 +47,9 @@ module campaign_file
       end function c_query
    end interface
 
-   !> Marks the file as ours ('bayi'), and the version of its layout.
+   !> Mark of the files of this package ('bayi'), and version of their layout.
    character(len=*), parameter :: application_id = '1650555241', layout_version = '2'
-   !> From here to `end_transaction` all changes are kept, or none.
+   !> Statement that begins a transaction. `end_transaction` keeps all of its changes, or none.
    character(len=*), parameter :: begin_transaction = 'BEGIN IMMEDIATE'
 
    character(len=*), parameter :: layout = 'CREATE TABLE physics ('//newline &
@@ -77,7 +77,7 @@ module campaign_file
 
 contains
 
-   !> Open a file, which is made at the first statement that writes.
+   !> Open a file. The first statement that writes makes it.
    subroutine open_database(self, path, error)
       class(database_type), intent(inout) :: self
       character(len=*), intent(in) :: path
@@ -85,11 +85,11 @@ contains
 
       if (.not. allocated(self%path)) self%path = path
       self%handle = c_open(path//c_null_char)
-      ! Another process is waited for, ms.
+      ! Time to wait for another process, ms.
       call self%run('PRAGMA busy_timeout = 60000; PRAGMA synchronous = FULL', error)
    end subroutine open_database
 
-   !> Close the file; what was not committed is not done.
+   !> Close the file. Changes that were not committed are lost.
    subroutine close_database(self)
       class(database_type), intent(inout) :: self
 
@@ -97,10 +97,9 @@ contains
       self%handle = c_null_ptr
    end subroutine close_database
 
-   !> Perform statements, separated by semicolons.
+   !> Execute statements, separated by semicolons.
    subroutine run(self, sql, error)
       class(database_type), intent(in) :: self
-      !> Statements.
       character(len=*), intent(in) :: sql
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: cells
@@ -108,10 +107,9 @@ contains
       call self%query(sql, '', cells, error)
    end subroutine run
 
-   !> The first cell that a statement gives, as text; '' if it gives none.
+   !> Execute statements, and get the first cell of their result as `text`; '' if there is none.
    subroutine value(self, sql, text, error)
       class(database_type), intent(in) :: self
-      !> One statement.
       character(len=*), intent(in) :: sql
       character(len=:), allocatable, intent(out) :: text
       type(error_type), allocatable, intent(out) :: error
@@ -120,12 +118,12 @@ contains
       text = text(:index(text, c_null_char) - 1)
    end subroutine value
 
-   !> Perform a statement with values for its parameters, or several without: the `cells` of the
-   !> rows that it gives, each ended by a zero byte, '' for NULL. An error is in the words of the
-   !> library, and with the file.
+   !> Execute a statement with values for its parameters, or several without. A zero byte ends each
+   !> of the resulting `cells`, and NULL is ''. The message of an error has the reason that the
+   !> library states, and the file.
    subroutine query(self, sql, values, cells, error)
       class(database_type), intent(in) :: self
-      !> The statement; its values, see `text_value`.
+      !> Statements; values of the parameters, see `text_value`.
       character(len=*), intent(in) :: sql, values
       character(len=:), allocatable, intent(out) :: cells
       type(error_type), allocatable, intent(out) :: error
@@ -144,7 +142,7 @@ contains
       code = iand(code, 255)
       if (code == full) cells = 'the disk is full'
       if (code == read_only) cells = 'there is no permission to write it'
-      if (any(of_the_machine == code)) then
+      if (any(machine_codes == code)) then
          call raise(error, self%path//': the campaign cannot be used: '//cells, machine_failure)
       else
          call raise_damaged(self%path, cells, error)
@@ -152,8 +150,8 @@ contains
       cells = ''
    end subroutine query
 
-   !> A `text` as a value of a query; columns that are integers take texts of them. Of a real, its
-   !> digits follow an r.
+   !> A `text` as a value of a query. Integers are passed as texts too. A real is passed as its
+   !> digits after an r.
    pure function text_value(text) result(value)
       character(len=*), intent(in) :: text
       character(len=:), allocatable :: value
@@ -161,7 +159,7 @@ contains
       value = 't'//text//c_null_char
    end function text_value
 
-   !> Open a campaign; it is made, with its folders, if it is not there.
+   !> Open a campaign. If there is none, make it, and its folders.
    subroutine open_campaign_file(path, file, error)
       character(len=*), intent(in) :: path
       type(database_type), intent(inout) :: file
@@ -176,13 +174,13 @@ contains
 
    contains
 
-      !> Make a file beside, and give it its name if no other process did so first: a campaign is
-      !> never half a file.
+      !> Make a complete file beside, and rename it unless another process was first: no process
+      !> sees an incomplete campaign.
       subroutine create()
          type(database_type) :: part
 
          part%path = path
-         ! A file of our own, whatever is there of this name.
+         ! Replace a file of this name, if there is one.
          call replace_file(name_beside(path), '', error)
          call prefix_error(error, path//': the campaign cannot be used: ')
          if (.not. allocated(error)) call part%open(name_beside(path), error)
@@ -191,7 +189,7 @@ contains
          call place_new_file(path, whole=.not. allocated(error))
       end subroutine create
 
-      !> That the file is a whole campaign of the present format.
+      !> Refuse a file that is not an undamaged campaign of the present format.
       subroutine verify()
          character(len=:), allocatable :: found
 
@@ -212,14 +210,14 @@ contains
                & //'; move it away to start a new one')
          end if
          if (.not. allocated(error)) call file%value('PRAGMA integrity_check(1)', found, error)
-         ! The first line of a complaint is a heading.
+         ! The first line of a message of the check is a heading.
          if (found == 'ok' .or. allocated(error)) return
          found = found(index(found, newline, back=.true.) + 1:)
          call raise_damaged(path, found, error)
       end subroutine verify
    end subroutine open_campaign_file
 
-   !> Keep what was changed since `begin_transaction` was run, or nothing after an `error`.
+   !> Keep the changes since `begin_transaction`, or none of them after an `error`.
    subroutine end_transaction(file, error)
       type(database_type), intent(in) :: file
       type(error_type), allocatable, intent(inout) :: error
@@ -229,7 +227,7 @@ contains
       if (allocated(error)) call file%run('ROLLBACK', aborted)
    end subroutine end_transaction
 
-   !> The error of a file that cannot be read as a campaign: `why`.
+   !> Refuse a file that cannot be read as a campaign; `why` is the reason.
    subroutine raise_damaged(path, why, error)
       character(len=*), intent(in) :: path, why
       type(error_type), allocatable, intent(out) :: error

@@ -1,4 +1,4 @@
-!> `build --tell`: moduli of crystals that others computed, into the campaign of an output folder.
+!> `build --tell`: import moduli that other programs computed into the campaign of a folder.
 module campaign_import
    use campaign, only: campaign_name, campaign_type, row_type
    use campaign_file, only: begin_transaction, end_transaction
@@ -15,18 +15,19 @@ module campaign_import
    private
    public :: import_table, import_points
 
-   !> Relative difference of two moduli below which an imported row says the same as a stored one.
-   real(wp), parameter :: same = 1.0e-6_wp
+   !> Relative difference of two moduli below which they count as equal.
+   real(wp), parameter :: tolerance = 1.0e-6_wp
 
 contains
 
-   !> Import the rows of a table with modulus_gpa, which errors call `name`; the document says how
-   !> many were new, and how many there are.
+   !> Import the rows of a table that has modulus_gpa. The document has the number of new rows and
+   !> that of all simulations.
    subroutine import_table(problem, places, points, name, document, error)
       type(problem_type), intent(in) :: problem
-      !> The folder of the results among them.
+      !> With the folder of the results.
       type(places_type), intent(in) :: places
       type(points_type), intent(in) :: points
+      !> Name of the table in messages.
       character(len=*), intent(in) :: name
       !> JSON.
       character(len=:), allocatable, intent(out) :: document
@@ -34,7 +35,7 @@ contains
       type(campaign_type) :: campaign
       type(row_type), allocatable :: rows(:)
       type(json_type) :: page
-      integer :: k, new, simulations
+      integer :: k, n_new, n_simulations
 
       if (.not. all(abs(points%modulus_gpa) <= huge(1.0_wp))) then
          call refuse(error, &
@@ -48,34 +49,34 @@ contains
       if (allocated(error)) return
       call campaign%open(places%output//campaign_name, identity_text(problem%settings), error)
       if (allocated(error)) return
-      call import_points(campaign, points, new, error)
+      call import_points(campaign, points, n_new, error)
       call prefix_error(error, name//': ')
-      simulations = 0
+      n_simulations = 0
       do k = 1, size(points%classes)
          if (.not. allocated(error)) call campaign%rows(points%classes(k)%name, rows, error)
          if (.not. allocated(error)) then
-            simulations = simulations + count(rows%outcome%status == outcome_done)
+            n_simulations = n_simulations + count(rows%outcome%status == outcome_done)
          end if
       end do
       if (allocated(error)) return
       call page%begin_object()
-      call page%put('imported', new)
-      call page%put('simulations', simulations)
+      call page%put('imported', n_new)
+      call page%put('simulations', n_simulations)
       call page%put('warnings', [warning_type ::])
       call page%end_object()
       document = page%text()
    end subroutine import_table
 
-   !> Import results of others. Rows that are there already with the same modulus are skipped. Rows
-   !> that contradict each other or a stored row are refused: then nothing is stored.
+   !> Import results. Rows that are stored already with the same modulus are skipped. If a row
+   !> contradicts another one or a stored one, it is refused and nothing is stored.
    subroutine import_points(self, points, n_new, error)
       type(campaign_type), intent(inout) :: self
       !> Crystals with moduli.
       type(points_type), intent(in) :: points
-      !> How many were not there.
+      !> Number of rows that were not stored before.
       integer, intent(out) :: n_new
       type(error_type), allocatable, intent(out) :: error
-      !> The position of the first that is new.
+      !> Position of the first new row.
       integer :: first, i
 
       n_new = 0
@@ -124,7 +125,7 @@ contains
             call refuse(error, crystal//'the campaign has this point as failed (' &
                & //row%outcome%message//'); a stored row is never changed: leave the row out, or ' &
                & //'import into a new campaign')
-         else if (abs(row%outcome%modulus - modulus) > same*modulus) then
+         else if (abs(row%outcome%modulus - modulus) > tolerance*modulus) then
             call refuse(error, crystal//'modulus_gpa is '//to_text(modulus) &
                & //', but the same point has '//to_text(row%outcome%modulus)//' GPa ' &
                & //trim(merge('in an earlier row', 'in the campaign  ', row%position >= first)) &

@@ -1,5 +1,5 @@
-!> Order, moments and order statistics of samples; the distribution of chi-square; and which points
-!> are the same.
+!> Order, moments and order statistics of samples; the distribution of chi-square; and the detection
+!> of equal points.
 module statistics
    use, intrinsic :: iso_c_binding, only: c_double, c_int
    use kinds, only: wp
@@ -34,13 +34,13 @@ contains
       call c_sort_order(size(values), values, order)
    end subroutine sort_order
 
-   !> Mean and sd of each variable; the sd is unbiased, or with weights not.
+   !> Mean and sd of each variable. The variance is unbiased if there are no weights.
    pure subroutine moments(draws, mean, sd, weights)
       !> (variable, draw).
       real(wp), intent(in) :: draws(:, :)
       !> (variable).
       real(wp), intent(out) :: mean(:), sd(:)
-      !> (draw), not negative; default: all the same.
+      !> (draw), not negative; default: equal weights.
       real(wp), intent(in), optional :: weights(:)
       real(wp) :: w(size(draws, 2)), total, deviations(size(draws, 1), size(draws, 2))
 
@@ -80,7 +80,7 @@ contains
       sorted = values(order)
    end subroutine sorted_values
 
-   !> The middle of the values.
+   !> Median of the values.
    pure real(wp) function median(n, values)
       !> Number of values.
       integer, intent(in) :: n
@@ -101,18 +101,19 @@ contains
       flat = reshape(draws, [size(draws, 1), size(draws, 2)*size(draws, 3)])
    end function flattened
 
-   !> About so many draws of chains, evenly spaced in each, (variable, sample, chain).
+   !> Draws that are evenly spaced in each chain, (variable, sample, chain).
    pure function thinned(draws, most) result(few)
       real(wp), intent(in) :: draws(:, :, :)
-      !> Of all chains together.
+      !> Approximate number of draws, of all chains together.
       integer, intent(in) :: most
       real(wp), allocatable :: few(:, :, :)
 
       few = draws(:, ::max(1, int(size(draws, 2)*real(size(draws, 3), wp)/most)), :)
    end function thinned
 
-   !> The probability that chi-square with `freedom` degrees of freedom is above `value`: of a whole
-   !> number the incomplete gamma function is a finite sum (Abramowitz and Stegun 26.4.4, 26.4.5).
+   !> Probability that chi-square with `freedom` degrees of freedom is above `value`. For a whole
+   !> number of them the incomplete gamma function is a finite sum (Abramowitz and Stegun 26.4.4,
+   !> 26.4.5).
    pure real(wp) function chi_square_above(value, freedom) result(share)
       real(wp), intent(in) :: value
       !> At least 1.
@@ -126,7 +127,7 @@ contains
       if (odd > 0.0_wp) share = share + erfc(sqrt(x))
    end function chi_square_above
 
-   !> The same number for equal `points`: that of the first. Both zeros are the same, and NaN.
+   !> For each of the `points`, the index of the first equal one. 0 equals -0, and NaN equals 0.
    pure function number_equal(points) result(numbers)
       !> (coordinate, point).
       real(wp), intent(in) :: points(:, :)

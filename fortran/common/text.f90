@@ -1,9 +1,9 @@
-!> Numbers to text and back, for messages and files; lists.
+!> Conversion of numbers to text and back, for messages and files; lists.
 !>
-!> Reading is strict: what is read is a whole number or nothing, and never NaN or Infinity.
+!> Reading is strict: the whole text must be one number, and NaN and Infinity are refused.
 !>
-!> The lengths of numbers' texts are expressions: gfortran keeps the length of a deferred-length
-!> result in static memory of the caller, where threads overwrite each other's.
+!> The lengths of the texts of numbers are expressions: gfortran keeps the length of a
+!> deferred-length result in static memory of the caller, where threads overwrite it.
 module text
    use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int
    use kinds, only: i8, wp
@@ -16,11 +16,11 @@ module text
    !> Ends a line of a text.
    character, parameter :: newline = achar(10)
 
-   !> Forms of a real: the fewest digits that bring it back, ten at most for people, some
-   !> significant ones, some decimals.
+   !> Forms of a real: the fewest digits that restore it, ten digits at most for people, a number of
+   !> significant digits, a number of decimals.
    integer, parameter, public :: fewest_digits = 0, few_digits = 1, significant = 2, fixed_point = 3
 
-   !> What became of a text: a finite number; NaN, Infinity or an overflow; no number at all.
+   !> Outcomes of reading: a finite number; NaN, Infinity or an overflow; not a number.
    integer, parameter :: number_ok = 0, number_not_finite = 1, number_malformed = 2
 
    interface to_text
@@ -88,7 +88,7 @@ contains
       string = real_text(value, significant, digits)
    end function digits_to_text
 
-   !> A `value` with so many `decimals` after the point, and no point without them.
+   !> A `value` with this number of `decimals`; without decimals it has no point.
    pure function fixed(value, decimals) result(string)
       real(wp), intent(in) :: value
       integer, intent(in) :: decimals
@@ -97,10 +97,10 @@ contains
       string = real_text(value, fixed_point, decimals)
    end function fixed
 
-   !> A `value` as text with blanks after it.
+   !> A `value` as text, padded with blanks.
    pure function real_text(value, form, n) result(string)
       real(wp), intent(in) :: value
-      !> One of those above, and its number of digits or decimals.
+      !> One of the forms above, and its number of digits or decimals.
       integer, intent(in) :: form, n
       character(len=merge(400, 32, form == fixed_point)) :: string
 
@@ -140,7 +140,7 @@ contains
       end do
    end function join
 
-   !> The items of a `list` 'a, b, c', without blanks around them; none of a blank text.
+   !> The items of a `list` 'a, b, c', without blanks around them; a blank text has none.
    pure function split_list(list) result(items)
       character(len=*), intent(in) :: list
       character(len=len(list)), allocatable :: items(:)
@@ -158,15 +158,15 @@ contains
       end do
    end function split_list
 
-   !> Let a `piece` follow the first `filled` characters of a `page`, which grows.
+   !> Append a `piece` to the first `filled` characters of a `page`, which grows if needed.
    pure subroutine append(page, filled, piece)
       character(len=:), allocatable, intent(inout) :: page
       integer, intent(inout) :: filled
       character(len=*), intent(in) :: piece
-      integer, parameter :: shortest = 4096
+      integer, parameter :: least_length = 4096
       character(len=:), allocatable :: larger
 
-      if (.not. allocated(page)) allocate (character(len=shortest) :: page)
+      if (.not. allocated(page)) allocate (character(len=least_length) :: page)
       if (filled + len(piece) > len(page)) then
          allocate (character(len=2*(filled + len(piece))) :: larger)
          larger(:filled) = page(:filled)
@@ -176,7 +176,7 @@ contains
       filled = filled + len(piece)
    end subroutine append
 
-   !> `string` between two `mark`s, those within it doubled.
+   !> `string` between two `mark`s; marks within it are doubled.
    pure function quoted(string, mark)
       character(len=*), intent(in) :: string
       character, intent(in) :: mark
@@ -191,8 +191,8 @@ contains
       quoted = quoted//mark
    end function quoted
 
-   !> A decimal integer with an optional sign that fits the default kind.
-   !> `value` of `string`, if `outcome` is number_ok; else 0.
+   !> Read a decimal integer of the default kind, with an optional sign. Unless `outcome` is
+   !> number_ok, `value` is 0.
    pure subroutine read_integer(string, value, outcome)
       character(len=*), intent(in) :: string
       integer, intent(out) :: value, outcome
@@ -207,8 +207,8 @@ contains
       if (outcome /= number_ok) value = 0
    end subroutine read_integer
 
-   !> A real in Fortran or C syntax: 1, 1., .5, 1.0e-3, 1d0.
-   !> `value` of `string`, if `outcome` is number_ok; else 0.
+   !> Read a real in Fortran or C syntax: 1, 1., .5, 1.0e-3, 1d0. Unless `outcome` is number_ok,
+   !> `value` is 0.
    pure subroutine read_real(string, value, outcome)
       character(len=*), intent(in) :: string
       real(wp), intent(out) :: value
@@ -217,7 +217,7 @@ contains
       call c_read_real(string, len(string), value, outcome)
    end subroutine read_real
 
-   !> The fewest digits that bring the number back, written as Python does: 16.0, 1e-05, 0.1.
+   !> The fewest digits that restore the number, in Python's format: 16.0, 1e-05, 0.1.
    pure function number_text(number) result(string)
       real(wp), intent(in) :: number
       character(len=:), allocatable :: string
@@ -225,7 +225,7 @@ contains
       string = trim(real_text(number, fewest_digits, 0))
    end function number_text
 
-   !> A number for people: ten digits at most, nothing where it is not finite.
+   !> A number for people: ten digits at most, empty if it is not finite.
    pure function short_text(number) result(string)
       real(wp), intent(in) :: number
       character(len=:), allocatable :: string

@@ -1,12 +1,11 @@
-! What f2py reads: a procedure that does an operation on named values, and one that gives memory
-! back. See `operations`. gfortran keeps lengths of texts that functions give in static memory, so
-! that two threads must not use such texts at once: only long work on numbers gives up Python's
-! lock.
+! Procedures that f2py wraps: they perform an operation on named values, and free memory. See
+! `operations`. gfortran keeps the lengths of the texts that functions return in static memory, so
+! two threads must not use such texts at once: only long numerical work releases Python's lock.
 
-!> Do an `operation` on an object that is held under a `handle` (0: on none). `request`: its named
-!> values, n words of 8 bytes (see `named_values`). What it gives, named values of so many `words`,
-!> is at an `address` until the handle `reply` is released. status: 0 done, 1 failure, 2 bad input,
-!> 3 the machine's failure; then what it gives is the reason, 'message'.
+!> Perform an `operation` on the object of a `handle` (0: on none). The `request` has its named
+!> values, n words of 8 bytes (see `named_values`). The result, named values of `words` words, is at
+!> the `address` until the handle `reply` is released. status: 0 done, 1 failure, 2 bad input, 3
+!> failure of the machine; after a failure the result is the reason, 'message'.
 subroutine core_do(operation, handle, n, request, reply, address, words, status)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use operations, only: perform
@@ -19,8 +18,8 @@ subroutine core_do(operation, handle, n, request, reply, address, words, status)
    call perform(operation, handle, request, reply, address, words, status)
 end subroutine core_do
 
-!> The same `operation` on the n words of a `request`, without Python's lock: `words` are at an
-!> `address` until the handle `reply` is released; its `status`.
+!> Perform an `operation` on the object of a `handle` without Python's lock. The arguments are those
+!> of `core_do`: n words of the `request`; `reply`, `address`, `words` and `status` of the result.
 subroutine core_do_long(operation, handle, n, request, reply, address, words, status)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use operations, only: perform
@@ -34,7 +33,7 @@ subroutine core_do_long(operation, handle, n, request, reply, address, words, st
    call perform(operation, handle, request, reply, address, words, status)
 end subroutine core_do_long
 
-!> Give back the memory of an object; a handle that is not known any more does no harm.
+!> Free the object of a `handle`; one that was freed before is ignored.
 subroutine core_release(handle)
    use, intrinsic :: iso_c_binding, only: c_int64_t
    use exchange, only: release_object

@@ -1,5 +1,5 @@
-!> Crystal classes, stiffnesses (GPa), directions, the theory of the half-space, quantities, and
-!> kinds of modulus.
+!> Operations on crystals: classes, stiffnesses (GPa), directions, the theory of the half-space,
+!> quantities, and kinds of modulus.
 module crystal_operations
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
    use crystal_elasticity, only: anisotropy_index, averages_type, log_anisotropy, path_type, &
@@ -23,7 +23,7 @@ module crystal_operations
 contains
 
    subroutine perform_crystal(verb, x)
-      !> See the cases.
+      !> Name of a case below.
       character(len=*), intent(in) :: verb
       type(exchange_type), intent(inout) :: x
       type(crystal_class_type) :: class
@@ -31,7 +31,7 @@ contains
       type(averages_type) :: averages
       type(warning_type), allocatable :: names(:), units(:)
       type(quantity_type), allocatable :: quantities(:)
-      real(wp), pointer :: given(:, :), c(:, :, :)
+      real(wp), pointer :: columns(:, :), c(:, :, :)
       type(measurements_settings_type) :: settings
       type(observable_type) :: observable
       real(wp), allocatable :: stiffness(:, :, :)
@@ -41,7 +41,7 @@ contains
 
       symmetry = ''
       if (x%in%has('symmetry')) symmetry = x%in%text('symmetry')
-      ! Of a stiffness alone all constants are reported.
+      ! If only a stiffness is stated, all constants are reported.
       if (len(symmetry) == 0 .and. verb == 'reported_quantities') symmetry = general_class
       if (x%in%has('symmetry')) call new_crystal_class(symmetry, class, x%error)
       if (allocated(x%error)) return
@@ -51,12 +51,12 @@ contains
          call x%out%put('name', class%name)
          call x%out%put('constants', class%constants)
       case ('stiffness')
-         ! Of constants (k, n).
+         ! Stiffnesses of constants (k, n).
          stiffness = stiffnesses(class, x%in%columns('constants', class%n_constants))
          call x%out%put_array('stiffness', stiffness, shape(stiffness))
       case ('averages')
-         ! Anisotropy index (Eq. 14) and log-anisotropy, NaN where the crystal is not stable, and
-         ! Voigt's bulk and shear modulus, then Reuss's (GPa).
+         ! Anisotropy index (Eq. 14) and log-anisotropy, NaN if the crystal is not stable; bulk and
+         ! shear modulus of Voigt, then of Reuss (GPa).
          allocate (x%values(6, size(c, 3)))
          do i = 1, size(c, 3)
             averages = polycrystal_averages(c(:, :, i))
@@ -65,8 +65,8 @@ contains
                & averages%shear_reuss]
          end do
       case ('directions')
-         ! A number that are far apart over the region that the class tells apart, or of 0 an even
-         ! lattice.
+         ! Directions within the region of distinct directions of the class: `count` that are far
+         ! apart, or an even lattice if it is 0.
          call new_region(class, region)
          if (x%in%integer('count') > 0) then
             call spread_of_directions(region, x%in%integer('count'), x%values)
@@ -74,34 +74,33 @@ contains
             call lattice_of_directions(region, x%values)
          end if
       case ('representatives')
-         ! Of directions (3, n) the images in that region.
+         ! Equivalents of directions (3, n) in that region.
          call new_region(class, region)
-         given => x%in%columns('directions', 3)
-         allocate (x%values, mold=given)
-         do i = 1, size(given, 2)
-            x%values(:, i) = representative(region, given(:, i))
+         columns => x%in%columns('directions', 3)
+         allocate (x%values, mold=columns)
+         do i = 1, size(columns, 2)
+            x%values(:, i) = representative(region, columns(:, i))
          end do
       case ('theory')
-         ! Indentation modulus (GPa), exact and of a circular contact, of crystals at angles
-         ! (degrees).
+         ! Indentation modulus (GPa) of crystals at angles (degrees), exact and for a circular
+         ! contact.
          allocate (x%values(size(c, 3), 2))
          call halfspace_moduli(c, x%in%columns('euler_deg', 3), x%threads(), x%values(:, 1), &
             & x%values(:, 2), x%error)
       case ('waves')
-         ! Speed of the surface wave and of the slowest bulk wave (m/s), and the normal part of the
-         ! displacement, of crystals of a density (kg/m3) at angles and in directions (degrees).
-         given => x%in%columns('propagation_deg', 1)
+         ! Speeds of the surface wave and of the slowest bulk wave (m/s), and the normal share of
+         ! the displacement, for crystals of a density (kg/m3) at angles, in directions (degrees).
+         columns => x%in%columns('propagation_deg', 1)
          allocate (waves(size(c, 3)))
          call rayleigh_waves(c, x%in%columns('euler_deg', 3), &
-            & [(path_type(rayleigh, given(1, i)), i=1, size(c, 3))], waves, x%error)
+            & [(path_type(rayleigh, columns(1, i)), i=1, size(c, 3))], waves, x%error)
          if (allocated(x%error)) return
-         given => x%in%columns('density_kg_m3', 1)
-         x%values = reshape([wave_speed(waves%modulus, given(1, :)), &
-            & wave_speed(waves%bulk, given(1, :)), waves%normal_share], [size(waves), 3])
+         columns => x%in%columns('density_kg_m3', 1)
+         x%values = reshape([wave_speed(waves%modulus, columns(1, :)), &
+            & wave_speed(waves%bulk, columns(1, :)), waves%normal_share], [size(waves), 3])
       case ('reported_quantities')
          call reported_quantities(class, quantities, x%error)
          if (allocated(x%error)) return
-         allocate (names(0), units(0))
          do i = 1, size(quantities)
             call warn(names, quantities(i)%name)
             call warn(units, quantities(i)%unit)
@@ -118,7 +117,7 @@ contains
             call evaluate_quantities(quantities, c(:, :, i), x%values(:, i))
          end do
       case ('moduli_of_kind')
-         ! Indentation moduli (GPa) as another kind.
+         ! Convert indentation moduli (GPa) to another kind.
          settings%indenter_modulus_gpa = x%in%real('indenter_modulus_gpa')
          settings%indenter_nu = x%in%real('indenter_nu')
          settings%sample_nu = x%in%real('sample_nu')

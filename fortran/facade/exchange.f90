@@ -1,15 +1,15 @@
-!> What an operation takes and gives: named values, a problem whose handle is among them, and an
-!> object that it made.
+!> Arguments and results of an operation: named values, the problem whose handle is among them, and
+!> an object that the operation made.
 !>
-!> The objects that another language holds are each under a number that is never used again, with
-!> the kind of object it stands for.
+!> Another language holds an object by its handle, a number that is never used again. The registry
+!> has the object and its kind.
 !>
-!> A number that was freed, was never given, or stands for another kind is an error in words, not a
-!> crash. Threads may register, find and release at the same time; who holds a number keeps its
-!> object alive while it is used.
+!> A handle that was freed, was never assigned, or is of another kind raises an error instead of a
+!> crash. Threads may register, find and release objects at the same time. The holder of a handle
+!> must not release it while it is in use.
 module exchange
    use, intrinsic :: iso_c_binding, only: c_f_pointer, c_int64_t, c_loc
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use kinds, only: i8, wp
    use named_values, only: named_values_reader_type, named_values_type
    use machine, only: thread_count
@@ -32,34 +32,35 @@ module exchange
    type :: exchange_type
       type(named_values_reader_type) :: in
       type(named_values_type) :: out
-      !> Of the value 'problem', a handle.
+      !> Problem whose handle is the value 'problem'.
       type(problem_type), pointer :: problem => null()
-      !> An object of the heap that another language is to hold, and its kind.
+      !> Object on the heap that another language will hold, and its kind.
       class(*), pointer :: made => null()
       character(len=:), allocatable :: kind
-      !> What many operations give: 'text', and 'values', whose columns are rows there.
+      !> Results of many operations: 'text', and 'values', whose columns are rows in Python.
       character(len=:), allocatable :: text
       real(wp), allocatable :: values(:, :)
       type(error_type), allocatable :: error
    contains
-      procedure :: open, give, close, places, threads, crystals, refuse
+      procedure :: open, give, close, places, threads, crystals, &
+         & refuse => refuse_operation
    end type exchange_type
 
 contains
 
-   !> Keep an object of the heap; `release_object` frees it.
+   !> Register an object on the heap; `release_object` frees it.
    subroutine register_object(object, kind, handle)
       class(*), pointer, intent(in) :: object
-      !> What it is, for messages: 'surrogate', 'posterior', ..
+      !> Kind for messages: 'surrogate', 'posterior', ..
       character(len=*), intent(in) :: kind
-      !> Its number, above 0.
+      !> Handle of the object, above 0.
       integer(i8), intent(out) :: handle
       type(entry_type), allocatable :: larger(:)
       integer :: i
 
       !$omp critical (object_registry)
       if (.not. allocated(entries)) allocate (entries(16))
-      i = place_of(0_i8)
+      i = index_of(0_i8)
       if (i == 0) then
          i = size(entries) + 1
          allocate (larger(2*size(entries)))
@@ -74,15 +75,15 @@ contains
       !$omp end critical (object_registry)
    end subroutine register_object
 
-   !> Where a handle stands, 0: nowhere.
-   integer function place_of(handle)
+   !> Index of the entry of a handle; 0 if there is none.
+   integer function index_of(handle)
       integer(i8), intent(in) :: handle
 
-      place_of = 0
-      if (allocated(entries)) place_of = findloc(entries%handle, handle, 1)
-   end function place_of
+      index_of = 0
+      if (allocated(entries)) index_of = findloc(entries%handle, handle, 1)
+   end function index_of
 
-   !> The object of a handle, if it is of this kind.
+   !> Find the object of a handle, which must be of this kind.
    subroutine find_object(handle, kind, object, error)
       integer(i8), intent(in) :: handle
       character(len=*), intent(in) :: kind
@@ -95,22 +96,20 @@ contains
       found = ''
       i = 0
       !$omp critical (object_registry)
-      if (handle > 0) i = place_of(handle)
+      if (handle > 0) i = index_of(handle)
       if (i > 0) found = entries(i)%kind
       if (found == kind) object => entries(i)%object
       !$omp end critical (object_registry)
       if (associated(object)) return
       if (len(found) > 0) then
-         call raise(error, 'handle '//to_text(handle)//' stands for a '//found//', not a '//kind, &
-            & exit_bad_input)
+         call refuse(error, 'handle '//to_text(handle)//' stands for a '//found//', not a '//kind)
       else
-         call raise(error, 'the '//kind//' does not exist any more (handle '//to_text(handle) &
-            & //' was freed, or is of another process)', exit_bad_input)
+         call refuse(error, 'the '//kind//' does not exist any more (handle '//to_text(handle) &
+            & //' was freed, or is of another process)')
       end if
    end subroutine find_object
 
-   !> Free the object of a handle; one that is not there is no error, so that freeing twice does no
-   !> harm.
+   !> Free the object of a handle; one that was freed before is ignored.
    subroutine release_object(handle)
       integer(i8), intent(in) :: handle
       class(*), pointer :: object
@@ -119,7 +118,7 @@ contains
       object => null()
       i = 0
       !$omp critical (object_registry)
-      if (handle > 0) i = place_of(handle)
+      if (handle > 0) i = index_of(handle)
       if (i > 0) then
          object => entries(i)%object
          entries(i)%handle = 0
@@ -129,7 +128,7 @@ contains
       if (associated(object)) deallocate (object)
    end subroutine release_object
 
-   !> Take the values of a `request`, and find the problem among them.
+   !> Read the values of a `request`, and find the problem among them.
    subroutine open(self, request)
       class(exchange_type), intent(inout) :: self
       integer(c_int64_t), intent(in), target, contiguous :: request(:)
@@ -145,10 +144,10 @@ contains
       end select
    end subroutine open
 
-   !> Let another language hold an object of a `kind`, which is freed after an error.
+   !> Return an object of a `kind` to the other language; after an error it is freed.
    subroutine give(self, object, kind)
       class(exchange_type), intent(inout) :: self
-      !> Of the heap.
+      !> Object on the heap.
       class(*), intent(in), target :: object
       character(len=*), intent(in) :: kind
 
@@ -156,7 +155,7 @@ contains
       self%kind = kind
    end subroutine give
 
-   !> Let `out` have all that is given: after an error its 'message' alone. The `status` of the
+   !> Put all results into `out`, or after an error only its 'message', and set the `status` of the
    !> operation.
    subroutine close(self, status)
       class(exchange_type), intent(inout) :: self
@@ -180,7 +179,7 @@ contains
       if (allocated(self%values)) call self%out%put_array('values', self%values, shape(self%values))
    end subroutine close
 
-   !> Where surrogates are looked for.
+   !> Folders in which surrogates are searched.
    function places(self)
       class(exchange_type), intent(inout) :: self
       type(places_type) :: places
@@ -193,17 +192,17 @@ contains
       places%shipped = self%in%text('shipped')
    end function places
 
-   !> How many threads the value 'threads' asks for.
+   !> Number of threads that the value 'threads' requests.
    integer function threads(self)
       class(exchange_type), intent(inout) :: self
 
       threads = thread_count(self%in%integer('threads'))
    end function threads
 
-   !> Stiffnesses (GPa): those of the problem, which stay where they are, or the value 'stiffness'.
+   !> Stiffnesses (GPa) of the problem, not copied, or those of the value 'stiffness'.
    function crystals(self, euler_deg)
       class(exchange_type), intent(inout) :: self
-      !> Likewise Bunge-Euler angles, degrees.
+      !> Bunge-Euler angles from the same source, degrees.
       real(wp), pointer, intent(out), optional :: euler_deg(:, :)
       real(wp), pointer :: crystals(:, :, :)
 
@@ -216,12 +215,12 @@ contains
       end if
    end function crystals
 
-   !> There is no operation of this name.
-   subroutine refuse(self, operation)
+   !> Raise the error of an operation whose name is unknown.
+   subroutine refuse_operation(self, operation)
       class(exchange_type), intent(inout) :: self
       character(len=*), intent(in) :: operation
 
-      call raise(self%error, 'no operation is named '//operation, exit_bad_input)
-   end subroutine refuse
+      call refuse(self%error, 'no operation is named '//operation)
+   end subroutine refuse_operation
 
 end module exchange

@@ -1,5 +1,5 @@
-!> Operations by name, 'KIND.VERB': on an object of a kind that another language holds, or of the
-!> kinds 'crystal', 'file' and 'settings' on none.
+!> Operations by name, 'KIND.VERB', on an object of this kind that another language holds.
+!> Operations of the kinds 'crystal', 'file' and 'settings' need no object.
 module operations
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_loc
    use abstract_basis, only: basis_type
@@ -31,8 +31,7 @@ module operations
 
 contains
 
-   !> Do an operation on a `request`; `words` are at an `address` while the handle `reply` is held;
-   !> its `status`: see `core_do`.
+   !> Perform an operation. The arguments are those of `core_do`.
    subroutine perform(operation, handle, request, reply, address, words, status)
       character(len=*), intent(in) :: operation
       integer(c_int64_t), intent(in) :: handle
@@ -42,14 +41,14 @@ contains
       type(exchange_type), pointer :: x
       class(*), pointer :: object
       character(len=:), allocatable :: kind, verb
-      logical :: samples
+      logical :: can_be_stopped
 
       kind = operation(:index(operation, '.') - 1)
       verb = operation(index(operation, '.') + 1:)
-      samples = any(operation == [character(len=17) :: 'surrogate.extract', 'stage.close'])
+      can_be_stopped = any(operation == [character(len=17) :: 'surrogate.extract', 'stage.close'])
       allocate (x)
       call x%open(request)
-      if (samples) call listen()
+      if (can_be_stopped) call listen()
       select case (kind)
       case ('crystal')
          call perform_crystal(verb, x)
@@ -59,9 +58,9 @@ contains
          if (.not. allocated(x%error)) call find_object(handle, kind, object, x%error)
          if (.not. allocated(x%error)) call use_object(verb, object, x)
       end select
-      if (samples) call stop_listening()
+      if (can_be_stopped) call stop_listening()
       call x%close(status)
-      ! Nothing has no address.
+      ! An empty result has no address.
       if (x%out%filled == 0) call x%out%put('', 0)
       words = x%out%filled/8
       address = transfer(c_loc(x%out%bytes), address)
@@ -90,10 +89,10 @@ contains
       end select
    end subroutine use_object
 
-   !> Files of results, problems, surrogates, what there is to be set, and a command at work in its
-   !> folder.
+   !> Perform an operation on files of results, problems, surrogates, settings, or the folder of a
+   !> running command.
    subroutine perform_file(operation, x)
-      !> See the cases.
+      !> Name of a case below.
       character(len=*), intent(in) :: operation
       type(exchange_type), intent(inout) :: x
       type(problem_type), pointer :: problem
@@ -108,12 +107,12 @@ contains
       if (x%in%has('path')) path = x%in%text('path')
       select case (operation)
       case ('settings.list')
-         ! The page of all variables; of each stage name, groups, file of its document.
+         ! The page of all variables; name, groups and document's file of each stage.
          call x%out%put('page', schema_page())
          call x%out%put('stages', [character(len=len(rows%groups)) :: (rows(i)%name, &
             & rows(i)%groups, rows(i)%document, i=1, size(rows))])
       case ('settings.values')
-         ! Of a namelist's text, without the tables that it names.
+         ! Values of a namelist's text. The tables that it names are not read.
          call parse_namelist(path, x%in%text('content'), namelist, x%error)
          if (.not. allocated(x%error)) call read_settings(path, namelist, '', '', settings, x%error)
          if (.not. allocated(x%error)) call put_settings(settings, x%out)
@@ -127,8 +126,7 @@ contains
          call read_problem(path, x%in%text('command'), x%in%text('changes'), .true., &
             & problem, x%error)
       case ('file.crystals')
-         ! A table alone, a problem that has no settings; `symmetry`: of the rows that do not say
-         ! theirs.
+         ! A problem that has only a table of crystals. `symmetry` applies to rows without one.
          allocate (problem)
          call x%give(problem, 'problem')
          allocate (problem%crystals)
@@ -169,7 +167,7 @@ contains
       case ('file.read_document')
          call read_document(path, x%text, x%error)
       case ('file.read_posterior')
-         ! Its values are those of the file.
+         ! The result is the content of the file.
          call read_posterior(x%in%text('folder'), x%out%bytes, x%error)
          if (allocated(x%out%bytes)) x%out%filled = len(x%out%bytes)
       case default

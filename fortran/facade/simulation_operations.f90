@@ -1,8 +1,7 @@
-!> Problems: namelists, their settings and tables; their simulators, finite element model, and
-!> stages. Stiffnesses in crystal axes, GPa; angles in degrees.
+!> Operations on problems (settings and tables of a namelist), their simulators, finite-element
+!> models, and stages. Stiffnesses are in crystal axes, GPa; angles in degrees.
 !>
-!> Of a stage, see `abstract_stage`, what is to be simulated goes out, and what became of it comes
-!> in.
+!> A stage, see `abstract_stage`, returns the simulations to make, and receives their outcomes.
 module simulation_operations
    use abstract_basis, only: basis_type
    use abstract_stage, only: stage_type
@@ -10,7 +9,7 @@ module simulation_operations
    use build_stage, only: build_stage_type
    use campaign_import, only: import_table
    use crystal_elasticity, only: rotate_stiffness, rotation_matrix
-   use errors, only: warn, warning_type
+   use errors, only: prefix_error, warn, warning_type
    use exchange, only: exchange_type
    use fe_element, only: brick_stress, infinite_stiffness
    use fe_indentation, only: indentation_model_type, indentation_result_type, &
@@ -33,7 +32,7 @@ module simulation_operations
 
 contains
 
-   !> Simulate one crystal: what became of it.
+   !> Simulate one crystal, and return the outcome.
    subroutine run_simulator(simulator, x)
       type(simulator_type), intent(in) :: simulator
       type(exchange_type), intent(inout) :: x
@@ -96,9 +95,9 @@ contains
       end select
    end subroutine use_model
 
-   !> On the finest mesh that a crystal was simulated on, and with that mesh: displacement of the
-   !> nodes (um), mean stress of the bricks (GPa, order 11,22,33,23,13,12), stiffness of the
-   !> materials in the axes of the sample (GPa) and of each infinite element (mN/um).
+   !> Put the finest mesh of a simulation, and its fields: displacement of the nodes (um), mean
+   !> stress of the bricks (GPa, order 11,22,33,23,13,12), stiffness of the materials in the axes of
+   !> the sample (GPa) and of each infinite element (mN/um).
    subroutine put_fields(model, result, x)
       type(indentation_model_type), intent(in) :: model
       type(indentation_result_type), intent(in) :: result
@@ -127,7 +126,7 @@ contains
       call x%out%put_array('depth_um', result%depth, shape(result%depth))
    end subroutine put_fields
 
-   !> Sizes and costs, summed over the meshes; of the finest mesh how much there is.
+   !> Put sizes and costs, summed over the meshes, and numbers of nodes and elements of the finest.
    subroutine describe_model(model, out)
       type(indentation_model_type), intent(in) :: model
       type(named_values_type), intent(inout) :: out
@@ -150,8 +149,8 @@ contains
       end associate
    end subroutine describe_model
 
-   !> The finest mesh: nodes (um), and tables of nodes counted from 0; of hanging nodes those whose
-   !> mean they follow, else -1.
+   !> Put the finest mesh: nodes (um), and tables of node numbers, which begin at 0. A hanging node
+   !> follows the mean of its masters; unused places of them are -1.
    subroutine put_mesh(model, out)
       type(indentation_model_type), intent(in) :: model
       type(named_values_type), intent(inout) :: out
@@ -179,7 +178,7 @@ contains
 
       select case (verb)
       case ('want')
-         ! The simulations to be made now: numbers, stiffness (GPa, crystal axes), angles (degrees).
+         ! Numbers, stiffnesses (GPa, crystal axes) and angles (degrees) of the simulations to make.
          call stage%want(x%error)
          if (allocated(x%error)) return
          associate (jobs => stage%jobs)
@@ -203,17 +202,17 @@ contains
       case ('close')
          call stage%close(x%text, x%error)
       case ('look_ahead')
-         ! Of a build the next candidates: names of constants, and rows of these (GPa) and of angles
-         ! (degrees).
+         ! Next candidates of a build: names of the constants, and rows of their values (GPa) and
+         ! of angles (degrees).
          select type (stage)
          type is (build_stage_type)
             call stage%look_ahead(x%in%integer('count'), numbers, x%error)
             if (allocated(x%error)) return
             call x%out%put('constants', stage%learning%learner%basis%domain%class%constants)
-            associate (given => stage%candidates)
-               x%values = reshape([(given%constants(:, numbers(i)), &
-                  & given%euler_deg(:, numbers(i)), i=1, size(numbers))], &
-                  & [size(given%constants, 1) + 3, size(numbers)])
+            associate (candidates => stage%candidates)
+               x%values = reshape([(candidates%constants(:, numbers(i)), &
+                  & candidates%euler_deg(:, numbers(i)), i=1, size(numbers))], &
+                  & [size(candidates%constants, 1) + 3, size(numbers)])
             end associate
             call x%out%put('warnings', stage%warnings)
          end select
@@ -239,19 +238,19 @@ contains
       case ('column')
          call give_column(points_of(self, x%in%text('table')), x%in%text('column'), x%out)
       case ('set_table')
-         ! A table that is no file: a page of CSV.
+         ! A table as a page of CSV instead of a file.
          call self%set_table(x%in%text('table'), x%in%text('page'), x%error)
       case ('misread')
          self%misread = reshape(x%in%columns('directions', 3), [3, self%indents%rows, 7])
       case ('retain_indents')
-         ! Rows from 1.
+         ! Numbers of rows, from 1.
          call self%retain_indents(nint(x%in%reals('rows')))
       case ('write_crystals')
-         ! The table of the crystals with columns of numbers (n, m) added.
+         ! Write the table of the crystals with additional columns of numbers (n, m).
          call write_table(self%crystals%table, x%in%text('path'), x%in%text('names'), &
             & x%in%columns('values', self%crystals%n), x%error)
       case ('import')
-         ! Their moduli, into the campaign of another problem.
+         ! Import their moduli into the campaign of another problem.
          call import_table(x%problem, x%places(), self%crystals, x%in%text('name'), x%text, x%error)
       case ('begin_results')
          call begin_results(self, x%in%text('groups'), x%places(), x%error)
@@ -263,16 +262,12 @@ contains
          allocate (model)
          call x%give(model, 'indentation')
          call new_indentation_model(self%settings, model, x%error)
-         if (allocated(x%error)) then
-            x%error%message = place(self%path, 'simulation', '')//x%error%message
-         end if
+         call prefix_error(x%error, place(self%path, 'simulation', ''))
       case ('simulator')
          allocate (simulator)
          call x%give(simulator, 'simulator')
          call new_simulator(self%settings, simulator, x%error)
-         if (allocated(x%error)) then
-            x%error%message = place(self%path, 'simulation', '')//x%error%message
-         end if
+         call prefix_error(x%error, place(self%path, 'simulation', ''))
       case ('basis')
          call basis_of_problem(self, basis, x%error)
          if (.not. allocated(x%error)) call give_basis(basis, x)
@@ -283,11 +278,11 @@ contains
          call x%give(stage, 'stage')
          call stage%open(self, x%places(), x%error)
          call x%out%put('expected', stage%n_expected)
-         ! Groups of a namelist, from which an engine makes the simulator.
+         ! An engine makes the simulator from these groups of a namelist.
          call x%out%put('physics', settings_namelist(self%settings, 'specimen indenter simulation'))
       case ('mesh_error')
-         ! How large the error of the mesh may be, relative, for crystals (stiffness, GPa), and what
-         ! is to be said of those near instability.
+         ! Relative error bounds of the mesh for crystals (stiffness, GPa), and a note on crystals
+         ! near instability.
          c => x%in%matrices('stiffness')
          allocate (x%values(size(c, 3), 1))
          call simulation_error(self%settings, c, x%values(:, 1), x%text)
@@ -296,14 +291,14 @@ contains
       end select
    end subroutine use_problem
 
-   !> The settings, as texts and resolved, and what tables there are; of a table alone that.
+   !> Put the settings, if there are any, as texts and resolved, and a description of each table.
    subroutine describe_problem(self, out)
       type(problem_type), intent(in) :: self
       type(named_values_type), intent(inout) :: out
       character(len=12), parameter :: tables(4) = [character(len=12) :: 'crystals', &
          & 'measurements', 'candidates', 'grains']
       type(points_type), pointer :: points
-      type(warning_type), allocatable :: list(:)
+      type(warning_type), allocatable :: lines(:)
       integer :: i, j
 
       if (allocated(self%path)) then
@@ -317,14 +312,13 @@ contains
          call out%put('map', self%map)
          if (allocated(self%map_points)) call out%put('map_points', self%map_points)
          call out%put_array('indents_um', self%positions, shape(self%positions))
-         allocate (list(0))
          do i = 1, self%indents%columns
-            call warn(list, self%indents%called(i))
+            call warn(lines, self%indents%called(i))
          end do
-         call out%put('indents_columns', list)
+         call out%put('indents_columns', lines)
       end if
-      ! How many rows a table has, their kind of modulus, the classes of its crystals, and the names
-      ! of its grains.
+      ! Number of rows of each table, their kind of modulus, the classes of the crystals, and the
+      ! names of the grains.
       do i = 1, size(tables)
          points => points_of(self, tables(i))
          if (.not. associated(points)) cycle
@@ -332,24 +326,24 @@ contains
          if (allocated(points%modulus_kind)) then
             call out%put(trim(tables(i))//'.kind', points%modulus_kind)
          end if
-         list = [warning_type ::]
+         lines = [warning_type ::]
          if (allocated(points%class)) then
             do j = 1, size(points%classes)
-               call warn(list, points%classes(j)%name)
+               call warn(lines, points%classes(j)%name)
             end do
          end if
-         call out%put(trim(tables(i))//'.classes', list)
+         call out%put(trim(tables(i))//'.classes', lines)
          if (points%named_by == 0) cycle
-         deallocate (list)
-         allocate (list(points%n))
+         deallocate (lines)
+         allocate (lines(points%n))
          do j = 1, points%n
-            list(j)%text = points%name(j)
+            lines(j)%text = points%name(j)
          end do
-         call out%put(trim(tables(i))//'.names', list)
+         call out%put(trim(tables(i))//'.names', lines)
       end do
    end subroutine describe_problem
 
-   !> A table of a problem by its name, not associated where there is none.
+   !> Table of a problem by its name; not associated if the problem does not have it.
    function points_of(self, name) result(points)
       type(problem_type), intent(in), target :: self
       character(len=*), intent(in) :: name
@@ -368,7 +362,7 @@ contains
       end select
    end function points_of
 
-   !> Of a table its 'cells', the 'stiffness' of its crystals, or its other 'numbers'.
+   !> Put the 'cells' of a table, the 'stiffness' of its crystals, or its other 'numbers'.
    subroutine give_column(points, name, out)
       type(points_type), intent(in) :: points
       character(len=*), intent(in) :: name
@@ -378,7 +372,7 @@ contains
 
       select case (name)
       case ('cells')
-         ! Row by row, the header first.
+         ! The header, then row by row.
          allocate (cells(points%table%columns*(points%table%rows + 1)))
          do i = 0, points%table%rows
             do j = 1, points%table%columns

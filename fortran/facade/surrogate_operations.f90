@@ -1,5 +1,5 @@
-!> Bases, and surrogates with what Step 2 finds by them. Crystals by the constants of the basis'
-!> class (GPa), angles in degrees.
+!> Operations on bases and surrogates, and Step 2 with a surrogate. Crystals are stated by the
+!> constants of the basis' class (GPa), angles in degrees.
 module surrogate_operations
    use abstract_basis, only: basis_type
    use bases, only: describe_basis
@@ -49,9 +49,9 @@ contains
       case ('describe')
          call describe_basis(basis, x%out)
       case ('validity')
-         ! Of crystals (GPa): the normalised distance of each, see `surrogate_domain`, whether a
-         ! surrogate with the basis is valid for it, and the scale, the geometric mean of the
-         ! eigenvalues of the Kelvin stiffness, GPa, NaN for an unstable one.
+         ! For each crystal (GPa): its normalised distance, see `surrogate_domain`; whether a
+         ! surrogate with the basis is valid for it; and its scale, the geometric mean of the
+         ! eigenvalues of the Kelvin stiffness, GPa, NaN for an unstable crystal.
          c => x%crystals()
          allocate (x%values(size(c, 3), 3))
          !$omp parallel do num_threads(x%threads()) schedule(static) private(poisson, anisotropy)
@@ -62,8 +62,8 @@ contains
          end do
          !$omp end parallel do
       case ('fit', 'leave_out')
-         ! To the moduli (GPa) of crystals; or of each of these the modulus by those of other
-         ! groups, and the error over its sd.
+         ! Fit the moduli (GPa) of crystals; or predict each of them from those of other groups,
+         ! with the error over its sd.
          call new_learner(basis, learner, x%error)
          if (.not. allocated(x%error)) then
             call add_simulations(learner, &
@@ -112,7 +112,7 @@ contains
          call put_extraction(x%problem, found, &
             & end_document(page, [x%problem%warnings, warnings]), x%out)
       case ('next')
-         ! The points are draws, which have the factor on the sds as it is, not its logarithm.
+         ! The points are draws, which have the factor on the sds itself, not its logarithm.
          call omit_weak_waves(x%problem, surrogate, x%error)
          if (.not. allocated(x%error)) then
             call new_problem_posterior(x%problem, surrogate, density, x%error)
@@ -131,7 +131,7 @@ contains
       case ('save')
          call save_surrogate(surrogate, x%in%text('path'), x%error)
       case ('predict')
-         ! Modulus and sd, GPa.
+         ! Moduli and their sds, GPa.
          c => x%crystals(euler_deg)
          allocate (x%values(size(c, 3), 2))
          call predict_crystals(surrogate, c, degree*euler_deg, x%threads(), x%values(:, 1), &

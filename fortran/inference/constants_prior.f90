@@ -9,7 +9,7 @@
 module constants_prior
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: anisotropy_index, is_stable
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor
    use logarithmic_coordinates, only: log_coordinates_type, log_frame_type, new_log_coordinates
@@ -139,10 +139,10 @@ contains
          do j = 2, size(x)
             corner = corner//', '//trim(prior%class%constants(j))//' = '//to_text(x(j))
          end do
-         call raise(error, 'measure = ''logarithms'' needs bounds within which every crystal is ' &
+         call refuse(error, 'measure = ''logarithms'' needs bounds within which every crystal is ' &
             & //'stable, since log K has infinite volume at the edge of stability; '//corner &
             & //' GPa is not stable. State narrower bounds, an anisotropy_cap, or ' &
-            & //'measure = ''constants''', exit_bad_input)
+            & //'measure = ''constants''')
          return
       end do
    end subroutine check_proper
@@ -167,8 +167,7 @@ contains
       self%factor = knowledge%covariance
       call cholesky_factor(self%factor, error)
       if (allocated(error)) then
-         call raise(error, 'knowledge needs sds > 0, or a positive definite covariance', &
-            & exit_bad_input)
+         call refuse(error, 'knowledge needs sds > 0, or a positive definite covariance')
       end if
    end subroutine set_knowledge
 
@@ -204,11 +203,11 @@ contains
       prior%share_inside = real(n_inside, wp)/max(1, n_admitted)
       prior%share_drawn = real(n_inside, wp)/trials
       if (n_admitted == 0) then
-         call raise(error, 'no stable crystal was found within the bounds and limits of the ' &
-            & //'prior ('//to_text(trials)//' tried)', exit_bad_input)
+         call refuse(error, 'no stable crystal was found within the bounds and limits of the ' &
+            & //'prior ('//to_text(trials)//' tried)')
       else if (n_inside == 0) then
-         call raise(error, 'the prior is outside the surrogate''s domain: none of ' &
-            & //to_text(n_admitted)//' crystals of it is inside', exit_bad_input)
+         call refuse(error, 'the prior is outside the surrogate''s domain: none of ' &
+            & //to_text(n_admitted)//' crystals of it is inside')
       end if
    end subroutine estimate_share
 

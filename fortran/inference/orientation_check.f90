@@ -268,6 +268,7 @@ contains
          shuffled(k) = other%chi_square
       end do
       check%p_shuffled = (1.0_wp + count(shuffled <= as_it_is))/(shuffles + 1)
+      ! The power is NaN if p is: there is no test then, and no reading is better.
       check%power = real(count([(chi_square_above(shuffled(k), check%freedom) < rare, k=1, &
          & shuffles)]), wp)/shuffles + 0.0_wp*check%p
       if (.not. check%p >= 0.0_wp) return

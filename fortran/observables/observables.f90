@@ -1,7 +1,7 @@
-!> Kinds of modulus that a measurement may report. An observable maps the modulus of the half-space
-!> to such a kind, between the grain model and the likelihood.
+!> Kinds of modulus that a measurement may report. An observable converts the modulus of the
+!> half-space to such a kind, between the grain model and the likelihood.
 module observables
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use kinds, only: wp
    use settings_schema, only: measurements_settings_type
    use text, only: to_text
@@ -20,9 +20,9 @@ module observables
    !> M itself; E_eff of the contact with an elastic indenter, 1/E_eff = 1/M + (1-nu_i²)/E_i; E_s =
    !> (1-nu_s²) M of a sample whose Poisson's ratio is assumed.
    type :: observable_type
-      !> As in `modulus_kind` and, with the unit, in a column name.
+      !> Value of `modulus_kind`; with the unit also the name of a column.
       character(len=:), allocatable :: name
-      !> a; d, 1/GPa.
+      !> a, and d, 1/GPa.
       real(wp) :: factor = 1.0_wp, compliance = 0.0_wp
    contains
       procedure :: to_measured
@@ -40,9 +40,9 @@ contains
       associate (young => settings%indenter_modulus_gpa, nu => settings%indenter_nu, &
          & sample_nu => settings%sample_nu)
          if (.not. (young > 0.0_wp .and. abs(nu) < 1.0_wp .and. abs(sample_nu) < 1.0_wp)) then
-            call raise(error, 'the indenter''s modulus ('//to_text(young) &
+            call refuse(error, 'the indenter''s modulus ('//to_text(young) &
                & //' GPa) must be positive, Poisson''s ratios ('//to_text(nu)//', ' &
-               & //to_text(sample_nu)//') within -1 .. 1', exit_bad_input)
+               & //to_text(sample_nu)//') within -1 .. 1')
          end if
          if (allocated(error)) return
          select case (name)
@@ -52,8 +52,8 @@ contains
          case ('sample_modulus')
             observable%factor = 1.0_wp - sample_nu**2
          case default
-            call raise(error, 'modulus_kind: '''//name//''' is unknown; allowed: ' &
-               & //observable_names, exit_bad_input)
+            call refuse(error, 'modulus_kind: '''//name//''' is unknown; allowed: ' &
+               & //observable_names)
             return
          end select
       end associate

@@ -1,8 +1,7 @@
-!> A namelist read, checked and resolved: every variable has its value, every table it names is
-!> loaded.
+!> A problem: a checked namelist in which every variable has a value, and the tables that it names.
 !>
-!> Both programs, and the keywords of Python, come here and nowhere else, so that they have the same
-!> verdict. A message is one line: `ORIGIN: &group name: what is wrong, the value, what is allowed`.
+!> Both programs, and the keywords of Python, make their problems here, so that they report the same
+!> errors. A message is one line: `ORIGIN: &group name: what is wrong, the value, what is allowed`.
 module problem
    use crystal_class, only: crystal_class_type, lattice_type, new_crystal_class, new_lattice
    use curve_tables, only: curve_set_type, read_curves
@@ -10,8 +9,8 @@ module problem
    use files, only: folder_of, printable, read_text_file, resolve_path
    use kinds, only: wp
    use namelist_file, only: entry_type, place
-   use measurement_questions, only: like_radians, question_measurements
-   use orientation_questions, only: refuse_radians
+   use measurement_checks, only: like_radians, check_measurements
+   use direction_checks, only: refuse_radians
    use point_tables, only: angles_look_like_radians, points_type, read_column, read_crystals, &
       & read_measurements, read_orientations
    use repeated_tests, only: combine_tests, refuse_copied_rows
@@ -32,50 +31,49 @@ module problem
       !> The file as the user wrote it, or the Python function whose keywords these are; the folder
       !> with a slash, or ''.
       character(len=:), allocatable :: path, folder
-      !> What the file was read for, '' for keywords; the groups that this needs, and those of the
-      !> file, separated by blanks.
+      !> Command that reads the file, '' for keywords; groups that the command needs, and groups of
+      !> the file, separated by blanks.
       character(len=:), allocatable :: command, needed, groups
-      !> The stages that it asks for, in order.
+      !> Stages that the file requests, in order.
       character(len=8), allocatable :: stages(:)
       type(settings_type) :: settings
-      !> Of &problem symmetry.
+      !> Class of &problem symmetry.
       type(crystal_class_type) :: class
       type(warning_type), allocatable :: warnings(:)
-      !> The tables that the file names, unallocated if it names none; the speeds among the
-      !> measurements as they were read.
+      !> Tables that the file names, unallocated if it does not; `velocities` are the speeds as they
+      !> were read, and are among the measurements too.
       type(points_type), allocatable :: crystals, measurements, velocities, candidates
-      !> Whether the measurements have only those speeds whose wave is detected.
+      !> Whether speeds of waves that cannot be detected were left out of the measurements.
       logical :: are_detected = .false.
-      !> Of &next: the grains to choose from; unallocated: all directions.
+      !> Grains from which &next chooses; unallocated: all directions.
       type(points_type), allocatable :: grains
-      !> Of &measurements: the orientations that grains of unknown orientation may have;
-      !> unallocated: all.
+      !> Possible orientations of grains of unknown orientation; unallocated: all.
       type(points_type), allocatable :: texture
-      !> The file of measurements that Python turns into a plain table (see `set_table`), any file
-      !> where Python asks, or a spreadsheet.
+      !> File of measurements that Python converts to a plain table (see `set_table`): any file if
+      !> Python reads the problem, else a spreadsheet.
       character(len=:), allocatable :: table_file
-      !> Measurements that wait for the orientations that Python takes from a map, the paths of the
-      !> map and of its homologous points, and the positions, um, (n, 2).
+      !> Measurements whose orientations Python will read from a map, the paths of the map and of
+      !> its homologous points, and the positions, um, (n, 2).
       type(table_type), allocatable :: indents
       character(len=:), allocatable :: map, map_points
       real(wp), allocatable :: positions(:, :)
-      !> The rows that `retain_indents` leaves; unallocated: all.
+      !> Rows that `retain_indents` retains; unallocated: all.
       integer, allocatable :: retained(:)
-      !> Indented directions in crystal axes where the axes of the map are mistaken, (3,
-      !> measurement, way); see `orientation_check`.
+      !> Indented directions in crystal axes for each mistake of the axes of the map, (3,
+      !> measurement, mistake); see `orientation_check`.
       real(wp), allocatable :: misread(:, :, :)
-      !> Of &curves, and the crystals of &references.
+      !> Curves of &curves, and crystals of &references.
       type(curve_set_type), allocatable :: curves
       type(points_type), allocatable :: references
       !> Relative errors that measurements share: columns of sd 1, (row of the table, error);
       !> unallocated: none.
       real(wp), allocatable :: shared_errors(:, :)
-      !> The file that they come from, unallocated: the table of the measurements.
+      !> File of the shared errors, unallocated: the table of the measurements; and its checksum.
       character(len=:), allocatable :: shared_file, shared_digest
-      !> Of &knowledge.
+      !> Stiffness of &knowledge.
       type(stiffness_table_type), allocatable :: stiffness
-      !> Folder, without its last slash, that keeps finished chains until Step 2 is done;
-      !> unallocated: they are not kept.
+      !> Folder, without its last slash, for finished chains until Step 2 is done; unallocated: they
+      !> are not stored.
       character(len=:), allocatable :: kept_in
    contains
       procedure :: curves_place, resolved_text, set_table, take_curves, take_curve_results
@@ -87,9 +85,9 @@ module problem
 
 contains
 
-   !> The settings of a parsed namelist, with the tables that they name.
+   !> Make the problem of a parsed namelist, and read the tables that it names.
    subroutine new_problem(path, namelist, command, needed, from_python, self, error)
-      !> A file, or the origin of keywords.
+      !> The file, or the origin of keywords.
       character(len=*), intent(in) :: path
       type(entry_type), intent(in) :: namelist(:)
       !> See `problem_type`.
@@ -124,7 +122,7 @@ contains
       end associate
       if (allocated(self%settings%problem%symmetry)) then
          call new_crystal_class(self%settings%problem%symmetry, self%class, error)
-         ! One name for its synonyms.
+         ! Replace synonyms by the name of the class.
          if (.not. allocated(error)) self%settings%problem%symmetry = self%class%name
          if (allocated(self%settings%problem%lattice) .and. .not. allocated(error)) then
             call new_lattice(self%class, self%settings%problem%lattice, lattice, error)
@@ -222,10 +220,10 @@ contains
       end associate
    end subroutine load_tables
 
-   !> Curves, whose table of tests the file names.
+   !> Read curves, and the table of tests that the namelist names.
    subroutine take_curves(self, content, error)
       class(problem_type), intent(inout) :: self
-      !> The neutral CSV.
+      !> CSV of the curves.
       character(len=*), intent(in) :: content
       type(error_type), allocatable, intent(out) :: error
 
@@ -236,7 +234,7 @@ contains
       end associate
    end subroutine take_curves
 
-   !> What messages on curves begin with.
+   !> Beginning of the messages on curves.
    pure function curves_place(self) result(prefix)
       class(problem_type), intent(in) :: self
       character(len=:), allocatable :: prefix
@@ -248,9 +246,10 @@ contains
       end if
    end function curves_place
 
-   !> The measurements that curves gave in a `folder` of results, unless the file names others.
+   !> Read the measurements that were inferred from curves, unless the file names others.
    subroutine take_curve_results(self, folder, error)
       class(problem_type), intent(inout) :: self
+      !> Folder of the results.
       character(len=*), intent(in) :: folder
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: table
@@ -264,23 +263,22 @@ contains
       call take_measurements(self, table, error)
    end subroutine take_curve_results
 
-   !> Leave out all indents but those of these `rows`. It precedes the table 'ebsd' of `set_table`.
+   !> Retain only the indents of these `rows`. Call it before `set_table` with 'ebsd'.
    subroutine retain_indents(self, rows)
       class(problem_type), intent(inout) :: self
-      !> From 1, growing.
+      !> Ascending, from 1.
       integer, intent(in) :: rows(:)
 
       self%retained = rows
       call self%indents%retain(rows)
    end subroutine retain_indents
 
-   !> A table that is no file; of measurements in one the plain table that was made of it, or
-   !> nothing where it is plain; of 'ebsd' a row for each indent that is retained. Of 'warning' what
-   !> is to be said of a table.
+   !> Set a table that is not a file. For 'measurements' in a file it is the plain table that Python
+   !> made of it, or empty if the file is plain; 'ebsd' has a row for each retained indent.
    subroutine set_table(self, table, page, error)
       class(problem_type), intent(inout) :: self
-      !> 'measurements', 'curves', 'velocities', 'ebsd' or 'stiffness'; CSV, as a file has it. Or
-      !> 'warning' and its line.
+      !> 'measurements', 'curves', 'velocities', 'ebsd' or 'stiffness', and the CSV; or 'warning'
+      !> and the line of a warning about a table.
       character(len=*), intent(in) :: table, page
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: parsed
@@ -306,17 +304,17 @@ contains
          if (.not. allocated(error)) call self%indents%join(parsed, error)
          call set_measurements(self, self%indents, error)
       case default
-         ! Rows that are lines of no file are counted from 1, without the header.
+         ! If there is no file, messages count rows from 1, without the header.
          if (.not. allocated(self%table_file)) parsed%line = [(i, i=1, parsed%rows)]
          call take_measurements(self, parsed, error)
       end select
    end subroutine set_table
 
-   !> A stiffness that is known; `error` may be that of its reading.
+   !> Set the known stiffness, unless its reading raised an `error`.
    subroutine take_stiffness(self, table, prefix, error)
       type(problem_type), intent(inout) :: self
       type(table_type), intent(in) :: table
-      !> Of messages.
+      !> Beginning of messages.
       character(len=*), intent(in) :: prefix
       type(error_type), allocatable, intent(inout) :: error
       type(stiffness_table_type) :: stiffness
@@ -327,40 +325,42 @@ contains
       self%stiffness = stiffness
    end subroutine take_stiffness
 
-   !> Speeds, which are all the measurements where no moduli follow; `error` may be that of their
-   !> reading.
+   !> Set the speeds, unless their reading raised an `error`. They are all the measurements if no
+   !> moduli follow.
    subroutine take_velocities(self, table, error)
       type(problem_type), intent(inout) :: self
       type(table_type), intent(in) :: table
       type(error_type), allocatable, intent(inout) :: error
 
       allocate (self%velocities)
-      associate (asked => self%settings%measurements)
+      associate (stated => self%settings%measurements)
          if (.not. allocated(error)) then
-            call read_velocities(table, asked%angles == 'radians', self%velocities, error)
+            call read_velocities(table, stated%angles == 'radians', self%velocities, error)
          end if
-         if (.not. allocated(error) .and. asked%angles == 'degrees') then
+         if (.not. allocated(error) .and. stated%angles == 'degrees') then
             call refuse_radians(self%velocities, error)
          end if
          if (allocated(error)) then
             error%message = place(self%path, 'measurements', 'velocities')//error%message
-         else if (.not. (allocated(asked%file) .or. self%settings%curves%given)) then
+         else if (.not. (allocated(stated%file) .or. self%settings%curves%given)) then
             call append_velocities(self%measurements, self%velocities)
-            asked%modulus_kind = self%measurements%modulus_kind
+            stated%modulus_kind = self%measurements%modulus_kind
          end if
       end associate
    end subroutine take_velocities
 
-   !> Measurements, which wait if their orientations are in a map; `error` may be that of their
-   !> reading.
+   !> Set the measurements, unless their reading raised an `error`. If their orientations are in a
+   !> map, only the indents are set.
    subroutine take_measurements(self, table, error)
       type(problem_type), intent(inout) :: self
       type(table_type), intent(in) :: table
       type(error_type), allocatable, intent(inout) :: error
       real(wp), allocatable :: x(:), y(:)
 
-      if (.not. allocated(self%map)) call set_measurements(self, table, error)
-      if (.not. allocated(self%map)) return
+      if (.not. allocated(self%map)) then
+         call set_measurements(self, table, error)
+         return
+      end if
       self%indents = table
       if (.not. allocated(error)) then
          call name_columns(self%indents, self%settings%measurements%columns, error)
@@ -371,8 +371,8 @@ contains
       call prefix_error(error, prefix_of_table(self))
    end subroutine take_measurements
 
-   !> Measurements with their orientations, the tests of a grain as one; `error` may be that of
-   !> their reading.
+   !> Set the measurements, which have their orientations, unless their reading raised an `error`.
+   !> The tests of a grain become one measurement.
    subroutine set_measurements(self, table, error)
       type(problem_type), intent(inout) :: self
       type(table_type), intent(in) :: table
@@ -403,22 +403,23 @@ contains
          error%message = prefix_of_table(self)//error%message
       else
          self%measurements = measurements
-         do i = 1, merge(measurements%n, 0, allocated(measurements%tests) &
-            & .and. allocated(self%shared_errors))
-            ! As of the moduli the weighted mean of the tests.
-            associate (weights => merge(weight, 0.0_wp, measurements%of_row == i))
-               self%shared_errors(measurements%row(i), :) = matmul(weights, &
-                  & self%shared_errors)/sum(weights)
-            end associate
-         end do
+         if (allocated(measurements%tests) .and. allocated(self%shared_errors)) then
+            do i = 1, measurements%n
+               ! The tests of a grain have the weights that they have for its modulus.
+               associate (weights => merge(weight, 0.0_wp, measurements%of_row == i))
+                  self%shared_errors(measurements%row(i), :) &
+                     & = matmul(weights, self%shared_errors)/sum(weights)
+               end associate
+            end do
+         end if
          self%settings%measurements%modulus_kind = measurements%modulus_kind
-         call question_measurements(self%path, self%settings, self%class, allocated(self%map), &
+         call check_measurements(self%path, self%settings, self%class, allocated(self%map), &
             & self%measurements, self%warnings, error)
          if (allocated(self%velocities)) call append_velocities(self%measurements, self%velocities)
       end if
    end subroutine set_measurements
 
-   !> With which messages on the measurements begin.
+   !> Beginning of the messages on the measurements.
    function prefix_of_table(self) result(prefix)
       type(problem_type), intent(in) :: self
       character(len=:), allocatable :: prefix
@@ -430,6 +431,7 @@ contains
       end if
    end function prefix_of_table
 
+   !> Read the candidates of &design, which must be of the symmetry of &problem.
    subroutine load_candidates(self, name, error)
       type(problem_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -450,12 +452,12 @@ contains
       end if
    end subroutine load_candidates
 
-   !> The grains of a file; `prefix` begins the message of a refusal.
+   !> Read the grains of a file; `prefix` begins the messages.
    subroutine load_grains(self, prefix, name, error)
       type(problem_type), intent(inout) :: self
       character(len=*), intent(in) :: prefix, name
       type(error_type), allocatable, intent(out) :: error
-      !> Of each the moduli of 2000 draws are kept.
+      !> Bound of the memory for the moduli of each grain at 2000 draws.
       integer, parameter :: most_grains = 2000
       logical :: radians
 
@@ -477,7 +479,7 @@ contains
       call prefix_error(error, prefix//printable(name)//': ')
    end subroutine load_grains
 
-   !> The resolved namelists: the groups that are there or needed, every variable with its value.
+   !> Text of the resolved namelist: stated and needed groups, every variable with its value.
    function resolved_text(self) result(page)
       class(problem_type), intent(in) :: self
       character(len=:), allocatable :: page

@@ -1,4 +1,4 @@
-!> What one variable alone cannot show: checks of the settings against each other.
+!> Checks of the settings against each other.
 module settings_checks
    use crystal_class, only: crystal_class_names, crystal_class_type
    use crystal_elasticity, only: is_stable
@@ -14,23 +14,24 @@ module settings_checks
 
 contains
 
-   !> `path` begins the message.
+   !> Refuse settings that contradict each other; `path` begins the message.
    subroutine check_settings(path, settings, class, error)
       character(len=*), intent(in) :: path
       type(settings_type), intent(in) :: settings
       type(crystal_class_type), intent(in) :: class
       type(error_type), allocatable, intent(out) :: error
       type(settings_list_type) :: list
-      !> Variables that ask for speeds, and their groups.
+      !> Variables that need computed speeds, and their groups.
       character(len=*), parameter :: names(3) = [character(len=14) :: 'velocities', &
          & 'velocity_cost', 'velocity_noise'], &
          & groups(3) = [character(len=12) :: 'measurements', 'next', 'plan']
-      !> What needs orientations, or errors of another kind than are integrated with them.
+      !> Settings that exclude orientations = 'unknown': they need orientations, or have errors that
+      !> are not integrated over the orientations.
       character(len=*), &
-         & parameter :: unknown_excludes(6) = [character(len=20) :: 'ebsd', 'velocities', &
+         & parameter :: needs_known(6) = [character(len=20) :: 'ebsd', 'velocities', &
          & 'misalignment_sd_deg', 'orientation_sd_deg', 'likelihood', 'scale = ''inferred''']
       integer :: k
-      logical :: needed, excluded(size(unknown_excludes))
+      logical :: needs_symmetry, is_stated(size(needs_known))
 
       call check_bounds(path, 'domain', class, settings%domain%c_min, settings%domain%c_max, error)
       if (allocated(error)) return
@@ -39,11 +40,11 @@ contains
       call check_count(place(path, 'problem', 'reference_gpa'), class, &
          & settings%problem%reference_gpa, error)
       if (allocated(error)) return
-      ! Only what is learnt for all classes needs no symmetry.
-      needed = settings%measurements%given .or. settings%prior%given &
+      ! Only a surrogate for all crystal classes needs no symmetry.
+      needs_symmetry = settings%measurements%given .or. settings%prior%given &
          & .or. settings%plan%given .or. (settings%surrogate%model == 'paper' &
          & .and. (settings%design%given .or. settings%domain%given))
-      if (needed .and. .not. allocated(settings%problem%symmetry)) then
+      if (needs_symmetry .and. .not. allocated(settings%problem%symmetry)) then
          call refuse(error, place(path, 'problem', 'symmetry') &
             & //'the variable is missing; allowed '//crystal_class_names())
       end if
@@ -70,11 +71,12 @@ contains
       call check_lists(path, list, 'references', &
          & [character(len=12) :: 'name', 'young_gpa', 'young_sd_gpa', 'nu'], error)
       if (allocated(error)) return
+      ! The first stated variable of `names`, or 0.
       k = findloc([allocated(settings%measurements%velocities), &
          & allocated(settings%next%velocity_cost), allocated(settings%plan%velocity_noise)], &
          & .true., dim=1)
       associate (stated => settings%measurements)
-         excluded = [allocated(stated%ebsd), allocated(stated%velocities), &
+         is_stated = [allocated(stated%ebsd), allocated(stated%velocities), &
             & stated%misalignment_sd_deg > 0.0_wp, stated%orientation_sd_deg > 0.0_wp, &
             & stated%likelihood /= 'normal', stated%scale == 'inferred']
       end associate
@@ -98,10 +100,10 @@ contains
             & .and. measured%likelihood /= 'student') then
             call refuse(error, place(path, 'measurements', 'student_dof') &
                & //'is only for likelihood = ''student''; state that, or remove it')
-         else if (measured%orientations == 'unknown' .and. any(excluded)) then
+         else if (measured%orientations == 'unknown' .and. any(is_stated)) then
             call refuse(error, place(path, 'measurements', 'orientations') &
                & //'''unknown'' cannot be combined with ' &
-               & //trim(unknown_excludes(findloc(excluded, .true., dim=1)))//'; remove one of them')
+               & //trim(needs_known(findloc(is_stated, .true., dim=1)))//'; remove one of them')
          else if (k > 0 .and. .not. is_bulk) then
             call refuse(error, place(path, trim(groups(k)), trim(names(k))) &
                & //'speeds are computed for a bulk sample, but geometry is ''' &
@@ -137,12 +139,12 @@ contains
       end associate
    end subroutine check_settings
 
-   !> c_min below c_max, or in &prior the same, and a stable crystal between them; each may be
-   !> unset.
+   !> Refuse bounds unless c_min is below c_max, or equal to it in &prior, and some crystal between
+   !> them is stable. Either bound may be absent.
    subroutine check_bounds(path, group, class, low, high, error)
       character(len=*), intent(in) :: path, group
       type(crystal_class_type), intent(in) :: class
-      !> One for each constant, GPa.
+      !> Bounds of each constant, GPa.
       real(wp), allocatable, intent(in) :: low(:), high(:)
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: best(:)
@@ -159,7 +161,7 @@ contains
             & //to_text(high(i))//' GPa')
       end if
       if (allocated(error)) return
-      ! The most stable crystal of the box: large on the diagonal, small off it.
+      ! The most stable crystal: large constants on the diagonal, small ones off it.
       best = merge(high, max(low, min(high, 0.0_wp)), &
          & class%constants(:)(2:2) == class%constants(:)(3:3))
       if (.not. is_stable(class%stiffness(best))) then
@@ -168,7 +170,7 @@ contains
       end if
    end subroutine check_bounds
 
-   !> A value for each constant, or none.
+   !> Refuse values unless there is one for each constant, or none at all.
    subroutine check_count(prefix, class, values, error)
       character(len=*), intent(in) :: prefix
       type(crystal_class_type), intent(in) :: class
@@ -187,11 +189,11 @@ contains
       end if
    end subroutine check_count
 
-   !> Lists of a group that are of equal length, or none is there.
+   !> Refuse lists of a group unless all have the same length, or all are absent.
    subroutine check_lists(path, list, group, names, error)
       character(len=*), intent(in) :: path
       type(settings_list_type), intent(in) :: list
-      !> Of the group, and of its variables.
+      !> Names of the group and of its variables.
       character(len=*), intent(in) :: group, names(:)
       type(error_type), allocatable, intent(out) :: error
       integer :: sizes(size(names)), i, j

@@ -12,7 +12,7 @@ module shared_error_tables
 contains
 
    !> Read the shared errors of the rows of a table of measurements: from the file `path`, which has
-   !> one row for each of them, or from the columns shared_1, shared_2, .. of the table itself.
+   !> one row for each measurement, or from the columns shared_1, shared_2, .. of the table itself.
    subroutine read_shared_errors(table, path, retained, positions, shared_errors, digest, error)
       !> The measurements.
       type(table_type), intent(in) :: table
@@ -22,9 +22,9 @@ contains
       integer, allocatable, intent(in) :: retained(:)
       !> Positions of all indents, retained or not (n, 2), um; allocated if `retained` is.
       real(wp), allocatable, intent(in) :: positions(:, :)
-      !> (row of the table, error), of standard deviation 1; they stay as they are without columns.
+      !> (row of the table, error), of standard deviation 1; unchanged if no columns have them.
       real(wp), allocatable, intent(inout) :: shared_errors(:, :)
-      !> Checksum of the table that they are from.
+      !> Checksum of the table that has them.
       character(len=:), allocatable, intent(inout) :: digest
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: source

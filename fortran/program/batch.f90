@@ -1,4 +1,4 @@
-!> bayesindent-batch: the computing stages of a namelist file without Python.
+!> bayesindent-batch: perform the computing stages of a namelist file, without Python.
 program batch
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
    use abstract_stage, only: stage_type
@@ -23,13 +23,13 @@ program batch
    logical :: check_only
 
    interface
-      !> End with this status; unlike STOP it prints nothing.
+      !> End the process with this status; unlike STOP it prints nothing.
       subroutine end_process(status) bind(c, name='exit')
          import :: c_int
          integer(c_int), value :: status
       end subroutine end_process
-      !> Have the vector kernels of OpenBLAS that fit this processor, and one thread, in this
-      !> program or the same one started once more.
+      !> Choose the OpenBLAS kernels that fit this processor, and one thread. The program may be
+      !> started once more for this.
       subroutine prepare_blas() bind(c, name='bayesindent_prepare_blas')
       end subroutine prepare_blas
       subroutine c_data_folder(installed, folder, size) bind(c, name='bayesindent_data_folder')
@@ -105,17 +105,16 @@ contains
       integer :: i
 
       call read_problem(path, command, '', .false., self, error)
-      if (.not. allocated(error) .and. allocated(self%table_file)) then
+      call stop_on(error)
+      if (allocated(self%table_file)) then
          call refuse(error, place(path, 'measurements', 'file') &
             & //printable(self%settings%measurements%file)//': a spreadsheet is read by ' &
             & //'bayesindent, not by bayesindent-batch; save its sheet as CSV')
-      end if
-      if (.not. allocated(error) .and. allocated(self%map)) then
+      else if (allocated(self%map)) then
          call refuse(error, place(path, 'measurements', 'ebsd') &
             & //printable(self%settings%measurements%ebsd)//': an orientation map is read by ' &
             & //'bayesindent, not by bayesindent-batch, which needs the orientations as columns')
-      end if
-      if (.not. allocated(error) .and. allocated(self%settings%curves%files)) then
+      else if (allocated(self%settings%curves%files)) then
          call refuse(error, place(path, 'curves', 'files')//'files of instruments are read by ' &
             & //'bayesindent, not by bayesindent-batch; state file, a CSV of the curves')
       end if
@@ -139,12 +138,12 @@ contains
       call stop_on(error)
       do i = 1, size(self%stages)
          call perform_stage(self, trim(self%stages(i)), places, usable)
-         ! What to measure next follows from a posterior that can be used.
+         ! The next measurements are computed only from a posterior that can be used.
          if (.not. usable) call end_process(exit_unusable)
       end do
    end subroutine perform
 
-   !> A stage to its end; `usable`: whether its result can be used.
+   !> Perform a stage; `usable` is whether its result can be used.
    subroutine perform_stage(self, name, places, usable)
       type(problem_type), intent(in), target :: self
       character(len=*), intent(in) :: name
@@ -166,7 +165,7 @@ contains
       call print_lines('', stage%more, output_stream)
    end subroutine perform_stage
 
-   !> Lines, each after a `prefix`.
+   !> Print lines, each after a `prefix`.
    subroutine print_lines(prefix, lines, to)
       character(len=*), intent(in) :: prefix
       type(warning_type), intent(in) :: lines(:)
@@ -178,7 +177,7 @@ contains
       end do
    end subroutine print_lines
 
-   !> Argument number `i` of the command line, whole; '' where there is none.
+   !> Argument number `i` of the command line; '' if there is none.
    function argument(i) result(text)
       integer, intent(in) :: i
       character(len=:), allocatable :: text
@@ -189,7 +188,7 @@ contains
       if (length > 0) call get_command_argument(i, text)
    end function argument
 
-   !> End with the error's status and its one line; go on if there is none.
+   !> If there is an error, print its line and end with its status.
    subroutine stop_on(error)
       type(error_type), allocatable, intent(in) :: error
 

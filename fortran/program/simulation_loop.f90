@@ -1,4 +1,4 @@
-!> The simulations of a stage on the threads of this process.
+!> Performs the simulations of a stage on the threads of this process.
 module simulation_loop
    use abstract_stage, only: stage_type
    use errors, only: error_type, machine_failure
@@ -13,8 +13,8 @@ module simulation_loop
 
 contains
 
-   !> Have all simulations made that a stage wants. An error starts no more; what is under way is
-   !> still taken.
+   !> Make all simulations that a stage requests. After an error no more are started, but the stage
+   !> still receives the outcomes of those that are running.
    subroutine simulate_all(stage, error)
       class(stage_type), intent(inout) :: stage
       type(error_type), allocatable, intent(out) :: error
@@ -46,11 +46,11 @@ contains
          integer, intent(in) :: i
          type(outcome_type) :: outcome
          type(error_type), allocatable :: own
-         logical :: enough
+         logical :: is_stopped
 
          !$omp atomic read
-         enough = stopped
-         if (enough) return
+         is_stopped = stopped
+         if (is_stopped) return
          associate (job => stage%jobs(i))
             !$omp critical (simulation_loop_simulators)
             if (.not. allocated(simulator)) then

@@ -16,7 +16,7 @@ module repeated_tests
    use text, only: fixed, to_text
    implicit none
    private
-   public :: combine_tests, judge_scatter, refuse_copied_rows
+   public :: combine_tests, check_scatter, refuse_copied_rows
 
    !> Of a scatter of less probability a warning says so; of single grains it is divided by their
    !> number.
@@ -181,7 +181,7 @@ contains
 
    !> Warn of tests that scatter more or less than their sds say: all together, and in single
    !> grains.
-   subroutine judge_scatter(points, prefix, warnings)
+   subroutine check_scatter(points, prefix, warnings)
       type(points_type), intent(in) :: points
       !> Of the lines.
       character(len=*), intent(in) :: prefix
@@ -211,7 +211,7 @@ contains
             & //printable(points%name(i))//' disagree with each other, ' &
             & //in_words(points%chi_square(i), points%tests(i) - 1))
       end do
-   end subroutine judge_scatter
+   end subroutine check_scatter
 
    !> '2.1 times as much (chi-square 12.3 with 3 degrees of freedom)'.
    function in_words(chi_square, freedom) result(words)

@@ -1,29 +1,29 @@
-!> Warnings on measurements that are unusual but may be meant.
-module measurement_questions
+!> Warnings on measurements that are unusual but may be intended.
+module measurement_checks
    use crystal_class, only: crystal_class_type
    use errors, only: error_type, prefix_error, warn, warning_type
    use files, only: printable
    use kinds, only: wp
    use namelist_file, only: place
-   use orientation_questions, only: question_directions, refuse_radians
+   use direction_checks, only: check_directions, refuse_radians
    use point_tables, only: angles_look_like_radians, points_type
-   use repeated_tests, only: judge_scatter
+   use repeated_tests, only: check_scatter
    use settings_schema, only: settings_type
    use statistics, only: median
    use table_columns, only: column_hint
    use text, only: to_text
    implicit none
    private
-   public :: question_measurements
+   public :: check_measurements
 
-   !> The warning on Euler angles that look like radians, after the name of their table.
+   !> Warning on Euler angles that look like radians; the name of their table precedes it.
    character(len=*), parameter, public :: like_radians = &
       & ': no angle is above 2 pi; angles are in degrees, and these look like radians'
 
 contains
 
    !> Warn of unusual measurements, and refuse angles in radians unless the settings declare them.
-   subroutine question_measurements(path, settings, class, from_map, measurements, warnings, error)
+   subroutine check_measurements(path, settings, class, from_map, measurements, warnings, error)
       !> The namelist, or the origin of keywords.
       character(len=*), intent(in) :: path
       type(settings_type), intent(in) :: settings
@@ -35,9 +35,9 @@ contains
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: prefix, hint
       !> Smallest plausible standard deviation of indentation, relative to the modulus.
-      real(wp), parameter :: least_share = 0.003_wp
+      real(wp), parameter :: least_relative_sd = 0.003_wp
       logical :: radians
-      real(wp) :: share
+      real(wp) :: relative_sd
       integer :: i
 
       prefix = 'the table'
@@ -50,7 +50,7 @@ contains
       if (radians) call refuse_radians(measurements, error)
       call prefix_error(error, prefix//': ')
       if (allocated(error)) return
-      call judge_scatter(measurements, prefix, warnings)
+      call check_scatter(measurements, prefix, warnings)
       do i = 1, measurements%table%columns
          hint = column_hint(measurements%table, i)
          if (len(hint) > 0) then
@@ -68,7 +68,7 @@ contains
             hint = '. If the positions all lie in one grain of the map, check the unit and the ' &
                & //'origin of x_um and y_um'
          end if
-         call question_directions(measurements, class, prefix, hint, warnings, error)
+         call check_directions(measurements, class, prefix, hint, warnings, error)
          if (allocated(error)) return
       end if
       if (radians) call warn(warnings, prefix//like_radians)
@@ -76,13 +76,13 @@ contains
          call warn(warnings, prefix//': an sd_gpa is more than half of its modulus_gpa')
       end if
       if (measurements%n == 0) return
-      share = median(measurements%n, measurements%sd_gpa/measurements%modulus_gpa)
-      if (share > 0.0_wp .and. share < least_share) then
-         call warn(warnings, prefix//': the sds are '//to_text(100.0_wp*share, 2) &
+      relative_sd = median(measurements%n, measurements%sd_gpa/measurements%modulus_gpa)
+      if (relative_sd > 0.0_wp .and. relative_sd < least_relative_sd) then
+         call warn(warnings, prefix//': the sds are '//to_text(100.0_wp*relative_sd, 2) &
             & //' % of the moduli (median); indentation rarely does better than ' &
-            & //to_text(100.0_wp*least_share, 1) &
+            & //to_text(100.0_wp*least_relative_sd, 1) &
             & //' %. sd_gpa is in GPa: if these are fractions, multiply them by the moduli')
       end if
-   end subroutine question_measurements
+   end subroutine check_measurements
 
-end module measurement_questions
+end module measurement_checks
