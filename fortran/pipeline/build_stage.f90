@@ -1,5 +1,5 @@
-!> `build`: Step 1, the surrogate that &design asks for; what the loop has come to, in its file and
-!> in the document.
+!> `build`: Step 1, the surrogate that &design asks for. The loop of `build_loop` trains it; this
+!> module writes its file and the document.
 module build_stage
    use bases, only: new_basis
    use abstract_basis, only: basis_type
@@ -30,15 +30,15 @@ module build_stage
 
 contains
 
-   !> Write the surrogate into the output folder, and say how good it is.
+   !> Write the surrogate into the output folder, and its errors into the document.
    subroutine finish(self, page, error)
       class(build_stage_type), intent(inout) :: self
       type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
       type(surrogate_type) :: surrogate
-      character(len=:), allocatable :: file, words
-      real(wp), allocatable :: stiffness(:, :, :), largest(:), moduli(:), circular(:)
-      integer :: i
+      character(len=:), allocatable :: file, warning
+      real(wp), allocatable :: stiffness(:, :, :), largest(:), theory(:), circular(:)
+      integer :: i, n_simulations
 
       associate (learning => self%learning, settings => self%problem%settings, &
          & known => self%learning%learner%simulations)
@@ -50,12 +50,16 @@ contains
          if (allocated(error)) return
          stiffness = stiffnesses(surrogate%basis%domain%class, known%constants)
          allocate (largest(learning%n()))
-         call simulation_error(settings, stiffness, largest, words)
-         if (len(words) > 0) call warn(self%warnings, self%problem%path//': &simulation: '//words)
-         i = learning%n() + self%n_failed
-         if (allocated(self%unseen_modulus)) i = i + size(self%unseen_modulus)
-         if (100*self%n_failed > i) then
-            call warn(self%warnings, to_text(self%n_failed)//' of '//to_text(i) &
+         call simulation_error(settings, stiffness, largest, warning)
+         if (len(warning) > 0) then
+            call warn(self%warnings, self%problem%path//': &simulation: '//warning)
+         end if
+         n_simulations = learning%n() + self%n_failed
+         if (allocated(self%unseen_modulus)) then
+            n_simulations = n_simulations + size(self%unseen_modulus)
+         end if
+         if (100*self%n_failed > n_simulations) then
+            call warn(self%warnings, to_text(self%n_failed)//' of '//to_text(n_simulations) &
                & //' simulations failed: the stated errors do not include their crystals, which ' &
                & //'are often the hardest. campaign.sqlite has the reasons; anisotropy_cap or ' &
                & //'log_anisotropy_max of &domain leave such crystals out')
@@ -66,15 +70,15 @@ contains
          call page%put('terms', surrogate%basis%n_terms)
          call put_state(page, learning%history(size(learning%history)))
          call page%put('stopped', self%stopped)
-         allocate (moduli(learning%n()), circular(learning%n()))
-         call halfspace_moduli(stiffness, known%euler_deg, 1, moduli, circular, error)
+         allocate (theory(learning%n()), circular(learning%n()))
+         call halfspace_moduli(stiffness, known%euler_deg, 1, theory, circular, error)
          if (allocated(error)) return
-         ! Mean absolute errors on the same simulations of the theory alone and of the theory times
-         ! one ratio.
-         associate (ratio => exp(sum(log(known%modulus/moduli))/learning%n()))
+         ! Mean absolute errors, on the same simulations, of the half-space theory and of the theory
+         ! times the geometric mean of simulated modulus/theory.
+         associate (ratio => exp(sum(log(known%modulus/theory))/learning%n()))
             call page%put_numbers('theory_gpa, ratio, theory_times_ratio_gpa', &
-               & [sum(abs(moduli - known%modulus))/learning%n(), ratio, &
-               & sum(abs(ratio*moduli - known%modulus))/learning%n()], 'baselines')
+               & [sum(abs(theory - known%modulus))/learning%n(), ratio, &
+               & sum(abs(ratio*theory - known%modulus))/learning%n()], 'baselines')
          end associate
          call put_domain(page, self, surrogate, stiffness, error)
          if (allocated(error)) return
@@ -97,7 +101,7 @@ contains
       end associate
    end subroutine finish
 
-   !> Where the surrogate comes from: a JSON object.
+   !> The origin of the surrogate, which its file contains: a JSON object.
    function provenance(build) result(text)
       class(build_type), intent(in) :: build
       character(len=:), allocatable :: text
@@ -113,14 +117,14 @@ contains
          call page%put('seed', problem%settings%problem%seed)
          call page%put_numbers('loocv_gpa, leave_crystal_out_gpa', &
             & [last%loocv, last%leave_crystal_out])
-         ! What the surrogate follows from, whichever command asked for it.
+         ! The groups that determine the surrogate are the same for every command.
          call page%put('namelist', settings_namelist(problem%settings, build%groups))
          call page%end_object()
       end associate
       text = page%text()
    end function provenance
 
-   !> An entry of the history, in the object that is open.
+   !> Write an entry of the history into the open object.
    subroutine put_state(page, state)
       type(json_type), intent(inout) :: page
       type(history_type), intent(in) :: state
@@ -132,19 +136,20 @@ contains
          & state%beta, state%decay_rate, state%log_evidence, state%norm, state%angle_deg])
    end subroutine put_state
 
-   !> How well the candidates, which stand for the domain, are predicted; and in words what of it no
-   !> simulation has come near.
+   !> Write the sd of the predictions at the candidates, which sample the domain. Warn of the parts
+   !> of the domain without simulations.
    subroutine put_domain(page, build, surrogate, stiffness, error)
       type(json_type), intent(inout) :: page
       class(build_type), intent(inout) :: build
       type(surrogate_type), intent(in) :: surrogate
-      !> Of the simulations, GPa (6, 6, n).
+      !> Stiffnesses of the simulations, GPa, (6, 6, n).
       real(wp), intent(in) :: stiffness(:, :, :)
       type(error_type), allocatable, intent(out) :: error
-      real(wp), parameter :: near = 0.9_wp
+      !> Part of each range of the domain that the simulations must span, else a warning is given.
+      real(wp), parameter :: covered = 0.9_wp
       real(wp), dimension(size(stiffness, 3)) :: poisson, anisotropy, scale
-      real(wp), dimension(size(build%candidates%euler_deg, 2)) :: relative, modulus, sd
-      character(len=:), allocatable :: words, where
+      real(wp), dimension(size(build%candidates%euler_deg, 2)) :: relative_sd, modulus, sd
+      character(len=:), allocatable :: worst_crystal, where
       integer :: i, worst
 
       where = 'in the domain'
@@ -153,32 +158,33 @@ contains
          call predict_crystals(surrogate, stiffnesses(domain%class, candidates%constants), &
             & degree*candidates%euler_deg, 1, modulus, sd, error)
          if (allocated(error)) return
-         relative = sd/modulus
-         worst = maxloc(relative, 1)
+         relative_sd = sd/modulus
+         worst = maxloc(relative_sd, 1)
          call logarithmic_mean(domain%class%stiffness(candidates%constants(:, worst)), poisson(1), &
             & anisotropy(1), scale(1))
-         words = ' and Poisson''s ratio of '//to_text(poisson(1), 3)
+         worst_crystal = ' and Poisson''s ratio of '//to_text(poisson(1), 3)
          if (domain%has_scale()) then
-            words = ','//words(5:)//' and a scale of '//fixed(scale(1), 1)//' GPa'
+            worst_crystal = ','//worst_crystal(5:)//' and a scale of '//fixed(scale(1), 1)//' GPa'
          end if
          call page%begin_object('domain')
          call page%put_numbers('mean_relative_sd, largest_relative_sd', &
-            & [sum(relative)/size(relative), relative(worst)])
+            & [sum(relative_sd)/size(relative_sd), relative_sd(worst)])
          call page%put('words', 'the sd of a modulus '//where//' is ' &
-            & //to_text(100.0_wp*sum(relative)/size(relative), 2)//' % on average, ' &
-            & //to_text(100.0_wp*relative(worst), 2)//' % at most, at a log-anisotropy of ' &
-            & //to_text(anisotropy(1), 3)//words)
+            & //to_text(100.0_wp*sum(relative_sd)/size(relative_sd), 2)//' % on average, ' &
+            & //to_text(100.0_wp*relative_sd(worst), 2)//' % at most, at a log-anisotropy of ' &
+            & //to_text(anisotropy(1), 3)//worst_crystal)
          call page%end_object()
          if (domain%log_anisotropy_max >= huge(1.0_wp) .or. allocated(build%focus)) return
          do i = 1, size(stiffness, 3)
             call logarithmic_mean(stiffness(:, :, i), poisson(i), anisotropy(i), scale(i))
          end do
-         if (maxval(anisotropy) < near*domain%log_anisotropy_max) then
+         if (maxval(anisotropy) < covered*domain%log_anisotropy_max) then
             call warn(build%warnings, &
                & 'no crystal above a log-anisotropy of '//to_text(maxval(anisotropy), 3) &
                & //' was simulated; the domain reaches '//to_text(domain%log_anisotropy_max, 3))
          end if
-         if (maxval(poisson) - minval(poisson) < near*(domain%poisson(2) - domain%poisson(1))) then
+         if (maxval(poisson) - minval(poisson) &
+            & < covered*(domain%poisson(2) - domain%poisson(1))) then
             call warn(build%warnings, &
                & 'only crystals with Poisson''s ratios from '//to_text(minval(poisson), 2)//' to ' &
                & //to_text(maxval(poisson), 2)//' were simulated; the domain reaches from ' &
@@ -186,7 +192,7 @@ contains
          end if
          if (.not. domain%has_scale()) return
          if (log(maxval(scale)/minval(scale)) &
-            & < near*log(domain%stiffness(2)/domain%stiffness(1))) then
+            & < covered*log(domain%stiffness(2)/domain%stiffness(1))) then
             call warn(build%warnings, 'only crystals of a scale (geometric mean of the ' &
                & //'stiffness'' eigenvalues) from '//fixed(minval(scale), 1)//' to ' &
                & //fixed(maxval(scale), 1)//' GPa were simulated; the domain reaches from ' &
@@ -195,7 +201,8 @@ contains
       end associate
    end subroutine put_domain
 
-   !> With what each round at the posterior began; and what is left to be wished.
+   !> Write the accuracy at the beginning of each round at the posterior. Warn if the last one is
+   !> not accurate enough.
    subroutine put_focus(page, build)
       type(json_type), intent(inout) :: page
       class(build_type), intent(inout) :: build
@@ -229,11 +236,11 @@ contains
       call page%end_array()
    end subroutine put_focus
 
-   !> Evidence and leave-one-out errors of other truncations as the number of simulations grows
-   !> (Figs. 1 and 6).
-   subroutine put_scan(page, asked, learning, error)
+   !> Write the evidence and the leave-one-out errors of other truncations for increasing numbers of
+   !> simulations (Figs. 1 and 6).
+   subroutine put_scan(page, stated, learning, error)
       type(json_type), intent(inout) :: page
-      type(surrogate_settings_type), intent(in) :: asked
+      type(surrogate_settings_type), intent(in) :: stated
       type(learning_type), intent(in) :: learning
       type(error_type), allocatable, intent(out) :: error
       !> Numbers of simulations at which the error is computed.
@@ -245,7 +252,7 @@ contains
       real(wp) :: errors(n_counts)
       integer :: counts(0:n_counts), i, j, k
 
-      settings = asked
+      settings = stated
       call read_scan(settings%scan, pairs, error)
       if (allocated(error) .or. size(pairs) == 0) return
       counts = [0, (learning%first + ((i - 1)*(learning%n() - learning%first))/(n_counts - 1), &
@@ -255,20 +262,21 @@ contains
          settings%degree = pairs(1, k)
          settings%bandlimit = pairs(2, k)
          call new_basis(learning%learner%basis%domain, settings, basis, error)
-         if (.not. allocated(error)) call new_learner(basis, learner, error)
+         if (allocated(error)) return
+         call new_learner(basis, learner, error)
+         if (allocated(error)) return
          do i = 1, n_counts
-            if (allocated(error)) return
             associate (known => learning%learner%simulations, first => counts(i - 1) + 1, &
                & last => counts(i))
                call add_simulations(learner, known%constants(:, first:last), &
                   & known%euler_deg(:, first:last), known%modulus(first:last), .true., error)
-               if (.not. allocated(error)) call fit_learner(learner, error)
-               if (.not. allocated(error)) then
-                  call left_out(learner, [(j, j=1, last)], errors(i), error)
-               end if
+               if (allocated(error)) return
+               call fit_learner(learner, error)
+               if (allocated(error)) return
+               call left_out(learner, [(j, j=1, last)], errors(i), error)
+               if (allocated(error)) return
             end associate
          end do
-         if (allocated(error)) return
          call page%begin_object()
          call page%put('degree', settings%degree)
          call page%put('bandlimit', settings%bandlimit)
@@ -285,22 +293,22 @@ contains
       call page%end_array()
    end subroutine put_scan
 
-   !> The surrogate on simulations that it has not seen.
+   !> Write the errors of the surrogate at simulations that are not in its training.
    subroutine put_validation(page, build, surrogate, error)
       type(json_type), intent(inout) :: page
       class(build_type), intent(in) :: build
       type(surrogate_type), intent(in) :: surrogate
       type(error_type), allocatable, intent(out) :: error
-      real(wp), dimension(size(build%unseen_modulus)) :: mean, sd, miss
+      real(wp), dimension(size(build%unseen_modulus)) :: mean, sd, deviation
       call predict_crystals(surrogate, stiffnesses(surrogate%basis%domain%class, &
          & build%unseen_constants), degree*build%unseen_euler_deg, 1, mean, sd, error)
-      miss = abs(mean - build%unseen_modulus)
+      deviation = abs(mean - build%unseen_modulus)
       call page%begin_object('validation')
       call page%put('points', size(mean))
       call page%put('constants', transpose(build%unseen_constants))
       call page%put('euler_deg', transpose(build%unseen_euler_deg))
-      call page%put_numbers('mean_absolute_gpa, within_1_sd, within_2_sd', [sum(miss), &
-         & real(count(miss <= sd), wp), real(count(miss <= 2*sd), wp)]/max(1, size(mean)))
+      call page%put_numbers('mean_absolute_gpa, within_1_sd, within_2_sd', [sum(deviation), &
+         & real(count(deviation <= sd), wp), real(count(deviation <= 2*sd), wp)]/max(1, size(mean)))
       call page%put('simulated', build%unseen_modulus)
       call page%put('predicted', mean)
       call page%put('sd', sd)

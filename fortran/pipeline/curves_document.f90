@@ -1,5 +1,5 @@
-!> What `curves` leaves in a folder: the moduli of the grains, their shared errors, the fits, and
-!> the document.
+!> The results of `curves`: tables of the moduli of the grains, of their shared errors and of the
+!> fitted curves, and the document.
 module curves_document
    use curve_tables, only: curve_set_type
    use elastic_window, only: n_shared, test_type
@@ -17,19 +17,18 @@ module curves_document
    private
    public :: write_curve_files, write_document
 
-   !> Columns of the table of tests that are those of the measurements too.
-   character(len=*), parameter :: carried = 'phi1_deg, phi1, Phi_deg, Phi, phi2_deg, phi2, q0, ' &
+   !> Columns of the table of tests that the table of measurements has as well.
+   character(len=*), parameter :: copied = 'phi1_deg, phi1, Phi_deg, Phi, phi2_deg, phi2, q0, ' &
       & //'q1, q2, q3, u, v, w, h, k, l, orientation_sd_deg, grain_radius_um'
-   !> A loading that is smaller than this everywhere is none.
+   !> Shared errors with relative loadings below this at every grain are left out.
    real(wp), parameter :: negligible = 1.0e-6_wp
 
 contains
 
-   !> measurements.csv, shared_errors.csv and fits.csv.
+   !> Write measurements.csv, shared_errors.csv and fits.csv into the folder `output`.
    subroutine write_curve_files(set, found, output, error)
       type(curve_set_type), intent(in) :: set
       type(curves_posterior_type), intent(in) :: found
-      !> Folder.
       character(len=*), intent(in) :: output
       type(error_type), allocatable, intent(out) :: error
       type(new_file_type) :: file
@@ -40,7 +39,7 @@ contains
 
       grains = found%grains()
       loadings = loadings_of(found%materials(grains), found%covariance)
-      allocate (names, source=split_list(carried))
+      allocate (names, source=split_list(copied))
       columns = [(set%tests%find(trim(names(j))), j=1, size(names))]
       columns = pack(columns, columns > 0)
       call file%begin(output//'/measurements.csv')
@@ -80,7 +79,7 @@ contains
 
    contains
 
-      !> What the table of tests has in a row of these columns.
+      !> Cells of the copied columns in a row of the table of tests.
       function cells_of(row) result(line)
          integer, intent(in) :: row
          character(len=:), allocatable :: line
@@ -93,10 +92,12 @@ contains
       end function cells_of
    end subroutine write_curve_files
 
-   !> J L: relative errors of sd 1 times these, independent of each other, (grain, error).
+   !> Loadings J L of the shared errors, relative to the modulus, (grain, error): J are the
+   !> derivatives of ln(modulus) by the shared unknowns, L is the lower factor of their covariance.
+   !> The errors that the loadings multiply are independent and of sd 1.
    function loadings_of(grains, covariance) result(loadings)
       type(material_type), intent(in) :: grains(:)
-      !> Of what they share.
+      !> Of the shared unknowns.
       real(wp), intent(in) :: covariance(:, :)
       real(wp), allocatable :: loadings(:, :)
       real(wp) :: factor(size(covariance, 1), size(covariance, 2))
@@ -112,7 +113,7 @@ contains
       loadings = loadings(:, pack([(j, j=1, n)], maxval(abs(loadings), 1) > negligible))
    end function loadings_of
 
-   !> The document, into the object of a `page`.
+   !> Write the document into the object of a `page`.
    subroutine write_document(page, set, found)
       type(json_type), intent(inout) :: page
       type(curve_set_type), intent(in) :: set
@@ -145,7 +146,7 @@ contains
 
    contains
 
-      !> A shared unknown. `unit`: of a change by one.
+      !> Write a shared unknown. An error of one in it is an error of `unit` in the printed value.
       subroutine put_shared(name, i, mean, unit)
          character(len=*), intent(in) :: name
          integer, intent(in) :: i
@@ -154,16 +155,16 @@ contains
          call put_unknown(name, mean, sqrt(found%covariance(i, i))*unit, found%prior_sd(i)*unit)
       end subroutine put_shared
 
-      !> An unknown: its posterior, and what decided it.
+      !> Write the posterior of an unknown, and whether the tests or the prior determine it.
       subroutine put_unknown(name, mean, sd, prior_sd)
          character(len=*), intent(in) :: name
          real(wp), intent(in) :: mean, sd, prior_sd
-         !> A posterior sd that is a larger share of the prior's is the prior's.
-         real(wp), parameter :: unmoved = 0.9_wp
+         !> The prior determines an unknown if the posterior sd is above this share of its sd.
+         real(wp), parameter :: share_of_prior = 0.9_wp
 
          call page%begin_object(name)
          call page%put_numbers('mean, sd, prior_sd', [mean, sd, prior_sd])
-         call page%put('decided_by', trim(merge('prior', 'tests', sd > unmoved*prior_sd)))
+         call page%put('decided_by', trim(merge('prior', 'tests', sd > share_of_prior*prior_sd)))
          call page%end_object()
       end subroutine put_unknown
    end subroutine write_document
@@ -186,7 +187,7 @@ contains
             call page%put('reason', t%reason)
             values = [exp(t%ln_modulus)*[1.0_wp, sqrt(t%variance)], t%from_load, t%to_load, &
                & t%zero, t%drift, t%drift_sd, t%noise, t%correlation]
-            ! What is not finite is null.
+            ! NaN is written as null.
             if (.not. t%used) values = nan
             call page%put_numbers('effective_modulus_gpa, sd_gpa, elastic_from_mn, ' &
                & //'elastic_to_mn, zero_nm, drift_nm_s, drift_sd_nm_s, noise_nm, ' &
@@ -197,8 +198,8 @@ contains
       call page%end_array()
    end subroutine put_tests
 
-   !> Moduli of the grains, how they depend on what they share, where their errors come from, and
-   !> how the tests of one grain agree: their chi-square about its mean.
+   !> Write the moduli of the grains, their derivatives by the shared unknowns, the sources of their
+   !> errors, and the chi-square of the tests about the mean of their grain.
    subroutine put_grains(page, found)
       type(json_type), intent(inout) :: page
       type(curves_posterior_type), intent(in) :: found

@@ -1,5 +1,5 @@
-!> `curves`: Step 0, moduli of grains from measured curves. Materials are what the tests were made
-!> on: references, whose moduli are known, and grains.
+!> `curves`: Step 0, moduli of grains from measured curves. The tests are made on materials:
+!> references, whose moduli are known, and grains.
 module curves_stage
    use abstract_stage, only: stage_type
    use curves_document, only: write_curve_files, write_document
@@ -26,12 +26,12 @@ module curves_stage
       procedure :: begin, finish
    end type curves_stage_type
 
-   !> GPa: a first estimate beyond these means wrong units.
+   !> Limits of a first estimate of a modulus, GPa. Outside, the units of the curve are wrong.
    real(wp), parameter :: moduli_allowed(2) = [0.01_wp, 5000.0_wp]
 
 contains
 
-   !> Cut the curves, and refuse what cannot be.
+   !> Find the elastic loading of each curve, and refuse impossible moduli.
    subroutine begin(self, error)
       class(curves_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
@@ -68,7 +68,7 @@ contains
       end associate
    end subroutine begin
 
-   !> The posterior, its files and its document.
+   !> Infer the moduli, and write the files and the document.
    subroutine finish(self, page, error)
       class(curves_stage_type), intent(inout) :: self
       type(json_type), intent(inout) :: page
@@ -92,19 +92,21 @@ contains
          & //' tests: '//self%output//'/measurements.csv'
    end subroutine finish
 
-   !> Tests given what they share, and this given the tests, until the shared unknowns stay.
+   !> Alternate between the moduli of the tests for fixed shared unknowns and the posterior of the
+   !> shared unknowns, until the shared unknowns have converged.
    subroutine iterate(self, error)
       class(curves_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      integer, parameter :: most = 8, fewest = 3
-      !> And the prior sd of the depth at which a test begins, nm.
-      real(wp), parameter :: settled = 0.05_wp, zero_sd = 1.0e4_wp
+      integer, parameter :: most_steps = 8, fewest_steps = 3
+      !> Change of a shared unknown at convergence, in its posterior sd; and the prior sd of the
+      !> depth at which a test begins, nm.
+      real(wp), parameter :: converged = 0.05_wp, zero_sd = 1.0e4_wp
       real(wp) :: before(n_shared)
       integer :: i, step
 
       associate (asked => self%problem%settings%curves, s => self%found, tests => self%found%tests)
          s%mean = s%prior_mean
-         do step = 1, most
+         do step = 1, most_steps
             !$omp parallel do schedule(dynamic) &
             !$omp & num_threads(thread_count(self%problem%settings%execution%workers))
             do i = 1, size(tests)
@@ -124,73 +126,74 @@ contains
             before = s%mean(:n_shared)
             call s%infer_shared(error)
             if (allocated(error)) return
-            if (step >= fewest .and. all(abs(s%mean(:n_shared) - before) &
-               & < [(settled*sqrt(s%covariance(i, i)), i=1, n_shared)])) then
+            if (step >= fewest_steps .and. all(abs(s%mean(:n_shared) - before) &
+               & < [(converged*sqrt(s%covariance(i, i)), i=1, n_shared)])) then
                exit
             end if
          end do
       end associate
    end subroutine iterate
 
-   !> The tests of each material with each other: their middle is the centre of a grain's prior, and
-   !> a test far from it may be left out.
+   !> Compare the tests of each material with their median, which is the centre of the prior of a
+   !> grain's modulus. Tests far from it are left out if that is allowed.
    subroutine compare_tests(tests, materials, may_leave_out)
       type(test_type), intent(inout) :: tests(:)
       type(material_type), intent(inout) :: materials(:)
       logical, intent(in) :: may_leave_out
-      !> A test this far (ln) from the median of its material says nothing on it.
+      !> Distance from the median, in ln(modulus), beyond which a test is left out.
       real(wp), parameter :: far = 0.5_wp
       integer, allocatable :: own(:)
       real(wp), allocatable :: found(:)
-      real(wp) :: middle
+      real(wp) :: centre
       integer :: i, k
 
       do k = 1, size(materials)
          own = pack([(i, i=1, size(tests))], tests%material == k .and. tests%used)
          if (size(own) == 0) cycle
          found = tests(own)%ln_modulus + tests(own)%shift
-         middle = median(size(own), found)
-         if (.not. materials(k)%reference) materials(k)%prior_mean = middle
+         centre = median(size(own), found)
+         if (.not. materials(k)%reference) materials(k)%prior_mean = centre
          if (size(own) < 3 .or. .not. may_leave_out) cycle
          do i = 1, size(own)
-            if (abs(found(i) - middle) > far) then
+            if (abs(found(i) - centre) > far) then
                call leave_out(tests(own(i)), &
                   & 'its modulus of '//to_text(exp(found(i)), 3)//' GPa is far from the ' &
-                  & //to_text(exp(middle), 3)//' GPa of the other tests of '//materials(k)%name)
+                  & //to_text(exp(centre), 3)//' GPa of the other tests of '//materials(k)%name)
             end if
          end do
       end do
    end subroutine compare_tests
 
-   !> References of another tip, and moduli without a reference.
+   !> Refuse references that were measured with another tip. Warn if no reference was measured.
    subroutine check_references(self, error)
       class(curves_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      !> Sds of the radius, and a relative misfit of a reference, that are none of one tip.
+      !> The tip is another one if its radius is further from the stated one, in sds, or the modulus
+      !> of a reference is further off, relative.
       real(wp), parameter :: most_sds = 3.0_wp, most_misfit = 0.1_wp
-      real(wp) :: off, found
-      logical :: known
+      real(wp) :: distance, found
+      logical :: has_reference
       integer :: k
 
-      known = .false.
+      has_reference = .false.
       associate (s => self%found, tests => self%found%tests)
-         off = abs(s%mean(1) - s%prior_mean(1))/s%prior_sd(1)
+         distance = abs(s%mean(1) - s%prior_mean(1))/s%prior_sd(1)
          do k = 1, size(self%found%materials)
             associate (m => self%found%materials(k), own => tests%material == k .and. tests%used)
                if (.not. (m%reference .and. any(own))) cycle
-               known = .true.
+               has_reference = .true.
                found = sum(tests%ln_modulus, own)/count(own)
-               if (off <= most_sds .and. abs(found - m%prior_mean) <= most_misfit) cycle
+               if (distance <= most_sds .and. abs(found - m%prior_mean) <= most_misfit) cycle
                call refuse(error, place(self%problem%path, 'curves', 'radius_um') &
                   & //'the curves of the reference '//m%name//' are those of another tip or ' &
                   & //'material: at a radius of '//to_text(exp(s%mean(1)), 3)//' um, ' &
-                  & //to_text(off, 2)//' sds from the stated one, they mean ' &
+                  & //to_text(distance, 2)//' sds from the stated one, they mean ' &
                   & //to_text(exp(found), 3)//' GPa for its '//to_text(exp(m%prior_mean), 3) &
                   & //' GPa. Check radius_um, radius_sd_um and &references')
                return
             end associate
          end do
-         if (.not. known) then
+         if (.not. has_reference) then
             call warn(self%warnings, 'no test is of a reference: only ratios of the moduli are ' &
                & //'known. All moduli share the relative sd of 1/sqrt(radius), ' &
                & //to_text(50.0_wp*sqrt(s%covariance(1, 1)), 2)//' %, of radius_um and ' &
@@ -199,7 +202,7 @@ contains
       end associate
    end subroutine check_references
 
-   !> The materials of a problem's curves, in the order of their first tests, and the sessions.
+   !> Find the materials of a problem's curves, in the order of their first tests, and the sessions.
    subroutine find_materials(problem, found, error)
       type(problem_type), intent(in) :: problem
       type(curves_posterior_type), intent(inout) :: found
@@ -226,7 +229,7 @@ contains
       end do
    end subroutine find_materials
 
-   !> The number of a name among the `names`, where it is then.
+   !> The number of a name among the `names`; a new name is appended to them.
    subroutine number_name(name, names, number)
       character(len=*), intent(in) :: name
       type(warning_type), allocatable, intent(inout) :: names(:)
@@ -238,7 +241,7 @@ contains
       call warn(names, name)
    end subroutine number_name
 
-   !> What &references says of a material.
+   !> Set the prior of a material's modulus to the value that &references states.
    subroutine find_reference(problem, material, error)
       type(problem_type), intent(in) :: problem
       type(material_type), intent(inout) :: material

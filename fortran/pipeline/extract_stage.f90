@@ -1,4 +1,4 @@
-!> `extract`: Step 2, the constants behind the measured moduli.
+!> `extract`: Step 2, infer the constants from the measurements.
 module extract_stage
    use abstract_stage, only: stage_type
    use constants_posterior, only: posterior_type
@@ -27,8 +27,8 @@ module extract_stage
 
 contains
 
-   !> Load the surrogate that &surrogate names, for crystals of the problem's class, and refuse what
-   !> would be refused before the first sample.
+   !> Load the surrogate that &surrogate names, for crystals of the problem's class, and check the
+   !> posterior.
    subroutine begin(self, error)
       class(extract_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
@@ -48,7 +48,8 @@ contains
       end associate
    end subroutine begin
 
-   !> posterior.bin with all numbers, posterior.csv with the draws, and the document.
+   !> Sample, and write posterior.bin with all numbers, posterior.csv with the draws, and the
+   !> document.
    subroutine finish(self, page, error)
       class(extract_stage_type), intent(inout) :: self
       type(json_type), intent(inout) :: page
@@ -70,7 +71,7 @@ contains
          & //to_text(size(found%chains%draws, 2))//' samples: '//self%output//'/posterior.csv'
    end subroutine finish
 
-   !> Every draw, a line each.
+   !> Write a table with one row for each draw.
    subroutine write_draws(found, path, error)
       type(extraction_type), intent(in) :: found
       character(len=*), intent(in) :: path

@@ -1,4 +1,4 @@
-!> Step 2 of a problem: chains of the posterior and of the prior, and all that is said of them.
+!> Step 2 of a problem: sample the posterior and the prior, and summarise the chains.
 module extraction
    use constants_posterior, only: posterior_type
    use crystal_elasticity, only: hill_young_poisson, polycrystal_averages
@@ -27,54 +27,54 @@ module extraction
    private
    public :: extraction_type, extract, unmixed
 
-   !> R-hat above which chains are not draws of one distribution.
+   !> Above this R-hat the chains are not draws of one distribution.
    real(wp), parameter :: unmixed = 1.05_wp
 
    type :: extraction_type
       type(posterior_type) :: posterior
-      !> In a chain of the posterior the last parameter may be the logarithm of the factor on the
-      !> sds; here it is the factor.
+      !> The last parameter may be the factor on the sds. The sampler has its logarithm; here it is
+      !> the factor itself.
       type(chains_type) :: chains, prior_chains
       !> Names of the parameters.
       character(len=9), allocatable :: names(:)
       type(parameter_type), allocatable :: parameters(:)
-      !> The point of largest density, (parameter), NaN where it is outside the 95 % interval.
+      !> The point of greatest density, (parameter). NaN where it is outside the 95 % interval.
       real(wp), allocatable :: most_probable(:)
-      !> Who decided the parameters, the combinations and the quantities.
+      !> Shares of measurements, knowledge and prior in the variances.
       type(shares_type), allocatable :: parameter_shares(:), combination_shares(:), &
          & quantity_shares(:)
       type(combination_type), allocatable :: combinations(:)
-      !> What further knowledge would bring.
+      !> Expected gains from further knowledge.
       type(gain_type), allocatable :: gains(:)
       type(quantity_type), allocatable :: quantities(:)
-      !> Mean and sd of each in the posterior, then in the prior, (4, quantity).
-      real(wp), allocatable :: known(:, :)
-      !> Of what &knowledge says.
+      !> Mean and sd of each quantity in the posterior, then in the prior, (4, quantity).
+      real(wp), allocatable :: quantity_moments(:, :)
+      !> Of &knowledge with all other information.
       type(conflict_type) :: conflict
       type(predictions_type) :: predictions
       type(checks_type) :: checks
       type(orientation_check_type) :: orientations
-      !> The limits of the support; what other priors would have said.
+      !> The limits of the support, and the results with other priors.
       type(limit_type), allocatable :: limits(:)
       type(change_type), allocatable :: changes(:)
-      !> Of the model and its prior, if that was asked for.
+      !> Of the model and its prior, if &sampler asks for it.
       type(evidence_type), allocatable :: evidence
-      !> Degree of the harmonics with which theory was read (0: no theory in the surrogate), and by
-      !> how much the worst grain erred for it, in sds.
+      !> Degree of the harmonics that represent the half-space theory, 0 if the surrogate has none,
+      !> and the error of the worst grain from this, in its sds.
       integer :: field_degree = 0
       real(wp) :: field_error = 0.0_wp
-      !> Of the surrogate: how many simulations taught it, the checksum of its file ('' if it is
-      !> none), and its sd for the mean grain of the mean crystal, GPa.
+      !> Of the surrogate: number of training simulations, checksum of its file ('' without a file),
+      !> and its mean sd for the grains of the mean crystal, GPa.
       integer :: simulations = 0
       character(len=16) :: checksum = ''
       real(wp) :: surrogate_sd = 0.0_wp
-      !> See `surrogate_model`, um; and how far its simulations are from the theory on average,
-      !> relative.
+      !> Contact radius of its simulations, um, see `surrogate_model`; and their mean relative
+      !> distance from the half-space theory.
       real(wp) :: surrogate_contact_radius = 0.0_wp, surrogate_correction = 0.0_wp
-      !> Of the constants by the theory of the half-space alone, GPa, where a correction was learnt:
-      !> mean and sd.
+      !> Mean and sd of the constants by the half-space theory alone, GPa, if the surrogate has a
+      !> correction.
       real(wp), allocatable :: theory_mean(:), theory_sd(:)
-      !> Of the posterior's chains, wall clock.
+      !> Wall-clock time of the posterior's chains.
       real(wp) :: seconds = 0.0_wp
    contains
       procedure :: verdict, least_value
@@ -82,9 +82,9 @@ module extraction
 
 contains
 
-   !> Sample and summarise.
+   !> Sample the posterior and the prior, and summarise the chains.
    subroutine extract(problem, surrogate, self, error)
-      !> Speeds that cannot be used are left out.
+      !> Speeds that cannot be used are removed from it.
       type(problem_type), intent(inout) :: problem
       type(surrogate_type), intent(in) :: surrogate
       type(extraction_type), intent(out) :: self
@@ -100,25 +100,25 @@ contains
       prior = self%posterior
       prior%prior_only = .true.
       start = omp_get_wtime()
-      call sample_exactly(problem, self, error)
+      call sample_with_theory(problem, self, error)
+      if (allocated(error)) return
       self%seconds = omp_get_wtime() - start
-      if (.not. allocated(error)) then
-         call sample_aside(problem, prior, prior_run, self%prior_chains, error)
-      end if
-      ! What is known, compared with what the measurements say without it.
+      call sample_aside(problem, prior, prior_run, self%prior_chains, error)
+      if (allocated(error)) return
       if (size(self%posterior%prior%knowledge%mean) > 0) then
-         if (.not. allocated(error)) call without_knowledge(self%posterior, free, error)
-         if (.not. allocated(error)) call sample_aside(problem, free, free_run, free_chains, error)
+         call without_knowledge(self%posterior, free, error)
+         if (allocated(error)) return
+         call sample_aside(problem, free, free_run, free_chains, error)
+         if (allocated(error)) return
       end if
-      if (.not. allocated(error)) then
-         call find_conflict(self%posterior, self%chains, free_chains, self%conflict, error)
-      end if
-      if (problem%settings%sampler%evidence .and. .not. allocated(error)) then
+      call find_conflict(self%posterior, self%chains, free_chains, self%conflict, error)
+      if (allocated(error)) return
+      if (problem%settings%sampler%evidence) then
          allocate (self%evidence)
          call estimate_evidence(self%posterior, self%chains, prior, self%prior_chains, &
             & thread_count(problem%settings%execution%workers), self%evidence, error)
+         if (allocated(error)) return
       end if
-      if (allocated(error)) return
       call summarise(problem, self, error)
       if (allocated(error)) return
       call describe_surrogate(surrogate, self, error)
@@ -126,6 +126,7 @@ contains
       call compare_theory(problem, self, error)
    end subroutine extract
 
+   !> Set the properties of the surrogate, and its errors.
    subroutine describe_surrogate(surrogate, self, error)
       type(surrogate_type), intent(in) :: surrogate
       type(extraction_type), intent(inout) :: self
@@ -153,7 +154,7 @@ contains
       end associate
    end subroutine describe_surrogate
 
-   !> What theory alone would say, without the correction of the specimen.
+   !> Infer the constants by the half-space theory without the specimen correction.
    subroutine compare_theory(problem, self, error)
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(inout) :: self
@@ -174,14 +175,15 @@ contains
       call moments(draws(:n, :), self%theory_mean, self%theory_sd)
    end subroutine compare_theory
 
-   !> Chains of the posterior, with theory read so finely that what is left does not matter: a short
-   !> run chooses the degree, and the draws themselves show whether it was enough.
-   subroutine sample_exactly(problem, self, error)
+   !> Sample the posterior. If the surrogate has the half-space theory, harmonics represent it up to
+   !> a degree with a negligible error: draws of a short run determine the degree, and the draws of
+   !> the chains check it.
+   subroutine sample_with_theory(problem, self, error)
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       integer, parameter :: checked_draws = 1000, most_attempts = 6
-      real(wp), allocatable :: some(:, :), found(:, :)
+      real(wp), allocatable :: test_draws(:, :), new_draws(:, :)
       integer :: attempt, threads
 
       threads = thread_count(problem%settings%execution%workers)
@@ -191,23 +193,25 @@ contains
       end if
       call sample_aside(problem, self%posterior, pilot_run, self%chains, error)
       if (allocated(error)) return
-      some = flattened(self%chains%draws)
+      test_draws = flattened(self%chains%draws)
       do attempt = 1, most_attempts
-         call choose_field_degree(self%posterior, some, threads, error)
+         call choose_field_degree(self%posterior, test_draws, threads, error)
          if (allocated(error)) return
          call sample_posterior(problem, self%posterior, self%chains, error)
          if (allocated(error)) return
-         found = flattened(thinned(self%chains%draws, checked_draws))
-         call find_field_error(self%posterior, found, threads, self%field_error, error)
+         new_draws = flattened(thinned(self%chains%draws, checked_draws))
+         call find_field_error(self%posterior, new_draws, threads, self%field_error, error)
          if (allocated(error)) return
          if (self%field_error < allowed_error) exit
-         ! Where theory was read too roughly chains go astray; the next ones may not go back to
-         ! where they were.
-         some = reshape([some, found], [size(some, 1), size(some, 2) + size(found, 2)])
+         ! Chains with too low a degree go astray, and the next ones may not return to the earlier
+         ! draws. The degree must therefore suffice for both.
+         test_draws = reshape([test_draws, new_draws], &
+            & [size(test_draws, 1), size(test_draws, 2) + size(new_draws, 2)])
       end do
       self%field_degree = self%posterior%grains%field_degree
-   end subroutine sample_exactly
+   end subroutine sample_with_theory
 
+   !> Compute all results from the chains.
    subroutine summarise(problem, self, error)
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(inout) :: self
@@ -241,10 +245,10 @@ contains
       self%chains%draws(k + 1:, :, :) = exp(self%chains%draws(k + 1:, :, :))
       self%most_probable(k + 1:) = exp(self%most_probable(k + 1:))
       call summarise_parameters(self%chains, threads, self%parameters)
-      ! Along a ridge it is noise.
+      ! Along a ridge the point of greatest density is noise.
       where (.not. (self%most_probable >= self%parameters%hdi_95(1) &
          & .and. self%most_probable <= self%parameters%hdi_95(2))) self%most_probable = nan
-      call share_all(threads, self, draws, logarithms, values, error)
+      call find_all_shares(threads, self, draws, logarithms, values, error)
       if (allocated(error)) return
       if (n > k) draws(n, :) = exp(draws(n, :))
       self%limits = list_limits(self%posterior%prior, draws)
@@ -252,24 +256,27 @@ contains
       call expect_gains(self%posterior%prior, self%chains%draws, self%gains)
       call evaluate_draws(self%quantities, self%posterior%prior%class, &
          & flattened(self%prior_chains%draws), prior_values)
-      allocate (self%known(4, size(values, 1)))
-      call moments(values, self%known(1, :), self%known(2, :))
-      call moments(prior_values, self%known(3, :), self%known(4, :))
-      ! Of the constants, which come first, all draws are there.
-      self%known(1, :k) = self%parameters(:k)%mean
-      self%known(2, :k) = self%parameters(:k)%sd
+      allocate (self%quantity_moments(4, size(values, 1)))
+      associate (quantity_moments => self%quantity_moments)
+         call moments(values, quantity_moments(1, :), quantity_moments(2, :))
+         call moments(prior_values, quantity_moments(3, :), quantity_moments(4, :))
+         ! The constants are the first quantities. Their moments are those of all draws.
+         quantity_moments(1, :k) = self%parameters(:k)%mean
+         quantity_moments(2, :k) = self%parameters(:k)%sd
+      end associate
    end subroutine summarise
 
-   !> Who decided what: the parameters over as many draws as there is time for, the rest over some.
-   subroutine share_all(threads, self, draws, logarithms, values, error)
+   !> Find the shares of the parameters from as many draws as the time allows, and of combinations
+   !> and quantities from fewer.
+   subroutine find_all_shares(threads, self, draws, logarithms, values, error)
       integer, intent(in) :: threads
       type(extraction_type), intent(inout) :: self
       !> (parameter, draw), (combination, draw), (quantity, draw).
       real(wp), intent(in) :: draws(:, :), logarithms(:, :), values(:, :)
       type(error_type), allocatable, intent(out) :: error
-      !> Predictions of a measurement.
-      integer, parameter :: most = 300000
-      real(wp), allocatable :: many(:, :), all(:, :), joined(:, :)
+      !> Limit of draws times grains for the parameters: each costs a prediction of a modulus.
+      integer, parameter :: most_predictions = 300000
+      real(wp), allocatable :: parameter_draws(:, :), parameter_values(:, :), other_values(:, :)
       type(shares_type), allocatable :: shares(:)
       real(wp) :: effective
       integer :: k, n
@@ -277,32 +284,34 @@ contains
       k = size(draws, 1)
       n = size(logarithms, 1)
       effective = minval(self%parameters%diagnostics%ess_bulk)
-      ! Nor has a modulus of any grain a share: the posterior mean does not follow it linearly.
+      ! Grains of unknown orientation have no shares either: the posterior mean does not depend
+      ! linearly on a modulus.
       if (any(self%parameters%diagnostics%r_hat > unmixed) &
          & .or. allocated(self%posterior%unknown)) then
          effective = 0.0_wp
       end if
-      many = flattened(thinned(self%chains%draws, &
-         & max(size(draws, 2), most/self%posterior%n_grains)))
-      all = many
-      if (k > self%posterior%n_constants) many(k, :) = log(many(k, :))
-      call find_shares(self%posterior, many, all, min(effective, real(size(many, 2), wp)), &
-         & threads, self%parameter_shares, error)
+      parameter_draws = flattened(thinned(self%chains%draws, &
+         & max(size(draws, 2), most_predictions/self%posterior%n_grains)))
+      parameter_values = parameter_draws
+      if (k > self%posterior%n_constants) parameter_draws(k, :) = log(parameter_draws(k, :))
+      call find_shares(self%posterior, parameter_draws, parameter_values, &
+         & min(effective, real(size(parameter_draws, 2), wp)), threads, &
+         & self%parameter_shares, error)
       if (allocated(error)) return
-      allocate (joined(n + size(values, 1), size(draws, 2)))
-      joined(:n, :) = logarithms
-      joined(n + 1:, :) = values
-      call find_shares(self%posterior, draws, joined, min(effective, real(size(draws, 2), wp)), &
-         & threads, shares, error)
+      allocate (other_values(n + size(values, 1), size(draws, 2)))
+      other_values(:n, :) = logarithms
+      other_values(n + 1:, :) = values
+      call find_shares(self%posterior, draws, other_values, &
+         & min(effective, real(size(draws, 2), wp)), threads, shares, error)
       if (allocated(error)) return
       self%combination_shares = shares(:n)
       self%quantity_shares = shares(n + 1:)
-      ! Of the constants, which come first, all draws are there.
+      ! The constants are the first quantities.
       self%quantity_shares(:self%posterior%n_constants) = &
          & self%parameter_shares(:self%posterior%n_constants)
-   end subroutine share_all
+   end subroutine find_all_shares
 
-   !> 'determined', 'weak' or 'not_determined', of the parameter i.
+   !> Whether the parameter i is 'determined', 'weak' or 'not_determined'.
    pure function verdict(self, i)
       class(extraction_type), intent(in) :: self
       integer, intent(in) :: i
@@ -313,8 +322,8 @@ contains
          & self%parameter_shares(i))
    end function verdict
 
-   !> A tenth of Hill's Young's modulus of the mean crystal, GPa, with which the sd of a constant
-   !> near zero is compared.
+   !> A tenth of Hill's Young's modulus of the mean crystal, GPa. The sd of a constant near zero is
+   !> compared with it.
    pure real(wp) function least_value(self)
       class(extraction_type), intent(in) :: self
       real(wp) :: young, poisson

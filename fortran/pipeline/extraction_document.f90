@@ -1,7 +1,5 @@
-!> What Step 2 found, as the document of `extract`, with what a person should know of it.
-!>
-!> And posterior.bin: all numbers of Step 2 by their names, see `put_extraction`, with a checksum of
-!> all before it at the end.
+!> The results of Step 2: the document of `extract`, with warnings; and posterior.bin, which has all
+!> numbers by name, see `put_extraction`, and ends with a checksum.
 module extraction_document
    use, intrinsic :: iso_c_binding, only: c_char
    use crystal_elasticity, only: no_wave, rayleigh, wave_names
@@ -23,13 +21,13 @@ module extraction_document
    public :: write_extraction, describe_prior, put_extraction, save_posterior, read_posterior, &
       & stored_draws
 
-   character(len=*), parameter :: name = '/posterior.bin'
-   integer, parameter :: digits = 16
+   character(len=*), parameter :: posterior_file = '/posterior.bin'
+   integer, parameter :: checksum_length = 16
 
 contains
 
-   !> The document, into the object of a `page`, with what a person should know: `warnings`, and
-   !> `reasons` for which it cannot be used.
+   !> Write the document into the object of a `page`, and find the `warnings` and the `reasons` for
+   !> which the result cannot be used.
    subroutine write_extraction(problem, found, page, warnings, reasons)
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(in) :: found
@@ -43,7 +41,7 @@ contains
       call page%put('usable', size(reasons) == 0)
       call page%put('reasons', reasons)
       call write_parameters(page, found)
-      call write_ends(page, found)
+      call write_limits(page, found)
       call page%put('correlation', correlate(found%chains, found%posterior%n_constants))
       if (allocated(found%theory_mean)) then
          call page%begin_object('theory_alone')
@@ -77,7 +75,7 @@ contains
       if (allocated(found%evidence)) then
          call page%put_numbers('log_z, sd', [found%evidence%log_z, found%evidence%sd], 'evidence')
       end if
-      call write_changes(page, found)
+      call write_sensitivity(page, found)
       if (found%field_degree > 0) then
          call page%begin_object('theory')
          call page%put('degree', found%field_degree)
@@ -94,8 +92,8 @@ contains
       call page%put('seconds', found%seconds)
    end subroutine write_extraction
 
-   !> The parameters; and the parts of the variance of each, by source, of which each quantity that
-   !> is known is one.
+   !> Write the parameters, and the parts of the variance of each by source. Each known quantity is
+   !> a source.
    subroutine write_parameters(page, found)
       type(json_type), intent(inout) :: page
       type(extraction_type), intent(in) :: found
@@ -122,7 +120,7 @@ contains
             call page%begin_object(trim(found%names(i)))
             call page%put_numbers(join(error_sources, ', '), share%by_source)
             do j = 1, size(known)
-               ! A list and a file may have the same one.
+               ! The list of &knowledge and its file may both have a quantity.
                same = [(known(k)%name == known(j)%name, k=1, size(known))]
                if (findloc(same, .true., 1) == j) then
                   call page%put(known(j)%name, sum(share%by_quantity, mask=same))
@@ -135,7 +133,7 @@ contains
       call page%end_object()
    end subroutine write_parameters
 
-   !> Who decided a quantity, and whether it is determined.
+   !> Write the shares in the variance of a quantity, and whether it is determined.
    subroutine write_share(page, share, verdict)
       type(json_type), intent(inout) :: page
       type(shares_type), intent(in) :: share
@@ -146,8 +144,8 @@ contains
       call page%put('verdict', verdict)
    end subroutine write_share
 
-   !> The limits that end the draws.
-   subroutine write_ends(page, found)
+   !> Write the limits that truncate the posterior.
+   subroutine write_limits(page, found)
       type(json_type), intent(inout) :: page
       type(extraction_type), intent(in) :: found
       integer :: i, side
@@ -167,8 +165,9 @@ contains
          end associate
       end do
       call page%end_array()
-   end subroutine write_ends
+   end subroutine write_limits
 
+   !> Write the measurements and their predictions.
    subroutine write_predicted(page, problem, found)
       type(json_type), intent(inout) :: page
       type(problem_type), intent(in) :: problem
@@ -205,12 +204,11 @@ contains
       call page%end_array()
    end subroutine write_predicted
 
-   !> Combinations of the constants, quantities in the posterior and in the prior, and what further
-   !> knowledge would bring.
+   !> Write combinations of the constants, quantities in the posterior and in the prior, and the
+   !> expected gains from further knowledge.
    subroutine write_identifiability(page, found)
       type(json_type), intent(inout) :: page
       type(extraction_type), intent(in) :: found
-      !> Of a quantity, and some of a combination.
       character(len=:), allocatable :: names
       integer :: i
 
@@ -228,11 +226,11 @@ contains
          end associate
       end do
       do i = 1, size(found%quantities)
-         associate (known => found%known(:, i))
+         associate (summary => found%quantity_moments(:, i))
             call begin('quantity', found%quantities(i)%name)
             call page%put('unit', found%quantities(i)%unit)
-            call page%put_numbers('mean, sd, prior_mean, prior_sd', known)
-            call write_share(page, found%quantity_shares(i), verdict_of(known(1), known(2), &
+            call page%put_numbers('mean, sd, prior_mean, prior_sd', summary)
+            call write_share(page, found%quantity_shares(i), verdict_of(summary(1), summary(2), &
                & merge(found%least_value(), 0.0_wp, found%quantities(i)%unit == 'GPa'), &
                & found%quantity_shares(i)))
             call page%end_object()
@@ -258,8 +256,8 @@ contains
       end subroutine begin
    end subroutine write_identifiability
 
-   !> What other priors would have said; null where too few draws tell.
-   subroutine write_changes(page, found)
+   !> Write the results with other priors; null where too few draws remain.
+   subroutine write_sensitivity(page, found)
       type(json_type), intent(inout) :: page
       type(extraction_type), intent(in) :: found
       integer :: i
@@ -281,10 +279,10 @@ contains
          end associate
       end do
       call page%end_array()
-   end subroutine write_changes
+   end subroutine write_sensitivity
 
-   !> The prior that was in effect, what was not stated too, null where there is no limit; and what
-   !> is known, with by how many sds it is away from what all else says.
+   !> Write the prior with its defaults, null where there is no limit, and the knowledge with its
+   !> conflict with all other information.
    subroutine write_prior(page, found)
       type(json_type), intent(inout) :: page
       type(extraction_type), intent(in) :: found
@@ -323,9 +321,8 @@ contains
       call page%end_object()
    end subroutine write_prior
 
-   !> What the result follows from, in a few lines for people: the measurements; measure and limits
-   !> of the prior; bounds; what is known; the surrogate; the evidence, which depends on all of
-   !> these.
+   !> Describe in a few lines what determines the result: the measurements; measure and limits of
+   !> the prior; bounds; knowledge; the surrogate; the evidence, which depends on all of these.
    subroutine describe_prior(found, lines)
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(out) :: lines(:)
@@ -395,11 +392,11 @@ contains
       end if
    end subroutine describe_prior
 
-   !> The `document`, what it is about, and numbers. Chains: 'draws' (parameter, sample, chain),
-   !> 'log_density' (sample, chain), 'acceptance' (chain), 'prior_draws'; of some draws, 'stride'
-   !> apart, 'predicted', 'log_likelihood', 'replicated' (grain, draw, chain), 'factor' (group,
-   !> draw, chain), 'quantities' (quantity, draw, chain), 'log_prior' (draw, chain); of each
-   !> parameter 'most_probable', NaN where it is outside the interval; and the prior's limits.
+   !> Put the `document`, the problem and all numbers. Of the chains: 'draws' (parameter, sample,
+   !> chain), 'log_density' (sample, chain), 'acceptance' (chain), 'prior_draws'. Of every draw in
+   !> 'stride': 'predicted', 'log_likelihood', 'replicated' (grain, draw, chain), 'factor' (group,
+   !> draw, chain), 'quantities' (quantity, draw, chain), 'log_prior' (draw, chain). Of each
+   !> parameter: 'most_probable', NaN outside the interval. And the limits of the prior.
    subroutine put_extraction(problem, found, document, out)
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(in) :: found
@@ -440,7 +437,8 @@ contains
          call out%put('share_inside', prior%share_inside)
       end associate
    end subroutine put_extraction
-   !> Write the numbers into a `folder`, with the `inputs` that they follow from.
+
+   !> Write posterior.bin into a `folder`, with the `inputs` of which the results were computed.
    subroutine save_posterior(problem, found, document, folder, inputs, error)
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(in) :: found
@@ -450,39 +448,40 @@ contains
 
       call values%put('inputs', inputs)
       call put_extraction(problem, found, document, values)
-      call replace_file(folder//name, &
+      call replace_file(folder//posterior_file, &
          & values%bytes(:values%filled)//checksum(values%bytes(:values%filled)), error)
    end subroutine save_posterior
 
-   !> The named values of a folder, as bytes (`content`); refused if they were changed.
+   !> Read posterior.bin of a folder without its checksum. A file that was changed is refused.
    subroutine read_posterior(folder, content, error)
       character(len=*), intent(in) :: folder
       character(len=:), allocatable, intent(out) :: content
       type(error_type), allocatable, intent(out) :: error
       integer :: n
 
-      call read_bytes(folder//name, content, error)
+      call read_bytes(folder//posterior_file, content, error)
       if (allocated(error)) return
-      n = max(0, len(content) - digits)
+      n = max(0, len(content) - checksum_length)
       if (content(n + 1:) == checksum(content(:n))) then
          content = content(:n)
       else
-         call refuse(error, folder//name//': is damaged, or was changed since it was written; ' &
-            & //'run the command that wrote it again')
+         call refuse(error, folder//posterior_file//': is damaged, or was changed since it was ' &
+            & //'written; run the command that wrote it again')
       end if
    end subroutine read_posterior
 
-   !> The draws (parameter, draw) that were left in a folder, if they follow from these inputs; else
-   !> none. A damaged file is refused.
+   !> Read the draws (parameter, draw) in a folder if they were computed of these inputs. A damaged
+   !> file is refused.
    subroutine stored_draws(folder, inputs, dimension, draws, error)
       character(len=*), intent(in) :: folder, inputs
-      !> How many parameters there are.
+      !> Number of parameters.
       integer, intent(in) :: dimension
       real(wp), allocatable, intent(out) :: draws(:, :)
       type(error_type), allocatable, intent(out) :: error
       type(named_values_reader_type) :: values
       character(kind=c_char, len=:), allocatable, target :: content
-      if (.not. file_exists(folder//name)) return
+
+      if (.not. file_exists(folder//posterior_file)) return
       call read_posterior(folder, content, error)
       if (allocated(error)) return
       call values%look_at(content)

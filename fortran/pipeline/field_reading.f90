@@ -1,5 +1,5 @@
-!> How finely a posterior reads the theory of the half-space: the degree of the surface harmonics,
-!> chosen by what it changes for the worst grain.
+!> The degree of the surface harmonics that represent the half-space theory in a posterior. It is
+!> chosen by the error of the worst grain.
 module field_reading
    use abstract_basis, only: grain_model_type
    use constants_posterior, only: posterior_type
@@ -11,21 +11,21 @@ module field_reading
    private
    public :: choose_field_degree, find_field_error, allowed_error
 
-   !> The worst grain may err by this share of its sd.
+   !> Allowed error of the worst grain, in its sds.
    real(wp), parameter :: allowed_error = 0.02_wp
-   !> And all grains together by this, the root of their sum of squares, in their sds: if they all
-   !> erred alike, so many sds of the posterior would it move.
+   !> Allowed error of all grains together, the root of the sum of squares in their sds. An equal
+   !> error of all grains would shift the posterior by as many of its sds.
    real(wp), parameter :: allowed_together = 0.2_wp
-   !> Grains that are looked at, at most.
+   !> Greatest number of grains that are checked.
    integer, parameter :: most_checked = 200
-   !> Degrees that are tried.
+   !> Degrees that are compared.
    integer, parameter :: degrees(*) = [6, 8, 10, 12, 14, 16, 20, 24, 28]
 
 contains
 
-   !> The degree, and the log-anisotropy above which theory is computed in full, with which no grain
-   !> errs by more than is allowed at some draws: of those that do, what is cheapest. `error` is not
-   !> about the choice.
+   !> Choose the cheapest degree, and the log-anisotropy above which the theory is computed without
+   !> harmonics, for which the errors at some draws are allowed. If there is none, the last degree
+   !> is used without an `error`.
    subroutine choose_field_degree(posterior, draws, threads, error)
       type(posterior_type), intent(inout) :: posterior
       !> (parameter, draw).
@@ -33,10 +33,10 @@ contains
       !> OpenMP threads at most.
       integer, intent(in) :: threads
       type(error_type), allocatable, intent(out) :: error
-      !> The draws that follow are others. To find proposals so much more may err, but for some
-      !> draws.
+      !> Factor on the allowed error, since the draws of the chains differ from these. Factor for
+      !> the grains with which proposals are found, and the share of draws that must satisfy it.
       real(wp), parameter :: reserve = 0.3_wp, rough_errors = 5.0_wp, most_draws = 0.8_wp
-      real(wp) :: anisotropy(size(draws, 2)), errors(size(draws, 2)), cost, least, wrong
+      real(wp) :: anisotropy(size(draws, 2)), errors(size(draws, 2)), cost, least_cost, least_wrong
       real(wp), allocatable :: exact(:, :)
       class(grain_model_type), allocatable :: best
       integer :: i
@@ -44,49 +44,48 @@ contains
       anisotropy = [(log_anisotropy(posterior%stiffness(draws(:, i))), i=1, size(draws, 2))]
       call exact_moduli(posterior, draws, threads, exact, error)
       if (allocated(error)) return
-      least = huge(least)
+      least_cost = huge(least_cost)
       if (allocated(posterior%rough)) deallocate (posterior%rough)
       do i = 1, size(degrees)
          call posterior%set_field_degree(degrees(i), error)
          if (allocated(error)) return
          associate (grains => posterior%grains)
-            ! What follows costs more than the best so far.
-            if (grains%field_cost >= least) exit
-            call grains%use_field_up_to(huge(least))
+            ! Higher degrees cost more than the best one so far.
+            if (grains%field_cost >= least_cost) exit
+            call grains%use_field_up_to(huge(least_cost))
             errors = field_errors(posterior, draws, exact, threads)
             if (.not. allocated(posterior%rough) &
                & .and. count(errors < rough_errors*allowed_error) > most_draws*size(errors)) then
                allocate (posterior%rough, source=grains)
             end if
             if (any(errors > reserve*allowed_error)) then
-               wrong = minval(anisotropy, mask=errors > reserve*allowed_error)
-               ! Where every draw errs, nothing shows that others may be read.
-               call grains%use_field_up_to(merge(0.98_wp*wrong, 0.0_wp, any(anisotropy < wrong)))
-               ! Of many grains an expansion over directions is left.
+               least_wrong = minval(anisotropy, mask=errors > reserve*allowed_error)
+               ! If the errors of all draws are too large, harmonics are not used at all.
+               call grains%use_field_up_to(merge(0.98_wp*least_wrong, 0.0_wp, &
+                  & any(anisotropy < least_wrong)))
+               ! For many grains an expansion over directions remains.
                errors = field_errors(posterior, draws, exact, threads)
                if (any(errors > reserve*allowed_error) .and. i < size(degrees)) cycle
             end if
             cost = grains%field_cost &
                & + grains%full_cost*count(anisotropy > grains%full_above)/size(anisotropy)
          end associate
-         if (cost >= least) cycle
-         least = cost
-         ! An assignment would leave the old components of `best` to nobody.
+         if (cost >= least_cost) cycle
+         least_cost = cost
+         ! An assignment would leak the old components of `best`.
          if (allocated(best)) deallocate (best)
          allocate (best, source=posterior%grains)
       end do
       call move_alloc(best, posterior%grains)
    end subroutine choose_field_degree
 
-   !> The largest difference of a grain's modulus from the exact theory's, in sds of its
-   !> measurement.
+   !> Find the largest error at some draws, see `field_errors`.
    subroutine find_field_error(posterior, draws, threads, largest, error)
       type(posterior_type), intent(in) :: posterior
       !> (parameter, draw).
       real(wp), intent(in) :: draws(:, :)
       !> OpenMP threads at most.
       integer, intent(in) :: threads
-      !> A share, see `field_errors`.
       real(wp), intent(out) :: largest
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: exact(:, :)
@@ -97,9 +96,9 @@ contains
       largest = maxval(field_errors(posterior, draws, exact, threads))
    end subroutine find_field_error
 
-   !> Of each draw the largest difference from the exact theory, in sds of the measurements; or,
-   !> where there are so many grains that it is more, that of all together, as a share of what is
-   !> allowed.
+   !> The error of each draw: the largest difference of a grain from the exact theory, in the sd of
+   !> its measurement, or the error of all grains together, scaled to the same limit, if that is
+   !> more.
    function field_errors(posterior, draws, exact, threads) result(errors)
       type(posterior_type), intent(in) :: posterior
       real(wp), intent(in) :: draws(:, :), exact(:, :)
@@ -120,7 +119,7 @@ contains
       end do
    end function field_errors
 
-   !> What would be measured in grains at some points.
+   !> Compute the measured quantity of grains at some draws.
    subroutine observe(posterior, grains, draws, threads, values)
       type(posterior_type), intent(in) :: posterior
       class(grain_model_type), intent(in) :: grains
@@ -130,6 +129,7 @@ contains
       integer, intent(in) :: threads
       !> In the unit of the observable, (grain, draw).
       real(wp), intent(out), contiguous :: values(:, :)
+      !> Number of draws in one call of the model.
       integer, parameter :: at_once = 16
       integer :: i, j, last
 
@@ -145,7 +145,7 @@ contains
       !$omp end parallel do
    end subroutine observe
 
-   !> Some of n grains, evenly over the table.
+   !> Numbers of the grains that are checked, evenly over a table of n.
    pure function checked_grains(n) result(checked)
       integer, intent(in) :: n
       integer :: checked(min(n, most_checked)), i
@@ -153,22 +153,22 @@ contains
       checked = [(1 + int(real(i - 1, wp)*n/size(checked)), i=1, size(checked))]
    end function checked_grains
 
-   !> What would be measured with theory in full, GPa, (grain that is checked, draw).
+   !> Compute the measured quantity of the checked grains by the theory without harmonics, in the
+   !> unit of the observable, (checked grain, draw).
    subroutine exact_moduli(posterior, draws, threads, exact, error)
       type(posterior_type), intent(in) :: posterior
       real(wp), intent(in) :: draws(:, :)
       integer, intent(in) :: threads
       real(wp), allocatable, intent(out) :: exact(:, :)
       type(error_type), allocatable, intent(out) :: error
-      class(grain_model_type), allocatable :: in_full
+      class(grain_model_type), allocatable :: exact_grains
 
       associate (checked => checked_grains(size(posterior%data%euler, 2)))
          allocate (exact(size(checked), size(draws, 2)))
          call posterior%new_grains(posterior%euler(:, checked), posterior%data%paths(min(checked, &
-            & posterior%n_grains)), in_full, error, compute_all=.true.)
+            & posterior%n_grains)), exact_grains, error, compute_all=.true.)
       end associate
       if (allocated(error)) return
-      call observe(posterior, in_full, draws, threads, exact)
+      call observe(posterior, exact_grains, draws, threads, exact)
    end subroutine exact_moduli
-
 end module field_reading

@@ -1,5 +1,5 @@
-!> What a campaign has for a build: its rows by the constants of the domain's class, in order of
-!> choice, and which candidates they are.
+!> The rows of a campaign that a build may use: with the constants of the domain's class, in order
+!> of choice, and with the candidate of each.
 module known_rows
    use abstract_basis, only: basis_type
    use campaign, only: row_type
@@ -13,17 +13,17 @@ module known_rows
    private
    public :: known_rows_type, select_rows
 
-   !> Rows that are data, of which the first `taken` are in the regression.
+   !> Rows that may train a surrogate. The first `taken` are in the regression.
    type :: known_rows_type
       integer :: taken = 0
       !> Constants (n_constants, n) and moduli (n), GPa; Bunge-Euler angles (3, n), degrees.
       real(wp), allocatable :: constants(:, :), euler_deg(:, :), modulus(:)
-      !> Simulations that failed.
+      !> Number of failed simulations.
       integer :: failed = 0
-      !> The candidate that a row is, 0: none; how many rows were stored before that of each
-      !> candidate, done or failed, below 0: it has none.
+      !> The candidate of each row, 0: none. Number of usable rows before that of each candidate,
+      !> which is done or failed; -1: the candidate has no row.
       integer, allocatable, private :: candidate(:), earlier(:)
-      !> Candidates that have a row which is not taken, and may be chosen once more.
+      !> Whether a candidate may be chosen although it has a row: the row is not taken.
       logical, allocatable :: open(:)
    contains
       procedure :: n => count_left, divide, choose
@@ -31,58 +31,61 @@ module known_rows
 
 contains
 
-   !> The rows of a campaign that are data from the start.
+   !> Select the rows of a campaign that a build may use.
    subroutine select_rows(rows, basis, candidates, chosen_only, candidates_only, known, &
       & beyond, error)
       !> All rows, in order of choice.
       type(row_type), intent(in) :: rows(:)
       class(basis_type), intent(in) :: basis
       type(candidates_type), intent(in) :: candidates
-      !> Of what was simulated here only what the design chooses again; or only what is a candidate.
+      !> Leave out rows that were not imported: all, until the design chooses them again, or those
+      !> that are not candidates.
       logical, intent(in) :: chosen_only, candidates_only
       type(known_rows_type), intent(out) :: known
-      !> How many are outside the domain.
+      !> Number of rows outside the domain.
       integer, intent(out) :: beyond
       type(error_type), allocatable, intent(out) :: error
       type(crystal_class_type) :: class
-      integer, allocatable :: first(:), same(:)
-      !> Of the candidates, then of the rows: constants and angles.
-      real(wp), allocatable :: points(:, :), c(:, :, :)
-      integer :: i, j, k, m, n
+      integer, allocatable :: first_equal(:), same(:)
+      !> Constants and angles of the candidates, then of the rows; stiffnesses of the rows, GPa.
+      real(wp), allocatable :: points(:, :), stiffness(:, :, :)
+      integer :: i, j, n_constants, n_candidates, n
 
       beyond = 0
       n = 0
-      k = basis%domain%class%n_constants
-      allocate (known%constants(k, size(rows)), known%euler_deg(3, size(rows)), &
+      n_constants = basis%domain%class%n_constants
+      allocate (known%constants(n_constants, size(rows)), known%euler_deg(3, size(rows)), &
          & known%modulus(size(rows)))
-      m = size(candidates%euler_deg, 2)
-      allocate (known%candidate(size(rows)), known%earlier(m))
+      n_candidates = size(candidates%euler_deg, 2)
+      allocate (known%candidate(size(rows)), known%earlier(n_candidates))
       known%earlier = -1
-      allocate (known%open(m), source=.false.)
-      allocate (points(k + 3, m + size(rows)), c(6, 6, size(rows)))
-      points(:k, :m) = candidates%constants
-      points(k + 1:, :m) = candidates%euler_deg
+      allocate (known%open(n_candidates), source=.false.)
+      allocate (points(n_constants + 3, n_candidates + size(rows)), stiffness(6, 6, size(rows)))
+      points(:n_constants, :n_candidates) = candidates%constants
+      points(n_constants + 1:, :n_candidates) = candidates%euler_deg
       class = basis%domain%class
       do i = 1, size(rows)
          if (class%name /= rows(i)%symmetry) call new_crystal_class(rows(i)%symmetry, class, error)
          if (allocated(error)) return
-         c(:, :, i) = class%stiffness(rows(i)%constants)
-         points(:, m + i) = [basis%domain%class%constants_of(c(:, :, i)), rows(i)%euler_deg]
+         stiffness(:, :, i) = class%stiffness(rows(i)%constants)
+         points(:, n_candidates + i) = &
+            & [basis%domain%class%constants_of(stiffness(:, :, i)), rows(i)%euler_deg]
       end do
-      first = number_equal(points)
+      first_equal = number_equal(points)
       do i = 1, size(rows)
-         if (.not. basis%domain%is_of_class(c(:, :, i)) &
+         if (.not. basis%domain%is_of_class(stiffness(:, :, i)) &
             & .or. (chosen_only .and. .not. rows(i)%imported)) then
             cycle
          end if
-         same = pack([(j, j=1, m)], first(:m) == first(m + i))
+         same = pack([(j, j=1, n_candidates)], &
+            & first_equal(:n_candidates) == first_equal(n_candidates + i))
          if (candidates_only .and. size(same) == 0 .and. .not. rows(i)%imported) cycle
          known%earlier(same) = n
          if (rows(i)%outcome%status /= outcome_done) then
             known%failed = known%failed + 1
-         else if (basis%domain%admits(c(:, :, i))) then
+         else if (basis%domain%admits(stiffness(:, :, i))) then
             n = n + 1
-            known%constants(:, n) = points(:k, m + i)
+            known%constants(:, n) = points(:n_constants, n_candidates + i)
             known%euler_deg(:, n) = rows(i)%euler_deg
             known%modulus(n) = rows(i)%outcome%modulus
             known%candidate(n) = maxval([0, same])
@@ -93,7 +96,7 @@ contains
       call keep(known, [(i, i=1, n)])
    end subroutine select_rows
 
-   !> Keep these rows alone.
+   !> Keep only these rows.
    subroutine keep(known, rows)
       type(known_rows_type), intent(inout) :: known
       integer, intent(in) :: rows(:)
@@ -104,25 +107,25 @@ contains
       known%candidate = known%candidate(rows)
    end subroutine keep
 
-   !> Rows that are not taken.
+   !> Number of rows that are not taken.
    pure integer function count_left(self)
       class(known_rows_type), intent(in) :: self
 
       count_left = size(self%modulus) - self%taken
    end function count_left
 
-   !> Divide the candidates that are in the campaign: those stored before the last row that is
-   !> `taken`, and those that may be chosen once more, if all rows that are left are candidates.
+   !> Divide the candidates that have a row. A candidate is open if its row comes after those that
+   !> are taken, and if all these later rows are of candidates. The others are `taken`.
    pure subroutine divide(self, taken)
       class(known_rows_type), intent(inout) :: self
-      !> Of each candidate.
+      !> (candidate).
       logical, allocatable, intent(out) :: taken(:)
 
       self%open = self%earlier >= self%taken .and. all(self%candidate(self%taken + 1:) > 0)
       taken = self%earlier >= 0 .and. .not. self%open
    end subroutine divide
 
-   !> The candidates with these `numbers` are chosen: their rows are not left over.
+   !> Choose the candidates with these `numbers`: remove their rows that are not taken.
    subroutine choose(self, numbers)
       class(known_rows_type), intent(inout) :: self
       integer, intent(in) :: numbers(:)

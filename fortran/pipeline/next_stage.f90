@@ -1,4 +1,4 @@
-!> `next`: the grains worth measuring next, by indentation or by the speed of a surface wave, from
+!> `next`: the grains to measure next, by indentation or by the speed of a surface wave, chosen from
 !> draws of a posterior.
 module next_stage
    use abstract_basis, only: grain_model_type
@@ -40,20 +40,20 @@ module next_stage
       procedure :: finish
    end type next_stage_type
 
-   !> Draws of the posterior, and scenarios of what earlier suggestions will say, behind the
-   !> expected gains.
+   !> Greatest number of draws, and number of scenarios of the results of earlier suggestions, for
+   !> the expected gains.
    integer, parameter :: most_draws = 2000, scenarios = 48
-   !> Of these draws every fifth chooses how finely theory is read.
+   !> Every fifth of these draws is used for the degree of the harmonics and for the detected waves.
    integer, parameter :: degree_stride = 5
-   !> Suggestions are at least so far apart: the same grain cannot be measured again, and a near
-   !> twin is hard to find.
+   !> Least angle between suggestions: the same grain cannot be measured again, and a grain of
+   !> nearly the same orientation is hard to find.
    real(wp), parameter :: separation_deg = 5.0_wp
-   !> Directions of propagation that are compared in a grain, in how many grains at most.
+   !> Number of directions of propagation in a grain, and greatest number of grains.
    integer, parameter :: n_along = 12, most_grains = 200
 
 contains
 
-   !> The document, from the draws that `extract` left in the folder, or from new ones.
+   !> Write the document from the draws that `extract` stored in the folder, or else from new ones.
    subroutine finish(self, page, error)
       class(next_stage_type), intent(inout) :: self
       type(json_type), intent(inout) :: page
@@ -75,7 +75,7 @@ contains
          call remove_files(self%output, chain_prefix)
       end if
       if (allocated(self%problem%velocities)) then
-         ! Without the speeds that `extract` leaves out.
+         ! Leave out the same speeds as `extract`.
          call omit_weak_waves(self%problem, self%surrogate, error)
          if (allocated(error)) return
          call new_problem_posterior(self%problem, self%surrogate, self%posterior, error)
@@ -89,11 +89,11 @@ contains
       self%done = self%output//'/next.json'
    end subroutine finish
 
-   !> The document of `next` from `draws` of the posterior, into the object of a `page`:
-   !> suggestions, each given those before it, and the gain of every candidate as the first of them.
+   !> Write the document of `next` into the object of a `page`: suggestions, each given those before
+   !> it, and the gain of every candidate as the first suggestion.
    subroutine next_document(problem, posterior, draws, page, warnings, error)
       type(problem_type), intent(in) :: problem
-      !> Its theory is read as finely as these draws need, wherever they come from.
+      !> The degree of its harmonics is chosen anew for these draws.
       type(posterior_type), intent(inout) :: posterior
       !> Draws of the posterior, (parameter, draw); the last parameter may be the factor on the sds.
       real(wp), intent(in) :: draws(:, :)
@@ -106,9 +106,10 @@ contains
       type(quantity_type) :: quantity(1)
       real(wp), allocatable :: few(:, :), values(:, :)
       real(wp) :: sd(2), factor
-      integer :: m, n
+      integer :: m, n, threads
 
       allocate (warnings(0))
+      threads = thread_count(problem%settings%execution%workers)
       call check_target(problem, error)
       if (allocated(error)) return
       few = draws(:, ::max(1, size(draws, 2)/most_draws))
@@ -138,13 +139,12 @@ contains
             few(posterior%dimension, :) = log(few(posterior%dimension, :))
          end if
          if (posterior%grains%has_theory) then
-            call choose_field_degree(posterior, few(:, ::degree_stride), &
-               & thread_count(problem%settings%execution%workers), error)
+            call choose_field_degree(posterior, few(:, ::degree_stride), threads, error)
          end if
          if (allocated(error)) return
-         call place_moduli(problem, posterior%prior%class, candidates)
+         call add_moduli(problem, posterior%prior%class, candidates)
          if (allocated(wanted%velocity_cost)) then
-            call place_speeds(problem, posterior, few(:, ::degree_stride), candidates, error)
+            call add_speeds(problem, posterior, few(:, ::degree_stride), candidates, error)
          end if
          if (.not. allocated(error)) then
             call predict_candidates(problem, posterior, few, sd, candidates, error)
@@ -153,15 +153,14 @@ contains
             call new_quantity(wanted%target, quantity(1), error)
             call evaluate_draws(quantity, posterior%prior%class, few, values)
             candidates%target = values(1, :)
-            ! Of a product of powers its logarithm, where it has one.
+            ! A product of powers is replaced by its logarithm if that exists.
             if (quantity(1)%is_product() .and. all(candidates%target > 0.0_wp)) then
                candidates%target = log(candidates%target)
             end if
          end if
          if (.not. allocated(error)) then
             call choose_measurements(candidates, wanted%count, scenarios, &
-               & problem%settings%problem%seed, thread_count(problem%settings%execution%workers), &
-               & suggestions)
+               & problem%settings%problem%seed, threads, suggestions)
          end if
       end associate
       call prefix_error(error, place(problem%path, 'next', ''))
@@ -175,9 +174,9 @@ contains
       call write_suggestions(page, problem, candidates, suggestions, sd)
    end subroutine next_document
 
-   !> Moduli of the grains of &next, each of which may be measured once, or of all directions that
-   !> the crystal tells apart.
-   subroutine place_moduli(problem, class, candidates)
+   !> Add the moduli of the grains of &next, each of which may be measured once, or else of all
+   !> directions that differ by the symmetry of the crystal.
+   subroutine add_moduli(problem, class, candidates)
       type(problem_type), intent(in) :: problem
       type(crystal_class_type), intent(in) :: class
       type(candidates_type), intent(inout) :: candidates
@@ -206,11 +205,11 @@ contains
       end if
       allocate (candidates%paths(n))
       candidates%cost = spread(1.0_wp, 1, n)
-   end subroutine place_moduli
+   end subroutine add_moduli
 
-   !> Speeds in several directions of propagation, of those waves that are detected at the draws, in
-   !> the grains of &next, or in those that were measured, of which there may be several rows each.
-   subroutine place_speeds(problem, posterior, draws, candidates, error)
+   !> Add speeds in several directions of propagation, if their waves are detected at the draws, in
+   !> the grains of &next or else in the measured ones, which may have several rows each.
+   subroutine add_speeds(problem, posterior, draws, candidates, error)
       type(problem_type), intent(in) :: problem
       type(posterior_type), intent(in) :: posterior
       !> (dimension, draw).
@@ -246,13 +245,13 @@ contains
          candidates%cost = [candidates%cost, &
             & spread(problem%settings%next%velocity_cost, 1, size(kept))]
       end associate
-   end subroutine place_speeds
+   end subroutine add_speeds
 
-   !> What each draw predicts at each candidate.
+   !> Predict the measurement of each candidate by each draw.
    subroutine predict_candidates(problem, posterior, draws, sd, candidates, error)
       type(problem_type), intent(in) :: problem
       type(posterior_type), intent(in) :: posterior
-      !> (dimension, draw), as the sampler has them.
+      !> (parameter, draw), as the sampler has them.
       real(wp), intent(in) :: draws(:, :)
       !> Of the next modulus, GPa, and speed, m/s.
       real(wp), intent(in) :: sd(2)
@@ -283,8 +282,8 @@ contains
       candidates%sd = sqrt(candidates%sd**2 + sum(own_variance, 2)/size(draws, 2))
    end subroutine predict_candidates
 
-   !> Of each suggestion with the indented direction and that of propagation, as unit vectors in
-   !> crystal axes and, where the unit cell is known, as [uvw].
+   !> Write each suggestion with the indented direction and that of propagation, as unit vectors in
+   !> crystal axes and, if the unit cell is known, as [uvw]. Write the gains of all candidates.
    subroutine write_suggestions(page, problem, candidates, suggestions, sd)
       type(json_type), intent(inout) :: page
       type(problem_type), intent(in) :: problem
@@ -313,11 +312,11 @@ contains
             end if
             if (.not. allocated(unknown)) call page%put('uvw', lattice%nearest(g(:, 3)))
             associate (path => candidates%paths(c))
-               along = cos(path%propagation_deg*degree)*g(:, &
-                  & 1) + sin(path%propagation_deg*degree)*g(:, 2)
-               if (path%wave /= no_wave) call page%put('along', along)
-               if (path%wave /= no_wave .and. .not. allocated(unknown)) then
-                  call page%put('along_uvw', lattice%nearest(along))
+               if (path%wave /= no_wave) then
+                  along = cos(path%propagation_deg*degree)*g(:, 1) &
+                     & + sin(path%propagation_deg*degree)*g(:, 2)
+                  call page%put('along', along)
+                  if (.not. allocated(unknown)) call page%put('along_uvw', lattice%nearest(along))
                end if
             end associate
             call page%put_numbers('gain, predicted, sd', [suggestions%gains(i), mean, &
@@ -360,9 +359,9 @@ contains
       end subroutine begin_candidate
    end subroutine write_suggestions
 
-   !> Standard normal numbers beside the draws: where these are many, without a mean, of unit
-   !> covariance, and uncorrelated with all that is linear in the draws. So the variance of the
-   !> shared errors is known without the noise of a sample, which is larger than small gains.
+   !> Standard normal numbers for the draws. For many draws they have no mean, unit covariance, and
+   !> no correlation with any linear function of the draws. The variance of the shared errors then
+   !> has no sampling noise, which would be larger than small gains.
    function even_normals(draws, n, seed) result(normals)
       !> (dimension, draw).
       real(wp), intent(in) :: draws(:, :)
@@ -392,27 +391,27 @@ contains
    end function even_normals
 
    !> Relative sds of the errors that a further modulus (1) or speed (2) shares, (error, kind): the
-   !> calibration of the first group and, of the errors that were stated, those of the mean
-   !> measurement of the kind; where there is none, the last error has them.
+   !> calibration of the first group, and the stated errors of the mean measurement of the kind. If
+   !> the kind was not measured, the last error has its calibration.
    pure function relative_errors(problem, posterior, with_speeds) result(relative)
       type(problem_type), intent(in) :: problem
       type(posterior_type), intent(in) :: posterior
       logical, intent(in) :: with_speeds
       real(wp), allocatable :: relative(:, :)
-      real(wp) :: apart(2)
-      integer :: first(2), last(2), k
+      real(wp) :: calibration(2)
+      integer :: first(2), last(2), n_errors, k
 
       first = [1, posterior%n_moduli + 1]
       last = [posterior%n_moduli, posterior%n_grains]
-      apart = [posterior%settings%calibration_sd, &
+      calibration = [posterior%settings%calibration_sd, &
          & hypot(posterior%settings%velocity_calibration_sd, &
          & 0.5_wp*problem%settings%problem%density_sd_kg_m3/posterior%data%density)]
-      k = posterior%n_shared + merge(1, 0, &
+      n_errors = posterior%n_shared + merge(1, 0, &
          & first(1) > last(1) .or. (with_speeds .and. first(2) > last(2)))
-      allocate (relative(k, 2), source=0.0_wp)
+      allocate (relative(n_errors, 2), source=0.0_wp)
       do k = 1, merge(2, 1, with_speeds)
          if (first(k) > last(k)) then
-            relative(posterior%n_shared + 1, k) = apart(k)
+            relative(posterior%n_shared + 1, k) = calibration(k)
          else
             associate (n => posterior%grains%n_columns, calibrated => posterior%n_calibrated, &
                & group => posterior%data%group(first(k)))
@@ -424,45 +423,45 @@ contains
       end do
    end function relative_errors
 
-   !> What further moduli, then speeds, of any grains would be at a point, of the kind that was
-   !> measured, without their own error.
+   !> Draw further moduli, then speeds, of any grains at a point, of the measured kind and without
+   !> their own errors.
    subroutine draw_measurements(posterior, x, grains, relative, n, z, values, shared_variance, &
       & own_variance)
       type(posterior_type), intent(in) :: posterior
-      !> (dimension).
+      !> (parameter).
       real(wp), intent(in) :: x(:)
       class(grain_model_type), intent(in) :: grains
       !> See `relative_errors`, (error, measurement); standard normal numbers, (error).
       real(wp), intent(in) :: relative(:, :), z(:)
-      !> Of the moduli.
+      !> Number of moduli.
       integer, intent(in) :: n
-      !> GPa or m/s, (measurement), the shared errors of these numbers, given the data.
+      !> GPa or m/s, (measurement), with the shared errors of these numbers, given the data.
       real(wp), intent(out), contiguous :: values(:)
-      !> Their squares, (measurement): of the shared errors given the data and the constants, and of
-      !> the surrogate's that grains do not share.
+      !> Variances, (measurement): of the shared errors given the data and the constants, and of the
+      !> surrogate's errors that grains do not share.
       real(wp), intent(out), contiguous :: shared_variance(:), own_variance(:)
       real(wp), dimension(size(values)) :: slope, mean, mean_slope
       real(wp) :: c(6, 6), influence(size(values), grains%n_columns), &
-         & columns(size(values), size(z)), b(size(z))
+         & columns(size(values), size(z)), shared(size(z))
       real(wp) :: precision(posterior%n_shared, posterior%n_shared), factor(posterior%n_groups)
       integer :: i, m
 
       m = posterior%n_shared
       c = posterior%stiffness(x)
-      call draw_shared(posterior, x, z(:m), b(:m), precision, factor)
+      call draw_shared(posterior, x, z(:m), shared(:m), precision, factor)
       call grains%evaluate_moduli(c, values, slope)
       mean = values
       mean_slope = slope
       call posterior%observable%to_measured(mean(:n), mean_slope(:n))
-      b(m + 1:) = z(m + 1:)
+      shared(m + 1:) = z(m + 1:)
       columns = transpose(relative)*spread(mean, 2, size(z))
       if (grains%n_columns > 0) then
          call grains%evaluate_columns(c, influence)
-         values = values + slope*matmul(influence, b(:grains%n_columns))
+         values = values + slope*matmul(influence, shared(:grains%n_columns))
          columns(:, :grains%n_columns) = spread(mean_slope, 2, grains%n_columns)*influence
       end if
       call posterior%observable%to_measured(values(:n), slope(:n))
-      values = (1.0_wp + matmul(b, relative))*values
+      values = (1.0_wp + matmul(shared, relative))*values
       do i = 1, size(values)
          call solve_lower(precision, columns(i, :m))
       end do
@@ -471,5 +470,4 @@ contains
       own_variance(:n) = posterior%scatter*mean_slope(:n)**2 &
          & + (posterior%settings%scatter_sd*mean(:n))**2
    end subroutine draw_measurements
-
 end module next_stage

@@ -1,5 +1,5 @@
-!> What a person should know of a posterior before using it: reasons for which it cannot be used,
-!> and warnings, by consequence.
+!> Diagnostics of a posterior: reasons for which it cannot be used, and warnings, the most important
+!> first.
 module posterior_diagnostics
    use constants_prior, only: knowledge_type
    use errors, only: error_type, warn, warning_type
@@ -17,24 +17,24 @@ module posterior_diagnostics
    private
    public :: check_extraction, find_reasons, known_text, powers_text
 
-   !> Chains have mixed if R-hat is below and the effective sample sizes of a parameter are above
-   !> this for each chain (Vehtari et al., Bayesian Anal. 16, 667, 2021).
+   !> Chains have mixed if R-hat is at most this, and if each effective sample size is at least this
+   !> times the number of chains (Vehtari et al., Bayesian Anal. 16, 667, 2021).
    real(wp), parameter :: greatest_r_hat = 1.01_wp
    integer, parameter :: least_size = 100
-   !> Knowledge that is further off, sds, belongs to another crystal or is in another unit.
-   real(wp), parameter :: furthest = 10.0_wp
-   !> A bias is small, and two contact radii are alike, below these.
-   real(wp), parameter :: small_bias = 0.01_wp, alike = 0.05_wp
-   !> Mean contact pressure over the modulus that is taken for elastic: a/R up to 0.08.
+   !> Knowledge with a greater conflict, in sds, is of another crystal or in another unit.
+   real(wp), parameter :: greatest_conflict = 10.0_wp
+   !> Relative bias of a modulus, and relative difference of contact radii, that need no warning.
+   real(wp), parameter :: small_bias = 0.01_wp, small_difference = 0.05_wp
+   !> Greatest elastic mean contact pressure over the modulus: a/R up to 0.08.
    real(wp), parameter :: elastic_pressure = 1.0_wp/30.0_wp
-   !> A grain whose neighbours are x times as stiff, x about 1, has x**(slope a/R) times its
-   !> modulus: 0.86 to 1.04 for hemispheres of 10 and 20 contact radii among neighbours 0.8 and 1.25
-   !> times as stiff (docs/verification/films.md).
+   !> Neighbours that are x times as stiff as a grain multiply its modulus by x**(slope a/R), for x
+   !> about 1 and a grain of radius R. The slope is 0.86 to 1.04 for hemispheres of 10 and 20
+   !> contact radii among neighbours 0.8 and 1.25 times as stiff (docs/verification/films.md).
    real(wp), parameter :: slope = 0.95_wp
 
 contains
 
-   !> What a person should know, added to `warnings`.
+   !> Add all warnings.
    subroutine check_extraction(problem, found, warnings)
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(in) :: found
@@ -65,7 +65,7 @@ contains
       if (.not. blamed) call check_residuals(found, warnings)
    end subroutine check_extraction
 
-   !> Why the result cannot be used, each with what to do: none, it can be used.
+   !> Find the reasons for which the result cannot be used, each with its remedy.
    subroutine find_reasons(found, reasons)
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(out) :: reasons(:)
@@ -81,15 +81,16 @@ contains
       associate (knowledge => found%posterior%prior%knowledge, &
          & conflict => found%conflict%of_quantity)
          do j = 1, merge(size(conflict), 0, size(reasons) == 0)
-            if (conflict(j) > furthest) then
+            if (conflict(j) > greatest_conflict) then
                call warn(reasons, known_text(knowledge, j)//' is '//fixed(conflict(j), 0) &
-                  & //' sd away from what all else gives (allowed up to '//fixed(furthest, 0) &
-                  & //'). Check its value and unit in &knowledge, and modulus_kind')
+                  & //' sd away from what all else gives (allowed up to ' &
+                  & //fixed(greatest_conflict, 0)//'). Check its value and unit ' &
+                  & //'in &knowledge, and modulus_kind')
             end if
          end do
       end associate
       call check_mixing(found, unmixed, 1, reasons)
-      ! After all attempts.
+      ! All attempts to find a sufficient degree have failed.
       if (size(reasons) == 0 .and. found%field_error > allowed_error) then
          call warn(reasons, 'theory was read too roughly: it errs by ' &
             & //fixed(100.0_wp*found%field_error, 0)//' % of the sd of a grain, or in all grains ' &
@@ -98,7 +99,7 @@ contains
       end if
    end subroutine find_reasons
 
-   !> The limits that end the draws, either the stated ones or the others.
+   !> Report the limits that truncate the posterior, either the stated ones or the others.
    subroutine check_limits(found, stated, warnings)
       type(extraction_type), intent(in) :: found
       logical, intent(in) :: stated
@@ -127,7 +128,7 @@ contains
       end do
    end subroutine check_limits
 
-   !> sds that had to be more than doubled.
+   !> Warn of an inferred factor on the sds above two.
    subroutine check_scale(found, warnings)
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(inout) :: warnings(:)
@@ -146,24 +147,24 @@ contains
          & //'errors of the model: check orientations, modulus_kind and &specimen')
    end subroutine check_scale
 
-   !> The parameter with the worst R-hat over all chains, or else that with the fewest effective
-   !> samples; NaN has not mixed.
+   !> Report the parameter with the greatest R-hat, or else that with the smallest effective sample
+   !> size. With NaN the chains have not mixed.
    subroutine check_mixing(found, greatest, sizes, warnings)
       type(extraction_type), intent(in) :: found
-      !> R-hat that is allowed; how many times `least_size` is needed.
+      !> Allowed R-hat; required effective sample size in units of `least_size`.
       real(wp), intent(in) :: greatest
       integer, intent(in) :: sizes
       type(warning_type), allocatable, intent(inout) :: warnings(:)
       real(wp) :: effective(size(found%parameters))
       integer :: i
 
-      associate (worst => found%parameters%diagnostics)
-         effective = min(worst%ess_bulk, worst%ess_tail)
+      associate (diagnostics => found%parameters%diagnostics)
+         effective = min(diagnostics%ess_bulk, diagnostics%ess_tail)
          ! One chain has no R-hat.
-         if (size(found%chains%draws, 3) > 1 .and. any(.not. worst%r_hat <= greatest)) then
-            i = max(1, maxloc(worst%r_hat, dim=1))
+         if (size(found%chains%draws, 3) > 1 .and. any(.not. diagnostics%r_hat <= greatest)) then
+            i = max(1, maxloc(diagnostics%r_hat, dim=1))
             call warn(warnings, trim(found%names(i))//': the chains have not mixed, R-hat is ' &
-               & //fixed(worst(i)%r_hat, 4)//' (allowed up to '//to_text(greatest) &
+               & //fixed(diagnostics(i)%r_hat, 4)//' (allowed up to '//to_text(greatest) &
                & //'). Increase samples and burn_in, or state what else is known in &knowledge; ' &
                & //'the default method, ''ensemble'', mixes best')
          else if (any(.not. effective >= least_size*sizes)) then
@@ -175,12 +176,12 @@ contains
       end associate
    end subroutine check_mixing
 
-   !> The constants that are not determined, and what would determine them.
+   !> Warn of constants that are not determined, and name knowledge that would determine them.
    subroutine check_determined(found, warnings)
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(inout) :: warnings(:)
-      !> Share of the sd that knowledge leaves, to be named.
-      real(wp), parameter :: worth_it = 0.7_wp
+      !> Knowledge is named if it would reduce an sd to this share.
+      real(wp), parameter :: reduced_share = 0.7_wp
       character(len=:), allocatable :: names, advice, precision
       integer :: i, j
 
@@ -200,7 +201,7 @@ contains
       do i = 1, size(found%gains)
          associate (gain => found%gains(i))
             j = minloc(gain%sd_then/gain%sd_now, dim=1)
-            if (gain%sd_then(j)/gain%sd_now(j) > worth_it) cycle
+            if (gain%sd_then(j)/gain%sd_now(j) > reduced_share) cycle
             precision = fixed(100.0_wp*gain%relative_sd, 0)//' %'
             if (gain%known_sd > 0.0_wp) precision = '± '//short(gain%known_sd)//' GPa'
             advice = advice//'; '//trim(gain%name)//' to '//precision//' would reduce the sd of ' &
@@ -213,16 +214,17 @@ contains
       call warn(warnings, 'not determined by the measurements: '//names(3:)//advice)
    end subroutine check_determined
 
-   !> Values of &knowledge that contradict the measurements and the rest of the knowledge.
+   !> Warn of values of &knowledge that contradict the measurements or the rest of the knowledge.
    subroutine check_knowledge(found, warnings)
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(inout) :: warnings(:)
+      !> Conflict that needs a warning, in sds.
       real(wp), parameter :: far = 3.0_wp
       integer :: j
 
       associate (knowledge => found%posterior%prior%knowledge, conflict => found%conflict)
          do j = 1, size(knowledge%mean)
-            ! Of correlated ones the worst takes the others with it.
+            ! Of correlated quantities only the one with the greatest conflict is named.
             if (any(abs(knowledge%covariance(:, j)) > 0.0_wp &
                & .and. conflict%of_quantity > conflict%of_quantity(j))) then
                cycle
@@ -241,7 +243,7 @@ contains
       end associate
    end subroutine check_knowledge
 
-   !> 'bulk_modulus = 165 ± 3.3 GPa', of the quantity j of what is known.
+   !> The known quantity j, for example 'bulk_modulus = 165 ± 3.3 GPa'.
    function known_text(knowledge, j) result(text)
       type(knowledge_type), intent(in) :: knowledge
       integer, intent(in) :: j
@@ -252,7 +254,7 @@ contains
       if (knowledge%quantities(j)%unit /= '1') text = text//' '//knowledge%quantities(j)%unit
    end function known_text
 
-   !> Two digits, or as many as there are before the point.
+   !> A value with two digits, or with all digits before the point.
    pure function short(value) result(text)
       real(wp), intent(in) :: value
       character(len=:), allocatable :: text
@@ -261,8 +263,8 @@ contains
       if (abs(value) < 10.0_wp) text = to_text(value, 2)
    end function short
 
-   !> 'C11^1.00 C12^-0.30' of constants with these `names` and `exponents`; powers that hardly count
-   !> are left out.
+   !> A product of powers of constants, for example 'C11^1.00 C12^-0.30'. Small exponents are left
+   !> out.
    pure function powers_text(names, exponents) result(text)
       character(len=*), intent(in) :: names(:)
       real(wp), intent(in) :: exponents(:)
@@ -279,8 +281,8 @@ contains
       text = text(2:)
    end function powers_text
 
-   !> Orientations that are not those of the grains, or else grains without which the others agree:
-   !> `blamed` for all residuals.
+   !> Warn of orientations that are not those of the grains, or else of outliers. Either is `blamed`
+   !> for all residuals.
    subroutine check_table(problem, found, warnings, blamed)
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(in) :: found
@@ -314,7 +316,7 @@ contains
       end associate
    end subroutine check_table
 
-   !> That the orientations do not explain the moduli, and what to do.
+   !> The message that the orientations do not explain the moduli, with its remedy.
    function misread_text(found, advice) result(text)
       type(extraction_type), intent(in) :: found
       character(len=*), intent(in) :: advice
@@ -328,7 +330,7 @@ contains
       end associate
    end function misread_text
 
-   !> Measurements that the model could hardly have given.
+   !> Warn of residuals that are improbably large or small.
    subroutine check_residuals(found, warnings)
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(inout) :: warnings(:)
@@ -336,9 +338,9 @@ contains
       real(wp) :: least, below
       integer :: freedom
 
-      ! About the mean prediction; the mean over all draws is larger by the number of parameters
-      ! that the measurements determine, which leaves as many degrees of freedom less. These are
-      ! rounded up from 3/4 on.
+      ! Chi-square about the mean prediction. The mean chi-square of the draws is larger by the
+      ! number of parameters that the measurements determine. The degrees of freedom, less by that
+      ! number, are rounded up from 3/4 on.
       least = sum(found%checks%residuals**2)
       freedom = int(found%posterior%n_grains - found%checks%chi_square + least + 0.25_wp)
       below = 1.0_wp - chi_square_above(least, max(1, freedom))
@@ -358,28 +360,28 @@ contains
       end if
    end subroutine check_residuals
 
-   !> Results that depend on a limit of the prior or on its measure: of each the parameter that
+   !> Warn of results that depend on a limit of the prior or on its measure, with the parameter that
    !> moves most.
    subroutine check_sensitivity(found, warnings)
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(inout) :: warnings(:)
-      real(wp), parameter :: matters = 0.1_wp
-      !> More are not read.
+      !> Shift that needs a warning, in sds; and the greatest number of shifts that are listed.
+      real(wp), parameter :: least_shift = 0.1_wp
       integer, parameter :: most = 3
       real(wp) :: largest(size(found%changes))
       character(len=:), allocatable :: line
       integer :: i, round
 
       associate (changes => found%changes)
-         ! What is not a number is not larger. There may be none at all.
+         ! NaN is left out, and there may be no other shift.
          largest = [(maxval(abs(changes(i)%shift), mask=abs(changes(i)%shift) > 0.0_wp), i=1, &
             & size(changes))]
          line = ''
          do round = 1, min(most, size(largest))
             i = maxloc(largest, dim=1)
-            if (.not. largest(i) > matters) exit
+            if (.not. largest(i) > least_shift) exit
             line = line//'; '//change_text(changes(i))
-            ! In or out, the same limit is named once.
+            ! A limit that moves in and out is named once.
             where (changes%name == changes(i)%name &
                & .and. (changes%is_upper .eqv. changes(i)%is_upper)) largest = 0.0_wp
          end do
@@ -391,7 +393,7 @@ contains
       function change_text(change) result(text)
          type(change_type), intent(in) :: change
          character(len=:), allocatable :: text
-         integer :: worst
+         integer :: worst, point
 
          worst = maxloc(abs(change%shift), dim=1)
          text = trim(found%names(worst))//' would be '//fixed(abs(change%shift(worst)), 1)//' sd ' &
@@ -399,17 +401,18 @@ contains
          if (change%name == 'measure') then
             text = text//' with the other measure of the prior'
          else
-            text = text//' with the '//trim(merge('upper', 'lower', change%is_upper)) &
-               & //' limit of '//trim(change%name(index(change%name, '.') + 1:)) &
-               & //trim(merge(' of &domain', '           ', index(change%name, '.') > 0))//' at ' &
-               & //to_text(change%to, 4)//' instead of '//to_text(change%from, 4)
+            point = index(change%name, '.')
+            text = text//' with the '//merge('upper', 'lower', change%is_upper)//' limit of ' &
+               & //trim(change%name(point + 1:))
+            if (point > 0) text = text//' of &domain'
+            text = text//' at '//to_text(change%to, 4)//' instead of '//to_text(change%from, 4)
             if (.not. change%exact) text = text//' (estimated)'
          end if
       end function change_text
    end subroutine check_sensitivity
 
-   !> Warnings of the depth of the measurements and of the columns depth_um, contact_radius_um and
-   !> grain_radius_um.
+   !> Warn of too high contact pressures, of contact radii that differ from the surrogate's, and of
+   !> too small grains, by the columns depth_um, contact_radius_um and grain_radius_um.
    subroutine check_sizes(problem, found, warnings)
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(in) :: found
@@ -418,17 +421,18 @@ contains
       type(error_type), allocatable :: error
       real(wp), dimension(found%posterior%n_moduli) :: contact_radius, pressure, allowed, bias
       character(len=:), allocatable :: limit, range
-      real(wp) :: ratio
+      real(wp) :: difference
       integer :: worst, biased, n
 
       call new_indenter(problem%settings%indenter, indenter, error)
       n = found%posterior%n_moduli
       if (allocated(error) .or. n == 0) return
-      associate (measured => problem%measurements, trained => found%surrogate_contact_radius, &
-         & addition => found%surrogate_correction)
+      associate (measured => problem%measurements, &
+         & trained_radius => found%surrogate_contact_radius, &
+         & correction => found%surrogate_correction)
          associate (modulus => measured%modulus_gpa(:n), depth => measured%depth_um(:n), &
             & measured_radius => measured%contact_radius_um(:n), &
-            & radius => measured%grain_radius_um(:n))
+            & grain_radius => measured%grain_radius_um(:n))
             contact_radius = indenter%contact_radius
             where (depth > 0.0_wp) contact_radius = indenter%contact_radius_of(depth)
             where (measured_radius > 0.0_wp) contact_radius = measured_radius
@@ -448,23 +452,25 @@ contains
                   & *modulus(worst), 3)//' GPa, '//to_text(100.0_wp*pressure(worst), 2) &
                   & //' % of the modulus: '//limit//'; use shallower indentations or a blunter tip')
             end if
-            if (trained > 0.0_wp) then
-               ! What a film, say, adds to the theory grows with the contact radius.
-               ratio = maxval(abs(contact_radius/trained - 1.0_wp))
-               if (any(depth > 0.0_wp .or. measured_radius > 0.0_wp) .and. ratio > alike) then
+            if (trained_radius > 0.0_wp) then
+               ! The correction for a film, for example, grows with the contact radius.
+               difference = maxval(abs(contact_radius/trained_radius - 1.0_wp))
+               if (any(depth > 0.0_wp .or. measured_radius > 0.0_wp) &
+                  & .and. difference > small_difference) then
                   range = to_text(minval(contact_radius), 3)//' to ' &
                      & //to_text(maxval(contact_radius), 3)
                   call warn(warnings, 'the measurements have contact radii of '//range &
-                     & //' um, the surrogate is of '//to_text(trained, 3)//' um: the specimen ' &
-                     & //'correction, '//fixed(100.0_wp*addition, 1)//' % on average, grows ' &
-                     & //'about as the contact radius, so moduli may be off by up to ' &
-                     & //fixed(100.0_wp*addition*ratio, 1)//' %; build one at this depth')
+                     & //' um, the surrogate is of '//to_text(trained_radius, 3)//' um: the ' &
+                     & //'specimen correction, '//fixed(100.0_wp*correction, 1) &
+                     & //' % on average, grows about as the contact radius, so moduli may be ' &
+                     & //'off by up to ' &
+                     & //fixed(100.0_wp*correction*difference, 1)//' %; build one at this depth')
                end if
             else
-               ! Neighbours are taken to be as stiff as the mean measurement.
+               ! Neighbours are assumed to be as stiff as the mean measurement.
                bias = 0.0_wp
-               where (radius > 0.0_wp)
-                  bias = (sum(modulus)/size(modulus)/modulus)**(slope*contact_radius/radius)
+               where (grain_radius > 0.0_wp)
+                  bias = (sum(modulus)/size(modulus)/modulus)**(slope*contact_radius/grain_radius)
                   bias = bias - 1.0_wp
                end where
                biased = count(abs(bias) > small_bias)

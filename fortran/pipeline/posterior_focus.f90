@@ -1,10 +1,9 @@
-!> Simulations where the posterior of the measurements is: the crystals that the next ones of a
-!> surrogate are chosen from, the domain that holds them, and whether the surrogate is accurate
-!> enough there.
+!> Training of a surrogate at the posterior of the measurements: the candidates for the next
+!> simulations, the domain that contains them, and whether the surrogate is accurate enough there.
 !>
-!> The posterior is sampled with the present surrogate, its uncertainty included, and over a wider
-!> domain than the one it was trained for. Choosing simulations there does not bias the surrogate:
-!> given the model, what was chosen for known reasons is ignorable.
+!> The posterior is sampled with the present surrogate, including its uncertainty, over a wider
+!> domain than that of its training. The choice of simulations there does not bias the surrogate:
+!> given the model, a choice that depends only on the data is ignorable.
 module posterior_focus
    use constants_posterior, only: posterior_type
    use crystal_elasticity, only: logarithmic_mean
@@ -26,57 +25,56 @@ module posterior_focus
    private
    public :: focus_type, has_focus, check_focus, find_focus, is_accurate
 
-   !> Simulations over the domain before the posterior chooses; of each round those at draws of the
-   !> theory alone, and all.
+   !> Number of simulations over the domain before the first round; in each round, number of those
+   !> at the posterior by the theory alone, and of all.
    integer, parameter, public :: simulations_before = 15, tempered = 2, round_size = 7
-   !> Of the variance of each constant the surrogate's part, and what its errors may change, is at
-   !> most this, and the root mean square of the errors of new simulations over their sds at most
-   !> that.
+   !> A surrogate is accurate if its share of the variance of each constant, and the change that its
+   !> errors may make, are at most the first, and the root mean square of (simulated - predicted)/sd
+   !> of new simulations is at most the second.
    real(wp), parameter, public :: accurate_share = 0.10_wp, accurate_z = 1.5_wp
 
-   !> What a round began with.
+   !> The accuracy at the beginning of a round.
    type :: round_type
       integer :: simulations = 0
-      !> The surrogate's part of the variance of each constant, or what its errors may change of it
-      !> if that is more, (n_constants).
+      !> Share of the surrogate in the variance of each constant, or the relative change of the
+      !> variance that its errors may make if that is more, (n_constants).
       real(wp), allocatable :: share(:)
-      !> Root mean square of (simulated - predicted)/sd over the posterior's crystals of the round
-      !> before; below 0: there is none.
+      !> Root mean square of (simulated - predicted)/sd over the crystals of the posterior in the
+      !> previous round; below 0: there is none.
       real(wp) :: z = -1.0_wp
-      !> Whether a limit of the surrogate's domain ends the draws.
+      !> Whether a limit of the surrogate's domain truncates the posterior.
       logical :: truncated = .false.
    end type round_type
 
    type :: focus_type
-      !> The first `tempered` are of the theory alone, whose errors may be large; the others are
-      !> crystals of the posterior. The directions are those of the grains.
+      !> The first `tempered` crystals are of the posterior by the theory alone, whose errors may be
+      !> large. The others are of the posterior. The directions are those of the grains.
       type(candidates_type) :: candidates
-      !> That holds them all.
+      !> Contains all candidates.
       type(domain_type) :: domain
-      !> Of which this is the posterior.
+      !> The surrogate with which the posterior was sampled.
       type(surrogate_type) :: surrogate
-      !> The last is the present one.
+      !> The last one is the present round.
       type(round_type), allocatable :: rounds(:)
-      !> Crystals that the theory alone explains the measurements with, roughly; stiffnesses, GPa,
-      !> (6, 6, n).
-      real(wp), allocatable, private :: rough(:, :, :)
+      !> Crystals of the posterior by the theory alone; stiffnesses, GPa, (6, 6, n).
+      real(wp), allocatable, private :: theory_crystals(:, :, :)
    end type focus_type
 
-   !> What the theory of the half-space is loosened by, where the specimen is another: relative sds
-   !> of an error that all grains share, and of one of each grain.
-   real(wp), parameter :: loose_common = 0.2_wp, loose_grain = 0.03_wp
-   !> Candidates that are crystals of the posterior.
+   !> Relative sds of the errors of the half-space theory for another specimen: of an error that all
+   !> grains share, and of one of each grain.
+   real(wp), parameter :: common_error = 0.2_wp, grain_error = 0.03_wp
+   !> Number of candidates that are crystals of the posterior.
    integer, parameter :: n_candidates = 400
-   !> How much farther than its domain a surrogate is used to sample in: factors on the
-   !> log-anisotropy and on the scale, and the share of the way of Poisson's ratio to its limits.
+   !> Extension of the domain for sampling: factors on the log-anisotropy and on the scale, and the
+   !> part of the distance of Poisson's ratio from its limits.
    real(wp), parameter :: wider = 1.25_wp, wider_scale = 2.0_wp, wider_poisson = 0.5_wp
-   !> Beyond the farthest draw the domain goes on for this share of their range.
+   !> Margin of the domain beyond the outermost draw, as a part of the range of the draws.
    real(wp), parameter :: margin = 0.1_wp
 
 contains
 
-   !> Whether a problem's simulations are to be chosen at the posterior: `focus` asks for it, there
-   !> are measurements, and the surrogate is a correction, of crystals of every kind.
+   !> Whether a problem's simulations are chosen at the posterior: `focus` asks for it, measurements
+   !> of known orientations exist, and the surrogate is a correction.
    pure logical function has_focus(problem)
       type(problem_type), intent(in) :: problem
 
@@ -86,7 +84,7 @@ contains
          & .and. problem%settings%measurements%orientations == 'known'
    end function has_focus
 
-   !> Refuse what Step 2 would refuse.
+   !> Refuse a problem that Step 2 would refuse.
    subroutine check_focus(problem, error)
       type(problem_type), intent(in) :: problem
       type(error_type), allocatable, intent(out) :: error
@@ -101,11 +99,11 @@ contains
    !> Begin a round.
    subroutine find_focus(problem, surrogate, candidates, focus, error)
       type(problem_type), intent(in) :: problem
-      !> Of all simulations so far.
+      !> Trained on all simulations so far.
       type(surrogate_type), intent(in) :: surrogate
-      !> Those that these were chosen from.
+      !> The candidates of these simulations.
       type(candidates_type), intent(in) :: candidates
-      !> The round before on entry.
+      !> On entry, the previous round.
       type(focus_type), intent(inout) :: focus
       type(error_type), allocatable, intent(out) :: error
       type(surrogate_type) :: wide
@@ -113,10 +111,13 @@ contains
       type(round_type) :: round
       real(wp), allocatable :: draws(:, :), crystals(:, :, :)
       type(shares_type), allocatable :: shares(:)
-      integer :: i
+      integer :: i, threads
 
-      if (.not. allocated(focus%rough)) call draw_roughly(problem, focus%rough, error)
-      if (allocated(error)) return
+      threads = thread_count(problem%settings%execution%workers)
+      if (.not. allocated(focus%theory_crystals)) then
+         call draw_by_theory(problem, focus%theory_crystals, error)
+         if (allocated(error)) return
+      end if
       round%simulations = size(surrogate%simulations%modulus)
       round%z = error_of_predictions(focus, surrogate)
       wide = surrogate
@@ -127,34 +128,35 @@ contains
       call draw_aside(problem, problem%settings%measurements, wide, focus_run, posterior, draws, &
          & error)
       if (allocated(error)) return
-      call find_shares(posterior, draws, draws(:posterior%n_constants, :), real(size(draws, 2), &
-         & wp), thread_count(problem%settings%execution%workers), shares, error)
+      call find_shares(posterior, draws, draws(:posterior%n_constants, :), &
+         & real(size(draws, 2), wp), threads, shares, error)
       if (allocated(error)) return
       round%share = [(shares(i)%by_source(from_surrogate), i=1, size(shares))]
-      ! In the tails of the draws the surrogate may err where its part of the variance, a mean over
-      ! all of them, is small.
-      round%share = max(round%share, changes_of_variance(posterior, draws, size(shares), &
-         & thread_count(problem%settings%execution%workers)))
+      ! The share of the variance is a mean over all draws. The surrogate may be wrong in their
+      ! tails although it is small.
+      round%share = max(round%share, &
+         & changes_of_variance(posterior, draws, size(shares), threads))
       round%truncated = is_truncated(list_limits(posterior%prior, draws))
       crystals = stiffnesses(problem%class, draws)
-      call hold(focus%domain, crystals)
-      ! Of the rough ones others in each round.
-      associate (stride => size(focus%rough, 3)/tempered)
+      call extend(focus%domain, crystals)
+      ! Each round has other crystals of the theory.
+      associate (stride => size(focus%theory_crystals, 3)/tempered)
          i = 1 + modulo(round%simulations, stride)
-         associate (rough => focus%rough(:, :, i::stride), &
-            & others => crystals(:, :, spread_out(draws(:posterior%n_constants, :))))
-            focus%candidates = candidates_of(problem, focus%domain, reshape([rough, others], &
-               & [6, 6, size(rough, 3) + size(others, 3)]))
+         associate (by_theory => focus%theory_crystals(:, :, i::stride), &
+            & at_posterior => crystals(:, :, select_draws(draws(:posterior%n_constants, :))))
+            focus%candidates = candidates_of(problem, focus%domain, &
+               & reshape([by_theory, at_posterior], &
+               & [6, 6, size(by_theory, 3) + size(at_posterior, 3)]))
          end associate
       end associate
       focus%surrogate = surrogate
       focus%rounds = [focus%rounds, round]
    end subroutine find_focus
 
-   !> By how much a better surrogate is likely to change the variance of each constant: relative
-   !> root mean square over surrogates that are drawn from what simulations and measurements leave
-   !> open, or the change if this one were exact, where that is more. The weight of a draw is the
-   !> density of that surrogate's errors there, given the data.
+   !> Relative change of the variance of each constant that a better surrogate is likely to make:
+   !> root mean square over surrogates that are drawn given simulations and measurements, or the
+   !> change if this one were exact, if that is more. The weight of a draw of the posterior is the
+   !> density of the drawn surrogate's errors there, given the data.
    function changes_of_variance(posterior, draws, n_constants, threads) result(change)
       type(posterior_type), intent(in) :: posterior
       !> (parameter, draw).
@@ -162,7 +164,7 @@ contains
       integer, intent(in) :: n_constants, threads
       real(wp) :: change(n_constants)
       integer, parameter :: n_surrogates = 30
-      !> Errors of surrogates, in sds, and logarithms of weights; the first is exact.
+      !> Errors of the surrogates, in sds, and weights of the draws; surrogate 0 is exact.
       real(wp) :: errors(posterior%grains%n_columns, 0:n_surrogates), &
          & weight(size(draws, 2), 0:n_surrogates)
       real(wp) :: z(size(errors, 1)), mean(size(errors, 1)), &
@@ -194,7 +196,7 @@ contains
          weight(:, j) = weight(:, j)/sum(weight(:, j))
          do i = 1, n_constants
             associate (x => draws(i, :) - sum(draws(i, :))/size(draws, 2))
-               ! A constant that is fixed has rounding alone.
+               ! The variance of a fixed constant is rounding.
                relative(i, j) = (size(x)*(sum(weight(:, j)*x**2) - sum(weight(:, j)*x)**2) &
                   & - sum(x**2))/max(sum(x**2), size(x)*(1.0e-9_wp*maxval(abs(draws(i, :))))**2)
             end associate
@@ -225,16 +227,16 @@ contains
       end subroutine errors_at
    end function changes_of_variance
 
-   !> Numbers of draws that are candidates: as many of the middle as of the tails, where squared
-   !> deviations are large.
-   function spread_out(draws) result(numbers)
+   !> Numbers of the draws that are candidates: half of them evenly over the draws, half in
+   !> proportion to the squared deviations, which are large in the tails.
+   function select_draws(draws) result(numbers)
       !> (constant, draw).
       real(wp), intent(in) :: draws(:, :)
       integer :: numbers(n_candidates), i, j
       real(wp) :: squares(size(draws, 1), size(draws, 2)), weight(size(draws, 2)), total
 
       squares = (draws - spread(sum(draws, 2)/size(draws, 2), 2, size(draws, 2)))**2
-      ! One on average.
+      ! The mean weight is one.
       weight = 0.5_wp + 0.5_wp*size(draws, 2)/size(draws, &
          & 1)*matmul(1.0_wp/max(tiny(1.0_wp), sum(squares, 2)), squares)
       j = 0
@@ -246,10 +248,10 @@ contains
          end do
          numbers(i) = j
       end do
-   end function spread_out
+   end function select_draws
 
-   !> Crystals by the theory of the half-space, loosened where the specimen is another.
-   subroutine draw_roughly(problem, crystals, error)
+   !> Draw crystals of the posterior by the half-space theory with errors for another specimen.
+   subroutine draw_by_theory(problem, crystals, error)
       type(problem_type), intent(in) :: problem
       !> Stiffnesses, GPa, (6, 6, n).
       real(wp), allocatable, intent(out) :: crystals(:, :, :)
@@ -260,20 +262,20 @@ contains
       real(wp), allocatable :: draws(:, :)
 
       loose = problem%settings%measurements
-      loose%calibration_sd = max(loose_common, loose%calibration_sd)
-      loose%scatter_sd = max(loose_grain, loose%scatter_sd)
+      loose%calibration_sd = max(common_error, loose%calibration_sd)
+      loose%scatter_sd = max(grain_error, loose%scatter_sd)
       call new_theory_surrogate(theory, error)
       if (allocated(error)) return
       call draw_aside(problem, loose, theory, focus_run, posterior, draws, error)
       if (allocated(error)) return
       crystals = stiffnesses(problem%class, draws)
-   end subroutine draw_roughly
+   end subroutine draw_by_theory
 
-   !> Root mean square of the errors, over their sds, with which the round's surrogate predicts the
-   !> simulations since, those of the theory alone left out; below 0: there are none.
+   !> Root mean square of (simulated - predicted)/sd, with the round's surrogate, over the later
+   !> simulations without those of the theory alone; below 0: there are none.
    real(wp) function error_of_predictions(focus, surrogate) result(z)
       type(focus_type), intent(in) :: focus
-      !> With these simulations.
+      !> Has these simulations.
       type(surrogate_type), intent(in) :: surrogate
       real(wp), dimension(size(surrogate%simulations%modulus)) :: mean, sd
       type(error_type), allocatable :: error
@@ -293,8 +295,7 @@ contains
       end associate
    end function error_of_predictions
 
-   !> Whether the surrogate with which the round begins is accurate enough: then the round is not
-   !> needed.
+   !> Whether the surrogate at the beginning of the round is accurate. The round is then not needed.
    pure logical function is_accurate(focus)
       type(focus_type), intent(in) :: focus
 
@@ -304,7 +305,7 @@ contains
       end associate
    end function is_accurate
 
-   !> The domain in which the posterior is sampled.
+   !> Widen a domain to that in which the posterior is sampled.
    pure subroutine widen(domain)
       type(domain_type), intent(inout) :: domain
 
@@ -313,11 +314,11 @@ contains
       if (domain%has_scale()) domain%stiffness = domain%stiffness*[1.0_wp/wider_scale, wider_scale]
    end subroutine widen
 
-   !> Limit a domain by its log-anisotropy, Poisson's ratio and scale, where bounds of the constants
-   !> limit it.
+   !> Replace bounds of the constants, if a domain has them, by limits of log-anisotropy, Poisson's
+   !> ratio and scale.
    pure subroutine drop_bounds(domain, stiffness)
       type(domain_type), intent(inout) :: domain
-      !> Crystals that are spread over it, GPa, (6, 6, n).
+      !> Crystals that sample the domain, GPa, (6, 6, n).
       real(wp), intent(in) :: stiffness(:, :, :)
 
       if (size(domain%lower) == 0) return
@@ -326,11 +327,11 @@ contains
       domain%anisotropy_cap = huge(1.0_wp)
       domain%log_anisotropy_max = 0.0_wp
       domain%poisson = [0.5_wp, -1.0_wp]
-      call hold(domain, stiffness)
+      call extend(domain, stiffness)
    end subroutine drop_bounds
 
-   !> Let a domain hold crystals, and some more on each side.
-   pure subroutine hold(domain, stiffness)
+   !> Extend a domain so that it contains crystals with a margin on each side.
+   pure subroutine extend(domain, stiffness)
       type(domain_type), intent(inout) :: domain
       !> GPa, (6, 6, n).
       real(wp), intent(in) :: stiffness(:, :, :)
@@ -341,27 +342,27 @@ contains
       do i = 1, size(scale)
          call logarithmic_mean(stiffness(:, :, i), poisson(i), anisotropy(i), scale(i))
       end do
-      domain%log_anisotropy_max = max(domain%log_anisotropy_max, maxval(held(anisotropy)))
-      ! In the contrast, log(3K/2G), which has no limits.
-      range = exp(held(log((1.0_wp + poisson)/(1.0_wp - 2.0_wp*poisson))))
+      domain%log_anisotropy_max = max(domain%log_anisotropy_max, maxval(with_margin(anisotropy)))
+      ! The margin is in the contrast, log(3K/2G), which has no limits.
+      range = exp(with_margin(log((1.0_wp + poisson)/(1.0_wp - 2.0_wp*poisson))))
       range = (range - 1.0_wp)/(2.0_wp*range + 1.0_wp)
       domain%poisson = [min(domain%poisson(1), range(1)), max(domain%poisson(2), range(2))]
-      range = exp(held(log(scale)))
+      range = exp(with_margin(log(scale)))
       if (domain%has_scale()) then
          domain%stiffness = [min(domain%stiffness(1), range(1)), max(domain%stiffness(2), range(2))]
       end if
-   end subroutine hold
+   end subroutine extend
 
    !> The range of values, with a margin.
-   pure function held(values) result(range)
+   pure function with_margin(values) result(range)
       real(wp), intent(in) :: values(:)
       real(wp) :: range(2)
 
       range = [minval(values), maxval(values)]
       range = range + margin*(range(2) - range(1))*[-1.0_wp, 1.0_wp]
-   end function held
+   end function with_margin
 
-   !> Crystals in the directions of the grains, which take turns.
+   !> Candidates: each crystal in the direction of one grain, in turn.
    type(candidates_type) function candidates_of(problem, domain, stiffness) result(found)
       type(problem_type), intent(in) :: problem
       type(domain_type), intent(in) :: domain

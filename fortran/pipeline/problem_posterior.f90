@@ -448,6 +448,7 @@ contains
       type(chains_type), intent(out) :: chains
       type(error_type), allocatable, intent(out) :: error
       character(len=*), parameter :: groups = 'problem measurements prior knowledge'
+      character(len=:), allocatable :: identity
       class(sampler_type), allocatable :: sampler
       type(checkpoint_type) :: checkpoint
       type(posterior_type) :: condensed
@@ -456,16 +457,18 @@ contains
       ! The evaluation of the theory changes the density, perhaps not at the points by which a
       ! checkpoint recognises it: the label of the checkpoint therefore contains its limit.
       if (allocated(problem%kept_in) .and. run%is_stored) then
-         call new_checkpoint(problem%kept_in, label//' '//to_text(run%burn_in)//' ' &
-            & //to_text(run%samples)//' '//to_text(density%grains%full_above) &
-            & //settings_namelist(problem%settings, groups), density, checkpoint)
+         identity = label//' '//to_text(run%burn_in)//' '//to_text(run%samples)//' ' &
+            & //to_text(density%grains%full_above)//settings_namelist(problem%settings, groups)
+         call new_checkpoint(problem%kept_in, identity, density, checkpoint)
       end if
       condensed = density
       call condense(condensed)
       if (.not. allocated(error)) then
-         call sample_chains(condensed, sampler, run_settings_type(run%samples, run%chains, &
-            & thread_count(problem%settings%execution%workers), problem%settings%problem%seed, &
-            & run%first_stream), chains, error, checkpoint)
+         associate (settings => problem%settings)
+            call sample_chains(condensed, sampler, run_settings_type(run%samples, run%chains, &
+               & thread_count(settings%execution%workers), settings%problem%seed, &
+               & run%first_stream), chains, error, checkpoint)
+         end associate
       end if
       call prefix_error(error, place(problem%path, 'prior', ''))
    end subroutine run_chains

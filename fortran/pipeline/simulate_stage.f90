@@ -1,5 +1,5 @@
-!> `simulate`: every crystal of &crystals, kept in the campaign of the output folder as soon as it
-!> is simulated.
+!> `simulate`: simulate every crystal of &crystals. The campaign of the output folder stores each
+!> simulation as soon as it is done.
 module simulate_stage
    use abstract_stage, only: job_type, stage_type
    use campaign, only: campaign_name, row_type
@@ -20,8 +20,7 @@ module simulate_stage
 
    type, extends(stage_type) :: simulate_stage_type
       private
-      !> Of each crystal the number in the batch, which has the same crystal in the same orientation
-      !> once.
+      !> Number of each crystal in the batch, which has equal crystals in equal orientations once.
       integer, allocatable :: place(:)
    contains
       procedure :: begin, finish
@@ -29,12 +28,12 @@ module simulate_stage
 
 contains
 
-   !> All crystals that differ are the batch, once.
+   !> Put every distinct crystal into the batch.
    subroutine begin(self, error)
       class(simulate_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       type(row_type) :: rows(self%problem%crystals%n)
-      !> Class, angles and constants of each crystal, and the first one that has the same.
+      !> Class, angles and constants of each crystal; the first crystal that has the same ones.
       real(wp) :: keys(4 + size(self%problem%crystals%constants, 1), size(rows))
       integer :: first(size(rows)), i
 
@@ -63,7 +62,7 @@ contains
       self%n_expected = count(self%rows%outcome%status == outcome_waiting)
    end subroutine begin
 
-   !> moduli.csv, curves.csv, and the document.
+   !> Write moduli.csv, curves.csv and the document.
    subroutine finish(self, page, error)
       class(simulate_stage_type), intent(inout) :: self
       type(json_type), intent(inout) :: page
@@ -98,7 +97,7 @@ contains
             call page%put('depth_um', outcome%depth)
             call page%put('force_mn', outcome%force)
             call page%put('modulus_by_depth_gpa', outcome%force/indenter%unit_force(outcome%depth))
-            ! 4/(3 pi) M a/R under a paraboloid.
+            ! The mean pressure is 4/(3 pi) M a/R under a paraboloid.
             call page%put('mean_pressure_gpa', &
                & modulus(i)*indenter%unit_force(indenter%depth)/(pi*indenter%contact_radius**2))
             if (outcome%status == outcome_failed) then
@@ -120,8 +119,7 @@ contains
          & //to_text(failed)//' failed: '//self%output//'/moduli.csv'
    end subroutine finish
 
-   !> Force (mN) over depth (um) of every crystal, by its row from 1, with the modulus of each depth
-   !> alone (GPa).
+   !> Write force (mN) and modulus (GPa) at each depth (um) of every crystal, numbered from 1.
    subroutine write_curves(rows, indenter, path, error)
       type(row_type), intent(in) :: rows(:)
       class(indenter_type), intent(in) :: indenter

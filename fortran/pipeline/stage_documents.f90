@@ -1,12 +1,12 @@
-!> What results follow from, so that results of other inputs are never taken for those of the
-!> present ones.
+!> Documents of the stages, with digests of their inputs, so that results of other inputs are not
+!> confused with those of the present ones.
 !>
-!> A document carries a digest of every input that it was made from: groups of the namelist with the
-!> tables that they name, and the surrogate. The manifest of the output folder (inputs.json) has the
-!> digests of the inputs last used there. A document belongs to them if all that both name are the
-!> same. Every document ends with a checksum of all before it.
+!> A document has a digest of every input: the groups of the namelist with the tables that they
+!> name, and the surrogate. The manifest of the output folder (inputs.json) has the digests of the
+!> inputs last used there. A document belongs to these inputs if all digests that both have are
+!> equal. Every document ends with a checksum.
 !>
-!> Crystals that were simulated, or given to the theory, have tables, and rows in a document.
+!> The module also writes the tables of moduli of `simulate` and `theory`, and their crystals.
 module stage_documents
    use errors, only: error_type, refuse, warning_type
    use files, only: checksum, file_exists, full_path, read_bytes, replace_file
@@ -25,19 +25,19 @@ module stage_documents
       & read_document, read_resolved, write_moduli, cells_of_numbers, begin_crystal
 
    character(len=*), parameter :: manifest_name = '/inputs.json', resolved_name = '/resolved.nml'
-   !> With what a document ends, and what is between it and its checksum.
+   !> The end of a document, and the text between the document and its checksum.
    character(len=*), parameter :: tail = newline//'}'//newline, &
       & seal = ','//newline//' "checksum": "text:'
 
 contains
 
-   !> Keep the resolved namelist in a folder, and let these be the inputs last used there; those of
-   !> other groups stay.
+   !> Write the resolved namelist into the folder of the results, and the digests of these groups
+   !> into its manifest. Digests of other groups stay there.
    subroutine begin_results(problem, groups, places, error)
       type(problem_type), intent(in) :: problem
-      !> Of the namelist, separated by blanks.
+      !> Groups of the namelist, separated by blanks.
       character(len=*), intent(in) :: groups
-      !> The folder of the results among them.
+      !> Has the folder of the results.
       type(places_type), intent(in) :: places
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: manifest, inputs, resolved, output, entries(:)
@@ -51,7 +51,7 @@ contains
       end if
       if (allocated(error)) return
       at = index(manifest, '"inputs": {') + len('"inputs": {')
-      ! '"name": "digest"' each.
+      ! Each entry is '"name": "digest"'.
       entries = split_list(manifest(at:at + index(manifest(at:), '}') - 2))
       do i = 1, size(entries)
          if (index(inputs, entries(i)(:index(entries(i), ':'))) == 0) then
@@ -66,8 +66,8 @@ contains
       call replace_file(output//resolved_name, resolved, error)
    end subroutine begin_results
 
-   !> The namelist of a folder `output`, `resolved`, '' where there is none; refused if the manifest
-   !> is about another.
+   !> Read the resolved namelist of a folder, '' if there is none. It is refused if the manifest is
+   !> of another one.
    subroutine read_resolved(output, resolved, error)
       character(len=*), intent(in) :: output
       character(len=:), allocatable, intent(out) :: resolved
@@ -89,7 +89,7 @@ contains
       end if
    end subroutine read_resolved
 
-   !> The document of a `page` whose object is open, with the warnings at its end.
+   !> Close the document of a `page` with the warnings.
    function end_document(page, warnings) result(document)
       type(json_type), intent(in) :: page
       type(warning_type), intent(in) :: warnings(:)
@@ -104,7 +104,7 @@ contains
 
    !> Write a document with a checksum as its last entry.
    subroutine write_document(path, document, error)
-      !> Of the file; JSON, an object that is not empty.
+      !> Path of the file; a JSON object that is not empty.
       character(len=*), intent(in) :: path, document
       type(error_type), allocatable, intent(out) :: error
 
@@ -113,7 +113,7 @@ contains
       end associate
    end subroutine write_document
 
-   !> The document of a file without its checksum; one that was changed is refused.
+   !> Read a document without its checksum. A document that was changed is refused.
    subroutine read_document(path, document, error)
       character(len=*), intent(in) :: path
       character(len=:), allocatable, intent(out) :: document
@@ -131,8 +131,8 @@ contains
       end if
    end subroutine read_document
 
-   !> Digest of the surrogate of this name, of all but where it comes from: its namelist may ask for
-   !> more, or have another title.
+   !> Compute the digest of a surrogate without its provenance, whose namelist may have another
+   !> title or ask for more.
    subroutine digest_surrogate(name, places, digest, error)
       character(len=*), intent(in) :: name
       type(places_type), intent(in) :: places
@@ -148,7 +148,7 @@ contains
          & checksum(content(:index(content//newline//'provenance ', newline//'provenance ') - 1))
    end subroutine digest_surrogate
 
-   !> Digests of groups of a problem, with the tables and the surrogate that they name: '"name":
+   !> Digests of groups of a problem, with the tables and the surrogate that they name, as '"name":
    !> "digest"', separated by ', '.
    recursive function inputs_of(problem, groups, places) result(inputs)
       type(problem_type), intent(in) :: problem
@@ -161,35 +161,36 @@ contains
       inputs = ''
       page = settings_namelist(problem%settings, groups)
       do while (len(page) > 0)
-         ! Each group is a line of its name after an empty one, its variables, and a slash.
+         ! A group is an empty line, a line with its name, its variables, and a slash.
          group = page(3:index(page(2:), newline))
          content = page(:index(page, newline//'/'))
          page = page(len(content) + 3:)
-         ! No result follows from the machine.
-         if (group == 'execution') cycle
-         if (.not. problem%settings%curves%given &
-            & .and. (group == 'curves' .or. group == 'references')) then
+         select case (group)
+         case ('execution')
+            ! Results do not depend on the machine.
             cycle
-         end if
-         if (.not. problem%settings%plan%given .and. group == 'plan') cycle
-         if (group == 'problem') then
+         case ('problem')
             content = content(:index(content, '  title = ')) &
                & //content(index(content, '  synthetic'):)
-         end if
-         ! Its last variable, of whose two forms one is there.
-         if (group == 'knowledge') then
+         case ('knowledge')
+            ! Leave out its last variable, which has one of two forms.
             content = content(:index(content, newline//'  source =') + index(content, &
                & newline//'  ! source'))
-         end if
-         if (group == 'crystals') call add_table(problem%crystals)
-         if (group == 'curves' .and. allocated(problem%curves)) then
-            content = content//problem%curves%digest//problem%curves%tests%digest()
-         end if
-         if (group == 'references') call add_table(problem%references)
-         if (group == 'measurements') then
+            if (allocated(problem%stiffness)) content = content//problem%stiffness%table%digest()
+         case ('crystals')
+            call add_table(problem%crystals)
+         case ('curves')
+            if (.not. problem%settings%curves%given) cycle
+            if (allocated(problem%curves)) then
+               content = content//problem%curves%digest//problem%curves%tests%digest()
+            end if
+         case ('references')
+            if (.not. problem%settings%curves%given) cycle
+            call add_table(problem%references)
+         case ('measurements')
             if (problem%settings%curves%given &
                & .and. .not. allocated(problem%settings%measurements%file)) then
-               ! They follow from the curves.
+               ! The measurements follow from the curves.
                content = content//inputs_of(problem, 'curves references', places)
             else
                call add_table(problem%measurements)
@@ -197,12 +198,13 @@ contains
             end if
             call add_table(problem%velocities)
             if (allocated(problem%settings%measurements%texture)) call add_table(problem%texture)
-         end if
-         if (group == 'design') call add_table(problem%candidates)
-         if (group == 'next') call add_table(problem%grains)
-         if (group == 'knowledge' .and. allocated(problem%stiffness)) then
-            content = content//problem%stiffness%table%digest()
-         end if
+         case ('plan')
+            if (.not. problem%settings%plan%given) cycle
+         case ('design')
+            call add_table(problem%candidates)
+         case ('next')
+            call add_table(problem%grains)
+         end select
          inputs = inputs//', "'//group//'": "'//checksum(content)//'"'
       end do
       if (index(' '//groups//' ', ' surrogate ') > 0) then
@@ -220,12 +222,12 @@ contains
       end subroutine add_table
    end function inputs_of
 
-   !> The table of the crystals as it was given, with every kind of modulus, GPa; nothing where
-   !> there is none.
+   !> Write the user's table of the crystals with every kind of modulus, GPa, and with the
+   !> velocities. The cell of NaN is empty.
    subroutine write_moduli(problem, path, modulus, error, velocity)
       type(problem_type), intent(in) :: problem
       character(len=*), intent(in) :: path
-      !> Indentation moduli, GPa; NaN: none.
+      !> Indentation moduli, GPa; NaN after a failure.
       real(wp), intent(in) :: modulus(:)
       type(error_type), allocatable, intent(out) :: error
       !> Of surface waves, m/s.
@@ -252,7 +254,7 @@ contains
       call write_table(problem%crystals%table, path, names, moduli, error)
    end subroutine write_moduli
 
-   !> Cells of `values` that follow others, and the end of their line.
+   !> Cells of `values` after other cells, and the end of their line.
    pure function cells_of_numbers(values) result(line)
       real(wp), intent(in) :: values(:)
       character(len=:), allocatable :: line
@@ -278,5 +280,4 @@ contains
       end associate
       call page%put('euler_deg', points%euler_deg(:, row))
    end subroutine begin_crystal
-
 end module stage_documents

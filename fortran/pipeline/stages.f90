@@ -1,8 +1,8 @@
-!> The stages of a namelist: one table, a row a stage. Each is a command of its own; `run` makes
-!> those whose group is there, in order.
+!> The table of the stages. Each stage is a command. The command `run` performs, in order, the
+!> stages whose group the namelist has.
 !>
-!> And a problem from a namelist file for a stage, or from a text made of the keywords of a Python
-!> function: same checks, same words.
+!> The module also makes the problem of a stage from a namelist file, or from a text of the keywords
+!> of a Python function, with the same checks and messages.
 module stages
    use abstract_stage, only: stage_type
    use build_checks, only: check_build, question_candidates
@@ -30,9 +30,9 @@ module stages
 
    type :: stage_row_type
       character(len=8) :: name
-      !> The group of the namelist that makes `run` do it.
+      !> The group of the namelist with which `run` performs the stage.
       character(len=12) :: trigger
-      !> The groups that it needs, with defaults where the file has them not.
+      !> The groups that the stage needs. Defaults replace missing ones.
       character(len=80) :: groups
       !> The file of its document in the output folder.
       character(len=16) :: document
@@ -51,7 +51,7 @@ module stages
       & 'problem surrogate indenter measurements prior knowledge sampler next execution', &
       & 'next.json')]
 
-   !> All stages that a file asks for.
+   !> The command for all stages that a file asks for.
    type(stage_row_type), &
       & parameter :: run_command = stage_row_type('run', '', 'problem execution', '')
 
@@ -59,7 +59,6 @@ contains
 
    !> The groups of the namelist that stages need, separated by blanks.
    pure function groups_of(names) result(groups)
-      !> Of stages.
       character(len=*), intent(in) :: names(:)
       character(len=:), allocatable :: groups
       integer :: i
@@ -68,13 +67,13 @@ contains
          & [(any(names == all_stages(i)%name), i=1, size(all_stages))]), ' ')
    end function groups_of
 
-   !> Refuse what the stages of a problem would refuse before their first simulation or sample, as
-   !> far as no stage before makes what it is about.
+   !> Refuse a problem that a stage would refuse before its first simulation or sample. Stages that
+   !> need the results of an earlier stage are not checked.
    subroutine check_stages(problem, places, completely, error)
       type(problem_type), intent(in), target :: problem
       type(places_type), intent(in) :: places
-      !> Refuse also simulations that cannot be made: a mesh that is too large, or too coarse, or
-      !> that memory cannot hold.
+      !> Refuse also impossible simulations: with a mesh that is too large, or too coarse, or that
+      !> does not fit into memory.
       logical, intent(in) :: completely
       type(error_type), allocatable, intent(out) :: error
       type(extract_stage_type) :: extract
@@ -85,7 +84,8 @@ contains
          call check_build(problem, error, places%output(:len(places%output) - 1))
       else
          if (any(problem%stages == 'plan')) call plan%open(problem, places, error)
-         if (.not. allocated(error) .and. all(problem%stages /= 'curves') &
+         if (allocated(error)) return
+         if (all(problem%stages /= 'curves') &
             & .and. any(problem%stages == 'extract' .or. problem%stages == 'next')) then
             call extract%open(problem, places, error)
          end if
@@ -132,9 +132,10 @@ contains
       stage%document_file = trim(all_stages(i)%document)
    end subroutine new_stage
 
-   !> Read the file `path` for a stage or for 'run'.
+   !> Read a namelist file for a stage or for 'run'.
    subroutine read_problem(path, command, changes, from_python, self, error)
-      !> A file; a stage, or 'run'; a namelist whose variables take the place of the file's, or ''.
+      !> Path of the file; a stage, or 'run'; a namelist whose variables replace those of the file,
+      !> or ''.
       character(len=*), intent(in) :: path, command, changes
       !> Whether Python reads the file of the measurements.
       logical, intent(in) :: from_python
@@ -146,12 +147,14 @@ contains
       integer :: i
 
       if (reserve_blas(1) < 1) call raise_no_memory('linear algebra', error)
-      if (.not. allocated(error)) call read_namelist_file(path, namelist, error)
-      if (len(changes) > 0 .and. .not. allocated(error)) then
-         call parse_namelist(path, changes, stated, error)
-         if (.not. allocated(error)) call replace_entries(namelist, stated)
-      end if
       if (allocated(error)) return
+      call read_namelist_file(path, namelist, error)
+      if (allocated(error)) return
+      if (len(changes) > 0) then
+         call parse_namelist(path, changes, stated, error)
+         if (allocated(error)) return
+         call replace_entries(namelist, stated)
+      end if
       asked = all_stages%name == command
       if (command == 'run') then
          asked = [(find_entry(namelist, all_stages(i)%trigger, '') > 0, i=1, size(all_stages))]
@@ -160,22 +163,23 @@ contains
       if (size(names) == 0 .and. command /= 'run') then
          call refuse(error, 'no command is named '''//printable(command)//'''; allowed: run, ' &
             & //join(all_stages%name, ', '))
-      else
-         call new_problem(path, namelist, command, &
-            & trim(run_command%groups)//' '//groups_of(names), from_python, self, error)
+         return
       end if
-      if (size(names) == 0 .and. .not. allocated(error)) then
+      call new_problem(path, namelist, command, trim(run_command%groups)//' '//groups_of(names), &
+         & from_python, self, error)
+      if (allocated(error)) return
+      if (size(names) == 0) then
          call refuse(error, place(path, 'problem', '') &
             & //'nothing to do; &crystals asks for simulations, &design for a surrogate, &plan ' &
             & //'for expected sds, &curves for moduli, &measurements for the constants')
+         return
       end if
-      if (allocated(error)) return
       self%stages = names
       call check_problem(self, error)
    end subroutine read_problem
 
-   !> The problem of a namelist's text, `content`, only for what it has, for Python; `origin` takes
-   !> the place of the file in messages.
+   !> The problem of a namelist's text, `content`, for Python, with no stage. `origin` replaces the
+   !> name of the file in messages.
    subroutine problem_of_text(origin, content, self, error)
       character(len=*), intent(in) :: origin, content
       type(problem_type), intent(out) :: self
@@ -189,7 +193,7 @@ contains
       call check_problem(self, error)
    end subroutine problem_of_text
 
-   !> Refuse what a stage would refuse before its first simulation or sample.
+   !> Refuse a problem that one of its stages would refuse before its first simulation or sample.
    subroutine check_problem(self, error)
       type(problem_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
@@ -197,40 +201,40 @@ contains
 
       call check_simulation(self%path, self%settings, has_theory, error)
       if (allocated(error)) return
-      ! Of a specimen that theory does not know `run` leaves out its stage; who asks for it by name
-      ! is refused.
-      if (self%command == 'run' .and. .not. has_theory) then
-         self%stages = pack(self%stages, self%stages /= 'theory')
-      end if
-      ! A plan may state errors of measurements that are still to be made.
-      if (self%command == 'run' .and. self%settings%plan%given &
-         & .and. .not. (self%settings%curves%given .or. allocated(self%settings%measurements%file) &
-         & .or. allocated(self%settings%measurements%velocities))) then
-         self%stages = pack(self%stages, self%stages /= 'extract')
-      end if
-      if (.not. has_theory .and. (any(self%stages == 'theory') &
-         & .or. self%settings%simulation%simulator == 'theory')) then
-         call refuse(error, place(self%path, 'specimen', 'geometry')//'''' &
-            & //self%settings%specimen%geometry//''' has no exact theory; allowed ''halfspace''')
-      else if (self%settings%simulation%simulator == 'import' &
-         & .and. any(self%stages == 'simulate')) then
-         call refuse(error, place(self%path, 'simulation', 'simulator') &
-            & //'''import'' cannot indent the &crystals; allowed ''fe'', ''theory''')
-      else if (self%settings%measurements%orientations == 'unknown' &
-         & .and. any(self%stages == 'next' .or. self%stages == 'plan')) then
-         call refuse(error, place(self%path, 'measurements', 'orientations') &
-            & //'''unknown'' cannot be combined with &next or &plan, which compare orientations; ' &
-            & //'remove one of them')
-      else if (any(self%stages == 'build')) then
-         call check_build(self, error)
-      end if
-      if (.not. allocated(error) &
-         & .and. any(self%stages == 'extract' .or. self%stages == 'next')) then
-         call check_step_2(self, error)
-      end if
-      if (.not. allocated(error) .and. any(self%stages == 'next')) call check_target(self, error)
-      if (.not. allocated(error) .and. allocated(self%candidates)) then
-         call question_candidates(self, error)
-      end if
+      associate (settings => self%settings)
+         if (self%command == 'run') then
+            ! `run` leaves out the theory if it does not exist for the specimen. The command
+            ! `theory` is refused.
+            if (.not. has_theory) self%stages = pack(self%stages, self%stages /= 'theory')
+            ! A plan may state errors of measurements that are still to be made.
+            if (settings%plan%given .and. .not. (settings%curves%given &
+               & .or. allocated(settings%measurements%file) &
+               & .or. allocated(settings%measurements%velocities))) then
+               self%stages = pack(self%stages, self%stages /= 'extract')
+            end if
+         end if
+         if (.not. has_theory .and. (any(self%stages == 'theory') &
+            & .or. settings%simulation%simulator == 'theory')) then
+            call refuse(error, place(self%path, 'specimen', 'geometry')//'''' &
+               & //settings%specimen%geometry//''' has no exact theory; allowed ''halfspace''')
+         else if (settings%simulation%simulator == 'import' &
+            & .and. any(self%stages == 'simulate')) then
+            call refuse(error, place(self%path, 'simulation', 'simulator') &
+               & //'''import'' cannot indent the &crystals; allowed ''fe'', ''theory''')
+         else if (settings%measurements%orientations == 'unknown' &
+            & .and. any(self%stages == 'next' .or. self%stages == 'plan')) then
+            call refuse(error, place(self%path, 'measurements', 'orientations') &
+               & //'''unknown'' cannot be combined with &next or &plan, which compare ' &
+               & //'orientations; remove one of them')
+         else if (any(self%stages == 'build')) then
+            call check_build(self, error)
+         end if
+      end associate
+      if (allocated(error)) return
+      if (any(self%stages == 'extract' .or. self%stages == 'next')) call check_step_2(self, error)
+      if (allocated(error)) return
+      if (any(self%stages == 'next')) call check_target(self, error)
+      if (allocated(error)) return
+      if (allocated(self%candidates)) call question_candidates(self, error)
    end subroutine check_problem
 end module stages

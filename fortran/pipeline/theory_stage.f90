@@ -1,4 +1,4 @@
-!> `theory`: the exact half-space theory of the crystals of &crystals.
+!> `theory`: moduli, and speeds of surface waves, of &crystals by the exact half-space theory.
 module theory_stage
    use abstract_stage, only: stage_type
    use crystal_elasticity, only: no_wave
@@ -22,7 +22,7 @@ module theory_stage
 
 contains
 
-   !> theory.csv, and the document.
+   !> Write theory.csv and the document.
    subroutine finish(self, page, error)
       class(theory_stage_type), intent(inout) :: self
       type(json_type), intent(inout) :: page
@@ -42,8 +42,8 @@ contains
             call rayleigh_waves(points%stiffness, points%euler_deg, points%paths, waves, error)
             velocity = wave_speed(waves%modulus, self%problem%settings%problem%density_kg_m3)
          end if
-         ! What is not allocated is not present.
          if (allocated(error)) return
+         ! An unallocated velocity is an absent argument.
          call write_moduli(self%problem, self%output//'/theory.csv', modulus, error, velocity)
          if (allocated(error)) return
          call page%begin_array('results')
