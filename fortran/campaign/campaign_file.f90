@@ -97,7 +97,7 @@ contains
       self%handle = c_null_ptr
    end subroutine close_database
 
-   !> Execute statements, separated by semicolons.
+   !> Execute `sql`: statements, separated by semicolons.
    subroutine run(self, sql, error)
       class(database_type), intent(in) :: self
       character(len=*), intent(in) :: sql
@@ -107,7 +107,7 @@ contains
       call self%query(sql, '', cells, error)
    end subroutine run
 
-   !> Execute statements, and get the first cell of their result as `text`; '' if there is none.
+   !> Execute `sql`, and get the first cell of its result as `text`; '' if there is none.
    subroutine value(self, sql, text, error)
       class(database_type), intent(in) :: self
       character(len=*), intent(in) :: sql

@@ -51,14 +51,13 @@ contains
       if (allocated(error)) return
       call import_points(campaign, points, n_new, error)
       call prefix_error(error, name//': ')
+      if (allocated(error)) return
       n_simulations = 0
       do k = 1, size(points%classes)
-         if (.not. allocated(error)) call campaign%rows(points%classes(k)%name, rows, error)
-         if (.not. allocated(error)) then
-            n_simulations = n_simulations + count(rows%outcome%status == outcome_done)
-         end if
+         call campaign%rows(points%classes(k)%name, rows, error)
+         if (allocated(error)) return
+         n_simulations = n_simulations + count(rows%outcome%status == outcome_done)
       end do
-      if (allocated(error)) return
       call page%begin_object()
       call page%put('imported', n_new)
       call page%put('simulations', n_simulations)

@@ -191,8 +191,8 @@ contains
       quoted = quoted//mark
    end function quoted
 
-   !> Read a decimal integer of the default kind, with an optional sign. Unless `outcome` is
-   !> number_ok, `value` is 0.
+   !> Read `string` as a decimal integer of the default kind, with an optional sign. Unless
+   !> `outcome` is number_ok, `value` is 0.
    pure subroutine read_integer(string, value, outcome)
       character(len=*), intent(in) :: string
       integer, intent(out) :: value, outcome
@@ -207,8 +207,8 @@ contains
       if (outcome /= number_ok) value = 0
    end subroutine read_integer
 
-   !> Read a real in Fortran or C syntax: 1, 1., .5, 1.0e-3, 1d0. Unless `outcome` is number_ok,
-   !> `value` is 0.
+   !> Read `string` as a real in Fortran or C syntax: 1, 1., .5, 1.0e-3, 1d0. Unless `outcome` is
+   !> number_ok, `value` is 0.
    pure subroutine read_real(string, value, outcome)
       character(len=*), intent(in) :: string
       real(wp), intent(out) :: value

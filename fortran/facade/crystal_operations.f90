@@ -111,9 +111,10 @@ contains
          wanted = split_list(x%in%text('names'))
          allocate (quantities(size(wanted)), x%values(size(wanted), size(c, 3)))
          do i = 1, size(wanted)
-            if (.not. allocated(x%error)) call new_quantity(trim(wanted(i)), quantities(i), x%error)
+            call new_quantity(trim(wanted(i)), quantities(i), x%error)
+            if (allocated(x%error)) return
          end do
-         do i = 1, merge(0, size(c, 3), allocated(x%error))
+         do i = 1, size(c, 3)
             call evaluate_quantities(quantities, c(:, :, i), x%values(:, i))
          end do
       case ('moduli_of_kind')

@@ -31,7 +31,8 @@ module operations
 
 contains
 
-   !> Perform an operation. The arguments are those of `core_do`.
+   !> Perform an operation on a `request`. `reply`, `address`, `words` and `status` describe the
+   !> result, see `core_do`.
    subroutine perform(operation, handle, request, reply, address, words, status)
       character(len=*), intent(in) :: operation
       integer(c_int64_t), intent(in) :: handle

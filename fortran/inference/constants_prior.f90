@@ -74,8 +74,8 @@ module constants_prior
       procedure :: draw_start, is_drawn, has_bound, set_knowledge
    end type prior_type
 
-   !> Crystals that are drawn to estimate which share of the prior the surrogate covers: its
-   !> standard error is below 0.4 %.
+   !> Number of crystals that are drawn to estimate the share of the prior for which the surrogate
+   !> is valid: the standard error of the share is below 0.4 %.
    integer, parameter :: trials = 20000
 
 contains

@@ -70,7 +70,7 @@ contains
    pure logical function is_detected(self)
       class(orientation_check_type), intent(in) :: self
 
-      ! If all orders fit alike, the check cannot tell them apart.
+      ! If all orders fit equally well, the check cannot distinguish them.
       is_detected = self%better_reading > 0 .or. (self%p < rare .and. self%power > enough_power &
          & .and. self%p_shuffled > rare .and. self%p_shuffled < 1.0_wp)
    end function is_detected
@@ -178,8 +178,8 @@ contains
       end if
       if (harmonics%n > 1) call try_shuffles(about_mean, rows, check)
       if (check%is_detected() .or. size(check%outliers) > 0) return
-      ! The orientations are not blamed. Lower the threshold as far as one grain of so many reaches
-      ! it by chance with the probability `rare`.
+      ! The orientations are not blamed. Lower the threshold until one of the n grains reaches it by
+      ! chance with the probability `rare`.
       do while (n*erfc((threshold - 0.1_wp)/sqrt(2.0_wp)) < rare)
          threshold = threshold - 0.1_wp
       end do
@@ -217,7 +217,7 @@ contains
 
    contains
 
-      !> Distance of a grain from the prediction of the others: its own weight is taken out.
+      !> Distance of a grain from the prediction of the others, without its own weight.
       real(wp) function distance(i)
          integer, intent(in) :: i
          real(wp) :: z(size(fit%b))

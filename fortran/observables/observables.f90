@@ -9,7 +9,7 @@ module observables
    private
    public :: observable_type, observable_names, moduli_of_indentation, new_observable
 
-   !> The kinds of modulus that an indentation gives.
+   !> Kinds of modulus of an indentation.
    character(len=*), parameter :: moduli_of_indentation = 'indentation_modulus, ' &
       & //'effective_modulus, sample_modulus'
    !> A new observable needs its name here and a case in `new_observable`.

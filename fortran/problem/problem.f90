@@ -28,8 +28,8 @@ module problem
    public :: problem_type, new_problem
 
    type :: problem_type
-      !> The file as the user wrote it, or the Python function whose keywords these are; the folder
-      !> with a slash, or ''.
+      !> Path as the user wrote it, or the Python function of the keywords; folder of the file with
+      !> a slash, or ''.
       character(len=:), allocatable :: path, folder
       !> Command that reads the file, '' for keywords; groups that the command needs, and groups of
       !> the file, separated by blanks.
@@ -397,8 +397,10 @@ contains
             & self%positions, self%shared_errors, self%shared_digest, error)
       end if
       if (.not. allocated(error)) call refuse_copied_rows(measurements, error)
-      if (.not. allocated(error)) weight = 1.0_wp/measurements%sd_gpa**2
-      if (.not. allocated(error)) call combine_tests(self%class, measurements, error)
+      if (.not. allocated(error)) then
+         weight = 1.0_wp/measurements%sd_gpa**2
+         call combine_tests(self%class, measurements, error)
+      end if
       if (allocated(error)) then
          error%message = prefix_of_table(self)//error%message
       else

@@ -1,4 +1,7 @@
-"""The one reader of namelists: what it refuses, what it resolves, what it loads."""
+"""The one reader of namelists: what it refuses, what it resolves, what it loads.
+
+Modules: measurement_checks.f90.
+"""
 
 import os
 import random
