@@ -452,7 +452,8 @@ contains
          & values%bytes(:values%filled)//checksum(values%bytes(:values%filled)), error)
    end subroutine save_posterior
 
-   !> Read posterior.bin of a folder without its checksum. A file that was changed is refused.
+   !> Read the `content` of posterior.bin in a folder, without the checksum. A file that was changed
+   !> is refused.
    subroutine read_posterior(folder, content, error)
       character(len=*), intent(in) :: folder
       character(len=:), allocatable, intent(out) :: content

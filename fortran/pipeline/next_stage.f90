@@ -89,8 +89,8 @@ contains
       self%done = self%output//'/next.json'
    end subroutine finish
 
-   !> Write the document of `next` into the object of a `page`: suggestions, each given those before
-   !> it, and the gain of every candidate as the first suggestion.
+   !> Write the document of `next` from `draws` of the posterior into the object of a `page`:
+   !> suggestions, each given those before it, and the gain of every candidate as the first one.
    subroutine next_document(problem, posterior, draws, page, warnings, error)
       type(problem_type), intent(in) :: problem
       !> The degree of its harmonics is chosen anew for these draws.
@@ -98,7 +98,7 @@ contains
       !> Draws of the posterior, (parameter, draw); the last parameter may be the factor on the sds.
       real(wp), intent(in) :: draws(:, :)
       type(json_type), intent(inout) :: page
-      !> Beside those of the problem.
+      !> Without those of the problem.
       type(warning_type), allocatable, intent(out) :: warnings(:)
       type(error_type), allocatable, intent(out) :: error
       type(candidates_type) :: candidates
@@ -212,7 +212,7 @@ contains
    subroutine add_speeds(problem, posterior, draws, candidates, error)
       type(problem_type), intent(in) :: problem
       type(posterior_type), intent(in) :: posterior
-      !> (dimension, draw).
+      !> (parameter, draw).
       real(wp), intent(in) :: draws(:, :)
       type(candidates_type), intent(inout) :: candidates
       type(error_type), allocatable, intent(out) :: error
@@ -253,7 +253,7 @@ contains
       type(posterior_type), intent(in) :: posterior
       !> (parameter, draw), as the sampler has them.
       real(wp), intent(in) :: draws(:, :)
-      !> Of the next modulus, GPa, and speed, m/s.
+      !> Sds of the next modulus, GPa, and of the next speed, m/s.
       real(wp), intent(in) :: sd(2)
       type(candidates_type), intent(inout) :: candidates
       type(error_type), allocatable, intent(out) :: error
@@ -363,7 +363,7 @@ contains
    !> no correlation with any linear function of the draws. The variance of the shared errors then
    !> has no sampling noise, which would be larger than small gains.
    function even_normals(draws, n, seed) result(normals)
-      !> (dimension, draw).
+      !> (parameter, draw).
       real(wp), intent(in) :: draws(:, :)
       integer, intent(in) :: n, seed
       !> (n, draw).

@@ -263,8 +263,8 @@ contains
       if (abs(value) < 10.0_wp) text = to_text(value, 2)
    end function short
 
-   !> A product of powers of constants, for example 'C11^1.00 C12^-0.30'. Small exponents are left
-   !> out.
+   !> A product of powers of constants with these `names`, for example 'C11^1.00 C12^-0.30'. Small
+   !> `exponents` are left out.
    pure function powers_text(names, exponents) result(text)
       character(len=*), intent(in) :: names(:)
       real(wp), intent(in) :: exponents(:)

@@ -66,8 +66,8 @@ contains
       call replace_file(output//resolved_name, resolved, error)
    end subroutine begin_results
 
-   !> Read the resolved namelist of a folder, '' if there is none. It is refused if the manifest is
-   !> of another one.
+   !> Read the resolved namelist of the folder `output`, '' if there is none. It is refused if the
+   !> manifest is of another one.
    subroutine read_resolved(output, resolved, error)
       character(len=*), intent(in) :: output
       character(len=:), allocatable, intent(out) :: resolved
@@ -204,6 +204,8 @@ contains
             call add_table(problem%candidates)
          case ('next')
             call add_table(problem%grains)
+         case default
+            ! The other groups name no files of their own.
          end select
          inputs = inputs//', "'//group//'": "'//checksum(content)//'"'
       end do

@@ -59,6 +59,7 @@ contains
 
    !> The groups of the namelist that stages need, separated by blanks.
    pure function groups_of(names) result(groups)
+      !> Names of the stages.
       character(len=*), intent(in) :: names(:)
       character(len=:), allocatable :: groups
       integer :: i
