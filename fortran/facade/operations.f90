@@ -24,7 +24,6 @@ module operations
    use stages, only: all_stages, problem_of_text, read_problem, run_command, stage_row_type
    use surrogate_model, only: load_named_surrogate, surrogate_type
    use surrogate_operations, only: use_basis, use_surrogate
-   use table_columns, only: standard_name
    implicit none
    private
    public :: perform
@@ -124,8 +123,8 @@ contains
       case ('file.problem')
          allocate (problem)
          call x%give(problem, 'problem')
-         call read_problem(path, x%in%text('command'), x%in%text('changes'), .true., &
-            & problem, x%error)
+         call read_problem(path, x%in%text('command'), x%in%text('changes'), problem, &
+            & x%error)
       case ('file.crystals')
          ! A problem that has only a table of crystals. `symmetry` applies to rows without one.
          allocate (problem)
@@ -140,8 +139,6 @@ contains
          call x%give(surrogate, 'surrogate')
          call load_named_surrogate(x%in%text('name'), x%in%text('symmetry'), x%places(), &
             & surrogate, x%error)
-      case ('file.column_name')
-         x%text = trim(standard_name(x%in%text('header')))
       case ('file.check_memory')
          call check_memory(x%in%real('bytes'), x%in%text('what'), x%error)
       case ('file.watch_signals')

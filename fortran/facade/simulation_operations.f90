@@ -18,14 +18,14 @@ module simulation_operations
    use named_values, only: named_values_type
    use namelist_file, only: place
    use point_tables, only: points_type
-   use problem, only: problem_type
+   use problem, only: problem_type, table_texts_type
    use settings_reader, only: put_settings, settings_namelist
    use simulate, only: new_simulator, outcome_type, simulation_error, simulator_type
-   use stage_documents, only: begin_results, inputs_of
-   use stages, only: check_stages, new_stage
+   use stage_documents, only: begin_results, inputs_of, write_canonical
+   use stages, only: check_stages, load_problem, new_stage
    use surrogate_operations, only: give_basis
    use tables, only: write_table
-   use text, only: join
+   use text, only: join, newline
    implicit none
    private
    public :: run_simulator, use_model, use_stage, use_problem
@@ -237,14 +237,8 @@ contains
          call describe_problem(self, x%out)
       case ('column')
          call give_column(points_of(self, x%in%text('table')), x%in%text('column'), x%out)
-      case ('set_table')
-         ! A table as a page of CSV instead of a file.
-         call self%set_table(x%in%text('table'), x%in%text('page'), x%error)
-      case ('misread')
-         self%misread = reshape(x%in%columns('directions', 3), [3, self%indents%rows, 7])
-      case ('retain_indents')
-         ! Numbers of rows, from 1.
-         call self%retain_indents(nint(x%in%reals('rows')))
+      case ('load')
+         call load_given(self, x)
       case ('write_crystals')
          ! Write the table of the crystals with additional columns of numbers (n, m).
          call write_table(self%crystals%table, x%in%text('path'), x%in%text('names'), &
@@ -254,6 +248,8 @@ contains
          call import_table(x%problem, x%places(), self%crystals, x%in%text('name'), x%text, x%error)
       case ('begin_results')
          call begin_results(self, x%in%text('groups'), x%places(), x%error)
+      case ('write_table')
+         call write_canonical(x%in%text('path'), self%table_text, x%error)
       case ('inputs')
          x%text = '{'//inputs_of(self, self%groups, x%places())//'}'
       case ('check_stages')
@@ -307,16 +303,6 @@ contains
          call out%put('warnings', self%warnings)
          call out%put('stages', join(self%stages, ' '))
       end if
-      if (allocated(self%table_file)) call out%put('table_file', self%table_file)
-      if (allocated(self%indents)) then
-         call out%put('map', self%map)
-         if (allocated(self%map_points)) call out%put('map_points', self%map_points)
-         call out%put_array('indents_um', self%positions, shape(self%positions))
-         do i = 1, self%indents%columns
-            call warn(lines, self%indents%called(i))
-         end do
-         call out%put('indents_columns', lines)
-      end if
       ! Number of rows of each table, their kind of modulus, the classes of the crystals, and the
       ! names of the grains.
       do i = 1, size(tables)
@@ -342,6 +328,35 @@ contains
          call out%put(trim(tables(i))//'.names', lines)
       end do
    end subroutine describe_problem
+
+   !> Read the tables of a problem: those that are given as texts, and the files that the namelist
+   !> names. Then describe the problem.
+   subroutine load_given(self, x)
+      type(problem_type), intent(inout) :: self
+      type(exchange_type), intent(inout) :: x
+      type(table_texts_type) :: given
+      character(len=:), allocatable :: notes
+      integer :: last
+
+      if (x%in%has('measurements')) given%measurements = x%in%text('measurements')
+      if (x%in%has('curves')) given%curves = x%in%text('curves')
+      if (x%in%has('velocities')) given%velocities = x%in%text('velocities')
+      if (x%in%has('stiffness')) given%stiffness = x%in%text('stiffness')
+      ! What was changed in the tables, a line each.
+      notes = x%in%text('notes')
+      do while (len(notes) > 0)
+         last = index(notes//newline, newline)
+         call warn(self%warnings, notes(:last - 1))
+         notes = notes(last + 1:)
+      end do
+      call load_problem(self, given, x%error)
+      if (allocated(x%error)) return
+      if (x%in%has('misread')) then
+         self%misread = reshape(x%in%columns('misread', 3), &
+            & [3, self%measurements%table%rows, 7])
+      end if
+      call describe_problem(self, x%out)
+   end subroutine load_given
 
    !> Table of a problem by its name; not associated if the problem does not have it.
    function points_of(self, name) result(points)

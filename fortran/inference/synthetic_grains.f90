@@ -73,7 +73,7 @@ contains
       call observable%to_measured(modulus)
       measured%sd = experiment%noise*modulus
       measured%modulus = modulus &
-         & *(1.0_wp + hypot(experiment%noise, experiment%scatter_sd)*z(4, :))
+                        & *(1.0_wp + hypot(experiment%noise, experiment%scatter_sd)*z(4, :))
       measured%paths = paths
       measured%group = spread(1, 1, n)
       measured%density = experiment%density

@@ -14,15 +14,15 @@ module stage_documents
    use kinds, only: wp
    use observables, only: moduli_of_indentation, new_observable, observable_type
    use point_tables, only: points_type
-   use problem, only: problem_type
+   use problem, only: canonical_mark, problem_type, table_name
    use settings_reader, only: settings_namelist
    use surrogate_model, only: find_surrogate, places_type
    use tables, only: write_table
    use text, only: join, newline, short_text, split_list
    implicit none
    private
-   public :: begin_results, digest_surrogate, inputs_of, end_document, write_document, &
-      & read_document, read_resolved, write_moduli, cells_of_numbers, begin_crystal
+   public :: begin_results, write_canonical, digest_surrogate, inputs_of, end_document, &
+      & write_document, read_document, read_resolved, write_moduli, cells_of_numbers, begin_crystal
 
    character(len=*), parameter :: manifest_name = '/inputs.json', resolved_name = '/resolved.nml'
    !> The end of a document, and the text between the document and its checksum.
@@ -58,6 +58,10 @@ contains
             inputs = inputs//', '//trim(entries(i))
          end if
       end do
+      if (allocated(problem%table_text)) then
+         call write_canonical(output//'/'//table_name, problem%table_text, error)
+         if (allocated(error)) return
+      end if
       resolved = problem%resolved_text()
       call write_document(output//manifest_name, '{'//newline//' "namelist": ' &
          & //quoted(full_path(problem%path))//','//newline//' "resolved": "'//checksum(resolved) &
@@ -65,6 +69,30 @@ contains
       if (allocated(error)) return
       call replace_file(output//resolved_name, resolved, error)
    end subroutine begin_results
+
+   !> Write a canonical table, which begins with the mark of this program. Other files are not
+   !> replaced.
+   subroutine write_canonical(path, page, error)
+      character(len=*), intent(in) :: path
+      !> CSV.
+      character(len=*), intent(in) :: page
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: present, marked
+
+      marked = page
+      if (index(page, canonical_mark) /= 1) marked = canonical_mark//newline//page
+      if (file_exists(path)) then
+         call read_bytes(path, present, error)
+         if (allocated(error)) return
+         if (present == page .or. present == marked) return
+         if (index(present, canonical_mark) /= 1) then
+            call refuse(error, path//': is a file that this program did not write, and is not ' &
+               & //'replaced; move it, or state another folder with --output')
+            return
+         end if
+      end if
+      call replace_file(path, marked, error)
+   end subroutine write_canonical
 
    !> Read the resolved namelist of the folder `output`, '' if there is none. It is refused if the
    !> manifest is of another one.

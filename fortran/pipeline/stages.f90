@@ -16,7 +16,7 @@ module stages
       & replace_entries
    use next_stage, only: next_stage_type
    use plan_stage, only: plan_stage_type
-   use problem, only: new_problem, problem_type
+   use problem, only: new_problem, problem_type, table_texts_type
    use problem_posterior, only: check_step_2, check_target
    use simulate, only: check_simulation, new_simulator, simulator_type
    use simulate_stage, only: simulate_stage_type
@@ -25,8 +25,8 @@ module stages
    use theory_stage, only: theory_stage_type
    implicit none
    private
-   public :: stage_row_type, all_stages, run_command, read_problem, problem_of_text, groups_of, &
-      & new_stage, check_stages
+   public :: stage_row_type, all_stages, run_command, load_problem, read_problem, &
+      & problem_of_text, groups_of, new_stage, check_stages
 
    type :: stage_row_type
       character(len=8) :: name
@@ -133,13 +133,11 @@ contains
       stage%document_file = trim(all_stages(i)%document)
    end subroutine new_stage
 
-   !> Read a namelist file for a stage or for 'run'.
-   subroutine read_problem(path, command, changes, from_python, self, error)
+   !> Read a namelist file for a stage or for 'run', without the tables that it names.
+   subroutine read_problem(path, command, changes, self, error)
       !> Path of the file; a stage, or 'run'; a namelist whose variables replace those of the file,
       !> or ''.
       character(len=*), intent(in) :: path, command, changes
-      !> Whether Python reads the file of the measurements.
-      logical, intent(in) :: from_python
       type(problem_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
       type(entry_type), allocatable :: namelist(:), stated(:)
@@ -167,7 +165,7 @@ contains
          return
       end if
       call new_problem(path, namelist, command, trim(run_command%groups)//' '//groups_of(names), &
-         & from_python, self, error)
+         & self, error)
       if (allocated(error)) return
       if (size(names) == 0) then
          call refuse(error, place(path, 'problem', '') &
@@ -176,11 +174,10 @@ contains
          return
       end if
       self%stages = names
-      call check_problem(self, error)
    end subroutine read_problem
 
-   !> The problem of a namelist's text, `content`, for Python, with no stage. `origin` replaces the
-   !> name of the file in messages.
+   !> The problem of a namelist's text, `content`, for Python, with no stage and without tables.
+   !> `origin` replaces the name of the file in messages.
    subroutine problem_of_text(origin, content, self, error)
       character(len=*), intent(in) :: origin, content
       type(problem_type), intent(out) :: self
@@ -188,11 +185,19 @@ contains
       type(entry_type), allocatable :: namelist(:)
 
       call parse_namelist(origin, content, namelist, error)
-      if (allocated(error)) return
-      call new_problem(origin, namelist, '', '', .true., self, error)
-      if (allocated(error)) return
-      call check_problem(self, error)
+      if (.not. allocated(error)) call new_problem(origin, namelist, '', '', self, error)
    end subroutine problem_of_text
+
+   !> Read the tables of a problem, and refuse it if one of its stages would refuse it before its
+   !> first simulation or sample.
+   subroutine load_problem(self, given, error)
+      type(problem_type), intent(inout) :: self
+      type(table_texts_type), intent(in) :: given
+      type(error_type), allocatable, intent(out) :: error
+
+      call self%load_tables(given, error)
+      if (.not. allocated(error)) call check_problem(self, error)
+   end subroutine load_problem
 
    !> Refuse a problem that one of its stages would refuse before its first simulation or sample.
    subroutine check_problem(self, error)

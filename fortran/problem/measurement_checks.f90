@@ -10,7 +10,6 @@ module measurement_checks
    use repeated_tests, only: check_scatter
    use settings_schema, only: settings_type
    use statistics, only: median
-   use table_columns, only: column_hint
    use text, only: to_text
    implicit none
    private
@@ -23,13 +22,13 @@ module measurement_checks
 contains
 
    !> Warn of unusual measurements, and refuse angles in radians unless the settings declare them.
-   subroutine check_measurements(path, settings, class, from_map, measurements, warnings, error)
+   subroutine check_measurements(path, settings, class, are_radians, measurements, warnings, error)
       !> The namelist, or the origin of keywords.
       character(len=*), intent(in) :: path
       type(settings_type), intent(in) :: settings
       type(crystal_class_type), intent(in) :: class
-      !> Whether the orientations are taken from a map.
-      logical, intent(in) :: from_map
+      !> Whether the angles of the table were in radians.
+      logical, intent(in) :: are_radians
       type(points_type), intent(in) :: measurements
       type(warning_type), allocatable, intent(inout) :: warnings(:)
       type(error_type), allocatable, intent(out) :: error
@@ -45,26 +44,18 @@ contains
          prefix = printable(settings%measurements%file)
       end if
       prefix = place(path, 'measurements', 'file')//prefix
-      radians = settings%measurements%angles == 'degrees' &
-         & .and. angles_look_like_radians(measurements)
+      radians = .not. are_radians .and. angles_look_like_radians(measurements)
       if (radians) call refuse_radians(measurements, error)
       call prefix_error(error, prefix//': ')
       if (allocated(error)) return
       call check_scatter(measurements, prefix, warnings)
-      do i = 1, measurements%table%columns
-         hint = column_hint(measurements%table, i)
-         if (len(hint) > 0) then
-            call warn(warnings, prefix//': the column ' &
-               & //printable(measurements%table%name(i))//' is not read'//hint)
-         end if
-      end do
       if (measurements%n == 1) then
          call warn(warnings, &
             & prefix//' has one grain; one modulus cannot determine the constants')
       else if (allocated(class%name) .and. .not. radians &
          & .and. settings%measurements%orientations == 'known') then
          hint = ''
-         if (from_map) then
+         if (allocated(settings%measurements%ebsd)) then
             hint = '. If the positions all lie in one grain of the map, check the unit and the ' &
                & //'origin of x_um and y_um'
          end if

@@ -6,7 +6,7 @@ module problem
    use crystal_class, only: crystal_class_type, lattice_type, new_crystal_class, new_lattice
    use curve_tables, only: curve_set_type, read_curves
    use errors, only: error_type, prefix_error, refuse, warn, warning_type
-   use files, only: folder_of, printable, read_text_file, resolve_path
+   use files, only: file_exists, folder_of, full_path, printable, read_text_file, resolve_path
    use kinds, only: wp
    use namelist_file, only: entry_type, place
    use measurement_checks, only: like_radians, check_measurements
@@ -19,13 +19,13 @@ module problem
    use settings_reader, only: read_settings, settings_namelist
    use shared_error_tables, only: read_shared_errors
    use stiffness_table, only: new_stiffness_table, stiffness_table_type
-   use table_columns, only: find_column, name_columns
+   use table_columns, only: find_column, foreign_column
    use tables, only: parse_table, read_table, table_type
    use velocity_tables, only: append_velocities, read_velocities
    use text, only: lower, newline, to_text
    implicit none
    private
-   public :: problem_type, new_problem
+   public :: problem_type, new_problem, table_name, canonical_mark, only_canonical
 
    type :: problem_type
       !> Path as the user wrote it, or the Python function of the keywords; folder of the file with
@@ -49,16 +49,8 @@ module problem
       type(points_type), allocatable :: grains
       !> Possible orientations of grains of unknown orientation; unallocated: all.
       type(points_type), allocatable :: texture
-      !> File of measurements that Python converts to a plain table (see `set_table`): any file if
-      !> Python reads the problem, else a spreadsheet.
-      character(len=:), allocatable :: table_file
-      !> Measurements whose orientations Python will read from a map, the paths of the map and of
-      !> its homologous points, and the positions, um, (n, 2).
-      type(table_type), allocatable :: indents
-      character(len=:), allocatable :: map, map_points
-      real(wp), allocatable :: positions(:, :)
-      !> Rows that `retain_indents` retains; unallocated: all.
-      integer, allocatable :: retained(:)
+      !> Text of the canonical table of the measurements, which the folder of results gets.
+      character(len=:), allocatable :: table_text
       !> Indented directions in crystal axes for each mistake of the axes of the map, (3,
       !> measurement, mistake); see `orientation_check`.
       real(wp), allocatable :: misread(:, :, :)
@@ -76,24 +68,34 @@ module problem
       !> are not stored.
       character(len=:), allocatable :: kept_in
    contains
-      procedure :: curves_place, resolved_text, set_table, take_curves, take_curve_results
-      procedure :: retain_indents
+      procedure :: curves_place, load_tables, resolved_text, take_curve_results
    end type problem_type
 
+   !> Texts of tables that the Python program read, each unallocated if the namelist names a file
+   !> that is read here, or none.
+   type, public :: table_texts_type
+      character(len=:), allocatable :: measurements, curves, velocities, stiffness
+   end type table_texts_type
+
+   !> What a message says of other tables than canonical ones, before the name of the table.
+   character(len=*), parameter :: only_canonical = '; the batch program reads canonical tables: ' &
+      & //'run ''bayesindent table '
+   !> Name of the canonical table of the measurements in a folder of results.
+   character(len=*), parameter :: table_name = 'table.csv'
+   !> The beginning of canonical tables that this program wrote.
+   character(len=*), parameter :: canonical_mark = '# Canonical table of bayesindent'
    !> Contact radius of the paper's indentations at the last depth, um.
    real(wp), parameter :: paper_contact = 0.5_wp
 
 contains
 
-   !> Make the problem of a parsed namelist, and read the tables that it names.
-   subroutine new_problem(path, namelist, command, needed, from_python, self, error)
+   !> Make the problem of a parsed namelist, without the tables that it names.
+   subroutine new_problem(path, namelist, command, needed, self, error)
       !> The file, or the origin of keywords.
       character(len=*), intent(in) :: path
       type(entry_type), intent(in) :: namelist(:)
       !> See `problem_type`.
       character(len=*), intent(in) :: command, needed
-      !> Whether Python reads the file of the measurements.
-      logical, intent(in) :: from_python
       type(problem_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
       type(lattice_type) :: lattice
@@ -133,16 +135,14 @@ contains
       call check_settings(path, self%settings, self%class, error)
       if (allocated(error)) return
       if (len(self%settings%specimen%estimator) == 0) self%settings%specimen%estimator = 'curve'
-      call load_tables(self, from_python, error)
    end subroutine new_problem
 
-   !> Read the tables that the groups name.
-   subroutine load_tables(self, from_python, error)
-      type(problem_type), intent(inout) :: self
-      logical, intent(in) :: from_python
+   !> Read the tables that the groups name, or those that are given as texts.
+   subroutine load_tables(self, given, error)
+      class(problem_type), intent(inout) :: self
+      type(table_texts_type), intent(in) :: given
       type(error_type), allocatable, intent(out) :: error
-      type(table_type) :: table
-      character(len=:), allocatable :: content, file, prefix
+      character(len=:), allocatable :: content, prefix
 
       associate (s => self%settings)
          if (allocated(s%crystals%points)) then
@@ -156,13 +156,11 @@ contains
             end if
          end if
          if (s%curves%given) then
-            if (allocated(s%curves%file)) then
-               call read_text_file(resolve_path(self%folder, s%curves%file), content, error)
-               call prefix_error(error, self%curves_place())
-               if (allocated(error)) return
-               call self%take_curves(content, error)
-               if (allocated(error)) return
-            end if
+            call find_text(given%curves, s%curves%file, content)
+            call prefix_error(error, self%curves_place())
+            if (allocated(error)) return
+            if (allocated(content)) call take_curves(self, content, error)
+            if (allocated(error)) return
             if (.not. allocated(s%measurements%file)) then
                s%measurements%modulus_kind = 'effective_modulus'
                s%measurements%indenter_modulus_gpa = s%curves%indenter_modulus_gpa
@@ -179,34 +177,30 @@ contains
                & error, .true.)
             if (allocated(error)) return
          end if
-         if (allocated(s%measurements%velocities)) then
-            call read_table(resolve_path(self%folder, s%measurements%velocities), table, error)
-            call take_velocities(self, table, error)
+         call find_text(given%velocities, s%measurements%velocities, content)
+         if (allocated(content) .and. .not. allocated(error)) then
+            call take_velocities(self, content, allocated(given%measurements), error)
          end if
-         if (allocated(s%measurements%shared_errors)) then
+         call prefix_error(error, place(self%path, 'measurements', 'velocities'))
+         if (allocated(error)) return
+         if (allocated(s%measurements%shared_errors) .and. .not. allocated(given%measurements)) then
             self%shared_file = resolve_path(self%folder, s%measurements%shared_errors)
          end if
-         if (allocated(s%measurements%ebsd)) then
-            self%map = resolve_path(self%folder, s%measurements%ebsd)
+         call find_text(given%measurements, s%measurements%file, self%table_text)
+         call prefix_error(error, prefix_of_table(self))
+         if (allocated(error)) return
+         if (allocated(self%table_text)) call take_measurements(self, self%table_text, error)
+         if (allocated(error)) return
+         prefix = place(self%path, 'knowledge', 'stiffness')
+         if (allocated(s%knowledge%stiffness_file)) then
+            prefix = place(self%path, 'knowledge', 'stiffness_file') &
+               & //printable(s%knowledge%stiffness_file)//': '
          end if
-         if (allocated(s%measurements%ebsd_points)) then
-            self%map_points = resolve_path(self%folder, s%measurements%ebsd_points)
+         call find_text(given%stiffness, s%knowledge%stiffness_file, content)
+         if (allocated(content) .and. .not. allocated(error)) then
+            call take_stiffness(self, content, error)
          end if
-         if (allocated(s%measurements%file) .and. .not. allocated(error)) then
-            file = resolve_path(self%folder, s%measurements%file)
-            if (from_python .or. any(lower(file(max(1, len(file) - 4):)) &
-               & == [character(len=5) :: '.xlsx', '.xlsm'])) then
-               self%table_file = file
-            else
-               call read_table(file, table, error)
-               call take_measurements(self, table, error)
-            end if
-         end if
-         if (.not. allocated(error) .and. allocated(s%knowledge%stiffness_file)) then
-            call read_table(resolve_path(self%folder, s%knowledge%stiffness_file), table, error)
-            call take_stiffness(self, table, place(self%path, 'knowledge', 'stiffness_file') &
-               & //printable(s%knowledge%stiffness_file)//': ', error)
-         end if
+         call prefix_error(error, prefix)
          if (.not. allocated(error) .and. allocated(s%measurements%texture)) then
             call load_grains(self, place(self%path, 'measurements', 'texture'), &
                & s%measurements%texture, error)
@@ -218,11 +212,25 @@ contains
          if (allocated(error) .or. any(['latin    ', 'factorial'] == s%design%candidates)) return
          call load_candidates(self, s%design%candidates, error)
       end associate
+
+   contains
+
+      !> Find the text of a table: as given, or of a file; unallocated if there is neither.
+      subroutine find_text(stated, name, text)
+         character(len=:), allocatable, intent(in) :: stated, name
+         character(len=:), allocatable, intent(out) :: text
+
+         if (allocated(stated)) then
+            text = stated
+         else if (allocated(name)) then
+            call read_text_file(resolve_path(self%folder, name), text, error)
+         end if
+      end subroutine find_text
    end subroutine load_tables
 
    !> Read curves, and the table of tests that the namelist names.
    subroutine take_curves(self, content, error)
-      class(problem_type), intent(inout) :: self
+      type(problem_type), intent(inout) :: self
       !> CSV of the curves.
       character(len=*), intent(in) :: content
       type(error_type), allocatable, intent(out) :: error
@@ -252,174 +260,125 @@ contains
       !> Folder of the results.
       character(len=*), intent(in) :: folder
       type(error_type), allocatable, intent(out) :: error
-      type(table_type) :: table
+      character(len=:), allocatable :: content
 
       if (.not. self%settings%curves%given .or. allocated(self%settings%measurements%file) &
          & .or. allocated(self%measurements)) then
          return
       end if
       self%shared_file = folder//'/shared_errors.csv'
-      call read_table(folder//'/measurements.csv', table, error)
-      call take_measurements(self, table, error)
+      call read_text_file(folder//'/measurements.csv', content, error)
+      call prefix_error(error, prefix_of_table(self))
+      if (.not. allocated(error)) call take_measurements(self, content, error)
    end subroutine take_curve_results
 
-   !> Retain only the indents of these `rows`. Call it before `set_table` with 'ebsd'.
-   subroutine retain_indents(self, rows)
-      class(problem_type), intent(inout) :: self
-      !> Ascending, from 1.
-      integer, intent(in) :: rows(:)
-
-      self%retained = rows
-      call self%indents%retain(rows)
-   end subroutine retain_indents
-
-   !> Set a table that is not a file. For 'measurements' in a file it is the plain table that Python
-   !> made of it, or empty if the file is plain; 'ebsd' has a row for each retained indent.
-   subroutine set_table(self, table, page, error)
-      class(problem_type), intent(inout) :: self
-      !> 'measurements', 'curves', 'velocities', 'ebsd' or 'stiffness', and the CSV; or 'warning'
-      !> and the line of a warning about a table.
-      character(len=*), intent(in) :: table, page
-      type(error_type), allocatable, intent(out) :: error
-      type(table_type) :: parsed
-      integer :: i
-
-      if (table == 'warning') then
-         call warn(self%warnings, page)
-         return
-      end if
-      if (table == 'measurements' .and. len(page) == 0) then
-         call read_table(self%table_file, parsed, error)
-      else if (table /= 'curves') then
-         call parse_table(page, parsed, error)
-      end if
-      select case (table)
-      case ('curves')
-         call self%take_curves(page, error)
-      case ('stiffness')
-         call take_stiffness(self, parsed, place(self%path, 'knowledge', 'stiffness'), error)
-      case ('velocities')
-         call take_velocities(self, parsed, error)
-      case ('ebsd')
-         if (.not. allocated(error)) call self%indents%join(parsed, error)
-         call set_measurements(self, self%indents, error)
-      case default
-         ! If there is no file, messages count rows from 1, without the header.
-         if (.not. allocated(self%table_file)) parsed%line = [(i, i=1, parsed%rows)]
-         call take_measurements(self, parsed, error)
-      end select
-   end subroutine set_table
-
-   !> Set the known stiffness, unless its reading raised an `error`.
-   subroutine take_stiffness(self, table, prefix, error)
+   !> Set the known stiffness.
+   subroutine take_stiffness(self, content, error)
       type(problem_type), intent(inout) :: self
-      type(table_type), intent(in) :: table
-      !> Beginning of messages.
-      character(len=*), intent(in) :: prefix
-      type(error_type), allocatable, intent(inout) :: error
-      type(stiffness_table_type) :: stiffness
+      !> CSV.
+      character(len=*), intent(in) :: content
+      type(error_type), allocatable, intent(out) :: error
+      type(table_type) :: table
 
-      if (.not. allocated(error)) call new_stiffness_table(table, self%class, stiffness, error)
-      call prefix_error(error, prefix)
+      call parse_table(content, table, error)
       if (allocated(error)) return
-      self%stiffness = stiffness
+      allocate (self%stiffness)
+      call new_stiffness_table(table, self%class, self%stiffness, error)
    end subroutine take_stiffness
 
-   !> Set the speeds, unless their reading raised an `error`. They are all the measurements if no
-   !> moduli follow.
-   subroutine take_velocities(self, table, error)
+   !> Set the speeds. They are all the measurements if no moduli follow.
+   subroutine take_velocities(self, content, moduli_follow, error)
       type(problem_type), intent(inout) :: self
-      type(table_type), intent(in) :: table
-      type(error_type), allocatable, intent(inout) :: error
+      !> CSV.
+      character(len=*), intent(in) :: content
+      logical, intent(in) :: moduli_follow
+      type(error_type), allocatable, intent(out) :: error
+      type(table_type) :: table
 
       allocate (self%velocities)
       associate (stated => self%settings%measurements)
-         if (.not. allocated(error)) then
-            call read_velocities(table, stated%angles == 'radians', self%velocities, error)
-         end if
-         if (.not. allocated(error) .and. stated%angles == 'degrees') then
-            call refuse_radians(self%velocities, error)
-         end if
-         if (allocated(error)) then
-            error%message = place(self%path, 'measurements', 'velocities')//error%message
-         else if (.not. (allocated(stated%file) .or. self%settings%curves%given)) then
-            call append_velocities(self%measurements, self%velocities)
-            stated%modulus_kind = self%measurements%modulus_kind
-         end if
+         call parse_table(content, table, error)
+         if (allocated(error)) return
+         call read_velocities(table, stated%angles == 'radians', self%velocities, error)
+         if (allocated(error)) return
+         if (stated%angles == 'degrees') call refuse_radians(self%velocities, error)
+         if (allocated(error) .or. moduli_follow) return
+         if (allocated(stated%file) .or. self%settings%curves%given) return
+         call append_velocities(self%measurements, self%velocities)
+         stated%modulus_kind = self%measurements%modulus_kind
       end associate
    end subroutine take_velocities
 
-   !> Set the measurements, unless their reading raised an `error`. If their orientations are in a
-   !> map, only the indents are set.
-   subroutine take_measurements(self, table, error)
+   !> Set the measurements. The tests of a grain become one measurement.
+   subroutine take_measurements(self, content, error)
       type(problem_type), intent(inout) :: self
-      type(table_type), intent(in) :: table
-      type(error_type), allocatable, intent(inout) :: error
-      real(wp), allocatable :: x(:), y(:)
-
-      if (.not. allocated(self%map)) then
-         call set_measurements(self, table, error)
-         return
-      end if
-      self%indents = table
-      if (.not. allocated(error)) then
-         call name_columns(self%indents, self%settings%measurements%columns, error)
-      end if
-      call read_column(self%indents, 'x_um', .false., x, error)
-      call read_column(self%indents, 'y_um', .false., y, error)
-      if (.not. allocated(error)) self%positions = reshape([x, y], [table%rows, 2])
-      call prefix_error(error, prefix_of_table(self))
-   end subroutine take_measurements
-
-   !> Set the measurements, which have their orientations, unless their reading raised an `error`.
-   !> The tests of a grain become one measurement.
-   subroutine set_measurements(self, table, error)
-      type(problem_type), intent(inout) :: self
-      type(table_type), intent(in) :: table
-      type(error_type), allocatable, intent(inout) :: error
+      !> CSV, a canonical table.
+      character(len=*), intent(in) :: content
+      type(error_type), allocatable, intent(out) :: error
+      type(table_type) :: table
       type(points_type) :: measurements
       real(wp), allocatable :: weight(:)
-      integer :: i
+      character(len=:), allocatable :: name
+      logical :: radians
+      integer :: column, i
 
+      associate (stated => self%settings%measurements)
+         ! The tables of this program are in degrees.
+         radians = stated%angles == 'radians' .and. index(content, canonical_mark) /= 1
+         call parse_table(content, table, error)
+         if (.not. allocated(error) .and. allocated(stated%file)) then
+            column = foreign_column(table)
+            if (column > 0 .and. table%columns > 1) then
+               name = printable(table%name(column))
+               if (index(name, 'other_') == 1) then
+                  call refuse(error, prefix_of_table(self)//'the column '//name//' is not ' &
+                     & //'allowed; leave out the rows with other_probability above 0.05, and ' &
+                     & //'the columns other_*')
+               else
+                  call refuse(error, place(self%path, 'measurements', 'file') &
+                     & //printable(stated%file)//' has the column '''//name//''''//only_canonical &
+                     & //printable(stated%file)//' --output DIR'' and name DIR/table.csv')
+               end if
+               return
+            end if
+         end if
+         if (.not. allocated(error)) then
+            call read_measurements(table, radians, stated, self%class, &
+               & self%settings%problem%lattice, measurements, error)
+         end if
+         if (.not. (allocated(error) .or. measurements%has_angles) &
+            & .and. stated%misalignment_sd_deg > 0.0_wp) then
+            call refuse(error, 'misalignment_sd_deg = '//to_text(stated%misalignment_sd_deg) &
+               & //' needs Euler angles: directions alone do not say how a turn of the sample ' &
+               & //'moves them. Or state orientation_sd_deg')
+         end if
+      end associate
       if (.not. allocated(error)) then
-         call read_measurements(table, self%settings%measurements, self%class, &
-            & self%settings%problem%lattice, measurements, error)
-      end if
-      if (.not. (allocated(error) .or. measurements%has_angles) &
-         & .and. self%settings%measurements%misalignment_sd_deg > 0.0_wp) then
-         call refuse(error, &
-            & 'misalignment_sd_deg = '//to_text(self%settings%measurements%misalignment_sd_deg) &
-            & //' needs Euler angles: directions alone do not say how a turn of the sample moves ' &
-            & //'them. Or state orientation_sd_deg')
-      end if
-      if (.not. allocated(error)) then
-         call read_shared_errors(measurements%table, self%shared_file, self%retained, &
-            & self%positions, self%shared_errors, self%shared_digest, error)
+         call read_shared_errors(measurements%table, self%shared_file, self%shared_errors, &
+            & self%shared_digest, error)
       end if
       if (.not. allocated(error)) call refuse_copied_rows(measurements, error)
       if (.not. allocated(error)) then
          weight = 1.0_wp/measurements%sd_gpa**2
          call combine_tests(self%class, measurements, error)
       end if
-      if (allocated(error)) then
-         error%message = prefix_of_table(self)//error%message
-      else
-         self%measurements = measurements
-         if (allocated(measurements%tests) .and. allocated(self%shared_errors)) then
-            do i = 1, measurements%n
-               ! The tests of a grain have the weights that they have for its modulus.
-               associate (weights => merge(weight, 0.0_wp, measurements%of_row == i))
-                  self%shared_errors(measurements%row(i), :) &
-                     & = matmul(weights, self%shared_errors)/sum(weights)
-               end associate
-            end do
-         end if
-         self%settings%measurements%modulus_kind = measurements%modulus_kind
-         call check_measurements(self%path, self%settings, self%class, allocated(self%map), &
-            & self%measurements, self%warnings, error)
-         if (allocated(self%velocities)) call append_velocities(self%measurements, self%velocities)
+      call prefix_error(error, prefix_of_table(self))
+      if (allocated(error)) return
+      self%measurements = measurements
+      if (allocated(measurements%tests) .and. allocated(self%shared_errors)) then
+         do i = 1, measurements%n
+            ! The tests of a grain have the weights that they have for its modulus.
+            associate (weights => merge(weight, 0.0_wp, measurements%of_row == i))
+               self%shared_errors(measurements%row(i), :) &
+                  & = matmul(weights, self%shared_errors)/sum(weights)
+            end associate
+         end do
       end if
-   end subroutine set_measurements
+      self%settings%measurements%modulus_kind = measurements%modulus_kind
+      call check_measurements(self%path, self%settings, self%class, radians, &
+         & self%measurements, self%warnings, error)
+      if (allocated(self%velocities)) call append_velocities(self%measurements, self%velocities)
+   end subroutine take_measurements
 
    !> Beginning of the messages on the measurements.
    function prefix_of_table(self) result(prefix)
@@ -481,13 +440,48 @@ contains
       call prefix_error(error, prefix//printable(name)//': ')
    end subroutine load_grains
 
-   !> Text of the resolved namelist: stated and needed groups, every variable with its value.
+   !> Text of the resolved namelist for the folder of results: stated and needed groups, every
+   !> variable with its value. The table of the measurements is the one in that folder.
    function resolved_text(self) result(page)
       class(problem_type), intent(in) :: self
       character(len=:), allocatable :: page
+      type(settings_type) :: settings
 
+      settings = self%settings
+      associate (s => settings%measurements)
+         if (allocated(self%table_text)) then
+            s%file = table_name
+            s%sheet = ''
+            if (allocated(s%columns)) deallocate (s%columns)
+            if (allocated(s%ebsd)) deallocate (s%ebsd)
+            if (allocated(s%ebsd_points)) deallocate (s%ebsd_points)
+            if (allocated(s%shared_errors) .and. .not. allocated(self%shared_file)) then
+               deallocate (s%shared_errors)
+            end if
+         end if
+         call make_absolute(self%folder, s%shared_errors)
+         call make_absolute(self%folder, s%velocities)
+         call make_absolute(self%folder, s%texture)
+      end associate
+      call make_absolute(self%folder, settings%crystals%points)
+      call make_absolute(self%folder, settings%curves%file)
+      call make_absolute(self%folder, settings%curves%tests)
+      call make_absolute(self%folder, settings%references%crystals)
+      call make_absolute(self%folder, settings%knowledge%stiffness_file)
+      call make_absolute(self%folder, settings%design%candidates)
+      call make_absolute(self%folder, settings%next%candidates)
+      call make_absolute(self%folder, settings%surrogate%file)
       page = '! Every value of '//printable(self%path) &
-         & //', defaults included; paths are relative to the folder of that file.'//newline &
-         & //settings_namelist(self%settings, self%needed//' '//self%groups)
+         & //', defaults included; paths are absolute, or relative to this folder.'//newline &
+         & //settings_namelist(settings, self%needed//' '//self%groups)
    end function resolved_text
+
+   !> Make the name of a file in a folder absolute, if there is such a file.
+   subroutine make_absolute(folder, name)
+      character(len=*), intent(in) :: folder
+      character(len=:), allocatable, intent(inout) :: name
+
+      if (.not. allocated(name)) return
+      if (file_exists(resolve_path(folder, name))) name = full_path(resolve_path(folder, name))
+   end subroutine make_absolute
 end module problem

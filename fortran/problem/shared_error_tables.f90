@@ -13,15 +13,11 @@ contains
 
    !> Read the shared errors of the rows of a table of measurements: from the file `path`, which has
    !> one row for each measurement, or from the columns shared_1, shared_2, .. of the table itself.
-   subroutine read_shared_errors(table, path, retained, positions, shared_errors, digest, error)
+   subroutine read_shared_errors(table, path, shared_errors, digest, error)
       !> The measurements.
       type(table_type), intent(in) :: table
       !> Unallocated: the table itself has the columns.
       character(len=:), allocatable, intent(in) :: path
-      !> The rows of the file whose measurements the table has; unallocated: all.
-      integer, allocatable, intent(in) :: retained(:)
-      !> Positions of all indents, retained or not (n, 2), um; allocated if `retained` is.
-      real(wp), allocatable, intent(in) :: positions(:, :)
       !> (row of the table, error), of standard deviation 1; unchanged if no columns have them.
       real(wp), allocatable, intent(inout) :: shared_errors(:, :)
       !> Checksum of the table that has them.
@@ -29,17 +25,14 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: source
       logical, allocatable :: chosen(:)
-      integer :: rows, i, j
+      integer :: i, j
 
       source = table
       if (allocated(path)) call read_table(path, source, error)
-      rows = table%rows
-      if (allocated(path) .and. allocated(retained)) rows = size(positions, 1)
-      if (.not. allocated(error) .and. source%rows /= rows) then
-         call refuse(error, to_text(source%rows)//' rows for '//to_text(rows) &
+      if (.not. allocated(error) .and. source%rows /= table%rows) then
+         call refuse(error, to_text(source%rows)//' rows for '//to_text(table%rows) &
             & //' of the measurements; each row has the errors of one of them')
       end if
-      if (.not. allocated(error) .and. rows > table%rows) call source%retain(retained)
       if (allocated(error)) source%columns = 0
       chosen = [(index(source%name(j), 'shared_') == 1 &
          & .or. (allocated(path) .and. source%name(j) /= 'grain'), j=1, source%columns)]

@@ -5,15 +5,15 @@ program batch
    use errors, only: error_type, exit_bad_input, exit_failure, exit_unusable, refuse, warning_type
    use files, only: printable
    use namelist_file, only: place
-   use problem, only: problem_type
+   use problem, only: only_canonical, problem_type, table_texts_type
    use progress, only: show_progress
    use running_command, only: error_stream, output_stream, print_line, take_folder, watch_signals
    use settings_schema, only: schema_page
    use simulation_loop, only: simulate_all
    use stage_documents, only: begin_results
-   use stages, only: check_stages, groups_of, new_stage, read_problem
+   use stages, only: check_stages, groups_of, load_problem, new_stage, read_problem
    use surrogate_model, only: places_type
-   use text, only: join, newline
+   use text, only: join, lower, newline
    use version, only: installed_data, package_version, shipped_surrogates
    implicit none
 
@@ -104,19 +104,28 @@ contains
       logical :: usable
       integer :: i
 
-      call read_problem(path, command, '', .false., self, error)
+      call read_problem(path, command, '', self, error)
       call stop_on(error)
-      if (allocated(self%table_file)) then
-         call refuse(error, place(path, 'measurements', 'file') &
-            & //printable(self%settings%measurements%file)//': a spreadsheet is read by ' &
-            & //'bayesindent, not by bayesindent-batch; save its sheet as CSV')
-      else if (allocated(self%map)) then
-         call refuse(error, place(path, 'measurements', 'ebsd') &
-            & //printable(self%settings%measurements%ebsd)//': an orientation map is read by ' &
-            & //'bayesindent, not by bayesindent-batch, which needs the orientations as columns')
-      else if (allocated(self%settings%curves%files)) then
+      associate (stated => self%settings%measurements)
+         if (allocated(stated%ebsd)) then
+            call refuse(error, place(path, 'measurements', 'ebsd')//printable(stated%ebsd) &
+               & //': an orientation map is read by bayesindent, not by bayesindent-batch, which ' &
+               & //'needs the orientations as columns')
+         else if (allocated(stated%file)) then
+            if (allocated(stated%columns) .or. len(stated%sheet) > 0 &
+               & .or. index(lower(stated%file), '.xls') > 0) then
+               call refuse(error, place(path, 'measurements', 'file')//printable(stated%file) &
+                  & //': is a spreadsheet, or its columns are stated'//only_canonical &
+                  & //printable(stated%file)//' --output DIR'' and name DIR/table.csv')
+            end if
+         end if
+      end associate
+      call stop_on(error)
+      if (allocated(self%settings%curves%files)) then
          call refuse(error, place(path, 'curves', 'files')//'files of instruments are read by ' &
             & //'bayesindent, not by bayesindent-batch; state file, a CSV of the curves')
+      else
+         call load_problem(self, table_texts_type(), error)
       end if
       call stop_on(error)
       call print_lines('warning: ', self%warnings, error_stream)

@@ -9,8 +9,7 @@ module point_tables
    use statistics, only: number_equal
    use settings_schema, only: measurements_settings_type
    use direction_columns, only: find_ways, read_directions
-   use table_columns, only: check_unit, column_list, degrees, find_column, find_modulus, &
-      & known_columns, name_columns, nearest_to, refused_column, standard_name
+   use table_columns, only: find_column, find_modulus, known_columns
    use tables, only: longest_name, read_table, table_type
    use text, only: join, to_text
    implicit none
@@ -76,20 +75,24 @@ contains
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: along(:)
+      logical :: are_waves
       integer :: column, i
 
       call read_table(path, points%table, error)
       if (.not. allocated(error)) call read_angles(points, .false., error)
       if (.not. allocated(error)) call read_constants(points, default_class, error)
-      if (.not. allocated(error)) call find_column(points%table, 'modulus_gpa', column, error)
       if (.not. allocated(error)) then
          call read_column(points%table, trim(merge('modulus_gpa            ', &
-            & 'indentation_modulus_gpa', column > 0)), .true., points%modulus_gpa, error)
+            & 'indentation_modulus_gpa', points%table%find('modulus_gpa') > 0)), .true., &
+            & points%modulus_gpa, error)
       end if
-      if (.not. allocated(error)) call find_column(points%table, 'propagation_deg', column, error)
-      call read_column(points%table, 'propagation_deg', column == 0, along, error)
-      if (.not. allocated(error) .and. column > 0) then
-         points%paths = [(path_type(rayleigh, along(i)), i=1, points%n)]
+      if (.not. allocated(error)) then
+         call find_column(points%table, 'propagation_deg', column, error)
+         are_waves = column > 0
+         call read_column(points%table, 'propagation_deg', .not. are_waves, along, error)
+         if (are_waves .and. .not. allocated(error)) then
+            points%paths = [(path_type(rayleigh, along(i)), i=1, points%n)]
+         end if
       end if
       call prefix_error(error, prefix)
    end subroutine read_crystals
@@ -123,8 +126,10 @@ contains
    end function directions
 
    !> Orientations with moduli, as `&measurements` says.
-   subroutine read_measurements(table, asked, crystal, parameters, points, error)
+   subroutine read_measurements(table, radians, asked, crystal, parameters, points, error)
       type(table_type), intent(in) :: table
+      !> The unit of the angles in the table.
+      logical, intent(in) :: radians
       type(measurements_settings_type), intent(in) :: asked
       !> Of the grains.
       type(crystal_class_type), intent(in) :: crystal
@@ -134,27 +139,21 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Ten for each of the grains that Step 2 takes.
       integer, parameter :: most_rows = 200000
-      real(wp), allocatable :: depth_nm(:)
       character(len=:), allocatable :: name
-      integer :: column, i
 
       if (table%rows > most_rows) then
          call refuse(error, to_text(table%rows)//' rows; allowed up to '//to_text(most_rows))
       end if
       if (allocated(error)) return
       points%table = table
-      call name_columns(points%table, asked%columns, error)
-      do i = 1, points%table%columns
-         if (allocated(error) .or. standard_name(points%table%called(i)) /= refused_column) cycle
-         call refuse(error, 'the column '//printable(points%table%name(i))//' is not allowed; ' &
-            & //'leave out the rows with other_probability above 0.05, and the columns other_*')
-      end do
+      call read_lines(points%table, error)
+      if (allocated(error)) return
       if (asked%orientations == 'unknown') then
          call set_size(points)
          points%euler_deg = 0.0_wp
          points%has_angles = .false.
       else if (.not. allocated(error)) then
-         call read_orientations(points, asked%angles == 'radians', crystal, parameters, error)
+         call read_orientations(points, radians, crystal, parameters, error)
       end if
       if (.not. allocated(error)) then
          call find_modulus(points%table, asked%modulus_kind, name, points%modulus_kind, error)
@@ -162,28 +161,38 @@ contains
       if (.not. allocated(error)) then
          call read_column(points%table, name, .false., points%modulus_gpa, error)
       end if
-      if (.not. allocated(error)) call find_column(points%table, 'sd_gpa', column, error)
-      if (.not. allocated(error) .and. column == 0 .and. asked%scale /= 'inferred') then
-         call refuse(error, 'the column sd_gpa is missing; it may be absent only ' &
-            & //'with scale = ''inferred''. If another column is it, state ' &
-            & //'columns = ''sd_gpa = its header''; the columns are '//column_list(points%table) &
-            & //nearest_to(points%table, 'sd_gpa'))
-      end if
-      if (.not. allocated(error) .and. column > 0) then
-         call read_column(points%table, 'sd_gpa', .false., points%sd_gpa, error)
+      if (.not. allocated(error)) then
+         if (points%table%find('sd_gpa') > 0) then
+            call read_column(points%table, 'sd_gpa', .false., points%sd_gpa, error)
+         else if (asked%scale /= 'inferred') then
+            call refuse(error, 'the column sd_gpa is missing; it may be absent only with scale = ' &
+               & //'''inferred''; the columns are '//points%table%names())
+         end if
       end if
       call read_column(points%table, 'orientation_sd_deg', .true., points%orientation_sd_deg, error)
       call read_column(points%table, 'depth_um', .true., points%depth_um, error)
       call read_column(points%table, 'contact_radius_um', .true., points%contact_radius_um, error)
-      call read_column(points%table, 'depth_nm', .true., depth_nm, error)
-      if (.not. allocated(error)) then
-         points%depth_um = merge(points%depth_um, 1.0e-3_wp*depth_nm, points%depth_um > 0.0_wp)
-      end if
       call add_zero_error()
       call read_column(points%table, 'grain_radius_um', .true., points%grain_radius_um, error)
       if (.not. allocated(error)) call read_groups(points)
 
    contains
+
+      !> Number the lines as the column `row` does, which has those of the file of a laboratory.
+      subroutine read_lines(table, error)
+         type(table_type), intent(inout) :: table
+         type(error_type), allocatable, intent(out) :: error
+         integer, parameter :: most_lines = 10**9
+         real(wp) :: line
+         integer :: column, i
+
+         column = table%find('row')
+         do i = 1, merge(table%rows, 0, column > 0)
+            call table%number(column, i, line, error)
+            if (allocated(error)) return
+            if (line >= 0.0_wp .and. line <= most_lines) table%line(i) = nint(line)
+         end do
+      end subroutine read_lines
 
       !> Add to the sds what an uncertain zero of the depth does to the modulus of each test, E ~
       !> P/(sqrt(R) h^1.5).
@@ -200,7 +209,7 @@ contains
          if (i > 0) then
             call refuse(error, &
                & 'line '//to_text(points%table%line(i))//': zero_sd_nm = '//to_text(zero_sd_nm(i)) &
-               & //' nm needs the depth of the test (column depth_nm or depth_um) and its sd_gpa')
+               & //' nm needs the depth of the test (column depth_um) and its sd_gpa')
          end if
          if (allocated(error)) return
          where (zero_sd_nm > 0.0_wp) points%sd_gpa = sqrt(points%sd_gpa**2 &
@@ -275,12 +284,6 @@ contains
       do j = 1, 3
          call find_column(points%table, trim(angle_names(j)), column, error, needed=.true.)
          if (allocated(error)) return
-         if (.not. radians) call check_unit(points%table, column, degrees, error)
-         if (allocated(error)) then
-            error%message = 'column '//points%table%name(column) &
-               & //' is in radians; degrees are needed, or &measurements angles = ''radians'''
-         end if
-         if (allocated(error)) return
          allowed = merge([0.0_wp, 180.0_wp], [-largest_turn, largest_turn], j == 2)*unit
          refusal = '; allowed '//to_text(allowed(1))//' to '//to_text(allowed(2))
          call read_numbers(points%table, column, allowed + [0.0_wp, merge(rounding, 0.0_wp, &
@@ -308,8 +311,6 @@ contains
       do j = 1, 21
          column(j) = points%table%find(general%constants(j))
          if (column(j) == 0) cycle
-         call check_unit(points%table, column(j), ' gpa ', error)
-         if (allocated(error)) return
          call read_numbers(points%table, column(j), [-stiffness_most, stiffness_most], .true., &
             & ' GPa', ' looks like MPa; allowed up to '//to_text(stiffness_most)//' GPa', &
             & values, error)

@@ -12,7 +12,6 @@ module repeated_tests
    use kinds, only: degree, wp
    use point_tables, only: first_rows, points_type
    use statistics, only: chi_square_above, number_equal
-   use table_columns, only: find_column
    use text, only: fixed, to_text
    implicit none
    private
@@ -37,8 +36,8 @@ contains
 
       first = number_equal(reshape([(points%euler_deg(:, i), points%modulus_gpa(i), &
          & points%sd_gpa(i), real(points%group(i), wp), i=1, points%n)], [6, points%n]))
-      call find_column(points%table, 'grain', grain, error)
-      if (allocated(error) .or. points%n == 0) return
+      if (points%n == 0) return
+      grain = points%table%find('grain')
       copies = 0
       do i = 1, points%n
          copies(first(i)) = copies(first(i)) + 1
@@ -83,8 +82,8 @@ contains
       real(wp) :: key(2, points%n)
       integer :: column, i
 
-      call find_column(points%table, 'grain', column, error)
-      if (allocated(error) .or. column == 0) return
+      column = points%table%find('grain')
+      if (column == 0) return
       i = findloc([(points%table%is_empty(column, i), i=1, points%n)], .true., dim=1)
       if (i > 0) then
          call refuse(error, points%table%place(column, i) &

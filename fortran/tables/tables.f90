@@ -2,9 +2,9 @@
 !> comments.
 !>
 !> Cells are separated by commas, semicolons or tabs, whichever the header has most of; if not by
-!> commas, numbers may have decimal ones. Cells may be in double quotes (RFC 4180); blank lines,
+!> commas, numbers may have decimal ones. Cells may be in double quotes (RFC 4180). Blank lines,
 !> rows of empty cells and empty cells beyond the header are skipped; CRLF and a byte order mark are
-!> accepted. A row of units may follow the header.
+!> accepted.
 module tables
    use errors, only: error_type, refuse
    use files, only: checksum, new_file_type, printable, read_text_file
@@ -15,12 +15,10 @@ module tables
    private
    public :: table_type, read_table, parse_table, write_table, csv_cell, longest_name
 
-   !> Bytes of a name that a program gives to a column, and of the longest word of a row of units.
-   integer, parameter :: longest_name = 32, longest_unit = 7
-   !> Words of a row of units.
-   character(len=*), parameter :: known_units = ' deg degrees degree ° rad radians gpa mpa kpa ' &
-      & //'pa um µm μm nm mm n mn % - '
+   !> Bytes of the longest name of a column.
+   integer, parameter :: longest_name = 32
    character, parameter :: return = achar(13), tab = achar(9)
+
    character(len=*), parameter :: delimiters = ',;'//tab
 
    type :: table_type
@@ -28,18 +26,13 @@ module tables
       integer :: rows = 0, columns = 0
       !> Line of the file on which each row begins, (rows).
       integer, allocatable :: line(:)
-      !> The name that stands for that of the header, (columns), empty where there is none.
-      character(len=longest_name), allocatable :: given_names(:)
-      !> What a row of units says, in lower case, (columns), empty where it says nothing.
-      character(len=longest_unit), allocatable :: units(:)
       !> The text, in which cells are without quotes, and first and last byte of each, (2, columns,
       !> 0:rows); row 0 is the header.
       character(len=:), allocatable, private :: buffer
       integer, allocatable, private :: bounds(:, :, :)
       logical, private :: decimal_comma = .false.
    contains
-      procedure :: cell, is_empty, name, called, find, number, place, refuse => refuse_cell
-      procedure :: join, retain, digest
+      procedure :: cell, is_empty, name, names, find, number, place, refuse => refuse_cell, digest
    end type table_type
 
 contains
@@ -68,45 +61,17 @@ contains
       if (allocated(error)) return
       if (rows == 0) call refuse(error, 'the table has no header row')
       if (allocated(error)) return
-      allocate (table%given_names(table%columns), table%units(table%columns))
-      table%given_names = ''
-      table%units = ''
-      above = 1
-      if (rows > 1) call read_units(bounds(:, table%columns + 1:2*table%columns))
-      table%rows = rows - above
-      table%line = line(above + 1:rows)
+      table%rows = rows - 1
+      table%line = line(2:rows)
       allocate (table%bounds(2, table%columns, 0:table%rows))
       table%bounds(:, :, 0) = bounds(:, :table%columns)
-      table%bounds(:, :, 1:) = reshape(bounds(:, above*table%columns + 1:rows*table%columns), &
+      table%bounds(:, :, 1:) = reshape(bounds(:, table%columns + 1:rows*table%columns), &
          & [2, table%columns, table%rows])
       call check_header()
       if (allocated(error)) return
       if (table%rows == 0) call refuse(error, 'the table is empty: no row follows the header')
 
    contains
-
-      !> A row of units and nothing else is one of the rows `above` those of the table.
-      subroutine read_units(bounds)
-         !> Of the cells below the header.
-         integer, intent(in) :: bounds(:, :)
-         character(len=longest_unit) :: units(size(bounds, 2))
-         character(len=:), allocatable :: word
-         integer :: j
-
-         do j = 1, table%columns
-            ! 'gpa' of '[GPa]'.
-            word = lower(table%buffer(bounds(1, j):bounds(2, j)))
-            if (scan(word, '([') == 1 .and. scan(word, ')]') == len(word)) then
-               word = word(2:len(word) - 1)
-            end if
-            word = trim(adjustl(word))
-            if (len(word) > 0 .and. index(known_units, ' '//word//' ') == 0) return
-            units(j) = word
-         end do
-         if (all(units == '')) return
-         above = 2
-         where (units /= '-') table%units = units
-      end subroutine read_units
 
       !> Names must be names, and each of its own.
       subroutine check_header()
@@ -171,7 +136,7 @@ contains
       separators = 0
       do i = 1, len(table%buffer)
          if (table%buffer(i:i) == newline) lines = lines + 1
-         if (any(table%buffer(i:i) == [',', ';', tab])) separators = separators + 1
+         if (index(delimiters, table%buffer(i:i)) > 0) separators = separators + 1
       end do
       allocate (bounds(2, separators + lines), line(lines))
       cells = 0
@@ -290,46 +255,6 @@ contains
       is_empty = self%bounds(2, column, row) < self%bounds(1, column, row)
    end function is_empty
 
-   !> Let the columns of another table with as many rows follow; it has no row of units.
-   subroutine join(self, other, error)
-      class(table_type), intent(inout) :: self
-      type(table_type), intent(in) :: other
-      type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: bounds(:, :, :)
-      integer :: j
-
-      do j = 1, other%columns
-         if (self%find(other%name(j)) > 0) then
-            call refuse(error, 'the column '//printable(self%name(self%find(other%name(j)))) &
-               & //' is there, and follows from the other table; leave it out')
-         end if
-         if (allocated(error)) return
-      end do
-      allocate (bounds(2, self%columns + other%columns, 0:self%rows))
-      bounds(:, :self%columns, :) = self%bounds
-      bounds(:, self%columns + 1:, :) = len(self%buffer) + other%bounds
-      call move_alloc(bounds, self%bounds)
-      self%buffer = self%buffer//other%buffer
-      self%columns = self%columns + other%columns
-      self%given_names = [self%given_names, other%given_names]
-      self%units = [self%units, other%units]
-   end subroutine join
-
-   !> Leave out all rows but these.
-   subroutine retain(self, rows)
-      class(table_type), intent(inout) :: self
-      !> Their numbers, growing.
-      integer, intent(in) :: rows(:)
-      integer, allocatable :: bounds(:, :, :)
-
-      allocate (bounds(2, self%columns, 0:size(rows)))
-      bounds(:, :, 0) = self%bounds(:, :, 0)
-      bounds(:, :, 1:) = self%bounds(:, :, rows)
-      call move_alloc(bounds, self%bounds)
-      self%line = self%line(rows)
-      self%rows = size(rows)
-   end subroutine retain
-
    !> The name of a `column`.
    pure function name(self, column) result(string)
       class(table_type), intent(in) :: self
@@ -339,28 +264,32 @@ contains
       string = self%cell(column, 0)
    end function name
 
-   !> What a `column` is known as: the name that was given to it, or that of the header.
-   pure function called(self, column) result(string)
+   !> The names of the columns for a message, at most 30.
+   pure function names(self) result(list)
       class(table_type), intent(in) :: self
-      integer, intent(in) :: column
-      character(len=:), allocatable :: string
+      character(len=:), allocatable :: list
+      integer, parameter :: most = 30
+      integer :: j
 
-      string = trim(self%given_names(column))
-      if (len(string) == 0) string = self%name(column)
-   end function called
+      list = ''
+      do j = 1, min(self%columns, most)
+         list = list//', '//printable(self%name(j))
+      end do
+      list = list(3:)
+      ! The file may be none of a table.
+      if (self%columns == 1) list = 'one, without a comma, semicolon or tab'
+      if (self%columns > most) list = list//', ...'
+   end function names
 
-   !> Number of the column that was given this name, or has it, exactly or else whatever the case; 0
-   !> if there is none.
+   !> Number of the column of this name, exactly or else whatever the case; 0 if there is none.
    pure integer function find(self, name)
       class(table_type), intent(in) :: self
       character(len=*), intent(in) :: name
       integer :: j
 
-      find = findloc(self%given_names, name, dim=1)
-      if (find > 0) return
-      find = findloc([(self%called(j) == name, j=1, self%columns)], .true., dim=1)
+      find = findloc([(self%name(j) == name, j=1, self%columns)], .true., dim=1)
       if (find == 0) then
-         find = findloc([(lower(self%called(j)) == lower(name), j=1, self%columns)], .true., dim=1)
+         find = findloc([(lower(self%name(j)) == lower(name), j=1, self%columns)], .true., dim=1)
       end if
    end function find
 

@@ -23,6 +23,7 @@ NAMES = {
     "two hundred": "x" * 200,
 }
 COPPER = {"C11": 168.4, "C12": 121.4, "C44": 75.4}
+MODULUS = "indentation_modulus_gpa"
 ANGLES = [(0, 0, 0), (0, 45, 0), (0, 54.7, 45), (10, 20, 30)]
 
 
@@ -43,7 +44,7 @@ def write(folder: Path, name: str) -> str:
                 "phi1_deg",
                 "Phi_deg",
                 "phi2_deg",
-                "indentation_modulus_gpa",
+                MODULUS,
                 "sd_gpa",
             ]
         )
@@ -52,7 +53,12 @@ def write(folder: Path, name: str) -> str:
             [f"{name[:20]} {k}", *COPPER.values(), *angles, modulus, 2]
             for k, (angles, modulus) in enumerate(rows)
         )
-    table = quoted(f"{name}.csv")
+    table, measured = quoted(f"{name}.csv"), quoted(f"{name}.dat")
+    with open(folder / f"{name}.dat", "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(["grain", "phi1_deg", "Phi_deg", "phi2_deg", MODULUS, "sd_gpa"])
+        for k, (angles, modulus) in enumerate(zip(ANGLES, moduli.tolist(), strict=True)):
+            writer.writerow([f"{name[:20]} {k}", *angles, modulus, 2])
     (folder / f"{name}.nml").write_bytes(
         os.fsencode(
             f"&problem symmetry = 'cubic', title = {quoted(name)} /\n"
@@ -60,7 +66,7 @@ def write(folder: Path, name: str) -> str:
             "&simulation simulator = 'theory' /\n"
             "&design n_candidates = 60, budget = 8 /\n"
             f"&surrogate degree = 1, file = {quoted(name[:100] + '.txt')} /\n"
-            f"&measurements file = {table} /\n"
+            f"&measurements file = {measured} /\n"
             "&sampler samples = 400, burn_in = 1000, chains = 2 /\n"
             "&next count = 1 /\n"
         )

@@ -76,7 +76,7 @@ def test_the_same_files_with_the_same_content(folders):
     names = {path.name for path in other.iterdir()}
     assert {path.name for path in one.iterdir()} == names | OF_PYTHON
     documents = "simulate.json theory.json build.json summary.json next.json inputs.json"
-    tables = "moduli.csv curves.csv theory.csv posterior.csv"
+    tables = "moduli.csv curves.csv theory.csv posterior.csv table.csv"
     assert names == {
         *documents.split(),
         *tables.split(),
@@ -135,6 +135,7 @@ def test_single_stages(batch, bayesindent, tmp_path):
         ".lock",
         "inputs.json",
         "resolved.nml",
+        "table.csv",
         "theory.csv",
         "theory.json",
     }

@@ -5,6 +5,7 @@ import subprocess
 
 import pytest
 
+from bayesindent.settings.problem import Problem
 from support.programs import BATCH
 from support.tree import SOURCE
 
@@ -42,37 +43,101 @@ def test_a_spreadsheet_from_a_namelist(bayesindent, tmp_path):
         [BATCH, "a.nml"], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     said = (
-        "a.nml: &measurements file: grains.xlsx: a spreadsheet is read by bayesindent, not by "
-        "bayesindent-batch; save its sheet as CSV\n"
+        "a.nml: &measurements file: grains.xlsx: is a spreadsheet, or its columns are stated; the "
+        "batch program reads canonical tables: run 'bayesindent table grains.xlsx --output DIR' "
+        "and name DIR/table.csv\n"
     )
     assert (refused.returncode, refused.stderr) == (2, said)
 
 
-def test_columns_by_the_namelist_in_the_batch_program(tmp_path):
-    (tmp_path / "grains.csv").write_text(
-        "angle 1,angle 2,angle 3,steepness,its error\n1,2,3,200,4\n9,30,7,210,4\n20,50,31,220,4\n"
+FOREIGN = {
+    "a header of a laboratory": "phi1_deg,Phi_deg,phi2_deg,Er (GPa),sd_gpa\n1,2,3,200,4\n",
+    "a further column": (
+        "phi1_deg,Phi_deg,phi2_deg,effective_modulus_gpa,sd_gpa,Er (GPa)\n1,2,3,200,4,5\n"
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+@pytest.mark.parametrize("options", [[], ["--check"]], ids=["run", "check"])
+def test_the_batch_program_reads_canonical_tables_alone(tmp_path, name, options):
+    (tmp_path / "T.csv").write_text(FOREIGN[name])
+    (tmp_path / "a.nml").write_text(
+        "&problem symmetry = 'cubic' /\n&measurements file = 'T.csv' /\n"
+    )
+    refused = subprocess.run(
+        [BATCH, "a.nml", *options], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     said = (
-        "'phi1_deg = angle 1', 'Phi_deg = angle 2', 'phi2_deg = angle 3', "
-        "'effective_modulus_gpa = steepness', 'sd_gpa = its error'"
+        "a.nml: &measurements file: T.csv has the column 'Er (GPa)'; the batch program reads "
+        "canonical tables: run 'bayesindent table T.csv --output DIR' and name DIR/table.csv\n"
     )
+    assert (refused.returncode, refused.stderr) == (2, said)
 
-    def check(columns):
-        text = (
-            "&problem symmetry = 'cubic' /\n"
-            f"&measurements file = 'grains.csv', columns = {columns} /\n"
-        )
-        (tmp_path / "a.nml").write_text(text)
-        return subprocess.run(
-            [BATCH, "a.nml", "--check"], cwd=tmp_path, capture_output=True, text=True, check=False
-        )
 
-    assert check(said).returncode == 0, check(said).stderr
-    refused = check(said.replace("angle 3", "angel 3"))
-    assert (
-        refused.returncode == 2
-        and "the table has no column angel 3, did you mean angle 3?" in refused.stderr
+#: Tables of laboratories, and the moduli and sds that they have.
+LABORATORY = {
+    "semicolons and decimal commas": (
+        "phi1;Phi;phi2;Er (GPa);StDev (GPa)\n10,5;20;30;210,5;4,5\n40;50;60;220,1;4,25\n"
+        "70;80;15;198;5\n",
+        "",
+    ),
+    "a title, statistics and a gap": (
+        "Copper\ngrain,phi1,Phi,phi2,Er (GPa),sd\na,10.5,20,30,210.5,4.5\nb,40,50,60,220.1,4.25\n"
+        "c,70,80,15,198,5\nd,1,2,3,,\nMean,,,,209.5,\n",
+        "",
+    ),
+    "repeated tests without sds": (
+        "grain,phi1,Phi,phi2,Er (GPa)\na,10.5,20,30,210.5\na,10.5,20,30,206\nb,40,50,60,220\n"
+        "b,40,50,60,223\nc,70,80,15,198\n",
+        "",
+    ),
+    "radians": (
+        "phi1,Phi,phi2,M,sd\n0.1,0.2,0.3,210.5,4.5\n0.4,0.5,0.6,220,4\n0.7,0.8,0.9,198,5\n",
+        ", angles = 'radians'",
+    ),
+    "depths, groups and an uncertain zero": (
+        "phi1,Phi,phi2,M,sd,depth (nm),zero_sd_nm,group\n10.5,20,30,210.5,4.5,95,1,x\n"
+        "40,50,60,220,4,90,1,y\n70,80,15,198,5,99,,x\n",
+        "",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", LABORATORY)
+def test_a_path_a_table_of_python_and_the_batch_program_agree(bayesindent, tmp_path, name):
+    """By a path, as a table of Python, and in the batch program by the folder of the results."""
+    content, stated = LABORATORY[name]
+    (tmp_path / "T.csv").write_text(content)
+    (tmp_path / "a.nml").write_text(
+        f"&problem symmetry = 'cubic' /\n&measurements file = 'T.csv'{stated} /\n"
+        "&sampler samples = 200, burn_in = 200, chains = 2 /\n"
     )
+    done = bayesindent("extract", "a.nml", "--output", "out", "--json")
+    assert done.returncode in (0, 3), done.stderr
+    batch = subprocess.run(
+        [BATCH, tmp_path / "out" / "resolved.nml", "--stage", "extract", "--output", "batch"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert batch.returncode == done.returncode, batch.stderr
+    draws = [(tmp_path / folder / "posterior.csv").read_bytes() for folder in ("out", "batch")]
+    assert draws[0] == draws[1]
+    tables = [(tmp_path / folder / "table.csv").read_text() for folder in ("out", "batch")]
+    assert tables[0] == tables[1] and tables[0].startswith("# Canonical table of bayesindent")
+    by_path = Problem(tmp_path / "a.nml", "extract").measurements
+    mark = ";" if ";" in content else ","
+    names, *rows = [line.split(mark) for line in content.splitlines() if mark in line]
+    columns = dict(zip(names, zip(*rows, strict=True), strict=True))
+    angles = {"angles": "radians"} if stated else {}
+    of_python = Problem.from_keywords(
+        "f", {"measurements": columns}, problem={"symmetry": "cubic"}, measurements=angles
+    ).measurements
+    assert of_python.names == by_path.names
+    for column in ("euler_deg", "modulus_gpa", "sd_gpa"):
+        assert getattr(of_python, column).tolist() == getattr(by_path, column).tolist()
 
 
 def test_the_batch_program_reads_no_maps(tmp_path):
@@ -88,12 +153,3 @@ def test_the_batch_program_reads_no_maps(tmp_path):
         "bayesindent-batch, which needs the orientations"
     )
     assert (refused.returncode, refused.stderr) == (2, f"{said} as columns\n")
-    # Positions are needed.
-    (tmp_path / "grains.csv").write_text("x_um,Er,sd\n1,200,4\n")
-    refused = subprocess.run(
-        [BATCH, "a.nml"], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert refused.stderr == (
-        "a.nml: &measurements file: grains.csv: the column y_um is missing; the columns are "
-        "x_um, Er, sd\n"
-    )

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
-from bayesindent.settings.instruments import read_file, tdm_settings
+from bayesindent.lab.instruments import read_file, tdm_settings
 from support.synthetic_curves import KNOWN, NAMELIST, one_curve, table
 
 QUARTZ_GPA = 69.64
@@ -37,7 +37,10 @@ GOOD = "test,grain,reference\na,g,\nq,,quartz\n"
             ("tests", "reference\na,g,\nq,,quartz", "reference,drift_nm_s\na,g,,7\nq,,quartz,"),
             "line 2, column drift_nm_s: 7 nm/s is no drift",
         ),
-        (("curves", "load_mn", "load_un"), "the unit un is not read; allowed mn"),
+        (
+            ("curves", "load_mn", "load_un"),
+            "the column load_mn is missing; the columns are test, time_s, depth_nm, load_un",
+        ),
         (
             ("load", 1e3, 0),
             "test a, line 2: the curve means a modulus of .* GPa .* Loads in mN and depths in "

@@ -1,16 +1,19 @@
 """Tables as instruments and people write them: the numbers of the plain table, or a refusal with
 line, column and remedy.
 
-Modules: table_cells.py, table_cleaning.py.
+Modules: cells.py, cleaning.py, header.py, means.py, reading.py, table.py.
 """
 
 import json
 import re
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
 import bayesindent as bi
+from bayesindent.common.result_files import as_csv
 from bayesindent.program.cli import main
 from bayesindent.settings.problem import Problem
 from support.measured_tables import read_measurements
@@ -278,7 +281,10 @@ READ = {
         "\n".join([PLAIN[0], "Mean,40,50,35,209.5,4.6", *PLAIN[1:]]),
         "statistics of the table: line 2",
     ),
-    "grains named by letters": (text([(name, *row[1:]) for name, row in zip("SNM", ROWS)]), ""),
+    "grains named by letters": (
+        text([(name, *row[1:]) for name, row in zip("SNM", ROWS)]),
+        "line 3: N is taken for a grain, not for a statistic",
+    ),
     "grains 1-1 and 11": (
         text([(name, *row[1:]) for name, row in zip(("1-1", "11", "1 1"), ROWS)]),
         "",
@@ -307,7 +313,7 @@ def test_a_laboratorys_table_is_the_plain_one(tmp_path, name):
     if words:
         assert words in told
     if words == "":
-        assert points.problem.table.is_plain and not told
+        assert not told
 
 
 DIRECTIONS = {
@@ -392,6 +398,91 @@ def test_many_repeats_have_their_own_error(tmp_path):
     assert points.sd_gpa == pytest.approx(
         [values["a"].std(ddof=1) / np.sqrt(12), pooled / np.sqrt(2)]
     )
+
+
+#: Six grains with angles of their own.
+SIX = [
+    ("A", 10, 20, 30, 210.5, 4.5),
+    ("B", 40, 50, 60, 220.1, 4.25),
+    ("N", 70, 80, 15, 198.0, 5.0),
+    ("M", 15, 35, 75, 205.5, 4.0),
+    ("Min A", 100, 60, 25, 215.0, 4.5),
+    ("Max", 130, 45, 10, 202.5, 4.25),
+]
+
+
+def columns_of(rows, names=NAMES):
+    return dict(zip(names, zip(*rows, strict=True), strict=True))
+
+
+def of_python(rows, names=NAMES):
+    return Problem.from_keywords(
+        "f", {"measurements": columns_of(rows, names)}, problem={"symmetry": "cubic"}
+    ).measurements
+
+
+def test_complete_rows_of_statistics_are_no_grains(tmp_path):
+    """Six grains with complete rows named Mean and Max, as a file and as a table of Python."""
+    grains = [(f"g{number}", *row[1:]) for number, row in enumerate(SIX)]
+    values = np.array([row[1:] for row in grains])
+    rows = [*grains, ("Mean", *values.mean(axis=0).round(2)), ("Max", *values.max(axis=0))]
+    (tmp_path / "a.csv").write_text(text(rows))
+    for points in (read_measurements(tmp_path / "a.csv", "cubic"), of_python(rows)):
+        assert points.names == [row[0] for row in grains]
+        assert "2 of 8 rows left out, statistics of the table" in points.problem.warnings[0]
+
+
+def test_grains_may_be_named_as_statistics(tmp_path):
+    (tmp_path / "a.csv").write_text(text(SIX))
+    for points in (read_measurements(tmp_path / "a.csv", "cubic"), of_python(SIX)):
+        assert points.names == [row[0] for row in SIX]
+        assert "Max is taken for a grain, not for a statistic" in " ".join(points.problem.warnings)
+
+
+def test_below_a_blank_row_are_statistics(tmp_path):
+    rows = text([*SIX[:4], ("Max", 1, 2, 3, 300.0, 4.0)]).replace("Max", "\nMax")
+    (tmp_path / "a.csv").write_text(rows)
+    assert read_measurements(tmp_path / "a.csv", "cubic").names == ["A", "B", "N", "M"]
+
+
+#: Spellings of a standard deviation of tests, and of an error of their mean.
+DEVIATIONS = [
+    *("sd", "SD (GPa)", "sd [GPa]", "std_gpa", "Std (GPa)", "std / GPa", "StDev", "StDev (GPa)"),
+    *("Std. Dev. (GPa)", "St.Dev", "stddev_gpa", "Standard deviation", "standard_deviation_gpa"),
+    *("Er sd (GPa)", "er_std_gpa", "sigma"),
+]
+ERRORS = [
+    *("sd_gpa", "Std. Error (GPa)", "standard error", "SEM", "se (GPa)", "error", "Err. (GPa)", "±")
+]
+
+
+@pytest.mark.parametrize("header", [*DEVIATIONS, *ERRORS])
+def test_sds_beside_n_have_one_rule(tmp_path, header):
+    names = [*NAMES[:5], header, "n"]
+    rows = [(*row, 9) for row in ROWS]
+    (tmp_path / "a.csv").write_text(text(rows, names))
+    divisor = 3.0 if header in DEVIATIONS else 1.0
+    for points in (read_measurements(tmp_path / "a.csv", "cubic"), of_python(rows, names)):
+        assert points.sd_gpa == pytest.approx([row[5] / divisor for row in ROWS], rel=1e-15)
+
+
+@pytest.mark.parametrize("name", ["NA", "None", "nan", "007", "1e5", "TRUE", "1,5", "n/a"])
+def test_grains_keep_their_names(tmp_path, name):
+    rows = [(name, *ROWS[0][1:]), *ROWS[1:]]
+    (tmp_path / "a.csv").write_text(as_csv(NAMES, rows))
+    for points in (read_measurements(tmp_path / "a.csv", "cubic"), of_python(rows)):
+        assert points.names == [name, "g2", "g3"]
+
+
+def test_pandas_is_imported_with_the_first_table():
+    code = (
+        "import sys, bayesindent as bi\n"
+        "from bayesindent.program.cli import main\n"
+        "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
+        "assert 'pandas' not in sys.modules\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def test_a_standard_deviation_of_n_tests(tmp_path):

@@ -183,7 +183,7 @@ def test_noise_is_no_boundary(tmp_path):
             r"row 2: \(80, 2\) um is 65.5 um from the next indexed point; the map is from \(0, "
             r"0\) to \(14.5, 9.5\)",
         ),
-        ([(2.0, np.nan)], {}, "column y_um: nan is not finite"),
+        ([(2.0, np.nan)], {}, "line 1, column y_um: the cell is empty; a number is needed"),
     ],
 )
 def test_refusals(tmp_path, positions, further, words):

@@ -181,8 +181,8 @@ def test_quoted_cells_and_comments(tmp_path):
         "a.csv",
     )
     points = read_measurements(path, "cubic", scale="inferred", **KIND)
-    assert points.columns[0] == "note, too"
-    assert [row[0] for row in points.rows] == ['a "b", c', ""]
+    assert points.problem.table.names[0] == "note, too"
+    assert points.problem.table.cells[0].tolist() == ['a "b", c', ""]
     assert points.euler_deg.tolist() == [[10, 20, 30]] * 2
     assert points.sd_gpa is None
     with pytest.raises(bi.InputError, match=r"a\.csv: the column sd_gpa is missing"):

@@ -5,7 +5,9 @@ import pytest
 from scipy import stats
 
 import bayesindent as bi
+from bayesindent.common.result_files import as_csv
 from support.densities import Posterior
+from support.measured_tables import read_measurements
 from support.tree import SOURCE
 
 #: Three grains of four, two and one tests, not in order; phi1 does not matter to the indented
@@ -136,28 +138,31 @@ def test_the_distribution_of_chi_square(value, freedom):
     ("change", "words"),
     [
         (
-            {"sd_gpa": None},
-            "the column grain has several tests of one grain, and to combine them the column "
-            "sd_gpa is needed",
-        ),
-        (
-            {"grain": ["b", "a", "", "b", "c", "a", "b"]},
-            "line 3, column grain: the cell is empty; the name or number of the grain is needed",
-        ),
-        (
             {"Phi_deg": [40.0, 10.0, 40.0, 47.0, 80.0, 10.0, 40.0]},
             "line 4, column grain: b is indented 7.0 degrees away from its direction on line 1;",
         ),
     ],
 )
 def test_refusals(change, words):
-    asked = {"scale": "inferred"} if "sd_gpa" in change else {}
     with pytest.raises(bi.InputError, match="f: &measurements: ") as error:
-        problem(
-            {name: values for name, values in table(**change).items() if values is not None},
-            **asked,
-        )
+        problem(table(**change))
     assert words in str(error.value)
+
+
+def test_a_row_without_a_name_of_its_grain_is_left_out():
+    found = problem(table(grain=["b", "a", "", "b", "c", "a", "b"]))
+    assert found.measurements.names == ["b", "a", "c"]
+    assert "1 of 7 rows left out, a value is missing: line 3" in found.warnings[0]
+
+
+def test_tests_without_sds_are_averaged_in_a_table_of_python_too(tmp_path):
+    columns = {name: values for name, values in table().items() if name != "sd_gpa"}
+    path = tmp_path / "a.csv"
+    path.write_text(as_csv(list(columns), zip(*columns.values(), strict=True)))
+    own, of_file = problem(columns).measurements, read_measurements(path, "cubic")
+    assert own.names == of_file.names == ["b", "a", "c"]
+    assert own.modulus_gpa.tolist() == of_file.modulus_gpa.tolist()
+    assert own.sd_gpa.tolist() == of_file.sd_gpa.tolist()
 
 
 def test_equivalent_orientations_are_one():

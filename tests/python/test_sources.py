@@ -20,6 +20,7 @@ LAYERS = (
     "common",
     "engines",
     "crystal",
+    "lab",
     "settings",
     "tables",
     "problem",

@@ -10,6 +10,7 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.settings.problem import read_crystals
+from bayesindent.surrogate.surrogate import places
 from support.measured_tables import read_measurements
 from support.tree import SOURCE
 
@@ -262,15 +263,13 @@ def test_columns_are_what_the_user_says(tmp_path, columns):
     assert np.array_equal(
         np.column_stack([points.euler_deg, points.modulus_gpa, points.sd_gpa]), ROWS
     )
-    assert (points.modulus_kind, points.names, points.columns) == (
-        "sample_modulus",
-        ["7", "8"],
-        OWN,
-    )
+    assert (points.modulus_kind, points.names) == ("sample_modulus", ["7", "8"])
+    assert points.problem.table.names == OWN
 
 
 def test_columns_of_a_namelist_and_of_a_table_in_python(tmp_path):
-    path = own_table(tmp_path / "a.csv")
+    own_table(tmp_path / "a.csv")
+    (tmp_path / "out").mkdir()
     said = ", ".join(f"'{name} = {header}'" for name, header in NAMED.items())
     (tmp_path / "a.nml").write_text(
         "&problem symmetry = 'cubic' /\n"
@@ -288,12 +287,11 @@ def test_columns_of_a_namelist_and_of_a_table_in_python(tmp_path):
         assert np.array_equal(
             np.column_stack([points.euler_deg, points.modulus_gpa, points.sd_gpa]), ROWS
         ) and points.names == ["7", "8"]
-    # What is kept of the run says the same again.
-    (tmp_path / "b.nml").write_text(problem.resolved.replace("'a.csv'", f"'{path}'"))
-    assert (
-        bi.Problem(tmp_path / "b.nml", "extract").settings.measurements.columns
-        == problem.settings.measurements.columns
-    )
+    # What is kept of the run says the same again, of the canonical table.
+    problem._call("begin_results", groups="measurements", **places(tmp_path / "out", tmp_path))
+    again = bi.Problem(tmp_path / "out" / "resolved.nml", "extract")
+    assert again.settings.measurements.columns is None
+    assert np.array_equal(again.measurements.sd_gpa, problem.measurements.sd_gpa)
 
 
 def test_a_stated_column_goes_before_and_keeps_its_unit(tmp_path):
@@ -322,8 +320,8 @@ def test_a_stated_column_goes_before_and_keeps_its_unit(tmp_path):
         row[4] for row in ROWS
     ]
     (tmp_path / "a.csv").write_text(named("M (GPa)", "error (%)"))
-    with pytest.raises(bi.InputError, match="the unit % is not read"):
-        read_measurements(tmp_path / "a.csv", "cubic", columns={"sd_gpa": "error (%)"})
+    shares = read_measurements(tmp_path / "a.csv", "cubic", columns={"sd_gpa": "error (%)"})
+    assert shares.sd_gpa == pytest.approx([row[4] / 100 * row[3] for row in ROWS])
     (tmp_path / "a.csv").write_text(page())
     with pytest.raises(
         bi.InputError, match="column sd_gpa: the unit gpa is not read; this column has none"
@@ -388,8 +386,8 @@ def test_columns_that_nobody_reads_but_are_near_to_known_ones_are_told_of():
         "f", {"measurements": table}, problem={"symmetry": "isotropic"}, measurements={}
     )
     assert problem.warnings == [
-        "f: &measurements file: the table: the column orientaton_sd_deg is not read, did you "
-        "mean orientation_sd_deg?"
+        "f: &measurements: the column orientaton_sd_deg is not read, did you mean "
+        "orientation_sd_deg?"
     ]
 
 
@@ -428,7 +426,7 @@ def test_an_uncertain_zero_of_the_depth():
         bi.InputError,
         match=(
             "line 1: zero_sd_nm = 2.0 nm needs the depth of the "
-            r"test \(column depth_nm or depth_um\)"
+            r"test \(column depth_um\)"
         ),
     ):
         sds(table)

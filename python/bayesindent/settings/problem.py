@@ -4,7 +4,7 @@ resolves them.
 
 import os
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, make_dataclass
 from functools import cache, cached_property, partial
 from pathlib import Path
@@ -17,7 +17,7 @@ from ..core import InputError, NativeObject, call
 from ..crystal.elasticity import constant_names
 
 if TYPE_CHECKING:
-    from .table_cleaning import LaboratoryTable
+    from ..lab.table import LaboratoryTable
 
 
 #: Functions that convert texts of a namelist, by kind of variable.
@@ -179,57 +179,37 @@ class Problem(NativeObject):
 
     def _fill(self, made: dict, path: Path, tables: Mapping[str, Mapping] | None = None) -> None:
         self._hold(made["handle"], frozen=False)
-        for name, table in (tables or {}).items():
-            self._set_table(name, table)
-        facts = self._facts()
+        facts = typed(self._call("describe")) | {"folder": path.parent}
+        pages: dict[str, Any] = {
+            name: columns_as_csv(table)
+            for name, table in (tables or {}).items()
+            if name != "measurements"
+        }
         if names := facts.get("curves.files"):
-            # Importing this module and the following ones takes time.
-            from .instruments import curves_of_files
+            # Importing this module and the following one takes time.
+            from ..lab.instruments import curves_of_files
 
-            self._set_table(
-                "curves",
-                curves_of_files(
-                    f"{path}: &curves files: ", path.parent, names, facts["curves.drift_removed"]
-                ),
-            )
-        #: The table of a laboratory, if one was read, or None.
+            begin = f"{path}: &curves files: "
+            removed = facts["curves.drift_removed"]
+            pages["curves"] = columns_as_csv(curves_of_files(begin, path.parent, names, removed))
+        #: The table of a laboratory and the canonical one, if one was read, or None; and the
+        #: orientation map with the indents, or None.
         self.table: LaboratoryTable | None = None
-        if "table_file" in facts:
-            from .laboratory_tables import laboratory_table
-
-            place = f"{path}: &measurements file: {facts['measurements.file']}: "
-            stated = [
-                words.partition("=")[2].strip() for words in facts.get("measurements.columns") or []
-            ]
-            self.table = laboratory_table(
-                place, Path(facts["table_file"]), facts["measurements.sheet"], stated
-            )
-            for note in self.table.notes if self.table else ():
-                self._set_table("warning", place + note)
-            self._set_table("measurements", self.table.page() if self.table else "")
-            facts = self._facts()
-        #: The orientation map with the indents, or None.
         self.map: Any = None
-        if "indents_um" in facts:
-            from .orientation_maps import indented_map
+        notes: list[str] = []
+        file = facts.get("measurements.file")
+        source = path.parent / file if file else (tables or {}).get("measurements")
+        if source is not None:
+            from ..lab.canonical import canonical_table
 
-            place = f"{path}: &measurements ebsd: {facts['measurements.ebsd']}: "
-            of_points = (
-                f"{path}: &measurements ebsd_points: {facts.get('measurements.ebsd_points')}: "
-            )
-            points = (of_points, Path(facts["map_points"])) if "map_points" in facts else None
-            stage = np.transpose(facts["indents_um"])
-            given = (facts.get(name) for name in ("problem.symmetry", "measurements.crystal_axes"))
-            self.map = indented_map(
-                place, Path(facts["map"]), points, stage, facts["indents_columns"], *given
-            )
-            if len(self.map.rows) < len(stage):
-                self._call("retain_indents", rows=np.array(self.map.rows) + 1.0)
-            self._set_table("ebsd", self.map.page)
-            self._call("misread", directions=self.map.grid.misread(self.map.positions))
-            for line in self.map.warnings:
-                self._set_table("warning", line)
-            facts = self._facts()
+            place = f"{path}: &measurements{f' file: {file}' if file else ''}: "
+            if found := canonical_table(place, source, facts, str(path)):
+                self.table, self.map, pages["measurements"] = found.table, found.map, found.page
+                notes = [place + note for note in found.table.notes]
+        if self.map is not None:
+            pages["misread"] = self.map.grid.misread(self.map.positions)
+            notes += self.map.warnings
+        facts = typed(self._call("load", notes="\n".join(notes), **pages))
         self.path, self.folder = path, path.parent
         self.resolved, self.warnings, self.stages = (
             facts["resolved"],
@@ -243,17 +223,6 @@ class Problem(NativeObject):
             if f"{table}.n" in facts
         }
         self._frozen = True
-
-    def _facts(self) -> dict:
-        return typed(self._call("describe"))
-
-    def _set_table(self, name: str, table: str | Mapping) -> None:
-        page = (
-            table
-            if isinstance(table, str)
-            else as_csv(list(table), zip(*table.values(), strict=True))
-        )
-        self._call("set_table", table=name, page=page)
 
     def _points(self, table: str) -> Any:
         return Points(self, table, self._tables[table]) if table in self._tables else None
@@ -281,6 +250,11 @@ class Problem(NativeObject):
 
     def __reduce__(self) -> tuple:
         return self._made_of or super().__reduce__()
+
+
+def columns_as_csv(table: Mapping[str, Iterable]) -> str:
+    """The text of columns of equal length."""
+    return as_csv(list(table), zip(*table.values(), strict=True))
 
 
 def html_details(thing: object, text: str) -> str:

@@ -272,7 +272,7 @@ def run(arguments: argparse.Namespace) -> dict:
     if problem.table and not arguments.quiet:
         # Measured speeds of waves follow the moduli in the list of measurements.
         print(
-            *problem.table.words(min(len(problem.measurements), len(problem.table.rows))),
+            *problem.table.words(min(len(problem.measurements), len(problem.table.cells))),
             sep="\n",
             file=sys.stderr,
         )

@@ -16,11 +16,9 @@ __all__ = ["COMMANDS"]
 
 
 def table(arguments: argparse.Namespace) -> dict:
-    """The columns and their meanings, the kind of modulus, the grains, and the rows left out."""
-    # Importing these takes time, which other commands save.
-    from ...settings.laboratory_tables import meanings_of
-    from ...settings.table_cleaning import LaboratoryTable
-
+    """Write the canonical table, and return the columns and their meanings, the kind of modulus,
+    the grains, and the rows left out.
+    """
     path = arguments.table
     # The last class, triclinic, has no symmetry and thus fits every table.
     classes = next(variable.allowed for variable in schema() if variable.name == "symmetry")
@@ -37,10 +35,9 @@ def table(arguments: argparse.Namespace) -> dict:
     points = Problem.from_keywords(
         str(path), problem=crystal, measurements={"file": path.absolute()} | stated
     ).measurements
-    # The core reads a pipe itself.
-    read = points.problem.table or LaboratoryTable(
-        f"{path}: ", points.columns, meanings_of(points.columns), points.rows, []
-    )
+    read = points.problem.table
+    written = output_folder(arguments, path) / "table.csv"
+    points.problem._call("write_table", path=written)
     none = [None] * len(points)
     sds = none if points.sd_gpa is None else points.sd_gpa
     columns = [
@@ -62,6 +59,7 @@ def table(arguments: argparse.Namespace) -> dict:
     rows = zip(*grains.values(), strict=True)
     return {
         "file": str(path),
+        "table": str(written),
         "sheet": read.sheet or None,
         "columns": columns,
         "modulus_kind": points.modulus_kind,
@@ -128,7 +126,7 @@ def add_table_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def after_table(arguments: argparse.Namespace, document: dict) -> str:
-    return f"&measurements file = '{arguments.table}' in a namelist (bayesindent init writes one)"
+    return f"&measurements file = '{document['table']}' in a namelist (bayesindent init writes one)"
 
 
 def predict(arguments: argparse.Namespace) -> dict:

@@ -13,7 +13,7 @@ from ..results import NothingToShow, Results
 from .style import BLACK, Picture, panels
 
 if TYPE_CHECKING:
-    from ...settings.orientation_maps import IndentedMap
+    from ...lab.orientation_maps import IndentedMap
 
 #: Pixels of the picture along its longer side.
 PIXELS = 700

@@ -13,7 +13,6 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from ..common.result_files import as_csv
 from ..core import InputError
 from ..crystal.directions import representative
 from ..crystal.elasticity import class_name
@@ -39,7 +38,7 @@ class IndentedMap:
     """A map with indents at `positions` (n, 2) in its own coordinates, um, and the grain of each.
 
     `rows` are their rows in the measurements, from 0; the grain of the other rows is uncertain.
-    `page` is a table with a line for each indent: Bunge's angles of the mean orientation of its
+    `columns` have a value for each indent: Bunge's angles of the mean orientation of its
     grain, and, unless the measurements have these columns, `grain` (its number in the map),
     `orientation_sd_deg` (the spread of the indented direction over the grain), and
     `grain_radius_um` (the distance to the nearest other grain).
@@ -49,7 +48,7 @@ class IndentedMap:
     rows: list[int]
     positions: np.ndarray
     grains: list[int]
-    page: str
+    columns: dict[str, list]
     warnings: list[str]
 
 
@@ -106,15 +105,15 @@ def indented_map(
     }
     orientation = cache(grid.mean_orientation)
     indents, grains = indents[retained], [grains[row] for row in retained]
-    rows = []
+    of_indents: dict[str, list] = {}
     for position, grain in zip(indents, grains):
         euler_deg, spread = orientation(grain)
         radius = grid.distance_to_boundary(position, grain)
         values = {"grain": f"EBSD {grain}", "orientation_sd_deg": spread, "grain_radius_um": radius}
-        angles = dict(zip(("phi1_deg", "Phi_deg", "phi2_deg"), euler_deg))
-        rows.append(angles | {name: value for name, value in values.items() if name not in stated})
-    page = as_csv(list(rows[0]), [list(row.values()) for row in rows])
-    return IndentedMap(grid, retained, indents, grains, page, warnings)
+        values |= dict(zip(("phi1_deg", "Phi_deg", "phi2_deg"), euler_deg))
+        for name in values.keys() - stated:
+            of_indents.setdefault(name, []).append(values[name])
+    return IndentedMap(grid, retained, indents, grains, of_indents, warnings)
 
 
 def registered(

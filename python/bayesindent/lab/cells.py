@@ -30,7 +30,7 @@ SIGNS = str.maketrans({"−": "-", "–": "-", "º": "°", "\u200b": None, "\ufe
 
 
 def is_missing(cell: str) -> bool:
-    """Whether a cell has no value: it is empty, one of `MISSING`, or made of dashes."""
+    """Whether a cell has no number: it is empty, one of `MISSING`, or made of dashes."""
     return not cell.strip("-—=:") or cell.lower() in MISSING
 
 
@@ -85,8 +85,8 @@ def tabbed(text: str) -> str:
     return "\n".join(re.sub(gap, "\t", line) for line in lines)
 
 
-def rows_of(text: str) -> list[tuple[int, list[str]]]:
-    """The rows of a table as pairs of line number and cells.
+def rows_of(text: str) -> tuple[list[tuple[int, list[str]]], set[int]]:
+    """The rows of a table as pairs of line number and cells, and the blank lines.
 
     The delimiter is the one of tab, semicolon, bar and comma that splits most of the first 1000
     lines into the same number of cells.
@@ -101,12 +101,14 @@ def rows_of(text: str) -> list[tuple[int, list[str]]]:
     lines_alike[","] -= 0.5
     delimiter = max(lines_alike, key=lines_alike.__getitem__)
     reader = csv.reader(StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=True)
-    rows, last_line = [], 0
+    rows, blank, last_line = [], set(), 0
     for cells in reader:
         joined = "".join(cells)
-        if joined.strip() and not cells[0].startswith("#"):
+        if not joined.strip():
+            blank.add(last_line + 1)
+        elif not cells[0].startswith("#"):
             if joined.split() != [joined] or "," in joined:
                 cells = [tidy(cell, delimiter != ",") for cell in cells]
             rows.append((last_line + 1, cells))
         last_line = reader.line_num
-    return rows
+    return rows, blank

@@ -1,0 +1,371 @@
+"""The canonical table of measurements: exact names, GPa, degrees, a row a grain or a test."""
+
+import csv
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..common.result_files import as_csv
+from ..core import InputError
+from .cells import is_missing, value_of
+from .cleaning import clean, leave_out_incomplete
+from .columns import (
+    ANGLES,
+    BY_NAME,
+    DIRECTIONS,
+    KINDS,
+    MODULI,
+    RADIANS,
+    SHARED,
+    UNIT_WORDS,
+    WAYS,
+    hint_of,
+    listed,
+    nearest_to,
+    split_name,
+    stated_columns,
+)
+from .header import table_of_rows
+from .means import standard_errors
+from .reading import MOST_ROWS, Rows, rows_of_columns, rows_of_file
+from .table import LaboratoryTable
+
+if TYPE_CHECKING:
+    from .orientation_maps import IndentedMap
+
+#: Order of the columns; `row` is the line of the file.
+ORDER = (
+    *("row", "grain", "test", *ANGLES, *sorted(DIRECTIONS), *MODULI, "sd_gpa"),
+    *("orientation_sd_deg", "depth_um", "contact_radius_um", "grain_radius_um", "zero_sd_nm"),
+    *("group", "reference", "session", "time_s", "x_um", "y_um"),
+)
+#: The first line of a file that this program wrote begins so.
+MARK = "# Canonical table of bayesindent"
+
+
+@dataclass
+class Canonical:
+    """A canonical table: the `table` that was read, the `page` that is written, and the map that
+    gave the orientations, or None.
+    """
+
+    table: LaboratoryTable
+    page: str
+    map: "IndentedMap | None" = None
+
+
+def canonical_table(
+    place: str, source: Path | Mapping[str, Iterable], facts: Mapping[str, Any], origin: str
+) -> Canonical | None:
+    """The canonical table of a file or of columns; None if the file is no table, which the core
+    then refuses.
+
+    `place` begins messages on the table, and `origin` those on other files. `facts` are the
+    resolved variables of the namelist, such as 'measurements.sheet', and its 'folder'.
+    """
+
+    def stated(name: str) -> Any:
+        return facts.get(f"measurements.{name}")
+
+    columns = stated("columns") or []
+    headers = [words.partition("=")[2].strip() for words in columns]
+    found = (
+        rows_of_file(place, source, stated("sheet"), headers)
+        if isinstance(source, Path)
+        else rows_of_columns(source)
+    )
+    if found is None or not found.rows:
+        return None
+    table = table_of_rows(place, found, headers)
+    if len(table.cells) > MOST_ROWS:
+        raise InputError(f"{place}{len(table.cells)} rows; allowed up to {MOST_ROWS}")
+    if not len(table.cells):
+        raise InputError(f"{place}the table is empty: no row follows the header")
+    resolve(table, stated_columns(place, columns, table.names), stated("modulus_kind"))
+    is_own = found.text.startswith(MARK)
+    radians = stated("angles") == "radians" and not is_own
+    check_units(table, radians)
+    clean(table)
+    shared = stated("shared_errors")
+    errors = shared_of_file(place, Path(facts["folder"]) / shared) if shared else {}
+    add_shared_errors(table, errors)
+    leave_out_incomplete(table)
+    if any(name not in table.meanings for name in errors):
+        add_shared_errors(table, errors, must_fit=True)
+    standard_errors(table)
+    indented = None
+    if stated("ebsd"):
+        indented = add_orientations(table, facts, origin)
+    else:
+        check_orientations(table, facts)
+    check_modulus(table, stated("modulus_kind"))
+    check_modulus(table, stated("modulus_kind"))
+    if table.column("sd_gpa") < 0 and stated("scale") != "inferred":
+        raise InputError(
+            f"{place}the column sd_gpa is missing; it may be absent only with scale = "
+            f"'inferred'; the columns are {listed(table.names)}"
+            f"{nearest_to(['sd_gpa'], table.names)}. If another column is it, state columns = "
+            "'sd_gpa = its header'"
+        )
+    hints = ((name, hint_of(name)) for name in table.names)
+    for name, hint in hints:
+        if hint:
+            table.note(f"the column {name} is not read{hint}")
+    if radians:
+        convert_radians(table)
+    convert_depths(table)
+    if not table.notes and not indented and has_plain_text(table, found):
+        return Canonical(table, found.text)
+    return Canonical(table, page_of(table, source, stated("modulus_kind")), indented)
+
+
+def resolve(table: LaboratoryTable, given: Mapping[str, str], kind: str | None) -> None:
+    """Let each meaning have one column: the one that the user names, the one of the exact name, or
+    the only one.
+    """
+    place, names, meanings = table.place, table.names, table.meanings
+    table.stated = {*given}
+    for j, name in enumerate(names):
+        if name in given:
+            meanings[j] = given[name]
+    for meaning in {*meanings} - {""}:
+        columns = [j for j, own in enumerate(meanings) if own == meaning]
+        chosen = (
+            [j for j in columns if names[j] in given]
+            or [j for j in columns if names[j] == meaning]
+            or [j for j in columns if names[j].lower() == meaning.lower()]
+            or columns
+        )
+        if len(chosen) > 1:
+            if names[chosen[0]] == names[chosen[1]]:
+                raise InputError(
+                    f"{place}line {table.header_line}: the column {names[chosen[0]]} is there twice"
+                )
+            raise InputError(
+                f"{place}the columns {names[chosen[0]]} and {names[chosen[1]]} are both {meaning}; "
+                f"one of them is allowed, or one that is named {meaning}"
+            )
+        for j in columns:
+            meanings[j] = meaning if j in chosen else ""
+    if "other_probability" in meanings:
+        raise InputError(
+            f"{place}the column {names[table.column('other_probability')]} is not allowed; leave "
+            "out the rows with other_probability above 0.05, and the columns other_*"
+        )
+    choose_modulus(table, kind)
+
+
+def choose_modulus(table: LaboratoryTable, kind: str | None) -> None:
+    """Let the modulus be the column of the kind that `&measurements modulus_kind` states, or the
+    one that does not say its kind. Otherwise the core takes the only one, or refuses several.
+    """
+    columns = [name for name in MODULI if name in table.meanings]
+    chosen = [name for name in (f"{kind}_gpa", "modulus_gpa") if kind and name in columns]
+    for name in columns:
+        if chosen and name != chosen[0]:
+            table.meanings[table.column(name)] = ""
+
+
+def check_modulus(table: LaboratoryTable, kind: str | None) -> None:
+    """Refuse a table without a modulus, and moduli whose kind is not stated or is contradicted."""
+    columns = {table.names[j]: name for j, name in enumerate(table.meanings) if name in MODULI}
+    headers, kinds = " and ".join(columns), f"""'{"', '".join(KINDS)}'"""
+    if not columns:
+        raise InputError(
+            f"{table.place}no column is a modulus; allowed {', '.join(MODULI[:3])}, or modulus_gpa "
+            f"with modulus_kind; the columns are {listed(table.names)}"
+            f"{nearest_to(MODULI, table.names)}. If another one is, state columns = "
+            f"'{MODULI[1]} = its header'"
+        )
+    if kind and not {f"{kind}_gpa", "modulus_gpa"} & {*columns.values()}:
+        raise InputError(
+            f"{table.place}modulus_kind = '{kind}', but the moduli are those of the column "
+            f"{headers}; leave modulus_kind out, or name the column modulus_gpa"
+        )
+    if not kind and len(columns) > 1:
+        raise InputError(
+            f"{table.place}the columns {headers} are moduli; state modulus_kind to take one: "
+            f"{kinds}"
+        )
+    # The core refuses a canonical table of this name, after its numbers.
+    if not kind and "modulus_gpa" in columns.values() and headers != "modulus_gpa":
+        raise InputError(
+            f"{table.place}the column {headers} does not say which modulus was measured, nor does "
+            f"modulus_kind; allowed {kinds} (effective_modulus: reduced modulus, Er; "
+            "sample_modulus: EIT, Young's modulus)"
+        )
+
+
+def check_units(table: LaboratoryTable, radians: bool) -> None:
+    """Refuse units that a column cannot have: those of its header and of the row of units."""
+    for j, (name, meaning) in enumerate(zip(table.names, table.meanings)):
+        if meaning not in BY_NAME:
+            continue
+        units = BY_NAME[meaning].units
+        for unit in filter(None, (split_name(name)[1], table.units[j])):
+            if unit in RADIANS and meaning in ANGLES and not radians:
+                raise InputError(
+                    f"{table.place}column {name} is in radians; degrees are needed, or "
+                    "&measurements angles = 'radians'"
+                )
+            if unit in units or (unit == "%" and meaning == "sd_gpa"):
+                continue
+            # In a header that the user names, other words in brackets are no unit.
+            if name in table.stated and unit not in UNIT_WORDS:
+                continue
+            allowed = f"allowed {' '.join(units)}" if units else "this column has none"
+            raise InputError(f"{table.place}column {name}: the unit {unit} is not read; {allowed}")
+
+
+def check_orientations(table: LaboratoryTable, facts: Mapping[str, Any]) -> None:
+    """Refuse a table without orientations, unless they are unknown."""
+    has_way = any(set(way) <= set(table.meanings) for way in WAYS)
+    missing = [name for name in ANGLES if name not in table.meanings]
+    if facts.get("measurements.orientations") == "unknown" or has_way or not missing:
+        return
+    instead = (
+        "; instead of angles q0, q1, q2, q3, or u, v, w, or h, k, l; if no orientation is known "
+        "state orientations = 'unknown'"
+    )
+    raise InputError(
+        f"{table.place}the column {missing[0]} is missing; the columns are {listed(table.names)}"
+        f"{nearest_to(missing[:1], table.names)}{instead if len(missing) == 3 else ''}"
+    )
+
+
+def add_orientations(
+    table: LaboratoryTable, facts: Mapping[str, Any], origin: str
+) -> "IndentedMap":
+    """Add the orientations of a map; indents whose grain is uncertain are left out."""
+    # The packages that read maps take time to import.
+    from .orientation_maps import indented_map
+
+    for name in ("x_um", "y_um"):
+        if name not in table.meanings:
+            raise InputError(
+                f"{table.place}the column {name} is missing; the columns are {listed(table.names)}"
+                f"{nearest_to([name], table.names)}"
+            )
+    cells = [table.cells[table.column(name)] for name in ("x_um", "y_um")]
+    for name, column in zip(("x_um", "y_um"), cells):
+        for line, cell in column.items():
+            if is_missing(cell):
+                raise InputError(
+                    f"{table.place}line {line}, column {name}: the cell is empty; a number is "
+                    "needed"
+                )
+    stage = np.column_stack([list(map(value_of, column)) for column in cells])
+    folder = Path(facts["folder"])
+    ebsd, points = facts["measurements.ebsd"], facts.get("measurements.ebsd_points")
+    given = (facts.get(name) for name in ("problem.symmetry", "measurements.crystal_axes"))
+    found = indented_map(
+        f"{origin}: &measurements ebsd: {ebsd}: ",
+        folder / ebsd,
+        (f"{origin}: &measurements ebsd_points: {points}: ", folder / points) if points else None,
+        stage,
+        [own if name in table.stated else name for name, own in zip(table.names, table.meanings)],
+        *given,
+    )
+    table.cells = table.cells.iloc[found.rows].copy()
+    for name, values in found.columns.items():
+        table.add_column(name, list(map(str, values)))
+    return found
+
+
+def shared_of_file(place: str, path: Path) -> dict[str, list[str]]:
+    """The columns of a file of `&measurements shared_errors`, as shared_1, shared_2, .."""
+    begin = f"{place}shared_errors: {path}: "
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{begin}{getattr(error, 'strerror', 'is no text')}") from None
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    names, *rows = stripped(lines) or [[]]
+    if any(len(row) != len(names) for row in rows):
+        raise InputError(f"{begin}a row has not as many cells as the header, {len(names)}")
+    columns = [list(cells) for name, *cells in zip(names, *rows) if name != "grain"]
+    return {f"shared_{j}": cells for j, cells in enumerate(columns, 1)}
+
+
+def add_shared_errors(
+    table: LaboratoryTable, errors: Mapping[str, list[str]], must_fit: bool = False
+) -> None:
+    """Add shared errors if the file has a row for each row of the table."""
+    n = len(next(iter(errors.values()), []))
+    if n == len(table.cells):
+        for name, cells in errors.items():
+            table.add_column(name, cells)
+    elif must_fit:
+        raise InputError(
+            f"{table.place}shared_errors: {n} rows for {len(table.cells)} of the measurements; "
+            "each row has the errors of one of them"
+        )
+
+
+def convert_radians(table: LaboratoryTable) -> None:
+    """Convert the angles to degrees; half a turn may be rounded up."""
+    for name in ANGLES:
+        if (j := table.column(name)) < 0:
+            continue
+        values = [value_of(cell) for cell in table.cells[j]]
+        least, most = (0.0, math.pi) if name == "Phi_deg" else (-200 * math.pi, 200 * math.pi)
+        for line, value in zip(table.cells.index, values):
+            if not least <= value <= most + 1e-4:
+                raise InputError(
+                    f"{table.place}line {line}, column {table.names[j]}: {value} radians; "
+                    f"allowed {least:.6} to {most:.6}"
+                )
+        if name == "Phi_deg":
+            values = [min(value, math.pi) for value in values]
+        table.cells[j] = [repr(value / (math.pi / 180.0)) for value in values]
+
+
+def convert_depths(table: LaboratoryTable) -> None:
+    """Convert depths in nm to um; depths in um take precedence."""
+    nanometres, micrometres = table.column("depth_nm"), table.column("depth_um")
+    if nanometres < 0:
+        return
+    own = table.cells[micrometres] if micrometres >= 0 else [""] * len(table.cells)
+    table.add_column(
+        "depth_um",
+        [
+            um if not is_missing(um) else "" if is_missing(nm) else repr(1e-3 * value_of(nm))
+            for um, nm in zip(own, table.cells[nanometres])
+        ],
+    )
+
+
+def has_plain_text(table: LaboratoryTable, found: Rows) -> bool:
+    """Whether the text of the file is the canonical table as it is."""
+    if table.names != table.meanings or any(table.units):
+        return False
+    lines = [line for line in found.text.splitlines() if line.strip() and line[0] != "#"]
+    return stripped(lines) == [table.names, *table.cells.to_numpy().tolist()]
+
+
+def stripped(lines: list[str]) -> list[list[str]]:
+    """The cells of lines of CSV without blanks around them."""
+    return [list(map(str.strip, row)) for row in csv.reader(lines)]
+
+
+def page_of(table: LaboratoryTable, source: Path | Mapping, kind: str | None) -> str:
+    """The text of the canonical table, whose first lines say how it was made."""
+    if kind and (j := table.column("modulus_gpa")) >= 0:
+        table.meanings[j] = f"{kind}_gpa"
+    name = source.name if isinstance(source, Path) else "a table of Python"
+    sheet = f", sheet {table.sheet}" if table.sheet else ""
+    comments = [f"{MARK}, made of {name}{sheet}: GPa, degrees, um; row: the line there"]
+    comments += [f"# {line.strip()}" for line in table.words(0)[1:2]]
+    comments += [f"# {' '.join(note.split())}" for note in table.notes]
+    shared = [meaning for meaning in table.meanings if SHARED.fullmatch(meaning)]
+    columns = {"row": list(map(str, table.cells.index))}
+    for meaning in (*ORDER, *shared):
+        if (j := table.column(meaning)) >= 0:
+            cells = table.cells[j].tolist()
+            is_number = meaning not in ("grain", "test", "group", "reference", "session")
+            columns[meaning] = ["" if is_number and is_missing(cell) else cell for cell in cells]
+    return "\n".join(comments) + "\n" + as_csv(list(columns), zip(*columns.values()))

@@ -1,0 +1,297 @@
+"""Leave out the rows of a table that are no measurements, and make its cells plain numbers."""
+
+import re
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..core import InputError
+from .cells import (
+    PLUS_MINUS,
+    WITH_UNIT,
+    is_missing,
+    is_number,
+    is_plain_number,
+    plain_numbers,
+    value_of,
+)
+from .columns import ANGLES, DIRECTIONS, MODULI, NAME_COLUMNS
+from .header import HARDNESS
+from .table import LaboratoryTable
+
+#: Names of rows of statistics begin with a name of a mean ("Mittelwert"), of a spread ("Std. Dev.")
+#: or of an extent ("Overall (n = 12)").
+MEAN_NAMES = r"mean|average|avg|median|mittel\w*|moyenne|media"
+SPREAD_NAMES = r"std|st\.? ?dev|stand\w*|stabw|[eé]cart|sd|sem|(% ?)?cov|cv|coefficient|vari\w+"
+EXTENT_NAMES = r"min(imum)?|max(imum)?|count|number|range|sum|total|(over)?all|n"
+STATISTICS = re.compile(
+    rf"({MEAN_NAMES}|{SPREAD_NAMES}|{EXTENT_NAMES})\b[^0-9]*(\(n ?= ?\d+\))?$", re.I
+)
+#: Indices of a direction or a plane in one cell, such as "[1 0 -2]" or "(0001)".
+INDICES = re.compile(r"([\[({<])\s*(-?\d[-\d\s,.;\u0304\u0305]*)[\])}>]$")
+#: Headers of sds in per cent of the value, such as "CoV (%)"; they count where no column has the sd
+#: in GPa.
+RELATIVE = re.compile(
+    r"(%|co?v|rsd|rel\w*[ ._]+(sd|std|error|uncertainty)|(sd|std|error)[ _]percent)\b.*|% ?co?v",
+    re.I,
+)
+#: A sign of per cent, such as "Er sd (%)"; the one of "95 %" is a confidence level and no share.
+SHARE = re.compile(r"(?<![\d ])(?<!\d )%|percent|(?<=[^\d] )%", re.I)
+#: Headers of an sd that may be that of the hardness to its left, such as "Std (GPa)".
+ANY_SD = re.compile(
+    r"(sd|std|st\w*\.? ?(dev\w*|error)|err\w*|unc\w*|se|sem|sigma|±)\.?\s*([\[(/].*)?", re.I
+)
+
+
+def clean(table: LaboratoryTable) -> None:
+    """Leave out rows that are no measurements, turn cells into plain numbers, and give each grain
+    one name.
+    """
+    if not any(name in ANGLES or name in DIRECTIONS for name in table.meanings):
+        split_indices(table)
+    leave_out_statistics(table)
+    remarks = (
+        line
+        for line, *row in table.cells.itertuples()
+        if row.count("") == len(row) - 1 and not is_number("".join(row))
+    )
+    table.leave_out(remarks, "a remark")
+    if line := next((line for line in table.cells.index if line in table.short), 0):
+        raise InputError(
+            f"{table.place}line {line}: {table.short[line]} cells where the header has "
+            f"{len(table.names)}"
+        )
+    split_sds(table)
+    refuse_words(table)
+    if (grain := table.column("grain")) >= 0:
+        one_spelling(table, grain)
+
+
+def leave_out_incomplete(table: LaboratoryTable) -> None:
+    """Leave out the rows without a name of the grain, an angle, a modulus or its sd. A column that
+    is empty throughout is not needed.
+    """
+    incomplete: set[int] = set()
+    for j, meaning in enumerate(table.meanings):
+        if meaning in ("grain", *MODULI, "sd_gpa", *ANGLES, *DIRECTIONS):
+            empty = {
+                line
+                for line, cell in table.cells[j].items()
+                if not cell or (meaning != "grain" and is_missing(cell))
+            }
+            incomplete |= empty if len(empty) < len(table.cells) else set()
+    table.leave_out(incomplete, "a value is missing")
+
+
+def leave_out_statistics(table: LaboratoryTable) -> None:
+    """Leave out the rows of statistics: their name is one of a statistic, and they have no angles
+    or positions, or their modulus is a statistic of the others, or a blank row is above them. Other
+    rows of such a name are grains.
+    """
+    rows = list(table.cells.itertuples())
+    first = {line: next(filter(None, row), "") for line, *row in rows}
+    named = [line for line, name in first.items() if STATISTICS.match(name)]
+    if not named:
+        return
+    names = (*ANGLES, *DIRECTIONS, "x_um", "y_um")
+    places = [j for j, meaning in enumerate(table.meanings) if meaning in names]
+    modulus = table.column(*MODULI)
+    others = table.cells.drop(index=named)
+    moduli = [number_of(cell) for cell in others[modulus]] if modulus >= 0 else []
+    values = list(statistics_of(np.array([value for value in moduli if np.isfinite(value)])))
+    statistics = []
+    for line in named:
+        row = table.cells.loc[line]
+        last = max((other for other in others.index if other < line), default=table.header_line)
+        has_place = not places or not any(is_missing(row[j]) for j in places)
+        cell = row[modulus] if modulus >= 0 else ""
+        if (
+            not has_place
+            or any(last < blank < line for blank in table.blank)
+            or is_missing(cell)
+            or is_rounded(cell, values)
+        ):
+            statistics.append(line)
+        else:
+            table.note(
+                f"line {line}: {first[line]} is taken for a grain, not for a statistic: its "
+                "modulus is no statistic of the other rows"
+            )
+    table.leave_out(statistics, "statistics of the table")
+
+
+def statistics_of(values: np.ndarray) -> Iterator[float]:
+    """The statistics that tables have of a column."""
+    n = len(values)
+    if n:
+        mean, deviation = values.mean(), values.std()
+        yield from (mean, np.median(values), values.min(), values.max(), np.ptp(values), n)
+        yield from (values.sum(), deviation, 100 * deviation / mean if mean else 0.0)
+    if n > 1:
+        deviation = values.std(ddof=1)
+        yield from (deviation, deviation / np.sqrt(n), 100 * deviation / mean if mean else 0.0)
+
+
+def is_rounded(cell: str, values: list[float]) -> bool:
+    """Whether a cell is one of the values, rounded or cut."""
+    number, decimals = number_of(cell), re.search(r"[.,](\d*)", cell)
+    last_place = 10.0 ** -len(decimals[1]) if decimals else 1.0
+    return any(abs(number - value) <= 1.001 * last_place for value in values)
+
+
+def number_of(cell: str) -> float:
+    """The number of a cell, without its unit or its sd; NaN if there is none."""
+    if is_plain_number(cell):
+        return value_of(cell)
+    found = WITH_UNIT.match(cell) or PLUS_MINUS.match(cell)
+    return value_of(found[1]) if found else float("nan")
+
+
+def dressed_columns(table: LaboratoryTable) -> list[int]:
+    """Columns of numbers that are read and have cells that are not plain numbers, such as
+    '112.3 GPa' or 'n/a'.
+    """
+    return [
+        j
+        for j, meaning in enumerate(table.meanings)
+        if meaning and meaning not in NAME_COLUMNS and not plain_numbers(table.cells[j].tolist())
+    ]
+
+
+def split_sds(table: LaboratoryTable) -> None:
+    """Split `109.7 ± 3.0` into two cells, reduce `46.3°` and `112.3 GPa` to numbers, and convert
+    an sd of `5 %` of the modulus to GPa.
+    """
+    modulus, sd = table.column(*MODULI), table.column("sd_gpa")
+    if sd > 0 and ANY_SD.fullmatch(table.names[sd]) and HARDNESS.fullmatch(table.names[sd - 1]):
+        raise InputError(
+            f"{table.place}line {table.header_line}: the column "
+            f"{table.names[sd]} follows {table.names[sd - 1]} and may be of "
+            "that; name it sd_gpa if it is the sd of the modulus"
+        )
+    dressed = dressed_columns(table)
+    if modulus in dressed and sd < 0:
+        split_plus_minus(table, modulus)
+    for j in dressed:
+        moduli = table.cells[modulus if modulus >= 0 else j]
+        table.cells[j] = [
+            without_unit(cell, value if j == sd and modulus >= 0 else "")
+            for cell, value in zip(table.cells[j], moduli)
+        ]
+    sd = table.column("sd_gpa")
+    if sd < 0:
+        shares = (RELATIVE.fullmatch(name) and SHARE.search(name) for name in table.names)
+        sd = next((j for j, is_relative in enumerate(shares) if is_relative), -1)
+    if sd < 0 or modulus < 0 or not (SHARE.search(table.names[sd]) or table.units[sd] == "%"):
+        return
+    cells = table.cells[sd]
+    if all(is_plain_number(cell) or is_missing(cell) for cell in cells):
+        table.cells[sd] = [
+            share(cell, value) if is_plain_number(cell) else ""
+            for cell, value in zip(cells, table.cells[modulus])
+        ]
+        table.note(f"column {table.names[sd]}: per cent of the modulus")
+        table.meanings[sd] = "sd_gpa"
+
+
+def split_plus_minus(table: LaboratoryTable, modulus: int) -> None:
+    """Split moduli such as '109.7 ± 3.0' into the moduli and a column of sds."""
+    found = [PLUS_MINUS.match(cell) for cell in table.cells[modulus]]
+    if any(found):
+        sds = [
+            "" if not match else share(match[2], match[1]) if match[3] == "%" else match[2]
+            for match in found
+        ]
+        table.cells[modulus] = [
+            match[1] if match else cell for match, cell in zip(found, table.cells[modulus])
+        ]
+        table.add_column("sd_gpa", sds)
+        table.note(f"column {table.names[modulus]}: what follows ± is its sd")
+
+
+def without_unit(cell: str, modulus: str) -> str:
+    """The number of a cell such as '46.3°'; of '5 %' the share of the modulus, '' for none."""
+    found = None if is_plain_number(cell) else WITH_UNIT.match(cell)
+    if not found or (found[2] == "%" and not modulus):
+        return cell
+    return share(found[1], modulus) if found[2] == "%" else found[1]
+
+
+def share(number: str, modulus: str) -> str:
+    """A percentage of the modulus in GPa; the percentage itself if the modulus is no number."""
+    return repr(value_of(number) / 100 * value_of(modulus)) if is_plain_number(modulus) else number
+
+
+def split_indices(table: LaboratoryTable) -> None:
+    """Replace a column of `[1 0 2]` or `(0001)` by columns of indices."""
+    for j, name in enumerate(table.names):
+        cells = [
+            cell for cell in table.cells[j] if not is_missing(cell) and not STATISTICS.match(cell)
+        ]
+        if not cells or not all(map(INDICES.match, cells)):
+            continue
+        if re.search("euler|bunge", name, re.I):
+            raise InputError(
+                f"{table.place}column {name}: three angles in one cell, {cells[0]}; a column "
+                "for each is needed: phi1, Phi, phi2"
+            )
+        are_directions = {cell[0] in "[<" for cell in cells}
+        indices = [indices_of(cell) for cell in table.cells[j]]
+        counts = {len(value) for value in indices if value}
+        if len(are_directions) > 1 or counts not in ({3}, {4}):
+            raise InputError(
+                f"{table.place}column {name}: directions [..] or planes (..) of three indices, "
+                f"or all of four, are read; not {', '.join(cells[:3])}"
+            )
+        three, four = ("u v w", "u v t w") if are_directions == {True} else ("h k l", "h k i l")
+        for k, label in enumerate((three if counts == {3} else four).split()):
+            table.add_column(label, [value[k] if value else "" for value in indices])
+        kind = "direction" if are_directions == {True} else "plane"
+        table.note(f"column {name}: indices of the {kind} along the indenter")
+        return
+
+
+def indices_of(cell: str) -> list[str]:
+    """The indices of `[1 0 -2]`, `(0001)` or `[11-20]`; a negative one has a bar over its digit or
+    a minus before it.
+    """
+    found = INDICES.match(cell)
+    if not found:
+        return []
+    inside = re.sub(r"(\d)[\u0304\u0305]", r"-\1", found[2]).strip()
+    return re.findall(r"-?\d+" if re.search(r"[\s,;.]", inside) else r"-?\d", inside)
+
+
+def refuse_words(table: LaboratoryTable) -> None:
+    """Refuse cells that are not numbers where numbers are needed; one message names them all."""
+    found = (
+        (line, j, cell)
+        for j in dressed_columns(table)
+        for line, cell in table.cells[j].items()
+        if not is_missing(cell) and not is_plain_number(cell)
+    )
+    wrong = [
+        f"line {line}, column {table.names[j]}: {cell[:30]!r}" for line, j, cell in sorted(found)
+    ]
+    if len(wrong) == 1:
+        raise InputError(f"{table.place}{wrong[0]} is not a number")
+    if wrong:
+        raise InputError(
+            f"{table.place}{len(wrong)} cells are no numbers: "
+            f"{'; '.join(wrong[:12])}{'; ..' if len(wrong) > 12 else ''}"
+        )
+
+
+def one_spelling(table: LaboratoryTable, grain: int) -> None:
+    """Give `G1`, `g1` and `G 1`, which are one grain, the spelling of the first row."""
+    # A separator between two digits stays: 1-1 and 11 are different grains.
+    keys = [
+        re.sub(r"(?<!\d)[\s_-]+|[\s_-]+(?!\d)", "", name).casefold() for name in table.cells[grain]
+    ]
+    first = dict(zip(reversed(keys), reversed(table.cells[grain].tolist())))
+    spelled = [first[key] for key in keys]
+    others = {own: name for own, name in zip(table.cells[grain], spelled) if own != name}
+    if others:
+        pairs = ", ".join(f"{other} and {name}" for other, name in others.items())
+        table.note(f"column {table.names[grain]}: taken for one grain: {pairs}")
+        table.cells[grain] = spelled

@@ -1,0 +1,197 @@
+"""Names of columns as laboratories write them, with their units."""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from ..core import InputError
+
+#: Units of angles in degrees, and in radians.
+DEGREES, RADIANS = ("deg", "degrees", "degree", "°"), ("rad", "radians")
+MICROMETRES = ("um", "µm", "μm")
+ANGLES = ("phi1_deg", "Phi_deg", "phi2_deg")
+#: Kinds of modulus; the column of a kind is named '<kind>_gpa'.
+KINDS = ("indentation_modulus", "effective_modulus", "sample_modulus")
+#: Columns of moduli, the most specific first; the last one does not say its kind.
+MODULI = (*(f"{kind}_gpa" for kind in KINDS), "modulus_gpa")
+#: Columns that state the indented direction instead of angles, see docs/measurements.md.
+WAYS = tuple(map(str.split, ("q0 q1 q2 q3", "u v t w", "h k i l", "u v w", "h k l")))
+DIRECTIONS = {name for way in WAYS for name in way}
+#: Columns whose cells are names, not numbers.
+NAME_COLUMNS = ("grain", "group", "test", "reference", "session")
+
+
+@dataclass(frozen=True)
+class Column:
+    """A canonical column, its other names without their units, and the units that it may have."""
+
+    name: str
+    others: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+
+
+def _column(name: str, others: str = "", units: Sequence[str] = ()) -> Column:
+    return Column(name, tuple(filter(None, others.split(", "))), tuple(units))
+
+
+#: An earlier column takes a name that several have.
+COLUMNS = (
+    _column("phi1_deg", "phi1, phi_1, φ1, euler1, euler_1, euler_angle_1", DEGREES + RADIANS),
+    _column("Phi_deg", "phi, φ, euler2, euler_2, euler_angle_2", DEGREES + RADIANS),
+    _column("phi2_deg", "phi2, phi_2, φ2, euler3, euler_3, euler_angle_3", DEGREES + RADIANS),
+    _column("modulus_gpa", "modulus, e, youngs_modulus, young_modulus, elastic_modulus", ["gpa"]),
+    _column("indentation_modulus_gpa", "indentation_modulus, plane_strain_modulus, m", ["gpa"]),
+    _column(
+        "effective_modulus_gpa",
+        "effective_modulus, reduced_modulus, er, e_r, eeff, e_eff, e*, ereduced, e_reduced",
+        ["gpa"],
+    ),
+    _column("sample_modulus_gpa", "sample_modulus, es, e_s, eit, e_it", ["gpa"]),
+    _column(
+        "sd_gpa",
+        "sd, std, stdev, st_dev, std_dev, stddev, standard_deviation, sigma, error, err, "
+        "uncertainty, standard_error, std_error, std_err, se, sem, ±",
+        ["gpa"],
+    ),
+    _column("orientation_sd_deg", "orientation_sd", DEGREES),
+    _column("other_probability", "other_phi1, other_phi, other_phi2", DEGREES),
+    _column("depth_um", "depth", MICROMETRES),
+    _column("depth_nm", "depth", ["nm"]),
+    _column("contact_radius_um", "", MICROMETRES),
+    _column("zero_sd_nm", "", ["nm"]),
+    _column("grain_radius_um", "", MICROMETRES),
+    _column("x_um", "x", MICROMETRES),
+    _column("y_um", "y", MICROMETRES),
+    _column("group"),
+    _column("grain", "grain_id, grain_number, grain_no"),
+    _column("test", "test_id, test_number"),
+    _column("reference"),
+    _column("session"),
+    _column("time_s", "time", ["s"]),
+    _column("row"),
+)
+BY_NAME = {column.name: column for column in COLUMNS}
+#: Words that are units at the end of a name.
+UNIT_WORDS = {*DEGREES, *RADIANS, "gpa", "mpa", "kpa", "pa", "um", "nm", "mm", "%", "mn", "un"}
+SHARED = re.compile(r"shared_\d+")
+#: Names of a standard deviation of single tests. A standard error, an error and an uncertainty are
+#: those of the value itself, and so is the canonical `sd_gpa`.
+DEVIATIONS = {"sd", "std", "stdev", "st_dev", "std_dev", "stddev", "standard_deviation", "sigma"}
+#: Shorter headers are near to every name.
+LEAST_LETTERS = 4
+
+
+def split_name(header: str) -> tuple[str, str]:
+    """Word and unit of a header: 'reduced_modulus' and 'gpa' of 'Reduced modulus (GPa)',
+    'reduced-modulus / GPa' or 'reduced_modulus_GPa'.
+    """
+    word, unit = header.lower(), ""
+    if found := re.search(r"[(\[/](?!.*[(\[/])", word):
+        word, unit = word[: found.start()].rstrip(), word[found.end() :]
+        # A word may follow, such as the sd of 'Er (GPa) sd'.
+        if end := re.search(r"[)\]]", unit):
+            word, unit = word + unit[end.end() :], unit[: end.start()]
+        unit = unit.strip()
+    word = re.sub("_+", "_", re.sub("[ .-]", "_", word.strip()).replace("'", "", 1)).rstrip("_")
+    before, _, last = word.rpartition("_")
+    return (before, last) if before and not unit and last in UNIT_WORDS else (word, unit)
+
+
+def deviation_word(header: str) -> str:
+    """The word of a header without the name of a modulus before it: 'sd' of 'Er sd (GPa)'."""
+    word = split_name(header)[0]
+    names = (name for kind in MODULI for name in BY_NAME[kind].others)
+    before = next((name for name in names if word.startswith(f"{name}_")), "")
+    return word.removeprefix(f"{before}_") if before else word
+
+
+def meaning_of(header: str) -> str:
+    """The canonical name of a header; '' if it is not read."""
+    header = without_mean(header)
+    lowered, (word, unit) = header.lower(), split_name(header)
+    if lowered in DIRECTIONS or SHARED.fullmatch(lowered):
+        return lowered
+    for column in COLUMNS:
+        named = deviation_word(header) if column.name == "sd_gpa" else word
+        if lowered == column.name.lower() or (
+            named in column.others and (word != "depth" or unit in column.units)
+        ):
+            return column.name
+    return ""
+
+
+def without_mean(name: str) -> str:
+    """A header without a word for the mean: 'Er (GPa)' of 'Mean Er (GPa)'."""
+    return re.sub(r"\b[ _]*(mean|average|avg)[ _]*\b", " ", name, flags=re.I).strip() or name
+
+
+def stated_columns(place: str, stated: Iterable[str], names: Sequence[str]) -> dict[str, str]:
+    """The canonical name of each header that `&measurements columns` names; each statement is a
+    canonical name, = and a header of the table.
+    """
+    known = [*BY_NAME, *sorted(DIRECTIONS)]
+    headers = {name.lower(): name for name in reversed(names)} | {name: name for name in names}
+    found: dict[str, str] = {}
+    for words in stated:
+        name, _, header = (part.strip() for part in words.partition("="))
+        begin = f"{place}columns: '{words.strip()}': "
+        canonical = next((own for own in known if own.lower() == name.lower()), "")
+        if not name or not header:
+            raise InputError(
+                f"{begin}a name, = and the header of its column are needed, such as "
+                "'modulus_gpa = E (raw)'"
+            )
+        if not canonical:
+            raise InputError(
+                f"{begin}no column {name} is read{near(name, known)}; allowed {', '.join(known)}"
+            )
+        own = headers.get(header, headers.get(header.lower()))
+        if own is None:
+            raise InputError(
+                f"{begin}the table has no column {header}{near(header, names)}; the columns are "
+                f"{listed(names)}"
+            )
+        if own in found or canonical in found.values():
+            raise InputError(f"{begin}the name or the column is there twice; each is allowed once")
+        found[own] = canonical
+    return found
+
+
+def listed(names: Sequence[str], most: int = 30) -> str:
+    """Names of columns for a message. A file with one may be no table, and is not quoted."""
+    if len(names) == 1:
+        return "one, without a comma, semicolon or tab"
+    return ", ".join(names[:most]) + (", .." if len(names) > most else "")
+
+
+def near(written: str, allowed: Iterable[str]) -> str:
+    """', did you mean X?' for the allowed name that is nearest to a written one, if it is near."""
+    pairs = [(distance(name, written), name) for name in allowed]
+    least, name = min(pairs, default=(1, ""), key=lambda pair: pair[0])
+    return f", did you mean {name}?" if least <= max(1, len(name) // 3) else ""
+
+
+def distance(a: str, b: str) -> int:
+    """Levenshtein's distance between two texts."""
+    row = list(range(len(b) + 1))
+    for i, letter in enumerate(a, 1):
+        before, row[0] = row[0], i
+        for j, other in enumerate(b, 1):
+            before, row[j] = row[j], min(row[j] + 1, row[j - 1] + 1, before + (letter != other))
+    return row[-1]
+
+
+def hint_of(header: str, allowed: Iterable[str] = BY_NAME) -> str:
+    """', did you mean X?' for a header that is not read but near to a name that is."""
+    is_read = len(header) < LEAST_LETTERS or meaning_of(header)
+    return "" if is_read else near(header, allowed)
+
+
+def nearest_to(names: Iterable[str], headers: Iterable[str]) -> str:
+    """'; X: did you mean Y?' for the header that is near to one of the canonical `names` or their
+    other names; '' if none is.
+    """
+    names = list(names)
+    allowed = [*names, *(other for name in names for other in BY_NAME[name].others)]
+    hints = ((header, hint_of(header, allowed)) for header in headers)
+    return next((f"; {header}:{hint[1:]}" for header, hint in hints if hint), "")

@@ -1,0 +1,113 @@
+"""Find the header of a table: its names, its row of units, and a header of two rows."""
+
+import re
+from collections.abc import Iterable
+
+import pandas as pd
+
+from ..core import InputError
+from .cells import is_number
+from .columns import meaning_of, without_mean
+from .reading import Rows, header_row
+from .table import LaboratoryTable
+
+#: A cell of a row of units, such as "[GPa]".
+UNIT = re.compile(r"[\[(]?(deg|degrees?|°|rad|radians|[GMk]?Pa|um|µm|μm|nm|mm|m?N|%|-)[\])]?", re.I)
+#: Headers of a hardness, such as "H (GPa)".
+HARDNESS = re.compile(r"(h|h_?it|.*hardness)\s*([\[(/].*)?", re.I)
+
+
+def table_of_rows(place: str, found: Rows, stated: Iterable[str] = ()) -> LaboratoryTable:
+    """The table of rows, with the names of its columns and their meanings."""
+    rows = found.rows
+    header, _, meanings = header_row(rows, stated)
+    line, names = rows[header]
+    meanings = meanings or [""] * len(names)
+    below, notes = rows[header + 1 :], list(found.notes)
+    if header and (joined := joined_header(rows[header - 1][1], names, meanings)):
+        together = rows[header - 1][0], line
+    elif (
+        below
+        and sum(map(is_number, below[0][1])) <= len(names) // 2
+        and (joined := joined_header(names, below[0][1], meanings))
+    ):
+        together, below = (line, below[0][0]), below[1:]
+    else:
+        joined = None
+    if joined:
+        names, meanings = joined
+        notes.append("lines {} and {} together are the header".format(*together))
+    elif header:
+        lines = f"{header} line{'s' * (header > 1)}"
+        notes.append(f"the header is on line {line}; {lines} above it left out")
+    width = max((j + 1 for j, name in enumerate(names) if name), default=0)
+    names = [without_mean(name) if meaning else name for name, meaning in zip(names, meanings)][
+        :width
+    ]
+    units = [""] * width
+    if below and is_row_of_units(below[0][1]):
+        units = [unit_word(cell) for cell in [*below[0][1], *units][:width]]
+        below = below[1:]
+    check_widths(place, below, names, line)
+    cells = [[*row, *[""] * width][:width] for _, row in below]
+    table = LaboratoryTable(
+        place,
+        names,
+        [meaning.replace("stated", "") for meaning in meanings[:width]],
+        pd.DataFrame(cells, [number for number, _ in below], range(width), dtype=object),
+        units,
+        line,
+        found.sheet,
+        found.blank,
+        notes=notes,
+    )
+    if not found.sheet:
+        table.short = {number: len(row) for number, row in below if len(row) < width}
+    again = (number for number, row in below if row == rows[header][1])
+    table.leave_out(again, "the header once more")
+    return table
+
+
+def is_row_of_units(cells: list[str]) -> bool:
+    """Whether several cells are units and none is a number."""
+    return sum(map(bool, map(UNIT.fullmatch, cells))) > 1 and not any(map(is_number, cells))
+
+
+def unit_word(cell: str) -> str:
+    """The unit of a cell such as '[GPa]', in lower case; '' if it is none."""
+    return cell.strip("[]()- ").lower() if UNIT.fullmatch(cell) else ""
+
+
+def check_widths(place: str, below: list, names: list[str], header_line: int) -> None:
+    """Refuse a row with cells beyond the header."""
+    for number, cells in below:
+        if any(cells[len(names) :]):
+            title = f"; if line {header_line} is a title, put # before it" * (len(names) == 1)
+            commas = "; if commas are decimal, separate the cells by semicolons"
+            raise InputError(
+                f"{place}line {number}: {len(cells)} cells where the header has {len(names)}"
+                f"{title or commas}"
+            )
+
+
+def joined_header(
+    above: list[str], below: list[str], meanings: list[str]
+) -> tuple[list[str], list[str]] | None:
+    """Names and meanings of a header of two rows; None if joining them gives no further meaning.
+
+    A cell of the upper row stands over several columns, and the lower row completes it.
+    """
+    upper, last = [], ""
+    for cell in [*above, *[""] * len(below)][: len(below)]:
+        last = cell or last
+        upper.append(last)
+    names, found = [], []
+    for up, low in zip(upper, below, strict=True):
+        # Prefer both rows together, then the lower one alone; what stands below a hardness, such
+        # as its sd, belongs to the hardness.
+        choices = [f"{up} {low}".strip(), low, up if not low else ""]
+        specific = (name for name in choices if meaning_of(name) not in ("", "modulus_gpa"))
+        best = choices[0] if HARDNESS.fullmatch(up) else next(specific, low)
+        names.append(best)
+        found.append(meaning_of(best))
+    return (names, found) if len(set(found) - {""}) > len(set(meanings) - {""}) else None

@@ -1,0 +1,144 @@
+"""Read the rows of a table, text or spreadsheet, or of a table of Python, as lists of texts."""
+
+import csv
+import re
+from collections.abc import Iterable, Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+
+from ..core import InputError
+from .cells import is_number, rows_of, tabbed, tidy, usual
+from .columns import MODULI, NAME_COLUMNS, meaning_of
+from .other_files import decoded, reader_of, reading, refuse_formulas
+
+#: More rows and more bytes are refused: ten tests of each of the grains that the core takes.
+MOST_ROWS, MOST_BYTES = 200_000, 100_000_000
+#: A header is looked for among so many rows.
+FIRST_ROWS = 60
+
+
+@dataclass
+class Rows:
+    """Rows of texts with the numbers of their lines, the lines that are blank, the name of a sheet,
+    the text of the file, and notes on how it was read.
+    """
+
+    rows: list[tuple[int, list[str]]]
+    blank: set[int]
+    sheet: str = ""
+    text: str = ""
+    notes: tuple[str, ...] = ()
+
+
+def rows_of_file(place: str, path: Path, sheet: str, stated: Iterable[str]) -> Rows | None:
+    """The rows of a file; None if it is no table, which the core then refuses.
+
+    `place` begins the message of a refusal, `sheet` names a sheet of a spreadsheet, and `stated`
+    are headers that the user named.
+    """
+    if path.suffix.lower() in (".xlsx", ".xlsm"):
+        return rows_of_sheet(place, path, sheet)
+    try:
+        with path.open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+    except OSError:
+        return None
+    lines = content.count(b"\n")
+    if len(content) > MOST_BYTES or lines > 2 * MOST_ROWS:
+        raise InputError(f"{place}{lines} rows; allowed up to {MOST_ROWS}")
+    text, encoding = decoded(content)
+    if not text:
+        return None
+    with reading(place, "is no table that can be read"):
+        # A stated header is looked for as it is written.
+        own = tabbed(usual(text) if all(usual(header) == header for header in stated) else text)
+        refuse_open_quote(place, own)
+        rows, blank = rows_of(own)
+        if header_row(rows, stated)[1] < 2:
+            own = tabbed(re.sub("(?m)^#+[ \t]*", "", own))
+            rows, blank = rows_of(own)
+        first = rows[0][1] if rows else []
+        if header_row(rows, stated)[1] < 2 and sum(map(is_number, first)) >= len(first) / 2:
+            return None
+    return Rows(rows, blank, text=text, notes=(f"read as {encoding}",) if encoding else ())
+
+
+def refuse_open_quote(place: str, text: str) -> None:
+    """Refuse a text in which a double quote that begins a cell is not closed."""
+    if '"' not in text:
+        return
+    begin = 1
+    reader = csv.reader(StringIO(text, newline=""), skipinitialspace=True, strict=True)
+    try:
+        for _ in reader:
+            begin = reader.line_num + 1
+    except csv.Error as error:
+        if "end of data" in str(error):
+            raise InputError(f"{place}line {begin}: a double quote is not closed") from None
+
+
+def rows_of_sheet(place: str, path: Path, sheet: str) -> Rows:
+    """The rows of a sheet. Without a stated `sheet` it is the first one, or, if that has no moduli,
+    the only one with moduli.
+    """
+    openpyxl = reader_of(place, path, "a spreadsheet", "openpyxl", ", or save the sheet as CSV")
+    with reading(place, "is no spreadsheet that can be read"):
+        with closing(openpyxl.load_workbook(path, read_only=True, data_only=True)) as book:
+            if sheet and sheet not in book.sheetnames:
+                raise InputError(
+                    f"{place}there is no sheet {sheet!r}; the sheets are "
+                    f"{', '.join(book.sheetnames)}"
+                )
+            pages = {
+                name: list(book[name].iter_rows(values_only=True))
+                for name in ([sheet] if sheet else book.sheetnames)
+            }
+        rows: dict[str, list] = {}
+        for name, page in pages.items():
+            numbered = ((line, list(map(cell_text, row))) for line, row in enumerate(page, 1))
+            rows[name] = [(line, cells) for line, cells in numbered if any(cells)]
+        fit = [name for name, page in rows.items() if set(MODULI) & set(header_row(page)[2])]
+        name = next(iter(rows))
+        if len(fit) > 1 and name not in fit:
+            raise InputError(
+                f"{place}the sheets {', '.join(fit)} have moduli; "
+                f"state sheet = '{fit[0]}' or another"
+            )
+        name = name if name in fit or not fit else fit[0]
+        refuse_formulas(place, openpyxl, path, name, pages[name])
+    filled = {line for line, _ in rows[name]}
+    return Rows(rows[name], set(range(1, len(pages[name]))) - filled, name)
+
+
+def rows_of_columns(table: Mapping[str, Iterable]) -> Rows:
+    """The rows of a table of Python; the first one below the header is line 1."""
+    columns = [
+        [cell_text(value, meaning_of(str(name)) not in NAME_COLUMNS) for value in values]
+        for name, values in table.items()
+    ]
+    rows = enumerate(map(list, zip(*columns, strict=True)), 1)
+    return Rows([(0, list(map(str, table))), *rows], set())
+
+
+def cell_text(value: object, decimal_commas: bool = True) -> str:
+    """The text of a value of a spreadsheet or of Python; NaN and None are empty."""
+    return usual(tidy("" if value is None or value != value else value, decimal_commas))
+
+
+def header_row(
+    rows: list[tuple[int, list[str]]], stated: Iterable[str] = ()
+) -> tuple[int, int, list[str]]:
+    """The index of the header among the first rows, the number of its names that are known, and
+    their meanings, 'stated' for headers that the user named. The header is the row with the most
+    known names.
+    """
+    own = {header.lower() for header in stated}
+    best: tuple[int, int, list[str]] = (0, 0, [])
+    for i, (_, cells) in enumerate(rows[:FIRST_ROWS]):
+        if sum(map(is_number, cells)) <= len(cells) // 2:
+            meanings = ["stated" if name.lower() in own else meaning_of(name) for name in cells]
+            known = len(set(meanings) - {""})
+            best = (i, known, meanings) if known > best[1] else best
+    return best
