@@ -6,7 +6,6 @@
 !> texts that each end in a zero byte; i, integers of 8 bytes; b, the same as logicals; r, reals.
 !> Arrays are in Fortran's order; C reads them with the axes reversed. The argument to write is
 !> named `value`, `values` for an array, or `words`.
-!> `words`.
 module named_values
    use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_loc, c_ptr
    use errors, only: error_type, refuse, warning_type

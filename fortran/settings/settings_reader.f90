@@ -3,10 +3,6 @@
 !> A message is one line: `ORIGIN: &group name: what is wrong, the value, what is allowed`.
 !>
 !> The module also writes the settings as a namelist and as named values.
-!>
-!> A message is one line: `ORIGIN: &group name: what is wrong, the value, what is allowed`.
-!>
-!> And the settings as a namelist, and as named values.
 module settings_reader
    use errors, only: error_type, refuse, suggestion
    use files, only: printable
