@@ -1,4 +1,4 @@
-!> Curves of indentation tests, in a long CSV, and the table that says what was tested.
+!> Curves of indentation tests, all in one CSV, and the table of the tests.
 module curve_tables
    use errors, only: error_type, prefix_error, refuse
    use files, only: checksum, printable
@@ -11,38 +11,39 @@ module curve_tables
    private
    public :: curve_type, curve_set_type, read_curves
 
-   !> A test.
+   !> A test with its curve.
    type :: curve_type
       character(len=:), allocatable :: name, material, session
-      !> Whether the material is a reference, or a grain.
+      !> Whether the material is a reference; it is a grain otherwise.
       logical :: reference = .false.
-      !> Its first line in the file of the curves.
+      !> First line of the test in the file of the curves.
       integer :: line = 0
-      !> nm/s.
+      !> Drift of the instrument, nm/s.
       real(wp) :: drift = 0.0_wp
-      !> s, nm, mN, and, where the file has it, the contact stiffness, N/m; (quantity, point).
+      !> Time, s, depth, nm, load, mN, and, if the file has it, contact stiffness, N/m; (quantity,
+      !> point).
       real(wp), allocatable :: points(:, :)
    end type curve_type
 
    type :: curve_set_type
-      !> The table of tests, whose rows are the curves.
+      !> Table of the tests; each row is a curve.
       type(table_type) :: tests
       type(curve_type), allocatable :: curves(:)
-      !> Of the file of curves.
+      !> Checksum of the file of curves.
       character(len=:), allocatable :: digest
    end type curve_set_type
 
-   !> Beyond this a number is none: instruments write 1.797e308.
+   !> Larger numbers are missing values: instruments write 1.797e308.
    real(wp), parameter :: no_value = 1.0e300_wp
    character(len=*), parameter :: of_tests = 'test, grain, reference, session', &
       & of_curves = 'test, time_s, depth_nm, load_mn, stiffness_n_m'
 
 contains
 
-   !> Read curves, and the file of their tests; `prefix` and `tests_prefix` begin the messages on
+   !> Read curves and the table of their tests; `prefix` and `tests_prefix` begin the messages about
    !> them.
    subroutine read_curves(content, tests_path, prefix, tests_prefix, set, error)
-      !> The neutral CSV; the path of the table of tests.
+      !> CSV of the curves; path of the table of tests.
       character(len=*), intent(in) :: content, tests_path, prefix, tests_prefix
       type(curve_set_type), intent(out) :: set
       type(error_type), allocatable, intent(out) :: error
@@ -58,10 +59,10 @@ contains
       call prefix_error(error, prefix)
    end subroutine read_curves
 
-   !> The columns of these names, 0 where there is none.
+   !> Find the columns of these names, 0 for a name that is missing.
    subroutine find_columns(table, names, needed, columns, error)
       type(table_type), intent(in) :: table
-      !> Separated by ', '; the first `needed` must be there.
+      !> Names separated by ', '; the first `needed` of them must occur.
       character(len=*), intent(in) :: names
       integer, intent(in) :: needed
       integer, allocatable, intent(out) :: columns(:)
@@ -77,7 +78,7 @@ contains
       end do
    end subroutine find_columns
 
-   !> What each row of the table of tests says.
+   !> Read the rows of the table of tests.
    subroutine read_tests(set, error)
       type(curve_set_type), intent(inout) :: set
       type(error_type), allocatable, intent(out) :: error
@@ -122,7 +123,7 @@ contains
       end function text_of
    end subroutine read_tests
 
-   !> Give each test its points; rows with a number that is no value are left out.
+   !> Set the points of each test; rows with missing values are left out.
    subroutine take_points(table, curves, error)
       type(table_type), intent(in) :: table
       type(curve_type), intent(inout) :: curves(:)
@@ -151,7 +152,7 @@ contains
             call table%number(column(j), i, values(j - 1, i), error)
             if (.not. allocated(error)) cycle
             error%message = 'test '//printable(curves(k)%name)//', '//error%message
-            ! Instruments round it to what is beyond the largest number.
+            ! Rounded by an instrument, the largest number may be too large to be read.
             if (index(table%cell(column(j), i), '1.797') == 0) return
             deallocate (error)
             values(j - 1, i) = huge(1.0_wp)

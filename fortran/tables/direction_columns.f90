@@ -1,5 +1,5 @@
-!> The indented direction of grains, from columns that state it otherwise than by Euler angles: unit
-!> quaternions, or the crystal direction or plane normal along the indenter.
+!> The indented direction of grains from columns that state it without Euler angles: by unit
+!> quaternions, or by the crystal direction or plane normal along the indenter.
 !>
 !> The modulus of a half-space depends only on that direction in crystal axes. The rotation about it
 !> is free, so each direction becomes angles (0, Phi, phi2) whose g takes the sample's z to it.
@@ -13,18 +13,18 @@ module direction_columns
    private
    public :: ways, find_ways, read_directions, angles_of_direction
 
-   !> Ways to state a direction: the columns of each. The first three have all names.
+   !> The columns of each way to state a direction. The first three ways contain all names.
    integer, parameter :: quaternions = 1, four_directions = 2, four_planes = 3, &
       & directions = 4, planes = 5
    character(len=14), parameter :: ways(5) = [ &
       & 'q0, q1, q2, q3', 'u, v, t, w    ', 'h, k, i, l    ', 'u, v, w       ', 'h, k, l       ']
-   !> What is rounded away in a file, relative.
+   !> Relative rounding of numbers in files.
    real(wp), parameter :: rounding = 1.0e-2_wp
 
 contains
 
-   !> The number of the way in which a table states directions, and its columns; 0 if it does in
-   !> none. Two are refused.
+   !> Find the way in which a table states directions, 0 if it does not, and its columns. Two ways
+   !> are refused.
    subroutine find_ways(table, way, columns, error)
       type(table_type), intent(in) :: table
       integer, intent(out) :: way
@@ -40,7 +40,7 @@ contains
          names = split_list(ways(i))
          own = [(table%find(trim(names(j))), j=1, size(names))]
          if (any(own == 0)) cycle
-         ! Three of four indices are no way of their own.
+         ! Three of four indices are not another way.
          if ((way == four_directions .and. i == directions) &
             & .or. (way == four_planes .and. i == planes)) then
             cycle
@@ -55,13 +55,13 @@ contains
       end do
    end subroutine find_ways
 
-   !> Bunge-Euler angles of every row, degrees.
+   !> Read the directions of all rows as Bunge-Euler angles, degrees.
    subroutine read_directions(table, way, columns, class, parameters, euler_deg, error)
       type(table_type), intent(in) :: table
-      !> As `find_ways` gives them.
+      !> Results of `find_ways`.
       integer, intent(in) :: way, columns(:)
       type(crystal_class_type), intent(in) :: class
-      !> Of the lattice, perhaps unallocated.
+      !> Parameters of the unit cell; may be unallocated.
       real(wp), allocatable, intent(in) :: parameters(:)
       !> (3, n).
       real(wp), intent(out) :: euler_deg(:, :)
@@ -85,8 +85,8 @@ contains
                call table%refuse(columns(1), i, ' is of no unit quaternion: q0^2 + q1^2 + q2^2 + ' &
                   & //'q3^2 = '//to_text(sum(row**2))//', and 1 is needed', error)
             end if
-            ! The sample's z in crystal axes, the third column of the matrix of the rotation from
-            ! sample to crystal axes.
+            ! The normal z of the sample in crystal axes: the third column of the matrix that
+            ! rotates from sample to crystal axes.
             associate (q => row/norm2(row))
                v = [2.0_wp*(q(2)*q(4) + q(1)*q(3)), 2.0_wp*(q(3)*q(4) - q(1)*q(2)), &
                   & q(1)**2 - q(2)**2 - q(3)**2 + q(4)**2]
@@ -112,7 +112,7 @@ contains
 
    contains
 
-      !> The cell to which indices refer.
+      !> Find the unit cell to which indices refer.
       subroutine find_lattice()
          character(len=:), allocatable :: open
 
@@ -134,7 +134,7 @@ contains
       end subroutine find_lattice
    end subroutine read_directions
 
-   !> Bunge-Euler angles, degrees, whose g takes the sample's z to a direction.
+   !> Bunge-Euler angles, degrees, whose g rotates the sample's z to a direction.
    pure function angles_of_direction(v) result(euler_deg)
       !> Unit vector in crystal axes.
       real(wp), intent(in) :: v(3)

@@ -1,5 +1,5 @@
-!> The CSV tables that a problem names: crystals with orientations, measurements, candidates.
-!> Columns go by name; unknown ones are carried through.
+!> Tables that a namelist names: crystals with orientations, measurements, candidates. Columns are
+!> found by their names.
 module point_tables
    use files, only: hash_of, printable
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
@@ -17,43 +17,43 @@ module point_tables
    public :: points_type, read_crystals, read_measurements, read_orientations, first_rows, &
       & angles_look_like_radians, read_angles, read_groups, read_column
 
-   !> One row a point. What a table has not is NaN.
+   !> Points, one for each row of a table. Values that the table does not have are NaN.
    type :: points_type
       integer :: n = 0
-      !> The cells as written.
+      !> The table as it was written.
       type(table_type) :: table
-      !> The crystal classes that rows have, and the number of each row's, (n); none in
-      !> measurements.
+      !> Crystal classes of the rows, and the index of the class of each row, (n). Measurements have
+      !> none.
       type(crystal_class_type), allocatable :: classes(:)
       integer, allocatable :: class(:)
-      !> In the order of the class, padded with NaN, GPa, (21, n); crystal frame, GPa, (6, 6, n).
+      !> Constants in the order of the class, padded with NaN, GPa, (21, n); stiffness in the
+      !> crystal frame, GPa, (6, 6, n).
       real(wp), allocatable :: constants(:, :), stiffness(:, :, :)
       !> Bunge-Euler angles, degrees, (3, n); whether the table has them, or only the indented
-      !> direction of each.
+      !> directions.
       real(wp), allocatable :: euler_deg(:, :)
       logical :: has_angles = .true.
-      !> Of the waves, which among measurements are the last rows; and how many of these were left
-      !> out.
+      !> Directions of waves, whose speeds follow the moduli of measurements, (n); number of waves
+      !> that were left out.
       type(path_type), allocatable :: paths(:)
       integer :: omitted = 0
-      !> Of the rows of several tables, (n).
+      !> Names of points from several tables, (n).
       character(len=longest_name), allocatable :: names(:)
-      !> Moduli, or speeds, and their sds, GPa, or m/s, (n).
+      !> Moduli and their sds, GPa, or speeds and their sds, m/s, (n).
       real(wp), allocatable :: modulus_gpa(:), sd_gpa(:)
-      !> Of measurements: which modulus was measured.
+      !> Kind of modulus that was measured.
       character(len=:), allocatable :: modulus_kind
-      !> Of a measured grain: sd of the tilt of the indented direction per component, degrees; depth
-      !> and contact radius of the indentation and radius of the grain, um; and its group, 1, 2, ..,
-      !> (n).
+      !> Measured grains: sd of the tilt of the indented direction per component, degrees; depth and
+      !> contact radius of the indentation, and radius of the grain, um; number of the group, from
+      !> 1, (n).
       real(wp), allocatable :: orientation_sd_deg(:), depth_um(:), contact_radius_um(:), &
          & grain_radius_um(:)
       integer, allocatable :: group(:)
-      !> The column of the points' names, 0 if there is none, and the row of the table that a point
-      !> stands for, (n), and the point of each row.
+      !> Column of the names, 0 if there is none; the first row of the table for each point, (n);
+      !> and the point of each row.
       integer :: named_by = 0
       integer, allocatable :: row(:), of_row(:)
-      !> Where a point is several tests combined: their numbers, and the chi-square of each one's
-      !> tests about their mean, (n).
+      !> Number of tests that are combined in each point, and their chi-square about the mean, (n).
       integer, allocatable :: tests(:)
       real(wp), allocatable :: chi_square(:)
    contains
@@ -62,39 +62,43 @@ module point_tables
 
    character(len=*), &
       & parameter :: angle_names(3) = [character(len=8) :: 'phi1_deg', 'Phi_deg', 'phi2_deg']
-   !> What a stiffness can be, GPa.
+   !> Largest plausible stiffness, GPa.
    real(wp), parameter, public :: stiffness_most = 5000.0_wp
 
 contains
 
-   !> Crystals and orientations. `prefix` begins the message of a refusal.
+   !> Read crystals and orientations. `prefix` begins the messages.
    subroutine read_crystals(path, prefix, default_class, points, error)
       character(len=*), intent(in) :: path, prefix
-      !> Of the rows that do not say theirs.
+      !> Class of the rows that do not state one.
       type(crystal_class_type), intent(in) :: default_class
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: along(:)
-      logical :: are_waves
       integer :: column, i
 
-      call read_table(path, points%table, error)
-      if (.not. allocated(error)) call read_angles(points, .false., error)
-      if (.not. allocated(error)) call read_constants(points, default_class, error)
-      if (.not. allocated(error)) then
+      call read_all()
+      call prefix_error(error, prefix)
+
+   contains
+
+      subroutine read_all()
+         call read_table(path, points%table, error)
+         if (allocated(error)) return
+         call read_angles(points, .false., error)
+         if (allocated(error)) return
+         call read_constants(points, default_class, error)
+         if (allocated(error)) return
          call read_column(points%table, trim(merge('modulus_gpa            ', &
             & 'indentation_modulus_gpa', points%table%find('modulus_gpa') > 0)), .true., &
             & points%modulus_gpa, error)
-      end if
-      if (.not. allocated(error)) then
+         if (allocated(error)) return
          call find_column(points%table, 'propagation_deg', column, error)
-         are_waves = column > 0
-         call read_column(points%table, 'propagation_deg', .not. are_waves, along, error)
-         if (are_waves .and. .not. allocated(error)) then
-            points%paths = [(path_type(rayleigh, along(i)), i=1, points%n)]
-         end if
-      end if
-      call prefix_error(error, prefix)
+         if (column == 0 .or. allocated(error)) return
+         call read_column(points%table, 'propagation_deg', .false., along, error)
+         if (allocated(error)) return
+         points%paths = [(path_type(rayleigh, along(i)), i=1, points%n)]
+      end subroutine read_all
    end subroutine read_crystals
 
    !> The name of point `i`, or its number.
@@ -125,49 +129,46 @@ contains
       end do
    end function directions
 
-   !> Orientations with moduli, as `&measurements` says.
-   subroutine read_measurements(table, radians, asked, crystal, parameters, points, error)
+   !> Read orientations and moduli with the settings of `&measurements`.
+   subroutine read_measurements(table, radians, settings, crystal, parameters, points, error)
       type(table_type), intent(in) :: table
       !> The unit of the angles in the table.
       logical, intent(in) :: radians
-      type(measurements_settings_type), intent(in) :: asked
-      !> Of the grains.
+      type(measurements_settings_type), intent(in) :: settings
+      !> Class of the grains.
       type(crystal_class_type), intent(in) :: crystal
-      !> Of its unit cell, see `new_lattice`; perhaps unallocated.
+      !> Parameters of the unit cell, see `new_lattice`; may be unallocated.
       real(wp), allocatable, intent(in) :: parameters(:)
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
-      !> Ten for each of the grains that Step 2 takes.
+      !> Ten tests for each of the grains that Step 2 accepts.
       integer, parameter :: most_rows = 200000
       character(len=:), allocatable :: name
 
       if (table%rows > most_rows) then
          call refuse(error, to_text(table%rows)//' rows; allowed up to '//to_text(most_rows))
+         return
       end if
-      if (allocated(error)) return
       points%table = table
       call read_lines(points%table, error)
       if (allocated(error)) return
-      if (asked%orientations == 'unknown') then
+      if (settings%orientations == 'unknown') then
          call set_size(points)
          points%euler_deg = 0.0_wp
          points%has_angles = .false.
-      else if (.not. allocated(error)) then
+      else
          call read_orientations(points, radians, crystal, parameters, error)
+         if (allocated(error)) return
       end if
-      if (.not. allocated(error)) then
-         call find_modulus(points%table, asked%modulus_kind, name, points%modulus_kind, error)
-      end if
-      if (.not. allocated(error)) then
-         call read_column(points%table, name, .false., points%modulus_gpa, error)
-      end if
-      if (.not. allocated(error)) then
-         if (points%table%find('sd_gpa') > 0) then
-            call read_column(points%table, 'sd_gpa', .false., points%sd_gpa, error)
-         else if (asked%scale /= 'inferred') then
-            call refuse(error, 'the column sd_gpa is missing; it may be absent only with scale = ' &
-               & //'''inferred''; the columns are '//points%table%names())
-         end if
+      call find_modulus(points%table, settings%modulus_kind, name, points%modulus_kind, error)
+      if (allocated(error)) return
+      call read_column(points%table, name, .false., points%modulus_gpa, error)
+      if (allocated(error)) return
+      if (points%table%find('sd_gpa') > 0) then
+         call read_column(points%table, 'sd_gpa', .false., points%sd_gpa, error)
+      else if (settings%scale /= 'inferred') then
+         call refuse(error, 'the column sd_gpa is missing; it may be absent only with scale = ' &
+            & //'''inferred''; the columns are '//points%table%names())
       end if
       call read_column(points%table, 'orientation_sd_deg', .true., points%orientation_sd_deg, error)
       call read_column(points%table, 'depth_um', .true., points%depth_um, error)
@@ -178,7 +179,8 @@ contains
 
    contains
 
-      !> Number the lines as the column `row` does, which has those of the file of a laboratory.
+      !> Set the numbers of the lines to those in the column `row`: the lines in the file of the
+      !> laboratory.
       subroutine read_lines(table, error)
          type(table_type), intent(inout) :: table
          type(error_type), allocatable, intent(out) :: error
@@ -194,8 +196,8 @@ contains
          end do
       end subroutine read_lines
 
-      !> Add to the sds what an uncertain zero of the depth does to the modulus of each test, E ~
-      !> P/(sqrt(R) h^1.5).
+      !> Add the error of the modulus by an uncertain zero of the depth to the sds; the modulus is
+      !> proportional to P/(sqrt(R) h^1.5).
       subroutine add_zero_error()
          real(wp), parameter :: power = 1.5_wp
          real(wp), allocatable :: zero_sd_nm(:)
@@ -203,7 +205,7 @@ contains
 
          call read_column(points%table, 'zero_sd_nm', .true., zero_sd_nm, error)
          if (allocated(error)) return
-         zero_sd_nm = merge(zero_sd_nm, asked%zero_sd_nm, zero_sd_nm >= 0.0_wp)
+         zero_sd_nm = merge(zero_sd_nm, settings%zero_sd_nm, zero_sd_nm >= 0.0_wp)
          i = findloc(zero_sd_nm > 0.0_wp &
             & .and. .not. (points%depth_um > 0.0_wp .and. points%sd_gpa > 0.0_wp), .true., dim=1)
          if (i > 0) then
@@ -217,9 +219,9 @@ contains
       end subroutine add_zero_error
    end subroutine read_measurements
 
-   !> The angles of every row, or angles for the direction that is stated in another way.
+   !> Set the angles of each row, which follow from the direction if the table states that.
    subroutine read_orientations(points, radians, crystal, parameters, error)
-      !> Their table is there.
+      !> With their table.
       type(points_type), intent(inout) :: points
       !> The unit of the angles in the table.
       logical, intent(in) :: radians
@@ -254,7 +256,7 @@ contains
       end if
    end subroutine read_orientations
 
-   !> A point a row; what is not read yet is NaN.
+   !> Make a point for each row, with NaN for the values that are not read yet.
    subroutine set_size(points)
       type(points_type), intent(inout) :: points
       integer :: i
@@ -266,13 +268,13 @@ contains
       allocate (points%modulus_gpa(points%n), points%sd_gpa(points%n), source=nan)
    end subroutine set_size
 
-   !> The angles of every row.
+   !> Read the angles of each row.
    subroutine read_angles(points, radians, error)
       type(points_type), intent(inout) :: points
       !> The unit of the angles in the table.
       logical, intent(in) :: radians
       type(error_type), allocatable, intent(out) :: error
-      ! Half a turn in radians is a rounded number.
+      ! In radians half a turn may be rounded up.
       real(wp), parameter :: largest_turn = 36000.0_wp, rounding = 1.0e-4_wp
       character(len=:), allocatable :: refusal
       real(wp), allocatable :: values(:)
@@ -294,7 +296,7 @@ contains
       end do
    end subroutine read_angles
 
-   !> The independent constants of each row, and the stiffness.
+   !> Read the independent constants of each row, and set the stiffness.
    subroutine read_constants(points, default_class, error)
       type(points_type), intent(inout) :: points
       type(crystal_class_type), intent(in) :: default_class
@@ -326,7 +328,7 @@ contains
 
    contains
 
-      !> Of the entries of row i the constants of its class, and the stiffness.
+      !> Take the constants of the class from the entries of row i, and set the stiffness.
       subroutine take_constants()
          real(wp) :: entries(21), implied(21)
          integer :: k
@@ -346,7 +348,7 @@ contains
                points%constants(k, i) = entries(j)
             end do
             points%stiffness(:, :, i) = class%stiffness(points%constants(:class%n_constants, i))
-            ! A constant that does not apply is empty, or what the symmetry makes it.
+            ! The cell of a dependent constant is empty, or has the value that follows by symmetry.
             implied = general%constants_of(points%stiffness(:, :, i))
             do j = 1, 21
                if (.not. abs(entries(j) - implied(j)) > 1.0e-3_wp*abs(implied(j)) + 1.0e-3_wp) cycle
@@ -360,7 +362,7 @@ contains
          call prefix_error(error, 'line '//to_text(points%table%line(i))//': ')
       end subroutine take_constants
 
-      !> The class of each row, which may say it.
+      !> Set the class of each row, from the column `symmetry` if there is one.
       subroutine read_classes()
          type(crystal_class_type) :: class
          integer, allocatable :: first(:)
@@ -378,7 +380,7 @@ contains
             cell = ''
             if (named > 0) cell = points%table%cell(named, i)
             class = default_class
-            ! All 21 columns and no word on the symmetry: the crystals are given whole.
+            ! A table of all 21 constants without a class has triclinic crystals.
             if (all(column > 0) .and. named == 0) class = general
             if (len(cell) > 0) call new_crystal_class(cell, class, error)
             call prefix_error(error, points%table%place(named, i))
@@ -396,8 +398,8 @@ contains
       end subroutine read_classes
    end subroutine read_constants
 
-   !> The `values` of one of `known_columns`. An `optional` one may be absent, and its cells may be
-   !> empty: NaN there. Nothing is done after an error.
+   !> Read the `values` of one of `known_columns`. An `optional` column may be absent and may have
+   !> empty cells, which give NaN. Nothing is done after an error.
    subroutine read_column(table, name, optional, values, error)
       type(table_type), intent(in) :: table
       character(len=*), intent(in) :: name
@@ -415,16 +417,16 @@ contains
       end associate
    end subroutine read_column
 
-   !> The `values` of a `column`, NaN where its cells are empty, if they `may_be_empty`, or where it
-   !> is 0.
+   !> Read the `values` of a `column`. They are NaN if the column is 0, and in empty cells, if these
+   !> are allowed by `may_be_empty`.
    subroutine read_numbers(table, column, allowed, may_be_empty, unit, refusal, values, error)
       type(table_type), intent(in) :: table
       integer, intent(in) :: column
-      !> The least and the greatest.
+      !> Least and greatest number.
       real(wp), intent(in) :: allowed(2)
       logical, intent(in) :: may_be_empty
-      !> What follows a cell that is not allowed: its unit, after a blank, and what is wrong, to
-      !> which the range is added if it has no semicolon.
+      !> Words that follow a number which is not allowed: the unit, after a blank, and the reason.
+      !> The range is added to a reason without a semicolon.
       character(len=*), intent(in) :: unit, refusal
       real(wp), allocatable, intent(out) :: values(:)
       type(error_type), allocatable, intent(out) :: error
@@ -447,7 +449,7 @@ contains
       end do
    end subroutine read_numbers
 
-   !> Groups are numbered in the order in which their names appear.
+   !> Number the groups in the order in which their names occur.
    subroutine read_groups(points)
       type(points_type), intent(inout) :: points
       integer, allocatable :: first(:)
@@ -463,7 +465,7 @@ contains
       end do
    end subroutine read_groups
 
-   !> Of each row the first one that has the same cell in a `column`; the first of all if that is 0.
+   !> For each row the first row with the same cell in a `column`; row 1 if the column is 0.
    function first_rows(table, column) result(first)
       type(table_type), intent(in) :: table
       integer, intent(in) :: column
@@ -480,7 +482,7 @@ contains
       first = number_equal(key)
    end function first_rows
 
-   !> No angle above a full turn in radians, and not all zero.
+   !> Whether no angle exceeds a full turn in radians, and not all are zero.
    pure logical function angles_look_like_radians(points)
       type(points_type), intent(in) :: points
 

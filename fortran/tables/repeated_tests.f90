@@ -1,5 +1,4 @@
-!> Several tests of one grain (column `grain`), combined, and their scatter compared with what their
-!> sds say.
+!> Combine the tests of one grain (column `grain`), and compare their scatter with their stated sds.
 !>
 !> The tests of a grain in one group are one measurement: the mean with weights 1/sd², whose sd is
 !> (sum of 1/sd²)^-1/2. Their chi-square, the sum of the squared deviations from that mean in sds,
@@ -17,15 +16,15 @@ module repeated_tests
    private
    public :: combine_tests, check_scatter, refuse_copied_rows
 
-   !> Of a scatter of less probability a warning says so; of single grains it is divided by their
+   !> A less probable scatter gives a warning; for single grains the probability is divided by their
    !> number.
    real(wp), parameter :: improbable = 0.01_wp
 
 contains
 
-   !> Refuse rows that were pasted once more: several in succession, of more than one orientation,
-   !> with all numbers of earlier ones. Equal values of one grain are tests whose moduli were
-   !> rounded.
+   !> Refuse rows that were pasted twice: several rows in succession, of more than one orientation,
+   !> whose numbers are all those of earlier rows. Equal rows of one grain are tests with rounded
+   !> moduli.
    subroutine refuse_copied_rows(points, error)
       type(points_type), intent(in) :: points
       type(error_type), allocatable, intent(out) :: error
@@ -42,7 +41,7 @@ contains
       do i = 1, points%n
          copies(first(i)) = copies(first(i)) + 1
       end do
-      ! Of rounded tests some are alike by chance, but not all of them as often.
+      ! Some rounded tests are equal by chance, but not all the same number of times.
       i = maxval(copies)
       if (grain == 0 .and. i > 1 .and. count(copies > 0) >= least &
          & .and. all(copies == 0 .or. copies == i) .and. any(abs(points%euler_deg &
@@ -70,14 +69,14 @@ contains
       end do
    end subroutine refuse_copied_rows
 
-   !> Let each grain of a group be one point, in the order of their first tests; these give the
-   !> orientation.
+   !> Make each grain of a group one point, in the order of the first tests, which give the
+   !> orientations.
    subroutine combine_tests(class, points, error)
-      !> Of the grains: equivalent orientations are one.
+      !> Class of the grains; symmetrically equivalent orientations count as equal.
       type(crystal_class_type), intent(in) :: class
       type(points_type), intent(inout) :: points
       type(error_type), allocatable, intent(out) :: error
-      !> Of each test the first one of its grain; all those first ones.
+      !> For each test the first test of its grain; all first tests.
       integer, allocatable :: first(:), kept(:)
       real(wp) :: key(2, points%n)
       integer :: column, i
@@ -100,7 +99,7 @@ contains
 
    contains
 
-      !> The tests of a grain have sds, and the orientation of its first one.
+      !> Refuse tests without sds, and tests of a grain that differ in orientation.
       subroutine check_tests()
          real(wp), parameter :: alike = 5.0_wp
          type(region_type) :: region
@@ -127,7 +126,7 @@ contains
          end do
       end subroutine check_tests
 
-      !> Weighted means; sizes and depths are plain means of what is given.
+      !> Set weighted means of the moduli, and plain means of the sizes and depths that are given.
       subroutine merge_tests()
          real(wp), dimension(points%n) :: weight, precision, modulus, chi_square, tests
 
@@ -155,7 +154,7 @@ contains
          points%chi_square = chi_square(kept)
       end subroutine merge_tests
 
-      !> Of each grain the sum of its tests' `values`, at the place of its first test.
+      !> Sum of the `values` of the tests of each grain, at the index of its first test.
       pure function sums(values)
          real(wp), intent(in) :: values(:)
          real(wp) :: sums(size(values))
@@ -167,7 +166,7 @@ contains
          end do
       end function sums
 
-      !> Of each grain the mean of the `values` that are given; NaN if none is.
+      !> Mean of the given `values` of each grain; NaN if none is given.
       pure function means_of(values) result(means)
          real(wp), intent(in) :: values(:)
          real(wp) :: means(size(kept)), total(size(values)), given(size(values))
@@ -178,11 +177,11 @@ contains
       end function means_of
    end subroutine combine_tests
 
-   !> Warn of tests that scatter more or less than their sds say: all together, and in single
+   !> Warn of tests that scatter more or less than their stated sds: all together, and in single
    !> grains.
    subroutine check_scatter(points, prefix, warnings)
       type(points_type), intent(in) :: points
-      !> Of the lines.
+      !> Beginning of the warnings.
       character(len=*), intent(in) :: prefix
       type(warning_type), allocatable, intent(inout) :: warnings(:)
       real(wp) :: above
@@ -212,7 +211,7 @@ contains
       end do
    end subroutine check_scatter
 
-   !> '2.1 times as much (chi-square 12.3 with 3 degrees of freedom)'.
+   !> Words such as '2.1 times as much (chi-square 12.3, degrees of freedom 3)'.
    function in_words(chi_square, freedom) result(words)
       real(wp), intent(in) :: chi_square
       integer, intent(in) :: freedom

@@ -1,6 +1,6 @@
-!> A whole stiffness that is known with its covariance, as from density functional theory: a CSV
-!> with a column `row` and one for each constant of the class; the row 'mean' (GPa) and one row of
-!> the covariance (GPa²) for each constant, in any order.
+!> A known stiffness with its covariance, such as one from density functional theory. The CSV has a
+!> column `row` and one for each constant of the class, the row 'mean' (GPa), and a row of the
+!> covariance (GPa²) for each constant, in any order.
 module stiffness_table
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: check_stiffness
@@ -16,15 +16,16 @@ module stiffness_table
    public :: stiffness_table_type, new_stiffness_table
 
    type :: stiffness_table_type
-      !> The cells as written.
+      !> The table as it was written.
       type(table_type) :: table
-      !> In the order of the class: GPa (n_constants), GPa² (n_constants, n_constants).
+      !> Means, GPa, (n_constants), and covariance, GPa², (n_constants, n_constants), in the order
+      !> of the class.
       real(wp), allocatable :: mean(:), covariance(:, :)
    end type stiffness_table_type
 
 contains
 
-   !> The mean and the covariance that the rows of a table have.
+   !> Read the means and the covariance from the rows of a table.
    subroutine new_stiffness_table(table, class, self, error)
       type(table_type), intent(in) :: table
       type(crystal_class_type), intent(in) :: class
@@ -92,7 +93,7 @@ contains
 
    contains
 
-      !> Symmetric to the digits that people write, and positive definite.
+      !> Refuse a covariance that is not symmetric, apart from rounding, or not positive definite.
       subroutine check_covariance()
          real(wp), parameter :: tolerance = 1.0e-3_wp
          real(wp) :: correlation(class%n_constants, class%n_constants)

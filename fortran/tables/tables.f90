@@ -1,4 +1,4 @@
-!> Tables of text cells from CSV, and back: a header row, then rows; lines that start with # are
+!> Tables of text cells, read from CSV and written: a header, then rows. Lines that start with # are
 !> comments.
 !>
 !> Cells are separated by commas, semicolons or tabs, whichever the header has most of; if not by
@@ -22,12 +22,12 @@ module tables
    character(len=*), parameter :: delimiters = ',;'//tab
 
    type :: table_type
-      !> Rows and columns, the header not counted.
+      !> Numbers of rows and columns, without the header.
       integer :: rows = 0, columns = 0
-      !> Line of the file on which each row begins, (rows).
+      !> Line of the file on which each row begins, (row).
       integer, allocatable :: line(:)
-      !> The text, in which cells are without quotes, and first and last byte of each, (2, columns,
-      !> 0:rows); row 0 is the header.
+      !> The text, with the cells unquoted, and the first and last byte of each cell, (2, column,
+      !> row); row 0 is the header.
       character(len=:), allocatable, private :: buffer
       integer, allocatable, private :: bounds(:, :, :)
       logical, private :: decimal_comma = .false.
@@ -37,7 +37,7 @@ module tables
 
 contains
 
-   !> Read the table of a file. The message of a refusal does not name the file, only the line.
+   !> Read the table of a file. Messages name the line, but not the file.
    subroutine read_table(path, table, error)
       character(len=*), intent(in) :: path
       type(table_type), intent(out) :: table
@@ -73,7 +73,7 @@ contains
 
    contains
 
-      !> Names must be names, and each of its own.
+      !> Refuse a header of numbers and a name that occurs twice.
       subroutine check_header()
          real(wp) :: value
          integer :: i, j, outcome, numbers
@@ -98,8 +98,8 @@ contains
       end subroutine check_header
    end subroutine parse_table
 
-   !> What separates the cells: of comma, semicolon and tab that which the header has most of,
-   !> outside quotes.
+   !> The delimiter of the cells: the one of comma, semicolon and tab that occurs most often in the
+   !> header, outside quotes.
    pure character function delimiter_of(header)
       character(len=*), intent(in) :: header
       integer :: counts(len(delimiters)), i, k
@@ -116,12 +116,12 @@ contains
       delimiter_of = delimiters(k:k)
    end function delimiter_of
 
-   !> Cut the text into cells, all rows of which have as many as the header.
+   !> Split the text into cells. Each row must have as many cells as the header.
    subroutine split(content, table, bounds, line, rows, error)
       character(len=*), intent(in) :: content
       type(table_type), intent(inout) :: table
-      !> Of the cells, row by row from the header; the lines on which rows begin, and the number of
-      !> rows.
+      !> First and last byte of each cell, row by row from the header; line on which each row
+      !> begins; number of rows with the header.
       integer, allocatable, intent(out) :: bounds(:, :), line(:)
       integer, intent(out) :: rows
       type(error_type), allocatable, intent(out) :: error
@@ -144,8 +144,8 @@ contains
       number = 1
       i = 1
       do while (i <= len(table%buffer))
-         ! At the start of a line: skip it if # is the first that is not blank, or if all is blank:
-         ! then both places are 0.
+         ! Skip comments, whose first sign that is not blank is #, and blank lines, for which both
+         ! positions are 0.
          last = i - 2 + index(table%buffer(i:), newline)
          if (index(table%buffer(i:last), '#') == verify(table%buffer(i:last), &
             & ' '//tab//return)) then
@@ -169,7 +169,7 @@ contains
             if (table%buffer(i - 1:i - 1) == newline) exit
          end do
          number = number + 1
-         ! Empty cells beyond the header, and rows of nothing else, are none.
+         ! Drop empty cells beyond the header, and rows of empty cells.
          do while (cells - above > merge(0, table%columns, rows == 1))
             if (bounds(2, cells) >= bounds(1, cells)) exit
             cells = cells - 1
@@ -194,15 +194,15 @@ contains
       end do
    end subroutine split
 
-   !> The cell at byte `i`, which is left at what ends it. A text in quotes is moved to the front,
-   !> over these.
+   !> Find the cell at byte `i`, and move `i` to the delimiter or the end of the line after it. The
+   !> text of a quoted cell replaces its quotes.
    subroutine take_cell(buffer, delimiter, i, line, bounds, error)
       ! allow(C072)
       character(len=*), intent(inout) :: buffer
       character, intent(in) :: delimiter
-      !> The place, and the number of its line.
+      !> Position in the buffer, and number of the line there.
       integer, intent(inout) :: i, line
-      !> First and last byte.
+      !> First and last byte of the cell.
       integer, intent(out) :: bounds(2)
       type(error_type), allocatable, intent(out) :: error
 
@@ -236,17 +236,17 @@ contains
       end if
    end subroutine take_cell
 
-   !> The cell in a `column` and `row`.
+   !> The text of the cell in a `column` and `row`.
    pure function cell(self, column, row) result(string)
       class(table_type), intent(in) :: self
-      !> From 1; from 0, the header.
+      !> From 1; row 0 is the header.
       integer, intent(in) :: column, row
       character(len=:), allocatable :: string
 
       string = self%buffer(self%bounds(1, column, row):self%bounds(2, column, row))
    end function cell
 
-   !> Whether there is nothing in a `column` and `row`.
+   !> Whether the cell in a `column` and `row` is empty.
    pure logical function is_empty(self, column, row)
       class(table_type), intent(in) :: self
       !> As of `cell`.
@@ -350,7 +350,7 @@ contains
       call refuse(error, self%place(column, row)//printable(self%cell(column, row))//message)
    end subroutine refuse_cell
 
-   !> A text, `string`, as a cell of a CSV file: in double quotes if it must be.
+   !> The cell of a CSV file for a text, `string`: in double quotes if it needs them.
    pure function csv_cell(string) result(cell)
       character(len=*), intent(in) :: string
       character(len=:), allocatable :: cell
@@ -362,12 +362,12 @@ contains
       end if
    end function csv_cell
 
-   !> Write a table with the columns `names`, separated by commas; its own of these names are left
-   !> out.
+   !> Write a table with further columns, `names`, separated by commas. They replace its own columns
+   !> of these names.
    subroutine write_table(table, path, names, values, error)
       type(table_type), intent(in) :: table
       character(len=*), intent(in) :: path, names
-      !> Of each row and each name; what is not finite is an empty cell.
+      !> (row, name); cells of numbers that are not finite are empty.
       real(wp), intent(in) :: values(:, :)
       type(error_type), allocatable, intent(out) :: error
       type(new_file_type) :: file
@@ -393,7 +393,7 @@ contains
       call file%finish(error)
    end subroutine write_table
 
-   !> A short name for the cells.
+   !> Checksum of all cells.
    function digest(self)
       class(table_type), intent(in) :: self
       character(len=:), allocatable :: digest, joined

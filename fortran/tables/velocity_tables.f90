@@ -1,5 +1,5 @@
-!> The table of measured speeds of waves, beside or instead of moduli: a row of each follows the
-!> rows of the moduli.
+!> Measured speeds of waves, in addition to moduli or alone. Among the measurements they follow the
+!> moduli.
 module velocity_tables
    use crystal_elasticity, only: no_wave, path_type, rayleigh, wave_names
    use errors, only: error_type
@@ -14,12 +14,12 @@ module velocity_tables
 
 contains
 
-   !> Orientations, directions of propagation, which waves, and speeds with their sds, m/s.
+   !> Read orientations, kinds and directions of waves, and speeds with their sds, m/s.
    subroutine read_velocities(table, radians, points, error)
       type(table_type), intent(in) :: table
       !> The unit of the Euler angles in the table.
       logical, intent(in) :: radians
-      !> The speeds stand in place of the moduli.
+      !> With the speeds in place of moduli.
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: along(:)
@@ -53,12 +53,12 @@ contains
       end do
    end subroutine read_velocities
 
-   !> Let rows of speeds follow the moduli, with groups of their own, in place of those that are
-   !> there; without moduli they are all.
+   !> Append speeds to the moduli, in groups of their own; they replace those that are there.
+   !> Without moduli they are all points.
    subroutine append_velocities(points, velocities, kept)
       type(points_type), allocatable, intent(inout) :: points
       type(points_type), intent(in) :: velocities
-      !> Which of them, all without it; the others are counted.
+      !> The speeds to append, all by default; the others are counted.
       logical, intent(in), optional :: kept(:)
       integer, allocatable :: rows(:)
       integer :: i, n
