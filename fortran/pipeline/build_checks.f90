@@ -5,7 +5,7 @@ module build_checks
    use abstract_basis, only: basis_type
    use bases, only: new_basis
    use crystal_class, only: general_class
-   use errors, only: error_type, exit_bad_input, prefix_error, refuse, warn
+   use errors, only: error_type, exit_bad_input, refuse, warn
    use files, only: printable
    use kinds, only: wp
    use machine, only: check_memory
@@ -42,17 +42,16 @@ contains
       if (present(output) .and. .not. allocated(error)) then
          call check_replaceable(output//'/'//problem%settings%surrogate%file, error)
       end if
-      call prefix_error(error, place(problem%path, 'surrogate', 'file'))
+      call problem%locate('surrogate', 'file', error)
       if (allocated(error)) return
       call basis_of_problem(problem, basis, error)
       if (allocated(error)) return
       if (.not. allocated(basis%prior_degrees) &
          & .and. problem%settings%design%budget < basis%n_terms) then
-         call refuse(error, &
-            & place(problem%path, 'design', 'budget')//to_text(problem%settings%design%budget) &
+         call problem%refuse('design', 'budget', to_text(problem%settings%design%budget) &
             & //' simulations are fewer than the '//to_text(basis%n_terms) &
             & //' terms of the surrogate; allowed: '//to_text(basis%n_terms) &
-            & //' or more, a lower degree or bandlimit, or model = ''correction''')
+            & //' or more, a lower degree or bandlimit, or model = ''correction''', error)
       end if
       if (allocated(error)) return
       n = problem%settings%design%n_candidates
@@ -61,11 +60,11 @@ contains
       ! of the terms.
       call check_memory(bytes*basis%n_terms*(2.0_wp*n + 4.0_wp*basis%n_terms), &
          & to_text(n)//' candidates of '//to_text(basis%n_terms)//' terms', error)
-      if (.not. allocated(error)) then
-         call check_scan(problem, basis%domain, error)
-      else
-         error%message = place(problem%path, 'design', 'n_candidates')//error%message
+      call problem%locate('design', 'n_candidates', error)
+      if (allocated(error)) then
          error%status = exit_bad_input
+      else
+         call check_scan(problem, basis%domain, error)
       end if
    end subroutine check_build
 
@@ -91,7 +90,7 @@ contains
          settings%bandlimit = pairs(2, i)
          call new_basis(domain, settings, basis, error)
       end do
-      call prefix_error(error, place(problem%path, 'surrogate', 'scan'))
+      call problem%locate('surrogate', 'scan', error)
    end subroutine check_scan
 
    !> Warn of candidates outside the domain of the surrogate.
@@ -122,7 +121,7 @@ contains
       call domain_of(self, domain, error)
       if (allocated(error)) return
       call new_basis(domain, self%settings%surrogate, basis, error)
-      call prefix_error(error, place(self%path, 'surrogate', ''))
+      call self%locate('surrogate', '', error)
    end subroutine basis_of_problem
 
    !> The domain of validity of the surrogate of a problem: crystals of its class between bounds of
@@ -155,7 +154,7 @@ contains
          end if
          if (allocated(stiffness)) domain%stiffness = stiffness
          if (.not. allocated(error)) call complete_domain(class, domain, error)
-         call prefix_error(error, place(self%path, 'domain', ''))
+         call self%locate('domain', '', error)
       end associate
    end subroutine domain_of
 
@@ -179,17 +178,17 @@ contains
             if (.not. is_paper) scale = specimen_stiffness(self%settings)
             if (scale > 0.0_wp) stiffness = scale*[1.0_wp/scale_factor, scale_factor]
          else if (is_paper) then
-            call refuse(error, place(self%path, 'domain', names(findloc(stated, .true., 1))) &
-               & //'the paper''s model has no scale apart from its constants; allowed with ' &
-               & //'model = ''correction''')
+            call self%refuse('domain', names(findloc(stated, .true., 1)), 'the paper''s model ' &
+               & //'has no scale apart from its constants; allowed with model = ''correction''', &
+               & error)
          else if (.not. all(stated)) then
-            call refuse(error, place(self%path, 'domain', names(findloc(stated, .false., 1))) &
-               & //'the variable is missing; '//names(findloc(stated, .true., 1))//' needs it')
+            call self%refuse('domain', names(findloc(stated, .false., 1)), 'the variable is ' &
+               & //'missing; '//names(findloc(stated, .true., 1))//' needs it', error)
          else
             stiffness = [domain%stiffness_min_gpa, domain%stiffness_max_gpa]
             if (.not. stiffness(1) < stiffness(2)) then
-               call refuse(error, place(self%path, 'domain', names(1))//to_text(stiffness(1)) &
-                  & //' GPa is not below the stiffness_max_gpa of '//to_text(stiffness(2))//' GPa')
+               call self%refuse('domain', names(1), to_text(stiffness(1))//' GPa is not below the ' &
+                  & //'stiffness_max_gpa of '//to_text(stiffness(2))//' GPa', error)
             end if
          end if
       end associate

@@ -13,7 +13,6 @@ module build_loop
    use evidence_regression, only: coefficient_mean
    use kinds, only: wp
    use known_rows, only: known_rows_type, select_rows
-   use machine, only: thread_count
    use posterior_focus, only: check_focus, find_focus, focus_type, has_focus, is_accurate, &
       & round_size, simulations_before, tempered
    use sequential_design, only: candidates_type, design_type, initial_set, new_candidates, &
@@ -369,8 +368,8 @@ contains
          if (build%by_variance) then
             deallocate (build%chosen)
             allocate (build%chosen(count))
-            call learner%rule%choose(learner%design, learner%basis, &
-               & thread_count(build%problem%settings%execution%workers), build%chosen, variance)
+            call learner%rule%choose(learner%design, learner%basis, build%problem%threads(), &
+               & build%chosen, variance)
          else
             build%chosen = build%initial(:min(count, size(build%initial)))
             learner%design%available(build%chosen) = .false.

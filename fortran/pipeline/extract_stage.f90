@@ -2,13 +2,12 @@
 module extract_stage
    use abstract_stage, only: stage_type
    use constants_posterior, only: posterior_type
-   use errors, only: error_type, prefix_error
+   use errors, only: error_type
    use extraction, only: extract, extraction_type
    use extraction_document, only: describe_prior, save_posterior, write_extraction
    use files, only: new_file_type
    use json, only: json_type
    use samplers, only: chain_prefix
-   use namelist_file, only: place
    use problem_posterior, only: new_problem_posterior
    use running_command, only: remove_files
    use stage_documents, only: end_document, inputs_of
@@ -41,7 +40,7 @@ contains
          if (allocated(problem%class%name)) class = problem%class%name
          call load_named_surrogate(problem%settings%surrogate%file, class, self%places, &
             & self%surrogate, error)
-         call prefix_error(error, place(problem%path, 'surrogate', 'file'))
+         call problem%locate('surrogate', 'file', error)
          if (.not. allocated(error)) then
             call new_problem_posterior(problem, self%surrogate, self%posterior, error)
          end if

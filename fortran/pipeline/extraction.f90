@@ -21,7 +21,6 @@ module extraction
    use samplers, only: chains_type
    use statistics, only: flattened, moments, thinned
    use surrogate_model, only: new_theory_surrogate, predict_crystals, surrogate_type
-   use machine, only: thread_count
    use variance_shares, only: find_shares, shares_type, verdict_of
    implicit none
    private
@@ -116,7 +115,7 @@ contains
       if (problem%settings%sampler%evidence) then
          allocate (self%evidence)
          call estimate_evidence(self%posterior, self%chains, prior, self%prior_chains, &
-            & thread_count(problem%settings%execution%workers), self%evidence, error)
+            & problem%threads(), self%evidence, error)
          if (allocated(error)) return
       end if
       call summarise(problem, self, error)
@@ -186,7 +185,7 @@ contains
       real(wp), allocatable :: test_draws(:, :), new_draws(:, :)
       integer :: attempt, threads
 
-      threads = thread_count(problem%settings%execution%workers)
+      threads = problem%threads()
       if (.not. self%posterior%grains%has_theory) then
          call sample_posterior(problem, self%posterior, self%chains, error)
          return
@@ -220,7 +219,7 @@ contains
          & logarithms(:, :)
       integer :: k, n, threads
 
-      threads = thread_count(problem%settings%execution%workers)
+      threads = problem%threads()
       n = self%posterior%dimension
       k = self%posterior%n_constants
       self%names = [character(len=9) :: self%posterior%prior%class%constants, &

@@ -6,18 +6,16 @@ module next_stage
    use crystal_class, only: crystal_class_type, lattice_type, new_lattice
    use crystal_elasticity, only: no_wave, path_type, rayleigh, rotation_matrix
    use distinct_directions, only: angle_between, lattice_of_directions, new_region, region_type
-   use errors, only: error_type, prefix_error, refuse, warn, warning_type
+   use errors, only: error_type, refuse, warn, warning_type
    use files, only: file_exists
    use extract_stage, only: extract_stage_type
    use extraction, only: extract, extraction_type
    use json, only: json_type
    use kinds, only: degree, wp
    use linear_algebra, only: orthonormalize
-   use namelist_file, only: place
    use next_measurement, only: candidates_type, choose_measurements, suggestions_type
    use point_tables, only: points_type
    use direction_columns, only: angles_of_direction
-   use machine, only: thread_count
    use extraction_document, only: stored_draws
    use problem, only: problem_type
    use field_reading, only: choose_field_degree
@@ -109,7 +107,7 @@ contains
       integer :: m, n, threads
 
       allocate (warnings(0))
-      threads = thread_count(problem%settings%execution%workers)
+      threads = problem%threads()
       call check_target(problem, error)
       if (allocated(error)) return
       few = draws(:, ::max(1, size(draws, 2)/most_draws))
@@ -126,13 +124,11 @@ contains
             sd(2) = factor*median(n - m, posterior%data%sd(m + 1:))
          end if
          if (.not. sd(1) > 0.0_wp) then
-            call refuse(error, &
-               & place(problem%path, 'next', 'sd_gpa')//'the variable is missing; it is the sd ' &
-               & //'of the next modulus, and no moduli were measured whose sd it could be')
+            call problem%refuse('next', 'sd_gpa', 'the variable is missing; it is the sd of the ' &
+               & //'next modulus, and no moduli were measured whose sd it could be', error)
          else if (allocated(wanted%velocity_cost) .and. .not. sd(2) > 0.0_wp) then
-            call refuse(error, place(problem%path, 'next', 'velocity_sd_m_s') &
-               & //'the variable is missing; it is the sd of the next speed, and no speeds were ' &
-               & //'measured whose sd it could be')
+            call problem%refuse('next', 'velocity_sd_m_s', 'the variable is missing; it is the ' &
+               & //'sd of the next speed, and no speeds were measured whose sd it could be', error)
          end if
          if (allocated(error)) return
          if (posterior%dimension > posterior%n_constants) then
@@ -163,7 +159,7 @@ contains
                & problem%settings%problem%seed, threads, suggestions)
          end if
       end associate
-      call prefix_error(error, place(problem%path, 'next', ''))
+      call problem%locate('next', '', error)
       if (allocated(error)) return
       associate (found => size(suggestions%chosen), count => problem%settings%next%count)
          if (found < min(count, size(candidates%cost))) then

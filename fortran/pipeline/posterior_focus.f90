@@ -10,7 +10,6 @@ module posterior_focus
    use sequential_design, only: candidates_type
    use errors, only: error_type
    use kinds, only: degree, wp
-   use machine, only: thread_count
    use problem, only: problem_type
    use problem_posterior, only: draw_aside, focus_run, new_problem_posterior, stiffnesses
    use prior_sensitivity, only: is_truncated, list_limits
@@ -113,7 +112,7 @@ contains
       type(shares_type), allocatable :: shares(:)
       integer :: i, threads
 
-      threads = thread_count(problem%settings%execution%workers)
+      threads = problem%threads()
       if (.not. allocated(focus%theory_crystals)) then
          call draw_by_theory(problem, focus%theory_crystals, error)
          if (allocated(error)) return
