@@ -187,8 +187,8 @@ contains
          else
             stiffness = [domain%stiffness_min_gpa, domain%stiffness_max_gpa]
             if (.not. stiffness(1) < stiffness(2)) then
-               call self%refuse('domain', names(1), to_text(stiffness(1))//' GPa is not below the ' &
-                  & //'stiffness_max_gpa of '//to_text(stiffness(2))//' GPa', error)
+               call self%refuse('domain', names(1), to_text(stiffness(1))//' GPa is not below ' &
+                  & //'the stiffness_max_gpa of '//to_text(stiffness(2))//' GPa', error)
             end if
          end if
       end associate

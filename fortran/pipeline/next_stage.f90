@@ -116,7 +116,7 @@ contains
          n = posterior%n_grains
          sd = [wanted%sd_gpa, wanted%velocity_sd_m_s]
          factor = 1.0_wp
-         if (posterior%dimension > posterior%n_constants) then
+         if (posterior%infers_scale) then
             factor = sum(draws(posterior%dimension, :))/size(draws, 2)
          end if
          if (.not. sd(1) > 0.0_wp .and. m > 0) sd(1) = factor*median(m, posterior%data%sd(:m))
@@ -131,7 +131,7 @@ contains
                & //'sd of the next speed, and no speeds were measured whose sd it could be', error)
          end if
          if (allocated(error)) return
-         if (posterior%dimension > posterior%n_constants) then
+         if (posterior%infers_scale) then
             few(posterior%dimension, :) = log(few(posterior%dimension, :))
          end if
          if (posterior%grains%has_theory) then

@@ -197,7 +197,8 @@ contains
 
       call self%load_tables(given, error)
       if (allocated(error)) return
-      call check_simulation(self%path, self%settings, has_theory, error)
+      call check_simulation(self%settings, has_theory, error)
+      call self%locate('', '', error)
       if (allocated(error)) return
       associate (settings => self%settings)
          if (self%command == 'run') then

@@ -254,7 +254,7 @@ contains
    !> Refuse a variable of the namelist.
    pure subroutine refuse_variable(self, group, name, message, error)
       class(problem_type), intent(in) :: self
-      !> Group and variable, which may be ''; what is wrong.
+      !> Group and variable, either may be ''; what is wrong.
       character(len=*), intent(in) :: group, name, message
       type(error_type), allocatable, intent(out) :: error
 
@@ -264,7 +264,7 @@ contains
    !> Put a group and a variable of the namelist before the message of an error, if there is one.
    pure subroutine locate(self, group, name, error)
       class(problem_type), intent(in) :: self
-      !> The variable may be ''.
+      !> Either may be ''.
       character(len=*), intent(in) :: group, name
       type(error_type), allocatable, intent(inout) :: error
 
