@@ -418,17 +418,16 @@ contains
       end associate
       associate (chains => found%chains, checks => found%checks, predictions => found%predictions, &
          & prior => found%posterior%prior)
-         call out%put_array('draws', chains%draws, shape(chains%draws))
+         call put_draws('draws', chains%draws)
          call out%put_array('log_density', chains%log_density, shape(chains%log_density))
          call out%put_array('acceptance', chains%acceptance, shape(chains%acceptance))
-         call out%put_array('prior_draws', found%prior_chains%draws, &
-            & shape(found%prior_chains%draws))
-         call out%put_array('predicted', predictions%moduli, shape(predictions%moduli))
-         call out%put_array('factor', predictions%factor, shape(predictions%factor))
-         call out%put_array('quantities', predictions%quantities, shape(predictions%quantities))
+         call put_draws('prior_draws', found%prior_chains%draws)
+         call put_draws('predicted', predictions%moduli)
+         call put_draws('factor', predictions%factor)
+         call put_draws('quantities', predictions%quantities)
          call out%put('stride', predictions%stride)
-         call out%put_array('log_likelihood', checks%log_likelihood, shape(checks%log_likelihood))
-         call out%put_array('replicated', checks%replicated, shape(checks%replicated))
+         call put_draws('log_likelihood', checks%log_likelihood)
+         call put_draws('replicated', checks%replicated)
          call out%put_array('log_prior', checks%log_prior, shape(checks%log_prior))
          call out%put_array('most_probable', found%most_probable, shape(found%most_probable))
          call out%put_array('lower', prior%lower, shape(prior%lower))
@@ -436,6 +435,16 @@ contains
          call out%put('anisotropy_cap', prior%anisotropy_cap)
          call out%put('share_inside', prior%share_inside)
       end associate
+
+   contains
+
+      subroutine put_draws(name, values)
+         character(len=*), intent(in) :: name
+         !> (variable, draw, chain).
+         real(wp), intent(in) :: values(:, :, :)
+
+         call out%put_array(name, values, shape(values))
+      end subroutine put_draws
    end subroutine put_extraction
 
    !> Write posterior.bin into a `folder`, with the `inputs` of which the results were computed.

@@ -86,12 +86,12 @@ contains
             do i = 1, size(check%outliers)
                advice = ''
                if (likelihood /= 'student') advice = '; likelihood = ''student'' admits outliers'
-               associate (grain => check%outliers(i), distance => check%distances(i))
+               associate (grain => check%outliers(i), distance => check%distances(i), &
+                  & side => merge('above', 'below', check%distances(i) > 0.0_wp))
                   call warn(warnings, 'grain '//printable(problem%measurements%name(grain)) &
                      & //' disagrees with the others: its modulus is '//fixed(abs(distance), 1) &
-                     & //' sd '//merge('above', 'below', distance > 0.0_wp) &
-                     & //' what they predict, and without it they agree. Check its value (' &
-                     & //to_text(found%posterior%data%modulus(grain), 4) &
+                     & //' sd '//side//' what they predict, and without it they agree. Check its ' &
+                     & //'value ('//to_text(found%posterior%data%modulus(grain), 4) &
                      & //' GPa) and orientation, or remove it'//advice)
                end associate
             end do

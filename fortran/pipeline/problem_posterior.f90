@@ -218,43 +218,46 @@ contains
          measured%shared = shared_errors(problem, reshape([real(wp) ::], [n_moduli, 0]), table%n)
       end if
       if (problem%settings%measurements%orientations == 'unknown') then
-         call spread_orientations(problem%class, problem%texture, measured)
+         call spread_orientations()
       end if
-   end function measured_grains_of
 
-   !> Let each measurement be of any direction of the crystal, evenly over the sphere, or of any
-   !> orientation of a texture.
-   subroutine spread_orientations(class, texture, measured)
-      type(crystal_class_type), intent(in) :: class
-      type(points_type), allocatable, intent(in) :: texture
-      type(measured_type), intent(inout) :: measured
-      !> Directions, for sds of this part of the modulus or more, and at most.
-      real(wp), parameter :: usual = 0.02_wp, enough = 1200.0_wp, most = 6000.0_wp
-      type(region_type) :: region
-      real(wp), allocatable :: directions(:, :)
-      integer :: i, n
+   contains
 
-      call new_region(class, region)
-      n = int(min(most, enough*max(1.0_wp, (usual/minval(measured%sd/measured%modulus))**2)))
-      ! Where something is evaluated at the orientations of the measurements, there are as many.
-      n = max(n, size(measured%modulus))
-      if (allocated(texture)) then
-         n = texture%n*((size(measured%modulus) - 1)/texture%n + 1)
-         measured%euler = reshape(texture%euler_deg*degree, [3, n], pad=texture%euler_deg*degree)
-         measured%probability = spread(1.0_wp/n, 1, n)
-      else
-         call even_directions(region, n, real(n, wp), directions)
-         n = size(directions, 2)
-         measured%euler = reshape([(angles_of_direction(directions(:, i))*degree, i=1, n)], [3, n])
-         measured%probability = spread(1.0_wp, 1, n)
-         ! Over an arc angles are even, areas are not.
-         if (region%dimension == 1) then
-            measured%probability = sqrt(1.0_wp - matmul(region%axis, directions)**2)
+      !> Let each measurement be of any direction of the crystal, evenly over the sphere, or of any
+      !> orientation of a texture.
+      subroutine spread_orientations()
+         !> Directions, for sds of this part of the modulus or more, and at most.
+         real(wp), parameter :: usual = 0.02_wp, enough = 1200.0_wp, most = 6000.0_wp
+         type(region_type) :: region
+         real(wp), allocatable :: directions(:, :)
+         integer :: i, n
+
+         call new_region(problem%class, region)
+         n = int(min(most, enough*max(1.0_wp, (usual/minval(measured%sd/measured%modulus))**2)))
+         ! Where something is evaluated at the orientations of the measurements, there are as many.
+         n = max(n, size(measured%modulus))
+         if (allocated(problem%texture)) then
+            associate (texture => problem%texture)
+               n = texture%n*((size(measured%modulus) - 1)/texture%n + 1)
+               measured%euler = reshape(texture%euler_deg*degree, [3, n], &
+                  & pad=texture%euler_deg*degree)
+            end associate
+            measured%probability = spread(1.0_wp/n, 1, n)
+         else
+            call even_directions(region, n, real(n, wp), directions)
+            n = size(directions, 2)
+            measured%euler = reshape([(angles_of_direction(directions(:, i))*degree, i=1, n)], &
+               & [3, n])
+            measured%probability = spread(1.0_wp, 1, n)
+            ! Over an arc angles are even, areas are not.
+            if (region%dimension == 1) then
+               measured%probability = sqrt(1.0_wp - matmul(region%axis, directions)**2)
+            end if
+            measured%probability = measured%probability/sum(measured%probability)
          end if
-         measured%probability = measured%probability/sum(measured%probability)
-      end if
-      measured%tilt_sd = spread(0.0_wp, 1, n)
-   end subroutine spread_orientations
+         measured%tilt_sd = spread(0.0_wp, 1, n)
+      end subroutine spread_orientations
+   end function measured_grains_of
 
    !> Relative errors that n measurements share, (measurement, error). The first rows are those of
    !> the moduli, with the errors that the user stated; the others are those of the speeds, with
