@@ -14,7 +14,7 @@ module campaign
    use errors, only: error_type, warning_type
    use kinds, only: i8, wp
    use simulate, only: outcome_done, outcome_failed, outcome_type
-   use text, only: number_ok, number_text, quoted, read_integer, read_real, to_text
+   use text, only: number_text, quoted, read_integer, read_real, split_list, to_text
    implicit none
    private
    public :: campaign_type, row_type, campaign_name
@@ -159,45 +159,35 @@ contains
       type(row_type), intent(in) :: row
       type(error_type), allocatable, intent(out) :: error
       type(warning_type) :: texts(n_texts)
+      type(outcome_type) :: outcome
       character(len=:), allocatable :: values, cells
-      real(wp) :: modulus
       integer :: i
-
-      call get_texts(row, texts)
-      values = text_value(self%physics)//text_value(to_text(max(-1, row%position)))
-      do i = 1, n_texts
-         values = values//text_value(texts(i)%text)
-      end do
-      associate (outcome => row%outcome)
-         modulus = merge(outcome%modulus, 0.0_wp, outcome%status == outcome_done)
-         values = values//'r'//number_text(modulus)//c_null_char &
-            & //text_value(to_text(max(0, outcome%elements))) &
-            & //'r'//number_text(max(0.0_wp, outcome%seconds))//c_null_char
-         values = values//text_value(row_checksum(self%identity, texts, modulus, &
-            & outcome%elements, outcome%seconds))
-      end associate
-      call self%file%query(insertion, values, cells, error)
-   end subroutine add
-
-   !> Set the texts of a row.
-   subroutine get_texts(row, texts)
-      type(row_type), intent(in) :: row
-      type(warning_type), intent(out) :: texts(n_texts)
 
       texts(1)%text = trim(row%symmetry)
       texts(2)%text = list_text(row%constants)
       texts(3)%text = list_text(row%euler_deg)
       texts(4)%text = simulated
       if (row%imported) texts(4)%text = imported
-      texts(5)%text = failed
-      if (row%outcome%status == outcome_done) texts(5)%text = done
+      texts(5)%text = done
       texts(6)%text = ''
-      if (allocated(row%outcome%message) .and. row%outcome%status /= outcome_done) then
-         texts(6)%text = row%outcome%message
+      outcome = row%outcome
+      if (outcome%status /= outcome_done) then
+         outcome%modulus = 0.0_wp
+         texts(5)%text = failed
+         texts(6)%text = outcome%message
       end if
-      texts(7)%text = list_text(row%outcome%depth)
-      texts(8)%text = list_text(row%outcome%force)
-   end subroutine get_texts
+      texts(7)%text = list_text(outcome%depth)
+      texts(8)%text = list_text(outcome%force)
+      values = text_value(self%physics)//text_value(to_text(max(-1, row%position)))
+      do i = 1, n_texts
+         values = values//text_value(texts(i)%text)
+      end do
+      values = values//'r'//number_text(outcome%modulus)//c_null_char &
+         & //text_value(to_text(max(0, outcome%elements))) &
+         & //'r'//number_text(max(0.0_wp, outcome%seconds))//c_null_char
+      call self%file%query(insertion, values//text_value(row_checksum(self%identity, texts, &
+         & outcome)), cells, error)
+   end subroutine add
 
    !> Store a row. Quick results, such as the theory's, wait until there are many of them or some
    !> seconds have passed.
@@ -269,66 +259,55 @@ contains
       type(row_type), intent(out) :: row
       type(error_type), allocatable, intent(out) :: error
       type(warning_type) :: cell(n_columns)
-      real(wp), allocatable :: angles(:)
-      logical :: good(5)
-      integer :: length, outcome, i
+      integer :: length, status, i
 
       do i = 1, n_columns
          length = index(cells(at:), c_null_char)
          cell(i)%text = cells(at:at + length - 2)
          at = at + length
       end do
-      call read_integer(cell(1)%text, row%position, outcome)
+      call read_integer(cell(1)%text, row%position, status)
       row%symmetry = cell(2)%text
-      call read_list(cell(3)%text, row%constants, good(1))
-      call read_list(cell(4)%text, angles, good(2))
+      row%constants = numbers_in(cell(3)%text)
       row%imported = cell(5)%text == imported
-      row%outcome%status = merge(outcome_done, outcome_failed, cell(6)%text == done)
-      row%outcome%message = cell(7)%text
-      call read_list(cell(8)%text, row%outcome%depth, good(3))
-      call read_list(cell(9)%text, row%outcome%force, good(4))
-      call read_real(cell(10)%text, row%outcome%modulus, outcome)
-      call read_integer(cell(11)%text, row%outcome%elements, outcome)
-      call read_real(cell(12)%text, row%outcome%seconds, outcome)
-      good(5) = cell(13)%text == row_checksum(self%identity, cell(2:1 + n_texts), &
-         & row%outcome%modulus, row%outcome%elements, row%outcome%seconds)
-      if (all(good) .and. size(angles) == size(row%euler_deg)) then
-         row%euler_deg = angles
+      associate (outcome => row%outcome)
+         outcome%status = merge(outcome_done, outcome_failed, cell(6)%text == done)
+         outcome%message = cell(7)%text
+         outcome%depth = numbers_in(cell(8)%text)
+         outcome%force = numbers_in(cell(9)%text)
+         call read_real(cell(10)%text, outcome%modulus, status)
+         call read_integer(cell(11)%text, outcome%elements, status)
+         call read_real(cell(12)%text, outcome%seconds, status)
+      end associate
+      ! An unchanged row has lists that `add` wrote.
+      if (cell(13)%text == row_checksum(self%identity, cell(2:1 + n_texts), row%outcome)) then
+         row%euler_deg = numbers_in(cell(4)%text)
       else
          call raise_damaged(self%path, &
             & 'the row of position '//to_text(row%position)//' was changed', error)
       end if
    end subroutine read_row
 
-   !> Read the numbers of a JSON list; an empty text has none.
-   pure subroutine read_list(list, values, good)
+   !> The numbers of a JSON list; an empty text has none.
+   pure function numbers_in(list) result(numbers)
       character(len=*), intent(in) :: list
-      real(wp), allocatable, intent(out) :: values(:)
-      logical, intent(out) :: good
-      integer :: j, n, first, last, outcome
+      real(wp), allocatable :: numbers(:)
+      character(len=:), allocatable :: items(:)
+      integer :: i, status
 
-      n = 0
-      if (len(list) > 2) n = 1 + count([(list(j:j) == ',', j=1, len(list))])
-      allocate (values(n), source=0.0_wp)
-      good = .true.
-      first = 2
-      do j = 1, n
-         ! A comma and a blank separate the numbers; a bracket follows the last.
-         last = first + index(list(first:), ',') - 2
-         if (j == n) last = len(list) - 1
-         call read_real(list(first:last), values(j), outcome)
-         good = good .and. outcome == number_ok
-         first = min(last + 3, len(list))
+      allocate (items, source=split_list(list(2:len(list) - 1)))
+      allocate (numbers(size(items)))
+      do i = 1, size(items)
+         call read_real(trim(items(i)), numbers(i), status)
       end do
-   end subroutine read_list
+   end function numbers_in
 
    !> Checksum of a row: of the identity of its physics, its texts, and all bits of its numbers.
-   pure function row_checksum(identity, texts, modulus, elements, seconds) result(digits)
+   pure function row_checksum(identity, texts, outcome) result(digits)
       character(len=*), intent(in) :: identity
       type(warning_type), intent(in) :: texts(:)
-      !> Modulus, GPa, and time, s; 0 if there is none.
-      real(wp), intent(in) :: modulus, seconds
-      integer, intent(in) :: elements
+      !> The modulus is 0 if there is none.
+      type(outcome_type), intent(in) :: outcome
       character(len=16) :: digits
       character(len=:), allocatable :: content
       integer :: i
@@ -337,8 +316,9 @@ contains
       do i = 1, size(texts)
          content = content//separator//texts(i)%text
       end do
-      digits = checksum(content//separator//to_text(transfer(modulus, 1_i8))//separator &
-         & //to_text(max(0, elements))//separator//to_text(transfer(max(0.0_wp, seconds), 1_i8)))
+      digits = checksum(content//separator//to_text(transfer(outcome%modulus, 1_i8)) &
+         & //separator//to_text(max(0, outcome%elements)) &
+         & //separator//to_text(transfer(max(0.0_wp, outcome%seconds), 1_i8)))
    end function row_checksum
 
    !> Numbers as a JSON list with all their digits; empty if there are none.

@@ -106,10 +106,11 @@ contains
          bend = abs(bend(3:) - 2.0_wp*bend(2:n - 1) + bend(:n - 2))
          test%sigma = max(least, normal*median(n - 2, bend)/spread)
       end associate
-      if (.not. slope > 0.0_wp) then
+      if (slope > 0.0_wp) then
+         test%ln_modulus = log(0.75_wp/sqrt(radius)*(1.0e3_wp/slope)**1.5_wp)
+      else
          call leave_out(test, 'no elastic part: the depth does not grow with the load')
       end if
-      if (test%used) test%ln_modulus = log(0.75_wp/sqrt(radius)*(1.0e3_wp/slope)**1.5_wp)
    end subroutine begin_test
 
    !> Score the test at shared unknowns `s`, with the prior standard deviations `sds`.
@@ -129,7 +130,7 @@ contains
       integer :: first(2*size(beginnings)), n, i, k, chosen
 
       n = size(test%curve%load)
-      call linearise(test, s, transient, linear)
+      call linearise()
       first = [((findloc(test%curve%load >= beginnings(k)*test%curve%load(n), .true., 1), k=1, &
          & size(beginnings)), i=1, 2)]
       ! The second half of the windows has no transient.
@@ -184,6 +185,34 @@ contains
             & //' nm away from the elastic curve through loads of '//fixed(test%from_load, 1) &
             & //' to '//fixed(test%to_load, 1)//' mN')
       end if
+
+   contains
+
+      !> Linearise the test about its modulus and the shared unknowns `s`. Its `zero` is the first
+      !> residual, which is subtracted from all.
+      subroutine linearise()
+         type(contact_type), allocatable :: contact(:)
+         real(wp) :: modulus
+
+         modulus = exp(test%ln_modulus)
+         associate (c => test%curve)
+            allocate (contact(n), source=contact_at(c%load, modulus, exp(s(i_radius)), s(i_beta)))
+            linear%load = c%load
+            linear%depth = 1.0e3_wp*contact%depth
+            allocate (linear%columns(n_columns, n))
+            linear%columns(1, :) = 1.0e3_wp*contact%by_modulus
+            linear%columns(1 + i_radius, :) = 1.0e3_wp*contact%by_radius
+            linear%columns(1 + i_beta, :) = 1.0e3_wp*contact%by_beta
+            linear%columns(1 + i_compliance, :) = c%load
+            linear%columns(own + 1, :) = 1.0_wp
+            linear%columns(own + 2, :) = c%time - sum(c%time)/n
+            linear%columns(own + 3, :) = 1.0e3_wp/(2.0_wp*modulus*contact%radius)
+            linear%columns(own + 4, :) = exp(-c%time/transient)
+            linear%residual = c%depth - linear%depth - s(i_compliance)*c%load
+            test%zero = linear%residual(1)
+            linear%residual = linear%residual - test%zero
+         end associate
+      end subroutine linearise
    end subroutine score_test
 
    !> Exclude a test, for this `reason`.
@@ -194,35 +223,6 @@ contains
       test%used = .false.
       test%reason = reason
    end subroutine leave_out
-
-   !> Linearise the test about its modulus and the shared unknowns `s`.
-   subroutine linearise(test, s, transient, linear)
-      !> Its `zero` is the first residual, which is subtracted from all.
-      type(test_type), intent(inout) :: test
-      real(wp), intent(in) :: s(n_shared), transient
-      type(linear_type), intent(out) :: linear
-      type(contact_type), allocatable :: contact(:)
-      real(wp) :: modulus
-
-      modulus = exp(test%ln_modulus)
-      associate (c => test%curve, n => size(test%curve%load))
-         allocate (contact(n), source=contact_at(c%load, modulus, exp(s(i_radius)), s(i_beta)))
-         linear%load = c%load
-         linear%depth = 1.0e3_wp*contact%depth
-         allocate (linear%columns(n_columns, n))
-         linear%columns(1, :) = 1.0e3_wp*contact%by_modulus
-         linear%columns(1 + i_radius, :) = 1.0e3_wp*contact%by_radius
-         linear%columns(1 + i_beta, :) = 1.0e3_wp*contact%by_beta
-         linear%columns(1 + i_compliance, :) = c%load
-         linear%columns(own + 1, :) = 1.0_wp
-         linear%columns(own + 2, :) = c%time - sum(c%time)/n
-         linear%columns(own + 3, :) = 1.0e3_wp/(2.0_wp*modulus*contact%radius)
-         linear%columns(own + 4, :) = exp(-c%time/transient)
-         linear%residual = c%depth - linear%depth - s(i_compliance)*c%load
-         test%zero = linear%residual(1)
-         linear%residual = linear%residual - test%zero
-      end associate
-   end subroutine linearise
 
    !> Log densities of steps outside of the window, summed from the start: entry k is the sum of the
    !> first k - 1 steps.

@@ -5,7 +5,7 @@ module build_checks
    use abstract_basis, only: basis_type
    use bases, only: new_basis
    use crystal_class, only: general_class
-   use errors, only: error_type, exit_bad_input, prefix_error, refuse, warn
+   use errors, only: error_type, exit_bad_input, refuse, warn
    use files, only: printable
    use kinds, only: wp
    use machine, only: check_memory
@@ -42,17 +42,16 @@ contains
       if (present(output) .and. .not. allocated(error)) then
          call check_replaceable(output//'/'//problem%settings%surrogate%file, error)
       end if
-      call prefix_error(error, place(problem%path, 'surrogate', 'file'))
+      call problem%locate('surrogate', 'file', error)
       if (allocated(error)) return
       call basis_of_problem(problem, basis, error)
       if (allocated(error)) return
       if (.not. allocated(basis%prior_degrees) &
          & .and. problem%settings%design%budget < basis%n_terms) then
-         call refuse(error, &
-            & place(problem%path, 'design', 'budget')//to_text(problem%settings%design%budget) &
+         call problem%refuse('design', 'budget', to_text(problem%settings%design%budget) &
             & //' simulations are fewer than the '//to_text(basis%n_terms) &
             & //' terms of the surrogate; allowed: '//to_text(basis%n_terms) &
-            & //' or more, a lower degree or bandlimit, or model = ''correction''')
+            & //' or more, a lower degree or bandlimit, or model = ''correction''', error)
       end if
       if (allocated(error)) return
       n = problem%settings%design%n_candidates
@@ -61,38 +60,37 @@ contains
       ! of the terms.
       call check_memory(bytes*basis%n_terms*(2.0_wp*n + 4.0_wp*basis%n_terms), &
          & to_text(n)//' candidates of '//to_text(basis%n_terms)//' terms', error)
-      if (.not. allocated(error)) then
-         call check_scan(problem, basis%domain, error)
-      else
-         error%message = place(problem%path, 'design', 'n_candidates')//error%message
+      call problem%locate('design', 'n_candidates', error)
+      if (allocated(error)) then
          error%status = exit_bad_input
+      else
+         call check_scan()
       end if
+
+   contains
+
+      !> Refuse impossible truncations of `scan`.
+      subroutine check_scan()
+         type(surrogate_settings_type) :: settings
+         class(basis_type), allocatable :: truncated
+         integer, allocatable :: pairs(:, :)
+         integer :: i
+
+         settings = problem%settings%surrogate
+         call read_scan(settings%scan, pairs, error)
+         if (.not. allocated(error) .and. size(pairs) > 0 .and. settings%model /= 'paper') then
+            call refuse(error, &
+               & 'the '//settings%model//' has no bandlimit; allowed with model = ''paper''')
+         end if
+         do i = 1, size(pairs, 2)
+            if (allocated(error)) exit
+            settings%degree = pairs(1, i)
+            settings%bandlimit = pairs(2, i)
+            call new_basis(basis%domain, settings, truncated, error)
+         end do
+         call problem%locate('surrogate', 'scan', error)
+      end subroutine check_scan
    end subroutine check_build
-
-   !> Refuse impossible truncations of `scan`.
-   subroutine check_scan(problem, domain, error)
-      type(problem_type), intent(in) :: problem
-      type(domain_type), intent(in) :: domain
-      type(error_type), allocatable, intent(out) :: error
-      type(surrogate_settings_type) :: settings
-      class(basis_type), allocatable :: basis
-      integer, allocatable :: pairs(:, :)
-      integer :: i
-
-      settings = problem%settings%surrogate
-      call read_scan(settings%scan, pairs, error)
-      if (.not. allocated(error) .and. size(pairs) > 0 .and. settings%model /= 'paper') then
-         call refuse(error, &
-            & 'the '//settings%model//' has no bandlimit; allowed with model = ''paper''')
-      end if
-      do i = 1, size(pairs, 2)
-         if (allocated(error)) exit
-         settings%degree = pairs(1, i)
-         settings%bandlimit = pairs(2, i)
-         call new_basis(domain, settings, basis, error)
-      end do
-      call prefix_error(error, place(problem%path, 'surrogate', 'scan'))
-   end subroutine check_scan
 
    !> Warn of candidates outside the domain of the surrogate.
    subroutine question_candidates(self, error)
@@ -122,7 +120,7 @@ contains
       call domain_of(self, domain, error)
       if (allocated(error)) return
       call new_basis(domain, self%settings%surrogate, basis, error)
-      call prefix_error(error, place(self%path, 'surrogate', ''))
+      call self%locate('surrogate', '', error)
    end subroutine basis_of_problem
 
    !> The domain of validity of the surrogate of a problem: crystals of its class between bounds of
@@ -132,9 +130,8 @@ contains
       type(domain_type), intent(out) :: domain
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: class
-      real(wp), allocatable :: stiffness(:)
 
-      call range_of_scale(self, stiffness, error)
+      call set_range_of_scale()
       if (allocated(error)) return
       associate (stated => self%settings%domain)
          if (allocated(stated%c_min) .and. allocated(stated%c_max)) then
@@ -153,47 +150,43 @@ contains
             domain%log_anisotropy_max = stated%log_anisotropy_max
             domain%poisson = [stated%poisson_min, stated%poisson_max]
          end if
-         if (allocated(stiffness)) domain%stiffness = stiffness
          if (.not. allocated(error)) call complete_domain(class, domain, error)
-         call prefix_error(error, place(self%path, 'domain', ''))
+         call self%locate('domain', '', error)
       end associate
-   end subroutine domain_of
 
-   !> The range of the scale of the crystals, for a correction that depends on the scale. The
-   !> default range is a factor of 3 about the stiffness of the other parts of the specimen.
-   subroutine range_of_scale(self, stiffness, error)
-      type(problem_type), intent(in) :: self
-      !> Least and greatest scale, GPa, see `surrogate_domain`; unallocated if the correction does
-      !> not depend on the scale.
-      real(wp), allocatable, intent(out) :: stiffness(:)
-      type(error_type), allocatable, intent(out) :: error
-      character(len=*), parameter :: names(2) = ['stiffness_min_gpa', 'stiffness_max_gpa']
-      logical :: stated(2)
-      real(wp) :: scale
+   contains
 
-      associate (domain => self%settings%domain, &
-         & is_paper => self%settings%surrogate%model == 'paper')
-         stated = [allocated(domain%stiffness_min_gpa), allocated(domain%stiffness_max_gpa)]
-         if (.not. any(stated)) then
-            scale = 0.0_wp
-            if (.not. is_paper) scale = specimen_stiffness(self%settings)
-            if (scale > 0.0_wp) stiffness = scale*[1.0_wp/scale_factor, scale_factor]
-         else if (is_paper) then
-            call refuse(error, place(self%path, 'domain', names(findloc(stated, .true., 1))) &
-               & //'the paper''s model has no scale apart from its constants; allowed with ' &
-               & //'model = ''correction''')
-         else if (.not. all(stated)) then
-            call refuse(error, place(self%path, 'domain', names(findloc(stated, .false., 1))) &
-               & //'the variable is missing; '//names(findloc(stated, .true., 1))//' needs it')
-         else
-            stiffness = [domain%stiffness_min_gpa, domain%stiffness_max_gpa]
-            if (.not. stiffness(1) < stiffness(2)) then
-               call refuse(error, place(self%path, 'domain', names(1))//to_text(stiffness(1)) &
-                  & //' GPa is not below the stiffness_max_gpa of '//to_text(stiffness(2))//' GPa')
+      !> Set the range of the scale of the crystals, if the correction depends on the scale. The
+      !> default range is a factor of 3 about the stiffness of the other parts of the specimen.
+      subroutine set_range_of_scale()
+         character(len=*), parameter :: names(2) = ['stiffness_min_gpa', 'stiffness_max_gpa']
+         logical :: stated(2)
+         real(wp) :: scale
+
+         associate (asked => self%settings%domain, stiffness => domain%stiffness, &
+            & is_paper => self%settings%surrogate%model == 'paper')
+            stated = [allocated(asked%stiffness_min_gpa), allocated(asked%stiffness_max_gpa)]
+            if (.not. any(stated)) then
+               scale = 0.0_wp
+               if (.not. is_paper) scale = specimen_stiffness(self%settings)
+               if (scale > 0.0_wp) stiffness = scale*[1.0_wp/scale_factor, scale_factor]
+            else if (is_paper) then
+               call self%refuse('domain', names(findloc(stated, .true., 1)), 'the paper''s model ' &
+                  & //'has no scale apart from its constants; allowed with ' &
+                  & //'model = ''correction''', error)
+            else if (.not. all(stated)) then
+               call self%refuse('domain', names(findloc(stated, .false., 1)), 'the variable is ' &
+                  & //'missing; '//names(findloc(stated, .true., 1))//' needs it', error)
+            else
+               stiffness = [asked%stiffness_min_gpa, asked%stiffness_max_gpa]
+               if (.not. stiffness(1) < stiffness(2)) then
+                  call self%refuse('domain', names(1), to_text(stiffness(1))//' GPa is not below ' &
+                     & //'the stiffness_max_gpa of '//to_text(stiffness(2))//' GPa', error)
+               end if
             end if
-         end if
-      end associate
-   end subroutine range_of_scale
+         end associate
+      end subroutine set_range_of_scale
+   end subroutine domain_of
 
    !> Read the pairs of degree and bandlimit, (2, n), of a scan. A blank text has none.
    pure subroutine read_scan(text, pairs, error)

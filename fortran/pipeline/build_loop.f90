@@ -13,7 +13,6 @@ module build_loop
    use evidence_regression, only: coefficient_mean
    use kinds, only: wp
    use known_rows, only: known_rows_type, select_rows
-   use machine, only: thread_count
    use posterior_focus, only: check_focus, find_focus, focus_type, has_focus, is_accurate, &
       & round_size, simulations_before, tempered
    use sequential_design, only: candidates_type, design_type, initial_set, new_candidates, &
@@ -101,48 +100,48 @@ contains
                   & //others(:index(others//achar(10), achar(10)) - 1)//'); they are not used here')
             end if
          end if
-         call replay(self, rows, error)
+         call replay()
          self%n_expected = max(0, design%budget + design%validation - self%learning%n())
       end associate
+
+   contains
+
+      !> Train on the rows of the campaign as in the run that made them: in whole batches. The rows
+      !> of an interrupted batch stay available to the design, so that the same choice is made
+      !> again and their moduli are used in the order of choice; see `match_interrupted`.
+      subroutine replay()
+         logical, allocatable :: is_trained(:)
+         integer :: n_outside
+
+         associate (learner => self%learning%learner, learning => self%learning)
+            ! The same posterior chooses the simulations of a round again, and the campaign has
+            ! them.
+            call select_rows(rows, learner%basis, self%candidates, &
+               & self%problem%settings%design%reuse == 'chosen', allocated(self%focus), &
+               & self%unused, n_outside, error)
+            if (allocated(error)) return
+            if (allocated(self%focus)) then
+               learning%settings%budget = min(learning%settings%budget, &
+                  & max(simulations_before, self%unused%n()))
+               learning%first = min(learning%first, learning%settings%budget)
+            end if
+            if (n_outside > 0) then
+               call warn(self%warnings, to_text(n_outside)//' simulations of the campaign are ' &
+                  & //'outside the surrogate''s domain and are not used')
+            end if
+            self%n_failed = self%unused%failed
+            call train_on_rows(self, .true., error)
+            if (allocated(error)) return
+            call self%unused%divide(is_trained)
+            where (is_trained) learner%design%available = .false.
+            if (any(self%unused%open)) then
+               call update_posterior_mean(learner%design, .true., error)
+            else
+               call use_all_rows(self, error)
+            end if
+         end associate
+      end subroutine replay
    end subroutine begin
-
-   !> Train on the rows of the campaign as in the run that made them: in whole batches. The rows of
-   !> an interrupted batch stay available to the design, so that the same choice is made again and
-   !> their moduli are used in the order of choice; see `match_interrupted`.
-   subroutine replay(build, rows, error)
-      class(build_type), intent(inout) :: build
-      type(row_type), intent(in) :: rows(:)
-      type(error_type), allocatable, intent(out) :: error
-      logical, allocatable :: is_trained(:)
-      integer :: n_outside
-
-      associate (learner => build%learning%learner, learning => build%learning)
-         ! The same posterior chooses the simulations of a round again, and the campaign has them.
-         call select_rows(rows, learner%basis, build%candidates, &
-            & build%problem%settings%design%reuse == 'chosen', allocated(build%focus), &
-            & build%unused, n_outside, error)
-         if (allocated(error)) return
-         if (allocated(build%focus)) then
-            learning%settings%budget = min(learning%settings%budget, &
-               & max(simulations_before, build%unused%n()))
-            learning%first = min(learning%first, learning%settings%budget)
-         end if
-         if (n_outside > 0) then
-            call warn(build%warnings, to_text(n_outside)//' simulations of the campaign are ' &
-               & //'outside the surrogate''s domain and are not used')
-         end if
-         build%n_failed = build%unused%failed
-         call train_on_rows(build, .true., error)
-         if (allocated(error)) return
-         call build%unused%divide(is_trained)
-         where (is_trained) learner%design%available = .false.
-         if (any(build%unused%open)) then
-            call update_posterior_mean(learner%design, .true., error)
-         else
-            call use_all_rows(build, error)
-         end if
-      end associate
-   end subroutine replay
 
    !> Train on the rows that are left, batch by batch.
    subroutine train_on_rows(build, whole, error)
@@ -219,12 +218,10 @@ contains
       do
          if (size(self%chosen) > 0) call close_choice(self, error)
          if (allocated(error)) return
-         if (self%phase == training) call choose_training_batch(self, error)
-         if (self%phase == validating .and. .not. allocated(error)) then
-            call choose_validation(self, error)
-         end if
+         if (self%phase == training) call choose_training_batch()
+         if (self%phase == validating .and. .not. allocated(error)) call choose_validation()
          if (allocated(error)) return
-         call set_batch(self)
+         call set_batch()
          if (self%phase == finished) return
          ! Missing rows of an interrupted batch get the positions that are free within it.
          call self%look_up(any(self%unused%open) .or. allocated(self%focus), error)
@@ -234,62 +231,90 @@ contains
             return
          end if
       end do
-   end subroutine choose
 
-   !> Make the batch and its rows from the candidates that are chosen.
-   subroutine set_batch(build)
-      class(build_type), intent(inout) :: build
-      integer :: i
+   contains
 
-      deallocate (build%rows)
-      allocate (build%rows(size(build%chosen)))
-      associate (class => build%learning%learner%basis%domain%class, candidates => build%candidates)
-         build%rows%symmetry = class%name
-         do i = 1, size(build%rows)
-            build%rows(i)%constants = candidates%constants(:, build%chosen(i))
-            build%rows(i)%euler_deg = candidates%euler_deg(:, build%chosen(i))
-         end do
-         build%batch = [(job_type(class%stiffness(build%rows(i)%constants), &
-            & build%rows(i)%euler_deg), i=1, size(build%rows))]
-      end associate
-   end subroutine set_batch
+      !> Choose the next batch for training, or end the training.
+      subroutine choose_training_batch()
+         integer :: n_left
 
-   !> Choose the next batch for training, or end the training.
-   subroutine choose_training_batch(build, error)
-      class(build_type), intent(inout) :: build
-      type(error_type), allocatable, intent(out) :: error
-      integer :: n_left
-
-      associate (learning => build%learning)
-         n_left = count(learning%learner%design%available)
-         build%stopped = why_to_stop(learning)
-         if (len(build%stopped) == 0 .and. learning%n() >= learning%settings%budget) then
-            build%stopped = 'the budget is used'
-         end if
-         if (len(build%stopped) == 0 .and. n_left == 0) then
-            build%stopped = 'no candidate is left'
-            call warn(build%warnings, 'no candidate is left after '//to_text(learning%n()) &
-               & //' simulations; raise &design n_candidates to go on')
-         end if
-         if (allocated(build%focus) .and. len(build%stopped) > 0 .and. learning%n() >= 2) then
-            call begin_round(build, error)
-            if (allocated(error)) return
+         associate (learning => self%learning)
             n_left = count(learning%learner%design%available)
-         end if
-         if (len(build%stopped) == 0) then
-            if (any(build%unused%open)) build%design_before = learning%learner%design
-            call choose_some(build, min(batch_end(learning) - learning%n(), n_left))
-         else if (learning%n() < 2) then
-            call raise(error, failures(build))
-            if (build%n_failed == 0) then
-               error%message = 'fewer than two simulations; a surrogate needs two'
+            self%stopped = why_to_stop(learning)
+            if (len(self%stopped) == 0 .and. learning%n() >= learning%settings%budget) then
+               self%stopped = 'the budget is used'
             end if
-         else
-            call refit_all(learning, error)
-            build%phase = validating
+            if (len(self%stopped) == 0 .and. n_left == 0) then
+               self%stopped = 'no candidate is left'
+               call warn(self%warnings, 'no candidate is left after '//to_text(learning%n()) &
+                  & //' simulations; raise &design n_candidates to go on')
+            end if
+            if (allocated(self%focus) .and. len(self%stopped) > 0 .and. learning%n() >= 2) then
+               call begin_round(self, error)
+               if (allocated(error)) return
+               n_left = count(learning%learner%design%available)
+            end if
+            if (len(self%stopped) == 0) then
+               if (any(self%unused%open)) self%design_before = learning%learner%design
+               call choose_some(self, min(batch_end(learning) - learning%n(), n_left))
+            else if (learning%n() < 2) then
+               call raise(error, failures(self))
+               if (self%n_failed == 0) then
+                  error%message = 'fewer than two simulations; a surrogate needs two'
+               end if
+            else
+               call refit_all(learning, error)
+               self%phase = validating
+            end if
+         end associate
+      end subroutine choose_training_batch
+
+      !> Choose the simulations for validation: first the rows beyond the budget, then the
+      !> candidates with the largest variance.
+      subroutine choose_validation()
+         integer :: stored, wanted
+
+         wanted = self%problem%settings%design%validation
+         if (allocated(self%unseen_modulus)) wanted = 0
+         stored = 0
+         if (wanted > 0) then
+            associate (unused => self%unused)
+               if (.not. any(unused%open)) stored = min(wanted, unused%n())
+               self%unseen_constants = unused%constants(:, unused%taken + 1:unused%taken + stored)
+               self%unseen_euler_deg = unused%euler_deg(:, unused%taken + 1:unused%taken + stored)
+               self%unseen_modulus = unused%modulus(unused%taken + 1:unused%taken + stored)
+            end associate
+            wanted = min(wanted - stored, count(self%learning%learner%design%available))
          end if
-      end associate
-   end subroutine choose_training_batch
+         if (wanted == 0) then
+            self%phase = finished
+            return
+         end if
+         self%design_before = self%learning%learner%design
+         if (stored > 0) then
+            call assume_simulated(self, self%unseen_constants, self%unseen_euler_deg, error)
+         end if
+         if (allocated(error)) return
+         call choose_some(self, wanted)
+      end subroutine choose_validation
+
+      !> Make the batch and its rows from the candidates that are chosen.
+      subroutine set_batch()
+         integer :: i
+
+         deallocate (self%rows)
+         allocate (self%rows(size(self%chosen)))
+         associate (rows => self%rows, class => self%learning%learner%basis%domain%class)
+            rows%symmetry = class%name
+            do i = 1, size(rows)
+               rows(i)%constants = self%candidates%constants(:, self%chosen(i))
+               rows(i)%euler_deg = self%candidates%euler_deg(:, self%chosen(i))
+            end do
+            self%batch = [(job_type(class%stiffness(rows(i)%constants), rows(i)%euler_deg), i=1, &
+               & size(rows))]
+         end associate
+      end subroutine set_batch
+   end subroutine choose
 
    !> Begin a round at the posterior, whose crystals are the new candidates and define the domain;
    !> or end the training.
@@ -326,37 +351,6 @@ contains
       end associate
    end subroutine begin_round
 
-   !> Choose the simulations for validation: first the rows beyond the budget, then the candidates
-   !> with the largest variance.
-   subroutine choose_validation(build, error)
-      class(build_type), intent(inout) :: build
-      type(error_type), allocatable, intent(out) :: error
-      integer :: stored, wanted
-
-      wanted = build%problem%settings%design%validation
-      if (allocated(build%unseen_modulus)) wanted = 0
-      stored = 0
-      if (wanted > 0) then
-         associate (unused => build%unused)
-            if (.not. any(unused%open)) stored = min(wanted, unused%n())
-            build%unseen_constants = unused%constants(:, unused%taken + 1:unused%taken + stored)
-            build%unseen_euler_deg = unused%euler_deg(:, unused%taken + 1:unused%taken + stored)
-            build%unseen_modulus = unused%modulus(unused%taken + 1:unused%taken + stored)
-         end associate
-         wanted = min(wanted - stored, count(build%learning%learner%design%available))
-      end if
-      if (wanted == 0) then
-         build%phase = finished
-         return
-      end if
-      build%design_before = build%learning%learner%design
-      if (stored > 0) then
-         call assume_simulated(build, build%unseen_constants, build%unseen_euler_deg, error)
-      end if
-      if (allocated(error)) return
-      call choose_some(build, wanted)
-   end subroutine choose_validation
-
    !> Choose up to `count` candidates: those of the initial set first.
    subroutine choose_some(build, count)
       class(build_type), intent(inout) :: build
@@ -369,8 +363,8 @@ contains
          if (build%by_variance) then
             deallocate (build%chosen)
             allocate (build%chosen(count))
-            call learner%rule%choose(learner%design, learner%basis, &
-               & thread_count(build%problem%settings%execution%workers), build%chosen, variance)
+            call learner%rule%choose(learner%design, learner%basis, build%problem%threads(), &
+               & build%chosen, variance)
          else
             build%chosen = build%initial(:min(count, size(build%initial)))
             learner%design%available(build%chosen) = .false.

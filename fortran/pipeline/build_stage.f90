@@ -82,7 +82,7 @@ contains
          end associate
          call put_domain(page, self, surrogate, stiffness, error)
          if (allocated(error)) return
-         if (allocated(self%focus)) call put_focus(page, self)
+         if (allocated(self%focus)) call put_focus()
          call page%begin_array('history')
          do i = 1, size(learning%history)
             call page%begin_object()
@@ -99,6 +99,41 @@ contains
          self%done = to_text(learning%n())//' simulations, '//to_text(self%n_new)//' new, ' &
             & //to_text(self%n_failed)//' failed, '//self%stopped//': '//file
       end associate
+
+   contains
+
+      !> Write the accuracy at the beginning of each round at the posterior. Warn if the last one is
+      !> not accurate enough.
+      subroutine put_focus()
+         character(len=:), allocatable :: advice
+         integer :: k, worst
+
+         advice = '. Increase &design budget, '//to_text(self%problem%settings%design%budget)
+         call page%begin_array('focus')
+         do k = 1, size(self%focus%rounds)
+            associate (round => self%focus%rounds(k), names => self%problem%class%constants)
+               call page%begin_object()
+               call page%put('simulations', round%simulations)
+               call page%put_numbers(join(names, ', '), round%share, 'surrogate_share')
+               call page%put('rms_z', merge(round%z, nan, round%z >= 0.0_wp))
+               call page%put('truncated', round%truncated)
+               call page%end_object()
+               if (k < size(self%focus%rounds)) cycle
+               worst = maxloc(round%share, 1)
+               if (round%share(worst) > accurate_share) then
+                  call warn(self%warnings, 'errors of the surrogate may change the variance of ' &
+                     & //trim(names(worst))//' by '//to_text(nint(100.0_wp*round%share(worst))) &
+                     & //' %; allowed: '//to_text(nint(100.0_wp*accurate_share))//' %'//advice)
+               end if
+               if (round%z > accurate_z) then
+                  call warn(self%warnings, 'new simulations at the posterior differ from the ' &
+                     & //'surrogate by '//fixed(round%z, 1)//' sds (root mean square); allowed: ' &
+                     & //to_text(accurate_z)//advice)
+               end if
+            end associate
+         end do
+         call page%end_array()
+      end subroutine put_focus
    end subroutine finish
 
    !> The origin of the surrogate, which its file contains: a JSON object.
@@ -200,41 +235,6 @@ contains
          end if
       end associate
    end subroutine put_domain
-
-   !> Write the accuracy at the beginning of each round at the posterior. Warn if the last one is
-   !> not accurate enough.
-   subroutine put_focus(page, build)
-      type(json_type), intent(inout) :: page
-      class(build_type), intent(inout) :: build
-      character(len=:), allocatable :: advice
-      integer :: i, worst
-
-      advice = '. Increase &design budget, '//to_text(build%problem%settings%design%budget)
-      call page%begin_array('focus')
-      do i = 1, size(build%focus%rounds)
-         associate (round => build%focus%rounds(i), names => build%problem%class%constants)
-            call page%begin_object()
-            call page%put('simulations', round%simulations)
-            call page%put_numbers(join(names, ', '), round%share, 'surrogate_share')
-            call page%put('rms_z', merge(round%z, nan, round%z >= 0.0_wp))
-            call page%put('truncated', round%truncated)
-            call page%end_object()
-            if (i < size(build%focus%rounds)) cycle
-            worst = maxloc(round%share, 1)
-            if (round%share(worst) > accurate_share) then
-               call warn(build%warnings, 'errors of the surrogate may change the variance of ' &
-                  & //trim(names(worst))//' by '//to_text(nint(100.0_wp*round%share(worst))) &
-                  & //' %; allowed: '//to_text(nint(100.0_wp*accurate_share))//' %'//advice)
-            end if
-            if (round%z > accurate_z) then
-               call warn(build%warnings, 'new simulations at the posterior differ from the ' &
-                  & //'surrogate by '//fixed(round%z, 1)//' sds (root mean square); allowed: ' &
-                  & //to_text(accurate_z)//advice)
-            end if
-         end associate
-      end do
-      call page%end_array()
-   end subroutine put_focus
 
    !> Write the evidence and the leave-one-out errors of other truncations for increasing numbers of
    !> simulations (Figs. 1 and 6).

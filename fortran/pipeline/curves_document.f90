@@ -2,7 +2,7 @@
 !> fitted curves, and the document.
 module curves_document
    use curve_tables, only: curve_set_type
-   use elastic_window, only: n_shared, test_type
+   use elastic_window, only: n_shared
    use errors, only: error_type
    use files, only: new_file_type
    use json, only: json_type
@@ -141,7 +141,7 @@ contains
       end do
       call page%end_array()
       call page%put_numbers('references, grains', found%repeat_sd, 'repeat_sd')
-      call put_tests(page, set, found%tests)
+      call put_tests()
       call put_grains(page, found)
 
    contains
@@ -167,36 +167,33 @@ contains
          call page%put('decided_by', trim(merge('prior', 'tests', sd > share_of_prior*prior_sd)))
          call page%end_object()
       end subroutine put_unknown
+
+      subroutine put_tests()
+         real(wp) :: values(9)
+         integer :: k
+
+         call page%begin_array('tests')
+         do k = 1, size(found%tests)
+            associate (t => found%tests(k), c => set%curves(k))
+               call page%begin_object()
+               call page%put('test', c%name)
+               call page%put(trim(merge('reference', 'grain    ', c%reference)), c%material)
+               call page%put('session', c%session)
+               call page%put('used', t%used)
+               call page%put('reason', t%reason)
+               values = [exp(t%ln_modulus)*[1.0_wp, sqrt(t%variance)], t%from_load, t%to_load, &
+                  & t%zero, t%drift, t%drift_sd, t%noise, t%correlation]
+               ! NaN is written as null.
+               if (.not. t%used) values = nan
+               call page%put_numbers('effective_modulus_gpa, sd_gpa, elastic_from_mn, ' &
+                  & //'elastic_to_mn, zero_nm, drift_nm_s, drift_sd_nm_s, noise_nm, ' &
+                  & //'noise_correlation', values)
+               call page%end_object()
+            end associate
+         end do
+         call page%end_array()
+      end subroutine put_tests
    end subroutine write_document
-
-   subroutine put_tests(page, set, tests)
-      type(json_type), intent(inout) :: page
-      type(curve_set_type), intent(in) :: set
-      type(test_type), intent(in) :: tests(:)
-      real(wp) :: values(9)
-      integer :: i
-
-      call page%begin_array('tests')
-      do i = 1, size(tests)
-         associate (t => tests(i), c => set%curves(i))
-            call page%begin_object()
-            call page%put('test', c%name)
-            call page%put(trim(merge('reference', 'grain    ', c%reference)), c%material)
-            call page%put('session', c%session)
-            call page%put('used', t%used)
-            call page%put('reason', t%reason)
-            values = [exp(t%ln_modulus)*[1.0_wp, sqrt(t%variance)], t%from_load, t%to_load, &
-               & t%zero, t%drift, t%drift_sd, t%noise, t%correlation]
-            ! NaN is written as null.
-            if (.not. t%used) values = nan
-            call page%put_numbers('effective_modulus_gpa, sd_gpa, elastic_from_mn, ' &
-               & //'elastic_to_mn, zero_nm, drift_nm_s, drift_sd_nm_s, noise_nm, ' &
-               & //'noise_correlation', values)
-            call page%end_object()
-         end associate
-      end do
-      call page%end_array()
-   end subroutine put_tests
 
    !> Write the moduli of the grains, their derivatives by the shared unknowns, the sources of their
    !> errors, and the chi-square of the tests about the mean of their grain.

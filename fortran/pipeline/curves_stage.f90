@@ -10,8 +10,6 @@ module curves_stage
    use json, only: json_type
    use kinds, only: wp
    use loading_segment, only: take_loading
-   use machine, only: thread_count
-   use namelist_file, only: place
    use problem, only: problem_type
    use shared_posterior, only: curves_posterior_type, material_type
    use statistics, only: median
@@ -39,11 +37,11 @@ contains
       integer :: i
 
       allocate (self%found%tests(size(self%problem%curves%curves)))
-      call find_materials(self%problem, self%found, error)
+      call find_materials()
       if (allocated(error)) return
-      associate (asked => self%problem%settings%curves)
-         do i = 1, size(self%found%tests)
-            associate (c => self%problem%curves%curves(i), test => self%found%tests(i))
+      associate (asked => self%problem%settings%curves, s => self%found)
+         do i = 1, size(s%tests)
+            associate (c => self%problem%curves%curves(i), test => s%tests(i))
                call take_loading(c%points, merge(0.0_wp, c%drift, asked%drift_removed), test%curve)
                test%reason = test%curve%refusal
                test%used = len(test%reason) == 0
@@ -60,12 +58,92 @@ contains
          end do
          sd = 0.3_wp
          if (allocated(asked%radius_sd_um)) sd = asked%radius_sd_um/asked%radius_um
-         self%found%prior_mean = [log(asked%radius_um), asked%tip_beta, 0.0_wp, &
-            & spread(0.0_wp, 1, size(self%found%sessions))]
-         self%found%prior_sd = [sd, asked%tip_beta_sd, asked%compliance_sd_nm_mn, &
-            & spread(asked%session_sd, 1, size(self%found%sessions))]
-         self%found%drift_prior_sd = asked%drift_sd_nm_s
+         s%prior_mean = [log(asked%radius_um), asked%tip_beta, 0.0_wp, &
+            & spread(0.0_wp, 1, size(s%sessions))]
+         s%prior_sd = [sd, asked%tip_beta_sd, asked%compliance_sd_nm_mn, &
+            & spread(asked%session_sd, 1, size(s%sessions))]
+         s%drift_prior_sd = asked%drift_sd_nm_s
       end associate
+
+   contains
+
+      !> Find the materials of the curves, in the order of their first tests, and the sessions.
+      subroutine find_materials()
+         type(warning_type), allocatable :: names(:)
+         integer :: i, k
+
+         allocate (names(0), self%found%sessions(0))
+         do i = 1, size(self%found%tests)
+            associate (c => self%problem%curves%curves(i))
+               call number_name(merge('=', ' ', c%reference)//c%material, names, &
+                  & self%found%tests(i)%material)
+               call number_name(c%session, self%found%sessions, self%found%tests(i)%session)
+            end associate
+         end do
+         allocate (self%found%materials(size(names)))
+         do k = 1, size(names)
+            associate (m => self%found%materials(k))
+               m%name = names(k)%text(2:)
+               m%reference = names(k)%text(1:1) == '='
+               if (m%reference) call find_reference(m)
+               if (allocated(error)) return
+            end associate
+         end do
+      end subroutine find_materials
+
+      !> The number of a name among the `names`; a new name is appended to them.
+      subroutine number_name(name, names, number)
+         character(len=*), intent(in) :: name
+         type(warning_type), allocatable, intent(inout) :: names(:)
+         integer, intent(out) :: number
+
+         do number = 1, size(names)
+            if (names(number)%text == name) return
+         end do
+         call warn(names, name)
+      end subroutine number_name
+
+      !> Set the prior of a material's modulus to the value that &references states.
+      subroutine find_reference(material)
+         type(material_type), intent(inout) :: material
+         character(len=:), allocatable :: names
+         real(wp) :: modulus(1), circular(1), sd, effective
+         integer :: i
+
+         names = ''
+         modulus = 0.0_wp
+         associate (r => self%problem%settings%references, indenter => self%problem%settings%curves)
+            if (allocated(r%name)) then
+               names = ', '//join(r%name, ', ')
+               i = findloc(r%name == material%name, .true., 1, back=.true.)
+               if (i > 0) then
+                  modulus = r%young_gpa(i)/(1.0_wp - r%nu(i)**2)
+                  sd = r%young_sd_gpa(i)/r%young_gpa(i)
+               end if
+            end if
+            if (allocated(self%problem%references)) then
+               do i = 1, self%problem%references%n
+                  names = names//', '//self%problem%references%name(i)
+                  if (self%problem%references%name(i) /= material%name) cycle
+                  call halfspace_moduli(self%problem%references%stiffness(:, :, i:i), &
+                     & self%problem%references%euler_deg(:, i:i), 1, modulus, circular, error)
+                  if (allocated(error)) return
+                  sd = r%crystal_sd
+               end do
+            end if
+            if (len(names) == 0) names = ', none'
+            if (.not. modulus(1) > 0.0_wp) then
+               call self%problem%refuse('references', 'name', &
+                  & 'the tests have the reference '//printable(material%name) &
+                  & //', whose modulus is not stated; stated: '//names(3:), error)
+            end if
+            if (allocated(error)) return
+            effective = 1.0_wp/(1.0_wp/modulus(1) &
+               & + (1.0_wp - indenter%indenter_nu**2)/indenter%indenter_modulus_gpa)
+            material%prior_mean = log(effective)
+            material%prior_sd = max(1.0e-4_wp, sd*effective/modulus(1))
+         end associate
+      end subroutine find_reference
    end subroutine begin
 
    !> Infer the moduli, and write the files and the document.
@@ -77,19 +155,21 @@ contains
 
       call iterate(self, error)
       if (allocated(error)) return
-      do i = 1, size(self%found%tests)
-         if (.not. self%found%tests(i)%used) then
-            call warn(self%warnings, 'test '//self%problem%curves%curves(i)%name//' is left out: ' &
-               & //self%found%tests(i)%reason)
-         end if
-      end do
-      call check_references(self, error)
-      if (.not. allocated(error)) then
-         call write_curve_files(self%problem%curves, self%found, self%output, error)
-      end if
-      if (.not. allocated(error)) call write_document(page, self%problem%curves, self%found)
-      self%done = to_text(count(self%found%tests%used))//' of '//to_text(size(self%found%tests)) &
-         & //' tests: '//self%output//'/measurements.csv'
+      associate (set => self%problem%curves, tests => self%found%tests)
+         do i = 1, size(tests)
+            if (.not. tests(i)%used) then
+               call warn(self%warnings, &
+                  & 'test '//set%curves(i)%name//' is left out: '//tests(i)%reason)
+            end if
+         end do
+         call check_references(self, error)
+         if (allocated(error)) return
+         call write_curve_files(set, self%found, self%output, error)
+         if (allocated(error)) return
+         call write_document(page, set, self%found)
+         self%done = to_text(count(tests%used))//' of '//to_text(size(tests)) &
+            & //' tests: '//self%output//'/measurements.csv'
+      end associate
    end subroutine finish
 
    !> Alternate between the moduli of the tests for fixed shared unknowns and the posterior of the
@@ -108,7 +188,7 @@ contains
          s%mean = s%prior_mean
          do step = 1, most_steps
             !$omp parallel do schedule(dynamic) &
-            !$omp & num_threads(thread_count(self%problem%settings%execution%workers))
+            !$omp & num_threads(self%problem%threads())
             do i = 1, size(tests)
                if (tests(i)%used) then
                   call score_test(tests(i), s%mean(:n_shared), [s%prior_sd(:n_shared), zero_sd, &
@@ -116,7 +196,7 @@ contains
                      & asked%transient_s)
                end if
             end do
-            call compare_tests(tests, self%found%materials, step > 1)
+            call compare_tests(tests, s%materials, step > 1)
             if (.not. any(tests%used)) then
                call refuse(error, self%problem%curves_place() &
                   & //'no test has an elastic part; test '//self%problem%curves%curves(1)%name &
@@ -178,18 +258,18 @@ contains
       has_reference = .false.
       associate (s => self%found, tests => self%found%tests)
          distance = abs(s%mean(1) - s%prior_mean(1))/s%prior_sd(1)
-         do k = 1, size(self%found%materials)
-            associate (m => self%found%materials(k), own => tests%material == k .and. tests%used)
+         do k = 1, size(s%materials)
+            associate (m => s%materials(k), own => tests%material == k .and. tests%used)
                if (.not. (m%reference .and. any(own))) cycle
                has_reference = .true.
                found = sum(tests%ln_modulus, own)/count(own)
                if (distance <= most_sds .and. abs(found - m%prior_mean) <= most_misfit) cycle
-               call refuse(error, place(self%problem%path, 'curves', 'radius_um') &
-                  & //'the curves of the reference '//m%name//' are those of another tip or ' &
-                  & //'material: at a radius of '//to_text(exp(s%mean(1)), 3)//' um, ' &
-                  & //to_text(distance, 2)//' sds from the stated one, they mean ' &
+               call self%problem%refuse('curves', 'radius_um', 'the curves of the reference ' &
+                  & //m%name//' are those of another tip or material: at a radius of ' &
+                  & //to_text(exp(s%mean(1)), 3)//' um, '//to_text(distance, 2) &
+                  & //' sds from the stated one, they mean ' &
                   & //to_text(exp(found), 3)//' GPa for its '//to_text(exp(m%prior_mean), 3) &
-                  & //' GPa. Check radius_um, radius_sd_um and &references')
+                  & //' GPa. Check radius_um, radius_sd_um and &references', error)
                return
             end associate
          end do
@@ -202,86 +282,4 @@ contains
       end associate
    end subroutine check_references
 
-   !> Find the materials of a problem's curves, in the order of their first tests, and the sessions.
-   subroutine find_materials(problem, found, error)
-      type(problem_type), intent(in) :: problem
-      type(curves_posterior_type), intent(inout) :: found
-      type(error_type), allocatable, intent(out) :: error
-      type(warning_type), allocatable :: names(:)
-      integer :: i, k
-
-      allocate (names(0), found%sessions(0))
-      do i = 1, size(found%tests)
-         associate (c => problem%curves%curves(i))
-            call number_name(merge('=', ' ', c%reference)//c%material, names, &
-               & found%tests(i)%material)
-            call number_name(c%session, found%sessions, found%tests(i)%session)
-         end associate
-      end do
-      allocate (found%materials(size(names)))
-      do k = 1, size(names)
-         associate (m => found%materials(k))
-            m%name = names(k)%text(2:)
-            m%reference = names(k)%text(1:1) == '='
-            if (m%reference) call find_reference(problem, m, error)
-            if (allocated(error)) return
-         end associate
-      end do
-   end subroutine find_materials
-
-   !> The number of a name among the `names`; a new name is appended to them.
-   subroutine number_name(name, names, number)
-      character(len=*), intent(in) :: name
-      type(warning_type), allocatable, intent(inout) :: names(:)
-      integer, intent(out) :: number
-
-      do number = 1, size(names)
-         if (names(number)%text == name) return
-      end do
-      call warn(names, name)
-   end subroutine number_name
-
-   !> Set the prior of a material's modulus to the value that &references states.
-   subroutine find_reference(problem, material, error)
-      type(problem_type), intent(in) :: problem
-      type(material_type), intent(inout) :: material
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: names
-      real(wp) :: modulus(1), circular(1), sd, effective
-      integer :: i
-
-      names = ''
-      modulus = 0.0_wp
-      associate (r => problem%settings%references, indenter => problem%settings%curves)
-         if (allocated(r%name)) then
-            names = ', '//join(r%name, ', ')
-            i = findloc(r%name == material%name, .true., 1, back=.true.)
-            if (i > 0) then
-               modulus = r%young_gpa(i)/(1.0_wp - r%nu(i)**2)
-               sd = r%young_sd_gpa(i)/r%young_gpa(i)
-            end if
-         end if
-         if (allocated(problem%references)) then
-            do i = 1, problem%references%n
-               names = names//', '//problem%references%name(i)
-               if (problem%references%name(i) /= material%name) cycle
-               call halfspace_moduli(problem%references%stiffness(:, :, i:i), &
-                  & problem%references%euler_deg(:, i:i), 1, modulus, circular, error)
-               if (allocated(error)) return
-               sd = r%crystal_sd
-            end do
-         end if
-         if (len(names) == 0) names = ', none'
-         if (.not. modulus(1) > 0.0_wp) then
-            call refuse(error, place(problem%path, 'references', 'name') &
-               & //'the tests have the reference '//printable(material%name) &
-               & //', whose modulus is not stated; stated: '//names(3:))
-         end if
-         if (allocated(error)) return
-         effective = 1.0_wp/(1.0_wp/modulus(1) &
-            & + (1.0_wp - indenter%indenter_nu**2)/indenter%indenter_modulus_gpa)
-         material%prior_mean = log(effective)
-         material%prior_sd = max(1.0e-4_wp, sd*effective/modulus(1))
-      end associate
-   end subroutine find_reference
 end module curves_stage

@@ -2,13 +2,12 @@
 module extract_stage
    use abstract_stage, only: stage_type
    use constants_posterior, only: posterior_type
-   use errors, only: error_type, prefix_error
+   use errors, only: error_type
    use extraction, only: extract, extraction_type
    use extraction_document, only: describe_prior, save_posterior, write_extraction
    use files, only: new_file_type
    use json, only: json_type
    use samplers, only: chain_prefix
-   use namelist_file, only: place
    use problem_posterior, only: new_problem_posterior
    use running_command, only: remove_files
    use stage_documents, only: end_document, inputs_of
@@ -41,7 +40,7 @@ contains
          if (allocated(problem%class%name)) class = problem%class%name
          call load_named_surrogate(problem%settings%surrogate%file, class, self%places, &
             & self%surrogate, error)
-         call prefix_error(error, place(problem%path, 'surrogate', 'file'))
+         call problem%locate('surrogate', 'file', error)
          if (.not. allocated(error)) then
             call new_problem_posterior(problem, self%surrogate, self%posterior, error)
          end if
@@ -63,34 +62,35 @@ contains
       call save_posterior(self%problem, found, end_document(page, [self%problem%warnings, &
          & self%warnings]), self%output, inputs_of(self%problem, self%groups, self%places), error)
       if (allocated(error)) return
-      call write_draws(found, self%output//'/posterior.csv', error)
+      call write_draws()
       if (allocated(error)) return
       call remove_files(self%output, chain_prefix)
       call describe_prior(found, self%more)
       self%done = to_text(size(found%chains%draws, 3))//' chains of ' &
          & //to_text(size(found%chains%draws, 2))//' samples: '//self%output//'/posterior.csv'
-   end subroutine finish
 
-   !> Write a table with one row for each draw.
-   subroutine write_draws(found, path, error)
-      type(extraction_type), intent(in) :: found
-      character(len=*), intent(in) :: path
-      type(error_type), allocatable, intent(out) :: error
-      type(new_file_type) :: file
-      character(len=:), allocatable :: line
-      integer :: i, j, chain
+   contains
 
-      call file%begin(path)
-      call file%add('chain,draw,'//join(found%names, ',')//',log_density'//newline)
-      do chain = 1, size(found%chains%draws, 3)
-         do i = 1, size(found%chains%draws, 2)
-            line = to_text(chain)//','//to_text(i)
-            do j = 1, size(found%names)
-               line = line//','//number_text(found%chains%draws(j, i, chain))
+      !> Write a table with one row for each draw.
+      subroutine write_draws()
+         type(new_file_type) :: file
+         character(len=:), allocatable :: line
+         integer :: i, j, chain
+
+         call file%begin(self%output//'/posterior.csv')
+         call file%add('chain,draw,'//join(found%names, ',')//',log_density'//newline)
+         associate (chains => found%chains)
+            do chain = 1, size(chains%draws, 3)
+               do i = 1, size(chains%draws, 2)
+                  line = to_text(chain)//','//to_text(i)
+                  do j = 1, size(found%names)
+                     line = line//','//number_text(chains%draws(j, i, chain))
+                  end do
+                  call file%add(line//','//number_text(chains%log_density(i, chain))//newline)
+               end do
             end do
-            call file%add(line//','//number_text(found%chains%log_density(i, chain))//newline)
-         end do
-      end do
-      call file%finish(error)
-   end subroutine write_draws
+         end associate
+         call file%finish(error)
+      end subroutine write_draws
+   end subroutine finish
 end module extract_stage

@@ -21,7 +21,6 @@ module extraction
    use samplers, only: chains_type
    use statistics, only: flattened, moments, thinned
    use surrogate_model, only: new_theory_surrogate, predict_crystals, surrogate_type
-   use machine, only: thread_count
    use variance_shares, only: find_shares, shares_type, verdict_of
    implicit none
    private
@@ -116,64 +115,59 @@ contains
       if (problem%settings%sampler%evidence) then
          allocate (self%evidence)
          call estimate_evidence(self%posterior, self%chains, prior, self%prior_chains, &
-            & thread_count(problem%settings%execution%workers), self%evidence, error)
+            & problem%threads(), self%evidence, error)
          if (allocated(error)) return
       end if
       call summarise(problem, self, error)
       if (allocated(error)) return
-      call describe_surrogate(surrogate, self, error)
-      if (allocated(error)) return
-      call compare_theory(problem, self, error)
+      call describe_surrogate()
+      if (.not. allocated(error)) call compare_theory()
+
+   contains
+
+      !> Set the properties of the surrogate, and its errors.
+      subroutine describe_surrogate()
+         real(wp), dimension(size(surrogate%simulations%modulus)) :: theory, circular
+         real(wp), allocatable :: modulus(:), sd(:)
+
+         self%simulations = size(theory)
+         self%checksum = surrogate%checksum
+         self%surrogate_contact_radius = surrogate%contact_radius
+         if (self%simulations == 0) return
+         associate (posterior => self%posterior, n => self%posterior%n_moduli, &
+            & known => surrogate%simulations)
+            if (surrogate%contact_radius > 0.0_wp) then
+               call halfspace_moduli(stiffnesses(surrogate%basis%domain%class, known%constants), &
+                  & known%euler_deg, 1, theory, circular, error)
+               if (allocated(error)) return
+               self%surrogate_correction = sum(abs(known%modulus/theory - 1.0_wp))/self%simulations
+            end if
+            allocate (modulus(n), sd(n))
+            call predict_crystals(surrogate, &
+               & spread(posterior%stiffness(self%parameters%mean), 3, n), posterior%euler(:, :n), &
+               & 1, modulus, sd, error)
+            if (.not. allocated(error)) self%surrogate_sd = sum(sd)/max(1, n)
+         end associate
+      end subroutine describe_surrogate
+
+      !> Infer the constants by the half-space theory without the specimen correction.
+      subroutine compare_theory()
+         type(surrogate_type) :: theory
+         type(posterior_type) :: posterior
+         real(wp), allocatable :: draws(:, :)
+         integer :: n
+
+         if (self%simulations == 0 .or. .not. self%posterior%grains%has_theory) return
+         call new_theory_surrogate(theory, error)
+         if (allocated(error)) return
+         call draw_aside(problem, problem%settings%measurements, theory, theory_run, posterior, &
+            & draws, error)
+         if (allocated(error)) return
+         n = self%posterior%n_constants
+         allocate (self%theory_mean(n), self%theory_sd(n))
+         call moments(draws(:n, :), self%theory_mean, self%theory_sd)
+      end subroutine compare_theory
    end subroutine extract
-
-   !> Set the properties of the surrogate, and its errors.
-   subroutine describe_surrogate(surrogate, self, error)
-      type(surrogate_type), intent(in) :: surrogate
-      type(extraction_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-      real(wp), dimension(size(surrogate%simulations%modulus)) :: theory, circular
-      real(wp), dimension(self%posterior%n_moduli) :: modulus, sd
-
-      self%simulations = size(surrogate%simulations%modulus)
-      self%checksum = surrogate%checksum
-      self%surrogate_contact_radius = surrogate%contact_radius
-      if (surrogate%contact_radius > 0.0_wp) then
-         call halfspace_moduli(stiffnesses(surrogate%basis%domain%class, &
-            & surrogate%simulations%constants), surrogate%simulations%euler_deg, 1, theory, &
-            & circular, error)
-         if (.not. allocated(error)) then
-            self%surrogate_correction = sum(abs(surrogate%simulations%modulus/theory - 1.0_wp)) &
-               & /self%simulations
-         end if
-      end if
-      if (self%simulations == 0) return
-      associate (posterior => self%posterior, n => self%posterior%n_moduli)
-         call predict_crystals(surrogate, spread(posterior%stiffness(self%parameters%mean), 3, n), &
-            & posterior%euler(:, :n), 1, modulus, sd, error)
-         if (.not. allocated(error)) self%surrogate_sd = sum(sd)/max(1, n)
-      end associate
-   end subroutine describe_surrogate
-
-   !> Infer the constants by the half-space theory without the specimen correction.
-   subroutine compare_theory(problem, self, error)
-      type(problem_type), intent(in) :: problem
-      type(extraction_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-      type(surrogate_type) :: theory
-      type(posterior_type) :: posterior
-      real(wp), allocatable :: draws(:, :)
-      integer :: n
-
-      if (self%simulations == 0 .or. .not. self%posterior%grains%has_theory) return
-      call new_theory_surrogate(theory, error)
-      if (allocated(error)) return
-      call draw_aside(problem, problem%settings%measurements, theory, theory_run, posterior, &
-         & draws, error)
-      if (allocated(error)) return
-      n = self%posterior%n_constants
-      allocate (self%theory_mean(n), self%theory_sd(n))
-      call moments(draws(:n, :), self%theory_mean, self%theory_sd)
-   end subroutine compare_theory
 
    !> Sample the posterior. If the surrogate has the half-space theory, harmonics represent it up to
    !> a degree with a negligible error: draws of a short run determine the degree, and the draws of
@@ -186,7 +180,7 @@ contains
       real(wp), allocatable :: test_draws(:, :), new_draws(:, :)
       integer :: attempt, threads
 
-      threads = thread_count(problem%settings%execution%workers)
+      threads = problem%threads()
       if (.not. self%posterior%grains%has_theory) then
          call sample_posterior(problem, self%posterior, self%chains, error)
          return
@@ -216,46 +210,49 @@ contains
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
+      !> (parameter, draw), (quantity, draw), (combination, draw).
       real(wp), allocatable :: draws(:, :), prior_draws(:, :), values(:, :), prior_values(:, :), &
          & logarithms(:, :)
       integer :: k, n, threads
 
-      threads = thread_count(problem%settings%execution%workers)
-      n = self%posterior%dimension
-      k = self%posterior%n_constants
-      self%names = [character(len=9) :: self%posterior%prior%class%constants, &
-         & spread('sd_factor', 1, n - k)]
-      call reported_quantities(self%posterior%prior%class, self%quantities, error)
-      if (allocated(error)) return
-      call predict_grains(self%posterior, self%chains, threads, self%quantities, &
-         & self%predictions, error)
-      if (allocated(error)) return
-      call check_model(self%posterior, self%chains, threads, self%checks)
-      self%most_probable = self%chains%best_draw()
-      call find_maximum(self%posterior, self%chains, self%most_probable)
-      call check_orientations(self%posterior, self%most_probable, problem%misread, &
-         & problem%measurements%of_row, self%orientations, error)
-      if (allocated(error)) return
-      draws = flattened(self%chains%draws(:, ::self%predictions%stride, :))
-      prior_draws = flattened(self%prior_chains%draws(:, ::thinning(self%prior_chains, 1), :))
-      values = flattened(self%predictions%quantities)
-      call find_combinations(self%posterior%prior, draws, prior_draws, self%combinations, &
-         & logarithms, error)
-      if (allocated(error)) return
-      self%chains%draws(k + 1:, :, :) = exp(self%chains%draws(k + 1:, :, :))
-      self%most_probable(k + 1:) = exp(self%most_probable(k + 1:))
-      call summarise_parameters(self%chains, threads, self%parameters)
-      ! Along a ridge the point of greatest density is noise.
-      where (.not. (self%most_probable >= self%parameters%hdi_95(1) &
-         & .and. self%most_probable <= self%parameters%hdi_95(2))) self%most_probable = nan
-      call find_all_shares(threads, self, draws, logarithms, values, error)
-      if (allocated(error)) return
-      if (n > k) draws(n, :) = exp(draws(n, :))
-      self%limits = list_limits(self%posterior%prior, draws)
-      call measure_sensitivity(self%posterior, draws, self%limits, self%changes)
-      call expect_gains(self%posterior%prior, self%chains%draws, self%gains)
-      call evaluate_draws(self%quantities, self%posterior%prior%class, &
-         & flattened(self%prior_chains%draws), prior_values)
+      threads = problem%threads()
+      associate (posterior => self%posterior, chains => self%chains)
+         n = posterior%dimension
+         k = posterior%n_constants
+         self%names = [character(len=9) :: posterior%prior%class%constants, &
+            & spread('sd_factor', 1, n - k)]
+         call reported_quantities(posterior%prior%class, self%quantities, error)
+         if (allocated(error)) return
+         call predict_grains(posterior, chains, threads, self%quantities, &
+            & self%predictions, error)
+         if (allocated(error)) return
+         call check_model(posterior, chains, threads, self%checks)
+         self%most_probable = chains%best_draw()
+         call find_maximum(posterior, chains, self%most_probable)
+         call check_orientations(posterior, self%most_probable, problem%misread, &
+            & problem%measurements%of_row, self%orientations, error)
+         if (allocated(error)) return
+         draws = flattened(chains%draws(:, ::self%predictions%stride, :))
+         prior_draws = flattened(self%prior_chains%draws(:, ::thinning(self%prior_chains, 1), :))
+         values = flattened(self%predictions%quantities)
+         call find_combinations(posterior%prior, draws, prior_draws, self%combinations, &
+            & logarithms, error)
+         if (allocated(error)) return
+         chains%draws(k + 1:, :, :) = exp(chains%draws(k + 1:, :, :))
+         self%most_probable(k + 1:) = exp(self%most_probable(k + 1:))
+         call summarise_parameters(chains, threads, self%parameters)
+         ! Along a ridge the point of greatest density is noise.
+         where (.not. (self%most_probable >= self%parameters%hdi_95(1) &
+            & .and. self%most_probable <= self%parameters%hdi_95(2))) self%most_probable = nan
+         call find_all_shares()
+         if (allocated(error)) return
+         if (n > k) draws(n, :) = exp(draws(n, :))
+         self%limits = list_limits(posterior%prior, draws)
+         call measure_sensitivity(posterior, draws, self%limits, self%changes)
+         call expect_gains(posterior%prior, chains%draws, self%gains)
+         call evaluate_draws(self%quantities, posterior%prior%class, &
+            & flattened(self%prior_chains%draws), prior_values)
+      end associate
       allocate (self%quantity_moments(4, size(values, 1)))
       associate (quantity_moments => self%quantity_moments)
          call moments(values, quantity_moments(1, :), quantity_moments(2, :))
@@ -264,52 +261,47 @@ contains
          quantity_moments(1, :k) = self%parameters(:k)%mean
          quantity_moments(2, :k) = self%parameters(:k)%sd
       end associate
+
+   contains
+
+      !> Find the shares of the parameters from as many draws as the time allows, and of
+      !> combinations and quantities from fewer.
+      subroutine find_all_shares()
+         !> Limit of draws times grains for the parameters: each costs a prediction of a modulus.
+         integer, parameter :: most_predictions = 300000
+         real(wp), allocatable :: parameter_draws(:, :), parameter_values(:, :), other_values(:, :)
+         type(shares_type), allocatable :: shares(:)
+         real(wp) :: effective
+         integer :: n_combinations
+
+         n_combinations = size(logarithms, 1)
+         effective = minval(self%parameters%diagnostics%ess_bulk)
+         ! Grains of unknown orientation have no shares either: the posterior mean does not depend
+         ! linearly on a modulus.
+         if (any(self%parameters%diagnostics%r_hat > unmixed) &
+            & .or. allocated(self%posterior%unknown)) then
+            effective = 0.0_wp
+         end if
+         parameter_draws = flattened(thinned(self%chains%draws, &
+            & max(size(draws, 2), most_predictions/self%posterior%n_grains)))
+         parameter_values = parameter_draws
+         if (self%posterior%infers_scale) parameter_draws(n, :) = log(parameter_draws(n, :))
+         call find_shares(self%posterior, parameter_draws, parameter_values, &
+            & min(effective, real(size(parameter_draws, 2), wp)), threads, &
+            & self%parameter_shares, error)
+         if (allocated(error)) return
+         allocate (other_values(n_combinations + size(values, 1), size(draws, 2)))
+         other_values(:n_combinations, :) = logarithms
+         other_values(n_combinations + 1:, :) = values
+         call find_shares(self%posterior, draws, other_values, &
+            & min(effective, real(size(draws, 2), wp)), threads, shares, error)
+         if (allocated(error)) return
+         self%combination_shares = shares(:n_combinations)
+         self%quantity_shares = shares(n_combinations + 1:)
+         ! The constants are the first quantities.
+         self%quantity_shares(:k) = self%parameter_shares(:k)
+      end subroutine find_all_shares
    end subroutine summarise
-
-   !> Find the shares of the parameters from as many draws as the time allows, and of combinations
-   !> and quantities from fewer.
-   subroutine find_all_shares(threads, self, draws, logarithms, values, error)
-      integer, intent(in) :: threads
-      type(extraction_type), intent(inout) :: self
-      !> (parameter, draw), (combination, draw), (quantity, draw).
-      real(wp), intent(in) :: draws(:, :), logarithms(:, :), values(:, :)
-      type(error_type), allocatable, intent(out) :: error
-      !> Limit of draws times grains for the parameters: each costs a prediction of a modulus.
-      integer, parameter :: most_predictions = 300000
-      real(wp), allocatable :: parameter_draws(:, :), parameter_values(:, :), other_values(:, :)
-      type(shares_type), allocatable :: shares(:)
-      real(wp) :: effective
-      integer :: k, n
-
-      k = size(draws, 1)
-      n = size(logarithms, 1)
-      effective = minval(self%parameters%diagnostics%ess_bulk)
-      ! Grains of unknown orientation have no shares either: the posterior mean does not depend
-      ! linearly on a modulus.
-      if (any(self%parameters%diagnostics%r_hat > unmixed) &
-         & .or. allocated(self%posterior%unknown)) then
-         effective = 0.0_wp
-      end if
-      parameter_draws = flattened(thinned(self%chains%draws, &
-         & max(size(draws, 2), most_predictions/self%posterior%n_grains)))
-      parameter_values = parameter_draws
-      if (k > self%posterior%n_constants) parameter_draws(k, :) = log(parameter_draws(k, :))
-      call find_shares(self%posterior, parameter_draws, parameter_values, &
-         & min(effective, real(size(parameter_draws, 2), wp)), threads, &
-         & self%parameter_shares, error)
-      if (allocated(error)) return
-      allocate (other_values(n + size(values, 1), size(draws, 2)))
-      other_values(:n, :) = logarithms
-      other_values(n + 1:, :) = values
-      call find_shares(self%posterior, draws, other_values, &
-         & min(effective, real(size(draws, 2), wp)), threads, shares, error)
-      if (allocated(error)) return
-      self%combination_shares = shares(:n)
-      self%quantity_shares = shares(n + 1:)
-      ! The constants are the first quantities.
-      self%quantity_shares(:self%posterior%n_constants) = &
-         & self%parameter_shares(:self%posterior%n_constants)
-   end subroutine find_all_shares
 
    !> Whether the parameter i is 'determined', 'weak' or 'not_determined'.
    pure function verdict(self, i)

@@ -41,7 +41,7 @@ contains
       call page%put('usable', size(reasons) == 0)
       call page%put('reasons', reasons)
       call write_parameters(page, found)
-      call write_limits(page, found)
+      call write_limits()
       call page%put('correlation', correlate(found%chains, found%posterior%n_constants))
       if (allocated(found%theory_mean)) then
          call page%begin_object('theory_alone')
@@ -75,7 +75,7 @@ contains
       if (allocated(found%evidence)) then
          call page%put_numbers('log_z, sd', [found%evidence%log_z, found%evidence%sd], 'evidence')
       end if
-      call write_sensitivity(page, found)
+      call write_sensitivity()
       if (found%field_degree > 0) then
          call page%begin_object('theory')
          call page%put('degree', found%field_degree)
@@ -90,6 +90,52 @@ contains
       call page%put('chains', size(found%chains%draws, 3))
       call page%put('method', problem%settings%sampler%method)
       call page%put('seconds', found%seconds)
+
+   contains
+
+      !> Write the limits that truncate the posterior.
+      subroutine write_limits()
+         integer :: i, side
+
+         call page%begin_array('limits')
+         do i = 1, size(found%limits)
+            associate (limit => found%limits(i))
+               do side = 1, 2
+                  if (.not. limit%truncates(side)) cycle
+                  call page%begin_object()
+                  call page%put('name', trim(limit%name))
+                  call page%put('side', merge('upper', 'lower', side == 2))
+                  call page%put('stated', limit%stated)
+                  call page%put_numbers('value, share', [limit%range(side), limit%share(side)])
+                  call page%end_object()
+               end do
+            end associate
+         end do
+         call page%end_array()
+      end subroutine write_limits
+
+      !> Write the results with other priors; null where too few draws remain.
+      subroutine write_sensitivity()
+         integer :: i
+
+         call page%begin_array('sensitivity')
+         do i = 1, size(found%changes)
+            associate (change => found%changes(i))
+               call page%begin_object()
+               call page%put('name', trim(change%name))
+               if (change%name /= 'measure') then
+                  call page%put('side', merge('upper', 'lower', change%is_upper))
+                  call page%put_numbers('from, to', [change%from, change%to])
+               end if
+               call page%put('exact', change%exact)
+               call page%put('effective_draws', change%effective)
+               call page%put_numbers(join(found%names, ', '), change%shift, 'shift_sd')
+               call page%put_numbers(join(found%names, ', '), change%sd_ratio, 'sd_ratio')
+               call page%end_object()
+            end associate
+         end do
+         call page%end_array()
+      end subroutine write_sensitivity
    end subroutine write_extraction
 
    !> Write the parameters, and the parts of the variance of each by source. Each known quantity is
@@ -143,29 +189,6 @@ contains
          & [share%measurements, share%knowledge, share%prior], 'share')
       call page%put('verdict', verdict)
    end subroutine write_share
-
-   !> Write the limits that truncate the posterior.
-   subroutine write_limits(page, found)
-      type(json_type), intent(inout) :: page
-      type(extraction_type), intent(in) :: found
-      integer :: i, side
-
-      call page%begin_array('limits')
-      do i = 1, size(found%limits)
-         associate (limit => found%limits(i))
-            do side = 1, 2
-               if (.not. limit%truncates(side)) cycle
-               call page%begin_object()
-               call page%put('name', trim(limit%name))
-               call page%put('side', merge('upper', 'lower', side == 2))
-               call page%put('stated', limit%stated)
-               call page%put_numbers('value, share', [limit%range(side), limit%share(side)])
-               call page%end_object()
-            end do
-         end associate
-      end do
-      call page%end_array()
-   end subroutine write_limits
 
    !> Write the measurements and their predictions.
    subroutine write_predicted(page, problem, found)
@@ -237,11 +260,13 @@ contains
          end associate
       end do
       do i = 1, size(found%gains)
-         call begin('knowledge', trim(found%gains(i)%name))
-         call page%put('relative_sd', found%gains(i)%relative_sd)
-         if (found%gains(i)%known_sd > 0.0_wp) call page%put('known_sd', found%gains(i)%known_sd)
-         call page%put_numbers(names, found%gains(i)%sd_then, 'sd_then')
-         call page%end_object()
+         associate (gain => found%gains(i))
+            call begin('knowledge', trim(gain%name))
+            call page%put('relative_sd', gain%relative_sd)
+            if (gain%known_sd > 0.0_wp) call page%put('known_sd', gain%known_sd)
+            call page%put_numbers(names, gain%sd_then, 'sd_then')
+            call page%end_object()
+         end associate
       end do
       call page%end_array()
 
@@ -255,31 +280,6 @@ contains
          call page%put('name', name)
       end subroutine begin
    end subroutine write_identifiability
-
-   !> Write the results with other priors; null where too few draws remain.
-   subroutine write_sensitivity(page, found)
-      type(json_type), intent(inout) :: page
-      type(extraction_type), intent(in) :: found
-      integer :: i
-
-      call page%begin_array('sensitivity')
-      do i = 1, size(found%changes)
-         associate (change => found%changes(i))
-            call page%begin_object()
-            call page%put('name', trim(change%name))
-            if (change%name /= 'measure') then
-               call page%put('side', merge('upper', 'lower', change%is_upper))
-               call page%put_numbers('from, to', [change%from, change%to])
-            end if
-            call page%put('exact', change%exact)
-            call page%put('effective_draws', change%effective)
-            call page%put_numbers(join(found%names, ', '), change%shift, 'shift_sd')
-            call page%put_numbers(join(found%names, ', '), change%sd_ratio, 'sd_ratio')
-            call page%end_object()
-         end associate
-      end do
-      call page%end_array()
-   end subroutine write_sensitivity
 
    !> Write the prior with its defaults, null where there is no limit, and the knowledge with its
    !> conflict with all other information.
@@ -331,18 +331,18 @@ contains
 
       allocate (lines(0))
       line = ''
-      if (allocated(found%posterior%unknown)) then
-         line = ' of unknown orientation: their distribution determines the constants'
-      end if
-      if (found%posterior%n_moduli > 0) then
-         call warn(lines, 'measured: '//found%posterior%observable%name//' of ' &
-            & //to_text(found%posterior%n_moduli)//' grains'//line)
-      end if
-      if (found%posterior%n_moduli < found%posterior%n_grains) then
-         call warn(lines, 'measured: speeds of waves in ' &
-            & //to_text(found%posterior%n_grains - found%posterior%n_moduli)//' directions')
-      end if
-      associate (prior => found%posterior%prior)
+      associate (posterior => found%posterior, prior => found%posterior%prior)
+         if (allocated(posterior%unknown)) then
+            line = ' of unknown orientation: their distribution determines the constants'
+         end if
+         if (posterior%n_moduli > 0) then
+            call warn(lines, 'measured: '//posterior%observable%name//' of ' &
+               & //to_text(posterior%n_moduli)//' grains'//line)
+         end if
+         if (posterior%n_moduli < posterior%n_grains) then
+            call warn(lines, 'measured: speeds of waves in ' &
+               & //to_text(posterior%n_grains - posterior%n_moduli)//' directions')
+         end if
          if (prior%has_default) then
             line = 'the default prior of crystals: log(3K/2G) is 1.07 ± 0.6, the anisotropy ' &
                & //'follows Student''s t, and the scale is that of the mean measurement within a ' &
@@ -418,17 +418,16 @@ contains
       end associate
       associate (chains => found%chains, checks => found%checks, predictions => found%predictions, &
          & prior => found%posterior%prior)
-         call out%put_array('draws', chains%draws, shape(chains%draws))
+         call put_draws('draws', chains%draws)
          call out%put_array('log_density', chains%log_density, shape(chains%log_density))
          call out%put_array('acceptance', chains%acceptance, shape(chains%acceptance))
-         call out%put_array('prior_draws', found%prior_chains%draws, &
-            & shape(found%prior_chains%draws))
-         call out%put_array('predicted', predictions%moduli, shape(predictions%moduli))
-         call out%put_array('factor', predictions%factor, shape(predictions%factor))
-         call out%put_array('quantities', predictions%quantities, shape(predictions%quantities))
+         call put_draws('prior_draws', found%prior_chains%draws)
+         call put_draws('predicted', predictions%moduli)
+         call put_draws('factor', predictions%factor)
+         call put_draws('quantities', predictions%quantities)
          call out%put('stride', predictions%stride)
-         call out%put_array('log_likelihood', checks%log_likelihood, shape(checks%log_likelihood))
-         call out%put_array('replicated', checks%replicated, shape(checks%replicated))
+         call put_draws('log_likelihood', checks%log_likelihood)
+         call put_draws('replicated', checks%replicated)
          call out%put_array('log_prior', checks%log_prior, shape(checks%log_prior))
          call out%put_array('most_probable', found%most_probable, shape(found%most_probable))
          call out%put_array('lower', prior%lower, shape(prior%lower))
@@ -436,6 +435,16 @@ contains
          call out%put('anisotropy_cap', prior%anisotropy_cap)
          call out%put('share_inside', prior%share_inside)
       end associate
+
+   contains
+
+      subroutine put_draws(name, values)
+         character(len=*), intent(in) :: name
+         !> (variable, draw, chain).
+         real(wp), intent(in) :: values(:, :, :)
+
+         call out%put_array(name, values, shape(values))
+      end subroutine put_draws
    end subroutine put_extraction
 
    !> Write posterior.bin into a `folder`, with the `inputs` of which the results were computed.

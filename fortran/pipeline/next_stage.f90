@@ -6,18 +6,16 @@ module next_stage
    use crystal_class, only: crystal_class_type, lattice_type, new_lattice
    use crystal_elasticity, only: no_wave, path_type, rayleigh, rotation_matrix
    use distinct_directions, only: angle_between, lattice_of_directions, new_region, region_type
-   use errors, only: error_type, prefix_error, refuse, warn, warning_type
+   use errors, only: error_type, refuse, warn, warning_type
    use files, only: file_exists
    use extract_stage, only: extract_stage_type
    use extraction, only: extract, extraction_type
    use json, only: json_type
    use kinds, only: degree, wp
    use linear_algebra, only: orthonormalize
-   use namelist_file, only: place
    use next_measurement, only: candidates_type, choose_measurements, suggestions_type
    use point_tables, only: points_type
    use direction_columns, only: angles_of_direction
-   use machine, only: thread_count
    use extraction_document, only: stored_draws
    use problem, only: problem_type
    use field_reading, only: choose_field_degree
@@ -109,7 +107,7 @@ contains
       integer :: m, n, threads
 
       allocate (warnings(0))
-      threads = thread_count(problem%settings%execution%workers)
+      threads = problem%threads()
       call check_target(problem, error)
       if (allocated(error)) return
       few = draws(:, ::max(1, size(draws, 2)/most_draws))
@@ -118,7 +116,7 @@ contains
          n = posterior%n_grains
          sd = [wanted%sd_gpa, wanted%velocity_sd_m_s]
          factor = 1.0_wp
-         if (posterior%dimension > posterior%n_constants) then
+         if (posterior%infers_scale) then
             factor = sum(draws(posterior%dimension, :))/size(draws, 2)
          end if
          if (.not. sd(1) > 0.0_wp .and. m > 0) sd(1) = factor*median(m, posterior%data%sd(:m))
@@ -126,16 +124,14 @@ contains
             sd(2) = factor*median(n - m, posterior%data%sd(m + 1:))
          end if
          if (.not. sd(1) > 0.0_wp) then
-            call refuse(error, &
-               & place(problem%path, 'next', 'sd_gpa')//'the variable is missing; it is the sd ' &
-               & //'of the next modulus, and no moduli were measured whose sd it could be')
+            call problem%refuse('next', 'sd_gpa', 'the variable is missing; it is the sd of the ' &
+               & //'next modulus, and no moduli were measured whose sd it could be', error)
          else if (allocated(wanted%velocity_cost) .and. .not. sd(2) > 0.0_wp) then
-            call refuse(error, place(problem%path, 'next', 'velocity_sd_m_s') &
-               & //'the variable is missing; it is the sd of the next speed, and no speeds were ' &
-               & //'measured whose sd it could be')
+            call problem%refuse('next', 'velocity_sd_m_s', 'the variable is missing; it is the ' &
+               & //'sd of the next speed, and no speeds were measured whose sd it could be', error)
          end if
          if (allocated(error)) return
-         if (posterior%dimension > posterior%n_constants) then
+         if (posterior%infers_scale) then
             few(posterior%dimension, :) = log(few(posterior%dimension, :))
          end if
          if (posterior%grains%has_theory) then
@@ -143,13 +139,13 @@ contains
          end if
          if (allocated(error)) return
          call add_moduli(problem, posterior%prior%class, candidates)
-         if (allocated(wanted%velocity_cost)) then
-            call add_speeds(problem, posterior, few(:, ::degree_stride), candidates, error)
-         end if
+         if (allocated(wanted%velocity_cost)) call add_speeds(few(:, ::degree_stride))
          if (.not. allocated(error)) then
             call predict_candidates(problem, posterior, few, sd, candidates, error)
          end if
-         if (wanted%target /= 'all' .and. .not. allocated(error)) then
+         call problem%locate('next', '', error)
+         if (allocated(error)) return
+         if (wanted%target /= 'all') then
             call new_quantity(wanted%target, quantity(1), error)
             call evaluate_draws(quantity, posterior%prior%class, few, values)
             candidates%target = values(1, :)
@@ -158,20 +154,55 @@ contains
                candidates%target = log(candidates%target)
             end if
          end if
-         if (.not. allocated(error)) then
-            call choose_measurements(candidates, wanted%count, scenarios, &
-               & problem%settings%problem%seed, threads, suggestions)
-         end if
-      end associate
-      call prefix_error(error, place(problem%path, 'next', ''))
-      if (allocated(error)) return
-      associate (found => size(suggestions%chosen), count => problem%settings%next%count)
-         if (found < min(count, size(candidates%cost))) then
-            call warn(warnings, 'only '//to_text(found)//' of '//to_text(count) &
-               & //' orientations are '//fixed(separation_deg, 0)//' degrees apart')
-         end if
+         call choose_measurements(candidates, wanted%count, scenarios, &
+            & problem%settings%problem%seed, threads, suggestions)
+         associate (found => size(suggestions%chosen))
+            if (found < min(wanted%count, size(candidates%cost))) then
+               call warn(warnings, 'only '//to_text(found)//' of '//to_text(wanted%count) &
+                  & //' orientations are '//fixed(separation_deg, 0)//' degrees apart')
+            end if
+         end associate
       end associate
       call write_suggestions(page, problem, candidates, suggestions, sd)
+
+   contains
+
+      !> Add speeds in several directions of propagation, if their waves are detected at the
+      !> draws, in the grains of &next or else in the measured ones, which may have several rows
+      !> each.
+      subroutine add_speeds(draws)
+         !> (parameter, draw).
+         real(wp), intent(in) :: draws(:, :)
+         type(points_type) :: grains
+         real(wp), allocatable :: euler_deg(:, :)
+         type(path_type), allocatable :: paths(:)
+         integer, allocatable :: rows(:)
+         integer :: i, j
+
+         grains = problem%measurements
+         if (allocated(problem%grains)) grains = problem%grains
+         rows = pack([(i, i=1, grains%n)], number_equal(grains%euler_deg) == [(i, i=1, grains%n)])
+         if (.not. grains%has_angles) then
+            call refuse(error, &
+               & 'velocity_cost: the grains have directions alone, and a wave needs Euler angles')
+         else if (size(rows) > most_grains) then
+            call refuse(error, 'velocity_cost: '//to_text(size(rows))//' grains; allowed up to ' &
+               & //to_text(most_grains))
+         end if
+         if (allocated(error)) return
+         rows = [((rows(i), j=1, n_along), i=1, size(rows))]
+         paths = [(path_type(rayleigh, 180.0_wp*modulo(i - 1, n_along)/n_along), i=1, size(rows))]
+         euler_deg = grains%euler_deg(:, rows)
+         associate (kept => pack([(i, i=1, size(rows))], &
+            & are_detected(posterior, draws, euler_deg, paths)), n => size(candidates%cost))
+            candidates%euler_deg = reshape([candidates%euler_deg, euler_deg(:, kept)], &
+               & [3, n + size(kept)])
+            candidates%paths = [candidates%paths, paths(kept)]
+            candidates%grain = [candidates%grain, rows(kept)]
+            candidates%cost = [candidates%cost, &
+               & spread(problem%settings%next%velocity_cost, 1, size(kept))]
+         end associate
+      end subroutine add_speeds
    end subroutine next_document
 
    !> Add the moduli of the grains of &next, each of which may be measured once, or else of all
@@ -207,46 +238,6 @@ contains
       candidates%cost = spread(1.0_wp, 1, n)
    end subroutine add_moduli
 
-   !> Add speeds in several directions of propagation, if their waves are detected at the draws, in
-   !> the grains of &next or else in the measured ones, which may have several rows each.
-   subroutine add_speeds(problem, posterior, draws, candidates, error)
-      type(problem_type), intent(in) :: problem
-      type(posterior_type), intent(in) :: posterior
-      !> (parameter, draw).
-      real(wp), intent(in) :: draws(:, :)
-      type(candidates_type), intent(inout) :: candidates
-      type(error_type), allocatable, intent(out) :: error
-      type(points_type) :: grains
-      real(wp), allocatable :: euler_deg(:, :)
-      type(path_type), allocatable :: paths(:)
-      integer, allocatable :: rows(:)
-      integer :: i, j
-
-      grains = problem%measurements
-      if (allocated(problem%grains)) grains = problem%grains
-      rows = pack([(i, i=1, grains%n)], number_equal(grains%euler_deg) == [(i, i=1, grains%n)])
-      if (.not. grains%has_angles) then
-         call refuse(error, &
-            & 'velocity_cost: the grains have directions alone, and a wave needs Euler angles')
-      else if (size(rows) > most_grains) then
-         call refuse(error, 'velocity_cost: '//to_text(size(rows))//' grains; allowed up to ' &
-            & //to_text(most_grains))
-      end if
-      if (allocated(error)) return
-      rows = [((rows(i), j=1, n_along), i=1, size(rows))]
-      paths = [(path_type(rayleigh, 180.0_wp*modulo(i - 1, n_along)/n_along), i=1, size(rows))]
-      euler_deg = grains%euler_deg(:, rows)
-      associate (kept => pack([(i, i=1, size(rows))], &
-         & are_detected(posterior, draws, euler_deg, paths)), n => size(candidates%cost))
-         candidates%euler_deg = reshape([candidates%euler_deg, euler_deg(:, kept)], &
-            & [3, n + size(kept)])
-         candidates%paths = [candidates%paths, paths(kept)]
-         candidates%grain = [candidates%grain, rows(kept)]
-         candidates%cost = [candidates%cost, &
-            & spread(problem%settings%next%velocity_cost, 1, size(kept))]
-      end associate
-   end subroutine add_speeds
-
    !> Predict the measurement of each candidate by each draw.
    subroutine predict_candidates(problem, posterior, draws, sd, candidates, error)
       type(problem_type), intent(in) :: problem
@@ -257,6 +248,8 @@ contains
       real(wp), intent(in) :: sd(2)
       type(candidates_type), intent(inout) :: candidates
       type(error_type), allocatable, intent(out) :: error
+      !> Variances of the own errors, (candidate, draw); standard normal numbers, (error, draw);
+      !> relative sds of the shared errors, (error, kind).
       real(wp), allocatable :: own_variance(:, :), normals(:, :), relative(:, :)
       class(grain_model_type), allocatable :: grains
       integer, allocatable :: kind(:)
@@ -266,12 +259,12 @@ contains
       if (allocated(error)) return
       kind = merge(2, 1, candidates%paths%wave /= no_wave)
       candidates%sd = sd(kind)
-      relative = relative_errors(problem, posterior, any(kind == 2))
+      call find_relative_errors()
       associate (n => size(kind), n_draws => size(draws, 2))
          allocate (own_variance(n, n_draws), candidates%predicted(n, n_draws), &
             & candidates%shared_variance(n, n_draws), candidates%target(0))
       end associate
-      normals = even_normals(draws, size(relative, 1), problem%settings%problem%seed)
+      call draw_normals()
       do i = 1, size(draws, 2)
          call draw_measurements(posterior, draws(:, i), grains, relative(:, kind), &
             & count(kind == 1), normals(:, i), candidates%predicted(:, i), &
@@ -280,6 +273,66 @@ contains
       candidates%predicted = transpose(candidates%predicted)
       candidates%shared_variance = transpose(candidates%shared_variance)
       candidates%sd = sqrt(candidates%sd**2 + sum(own_variance, 2)/size(draws, 2))
+
+   contains
+
+      !> Set the relative sds of the errors that a further modulus (1) or speed (2) shares, (error,
+      !> kind): the calibration of the first group, and the stated errors of the mean measurement
+      !> of the kind. If the kind was not measured, the last error has its calibration.
+      subroutine find_relative_errors()
+         real(wp) :: calibration(2)
+         integer :: first(2), last(2), n_errors, k
+         logical :: with_speeds
+
+         with_speeds = any(kind == 2)
+         first = [1, posterior%n_moduli + 1]
+         last = [posterior%n_moduli, posterior%n_grains]
+         calibration = [posterior%settings%calibration_sd, &
+            & hypot(posterior%settings%velocity_calibration_sd, &
+            & 0.5_wp*problem%settings%problem%density_sd_kg_m3/posterior%data%density)]
+         n_errors = posterior%n_shared + merge(1, 0, &
+            & first(1) > last(1) .or. (with_speeds .and. first(2) > last(2)))
+         allocate (relative(n_errors, 2), source=0.0_wp)
+         do k = 1, merge(2, 1, with_speeds)
+            if (first(k) > last(k)) then
+               relative(posterior%n_shared + 1, k) = calibration(k)
+            else
+               associate (n => posterior%grains%n_columns, calibrated => posterior%n_calibrated, &
+                  & group => posterior%data%group(first(k)))
+                  if (calibrated > n) relative(n + group, k) = posterior%calibration(group)
+                  relative(calibrated + 1:calibrated + size(posterior%data%shared, 2), k) = &
+                     & sum(posterior%data%shared(first(k):last(k), :), 1)/(last(k) - first(k) + 1)
+               end associate
+            end if
+         end do
+      end subroutine find_relative_errors
+
+      !> Set standard normal numbers for the draws. For many draws they have no mean, unit
+      !> covariance, and no correlation with any linear function of the draws. The variance of the
+      !> shared errors then has no sampling noise, which would be larger than small gains.
+      subroutine draw_normals()
+         real(wp), allocatable :: columns(:, :)
+         real(wp) :: mean
+         type(random_stream_type) :: stream
+         integer :: i, j, known
+
+         stream = new_random_stream(problem%settings%problem%seed, 0)
+         known = 1 + size(draws, 1)
+         allocate (columns(size(draws, 2), known + size(relative, 1)))
+         columns(:, 1) = 1.0_wp
+         do j = 1, size(draws, 1)
+            mean = sum(draws(j, :))/size(draws, 2)
+            columns(:, 1 + j) = draws(j, :) - mean
+         end do
+         do i = 1, size(columns, 1)
+            call stream%normals(columns(i, known + 1:))
+         end do
+         if (size(columns, 1) >= 4*size(columns, 2)) then
+            call orthonormalize(columns)
+            columns = columns*sqrt(real(size(columns, 1), wp))
+         end if
+         normals = transpose(columns(:, known + 1:))
+      end subroutine draw_normals
    end subroutine predict_candidates
 
    !> Write each suggestion with the indented direction and that of propagation, as unit vectors in
@@ -359,70 +412,6 @@ contains
       end subroutine begin_candidate
    end subroutine write_suggestions
 
-   !> Standard normal numbers for the draws. For many draws they have no mean, unit covariance, and
-   !> no correlation with any linear function of the draws. The variance of the shared errors then
-   !> has no sampling noise, which would be larger than small gains.
-   function even_normals(draws, n, seed) result(normals)
-      !> (parameter, draw).
-      real(wp), intent(in) :: draws(:, :)
-      integer, intent(in) :: n, seed
-      !> (n, draw).
-      real(wp), allocatable :: normals(:, :), columns(:, :)
-      real(wp) :: mean
-      type(random_stream_type) :: stream
-      integer :: i, j, known
-
-      stream = new_random_stream(seed, 0)
-      known = 1 + size(draws, 1)
-      allocate (columns(size(draws, 2), known + n))
-      columns(:, 1) = 1.0_wp
-      do j = 1, size(draws, 1)
-         mean = sum(draws(j, :))/size(draws, 2)
-         columns(:, 1 + j) = draws(j, :) - mean
-      end do
-      do i = 1, size(columns, 1)
-         call stream%normals(columns(i, known + 1:))
-      end do
-      if (size(columns, 1) >= 4*size(columns, 2)) then
-         call orthonormalize(columns)
-         columns = columns*sqrt(real(size(columns, 1), wp))
-      end if
-      normals = transpose(columns(:, known + 1:))
-   end function even_normals
-
-   !> Relative sds of the errors that a further modulus (1) or speed (2) shares, (error, kind): the
-   !> calibration of the first group, and the stated errors of the mean measurement of the kind. If
-   !> the kind was not measured, the last error has its calibration.
-   pure function relative_errors(problem, posterior, with_speeds) result(relative)
-      type(problem_type), intent(in) :: problem
-      type(posterior_type), intent(in) :: posterior
-      logical, intent(in) :: with_speeds
-      real(wp), allocatable :: relative(:, :)
-      real(wp) :: calibration(2)
-      integer :: first(2), last(2), n_errors, k
-
-      first = [1, posterior%n_moduli + 1]
-      last = [posterior%n_moduli, posterior%n_grains]
-      calibration = [posterior%settings%calibration_sd, &
-         & hypot(posterior%settings%velocity_calibration_sd, &
-         & 0.5_wp*problem%settings%problem%density_sd_kg_m3/posterior%data%density)]
-      n_errors = posterior%n_shared + merge(1, 0, &
-         & first(1) > last(1) .or. (with_speeds .and. first(2) > last(2)))
-      allocate (relative(n_errors, 2), source=0.0_wp)
-      do k = 1, merge(2, 1, with_speeds)
-         if (first(k) > last(k)) then
-            relative(posterior%n_shared + 1, k) = calibration(k)
-         else
-            associate (n => posterior%grains%n_columns, calibrated => posterior%n_calibrated, &
-               & group => posterior%data%group(first(k)))
-               if (calibrated > n) relative(n + group, k) = posterior%calibration(group)
-               relative(calibrated + 1:calibrated + size(posterior%data%shared, 2), k) = &
-                  & sum(posterior%data%shared(first(k):last(k), :), 1)/(last(k) - first(k) + 1)
-            end associate
-         end if
-      end do
-   end function relative_errors
-
    !> Draw further moduli, then speeds, of any grains at a point, of the measured kind and without
    !> their own errors.
    subroutine draw_measurements(posterior, x, grains, relative, n, z, values, shared_variance, &
@@ -431,7 +420,7 @@ contains
       !> (parameter).
       real(wp), intent(in) :: x(:)
       class(grain_model_type), intent(in) :: grains
-      !> See `relative_errors`, (error, measurement); standard normal numbers, (error).
+      !> See `find_relative_errors`, (error, measurement); standard normal numbers, (error).
       real(wp), intent(in) :: relative(:, :), z(:)
       !> Number of moduli.
       integer, intent(in) :: n

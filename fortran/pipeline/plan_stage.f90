@@ -6,12 +6,11 @@
 !> expansion about the crystal is not enough: it gives a fifth of the sd if the long tails of the
 !> prior determine the result.
 module plan_stage
-   use errors, only: error_type, prefix_error, refuse
+   use errors, only: error_type
    use extract_stage, only: extract_stage_type
    use json, only: json_type
    use kinds, only: wp
    use measured_grains, only: measured_type
-   use namelist_file, only: place
    use observables, only: new_observable, observable_type
    use problem_posterior, only: new_measured_posterior, run_type, sample_aside, shared_errors
    use quantities, only: evaluate_quantities
@@ -45,7 +44,7 @@ contains
       self%done = self%output//'/plan.json'
       call load_named_surrogate(self%problem%settings%surrogate%file, self%problem%class%name, &
          & self%places, self%surrogate, error)
-      call prefix_error(error, place(self%problem%path, 'surrogate', 'file'))
+      call self%problem%locate('surrogate', 'file', error)
       if (allocated(error)) return
       call check_plan(self, error)
    end subroutine begin
@@ -106,17 +105,17 @@ contains
       associate (crystal => self%problem%settings%plan%constants, &
          & known => self%posterior%prior%knowledge)
          if (.not. self%posterior%prior%admits(crystal, self%problem%class%stiffness(crystal))) then
-            call refuse(error, place(self%problem%path, 'plan', 'constants') &
-               & //'the crystal is outside the limits of &prior, or the domain of the surrogate')
+            call self%problem%refuse('plan', 'constants', 'the crystal is outside the limits of ' &
+               & //'&prior, or the domain of the surrogate', error)
          end if
          if (allocated(error)) return
          allocate (values(size(known%mean)))
          call evaluate_quantities(known%quantities, self%problem%class%stiffness(crystal), values)
          k = findloc(abs(values - known%mean) > greatest_deviation*known%sd(), .true., dim=1)
          if (k > 0) then
-            call refuse(error, place(self%problem%path, 'knowledge', 'mean') &
-               & //to_text(known%mean(k))//' is more than three sds from the ' &
-               & //known%quantities(k)%name//' of the crystal of &plan, '//to_text(values(k), 4))
+            call self%problem%refuse('knowledge', 'mean', to_text(known%mean(k)) &
+               & //' is more than three sds from the '//known%quantities(k)%name &
+               & //' of the crystal of &plan, '//to_text(values(k), 4), error)
          end if
       end associate
    end subroutine check_plan

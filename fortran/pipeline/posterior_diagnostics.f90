@@ -43,7 +43,7 @@ contains
       logical :: blamed
 
       allocate (reasons(0))
-      call check_table(problem, found, warnings, blamed)
+      call check_table()
       call check_limits(found, .true., warnings)
       if (problem%measurements%omitted > 0) then
          call warn(warnings, &
@@ -54,15 +54,94 @@ contains
       end if
       call check_sizes(problem, found, warnings)
       blamed = blamed .or. is_truncated(found%limits)
-      if (.not. blamed) call check_knowledge(found, warnings)
+      if (.not. blamed) call check_knowledge()
       call check_mixing(found, unmixed, 1, reasons)
       if (size(reasons) == 0) then
          call check_mixing(found, greatest_r_hat, size(found%chains%draws, 3), warnings)
       end if
       call check_determined(found, warnings)
       call check_sensitivity(found, warnings)
-      if (all(problem%measurements%sd_gpa > 0.0_wp)) call check_scale(found, warnings)
+      if (all(problem%measurements%sd_gpa > 0.0_wp)) call check_scale()
       if (.not. blamed) call check_residuals(found, warnings)
+
+   contains
+
+      !> Warn of orientations that are not those of the grains, or else of outliers. Either is
+      !> `blamed` for all residuals.
+      subroutine check_table()
+         character(len=:), allocatable :: advice
+         integer :: i
+
+         associate (check => found%orientations, &
+            & likelihood => problem%settings%measurements%likelihood)
+            blamed = check%is_detected() .or. size(check%outliers) > 0
+            if (check%is_detected()) then
+               if (check%better_reading == 0) then
+                  call warn(warnings, misread_text(found, 'Check the order of the rows, whether ' &
+                     & //'the map is flipped, and the convention of the angles (Bunge, from ' &
+                     & //'sample to crystal axes); or whether the sds are too small'))
+               end if
+               return
+            end if
+            do i = 1, size(check%outliers)
+               advice = ''
+               if (likelihood /= 'student') advice = '; likelihood = ''student'' admits outliers'
+               associate (grain => check%outliers(i), distance => check%distances(i), &
+                  & side => merge('above', 'below', check%distances(i) > 0.0_wp))
+                  call warn(warnings, 'grain '//printable(problem%measurements%name(grain)) &
+                     & //' disagrees with the others: its modulus is '//fixed(abs(distance), 1) &
+                     & //' sd '//side//' what they predict, and without it they agree. Check its ' &
+                     & //'value ('//to_text(found%posterior%data%modulus(grain), 4) &
+                     & //' GPa) and orientation, or remove it'//advice)
+               end associate
+            end do
+         end associate
+      end subroutine check_table
+
+      !> Warn of values of &knowledge that contradict the measurements or the rest of the knowledge.
+      subroutine check_knowledge()
+         !> Conflict that needs a warning, in sds.
+         real(wp), parameter :: far = 3.0_wp
+         integer :: j
+
+         associate (knowledge => found%posterior%prior%knowledge, conflict => found%conflict)
+            do j = 1, size(knowledge%mean)
+               ! Of correlated quantities only the one with the greatest conflict is named.
+               if (any(abs(knowledge%covariance(:, j)) > 0.0_wp &
+                  & .and. conflict%of_quantity > conflict%of_quantity(j))) then
+                  cycle
+               end if
+               if (conflict%of_quantity(j) > far) then
+                  call warn(warnings, 'the stated '//known_text(knowledge, j) &
+                     & //' contradicts all else that is known or measured by ' &
+                     & //fixed(conflict%of_quantity(j), 1)//' sd')
+               end if
+            end do
+            if (conflict%sds > far .and. .not. any(conflict%of_quantity > far)) then
+               call warn(warnings, '&knowledge contradicts the measurements, or itself, by ' &
+                  & //fixed(conflict%sds, 1)//' sd: with it the least misfit grows by ' &
+                  & //fixed(conflict%growth, 1)//' for '//to_text(size(knowledge%mean)) &
+                  & //' quantities')
+            end if
+         end associate
+      end subroutine check_knowledge
+
+      !> Warn of an inferred factor on the sds above two.
+      subroutine check_scale()
+         real(wp), parameter :: greatest = 2.0_wp
+         integer :: n
+
+         n = size(found%names)
+         if (.not. (found%posterior%infers_scale .and. found%parameters(n)%mean > greatest &
+            & .and. found%parameters(n)%hdi_95(1) > 1.0_wp)) then
+            return
+         end if
+         call warn(warnings, 'the residuals are '//to_text(found%parameters(n)%mean, 2) &
+            & //' times as large as the stated standard deviations (chi-square ' &
+            & //fixed(sum((found%checks%residuals*found%parameters(n)%mean)**2), 0)//' for ' &
+            & //to_text(found%posterior%n_grains)//' grains with them). An inferred scale hides ' &
+            & //'errors of the model: check orientations, modulus_kind and &specimen')
+      end subroutine check_scale
    end subroutine check_extraction
 
    !> Find the reasons for which the result cannot be used, each with its remedy.
@@ -127,25 +206,6 @@ contains
          end associate
       end do
    end subroutine check_limits
-
-   !> Warn of an inferred factor on the sds above two.
-   subroutine check_scale(found, warnings)
-      type(extraction_type), intent(in) :: found
-      type(warning_type), allocatable, intent(inout) :: warnings(:)
-      real(wp), parameter :: greatest = 2.0_wp
-      integer :: n
-
-      n = size(found%names)
-      if (.not. (found%posterior%infers_scale .and. found%parameters(n)%mean > greatest &
-         & .and. found%parameters(n)%hdi_95(1) > 1.0_wp)) then
-         return
-      end if
-      call warn(warnings, 'the residuals are '//to_text(found%parameters(n)%mean, 2) &
-         & //' times as large as the stated standard deviations (chi-square ' &
-         & //fixed(sum((found%checks%residuals*found%parameters(n)%mean)**2), 0)//' for ' &
-         & //to_text(found%posterior%n_grains)//' grains with them). An inferred scale hides ' &
-         & //'errors of the model: check orientations, modulus_kind and &specimen')
-   end subroutine check_scale
 
    !> Report the parameter with the greatest R-hat, or else that with the smallest effective sample
    !> size. With NaN the chains have not mixed.
@@ -214,35 +274,6 @@ contains
       call warn(warnings, 'not determined by the measurements: '//names(3:)//advice)
    end subroutine check_determined
 
-   !> Warn of values of &knowledge that contradict the measurements or the rest of the knowledge.
-   subroutine check_knowledge(found, warnings)
-      type(extraction_type), intent(in) :: found
-      type(warning_type), allocatable, intent(inout) :: warnings(:)
-      !> Conflict that needs a warning, in sds.
-      real(wp), parameter :: far = 3.0_wp
-      integer :: j
-
-      associate (knowledge => found%posterior%prior%knowledge, conflict => found%conflict)
-         do j = 1, size(knowledge%mean)
-            ! Of correlated quantities only the one with the greatest conflict is named.
-            if (any(abs(knowledge%covariance(:, j)) > 0.0_wp &
-               & .and. conflict%of_quantity > conflict%of_quantity(j))) then
-               cycle
-            end if
-            if (conflict%of_quantity(j) > far) then
-               call warn(warnings, 'the stated '//known_text(knowledge, j) &
-                  & //' contradicts all else that is known or measured by ' &
-                  & //fixed(conflict%of_quantity(j), 1)//' sd')
-            end if
-         end do
-         if (conflict%sds > far .and. .not. any(conflict%of_quantity > far)) then
-            call warn(warnings, '&knowledge contradicts the measurements, or itself, by ' &
-               & //fixed(conflict%sds, 1)//' sd: with it the least misfit grows by ' &
-               & //fixed(conflict%growth, 1)//' for '//to_text(size(knowledge%mean))//' quantities')
-         end if
-      end associate
-   end subroutine check_knowledge
-
    !> The known quantity j, for example 'bulk_modulus = 165 ± 3.3 GPa'.
    function known_text(knowledge, j) result(text)
       type(knowledge_type), intent(in) :: knowledge
@@ -280,41 +311,6 @@ contains
       end do
       text = text(2:)
    end function powers_text
-
-   !> Warn of orientations that are not those of the grains, or else of outliers. Either is `blamed`
-   !> for all residuals.
-   subroutine check_table(problem, found, warnings, blamed)
-      type(problem_type), intent(in) :: problem
-      type(extraction_type), intent(in) :: found
-      type(warning_type), allocatable, intent(inout) :: warnings(:)
-      logical, intent(out) :: blamed
-      character(len=:), allocatable :: distance, advice
-      integer :: i
-
-      associate (check => found%orientations, &
-         & likelihood => problem%settings%measurements%likelihood)
-         blamed = check%is_detected() .or. size(check%outliers) > 0
-         if (check%is_detected()) then
-            if (check%better_reading == 0) then
-               call warn(warnings, misread_text(found, 'Check the order of the rows, whether the ' &
-                  & //'map is flipped, and the convention of the angles (Bunge, from sample to ' &
-                  & //'crystal axes); or whether the sds are too small'))
-            end if
-            return
-         end if
-         do i = 1, size(check%outliers)
-            distance = fixed(abs(check%distances(i)), 1)//' sd ' &
-               & //trim(merge('above', 'below', check%distances(i) > 0.0_wp))
-            advice = ''
-            if (likelihood /= 'student') advice = '; likelihood = ''student'' admits outliers'
-            call warn(warnings, 'grain '//printable(problem%measurements%name(check%outliers(i))) &
-               & //' disagrees with the others: its modulus is '//distance &
-               & //' what they predict, and without it they agree. Check its value (' &
-               & //to_text(found%posterior%data%modulus(check%outliers(i)), 4) &
-               & //' GPa) and orientation, or remove it'//advice)
-         end do
-      end associate
-   end subroutine check_table
 
    !> The message that the orientations do not explain the moduli, with its remedy.
    function misread_text(found, advice) result(text)

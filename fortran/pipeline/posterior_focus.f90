@@ -10,7 +10,6 @@ module posterior_focus
    use sequential_design, only: candidates_type
    use errors, only: error_type
    use kinds, only: degree, wp
-   use machine, only: thread_count
    use problem, only: problem_type
    use problem_posterior, only: draw_aside, focus_run, new_problem_posterior, stiffnesses
    use prior_sensitivity, only: is_truncated, list_limits
@@ -113,9 +112,9 @@ contains
       type(shares_type), allocatable :: shares(:)
       integer :: i, threads
 
-      threads = thread_count(problem%settings%execution%workers)
+      threads = problem%threads()
       if (.not. allocated(focus%theory_crystals)) then
-         call draw_by_theory(problem, focus%theory_crystals, error)
+         call draw_by_theory()
          if (allocated(error)) return
       end if
       round%simulations = size(surrogate%simulations%modulus)
@@ -144,13 +143,44 @@ contains
          i = 1 + modulo(round%simulations, stride)
          associate (by_theory => focus%theory_crystals(:, :, i::stride), &
             & at_posterior => crystals(:, :, select_draws(draws(:posterior%n_constants, :))))
-            focus%candidates = candidates_of(problem, focus%domain, &
-               & reshape([by_theory, at_posterior], &
+            call make_candidates(reshape([by_theory, at_posterior], &
                & [6, 6, size(by_theory, 3) + size(at_posterior, 3)]))
          end associate
       end associate
       focus%surrogate = surrogate
       focus%rounds = [focus%rounds, round]
+
+   contains
+
+      !> Draw crystals of the posterior by the half-space theory with errors for another specimen.
+      subroutine draw_by_theory()
+         type(measurements_settings_type) :: loose
+         type(surrogate_type) :: theory
+
+         loose = problem%settings%measurements
+         loose%calibration_sd = max(common_error, loose%calibration_sd)
+         loose%scatter_sd = max(grain_error, loose%scatter_sd)
+         call new_theory_surrogate(theory, error)
+         if (allocated(error)) return
+         call draw_aside(problem, loose, theory, focus_run, posterior, draws, error)
+         if (allocated(error)) return
+         focus%theory_crystals = stiffnesses(problem%class, draws)
+      end subroutine draw_by_theory
+
+      !> Set the candidates: each crystal in the direction of one grain, in turn.
+      subroutine make_candidates(stiffness)
+         !> GPa, (6, 6, n).
+         real(wp), intent(in) :: stiffness(:, :, :)
+         integer :: n
+
+         n = size(stiffness, 3)
+         associate (class => focus%domain%class, grains => problem%measurements)
+            focus%candidates%constants = &
+               & reshape([(class%constants_of(stiffness(:, :, i)), i=1, n)], [class%n_constants, n])
+            focus%candidates%euler_deg = &
+               & grains%euler_deg(:, [(modulo(i, grains%n) + 1, i=0, n - 1)])
+         end associate
+      end subroutine make_candidates
    end subroutine find_focus
 
    !> Relative change of the variance of each constant that a better surrogate is likely to make:
@@ -250,27 +280,6 @@ contains
       end do
    end function select_draws
 
-   !> Draw crystals of the posterior by the half-space theory with errors for another specimen.
-   subroutine draw_by_theory(problem, crystals, error)
-      type(problem_type), intent(in) :: problem
-      !> Stiffnesses, GPa, (6, 6, n).
-      real(wp), allocatable, intent(out) :: crystals(:, :, :)
-      type(error_type), allocatable, intent(out) :: error
-      type(measurements_settings_type) :: loose
-      type(surrogate_type) :: theory
-      type(posterior_type) :: posterior
-      real(wp), allocatable :: draws(:, :)
-
-      loose = problem%settings%measurements
-      loose%calibration_sd = max(common_error, loose%calibration_sd)
-      loose%scatter_sd = max(grain_error, loose%scatter_sd)
-      call new_theory_surrogate(theory, error)
-      if (allocated(error)) return
-      call draw_aside(problem, loose, theory, focus_run, posterior, draws, error)
-      if (allocated(error)) return
-      crystals = stiffnesses(problem%class, draws)
-   end subroutine draw_by_theory
-
    !> Root mean square of (simulated - predicted)/sd, with the round's surrogate, over the later
    !> simulations without those of the theory alone; below 0: there are none.
    real(wp) function error_of_predictions(focus, surrogate) result(z)
@@ -362,20 +371,4 @@ contains
       range = range + margin*(range(2) - range(1))*[-1.0_wp, 1.0_wp]
    end function with_margin
 
-   !> Candidates: each crystal in the direction of one grain, in turn.
-   type(candidates_type) function candidates_of(problem, domain, stiffness) result(found)
-      type(problem_type), intent(in) :: problem
-      type(domain_type), intent(in) :: domain
-      !> GPa, (6, 6, n).
-      real(wp), intent(in) :: stiffness(:, :, :)
-      integer :: i, n
-
-      n = size(stiffness, 3)
-      allocate (found%constants(domain%class%n_constants, n), found%euler_deg(3, n))
-      do i = 1, n
-         found%constants(:, i) = domain%class%constants_of(stiffness(:, :, i))
-         found%euler_deg(:, i) = problem%measurements%euler_deg(:, &
-            & modulo(i - 1, problem%measurements%n) + 1)
-      end do
-   end function candidates_of
 end module posterior_focus

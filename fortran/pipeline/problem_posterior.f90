@@ -8,11 +8,10 @@ module problem_posterior
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: no_wave, path_type
    use distinct_directions, only: new_region, region_type
-   use errors, only: error_type, exit_bad_input, prefix_error, refuse
+   use errors, only: error_type, exit_bad_input
    use kinds, only: degree, wp
    use measured_grains, only: mean_modulus, measured_type
-   use machine, only: check_memory, thread_count
-   use namelist_file, only: place
+   use machine, only: check_memory
    use observables, only: new_observable, observable_type
    use point_tables, only: points_type
    use problem, only: problem_type
@@ -76,10 +75,8 @@ contains
          call check_memory(copies*bytes*(problem%class%n_constants + 2)*s%samples*s%chains, &
             & to_text(s%chains)//' chains of '//to_text(s%samples)//' samples', error)
       end associate
-      if (allocated(error)) then
-         error%message = place(problem%path, 'sampler', 'samples')//error%message
-         error%status = exit_bad_input
-      end if
+      call problem%locate('sampler', 'samples', error)
+      if (allocated(error)) error%status = exit_bad_input
    end subroutine check_step_2
 
    !> Refuse a target of &next that is none.
@@ -91,9 +88,8 @@ contains
       if (problem%settings%next%target == 'all') return
       call new_quantity(problem%settings%next%target, quantity, error)
       if (.not. allocated(error)) call check_quantity(quantity, problem%class, error)
-      if (allocated(error)) then
-         error%message = place(problem%path, 'next', 'target')//error%message//'; or ''all'''
-      end if
+      call problem%locate('next', 'target', error)
+      if (allocated(error)) error%message = error%message//'; or ''all'''
    end subroutine check_target
 
    !> What &knowledge says: its lists, then the constants of its file.
@@ -110,31 +106,26 @@ contains
          if (allocated(problem%stiffness)) all = listed + class%n_constants
          allocate (knowledge%quantities(all), knowledge%mean(all))
          allocate (knowledge%covariance(all, all), source=0.0_wp)
-         do i = 1, all
-            if (i <= listed) then
-               call new_quantity(trim(known%quantity(i)), knowledge%quantities(i), error)
-               if (.not. allocated(error)) then
-                  call check_quantity(knowledge%quantities(i), class, error)
-               end if
-               if (.not. allocated(error)) then
-                  call check_value(knowledge%quantities(i), known%mean(i), error)
-               end if
-               knowledge%mean(i) = known%mean(i)
-               knowledge%covariance(i, i) = known%sd(i)**2
-            else
-               call new_quantity(class%constants(i - listed), knowledge%quantities(i), error)
-            end if
+         do i = 1, listed
+            associate (quantity => knowledge%quantities(i))
+               call new_quantity(trim(known%quantity(i)), quantity, error)
+               if (.not. allocated(error)) call check_quantity(quantity, class, error)
+               if (.not. allocated(error)) call check_value(quantity, known%mean(i), error)
+            end associate
             if (allocated(error)) exit
+            knowledge%mean(i) = known%mean(i)
+            knowledge%covariance(i, i) = known%sd(i)**2
          end do
          if (.not. allocated(error)) then
             call check_distinct(knowledge%quantities(:listed), class, error)
          end if
-         if (allocated(error)) then
-            error%message = place(problem%path, 'knowledge', 'quantity')//error%message
-         else if (all > listed) then
-            knowledge%mean(listed + 1:) = problem%stiffness%mean
-            knowledge%covariance(listed + 1:, listed + 1:) = problem%stiffness%covariance
-         end if
+         call problem%locate('knowledge', 'quantity', error)
+         if (all == listed .or. allocated(error)) return
+         do i = listed + 1, all
+            call new_quantity(class%constants(i - listed), knowledge%quantities(i), error)
+         end do
+         knowledge%mean(listed + 1:) = problem%stiffness%mean
+         knowledge%covariance(listed + 1:, listed + 1:) = problem%stiffness%covariance
       end associate
    end subroutine read_knowledge
 
@@ -163,8 +154,8 @@ contains
          call new_measured_posterior(problem, model, measured_grains_of(problem, table), &
             & surrogate, posterior, error)
       else
-         call refuse(error, place(problem%path, 'measurements', '') &
-            & //'there are no measurements: at least one grain is needed')
+         call problem%refuse('measurements', '', &
+            & 'there are no measurements: at least one grain is needed', error)
       end if
    end subroutine new_table_posterior
 
@@ -191,11 +182,11 @@ contains
       call new_prior(surrogate%basis%domain, problem%class, problem%settings%prior, &
          & (1.0_wp - typical_poisson**2)*mean_modulus(observable, measured, 1.0_wp), knowledge, &
          & prior, error)
-      call prefix_error(error, place(problem%path, 'prior', ''))
+      call problem%locate('prior', '', error)
       if (allocated(error)) return
       call new_posterior(surrogate, prior, model, &
          & problem%settings%sampler%surrogate_variance == 'full', measured, posterior, error)
-      call prefix_error(error, place(problem%path, 'measurements', ''))
+      call problem%locate('measurements', '', error)
    end subroutine new_measured_posterior
 
    !> The measurements of a table. If the orientations are unknown, all possible ones take their
@@ -227,43 +218,46 @@ contains
          measured%shared = shared_errors(problem, reshape([real(wp) ::], [n_moduli, 0]), table%n)
       end if
       if (problem%settings%measurements%orientations == 'unknown') then
-         call spread_orientations(problem%class, problem%texture, measured)
+         call spread_orientations()
       end if
-   end function measured_grains_of
 
-   !> Let each measurement be of any direction of the crystal, evenly over the sphere, or of any
-   !> orientation of a texture.
-   subroutine spread_orientations(class, texture, measured)
-      type(crystal_class_type), intent(in) :: class
-      type(points_type), allocatable, intent(in) :: texture
-      type(measured_type), intent(inout) :: measured
-      !> Directions, for sds of this part of the modulus or more, and at most.
-      real(wp), parameter :: usual = 0.02_wp, enough = 1200.0_wp, most = 6000.0_wp
-      type(region_type) :: region
-      real(wp), allocatable :: directions(:, :)
-      integer :: i, n
+   contains
 
-      call new_region(class, region)
-      n = int(min(most, enough*max(1.0_wp, (usual/minval(measured%sd/measured%modulus))**2)))
-      ! Where something is evaluated at the orientations of the measurements, there are as many.
-      n = max(n, size(measured%modulus))
-      if (allocated(texture)) then
-         n = texture%n*((size(measured%modulus) - 1)/texture%n + 1)
-         measured%euler = reshape(texture%euler_deg*degree, [3, n], pad=texture%euler_deg*degree)
-         measured%probability = spread(1.0_wp/n, 1, n)
-      else
-         call even_directions(region, n, real(n, wp), directions)
-         n = size(directions, 2)
-         measured%euler = reshape([(angles_of_direction(directions(:, i))*degree, i=1, n)], [3, n])
-         measured%probability = spread(1.0_wp, 1, n)
-         ! Over an arc angles are even, areas are not.
-         if (region%dimension == 1) then
-            measured%probability = sqrt(1.0_wp - matmul(region%axis, directions)**2)
+      !> Let each measurement be of any direction of the crystal, evenly over the sphere, or of any
+      !> orientation of a texture.
+      subroutine spread_orientations()
+         !> Directions, for sds of this part of the modulus or more, and at most.
+         real(wp), parameter :: usual = 0.02_wp, enough = 1200.0_wp, most = 6000.0_wp
+         type(region_type) :: region
+         real(wp), allocatable :: directions(:, :)
+         integer :: i, n
+
+         call new_region(problem%class, region)
+         n = int(min(most, enough*max(1.0_wp, (usual/minval(measured%sd/measured%modulus))**2)))
+         ! Where something is evaluated at the orientations of the measurements, there are as many.
+         n = max(n, size(measured%modulus))
+         if (allocated(problem%texture)) then
+            associate (texture => problem%texture)
+               n = texture%n*((size(measured%modulus) - 1)/texture%n + 1)
+               measured%euler = reshape(texture%euler_deg*degree, [3, n], &
+                  & pad=texture%euler_deg*degree)
+            end associate
+            measured%probability = spread(1.0_wp/n, 1, n)
+         else
+            call even_directions(region, n, real(n, wp), directions)
+            n = size(directions, 2)
+            measured%euler = reshape([(angles_of_direction(directions(:, i))*degree, i=1, n)], &
+               & [3, n])
+            measured%probability = spread(1.0_wp, 1, n)
+            ! Over an arc angles are even, areas are not.
+            if (region%dimension == 1) then
+               measured%probability = sqrt(1.0_wp - matmul(region%axis, directions)**2)
+            end if
+            measured%probability = measured%probability/sum(measured%probability)
          end if
-         measured%probability = measured%probability/sum(measured%probability)
-      end if
-      measured%tilt_sd = spread(0.0_wp, 1, n)
-   end subroutine spread_orientations
+         measured%tilt_sd = spread(0.0_wp, 1, n)
+      end subroutine spread_orientations
+   end function measured_grains_of
 
    !> Relative errors that n measurements share, (measurement, error). The first rows are those of
    !> the moduli, with the errors that the user stated; the others are those of the speeds, with
@@ -339,9 +333,9 @@ contains
       end do
       call append_velocities(detected, problem%velocities, retained)
       if (detected%n == 0) then
-         call refuse(error, place(problem%path, 'measurements', 'velocities') &
-            & //'all speeds are left out: at crystals of the posterior their wave is not the one ' &
-            & //'that is measured. Choose other directions')
+         call problem%refuse('measurements', 'velocities', 'all speeds are left out: at crystals ' &
+            & //'of the posterior their wave is not the one that is measured. Choose other ' &
+            & //'directions', error)
       end if
    end subroutine find_detected
 
@@ -464,13 +458,11 @@ contains
       condensed = density
       call condense(condensed)
       if (.not. allocated(error)) then
-         associate (settings => problem%settings)
-            call sample_chains(condensed, sampler, run_settings_type(run%samples, run%chains, &
-               & thread_count(settings%execution%workers), settings%problem%seed, &
-               & run%first_stream), chains, error, checkpoint)
-         end associate
+         call sample_chains(condensed, sampler, run_settings_type(run%samples, run%chains, &
+            & problem%threads(), problem%settings%problem%seed, run%first_stream), chains, error, &
+            & checkpoint)
       end if
-      call prefix_error(error, place(problem%path, 'prior', ''))
+      call problem%locate('prior', '', error)
    end subroutine run_chains
 
 end module problem_posterior

@@ -77,9 +77,7 @@ contains
       modulus = merge(rows%outcome%modulus, nan, rows%outcome%status == outcome_done)
       call write_moduli(self%problem, self%output//'/moduli.csv', modulus, error)
       if (.not. allocated(error)) call new_indenter(self%problem%settings%indenter, indenter, error)
-      if (.not. allocated(error)) then
-         call write_curves(rows, indenter, self%output//'/curves.csv', error)
-      end if
+      if (.not. allocated(error)) call write_curves()
       failed = count(rows%outcome%status == outcome_failed)
       if (failed == size(rows) .and. .not. allocated(error)) then
          call raise(error, 'every simulation failed: crystal 1 could not be simulated: ' &
@@ -117,27 +115,25 @@ contains
       end if
       self%done = to_text(size(rows))//' crystals, '//to_text(self%n_new)//' new, ' &
          & //to_text(failed)//' failed: '//self%output//'/moduli.csv'
-   end subroutine finish
 
-   !> Write force (mN) and modulus (GPa) at each depth (um) of every crystal, numbered from 1.
-   subroutine write_curves(rows, indenter, path, error)
-      type(row_type), intent(in) :: rows(:)
-      class(indenter_type), intent(in) :: indenter
-      character(len=*), intent(in) :: path
-      type(error_type), allocatable, intent(out) :: error
-      type(new_file_type) :: file
-      integer :: i, j
+   contains
 
-      call file%begin(path)
-      call file%add('point,depth_um,force_mn,modulus_gpa'//newline)
-      do i = 1, size(rows)
-         do j = 1, size(rows(i)%outcome%depth)
-            associate (depth => rows(i)%outcome%depth(j), force => rows(i)%outcome%force(j))
-               call file%add(to_text(i) &
-                  & //cells_of_numbers([depth, force, force/indenter%unit_force(depth)]))
-            end associate
+      !> Write force (mN) and modulus (GPa) at each depth (um) of every crystal, numbered from 1.
+      subroutine write_curves()
+         type(new_file_type) :: file
+         integer :: i, j
+
+         call file%begin(self%output//'/curves.csv')
+         call file%add('point,depth_um,force_mn,modulus_gpa'//newline)
+         do i = 1, size(rows)
+            do j = 1, size(rows(i)%outcome%depth)
+               associate (depth => rows(i)%outcome%depth(j), force => rows(i)%outcome%force(j))
+                  call file%add(to_text(i) &
+                     & //cells_of_numbers([depth, force, force/indenter%unit_force(depth)]))
+               end associate
+            end do
          end do
-      end do
-      call file%finish(error)
-   end subroutine write_curves
+         call file%finish(error)
+      end subroutine write_curves
+   end subroutine finish
 end module simulate_stage

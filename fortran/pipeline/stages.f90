@@ -8,11 +8,11 @@ module stages
    use build_checks, only: check_build, question_candidates
    use build_stage, only: build_stage_type
    use curves_stage, only: curves_stage_type
-   use errors, only: error_type, prefix_error, refuse
+   use errors, only: error_type, refuse
    use extract_stage, only: extract_stage_type
    use files, only: printable
    use machine, only: raise_no_memory, reserve_blas
-   use namelist_file, only: entry_type, find_entry, parse_namelist, place, read_namelist_file, &
+   use namelist_file, only: entry_type, find_entry, parse_namelist, read_namelist_file, &
       & replace_entries
    use next_stage, only: next_stage_type
    use plan_stage, only: plan_stage_type
@@ -97,7 +97,7 @@ contains
       end if
       if (.not. any(problem%stages == 'simulate' .or. problem%stages == 'build')) return
       call new_simulator(problem%settings, simulator, error)
-      call prefix_error(error, place(problem%path, 'simulation', ''))
+      call problem%locate('simulation', '', error)
    end subroutine check_stages
 
    !> The stage of this name.
@@ -168,10 +168,9 @@ contains
          & self, error)
       if (allocated(error)) return
       if (size(names) == 0) then
-         call refuse(error, place(path, 'problem', '') &
-            & //'nothing to do; &crystals asks for simulations, &design for a surrogate, &plan ' &
-            & //'for expected sds, &curves for moduli, &measurements for the constants')
-         return
+         call self%refuse('problem', '', 'nothing to do; &crystals asks for simulations, &design ' &
+            & //'for a surrogate, &plan for expected sds, &curves for moduli, &measurements for ' &
+            & //'the constants', error)
       end if
       self%stages = names
    end subroutine read_problem
@@ -194,18 +193,12 @@ contains
       type(problem_type), intent(inout) :: self
       type(table_texts_type), intent(in) :: given
       type(error_type), allocatable, intent(out) :: error
-
-      call self%load_tables(given, error)
-      if (.not. allocated(error)) call check_problem(self, error)
-   end subroutine load_problem
-
-   !> Refuse a problem that one of its stages would refuse before its first simulation or sample.
-   subroutine check_problem(self, error)
-      type(problem_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
       logical :: has_theory
 
-      call check_simulation(self%path, self%settings, has_theory, error)
+      call self%load_tables(given, error)
+      if (allocated(error)) return
+      call check_simulation(self%settings, has_theory, error)
+      call self%locate('', '', error)
       if (allocated(error)) return
       associate (settings => self%settings)
          if (self%command == 'run') then
@@ -221,17 +214,16 @@ contains
          end if
          if (.not. has_theory .and. (any(self%stages == 'theory') &
             & .or. settings%simulation%simulator == 'theory')) then
-            call refuse(error, place(self%path, 'specimen', 'geometry')//'''' &
-               & //settings%specimen%geometry//''' has no exact theory; allowed ''halfspace''')
+            call self%refuse('specimen', 'geometry', ''''//settings%specimen%geometry &
+               & //''' has no exact theory; allowed ''halfspace''', error)
          else if (settings%simulation%simulator == 'import' &
             & .and. any(self%stages == 'simulate')) then
-            call refuse(error, place(self%path, 'simulation', 'simulator') &
-               & //'''import'' cannot indent the &crystals; allowed ''fe'', ''theory''')
+            call self%refuse('simulation', 'simulator', &
+               & '''import'' cannot indent the &crystals; allowed ''fe'', ''theory''', error)
          else if (settings%measurements%orientations == 'unknown' &
             & .and. any(self%stages == 'next' .or. self%stages == 'plan')) then
-            call refuse(error, place(self%path, 'measurements', 'orientations') &
-               & //'''unknown'' cannot be combined with &next or &plan, which compare ' &
-               & //'orientations; remove one of them')
+            call self%refuse('measurements', 'orientations', '''unknown'' cannot be combined ' &
+               & //'with &next or &plan, which compare orientations; remove one of them', error)
          else if (any(self%stages == 'build')) then
             call check_build(self, error)
          end if
@@ -242,5 +234,5 @@ contains
       if (any(self%stages == 'next')) call check_target(self, error)
       if (allocated(error)) return
       if (allocated(self%candidates)) call question_candidates(self, error)
-   end subroutine check_problem
+   end subroutine load_problem
 end module stages

@@ -3,12 +3,10 @@ module theory_stage
    use abstract_stage, only: stage_type
    use crystal_elasticity, only: no_wave
    use stage_documents, only: begin_crystal, write_moduli
-   use errors, only: error_type, prefix_error
+   use errors, only: error_type
    use halfspace_theory, only: halfspace_moduli
    use json, only: json_type
    use kinds, only: wp
-   use machine, only: thread_count
-   use namelist_file, only: place
    use rayleigh_wave, only: rayleigh_waves, wave_speed, wave_type
    use text, only: to_text
    implicit none
@@ -34,8 +32,8 @@ contains
       associate (points => self%problem%crystals)
          allocate (modulus(points%n), circular(points%n))
          call halfspace_moduli(points%stiffness, points%euler_deg, &
-            & thread_count(self%problem%settings%execution%workers), modulus, circular, error)
-         call prefix_error(error, place(self%problem%path, 'crystals', 'points'))
+            & self%problem%threads(), modulus, circular, error)
+         call self%problem%locate('crystals', 'points', error)
          if (.not. allocated(error) .and. all(points%paths%wave /= no_wave) &
             & .and. allocated(self%problem%settings%problem%density_kg_m3)) then
             allocate (waves(points%n))

@@ -8,6 +8,7 @@ module problem
    use errors, only: error_type, prefix_error, refuse, warn, warning_type
    use files, only: file_exists, folder_of, full_path, printable, read_text_file, resolve_path
    use kinds, only: wp
+   use machine, only: thread_count
    use namelist_file, only: entry_type, place
    use measurement_checks, only: like_radians, check_measurements
    use direction_checks, only: refuse_radians
@@ -68,7 +69,8 @@ module problem
       !> are not stored.
       character(len=:), allocatable :: kept_in
    contains
-      procedure :: curves_place, load_tables, resolved_text, take_curve_results
+      procedure :: curves_place, load_tables, locate, refuse => refuse_variable, resolved_text, &
+         & take_curve_results, threads
    end type problem_type
 
    !> Texts of tables that the Python program read, each unallocated if the namelist names a file
@@ -241,6 +243,33 @@ contains
             & place(self%path, 'curves', 'tests')//printable(tests)//': ', self%curves, error)
       end associate
    end subroutine take_curves
+
+   !> The number of threads that &execution allows.
+   integer function threads(self)
+      class(problem_type), intent(in) :: self
+
+      threads = thread_count(self%settings%execution%workers)
+   end function threads
+
+   !> Refuse a variable of the namelist.
+   pure subroutine refuse_variable(self, group, name, message, error)
+      class(problem_type), intent(in) :: self
+      !> Group and variable, either may be ''; what is wrong.
+      character(len=*), intent(in) :: group, name, message
+      type(error_type), allocatable, intent(out) :: error
+
+      call refuse(error, place(self%path, group, name)//message)
+   end subroutine refuse_variable
+
+   !> Put a group and a variable of the namelist before the message of an error, if there is one.
+   pure subroutine locate(self, group, name, error)
+      class(problem_type), intent(in) :: self
+      !> Either may be ''.
+      character(len=*), intent(in) :: group, name
+      type(error_type), allocatable, intent(inout) :: error
+
+      call prefix_error(error, place(self%path, group, name))
+   end subroutine locate
 
    !> Beginning of the messages on curves.
    pure function curves_place(self) result(prefix)

@@ -2,9 +2,8 @@
 program batch
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
    use abstract_stage, only: stage_type
-   use errors, only: error_type, exit_bad_input, exit_failure, exit_unusable, refuse, warning_type
+   use errors, only: error_type, exit_bad_input, exit_failure, exit_unusable, warning_type
    use files, only: printable
-   use namelist_file, only: place
    use problem, only: only_canonical, problem_type, table_texts_type
    use progress, only: show_progress
    use running_command, only: error_stream, output_stream, print_line, take_folder, watch_signals
@@ -108,22 +107,22 @@ contains
       call stop_on(error)
       associate (stated => self%settings%measurements)
          if (allocated(stated%ebsd)) then
-            call refuse(error, place(path, 'measurements', 'ebsd')//printable(stated%ebsd) &
+            call self%refuse('measurements', 'ebsd', printable(stated%ebsd) &
                & //': an orientation map is read by bayesindent, not by bayesindent-batch, which ' &
-               & //'needs the orientations as columns')
+               & //'needs the orientations as columns', error)
          else if (allocated(stated%file)) then
             if (allocated(stated%columns) .or. len(stated%sheet) > 0 &
                & .or. index(lower(stated%file), '.xls') > 0) then
-               call refuse(error, place(path, 'measurements', 'file')//printable(stated%file) &
+               call self%refuse('measurements', 'file', printable(stated%file) &
                   & //': is a spreadsheet, or its columns are stated'//only_canonical &
-                  & //printable(stated%file)//' --output DIR'' and name DIR/table.csv')
+                  & //printable(stated%file)//' --output DIR'' and name DIR/table.csv', error)
             end if
          end if
       end associate
       call stop_on(error)
       if (allocated(self%settings%curves%files)) then
-         call refuse(error, place(path, 'curves', 'files')//'files of instruments are read by ' &
-            & //'bayesindent, not by bayesindent-batch; state file, a CSV of the curves')
+         call self%refuse('curves', 'files', 'files of instruments are read by bayesindent, not ' &
+            & //'by bayesindent-batch; state file, a CSV of the curves', error)
       else
          call load_problem(self, table_texts_type(), error)
       end if

@@ -3,8 +3,6 @@ module simulation_loop
    use abstract_stage, only: stage_type
    use errors, only: error_type, machine_failure
    use kinds, only: degree, i8
-   use namelist_file, only: place
-   use machine, only: thread_count
    use progress, only: advance_progress, begin_progress, end_progress
    use simulate, only: new_simulator, outcome_type, simulator_type
    implicit none
@@ -28,8 +26,7 @@ contains
          call stage%want(error)
          if (allocated(error) .or. size(stage%jobs) == 0) exit
          stopped = .false.
-         !$omp parallel do num_threads(thread_count(stage%problem%settings%execution%workers)) &
-         !$omp & schedule(dynamic, 1)
+         !$omp parallel do num_threads(stage%problem%threads()) schedule(dynamic, 1)
          do i = 1, size(stage%jobs)
             call simulate_one(i)
          end do
@@ -60,9 +57,8 @@ contains
                if (allocated(own)) deallocate (simulator)
             end if
             !$omp end critical (simulation_loop_simulators)
-            if (allocated(own)) then
-               own%message = place(stage%problem%path, 'simulation', '')//own%message
-            else
+            call stage%problem%locate('simulation', '', own)
+            if (.not. allocated(own)) then
                call simulator%run(job%stiffness, job%euler_deg*degree, outcome, own)
             end if
             !$omp critical (simulation_loop_outcomes)

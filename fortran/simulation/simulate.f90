@@ -12,13 +12,13 @@ module simulate
    use indenters, only: indenter_type
    use basic_specimen, only: specimen_type
    use crystal_elasticity, only: logarithmic_mean
-   use errors, only: error_type, exit_failure, prefix_error, refuse
+   use errors, only: error_type, exit_failure, refuse
    use fe_indentation, only: indentation_model_type, indentation_result_type, &
       & new_indentation_model, numerics_revision, simulate_indentation
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: wp
    use omp_lib, only: omp_get_wtime
-   use namelist_file, only: place, value_type
+   use namelist_file, only: value_type
    use settings_list, only: is_text, settings_list_type
    use settings_schema, only: list_settings, settings_type
    use specimens, only: new_indentation
@@ -59,9 +59,7 @@ module simulate
 contains
 
    !> Refuse a specimen or an indenter that cannot be simulated, before a mesh is made.
-   subroutine check_simulation(path, settings, has_theory, error)
-      !> File or function, the beginning of the message.
-      character(len=*), intent(in) :: path
+   subroutine check_simulation(settings, has_theory, error)
       type(settings_type), intent(in) :: settings
       !> Whether the specimen is the half-space, for which the theory is exact.
       logical, intent(out) :: has_theory
@@ -71,9 +69,7 @@ contains
 
       has_theory = .false.
       call new_indentation(settings, indenter, specimen, error)
-      call prefix_error(error, place(path, '', ''))
-      if (allocated(error)) return
-      has_theory = .not. specimen%has_length
+      if (.not. allocated(error)) has_theory = .not. specimen%has_length
    end subroutine check_simulation
 
    !> Stiffness of the other material of a specimen: the geometric mean of the eigenvalues of its
