@@ -75,7 +75,7 @@ module crystal_class
       integer, allocatable :: row(:), column(:), constant(:)
       real(wp), allocatable :: factor(:)
    contains
-      procedure :: stiffness, constants_of, includes
+      procedure :: stiffness, stiffnesses, constants_of, includes
    end type crystal_class_type
 
    type :: lattice_type
@@ -241,6 +241,20 @@ contains
          end associate
       end do
    end function stiffness
+
+   !> Stiffnesses of crystals in crystal axes, GPa, (6, 6, n).
+   pure function stiffnesses(self, constants) result(c)
+      class(crystal_class_type), intent(in) :: self
+      !> GPa, and perhaps more parameters, (parameter, n).
+      real(wp), intent(in) :: constants(:, :)
+      real(wp), allocatable :: c(:, :, :)
+      integer :: i
+
+      allocate (c(6, 6, size(constants, 2)))
+      do i = 1, size(constants, 2)
+         c(:, :, i) = self%stiffness(constants(:self%n_constants, i))
+      end do
+   end function stiffnesses
 
    !> The constants of a stiffness in crystal axes, GPa.
    pure function constants_of(self, c) result(constants)

@@ -12,7 +12,7 @@ module constants_prior
    use errors, only: error_type, refuse
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor
-   use logarithmic_coordinates, only: log_coordinates_type, log_frame_type, new_log_coordinates
+   use logarithmic_coordinates, only: log_coordinates_type, new_log_coordinates
    use quantities, only: evaluate_quantities, quantity_type
    use random, only: new_random_stream, random_stream_type
    use small_matrices, only: solve_lower
@@ -69,9 +69,7 @@ module constants_prior
       !> The surrogate's domain of validity.
       type(domain_type), allocatable :: domain
    contains
-      procedure :: admits, log_density, measure
-      procedure, private :: log_default
-      procedure :: draw_start, is_drawn, has_bound, set_knowledge
+      procedure :: admits, log_density, measure, draw_start, is_drawn, has_bound, set_knowledge
    end type prior_type
 
    !> Number of crystals that are drawn to estimate the share of the prior for which the surrogate
@@ -260,15 +258,12 @@ contains
       class(prior_type), intent(in) :: self
       !> Stiffness in crystal axes, GPa.
       real(wp), intent(in) :: c(6, 6)
-      !> Coordinates of its log K, if the caller has them, (n_constants).
-      real(wp), intent(in), optional, contiguous :: w(:)
+      !> Coordinates of its log K, (n_constants).
+      real(wp), intent(in) :: w(:)
       real(wp) :: values(size(self%knowledge%mean))
 
       log_density = 0.0_wp
-      if (self%has_default) then
-         if (present(w)) log_density = self%log_default(w)
-         if (.not. present(w)) log_density = self%log_default(self%logarithms%to_logarithms(c))
-      end if
+      if (self%has_default) log_density = log_default(self, w)
       if (size(values) == 0) return
       call evaluate_quantities(self%knowledge%quantities, c, values)
       values = values - self%knowledge%mean
@@ -279,9 +274,9 @@ contains
    !> Logarithm of the default prior's density of log K, up to a constant. The first two coordinates
    !> are log 3K and sqrt(5) log 2G of the isotropic part.
    pure real(wp) function log_default(self, w)
-      class(prior_type), intent(in) :: self
+      type(prior_type), intent(in) :: self
       !> (n_constants).
-      real(wp), intent(in), contiguous :: w(:)
+      real(wp), intent(in) :: w(:)
       integer :: k
 
       k = size(w) - 2
@@ -300,8 +295,7 @@ contains
       type(random_stream_type), intent(inout) :: stream
       !> Constants, GPa.
       real(wp), intent(out) :: x(:)
-      type(log_frame_type) :: frame
-      real(wp) :: z(self%n_constants + int(freedom)), w(self%n_constants), c(6, 6), contrast, scale
+      real(wp) :: z(self%n_constants + int(freedom)), w(self%n_constants), contrast, scale
       integer :: j
 
       if (.not. self%has_default) then
@@ -320,7 +314,6 @@ contains
          w(3:) = anisotropy_scale/sqrt(real(max(1, k), wp))*z(3:k + 2) &
             & /sqrt(sum(z(k + 3:)**2)/freedom)
       end associate
-      call self%logarithms%from_logarithms(w, c, frame)
-      x = self%class%constants_of(c)
+      x = self%class%constants_of(self%logarithms%from_logarithms(w))
    end subroutine draw_start
 end module constants_prior

@@ -8,7 +8,7 @@
 !> the mixture, repeated until it is in the support, or a move along the difference of two points of
 !> the burn-in. One sample takes two steps, or more where the mixture fits badly.
 module ensemble_sampler
-   use abstract_sampler, only: outside, sampler_type, target_type
+   use abstract_sampler, only: outside, target_type
    use ensemble_evolution, only: add_difference, evolve_population, is_accepted
    use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture, &
       & widen_mixture
@@ -19,7 +19,7 @@ module ensemble_sampler
    use ridge_coordinates, only: whitening_type
    implicit none
    private
-   public :: ensemble_sampler_type
+   public :: run_ensemble
 
    !> Kernel of the chain, which is fixed after the burn-in.
    type :: kernel_type
@@ -42,16 +42,12 @@ module ensemble_sampler
       integer :: left = 0
    end type pool_type
 
-   type, extends(sampler_type) :: ensemble_sampler_type
-   contains
-      procedure :: run
-   end type ensemble_sampler_type
-
 contains
 
    !> Run one chain, in working coordinates w.
-   subroutine run(self, target, stream, draws, log_density, acceptance, started)
-      class(ensemble_sampler_type), intent(in) :: self
+   subroutine run_ensemble(burn_in, target, stream, draws, log_density, acceptance, started)
+      !> Number of sweeps before the first sample.
+      integer, intent(in) :: burn_in
       class(target_type), intent(in) :: target
       type(random_stream_type), intent(inout) :: stream
       !> (parameter, sample), (sample).
@@ -66,7 +62,7 @@ contains
       integer :: i, drawn, accepted, accepted_in_all, drawn_in_all
 
       acceptance = 0.0_wp
-      call evolve_population(target, int(self%burn_in, i8)*target%dimension, stream, &
+      call evolve_population(target, int(burn_in, i8)*target%dimension, stream, &
          & kernel%whitening, kernel%step_scale, kernel%archive, started)
       if (.not. started .or. stop_requested()) return
       call fit_proposal(target, kernel%whitening, kernel%archive, size(log_density), stream, &
@@ -93,7 +89,7 @@ contains
       end do
       call target%from_working(draws, log_density)
       acceptance = real(accepted_in_all, wp)/max(1, drawn_in_all)
-   end subroutine run
+   end subroutine run_ensemble
 
    !> Make the steps of one sample, in place. log_q is the logarithm of the mixture's density.
    subroutine walk(target, kernel, pool, stream, u, w, density, drawn, accepted)

@@ -134,14 +134,11 @@ contains
             & moduli(:, 1 + mod(i - 1, block)))
          residuals = (posterior%data%modulus - model)/scales
          call factor_columns(u, reduced)
-         ! Only the sizes matter: the rank of the columns depends on the point.
-         mean = reduced(1, :)
-         z = mean
-         precision = reduced(:size(mean), :)
          call posterior%errors%integrate(residuals, reduced, mean, precision, value)
          call posterior%errors%leave_one_out(residuals, reduced, mean, precision, &
             & log_likelihood(:, i))
          log_likelihood(:, i) = log_likelihood(:, i) - log(scales)
+         z = mean
          call stream%normals(z)
          call solve_upper(precision, z)
          shared = matmul(reduced, mean + z)
@@ -209,7 +206,7 @@ contains
       log_factor = sum([(log(factor(j, j)), j=1, d)])
       do concurrent(i=1:size(u, 2), c=1:size(u, 3))
          log_density(i, c) = log_density(i, c) &
-            & + density%prior%logarithms%log_volume_at(u(:density%n_constants, i, c))
+            & + density%prior%logarithms%log_volume(u(:density%n_constants, i, c))
          u(:, i, c) = u(:, i, c) - mean
          call solve_lower(factor, u(:, i, c))
       end do

@@ -74,7 +74,7 @@ contains
       type(limit_type), intent(in) :: limits(:)
       type(change_type), allocatable, intent(out) :: changes(:)
       real(wp) :: log_weights(size(draws, 2)), mean(size(draws, 1)), sd(size(draws, 1))
-      real(wp), allocatable :: standard(:, :), coordinates(:)
+      real(wp), allocatable :: standard(:, :)
       integer :: i
 
       allocate (changes(0))
@@ -88,8 +88,8 @@ contains
       if (posterior%prior%has_default) return
       associate (logarithms => posterior%prior%logarithms)
          do i = 1, size(log_weights)
-            coordinates = logarithms%to_logarithms(posterior%stiffness(draws(:, i)))
-            log_weights(i) = logarithms%log_volume_at(coordinates)
+            log_weights(i) &
+               & = logarithms%log_volume(logarithms%to_logarithms(posterior%stiffness(draws(:, i))))
          end do
       end associate
       if (.not. posterior%prior%in_logarithms) log_weights = -log_weights

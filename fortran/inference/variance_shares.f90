@@ -185,7 +185,6 @@ contains
       call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, shared, moduli)
       residual = (posterior%data%modulus - model)/scales
       call factor_columns(shared, reduced)
-      allocate (mean(size(reduced, 2)), precision(size(reduced, 2), size(reduced, 2)))
       call posterior%errors%integrate(residual, reduced, mean, precision, value)
       residual = residual - matmul(reduced, mean)
       call posterior%errors%weigh(residual, weight)

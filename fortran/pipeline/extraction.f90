@@ -1,7 +1,7 @@
 !> Step 2 of a problem: sample the posterior and the prior, and summarise the chains.
 module extraction
    use constants_posterior, only: posterior_type
-   use crystal_elasticity, only: hill_young_poisson, polycrystal_averages
+   use crystal_elasticity, only: averages_type, polycrystal_averages
    use errors, only: error_type
    use further_knowledge, only: conflict_type, expect_gains, find_conflict, gain_type, &
       & without_knowledge
@@ -16,7 +16,7 @@ module extraction
    use problem, only: problem_type
    use field_reading, only: allowed_error, choose_field_degree, find_field_error
    use problem_posterior, only: draw_aside, free_run, new_problem_posterior, omit_weak_waves, &
-      & pilot_run, prior_run, sample_aside, sample_posterior, stiffnesses, theory_run
+      & pilot_run, prior_run, sample_aside, sample_posterior, theory_run
    use quantities, only: evaluate_draws, quantity_type, reported_quantities
    use samplers, only: chains_type
    use statistics, only: flattened, moments, thinned
@@ -138,9 +138,9 @@ contains
       self%checksum = surrogate%checksum
       self%surrogate_contact_radius = surrogate%contact_radius
       if (surrogate%contact_radius > 0.0_wp) then
-         call halfspace_moduli(stiffnesses(surrogate%basis%domain%class, &
-            & surrogate%simulations%constants), surrogate%simulations%euler_deg, 1, theory, &
-            & circular, error)
+         call halfspace_moduli( &
+            & surrogate%basis%domain%class%stiffnesses(surrogate%simulations%constants), &
+            & surrogate%simulations%euler_deg, 1, theory, circular, error)
          if (.not. allocated(error)) then
             self%surrogate_correction = sum(abs(surrogate%simulations%modulus/theory - 1.0_wp)) &
                & /self%simulations
@@ -326,11 +326,9 @@ contains
    !> compared with it.
    pure real(wp) function least_value(self)
       class(extraction_type), intent(in) :: self
-      real(wp) :: young, poisson
+      type(averages_type) :: averages
 
-      associate (mean_stiffness => self%posterior%stiffness(self%parameters%mean))
-         call hill_young_poisson(polycrystal_averages(mean_stiffness), young, poisson)
-      end associate
-      least_value = 0.1_wp*young
+      averages = polycrystal_averages(self%posterior%stiffness(self%parameters%mean))
+      least_value = 0.1_wp*averages%young
    end function least_value
 end module extraction

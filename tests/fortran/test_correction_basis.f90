@@ -12,7 +12,7 @@ program test_correction_basis
    use kinds, only: degree, pi, wp
    use linear_algebra, only: symmetric_eigen
    use logarithmic_coordinates, only: axial_coordinates_of, kelvin_rotation, log_coordinates_type, &
-      & log_frame_type, n_axial, n_coordinates, n_waves, new_log_coordinates, wave_orders
+      & n_axial, n_coordinates, n_waves, new_log_coordinates, wave_orders
    use random, only: new_random_stream, random_stream_type
    use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: spread_crystals
@@ -65,7 +65,6 @@ contains
       character(len=*), intent(in) :: name
       real(wp) :: c(6, 6)
       type(log_coordinates_type) :: space
-      type(log_frame_type) :: frame
       real(wp) :: w(21)
 
       space = new_log_coordinates(class_of(trim(name)))
@@ -73,7 +72,7 @@ contains
       w = 0.5_wp*w/sqrt(1.0_wp + space%n)
       w(1) = w(1) + 5.8_wp
       w(2) = w(2) + 4.7_wp*sqrt(5.0_wp)
-      call space%from_logarithms(w(:space%n), c, frame)
+      c = space%from_logarithms(w(:space%n))
    end function random_crystal
 
    function basis_of(degree_of_polynomials, stiffness) result(basis)
