@@ -71,8 +71,9 @@ contains
       type(crystal_class_type), intent(in) :: class
       integer, intent(in) :: order
       real(wp), allocatable :: rotations(:, :, :), generators(:, :, :)
+      real(wp) :: product(3, 3)
       logical, allocatable :: retained(:)
-      integer :: g, infinite
+      integer :: g, i, k, infinite
 
       generators = class%generators
       infinite = findloc(class%folds, 0, dim=1)
@@ -82,7 +83,21 @@ contains
          generators(:, :, infinite) = rotation_about(axis_of(generators(:, :, infinite)), &
             & 2.0_wp*pi/order)
       end if
-      call close_group(generators(:, :, pack([(g, g=1, size(retained))], retained)), rotations)
+      generators = generators(:, :, pack([(g, g=1, size(retained))], retained))
+      ! All products of the generators.
+      rotations = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1]*1.0_wp, [3, 3, 1])
+      i = 0
+      do while (i < size(rotations, 3))
+         i = i + 1
+         do g = 1, size(generators, 3)
+            product = matmul(generators(:, :, g), rotations(:, :, i))
+            do k = 1, size(rotations, 3)
+               if (all(abs(rotations(:, :, k) - product) < same)) exit
+            end do
+            if (k <= size(rotations, 3)) cycle
+            rotations = reshape(rotations, [3, 3, k], reshape(product, [9]))
+         end do
+      end do
    end function group_rotations
 
    !> The axis of a rotation, of no particular length.
@@ -92,27 +107,6 @@ contains
 
       axis = [r(3, 2) - r(2, 3), r(1, 3) - r(3, 1), r(2, 1) - r(1, 2)]
    end function axis_of
-
-   !> All products of the generators.
-   pure subroutine close_group(generators, group)
-      real(wp), intent(in) :: generators(:, :, :)
-      real(wp), allocatable, intent(out) :: group(:, :, :)
-      real(wp) :: product(3, 3)
-      integer :: i, g, k
-
-      group = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1]*1.0_wp, [3, 3, 1])
-      i = 0
-      do while (i < size(group, 3))
-         i = i + 1
-         do g = 1, size(generators, 3)
-            product = matmul(generators(:, :, g), group(:, :, i))
-            do k = 1, size(group, 3)
-               if (all(abs(group(:, :, k) - product) < same)) exit
-            end do
-            if (k > size(group, 3)) group = reshape(group, [3, 3, k], reshape(product, [9]))
-         end do
-      end do
-   end subroutine close_group
 
    !> Cut a convex spherical polygon to the points v that are not smaller than their images: v.n >=
    !> 0 for every element g of the group, where n = z - gz, or x - gx if that is zero, or else y -
@@ -184,11 +178,8 @@ contains
       integer :: i
 
       is_larger = .false.
-      do i = 1, 3
-         if (abs(a(i) - b(i)) < same) cycle
-         is_larger = a(i) > b(i)
-         return
-      end do
+      i = findloc(abs(a - b) >= same, .true., dim=1)
+      if (i > 0) is_larger = a(i) > b(i)
    end function is_larger
 
    !> Smallest angle (radians) between a direction and those equivalent to another one.

@@ -39,7 +39,12 @@ contains
       diagnostics = diagnostics_type(nan, nan, nan)
       if (size(draws, 1) < least_samples) return
       call split_chains(draws, halves)
-      allocate (work, mold=halves)
+      call sorted_values(size(draws), draws, sorted)
+      ! The effective sample size of a quantile is that of whether a draw is at or below it.
+      work = merge(1.0_wp, 0.0_wp, halves <= quantile(sorted, tail))
+      diagnostics%ess_tail = effective_size(work)
+      work = merge(1.0_wp, 0.0_wp, halves <= quantile(sorted, 1.0_wp - tail))
+      diagnostics%ess_tail = min(diagnostics%ess_tail, effective_size(work))
       call normal_scores(size(halves), halves, work)
       diagnostics%ess_bulk = effective_size(work)
       if (size(draws, 2) > 1) then
@@ -49,13 +54,6 @@ contains
          folded = scale_reduction(work)
          if (folded > diagnostics%r_hat) diagnostics%r_hat = folded
       end if
-      call sorted_values(size(draws), draws, sorted)
-      call split_chains(draws, halves)
-      ! The effective sample size of a quantile is that of whether a draw is at or below it.
-      work = merge(1.0_wp, 0.0_wp, halves <= quantile(sorted, tail))
-      diagnostics%ess_tail = effective_size(work)
-      work = merge(1.0_wp, 0.0_wp, halves <= quantile(sorted, 1.0_wp - tail))
-      diagnostics%ess_tail = min(diagnostics%ess_tail, effective_size(work))
    end function diagnose_chains
 
    !> Split chains into first and last halves, each a chain. A sample in the middle is left out.

@@ -131,19 +131,15 @@ contains
       if (with_covariance .and. negligible*surrogate%beta <= 1.0_wp) then
          posterior%scatter = 1.0_wp/surrogate%beta
       end if
-      posterior%n_calibrated = posterior%grains%n_columns + merge(posterior%n_groups, 0, &
-         & any(posterior%calibration > 0.0_wp))
+      n_calibrations = merge(posterior%n_groups, 0, any(posterior%calibration > 0.0_wp))
+      posterior%n_calibrated = posterior%grains%n_columns + n_calibrations
       posterior%n_shared = posterior%n_calibrated + size(measured%shared, 2) + merge(2, 0, &
          & settings%misalignment_sd_deg > 0.0_wp)
       posterior%dimension = prior%n_constants + merge(1, 0, posterior%infers_scale)
-      n_calibrations = posterior%n_calibrated - posterior%grains%n_columns
-      allocate (posterior%relative(posterior%n_grains, n_calibrations + size(measured%shared, 2)), &
-         & source=0.0_wp)
-      if (n_calibrations > 0) then
-         do g = 1, posterior%n_grains
-            posterior%relative(g, measured%group(g)) = posterior%calibration(measured%group(g))
-         end do
-      end if
+      allocate (posterior%relative(posterior%n_grains, n_calibrations + size(measured%shared, 2)))
+      do g = 1, n_calibrations
+         posterior%relative(:, g) = merge(posterior%calibration(g), 0.0_wp, measured%group == g)
+      end do
       posterior%relative(:, n_calibrations + 1:) = measured%shared
       if (.not. allocated(measured%probability)) return
       if (posterior%scatter > 0.0_wp) then
@@ -337,7 +333,6 @@ contains
             & scale_factor(self, x)) - self%log_scales
          return
       end if
-      allocate (u(self%n_grains, self%n_shared))
       call self%predict_measurements(x, c, model, scales, u, moduli)
       call factor_columns(u, reduced)
       call self%errors%integrate((self%data%modulus - model)/scales, reduced, shared, precision, &
@@ -409,8 +404,10 @@ contains
       class(posterior_type), intent(in) :: self
       !> Point, (dimension), and its stiffness, GPa.
       real(wp), intent(in) :: x(:), c(6, 6)
-      !> In the unit of the observable, (grain); (grain, shared error).
-      real(wp), intent(out), contiguous :: model(:), scales(:), u(:, :)
+      !> In the unit of the observable, (grain).
+      real(wp), intent(out), contiguous :: model(:), scales(:)
+      !> (grain, shared error).
+      real(wp), allocatable, intent(out) :: u(:, :)
       !> The grain model's rows for this crystal, if the caller has them, GPa.
       real(wp), intent(in), optional :: moduli(size(self%euler, 2))
       real(wp), dimension(self%n_grains) :: slope, own_variance, map_slope
@@ -418,6 +415,7 @@ contains
       real(wp), allocatable :: columns(:, :)
       integer :: g, n
 
+      allocate (u(self%n_grains, self%n_shared))
       call evaluate_grains(self, c, model, slope, own_variance, tilt_slopes, moduli)
       map_slope = 1.0_wp
       call self%observable%to_measured(model(:self%n_moduli), map_slope(:self%n_moduli))

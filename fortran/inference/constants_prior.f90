@@ -133,12 +133,12 @@ contains
       do i = 0, 2**prior%n_constants - 1
          x = merge(prior%upper, prior%lower, btest(i, [(j, j=0, size(x) - 1)]))
          if (is_stable(prior%class%stiffness(x))) cycle
-         corner = trim(prior%class%constants(1))//' = '//to_text(x(1))
-         do j = 2, size(x)
-            corner = corner//', '//trim(prior%class%constants(j))//' = '//to_text(x(j))
+         corner = ''
+         do j = 1, size(x)
+            corner = corner//', '//prior%class%constants(j)//' = '//to_text(x(j))
          end do
          call refuse(error, 'measure = ''logarithms'' needs bounds within which every crystal is ' &
-            & //'stable, since log K has infinite volume at the edge of stability; '//corner &
+            & //'stable, since log K has infinite volume at the edge of stability; '//corner(3:) &
             & //' GPa is not stable. State narrower bounds, an anisotropy_cap, or ' &
             & //'measure = ''constants''')
          return

@@ -211,11 +211,11 @@ contains
       generations = max(4_i8, wanted)
       ! The stride has no common divisor with the number of walkers, so that every walker is among
       ! the points.
-      stride = max(1_i8, ((generations - generations/2)*m + most_points - 1)/most_points)
+      visits = (generations - generations/2)*m
+      stride = max(1_i8, (visits + most_points - 1)/most_points)
       do while (any([(mod(stride, i) == 0 .and. mod(int(m, i8), i) == 0, i=2, m)]))
          stride = stride + 1
       end do
-      visits = (generations - generations/2)*m
       deallocate (points, density)
       allocate (points(target%dimension, (visits + stride - 1)/stride), &
          & density((visits + stride - 1)/stride))
@@ -251,16 +251,17 @@ contains
                accepted = accepted + 1
             end do
          end do
-         if (2*generation > generations) distinct = distinct + accepted
-         do k = 1, m
-            if (2*generation <= generations) exit
-            if (mod(visits, stride) == 0) then
-               retained = retained + 1
-               points(:, retained) = w(:, k)
-               density(retained) = current(k)
-            end if
-            visits = visits + 1
-         end do
+         if (2*generation > generations) then
+            distinct = distinct + accepted
+            do k = 1, m
+               if (mod(visits, stride) == 0) then
+                  retained = retained + 1
+                  points(:, retained) = w(:, k)
+                  density(retained) = current(k)
+               end if
+               visits = visits + 1
+            end do
+         end if
          step_scale = min(1.0_wp, &
             & max(least_scale, step_scale*exp(0.5_wp*(real(accepted, wp)/m - target_acceptance))))
       end do

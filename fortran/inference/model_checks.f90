@@ -121,7 +121,6 @@ contains
       real(wp) :: c(6, 6), value
       integer :: i, g
 
-      allocate (u(posterior%n_grains, posterior%n_shared))
       stream = new_random_stream(0, stream_number)
       sums = 0.0_wp
       do i = 1, size(draws, 2)

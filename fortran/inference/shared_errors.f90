@@ -26,7 +26,6 @@ contains
 
       allocate (mean(0), precision(0, 0))
       if (posterior%n_shared == 0) return
-      allocate (u(posterior%n_grains, posterior%n_shared))
       call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, u)
       call posterior%errors%integrate((posterior%data%modulus - model)/scales, u, mean, &
          & precision, value)

@@ -15,7 +15,6 @@ module evidence_regression
    public :: regression_type, new_regression, add_data, maximise_evidence, compute_posterior
    public :: log_evidence, leave_groups_out, coefficient_mean, coefficient_covariance, &
       & scale_columns, factored_forms
-   public :: spectrum_type, compute_spectrum
 
    type :: regression_type
       integer :: n_terms = 0, n_data = 0

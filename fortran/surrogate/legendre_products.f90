@@ -135,13 +135,12 @@ contains
       real(wp), intent(in) :: x(:)
       !> (n_products).
       real(wp), intent(out), contiguous :: p(:)
-      real(wp) :: factors(0:self%degree, self%n_coordinates)
+      real(wp) :: factors(-1:self%degree, self%n_coordinates)
       integer :: i, n, q
 
       do i = 1, self%n_coordinates
-         factors(0, i) = 1.0_wp
-         if (self%degree > 0) factors(1, i) = self%a(0)*x(i)
-         do n = 1, self%degree - 1
+         factors(:0, i) = [0.0_wp, 1.0_wp]
+         do n = 0, self%degree - 1
             factors(n + 1, i) = self%a(n)*x(i)*factors(n, i) - self%b(n)*factors(n - 1, i)
          end do
       end do

@@ -247,12 +247,10 @@ contains
       if (n == 0) return
       do while (points_needed <= most_points)
          call latin_hypercube(k + 3, points_needed, seed, points)
-         do i = 1, size(points, 2)
-            points(:k, i) = domain%lower + points(:k, i)*(domain%upper - domain%lower)
-         end do
          ! Array constructors would be on the stack, and these arrays are large.
          n_admitted = 0
          do i = 1, size(points, 2)
+            points(:k, i) = domain%lower + points(:k, i)*(domain%upper - domain%lower)
             if (.not. domain%admits(domain%class%stiffness(points(:k, i)))) cycle
             n_admitted = n_admitted + 1
             points(:, n_admitted) = points(:, i)
