@@ -13,7 +13,7 @@ module constants_posterior
    use constants_prior, only: prior_type
    use crystal_elasticity, only: no_wave, path_type
    use error_models, only: error_model_type, new_error_model
-   use errors, only: error_type, exit_bad_input, raise, refuse
+   use errors, only: error_type, refuse
    use kinds, only: degree, pi, wp
    use measured_grains, only: all_tilts, measured_type, n_tilts, tilt_moments
    use observables, only: new_observable, observable_type
@@ -100,8 +100,8 @@ contains
       call new_observable(settings%modulus_kind, settings, posterior%observable, error)
       if (.not. allocated(error)) call new_error_model(settings, posterior%errors, error)
       if (size(measured%modulus) > most_grains) then
-         call raise(error, to_text(size(measured%modulus))//' grains are more than the ' &
-            & //to_text(most_grains)//' that are allowed', exit_bad_input)
+         call refuse(error, to_text(size(measured%modulus))//' grains are more than the ' &
+            & //to_text(most_grains)//' that are allowed')
       end if
       if (allocated(error)) return
       posterior%prior = prior
@@ -147,7 +147,7 @@ contains
             & 'orientations = ''unknown'' needs &sampler surrogate_variance = ''none''')
       else
          posterior%unknown = unknown_orientations_type(measured%probability, measured%modulus, &
-            & measured%sd, settings%scatter_sd, posterior%observable, null(), null())
+            & measured%sd, settings%scatter_sd, posterior%observable)
          call posterior%unknown%set_nodes(posterior%relative, error)
       end if
    end subroutine new_posterior

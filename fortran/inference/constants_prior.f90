@@ -261,32 +261,26 @@ contains
       !> Coordinates of its log K, (n_constants).
       real(wp), intent(in) :: w(:)
       real(wp) :: values(size(self%knowledge%mean))
+      integer :: k
 
       log_density = 0.0_wp
-      if (self%has_default) log_density = log_default(self, w)
+      if (self%has_default) then
+         ! The first two coordinates are log 3K and sqrt(5) log 2G of the isotropic part.
+         k = size(w) - 2
+         associate (contrast => w(1) - w(2)/sqrt(5.0_wp), &
+            & scale => (w(1) + sqrt(5.0_wp)*w(2))/6.0_wp, &
+            & squares => sum((w(3:)/anisotropy_scale)**2))
+            log_density = -0.5_wp*(((contrast - contrast_mean)/contrast_sd)**2 &
+               & + ((scale - self%typical_scale)/scale_sd)**2) &
+               & - 0.5_wp*(freedom + k)*log(1.0_wp + k*squares/freedom)
+         end associate
+      end if
       if (size(values) == 0) return
       call evaluate_quantities(self%knowledge%quantities, c, values)
       values = values - self%knowledge%mean
       call solve_lower(self%factor, values)
       log_density = log_density - 0.5_wp*sum(values**2)
    end function log_density
-
-   !> Logarithm of the default prior's density of log K, up to a constant. The first two coordinates
-   !> are log 3K and sqrt(5) log 2G of the isotropic part.
-   pure real(wp) function log_default(self, w)
-      type(prior_type), intent(in) :: self
-      !> (n_constants).
-      real(wp), intent(in) :: w(:)
-      integer :: k
-
-      k = size(w) - 2
-      associate (contrast => w(1) - w(2)/sqrt(5.0_wp), scale => (w(1) + sqrt(5.0_wp)*w(2))/6.0_wp, &
-         & squares => sum((w(3:)/anisotropy_scale)**2))
-         log_default = -0.5_wp*(((contrast - contrast_mean)/contrast_sd)**2 &
-            & + ((scale - self%typical_scale)/scale_sd)**2) &
-            & - 0.5_wp*(freedom + k)*log(1.0_wp + k*squares/freedom)
-      end associate
-   end function log_default
 
    !> A crystal to start a chain at, in the support or not: uniform between the bounds if all are
    !> stated, else a draw of the default prior.

@@ -47,9 +47,11 @@ contains
       integer, parameter :: rounds = 10, cooling_divisor = 4, most_cooling = 40, tail_effort = 20
       class(target_type), allocatable, target :: coarse
       class(target_type), pointer :: used
+      !> Points in working coordinates, (dimension, point), and the logarithms of their density.
       real(wp), allocatable :: points(:, :), density(:)
+      real(wp), allocatable :: starts(:, :)
       real(wp) :: last_temperatures(5), warm, inverse, next
-      integer :: m, cooling_walkers, distinct, round, i
+      integer :: m, cooling_walkers, n_found, distinct, round, i
       integer(i8) :: generations
 
       ! At the warm temperature a mixture fitted to the last round covers tails as long as those of
@@ -63,9 +65,14 @@ contains
       ! Numbers of walkers; more while cooling.
       m = 40*target%dimension
       cooling_walkers = merge(m, 4*m, target%dimension >= many_dimensions)
-      call draw_population(target, 4*cooling_walkers, stream, points, density)
-      started = size(density) > 0
+      allocate (starts(target%dimension, 4*cooling_walkers), density(4*cooling_walkers))
+      call draw_starts(target, stream, starts, density, n_found)
+      started = n_found > 0
       if (.not. started) return
+      density = density(:n_found)
+      allocate (points(target%dimension, n_found))
+      call target%to_working(starts(:, :n_found), points)
+      call target%evaluate_working(points, density)
       m = min(m, size(density))
       allocate (coarse, source=target)
       call coarse%coarsen()
@@ -105,24 +112,6 @@ contains
          call whitening%to_white(points(:, i), archive(:, i))
       end do
    end subroutine evolve_population
-
-   !> Points of the support from the target's starts, in working coordinates.
-   subroutine draw_population(target, wanted, stream, points, density)
-      class(target_type), intent(in) :: target
-      integer, intent(in) :: wanted
-      type(random_stream_type), intent(inout) :: stream
-      !> (dimension, point), and the logarithms of their density. There may be fewer points than
-      !> `wanted`.
-      real(wp), allocatable, intent(out) :: points(:, :), density(:)
-      integer :: n_found
-      real(wp), allocatable :: starts(:, :)
-
-      allocate (starts(target%dimension, wanted), density(wanted))
-      call draw_starts(target, stream, starts, density, n_found)
-      allocate (points(target%dimension, n_found))
-      call target%to_working(starts(:, :n_found), points)
-      call target%evaluate_working(points, density)
-   end subroutine draw_population
 
    !> Choose between the exact and the coarse density, and fit the whitening to the points. Where
    !> the exact density replaces the coarse one, resample the points: the coarse one may have led

@@ -268,10 +268,8 @@ contains
       character(len=:), allocatable :: name
       integer :: number
 
-      if (.not. file%reading) then
-         name = surrogate%basis%settings%model
-         number = version
-      end if
+      if (.not. file%reading) name = surrogate%basis%settings%model
+      number = version
       call file%integer(label, number)
       if (number /= version) then
          call file%fail('it has version '//to_text(number)//' of the format, not ' &
