@@ -21,6 +21,8 @@ module distinct_directions
    !> Step of the lattice over an arc, and largest step over a triangle, in degrees.
    real(wp), parameter :: arc_step = 2.0_wp, triangle_step = 3.43_wp
    integer, parameter :: most_corners = 12
+   !> Components in the order in which directions are compared: z, x, y.
+   integer, parameter :: order(3) = [3, 1, 2]
 
    type :: region_type
       !> Dimension of the region: 2 for triangles, 1 for an arc, 0 for a point.
@@ -115,7 +117,6 @@ contains
       real(wp), intent(in) :: group(:, :, :)
       !> Unit vectors (3, n), in order around the polygon; empty if nothing remains.
       real(wp), allocatable, intent(inout) :: corners(:, :)
-      integer, parameter :: order(3) = [3, 1, 2]
       real(wp) :: normal(3), cut(3, most_corners), height(most_corners), unit(3)
       integer :: g, i, j, n, m
 
@@ -155,7 +156,7 @@ contains
       !> Unit vector in crystal axes.
       real(wp), intent(in) :: direction(3)
       real(wp) :: best(3), image(3), height
-      integer :: g
+      integer :: g, i
 
       select case (region%dimension)
       case (0)
@@ -167,20 +168,13 @@ contains
          best = direction
          do g = 1, size(region%group, 3)
             image = matmul(region%group(:, :, g), direction)
-            if (is_larger(image([3, 1, 2]), best([3, 1, 2]))) best = image
+            ! The first component that differs decides which one is larger.
+            i = findloc(abs(image(order) - best(order)) >= same, .true., dim=1)
+            if (i == 0) cycle
+            if (image(order(i)) > best(order(i))) best = image
          end do
       end select
    end function representative
-
-   !> Whether a is larger than b in the first component that differs.
-   pure logical function is_larger(a, b)
-      real(wp), intent(in) :: a(3), b(3)
-      integer :: i
-
-      is_larger = .false.
-      i = findloc(abs(a - b) >= same, .true., dim=1)
-      if (i > 0) is_larger = a(i) > b(i)
-   end function is_larger
 
    !> Smallest angle (radians) between a direction and those equivalent to another one.
    pure real(wp) function angle_between(region, first, second) result(angle)

@@ -131,38 +131,29 @@ contains
       type(whitening_type), intent(inout) :: whitening
       !> The chosen density, one of the two.
       class(target_type), pointer, intent(inout) :: used
-      real(wp) :: old_density(size(density))
-      integer :: n_distinct
+      !> Number of test points, and the share of them at which the logarithm of the coarse density
+      !> must err by less than two temperatures.
+      integer, parameter :: n_tests = 50
+      real(wp), parameter :: least_share = 0.7_wp
+      real(wp) :: old_density(size(density)), w(size(points, 1), n_tests), exact(n_tests), &
+         & approximate(n_tests)
+      integer :: n_distinct, k
       logical :: was_exact
 
       was_exact = associated(used, target)
       used => target
-      if (agree(target, coarse, points, temperature)) used => coarse
+      w = points(:, [(1 + (k - 1)*(size(points, 2) - 1)/n_tests, k=1, n_tests)])
+      call target%evaluate_working(w, exact)
+      call coarse%evaluate_working(w, approximate)
+      if (count(abs(exact - approximate) < 2.0_wp*temperature) >= least_share*n_tests) then
+         used => coarse
+      end if
       call fit_whitening(points, min(distinct, size(density)), whitening)
       if (was_exact .or. associated(used, coarse)) return
       old_density = density
       call used%evaluate_working(points, density)
       call resample(stream, (density - old_density)/temperature, points, density, n_distinct)
    end subroutine choose_density
-
-   !> Whether the logarithm of another density errs by less than two temperatures at most of the
-   !> test points.
-   logical function agree(target, other, points, temperature)
-      class(target_type), intent(in) :: target, other
-      !> (dimension, point).
-      real(wp), intent(in) :: points(:, :)
-      real(wp), intent(in) :: temperature
-      !> Number of test points, and the share of them that must agree.
-      integer, parameter :: n_tests = 50
-      real(wp), parameter :: least_share = 0.7_wp
-      real(wp) :: w(size(points, 1), n_tests), exact(n_tests), approximate(n_tests)
-      integer :: k
-
-      w = points(:, [(1 + (k - 1)*(size(points, 2) - 1)/n_tests, k=1, n_tests)])
-      call target%evaluate_working(w, exact)
-      call other%evaluate_working(w, approximate)
-      agree = count(abs(exact - approximate) < 2.0_wp*temperature) >= least_share*n_tests
-   end function agree
 
    !> Differential evolution of walkers that start from some of the points. On return the points are
    !> those visited in the second half of the generations.

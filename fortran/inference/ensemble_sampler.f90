@@ -206,12 +206,11 @@ contains
 
       n_draws = min(most_draws, max(least_draws, samples/3))
       n_archived = size(kernel%archive, 2)
-      allocate (points(target%dimension, n_archived + n_draws + most_outside), &
-         & weights(n_archived + n_draws + most_outside))
-      allocate (log_weights(n_draws), rejected(target%dimension, most_outside))
-      allocate (u(target%dimension, n_draws), w(target%dimension, n_draws), log_density(n_draws))
+      allocate (weights(n_archived + n_draws + most_outside), source=1.0_wp)
+      allocate (points(target%dimension, size(weights)), log_weights(n_draws), &
+         & rejected(target%dimension, most_outside), u(target%dimension, n_draws), &
+         & w(target%dimension, n_draws), log_density(n_draws))
       points(:, :n_archived) = kernel%archive
-      weights = 1.0_wp
       call new_mixture(kernel%archive, components, fitted)
       call fit_mixture(kernel%archive, weights(:n_archived), 15, fitted)
       quality = 0.0_wp

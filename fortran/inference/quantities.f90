@@ -356,7 +356,11 @@ contains
                      value = averages%poisson
                   end select
                end select
-               values(i) = values(i)*power_of(value, factor%power)
+               if (abs(abs(factor%power) - 1.0_wp) <= 0.0_wp) then
+                  values(i) = values(i)*value**nint(factor%power)
+               else
+                  values(i) = values(i)*value**factor%power
+               end if
             end associate
          end do
       end do
@@ -378,16 +382,6 @@ contains
             & values(:, i))
       end do
    end subroutine evaluate_draws
-
-   pure real(wp) function power_of(value, power)
-      real(wp), intent(in) :: value, power
-
-      if (abs(abs(power) - 1.0_wp) <= 0.0_wp) then
-         power_of = value**nint(power)
-      else
-         power_of = value**power
-      end if
-   end function power_of
 
    !> Response of a crystal along a direction, from its compliance: the bulk modulus, GPa, which has
    !> no direction; Young's or the torsional shear modulus, GPa; the linear compressibility, 1/TPa.

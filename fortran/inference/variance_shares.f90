@@ -56,8 +56,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Number of draws for the variances of the errors, which hardly vary.
       integer, parameter :: few_draws = 200, block = 16
-      real(wp), allocatable, dimension(:, :) :: moduli, shared, scores, known_values, centred, weights, &
-         & parts, covariances, derivatives, factor
+      real(wp), allocatable, dimension(:, :) :: moduli, shared, scores, known_values, centred, &
+         & weights, parts, covariances, derivatives, factor
       real(wp), dimension(size(values, 1)) :: variance, total
       real(wp), dimension(posterior%n_grains) :: scales, residual, weight
       real(wp) :: greatest

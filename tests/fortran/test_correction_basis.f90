@@ -504,6 +504,9 @@ contains
       surrogate%provenance = '{}'
       surrogate%decay_rate = 1.0_wp/3.0_wp
       surrogate%contact_radius = 0.3_wp
+      associate (known => surrogate%simulations, class => surrogate%basis%domain%class)
+         allocate (known%constants(class%n_constants, 0), known%euler_deg(3, 0), known%modulus(0))
+      end associate
       call save_surrogate(surrogate, path, error)
       call check_success('a correction is written', error)
       call load_surrogate(path, copy, error)
