@@ -16,8 +16,7 @@ module crystal_elasticity
    public :: rotation_matrix, euler_angles, rotate_stiffness, bond_matrix, voigt_index
    public :: is_stable, check_stiffness, compliance, averages_type, polycrystal_averages, &
       & anisotropy_index, log_anisotropy, logarithmic_mean
-   public :: kelvin_form, stiffness_of_kelvin, diagonalise, hill_young_poisson
-   public :: isotropic_stiffness
+   public :: kelvin_form, stiffness_of_kelvin, diagonalise, isotropic_stiffness
    public :: path_type, wave_names, no_wave, rayleigh, longitudinal
 
    !> Smallest pivot of a stable crystal's stiffness, relative to its diagonal entry; below are
@@ -42,6 +41,9 @@ module crystal_elasticity
    !> Polycrystal bounds for a uniform texture, GPa (Hill, Proc. Phys. Soc. A 65, 349, 1952).
    type :: averages_type
       real(wp) :: bulk_voigt, shear_voigt, bulk_reuss, shear_reuss
+      !> Hill's averages: the means of the bounds, with their Young's modulus, GPa, and Poisson's
+      !> ratio.
+      real(wp) :: bulk, shear, young, poisson
    end type averages_type
 
 contains
@@ -167,7 +169,7 @@ contains
       end if
    end subroutine check_stiffness
 
-   !> Voigt and Reuss averages; Reuss averages of an unstable crystal are NaN.
+   !> Voigt, Reuss and Hill averages; all but Voigt's are NaN for an unstable crystal.
    pure type(averages_type) function polycrystal_averages(c) result(averages)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
@@ -180,6 +182,12 @@ contains
       averages%bulk_reuss = 1.0_wp/sum(s(:3, :3))
       averages%shear_reuss = 15.0_wp/(4.0_wp*(s(1, 1) + s(2, 2) + s(3, 3) - s(1, 2) - s(2, 3) &
          & - s(1, 3)) + 3.0_wp*(s(4, 4) + s(5, 5) + s(6, 6)))
+      associate (bulk => averages%bulk, shear => averages%shear)
+         bulk = 0.5_wp*(averages%bulk_voigt + averages%bulk_reuss)
+         shear = 0.5_wp*(averages%shear_voigt + averages%shear_reuss)
+         averages%young = 9.0_wp*bulk*shear/(3.0_wp*bulk + shear)
+         averages%poisson = (3.0_wp*bulk - 2.0_wp*shear)/(6.0_wp*bulk + 2.0_wp*shear)
+      end associate
    end function polycrystal_averages
 
    !> Universal anisotropy index 5 Gv/Gr + Kv/Kr - 6 (paper's Eq. 14; Ranganathan &
@@ -194,18 +202,6 @@ contains
             & + averages%bulk_voigt/averages%bulk_reuss - 6.0_wp
       end associate
    end function anisotropy_index
-
-   !> Young's modulus (GPa) and Poisson's ratio of Hill's averages.
-   pure subroutine hill_young_poisson(averages, young, poisson)
-      type(averages_type), intent(in) :: averages
-      real(wp), intent(out) :: young, poisson
-      real(wp) :: bulk, shear
-
-      bulk = 0.5_wp*(averages%bulk_voigt + averages%bulk_reuss)
-      shear = 0.5_wp*(averages%shear_voigt + averages%shear_reuss)
-      young = 9.0_wp*bulk*shear/(3.0_wp*bulk + shear)
-      poisson = (3.0_wp*bulk - 2.0_wp*shear)/(6.0_wp*bulk + 2.0_wp*shear)
-   end subroutine hill_young_poisson
 
    !> Stiffness of an isotropic solid, GPa.
    pure function isotropic_stiffness(young, poisson) result(c)

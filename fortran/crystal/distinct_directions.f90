@@ -21,6 +21,8 @@ module distinct_directions
    !> Step of the lattice over an arc, and largest step over a triangle, in degrees.
    real(wp), parameter :: arc_step = 2.0_wp, triangle_step = 3.43_wp
    integer, parameter :: most_corners = 12
+   !> Components in the order in which directions are compared: z, x, y.
+   integer, parameter :: order(3) = [3, 1, 2]
 
    type :: region_type
       !> Dimension of the region: 2 for triangles, 1 for an arc, 0 for a point.
@@ -71,8 +73,9 @@ contains
       type(crystal_class_type), intent(in) :: class
       integer, intent(in) :: order
       real(wp), allocatable :: rotations(:, :, :), generators(:, :, :)
+      real(wp) :: product(3, 3)
       logical, allocatable :: retained(:)
-      integer :: g, infinite
+      integer :: g, i, k, infinite
 
       generators = class%generators
       infinite = findloc(class%folds, 0, dim=1)
@@ -82,7 +85,21 @@ contains
          generators(:, :, infinite) = rotation_about(axis_of(generators(:, :, infinite)), &
             & 2.0_wp*pi/order)
       end if
-      call close_group(generators(:, :, pack([(g, g=1, size(retained))], retained)), rotations)
+      generators = generators(:, :, pack([(g, g=1, size(retained))], retained))
+      ! All products of the generators.
+      rotations = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1]*1.0_wp, [3, 3, 1])
+      i = 0
+      do while (i < size(rotations, 3))
+         i = i + 1
+         do g = 1, size(generators, 3)
+            product = matmul(generators(:, :, g), rotations(:, :, i))
+            do k = 1, size(rotations, 3)
+               if (all(abs(rotations(:, :, k) - product) < same)) exit
+            end do
+            if (k <= size(rotations, 3)) cycle
+            rotations = reshape(rotations, [3, 3, k], reshape(product, [9]))
+         end do
+      end do
    end function group_rotations
 
    !> The axis of a rotation, of no particular length.
@@ -93,27 +110,6 @@ contains
       axis = [r(3, 2) - r(2, 3), r(1, 3) - r(3, 1), r(2, 1) - r(1, 2)]
    end function axis_of
 
-   !> All products of the generators.
-   pure subroutine close_group(generators, group)
-      real(wp), intent(in) :: generators(:, :, :)
-      real(wp), allocatable, intent(out) :: group(:, :, :)
-      real(wp) :: product(3, 3)
-      integer :: i, g, k
-
-      group = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1]*1.0_wp, [3, 3, 1])
-      i = 0
-      do while (i < size(group, 3))
-         i = i + 1
-         do g = 1, size(generators, 3)
-            product = matmul(generators(:, :, g), group(:, :, i))
-            do k = 1, size(group, 3)
-               if (all(abs(group(:, :, k) - product) < same)) exit
-            end do
-            if (k > size(group, 3)) group = reshape(group, [3, 3, k], reshape(product, [9]))
-         end do
-      end do
-   end subroutine close_group
-
    !> Cut a convex spherical polygon to the points v that are not smaller than their images: v.n >=
    !> 0 for every element g of the group, where n = z - gz, or x - gx if that is zero, or else y -
    !> gy.
@@ -121,7 +117,6 @@ contains
       real(wp), intent(in) :: group(:, :, :)
       !> Unit vectors (3, n), in order around the polygon; empty if nothing remains.
       real(wp), allocatable, intent(inout) :: corners(:, :)
-      integer, parameter :: order(3) = [3, 1, 2]
       real(wp) :: normal(3), cut(3, most_corners), height(most_corners), unit(3)
       integer :: g, i, j, n, m
 
@@ -161,7 +156,7 @@ contains
       !> Unit vector in crystal axes.
       real(wp), intent(in) :: direction(3)
       real(wp) :: best(3), image(3), height
-      integer :: g
+      integer :: g, i
 
       select case (region%dimension)
       case (0)
@@ -173,23 +168,13 @@ contains
          best = direction
          do g = 1, size(region%group, 3)
             image = matmul(region%group(:, :, g), direction)
-            if (is_larger(image([3, 1, 2]), best([3, 1, 2]))) best = image
+            ! The first component that differs decides which one is larger.
+            i = findloc(abs(image(order) - best(order)) >= same, .true., dim=1)
+            if (i == 0) cycle
+            if (image(order(i)) > best(order(i))) best = image
          end do
       end select
    end function representative
-
-   !> Whether a is larger than b in the first component that differs.
-   pure logical function is_larger(a, b)
-      real(wp), intent(in) :: a(3), b(3)
-      integer :: i
-
-      is_larger = .false.
-      do i = 1, 3
-         if (abs(a(i) - b(i)) < same) cycle
-         is_larger = a(i) > b(i)
-         return
-      end do
-   end function is_larger
 
    !> Smallest angle (radians) between a direction and those equivalent to another one.
    pure real(wp) function angle_between(region, first, second) result(angle)

@@ -23,13 +23,8 @@ module logarithmic_coordinates
    use kinds, only: wp
    implicit none
    private
-   public :: log_coordinates_type, new_log_coordinates, log_frame_type, logarithm_of, n_axial, &
-      & n_waves, wave_orders, n_coordinates, axial_coordinates_of, kelvin_rotation
-
-   !> Eigenvalues of log K, and its eigenvectors, one a column.
-   type :: log_frame_type
-      real(wp) :: values(6), vectors(6, 6)
-   end type log_frame_type
+   public :: log_coordinates_type, new_log_coordinates, logarithm_of, n_axial, n_waves, &
+      & wave_orders, n_coordinates, axial_coordinates_of, kelvin_rotation
 
    type :: log_coordinates_type
       !> Number of coordinates, which is that of the constants.
@@ -39,7 +34,7 @@ module logarithmic_coordinates
       !> The class, whose constants are coordinates in another, sparse basis of the same space.
       type(crystal_class_type), private :: class
    contains
-      procedure :: to_logarithms, from_logarithms, log_volume, log_volume_at
+      procedure :: to_logarithms, from_logarithms, log_volume
    end type log_coordinates_type
 
    integer, parameter :: n_axial = 4, n_waves = 8
@@ -134,15 +129,22 @@ contains
       matrix = matmul(spread(values, 1, 6)*vectors, transpose(vectors))
    end function composed
 
-   !> The crystal at coordinates w.
-   pure subroutine from_logarithms(self, w, c, frame)
+   !> Stiffness in crystal axes, GPa, of the crystal at coordinates w.
+   pure function from_logarithms(self, w) result(c)
       class(log_coordinates_type), intent(in) :: self
       !> (n).
-      real(wp), intent(in), contiguous :: w(:)
-      !> Stiffness in crystal axes, GPa.
-      real(wp), intent(out) :: c(6, 6)
-      !> Input of `log_volume`.
-      type(log_frame_type), intent(out) :: frame
+      real(wp), intent(in) :: w(:)
+      real(wp) :: c(6, 6), values(6), vectors(6, 6)
+
+      call diagonalise(logarithm_at(self, w), values, vectors)
+      c = stiffness_of_kelvin(composed(exp(values), vectors))
+   end function from_logarithms
+
+   !> log K at coordinates w.
+   pure function logarithm_at(self, w) result(logarithm)
+      type(log_coordinates_type), intent(in) :: self
+      !> (n).
+      real(wp), intent(in) :: w(:)
       real(wp) :: logarithm(6, 6)
       integer :: k
 
@@ -150,32 +152,21 @@ contains
       do k = 1, self%n
          logarithm = logarithm + w(k)*self%basis(:, :, k)
       end do
-      call diagonalise(logarithm, frame%values, frame%vectors)
-      c = stiffness_of_kelvin(composed(exp(frame%values), frame%vectors))
-   end subroutine from_logarithms
+   end function logarithm_at
 
-   !> `log_volume` at coordinates w.
-   pure real(wp) function log_volume_at(self, w)
+   !> log |dc/dw| at coordinates w, up to a constant of the class.
+   pure real(wp) function log_volume(self, w)
       class(log_coordinates_type), intent(in) :: self
       !> (n).
       real(wp), intent(in) :: w(:)
-      type(log_frame_type) :: frame
-      real(wp) :: c(6, 6)
-
-      call self%from_logarithms(w, c, frame)
-      log_volume_at = self%log_volume(frame)
-   end function log_volume_at
-
-   !> log |dc/dw| of a crystal, up to a constant of the class.
-   pure real(wp) function log_volume(self, frame)
-      class(log_coordinates_type), intent(in) :: self
-      type(log_frame_type), intent(in) :: frame
       real(wp), parameter :: kelvin(6) = [1.0_wp, 1.0_wp, 1.0_wp, root_2, root_2, root_2]
-      real(wp) :: parts(21, self%n), gram(self%n, self%n), pairs(21), weights(21), half, quotient
+      real(wp) :: parts(21, self%n), gram(self%n, self%n), pairs(21), weights(21), values(6), &
+         & vectors(6, 6), half, quotient
       integer :: i, j, k
 
-      associate (values => frame%values, vectors => frame%vectors, row => self%class%row, &
-         & column => self%class%column, constant => self%class%constant)
+      call diagonalise(logarithm_at(self, w), values, vectors)
+      associate (row => self%class%row, column => self%class%column, &
+         & constant => self%class%constant)
          k = 0
          do j = 1, 6
             do i = 1, j

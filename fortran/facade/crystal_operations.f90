@@ -10,7 +10,6 @@ module crystal_operations
    use halfspace_theory, only: halfspace_moduli
    use kinds, only: wp
    use observables, only: new_observable, observable_type
-   use problem_posterior, only: stiffnesses
    use rayleigh_wave, only: rayleigh_waves, wave_speed, wave_type
    use quantities, only: evaluate_quantities, new_quantity, quantity_type, reported_quantities
    use settings_schema, only: measurements_settings_type
@@ -52,7 +51,7 @@ contains
          call x%out%put('constants', class%constants)
       case ('stiffness')
          ! Stiffnesses of constants (k, n).
-         stiffness = stiffnesses(class, x%in%columns('constants', class%n_constants))
+         stiffness = class%stiffnesses(x%in%columns('constants', class%n_constants))
          call x%out%put_array('stiffness', stiffness, shape(stiffness))
       case ('averages')
          ! Anisotropy index (Eq. 14) and log-anisotropy, NaN if the crystal is not stable; bulk and

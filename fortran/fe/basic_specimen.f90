@@ -5,7 +5,7 @@
 !> The mesh generator executes the plan: a box of bricks under the indenter, and stages of layers
 !> around it, from the inside out.
 module basic_specimen
-   use crystal_elasticity, only: hill_young_poisson, isotropic_stiffness, log_anisotropy, &
+   use crystal_elasticity, only: averages_type, isotropic_stiffness, log_anisotropy, &
       & polycrystal_averages
    use errors, only: error_type, refuse
    use kinds, only: wp
@@ -274,15 +274,16 @@ contains
       real(wp), intent(in) :: refine, stiffness(6, 6)
       !> Whether the modulus is extrapolated from two meshes.
       logical, intent(in) :: two_meshes
-      real(wp) :: fineness, instability, contrast, young, poisson
+      real(wp) :: fineness, instability, contrast
+      type(averages_type) :: averages
 
       fineness = refine*self%contact_radius/self%element_size
       instability = merge(worst_incompatible, worst_plain, self%element == 'c3d8i')
       instability = instability*log_anisotropy(stiffness)**power_of_anisotropy
       contrast = self%contrast(1)
       if (self%young > 0.0_wp) then
-         call hill_young_poisson(polycrystal_averages(stiffness), young, poisson)
-         contrast = contrast + self%contrast(2)*max(0.0_wp, log(young/self%young))
+         averages = polycrystal_averages(stiffness)
+         contrast = contrast + self%contrast(2)*max(0.0_wp, log(averages%young/self%young))
       end if
       if (two_meshes) then
          instability = extrapolated*instability

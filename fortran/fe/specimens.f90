@@ -10,7 +10,7 @@ module specimens
    use basic_specimen, only: clamped_around, clamped_bottom, halfspace_name, mesh_plan_type, &
       & mesh_stage_type, require, specimen_type, to_ball, to_cylinder
    use basic_specimen, only: core_of_contact, fineness, graded_layers, layers_of_ratio
-   use crystal_elasticity, only: hill_young_poisson, isotropic_stiffness, polycrystal_averages
+   use crystal_elasticity, only: averages_type, isotropic_stiffness, polycrystal_averages
    use errors, only: error_type, prefix_error, refuse
    use indenters, only: indenter_type, new_indenter
    use kinds, only: wp
@@ -354,14 +354,14 @@ contains
       !> Stiffness of the grain in the sample frame, GPa.
       real(wp), intent(in) :: crystal(6, 6)
       real(wp), allocatable :: c(:, :, :)
-      real(wp) :: young, poisson
+      type(averages_type) :: matrix
 
-      young = self%young
-      poisson = self%poisson
-      if (.not. young > 0.0_wp) then
-         call hill_young_poisson(polycrystal_averages(crystal), young, poisson)
+      matrix = polycrystal_averages(crystal)
+      if (self%young > 0.0_wp) then
+         matrix%young = self%young
+         matrix%poisson = self%poisson
       end if
       c = spread(crystal, 3, 2)
-      c(:, :, 2) = isotropic_stiffness(young, poisson)
+      c(:, :, 2) = isotropic_stiffness(matrix%young, matrix%poisson)
    end function grain_materials
 end module specimens

@@ -43,20 +43,20 @@ module abstract_sampler
       end subroutine evaluate_interface
    end interface
 
-   type, abstract :: sampler_type
+   type :: sampler_type
       !> Number of sweeps before the first retained sample. A sweep evaluates the density once for
       !> each parameter.
       integer :: burn_in = 0
-   contains
-      procedure(run_interface), deferred :: run
+      procedure(run_interface), pointer, nopass :: run => null()
    end type sampler_type
 
    abstract interface
       !> Run one chain. Several threads call it at the same time. It may return early once
       !> `stop_requested` is true.
-      subroutine run_interface(self, target, stream, draws, log_density, acceptance, started)
-         import :: random_stream_type, sampler_type, target_type, wp
-         class(sampler_type), intent(in) :: self
+      subroutine run_interface(burn_in, target, stream, draws, log_density, acceptance, started)
+         import :: random_stream_type, target_type, wp
+         !> See `sampler_type`.
+         integer, intent(in) :: burn_in
          class(target_type), intent(in) :: target
          type(random_stream_type), intent(inout) :: stream
          !> draws(parameter, sample) and their log densities.

@@ -35,11 +35,21 @@ contains
       real(wp), intent(in), contiguous :: draws(:, :)
       real(wp), allocatable :: halves(:, :), work(:, :), sorted(:)
       real(wp) :: folded
+      integer :: n
 
       diagnostics = diagnostics_type(nan, nan, nan)
       if (size(draws, 1) < least_samples) return
-      call split_chains(draws, halves)
-      allocate (work, mold=halves)
+      ! The first and the last half of each chain; a sample in the middle is left out.
+      n = size(draws, 1)/2
+      allocate (halves(n, 2*size(draws, 2)))
+      halves(:, 1::2) = draws(:n, :)
+      halves(:, 2::2) = draws(size(draws, 1) - n + 1:, :)
+      call sorted_values(size(draws), draws, sorted)
+      ! The effective sample size of a quantile is that of whether a draw is at or below it.
+      work = merge(1.0_wp, 0.0_wp, halves <= quantile(sorted, tail))
+      diagnostics%ess_tail = effective_size(work)
+      work = merge(1.0_wp, 0.0_wp, halves <= quantile(sorted, 1.0_wp - tail))
+      diagnostics%ess_tail = min(diagnostics%ess_tail, effective_size(work))
       call normal_scores(size(halves), halves, work)
       diagnostics%ess_bulk = effective_size(work)
       if (size(draws, 2) > 1) then
@@ -49,27 +59,7 @@ contains
          folded = scale_reduction(work)
          if (folded > diagnostics%r_hat) diagnostics%r_hat = folded
       end if
-      call sorted_values(size(draws), draws, sorted)
-      call split_chains(draws, halves)
-      ! The effective sample size of a quantile is that of whether a draw is at or below it.
-      work = merge(1.0_wp, 0.0_wp, halves <= quantile(sorted, tail))
-      diagnostics%ess_tail = effective_size(work)
-      work = merge(1.0_wp, 0.0_wp, halves <= quantile(sorted, 1.0_wp - tail))
-      diagnostics%ess_tail = min(diagnostics%ess_tail, effective_size(work))
    end function diagnose_chains
-
-   !> Split chains into first and last halves, each a chain. A sample in the middle is left out.
-   pure subroutine split_chains(draws, halves)
-      !> (sample, chain), (sample, half).
-      real(wp), intent(in) :: draws(:, :)
-      real(wp), allocatable, intent(out) :: halves(:, :)
-      integer :: n
-
-      n = size(draws, 1)/2
-      allocate (halves(n, 2*size(draws, 2)))
-      halves(:, 1::2) = draws(:n, :)
-      halves(:, 2::2) = draws(size(draws, 1) - n + 1:, :)
-   end subroutine split_chains
 
    !> Normal quantiles of the ranks (Blom, 1958), equal values at their mean rank.
    pure subroutine normal_scores(n, values, scores)

@@ -9,12 +9,12 @@
 !> to a matrix of the size of U's columns.
 module constants_posterior
    use abstract_basis, only: grain_model_type
+   use correction_basis, only: correction_grain_model_type
    use constants_prior, only: prior_type
    use crystal_elasticity, only: no_wave, path_type
    use error_models, only: error_model_type, new_error_model
-   use errors, only: error_type, exit_bad_input, raise, refuse
-   use kinds, only: degree, wp
-   use logarithmic_coordinates, only: log_frame_type
+   use errors, only: error_type, refuse
+   use kinds, only: degree, pi, wp
    use measured_grains, only: all_tilts, measured_type, n_tilts, tilt_moments
    use observables, only: new_observable, observable_type
    use random, only: random_stream_type
@@ -27,7 +27,7 @@ module constants_posterior
    use wave_grains, only: add_waves, wave_grains_type
    implicit none
    private
-   public :: posterior_type, new_posterior, has_own_variance
+   public :: posterior_type, new_posterior
 
    !> Bounds of the common factor on the sds, if it is inferred. Its logarithm is uniform between
    !> them.
@@ -76,7 +76,7 @@ module constants_posterior
    contains
       procedure :: evaluate, evaluate_working, to_working, from_working, coarsen, draw_start
       procedure :: set_field_degree, moduli_at, predict_measurements, evaluate_grains, &
-         & scale_factor, log_prior, stiffness, new_grains
+         & condense, scale_factor, log_prior, stiffness, new_grains
    end type posterior_type
 
 contains
@@ -100,8 +100,8 @@ contains
       call new_observable(settings%modulus_kind, settings, posterior%observable, error)
       if (.not. allocated(error)) call new_error_model(settings, posterior%errors, error)
       if (size(measured%modulus) > most_grains) then
-         call raise(error, to_text(size(measured%modulus))//' grains are more than the ' &
-            & //to_text(most_grains)//' that are allowed', exit_bad_input)
+         call refuse(error, to_text(size(measured%modulus))//' grains are more than the ' &
+            & //to_text(most_grains)//' that are allowed')
       end if
       if (allocated(error)) return
       posterior%prior = prior
@@ -131,19 +131,15 @@ contains
       if (with_covariance .and. negligible*surrogate%beta <= 1.0_wp) then
          posterior%scatter = 1.0_wp/surrogate%beta
       end if
-      posterior%n_calibrated = posterior%grains%n_columns + merge(posterior%n_groups, 0, &
-         & any(posterior%calibration > 0.0_wp))
+      n_calibrations = merge(posterior%n_groups, 0, any(posterior%calibration > 0.0_wp))
+      posterior%n_calibrated = posterior%grains%n_columns + n_calibrations
       posterior%n_shared = posterior%n_calibrated + size(measured%shared, 2) + merge(2, 0, &
          & settings%misalignment_sd_deg > 0.0_wp)
       posterior%dimension = prior%n_constants + merge(1, 0, posterior%infers_scale)
-      n_calibrations = posterior%n_calibrated - posterior%grains%n_columns
-      allocate (posterior%relative(posterior%n_grains, n_calibrations + size(measured%shared, 2)), &
-         & source=0.0_wp)
-      if (n_calibrations > 0) then
-         do g = 1, posterior%n_grains
-            posterior%relative(g, measured%group(g)) = posterior%calibration(measured%group(g))
-         end do
-      end if
+      allocate (posterior%relative(posterior%n_grains, n_calibrations + size(measured%shared, 2)))
+      do g = 1, n_calibrations
+         posterior%relative(:, g) = merge(posterior%calibration(g), 0.0_wp, measured%group == g)
+      end do
       posterior%relative(:, n_calibrations + 1:) = measured%shared
       if (.not. allocated(measured%probability)) return
       if (posterior%scatter > 0.0_wp) then
@@ -151,7 +147,7 @@ contains
             & 'orientations = ''unknown'' needs &sampler surrogate_variance = ''none''')
       else
          posterior%unknown = unknown_orientations_type(measured%probability, measured%modulus, &
-            & measured%sd, settings%scatter_sd, posterior%observable, null(), null())
+            & measured%sd, settings%scatter_sd, posterior%observable)
          call posterior%unknown%set_nodes(posterior%relative, error)
       end if
    end subroutine new_posterior
@@ -199,11 +195,10 @@ contains
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
 
-      log_prior = self%prior%log_density(c)
-      if (self%prior%in_logarithms) then
-         log_prior = log_prior &
-            & - self%prior%logarithms%log_volume_at(self%prior%logarithms%to_logarithms(c))
-      end if
+      associate (prior => self%prior, w => self%prior%logarithms%to_logarithms(c))
+         log_prior = prior%log_density(c, w)
+         if (prior%in_logarithms) log_prior = log_prior - prior%logarithms%log_volume(w)
+      end associate
    end function log_prior
 
    pure recursive subroutine evaluate_working(self, w, log_density)
@@ -213,7 +208,6 @@ contains
       real(wp), intent(out) :: log_density(:)
       !> Number of points whose moduli are computed together.
       integer, parameter :: block = 64
-      type(log_frame_type) :: frame
       real(wp) :: c(6, 6, block), log_volume(block)
       !> Allocated, because many grains would overflow the stack of a thread.
       real(wp), allocatable :: moduli(:, :)
@@ -231,12 +225,14 @@ contains
       k = self%n_constants
       n = 1
       do i = 1, size(w, 2)
-         call self%prior%logarithms%from_logarithms(w(:k, i), c(:, :, n), frame)
+         c(:, :, n) = self%prior%logarithms%from_logarithms(w(:k, i))
          if (.not. (self%prior%admits(self%prior%class%constants_of(c(:, :, n)), c(:, :, n), &
             & norm2(w(3:k, i))) .and. scale_is_admitted(self, w(:, i)))) then
             cycle
          end if
-         if (.not. self%prior%in_logarithms) log_volume(n) = self%prior%logarithms%log_volume(frame)
+         if (.not. self%prior%in_logarithms) then
+            log_volume(n) = self%prior%logarithms%log_volume(w(:k, i))
+         end if
          in_support(n) = i
          n = n + 1
       end do
@@ -257,14 +253,13 @@ contains
       class(posterior_type), intent(in) :: self
       !> (dimension, point), (point).
       real(wp), intent(inout) :: points(:, :), log_density(:)
-      type(log_frame_type) :: frame
-      real(wp) :: c(6, 6)
       integer :: i
 
       do i = 1, size(points, 2)
-         call self%prior%logarithms%from_logarithms(points(:self%n_constants, i), c, frame)
-         points(:self%n_constants, i) = self%prior%class%constants_of(c)
-         log_density(i) = log_density(i) - self%prior%logarithms%log_volume(frame)
+         associate (prior => self%prior, w => points(:self%n_constants, i))
+            log_density(i) = log_density(i) - prior%logarithms%log_volume(w)
+            w = prior%class%constants_of(prior%logarithms%from_logarithms(w))
+         end associate
       end do
    end subroutine from_working
 
@@ -338,10 +333,8 @@ contains
             & scale_factor(self, x)) - self%log_scales
          return
       end if
-      allocate (u(self%n_grains, self%n_shared))
       call self%predict_measurements(x, c, model, scales, u, moduli)
       call factor_columns(u, reduced)
-      allocate (shared(size(reduced, 2)), precision(size(reduced, 2), size(reduced, 2)))
       call self%errors%integrate((self%data%modulus - model)/scales, reduced, shared, precision, &
          & log_likelihood)
       log_likelihood = log_likelihood - sum_of_logs(scales)
@@ -411,8 +404,10 @@ contains
       class(posterior_type), intent(in) :: self
       !> Point, (dimension), and its stiffness, GPa.
       real(wp), intent(in) :: x(:), c(6, 6)
-      !> In the unit of the observable, (grain); (grain, shared error).
-      real(wp), intent(out), contiguous :: model(:), scales(:), u(:, :)
+      !> In the unit of the observable, (grain).
+      real(wp), intent(out), contiguous :: model(:), scales(:)
+      !> (grain, shared error).
+      real(wp), allocatable, intent(out) :: u(:, :)
       !> The grain model's rows for this crystal, if the caller has them, GPa.
       real(wp), intent(in), optional :: moduli(size(self%euler, 2))
       real(wp), dimension(self%n_grains) :: slope, own_variance, map_slope
@@ -420,6 +415,7 @@ contains
       real(wp), allocatable :: columns(:, :)
       integer :: g, n
 
+      allocate (u(self%n_grains, self%n_shared))
       call evaluate_grains(self, c, model, slope, own_variance, tilt_slopes, moduli)
       map_slope = 1.0_wp
       call self%observable%to_measured(model(:self%n_moduli), map_slope(:self%n_moduli))
@@ -475,11 +471,40 @@ contains
       !> (parameter, point).
       real(wp), intent(in) :: points(:, :)
       real(wp), allocatable :: moduli(:, :)
-      integer :: i, n
 
-      n = size(points, 2)
-      allocate (moduli(size(self%euler, 2), n))
-      call self%grains%evaluate_crystals(reshape([(self%stiffness(points(:, i)), i=1, n)], &
-         & [6, 6, n]), moduli)
+      allocate (moduli(size(self%euler, 2), size(points, 2)))
+      call self%grains%evaluate_crystals(self%prior%class%stiffnesses(points), moduli)
    end function moduli_at
+
+   !> Replace the grains by fewer measurements with the same posterior density, where that is
+   !> possible. No other result may be computed from the posterior afterwards.
+   !>
+   !> Many grains may depend on few coefficients of an expansion. If errors are normal, independent
+   !> and of known sd, these have sufficient statistics: the sum of squares over all grains equals
+   !> that over as many measurements as there are coefficients, plus a constant.
+   subroutine condense(self)
+      class(posterior_type), intent(inout) :: self
+      real(wp), allocatable :: values(:)
+      real(wp) :: rest
+      integer :: n
+
+      if (self%settings%likelihood /= 'normal' .or. self%infers_scale .or. self%n_shared > 0 &
+         & .or. has_own_variance(self) .or. self%observable%compliance > 0.0_wp) then
+         return
+      end if
+      select type (grains => self%grains)
+      type is (correction_grain_model_type)
+         call grains%expansion%condense(self%observable%factor/self%scale, &
+            & self%data%modulus/self%scale, values, rest)
+      end select
+      if (.not. allocated(values)) return
+      n = size(values)
+      self%log_scales = self%log_scales + 0.5_wp*(rest + (self%n_grains - n)*log(2.0_wp*pi))
+      self%data%modulus = values*self%observable%factor
+      self%scale = spread(self%observable%factor, 1, n)
+      self%n_grains = n
+      self%n_moduli = n
+      self%euler = self%euler(:, :n)
+      if (allocated(self%rough)) deallocate (self%rough)
+   end subroutine condense
 end module constants_posterior

@@ -12,7 +12,7 @@ module constants_prior
    use errors, only: error_type, refuse
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor
-   use logarithmic_coordinates, only: log_coordinates_type, log_frame_type, new_log_coordinates
+   use logarithmic_coordinates, only: log_coordinates_type, new_log_coordinates
    use quantities, only: evaluate_quantities, quantity_type
    use random, only: new_random_stream, random_stream_type
    use small_matrices, only: solve_lower
@@ -69,9 +69,7 @@ module constants_prior
       !> The surrogate's domain of validity.
       type(domain_type), allocatable :: domain
    contains
-      procedure :: admits, log_density, measure
-      procedure, private :: log_default
-      procedure :: draw_start, is_drawn, has_bound, set_knowledge
+      procedure :: admits, log_density, measure, draw_start, is_drawn, has_bound, set_knowledge
    end type prior_type
 
    !> Number of crystals that are drawn to estimate the share of the prior for which the surrogate
@@ -135,12 +133,12 @@ contains
       do i = 0, 2**prior%n_constants - 1
          x = merge(prior%upper, prior%lower, btest(i, [(j, j=0, size(x) - 1)]))
          if (is_stable(prior%class%stiffness(x))) cycle
-         corner = trim(prior%class%constants(1))//' = '//to_text(x(1))
-         do j = 2, size(x)
-            corner = corner//', '//trim(prior%class%constants(j))//' = '//to_text(x(j))
+         corner = ''
+         do j = 1, size(x)
+            corner = corner//', '//prior%class%constants(j)//' = '//to_text(x(j))
          end do
          call refuse(error, 'measure = ''logarithms'' needs bounds within which every crystal is ' &
-            & //'stable, since log K has infinite volume at the edge of stability; '//corner &
+            & //'stable, since log K has infinite volume at the edge of stability; '//corner(3:) &
             & //' GPa is not stable. State narrower bounds, an anisotropy_cap, or ' &
             & //'measure = ''constants''')
          return
@@ -260,14 +258,22 @@ contains
       class(prior_type), intent(in) :: self
       !> Stiffness in crystal axes, GPa.
       real(wp), intent(in) :: c(6, 6)
-      !> Coordinates of its log K, if the caller has them, (n_constants).
-      real(wp), intent(in), optional, contiguous :: w(:)
+      !> Coordinates of its log K, (n_constants).
+      real(wp), intent(in) :: w(:)
       real(wp) :: values(size(self%knowledge%mean))
+      integer :: k
 
       log_density = 0.0_wp
       if (self%has_default) then
-         if (present(w)) log_density = self%log_default(w)
-         if (.not. present(w)) log_density = self%log_default(self%logarithms%to_logarithms(c))
+         ! The first two coordinates are log 3K and sqrt(5) log 2G of the isotropic part.
+         k = size(w) - 2
+         associate (contrast => w(1) - w(2)/sqrt(5.0_wp), &
+            & scale => (w(1) + sqrt(5.0_wp)*w(2))/6.0_wp, &
+            & squares => sum((w(3:)/anisotropy_scale)**2))
+            log_density = -0.5_wp*(((contrast - contrast_mean)/contrast_sd)**2 &
+               & + ((scale - self%typical_scale)/scale_sd)**2) &
+               & - 0.5_wp*(freedom + k)*log(1.0_wp + k*squares/freedom)
+         end associate
       end if
       if (size(values) == 0) return
       call evaluate_quantities(self%knowledge%quantities, c, values)
@@ -276,23 +282,6 @@ contains
       log_density = log_density - 0.5_wp*sum(values**2)
    end function log_density
 
-   !> Logarithm of the default prior's density of log K, up to a constant. The first two coordinates
-   !> are log 3K and sqrt(5) log 2G of the isotropic part.
-   pure real(wp) function log_default(self, w)
-      class(prior_type), intent(in) :: self
-      !> (n_constants).
-      real(wp), intent(in), contiguous :: w(:)
-      integer :: k
-
-      k = size(w) - 2
-      associate (contrast => w(1) - w(2)/sqrt(5.0_wp), scale => (w(1) + sqrt(5.0_wp)*w(2))/6.0_wp, &
-         & squares => sum((w(3:)/anisotropy_scale)**2))
-         log_default = -0.5_wp*(((contrast - contrast_mean)/contrast_sd)**2 &
-            & + ((scale - self%typical_scale)/scale_sd)**2) &
-            & - 0.5_wp*(freedom + k)*log(1.0_wp + k*squares/freedom)
-      end associate
-   end function log_default
-
    !> A crystal to start a chain at, in the support or not: uniform between the bounds if all are
    !> stated, else a draw of the default prior.
    subroutine draw_start(self, stream, x)
@@ -300,8 +289,7 @@ contains
       type(random_stream_type), intent(inout) :: stream
       !> Constants, GPa.
       real(wp), intent(out) :: x(:)
-      type(log_frame_type) :: frame
-      real(wp) :: z(self%n_constants + int(freedom)), w(self%n_constants), c(6, 6), contrast, scale
+      real(wp) :: z(self%n_constants + int(freedom)), w(self%n_constants), contrast, scale
       integer :: j
 
       if (.not. self%has_default) then
@@ -320,7 +308,6 @@ contains
          w(3:) = anisotropy_scale/sqrt(real(max(1, k), wp))*z(3:k + 2) &
             & /sqrt(sum(z(k + 3:)**2)/freedom)
       end associate
-      call self%logarithms%from_logarithms(w, c, frame)
-      x = self%class%constants_of(c)
+      x = self%class%constants_of(self%logarithms%from_logarithms(w))
    end subroutine draw_start
 end module constants_prior

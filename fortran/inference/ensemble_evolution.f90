@@ -47,9 +47,11 @@ contains
       integer, parameter :: rounds = 10, cooling_divisor = 4, most_cooling = 40, tail_effort = 20
       class(target_type), allocatable, target :: coarse
       class(target_type), pointer :: used
+      !> Points in working coordinates, (dimension, point), and the logarithms of their density.
       real(wp), allocatable :: points(:, :), density(:)
+      real(wp), allocatable :: starts(:, :)
       real(wp) :: last_temperatures(5), warm, inverse, next
-      integer :: m, cooling_walkers, distinct, round, i
+      integer :: m, cooling_walkers, n_found, distinct, round, i
       integer(i8) :: generations
 
       ! At the warm temperature a mixture fitted to the last round covers tails as long as those of
@@ -63,9 +65,14 @@ contains
       ! Numbers of walkers; more while cooling.
       m = 40*target%dimension
       cooling_walkers = merge(m, 4*m, target%dimension >= many_dimensions)
-      call draw_population(target, 4*cooling_walkers, stream, points, density)
-      started = size(density) > 0
+      allocate (starts(target%dimension, 4*cooling_walkers), density(4*cooling_walkers))
+      call draw_starts(target, stream, starts, density, n_found)
+      started = n_found > 0
       if (.not. started) return
+      density = density(:n_found)
+      allocate (points(target%dimension, n_found))
+      call target%to_working(starts(:, :n_found), points)
+      call target%evaluate_working(points, density)
       m = min(m, size(density))
       allocate (coarse, source=target)
       call coarse%coarsen()
@@ -106,24 +113,6 @@ contains
       end do
    end subroutine evolve_population
 
-   !> Points of the support from the target's starts, in working coordinates.
-   subroutine draw_population(target, wanted, stream, points, density)
-      class(target_type), intent(in) :: target
-      integer, intent(in) :: wanted
-      type(random_stream_type), intent(inout) :: stream
-      !> (dimension, point), and the logarithms of their density. There may be fewer points than
-      !> `wanted`.
-      real(wp), allocatable, intent(out) :: points(:, :), density(:)
-      integer :: n_found
-      real(wp), allocatable :: starts(:, :)
-
-      allocate (starts(target%dimension, wanted), density(wanted))
-      call draw_starts(target, stream, starts, density, n_found)
-      allocate (points(target%dimension, n_found))
-      call target%to_working(starts(:, :n_found), points)
-      call target%evaluate_working(points, density)
-   end subroutine draw_population
-
    !> Choose between the exact and the coarse density, and fit the whitening to the points. Where
    !> the exact density replaces the coarse one, resample the points: the coarse one may have led
    !> some astray.
@@ -142,38 +131,29 @@ contains
       type(whitening_type), intent(inout) :: whitening
       !> The chosen density, one of the two.
       class(target_type), pointer, intent(inout) :: used
-      real(wp) :: old_density(size(density))
-      integer :: n_distinct
+      !> Number of test points, and the share of them at which the logarithm of the coarse density
+      !> must err by less than two temperatures.
+      integer, parameter :: n_tests = 50
+      real(wp), parameter :: least_share = 0.7_wp
+      real(wp) :: old_density(size(density)), w(size(points, 1), n_tests), exact(n_tests), &
+         & approximate(n_tests)
+      integer :: n_distinct, k
       logical :: was_exact
 
       was_exact = associated(used, target)
       used => target
-      if (agree(target, coarse, points, temperature)) used => coarse
+      w = points(:, [(1 + (k - 1)*(size(points, 2) - 1)/n_tests, k=1, n_tests)])
+      call target%evaluate_working(w, exact)
+      call coarse%evaluate_working(w, approximate)
+      if (count(abs(exact - approximate) < 2.0_wp*temperature) >= least_share*n_tests) then
+         used => coarse
+      end if
       call fit_whitening(points, min(distinct, size(density)), whitening)
       if (was_exact .or. associated(used, coarse)) return
       old_density = density
       call used%evaluate_working(points, density)
       call resample(stream, (density - old_density)/temperature, points, density, n_distinct)
    end subroutine choose_density
-
-   !> Whether the logarithm of another density errs by less than two temperatures at most of the
-   !> test points.
-   logical function agree(target, other, points, temperature)
-      class(target_type), intent(in) :: target, other
-      !> (dimension, point).
-      real(wp), intent(in) :: points(:, :)
-      real(wp), intent(in) :: temperature
-      !> Number of test points, and the share of them that must agree.
-      integer, parameter :: n_tests = 50
-      real(wp), parameter :: least_share = 0.7_wp
-      real(wp) :: w(size(points, 1), n_tests), exact(n_tests), approximate(n_tests)
-      integer :: k
-
-      w = points(:, [(1 + (k - 1)*(size(points, 2) - 1)/n_tests, k=1, n_tests)])
-      call target%evaluate_working(w, exact)
-      call other%evaluate_working(w, approximate)
-      agree = count(abs(exact - approximate) < 2.0_wp*temperature) >= least_share*n_tests
-   end function agree
 
    !> Differential evolution of walkers that start from some of the points. On return the points are
    !> those visited in the second half of the generations.
@@ -211,11 +191,11 @@ contains
       generations = max(4_i8, wanted)
       ! The stride has no common divisor with the number of walkers, so that every walker is among
       ! the points.
-      stride = max(1_i8, ((generations - generations/2)*m + most_points - 1)/most_points)
+      visits = (generations - generations/2)*m
+      stride = max(1_i8, (visits + most_points - 1)/most_points)
       do while (any([(mod(stride, i) == 0 .and. mod(int(m, i8), i) == 0, i=2, m)]))
          stride = stride + 1
       end do
-      visits = (generations - generations/2)*m
       deallocate (points, density)
       allocate (points(target%dimension, (visits + stride - 1)/stride), &
          & density((visits + stride - 1)/stride))
@@ -251,16 +231,17 @@ contains
                accepted = accepted + 1
             end do
          end do
-         if (2*generation > generations) distinct = distinct + accepted
-         do k = 1, m
-            if (2*generation <= generations) exit
-            if (mod(visits, stride) == 0) then
-               retained = retained + 1
-               points(:, retained) = w(:, k)
-               density(retained) = current(k)
-            end if
-            visits = visits + 1
-         end do
+         if (2*generation > generations) then
+            distinct = distinct + accepted
+            do k = 1, m
+               if (mod(visits, stride) == 0) then
+                  retained = retained + 1
+                  points(:, retained) = w(:, k)
+                  density(retained) = current(k)
+               end if
+               visits = visits + 1
+            end do
+         end if
          step_scale = min(1.0_wp, &
             & max(least_scale, step_scale*exp(0.5_wp*(real(accepted, wp)/m - target_acceptance))))
       end do

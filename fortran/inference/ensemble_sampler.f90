@@ -8,7 +8,7 @@
 !> the mixture, repeated until it is in the support, or a move along the difference of two points of
 !> the burn-in. One sample takes two steps, or more where the mixture fits badly.
 module ensemble_sampler
-   use abstract_sampler, only: outside, sampler_type, target_type
+   use abstract_sampler, only: outside, target_type
    use ensemble_evolution, only: add_difference, evolve_population, is_accepted
    use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture, &
       & widen_mixture
@@ -19,7 +19,7 @@ module ensemble_sampler
    use ridge_coordinates, only: whitening_type
    implicit none
    private
-   public :: ensemble_sampler_type
+   public :: run_ensemble
 
    !> Kernel of the chain, which is fixed after the burn-in.
    type :: kernel_type
@@ -42,16 +42,12 @@ module ensemble_sampler
       integer :: left = 0
    end type pool_type
 
-   type, extends(sampler_type) :: ensemble_sampler_type
-   contains
-      procedure :: run
-   end type ensemble_sampler_type
-
 contains
 
    !> Run one chain, in working coordinates w.
-   subroutine run(self, target, stream, draws, log_density, acceptance, started)
-      class(ensemble_sampler_type), intent(in) :: self
+   subroutine run_ensemble(burn_in, target, stream, draws, log_density, acceptance, started)
+      !> Number of sweeps before the first sample.
+      integer, intent(in) :: burn_in
       class(target_type), intent(in) :: target
       type(random_stream_type), intent(inout) :: stream
       !> (parameter, sample), (sample).
@@ -66,11 +62,10 @@ contains
       integer :: i, drawn, accepted, accepted_in_all, drawn_in_all
 
       acceptance = 0.0_wp
-      call evolve_population(target, int(self%burn_in, i8)*target%dimension, stream, &
+      call evolve_population(target, int(burn_in, i8)*target%dimension, stream, &
          & kernel%whitening, kernel%step_scale, kernel%archive, started)
       if (.not. started .or. stop_requested()) return
-      call fit_proposal(target, kernel%whitening, kernel%archive, size(log_density), stream, &
-         & kernel%mixture, quality)
+      call fit_proposal(target, size(log_density), stream, kernel, quality)
       if (stop_requested()) return
       ! Steps along differences reach tails that the mixture misses. Where it fits badly, more of
       ! the steps are of this kind.
@@ -93,7 +88,7 @@ contains
       end do
       call target%from_working(draws, log_density)
       acceptance = real(accepted_in_all, wp)/max(1, drawn_in_all)
-   end subroutine run
+   end subroutine run_ensemble
 
    !> Make the steps of one sample, in place. log_q is the logarithm of the mixture's density.
    subroutine walk(target, kernel, pool, stream, u, w, density, drawn, accepted)
@@ -117,14 +112,12 @@ contains
          call stream%uniform(v)
          if (v < kernel%mixture_share) then
             drawn = drawn + 1
-            if (pool%left == 0) then
-               call fill_pool(target, kernel%whitening, kernel%mixture, stream, pool)
-            end if
+            if (pool%left == 0) call fill_pool(target, kernel, stream, pool)
             if (pool%left == 0) cycle
             proposed = pool%u(:, pool%left)
+            proposed_w(:, 1) = pool%w(:, pool%left)
+            proposed_density = pool%log_density(pool%left)
             pool%left = pool%left - 1
-            proposed_w(:, 1) = pool%w(:, pool%left + 1)
-            proposed_density = pool%log_density(pool%left + 1)
             proposed_log_q = log_mixture(kernel%mixture, proposed)
             if (.not. is_accepted(stream, proposed_density(1) - proposed_log_q, &
                & density(1) - log_q, 1.0_wp)) then
@@ -151,10 +144,9 @@ contains
 
    !> Fill the pool with draws of the mixture in the support. It stays empty if all draws of all
    !> attempts are outside.
-   subroutine fill_pool(target, whitening, mixture, stream, pool)
+   subroutine fill_pool(target, kernel, stream, pool)
       class(target_type), intent(in) :: target
-      type(whitening_type), intent(in) :: whitening
-      type(mixture_type), intent(in) :: mixture
+      type(kernel_type), intent(in) :: kernel
       type(random_stream_type), intent(inout) :: stream
       type(pool_type), intent(inout) :: pool
       integer, parameter :: at_once = 50, most_attempts = 20
@@ -162,7 +154,7 @@ contains
       integer :: attempt, i
 
       do attempt = 1, most_attempts
-         call draw_points(target, whitening, mixture, stream, u, w, log_density)
+         call draw_points(target, kernel, stream, u, w, log_density)
          associate (inside => pack([(i, i=1, at_once)], log_density > outside))
             pool%left = size(inside)
             if (pool%left == 0) cycle
@@ -175,18 +167,17 @@ contains
    end subroutine fill_pool
 
    !> Draw points of the mixture and evaluate the density there.
-   subroutine draw_points(target, whitening, mixture, stream, u, w, log_density)
+   subroutine draw_points(target, kernel, stream, u, w, log_density)
       class(target_type), intent(in) :: target
-      type(whitening_type), intent(in) :: whitening
-      type(mixture_type), intent(in) :: mixture
+      type(kernel_type), intent(in) :: kernel
       type(random_stream_type), intent(inout) :: stream
       !> Whitened and working coordinates, (dimension, point), and the logarithms of the density.
       real(wp), intent(out) :: u(:, :), w(:, :), log_density(:)
       integer :: i
 
       do i = 1, size(u, 2)
-         call draw_mixture(mixture, stream, u(:, i))
-         call whitening%from_white(u(:, i), w(:, i))
+         call draw_mixture(kernel%mixture, stream, u(:, i))
+         call kernel%whitening%from_white(u(:, i), w(:, i))
       end do
       call target%evaluate_working(w, log_density)
    end subroutine draw_points
@@ -195,14 +186,13 @@ contains
    !> support are data as well, so that the mixture does not avoid the bounds. The archive stays
    !> among the data, so that a tail that the mixture lost comes back. `quality` estimates the
    !> effective share of the mixture's draws; it is 0 if they are useless.
-   subroutine fit_proposal(target, whitening, archive, samples, stream, mixture, quality)
+   subroutine fit_proposal(target, samples, stream, kernel, quality)
       class(target_type), intent(in) :: target
-      type(whitening_type), intent(in) :: whitening
-      real(wp), intent(in), contiguous :: archive(:, :)
       !> Number of samples of the chain. A long search is not worth its time for few of them.
       integer, intent(in) :: samples
       type(random_stream_type), intent(inout) :: stream
-      type(mixture_type), intent(out) :: mixture
+      !> The mixture is set; the whitening and the archive are given.
+      type(kernel_type), intent(inout) :: kernel
       real(wp), intent(out) :: quality
       integer, parameter :: components = 16, least_draws = 600, most_draws = 3000, &
          & most_outside = 3000, least_rounds = 4, most_rounds = 12
@@ -215,30 +205,29 @@ contains
       integer :: i, round, n_archived, n_inside, n_outside, n_batch, n_rejected, n_draws
 
       n_draws = min(most_draws, max(least_draws, samples/3))
-      n_archived = size(archive, 2)
-      allocate (points(target%dimension, n_archived + n_draws + most_outside), &
-         & weights(n_archived + n_draws + most_outside))
-      allocate (log_weights(n_draws), rejected(target%dimension, most_outside))
-      allocate (u(target%dimension, n_draws), w(target%dimension, n_draws), log_density(n_draws))
-      points(:, :n_archived) = archive
-      weights = 1.0_wp
-      call new_mixture(archive, components, fitted)
-      call fit_mixture(archive, weights(:n_archived), 15, fitted)
+      n_archived = size(kernel%archive, 2)
+      allocate (weights(n_archived + n_draws + most_outside), source=1.0_wp)
+      allocate (points(target%dimension, size(weights)), log_weights(n_draws), &
+         & rejected(target%dimension, most_outside), u(target%dimension, n_draws), &
+         & w(target%dimension, n_draws), log_density(n_draws))
+      points(:, :n_archived) = kernel%archive
+      call new_mixture(kernel%archive, components, fitted)
+      call fit_mixture(kernel%archive, weights(:n_archived), 15, fitted)
       quality = 0.0_wp
       do round = 1, most_rounds
          if (stop_requested()) return
-         call widen_mixture(fitted, mixture)
+         call widen_mixture(fitted, kernel%mixture)
          n_inside = 0
          n_outside = 0
          do while (n_inside < n_draws .and. n_outside < 10*n_draws)
             n_batch = min(n_draws - n_inside, 10*n_draws - n_outside)
-            call draw_points(target, whitening, mixture, stream, u(:, :n_batch), w(:, :n_batch), &
+            call draw_points(target, kernel, stream, u(:, :n_batch), w(:, :n_batch), &
                & log_density(:n_batch))
             do i = 1, n_batch
                if (log_density(i) > outside) then
                   n_inside = n_inside + 1
                   points(:, n_archived + n_inside) = u(:, i)
-                  log_weights(n_inside) = log_density(i) - log_mixture(mixture, u(:, i))
+                  log_weights(n_inside) = log_density(i) - log_mixture(kernel%mixture, u(:, i))
                else
                   n_outside = n_outside + 1
                   if (n_outside <= most_outside) rejected(:, n_outside) = u(:, i)
@@ -266,10 +255,8 @@ contains
             & /sum(log_weights(:n_inside))*log_weights(:n_inside)
          n_rejected = min(n_outside, most_outside)
          i = n_archived + n_inside
-         if (n_rejected > 0) then
-            points(:, i + 1:i + n_rejected) = rejected(:, :n_rejected)
-            weights(i + 1:i + n_rejected) = real(n_outside, wp)/n_rejected
-         end if
+         points(:, i + 1:i + n_rejected) = rejected(:, :n_rejected)
+         weights(i + 1:i + n_rejected) = real(n_outside, wp)/max(1, n_rejected)
          i = i + n_rejected
          call fit_mixture(points(:, :i), weights(:i), 6, fitted)
       end do

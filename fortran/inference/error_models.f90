@@ -115,15 +115,17 @@ contains
       class(error_model_type), intent(in) :: self
       !> (measurement), (measurement, shared error).
       real(wp), intent(in) :: r(:), u(:, :)
-      !> Mode of b given r, and the lower factor of its precision; logarithm of the integral.
-      real(wp), intent(out) :: b(:), l(:, :), value
+      !> Mode of b given r, (shared error), and the lower factor of its precision.
+      real(wp), allocatable, intent(out) :: b(:), l(:, :)
+      !> Logarithm of the integral.
+      real(wp), intent(out) :: value
       integer, parameter :: most_steps = 40
       real(wp), dimension(size(r)) :: e, weight, previous_weight, curvature, expected
-      real(wp) :: previous_b(size(b))
+      real(wp) :: previous_b(size(u, 2))
       integer :: j, step
       logical :: definite
 
-      b = 0.0_wp
+      allocate (b(size(u, 2)), l(size(u, 2), size(u, 2)), source=0.0_wp)
       call self%weigh(r, weight)
       do step = 1, most_steps
          previous_b = b

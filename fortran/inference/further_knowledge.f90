@@ -183,7 +183,7 @@ contains
       real(wp), allocatable :: values(:, :)
       real(wp), dimension(size(posterior%prior%knowledge%mean)) :: mean, sd
       real(wp) :: point(posterior%dimension), other(posterior%dimension), greatest, &
-         & greatest_free, greatest_other
+         & greatest_free, greatest_other, width
       integer :: n
 
       n = size(mean)
@@ -200,7 +200,11 @@ contains
       ! The search without knowledge also starts at the best point with knowledge.
       call restart_search(free, chains, point, greatest_free)
       conflict%growth = 2.0_wp*max(0.0_wp, max(greatest_free, greatest_other) - greatest)
-      conflict%sds = sds_of(conflict%growth, n)
+      ! The approximation of Wilson and Hilferty; the root is exact for one degree of freedom.
+      width = 2.0_wp/(9.0_wp*n)
+      conflict%sds = max(0.0_wp, &
+         & ((conflict%growth/n)**(1.0_wp/3.0_wp) - 1.0_wp + width)/sqrt(width))
+      if (n == 1) conflict%sds = sqrt(conflict%growth)
       associate (knowledge => posterior%prior%knowledge)
          call evaluate_draws(knowledge%quantities, posterior%prior%class, &
             & flattened(thinned(chains%draws, most_values)), values)
@@ -235,17 +239,5 @@ contains
       end do
       log_density = values(1)
    end subroutine restart_search
-
-   !> Convert a chi-square to sds of a normal variable by Wilson and Hilferty; for one degree of
-   !> freedom exactly, by the root.
-   pure real(wp) function sds_of(chi_square, degrees)
-      real(wp), intent(in) :: chi_square
-      integer, intent(in) :: degrees
-      real(wp) :: width
-
-      width = 2.0_wp/(9.0_wp*degrees)
-      sds_of = max(0.0_wp, ((chi_square/degrees)**(1.0_wp/3.0_wp) - 1.0_wp + width)/sqrt(width))
-      if (degrees == 1) sds_of = sqrt(chi_square)
-   end function sds_of
 
 end module further_knowledge

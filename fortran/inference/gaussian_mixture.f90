@@ -237,8 +237,8 @@ contains
          end do
          d = mixture%mean(m, :) - mean
          covariance = covariance + mixture%weight(m)*matmul(mixture%factor(:, :, m), &
-            & transpose(mixture%factor(:, :, m)))
-         covariance = covariance + mixture%weight(m)*spread(d, 1, mixture%n)*spread(d, 2, mixture%n)
+            & transpose(mixture%factor(:, :, m))) &
+            & + mixture%weight(m)*spread(d, 1, mixture%n)*spread(d, 2, mixture%n)
       end do
       wide%weight(n + 1) = whole
       wide%mean(n + 1, :) = mean

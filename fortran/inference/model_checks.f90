@@ -121,7 +121,6 @@ contains
       real(wp) :: c(6, 6), value
       integer :: i, g
 
-      allocate (u(posterior%n_grains, posterior%n_shared))
       stream = new_random_stream(0, stream_number)
       sums = 0.0_wp
       do i = 1, size(draws, 2)
@@ -134,14 +133,11 @@ contains
             & moduli(:, 1 + mod(i - 1, block)))
          residuals = (posterior%data%modulus - model)/scales
          call factor_columns(u, reduced)
-         ! Only the sizes matter: the rank of the columns depends on the point.
-         mean = reduced(1, :)
-         z = mean
-         precision = reduced(:size(mean), :)
          call posterior%errors%integrate(residuals, reduced, mean, precision, value)
          call posterior%errors%leave_one_out(residuals, reduced, mean, precision, &
             & log_likelihood(:, i))
          log_likelihood(:, i) = log_likelihood(:, i) - log(scales)
+         z = mean
          call stream%normals(z)
          call solve_upper(precision, z)
          shared = matmul(reduced, mean + z)
@@ -209,7 +205,7 @@ contains
       log_factor = sum([(log(factor(j, j)), j=1, d)])
       do concurrent(i=1:size(u, 2), c=1:size(u, 3))
          log_density(i, c) = log_density(i, c) &
-            & + density%prior%logarithms%log_volume_at(u(:density%n_constants, i, c))
+            & + density%prior%logarithms%log_volume(u(:density%n_constants, i, c))
          u(:, i, c) = u(:, i, c) - mean
          call solve_lower(factor, u(:, i, c))
       end do

@@ -126,7 +126,6 @@ contains
       end if
       call new_harmonics(posterior%prior%class%generators, 4, harmonics, error)
       if (allocated(error) .or. n <= harmonics%n) return
-      allocate (u(posterior%n_grains, posterior%n_shared))
       call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, u)
       fit%scales = scales(:n)/posterior%errors%scale
       allocate (fit%weights(n), source=1.0_wp)

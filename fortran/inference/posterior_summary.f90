@@ -237,7 +237,7 @@ contains
       real(wp), allocatable :: draws(:, :, :)
       real(wp), dimension(posterior%n_grains) :: slope, variance
       real(wp) :: tilt_slopes(posterior%n_grains, 2), stiffness(6, 6)
-      integer :: n, n_chains, i, j, last, c
+      integer :: n, n_chains, i, last, c
 
       predictions%stride = thinning(chains, posterior%n_grains)
       draws = chains%draws(:, ::predictions%stride, :)
@@ -249,12 +249,12 @@ contains
       call posterior%new_grains(posterior%euler(:, :posterior%n_grains), posterior%data%paths, &
          & grains, error)
       if (allocated(error)) return
-      !$omp parallel do num_threads(max(1, threads)) schedule(dynamic) collapse(2) private(last, j)
+      !$omp parallel do num_threads(max(1, threads)) schedule(dynamic) collapse(2) private(last)
       do c = 1, n_chains
          do i = 1, n, block
             last = min(n, i + block - 1)
-            call grains%evaluate_crystals(reshape([(posterior%stiffness(draws(:, j, c)), &
-               & j=i, last)], [6, 6, last - i + 1]), predictions%moduli(:, i:last, c))
+            call grains%evaluate_crystals(posterior%prior%class%stiffnesses(draws(:, i:last, c)), &
+               & predictions%moduli(:, i:last, c))
          end do
       end do
       !$omp end parallel do

@@ -74,7 +74,7 @@ contains
       type(limit_type), intent(in) :: limits(:)
       type(change_type), allocatable, intent(out) :: changes(:)
       real(wp) :: log_weights(size(draws, 2)), mean(size(draws, 1)), sd(size(draws, 1))
-      real(wp), allocatable :: standard(:, :), coordinates(:)
+      real(wp), allocatable :: standard(:, :)
       integer :: i
 
       allocate (changes(0))
@@ -88,8 +88,8 @@ contains
       if (posterior%prior%has_default) return
       associate (logarithms => posterior%prior%logarithms)
          do i = 1, size(log_weights)
-            coordinates = logarithms%to_logarithms(posterior%stiffness(draws(:, i)))
-            log_weights(i) = logarithms%log_volume_at(coordinates)
+            log_weights(i) &
+               & = logarithms%log_volume(logarithms%to_logarithms(posterior%stiffness(draws(:, i))))
          end do
       end associate
       if (.not. posterior%prior%in_logarithms) log_weights = -log_weights
@@ -196,7 +196,6 @@ contains
       ! A parabola needs more than its three bins.
       if (count(counts > 0.0_wp) < 4) return
       call cholesky_factor(normal, error)
-      if (allocated(error)) return
       call cholesky_solve(normal, right)
       right(2:, 1) = [-right(2, 1), min(0.0_wp, right(3, 1))]
       extrapolated = sum(exp(min(100.0_wp, matmul(terms(:bins_per_unit, :), right(:, 1)))))
@@ -279,37 +278,37 @@ contains
          limit = limit_type(name, stated, range)
          ! In the constructor gfortran 12 ignores the stride of a section.
          limit%values = values
-         call find_truncation(limit, 1)
-         call find_truncation(limit, 2)
+         call find_truncation(limit)
          limits = [limits, limit]
       end subroutine add_limit
    end function list_limits
 
-   !> Find whether the lower (1) or the upper (2) limit truncates the draws. Their range is divided
-   !> into twenty equal parts. The limit truncates them if the outermost part reaches it, with a
-   !> density above a third of the maximum.
-   subroutine find_truncation(limit, side)
+   !> Find which limits truncate the draws. The range of the draws is divided into twenty equal
+   !> parts. A limit truncates them if the outermost part reaches it, with a density above a third
+   !> of the maximum.
+   subroutine find_truncation(limit)
       type(limit_type), intent(inout) :: limit
-      integer, intent(in) :: side
       integer, parameter :: parts = 20
       real(wp), parameter :: least_density = 1.0_wp/3.0_wp
-      integer :: counts(parts), i, k
+      integer :: counts(parts), i, k, side
       real(wp) :: inwards, low, width
       real(wp), allocatable :: x(:)
 
-      inwards = merge(1.0_wp, -1.0_wp, side == 1)
-      x = inwards*limit%values
-      low = minval(x)
-      width = (maxval(x) - low)/parts
-      if (abs(limit%range(side)) >= absent .or. .not. width > 0.0_wp) return
-      counts = 0
-      do i = 1, size(x)
-         k = min(parts, 1 + int((x(i) - low)/width))
-         counts(k) = counts(k) + 1
+      do side = 1, 2
+         inwards = merge(1.0_wp, -1.0_wp, side == 1)
+         x = inwards*limit%values
+         low = minval(x)
+         width = (maxval(x) - low)/parts
+         if (abs(limit%range(side)) >= absent .or. .not. width > 0.0_wp) cycle
+         counts = 0
+         do i = 1, size(x)
+            k = min(parts, 1 + int((x(i) - low)/width))
+            counts(k) = counts(k) + 1
+         end do
+         limit%share(side) = real(counts(1), wp)/size(x)
+         limit%truncates(side) = low - inwards*limit%range(side) < width &
+            & .and. counts(1) > least_density*maxval(counts)
       end do
-      limit%share(side) = real(counts(1), wp)/size(x)
-      limit%truncates(side) = low - inwards*limit%range(side) < width &
-         & .and. counts(1) > least_density*maxval(counts)
    end subroutine find_truncation
 
    !> Whether a limit that the user did not state truncates the draws.

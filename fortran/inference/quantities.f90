@@ -2,8 +2,7 @@
 !> averages, directional moduli, and products of powers of these.
 module quantities
    use crystal_class, only: crystal_class_type
-   use crystal_elasticity, only: averages_type, anisotropy_index, compliance, hill_young_poisson, &
-      & polycrystal_averages
+   use crystal_elasticity, only: averages_type, anisotropy_index, compliance, polycrystal_averages
    use errors, only: error_type, refuse, suggestion
    use kinds, only: wp
    use text, only: join, lower, number_ok, read_real, split_list, to_text
@@ -17,9 +16,6 @@ module quantities
    character(len=*), parameter :: plain_names = 'bulk_modulus, polycrystal_bulk, ' &
       & //'polycrystal_shear, polycrystal_young, polycrystal_poisson, anisotropy_index', &
       & directional_names = 'young, shear, compressibility'
-   !> Hill's averages, in the order of `hill_values`.
-   character(len=*), parameter :: hill_names(4) = [character(len=19) :: 'polycrystal_bulk', &
-      & 'polycrystal_shear', 'polycrystal_young', 'polycrystal_poisson']
    !> The names that are allowed, for messages and the schema.
    character(len=*), parameter :: quantity_choices = 'a constant C11 .. ' &
       & //'C66, C'' = (C11 - C12)/2, '//plain_names//', young[100], shear[001], ' &
@@ -328,7 +324,8 @@ contains
       !> Stiffness in crystal axes, GPa.
       real(wp), intent(in) :: c(6, 6)
       real(wp), intent(out) :: values(:)
-      real(wp), allocatable :: s(:, :), hill(:)
+      real(wp), allocatable :: s(:, :)
+      type(averages_type), allocatable :: averages
       real(wp) :: value
       integer :: i, j
 
@@ -347,10 +344,23 @@ contains
                   if (.not. allocated(s)) s = compliance(c)
                   value = directional_response(factor%word, s, factor%direction)
                case default
-                  if (.not. allocated(hill)) hill = hill_values(c)
-                  value = hill(findloc(hill_names, factor%word, dim=1))
+                  if (.not. allocated(averages)) averages = polycrystal_averages(c)
+                  select case (factor%word)
+                  case ('polycrystal_bulk')
+                     value = averages%bulk
+                  case ('polycrystal_shear')
+                     value = averages%shear
+                  case ('polycrystal_young')
+                     value = averages%young
+                  case default
+                     value = averages%poisson
+                  end select
                end select
-               values(i) = values(i)*power_of(value, factor%power)
+               if (abs(abs(factor%power) - 1.0_wp) <= 0.0_wp) then
+                  values(i) = values(i)*value**nint(factor%power)
+               else
+                  values(i) = values(i)*value**factor%power
+               end if
             end associate
          end do
       end do
@@ -372,16 +382,6 @@ contains
             & values(:, i))
       end do
    end subroutine evaluate_draws
-
-   pure real(wp) function power_of(value, power)
-      real(wp), intent(in) :: value, power
-
-      if (abs(abs(power) - 1.0_wp) <= 0.0_wp) then
-         power_of = value**nint(power)
-      else
-         power_of = value**power
-      end if
-   end function power_of
 
    !> Response of a crystal along a direction, from its compliance: the bulk modulus, GPa, which has
    !> no direction; Young's or the torsional shear modulus, GPa; the linear compressibility, 1/TPa.
@@ -422,17 +422,4 @@ contains
          energy = dot_product(stress(a, b), matmul(s, stress(a, b)))
       end function energy
    end function directional_response
-
-   !> Hill's averages of a stiffness (GPa): bulk, shear and Young's modulus, GPa, and Poisson's
-   !> ratio.
-   pure function hill_values(c) result(values)
-      real(wp), intent(in) :: c(6, 6)
-      real(wp) :: values(4)
-      type(averages_type) :: averages
-
-      averages = polycrystal_averages(c)
-      values(1) = 0.5_wp*(averages%bulk_voigt + averages%bulk_reuss)
-      values(2) = 0.5_wp*(averages%shear_voigt + averages%shear_reuss)
-      call hill_young_poisson(averages, values(3), values(4))
-   end function hill_values
 end module quantities

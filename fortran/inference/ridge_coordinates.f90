@@ -124,10 +124,6 @@ contains
       z = points - spread(whitening%centre, 2, n_points)
       axes = matmul(z, transpose(z))/n_points
       call symmetric_eigen(axes, values, error)
-      if (allocated(error)) then
-         values = 1.0_wp
-         axes = reshape([1.0_wp, (spread(0.0_wp, 1, n), 1.0_wp, j=2, n)], [n, n])
-      end if
       ! Sort the axes, the longest first, and scale them to unit variance.
       values = sqrt(max(values(n:1:-1), 1.0e-16_wp*max(values(n), 1.0e-8_wp)))
       axes = axes(:, n:1:-1)

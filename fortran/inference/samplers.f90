@@ -12,8 +12,7 @@
 !> damaged, is drawn again.
 module samplers
    use abstract_sampler, only: draw_starts, sampler_type, target_type
-   use direct_sampler, only: direct_sampler_type
-   use ensemble_sampler, only: ensemble_sampler_type
+   use ensemble_sampler, only: run_ensemble
    use errors, only: error_type, raise, refuse
    use files, only: checksum, read_bytes, replace_file
    use kinds, only: i8, wp
@@ -21,7 +20,7 @@ module samplers
    use random, only: new_random_stream, random_stream_type
    use progress, only: advance_progress, begin_progress, end_progress
    use running_command, only: listen, stop_listening, stop_requested
-   use scmh_sampler, only: scmh_sampler_type
+   use scmh_sampler, only: run_scmh
    use text, only: to_text
    implicit none
    private
@@ -142,22 +141,42 @@ contains
       character(len=*), intent(in) :: name
       !> Number of sweeps before the first retained sample.
       integer, intent(in) :: burn_in
-      class(sampler_type), allocatable, intent(out) :: sampler
+      type(sampler_type), intent(out) :: sampler
       type(error_type), allocatable, intent(out) :: error
 
       select case (name)
       case ('ensemble')
-         allocate (ensemble_sampler_type :: sampler)
+         sampler%run => run_ensemble
       case ('scmh')
-         allocate (scmh_sampler_type :: sampler)
+         sampler%run => run_scmh
       case ('direct')
-         allocate (direct_sampler_type :: sampler)
+         sampler%run => run_direct
       case default
          call refuse(error, 'method: '''//name//''' is unknown; allowed: '//sampler_names)
-         return
       end select
       sampler%burn_in = burn_in
    end subroutine new_sampler
+
+   !> Draw independently from a target whose starts are distributed by its density, such as a prior
+   !> without knowledge.
+   subroutine run_direct(burn_in, target, stream, draws, log_density, acceptance, started)
+      !> Number of sweeps that the progress includes. None is needed.
+      integer, intent(in) :: burn_in
+      class(target_type), intent(in) :: target
+      type(random_stream_type), intent(inout) :: stream
+      !> (parameter, sample), (sample).
+      real(wp), intent(out) :: draws(:, :), log_density(:)
+      !> 1: every draw is accepted.
+      real(wp), intent(out) :: acceptance
+      !> Whether enough points of the support were found.
+      logical, intent(out) :: started
+      integer :: n_found
+
+      call draw_starts(target, stream, draws, log_density, n_found)
+      acceptance = 1.0_wp
+      started = n_found == size(log_density)
+      call advance_progress(int(burn_in + size(log_density), i8))
+   end subroutine run_direct
 
    !> The draw of highest density.
    pure function best_draw(self) result(point)
@@ -172,7 +191,7 @@ contains
    !> Run all chains except those that the checkpoint has.
    subroutine sample_chains(target, sampler, settings, chains, error, checkpoint)
       class(target_type), intent(in) :: target
-      class(sampler_type), intent(in) :: sampler
+      type(sampler_type), intent(in) :: sampler
       type(run_settings_type), intent(in) :: settings
       type(chains_type), intent(out) :: chains
       type(error_type), allocatable, intent(out) :: error
@@ -207,8 +226,8 @@ contains
             cycle
          end if
          stream = new_random_stream(settings%seed, number)
-         call sampler%run(target, stream, chains%draws(:, :, k), chains%log_density(:, k), &
-            & chains%acceptance(k), started(k))
+         call sampler%run(sampler%burn_in, target, stream, chains%draws(:, :, k), &
+            & chains%log_density(:, k), chains%acceptance(k), started(k))
          if (.not. started(k) .or. stop_requested()) cycle
          !$omp critical (chain_files)
          call checkpoint%store(number, chains%draws(:, :, k), chains%log_density(:, k), &

@@ -6,24 +6,20 @@ module scmh_sampler
    use running_command, only: stop_requested
    use kinds, only: i8, wp
    use random, only: random_stream_type
-   use abstract_sampler, only: draw_starts, outside, sampler_type, target_type
+   use abstract_sampler, only: draw_starts, outside, target_type
    implicit none
    private
-   public :: scmh_sampler_type
+   public :: run_scmh
 
    !> Acceptance to which the paper tunes each component.
    real(wp), parameter :: target_acceptance = 0.23_wp
 
-   type, extends(sampler_type) :: scmh_sampler_type
-   contains
-      procedure :: run
-   end type scmh_sampler_type
-
 contains
 
    !> The start is one of the ten best of a hundred points drawn from the support.
-   subroutine run(self, target, stream, draws, log_density, acceptance, started)
-      class(scmh_sampler_type), intent(in) :: self
+   subroutine run_scmh(burn_in, target, stream, draws, log_density, acceptance, started)
+      !> Number of sweeps before the first sample.
+      integer, intent(in) :: burn_in
       class(target_type), intent(in) :: target
       type(random_stream_type), intent(inout) :: stream
       !> (parameter, sample), (sample).
@@ -56,7 +52,7 @@ contains
       step = 0.1_wp*range
       sum_of_logs = 0.0_wp
       accepted = 0
-      do sweep = 1 - self%burn_in, samples
+      do sweep = 1 - burn_in, samples
          if (stop_requested()) return
          call advance_progress(1_i8)
          do j = 1, target%dimension
@@ -75,20 +71,20 @@ contains
             if (sweep <= 0) then
                ! Robbins-Monro on the logarithm of the step, with a gain that falls during the
                ! burn-in.
-               gain = 2.0_wp*(sweep + self%burn_in + 25)**(-0.5_wp)
-               step(j) = step(j)*exp(gain*(merge(1.0_wp, 0.0_wp, accept) - target_acceptance))
-               step(j) = min(step(j), 10.0_wp*range(j))
-               if (2*sweep > -self%burn_in) sum_of_logs(j) = sum_of_logs(j) + log(step(j))
+               gain = 2.0_wp*(sweep + burn_in + 25)**(-0.5_wp)
+               step(j) = min(10.0_wp*range(j), &
+                  & step(j)*exp(gain*(merge(1.0_wp, 0.0_wp, accept) - target_acceptance)))
+               if (2*sweep > -burn_in) sum_of_logs(j) = sum_of_logs(j) + log(step(j))
             end if
          end do
          ! From here on the steps are fixed at their mean, that of the logarithm, over the second
          ! half of the burn-in, which varies less than the last value.
-         if (sweep == 0 .and. self%burn_in > 1) step = exp(sum_of_logs/((self%burn_in + 1)/2))
+         if (sweep == 0 .and. burn_in > 1) step = exp(sum_of_logs/((burn_in + 1)/2))
          if (sweep > 0) then
             draws(:, sweep) = x
             log_density(sweep) = current
          end if
       end do
       acceptance = real(accepted, wp)/(real(samples, wp)*target%dimension)
-   end subroutine run
+   end subroutine run_scmh
 end module scmh_sampler

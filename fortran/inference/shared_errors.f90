@@ -19,13 +19,13 @@ contains
       !> Point, (dimension).
       real(wp), intent(in) :: x(:)
       !> (shared error); (shared error, shared error).
-      real(wp), intent(out) :: mean(:), precision(:, :)
+      real(wp), allocatable, intent(out) :: mean(:), precision(:, :)
       real(wp), dimension(posterior%n_grains) :: model, scales
       real(wp), allocatable :: u(:, :)
       real(wp) :: value
 
+      allocate (mean(0), precision(0, 0))
       if (posterior%n_shared == 0) return
-      allocate (u(posterior%n_grains, posterior%n_shared))
       call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, u)
       call posterior%errors%integrate((posterior%data%modulus - model)/scales, u, mean, &
          & precision, value)
@@ -36,17 +36,19 @@ contains
       type(posterior_type), intent(in) :: posterior
       !> Point, (dimension); standard normal numbers, (shared error).
       real(wp), intent(in) :: x(:), z(:)
-      !> (shared error); the lower factor of their precision.
-      real(wp), intent(out) :: errors(:), precision(:, :)
+      !> (shared error).
+      real(wp), intent(out), contiguous :: errors(:)
+      !> The lower factor of their precision, (shared error, shared error).
+      real(wp), allocatable, intent(out) :: precision(:, :)
       !> One plus the calibration error, (group).
       real(wp), intent(out) :: factor(:)
-      real(wp) :: deviation(size(z))
+      real(wp), allocatable :: mean(:)
 
-      call infer_shared(posterior, x, errors, precision)
+      call infer_shared(posterior, x, mean, precision)
       ! L^-ᵀ z has the covariance (L Lᵀ)^-1.
-      deviation = z
-      call solve_upper(precision, deviation)
-      errors = errors + deviation
+      errors = z
+      call solve_upper(precision, errors)
+      errors = mean + errors
       factor = 1.0_wp
       if (any(posterior%calibration > 0.0_wp)) then
          factor = factor &
@@ -67,7 +69,7 @@ contains
       !> One plus the calibration error, (group).
       real(wp), intent(out) :: factor(:)
       real(wp), dimension(posterior%n_shared) :: errors, z
-      real(wp) :: precision(posterior%n_shared, posterior%n_shared)
+      real(wp), allocatable :: precision(:, :)
       real(wp) :: columns(size(moduli), grains%n_columns)
       real(wp), dimension(size(moduli)) :: values, slope
 

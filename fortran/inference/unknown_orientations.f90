@@ -80,19 +80,20 @@ contains
       self%log_weight = self%log_weight - log_of_sum(self%log_weight)
    end subroutine set_nodes
 
-   !> Bin the moduli of all directions, converted to the kind that was measured. Each modulus is
-   !> shared between the two nearest of equidistant values. This keeps the mean, and the variance
-   !> that it adds is subtracted.
-   pure subroutine bin_moduli(self, moduli, value, variance, probability)
+   !> Logarithm of the density of all measurements, normalised.
+   pure real(wp) function log_likelihood(self, moduli)
       class(unknown_orientations_type), intent(in) :: self
-      !> GPa, (direction).
+      !> Moduli of all directions, GPa, (direction).
       real(wp), intent(in) :: moduli(:)
       !> Value and variance in the unit of the measurements and its square, and probability, (bin).
-      real(wp), allocatable, intent(out) :: value(:), variance(:), probability(:)
-      real(wp), allocatable :: slope(:)
-      real(wp) :: low, width, share
-      integer :: bins, i, j
+      real(wp), allocatable, dimension(:) :: value, variance, probability
+      real(wp), allocatable, dimension(:) :: slope, scale, misfit, density
+      real(wp) :: joint(size(self%log_weight)), low, width, share
+      integer :: bins, i, j, q
 
+      ! Bin the moduli of all directions, converted to the kind that was measured. Each modulus is
+      ! shared between the two nearest of equidistant values. This keeps the mean, and the variance
+      ! that it adds is subtracted.
       low = minval(moduli)
       width = max(bin_width*minval(self%sd), (maxval(moduli) - low)/most_bins)
       bins = 2 + int(min(most_bins, (maxval(moduli) - low)/width))
@@ -109,19 +110,6 @@ contains
       slope = spread(1.0_wp, 1, bins)
       call self%observable%to_measured(value, slope)
       variance = variance*slope**2
-   end subroutine bin_moduli
-
-   !> Logarithm of the density of all measurements, normalised.
-   pure real(wp) function log_likelihood(self, moduli)
-      class(unknown_orientations_type), intent(in) :: self
-      !> Moduli of all directions, GPa, (direction).
-      real(wp), intent(in) :: moduli(:)
-      real(wp), allocatable, dimension(:) :: value, variance, probability, scale, misfit, &
-         & density
-      real(wp) :: joint(size(self%log_weight))
-      integer :: i, q
-
-      call bin_moduli(self, moduli, value, variance, probability)
       density = value
       joint = self%log_weight - 0.5_wp*size(self%measured)*log(2.0_wp*pi)
       do i = 1, size(self%measured)

@@ -56,11 +56,11 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Number of draws for the variances of the errors, which hardly vary.
       integer, parameter :: few_draws = 200, block = 16
-      real(wp), allocatable, dimension(:, :) :: moduli, scores, known_values, centred, weights, &
-         & parts, covariances, derivatives, factor
+      real(wp), allocatable, dimension(:, :) :: moduli, shared, scores, known_values, centred, &
+         & weights, parts, covariances, derivatives, factor
       real(wp), dimension(size(values, 1)) :: variance, total
       real(wp), dimension(posterior%n_grains) :: scales, residual, weight
-      real(wp) :: shared(posterior%n_grains, posterior%n_shared), greatest
+      real(wp) :: greatest
       integer :: i, j, n, q
 
       n = size(draws, 2)
@@ -131,7 +131,6 @@ contains
       own_mean = 0.0_wp
       precision_mean = 0.0_wp
       parts = 0.0_wp
-      allocate (shared(posterior%n_grains, posterior%n_shared))
       do i = 1, size(draws, 2)
          moduli = posterior%moduli_at(draws(:, i:i))
          call find_residuals(posterior, draws(:, i), moduli(:, 1), scales, shared, value, precision)
@@ -175,8 +174,10 @@ contains
       type(posterior_type), intent(in) :: posterior
       !> Point, (dimension), and the rows of the grain model there, GPa.
       real(wp), intent(in) :: x(:), moduli(:)
-      !> Scales, GPa, (grain); columns of the shared errors in these units, (grain, shared error).
-      real(wp), intent(out), contiguous :: scales(:), shared(:, :)
+      !> Scales, GPa, (grain).
+      real(wp), intent(out), contiguous :: scales(:)
+      !> Columns of the shared errors in these units, (grain, shared error).
+      real(wp), allocatable, intent(out) :: shared(:, :)
       !> (grain).
       real(wp), intent(out) :: residual(:), weight(:)
       real(wp), allocatable :: reduced(:, :), mean(:), precision(:, :)
@@ -185,7 +186,6 @@ contains
       call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, shared, moduli)
       residual = (posterior%data%modulus - model)/scales
       call factor_columns(shared, reduced)
-      allocate (mean(size(reduced, 2)), precision(size(reduced, 2), size(reduced, 2)))
       call posterior%errors%integrate(residual, reduced, mean, precision, value)
       residual = residual - matmul(reduced, mean)
       call posterior%errors%weigh(residual, weight)

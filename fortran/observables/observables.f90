@@ -37,6 +37,7 @@ contains
       type(observable_type), intent(out) :: observable
       type(error_type), allocatable, intent(out) :: error
 
+      observable%name = name
       associate (young => settings%indenter_modulus_gpa, nu => settings%indenter_nu, &
          & sample_nu => settings%sample_nu)
          if (.not. (young > 0.0_wp .and. abs(nu) < 1.0_wp .and. abs(sample_nu) < 1.0_wp)) then
@@ -54,10 +55,8 @@ contains
          case default
             call refuse(error, 'modulus_kind: '''//name//''' is unknown; allowed: ' &
                & //observable_names)
-            return
          end select
       end associate
-      observable%name = name
    end subroutine new_observable
 
    !> Convert indentation moduli to the observable, in place.

@@ -10,7 +10,6 @@ module build_stage
    use json, only: json_type
    use kinds, only: degree, nan, wp
    use posterior_focus, only: accurate_share, accurate_z
-   use problem_posterior, only: stiffnesses
    use settings_reader, only: settings_namelist
    use settings_schema, only: surrogate_settings_type
    use simulate, only: identity_text, simulation_error, specimen_contact_radius
@@ -48,7 +47,7 @@ contains
          file = self%output//'/'//settings%surrogate%file
          call save_surrogate(surrogate, file, error)
          if (allocated(error)) return
-         stiffness = stiffnesses(surrogate%basis%domain%class, known%constants)
+         stiffness = surrogate%basis%domain%class%stiffnesses(known%constants)
          allocate (largest(learning%n()))
          call simulation_error(settings, stiffness, largest, warning)
          if (len(warning) > 0) then
@@ -190,7 +189,7 @@ contains
       where = 'in the domain'
       if (allocated(build%focus)) where = 'at the posterior'
       associate (domain => surrogate%basis%domain, candidates => build%candidates)
-         call predict_crystals(surrogate, stiffnesses(domain%class, candidates%constants), &
+         call predict_crystals(surrogate, domain%class%stiffnesses(candidates%constants), &
             & degree*candidates%euler_deg, 1, modulus, sd, error)
          if (allocated(error)) return
          relative_sd = sd/modulus
@@ -300,8 +299,10 @@ contains
       type(surrogate_type), intent(in) :: surrogate
       type(error_type), allocatable, intent(out) :: error
       real(wp), dimension(size(build%unseen_modulus)) :: mean, sd, deviation
-      call predict_crystals(surrogate, stiffnesses(surrogate%basis%domain%class, &
-         & build%unseen_constants), degree*build%unseen_euler_deg, 1, mean, sd, error)
+      associate (class => surrogate%basis%domain%class)
+         call predict_crystals(surrogate, class%stiffnesses(build%unseen_constants), &
+            & degree*build%unseen_euler_deg, 1, mean, sd, error)
+      end associate
       deviation = abs(mean - build%unseen_modulus)
       call page%begin_object('validation')
       call page%put('points', size(mean))

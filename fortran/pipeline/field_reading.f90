@@ -6,7 +6,6 @@ module field_reading
    use crystal_elasticity, only: log_anisotropy
    use errors, only: error_type
    use kinds, only: wp
-   use problem_posterior, only: stiffnesses
    implicit none
    private
    public :: choose_field_degree, find_field_error, allowed_error
@@ -136,7 +135,7 @@ contains
       !$omp parallel do num_threads(max(1, threads)) schedule(dynamic) private(last, j)
       do i = 1, size(draws, 2), at_once
          last = min(size(draws, 2), i + at_once - 1)
-         call grains%evaluate_crystals(stiffnesses(posterior%prior%class, draws(:, i:last)), &
+         call grains%evaluate_crystals(posterior%prior%class%stiffnesses(draws(:, i:last)), &
             & values(:, i:last))
          do j = i, last
             call posterior%observable%to_measured(values(:, j))

@@ -432,7 +432,8 @@ contains
       real(wp), dimension(size(values)) :: slope, mean, mean_slope
       real(wp) :: c(6, 6), influence(size(values), grains%n_columns), &
          & columns(size(values), size(z)), shared(size(z))
-      real(wp) :: precision(posterior%n_shared, posterior%n_shared), factor(posterior%n_groups)
+      real(wp), allocatable :: precision(:, :)
+      real(wp) :: factor(posterior%n_groups)
       integer :: i, m
 
       m = posterior%n_shared

@@ -11,7 +11,7 @@ module posterior_focus
    use errors, only: error_type
    use kinds, only: degree, wp
    use problem, only: problem_type
-   use problem_posterior, only: draw_aside, focus_run, new_problem_posterior, stiffnesses
+   use problem_posterior, only: draw_aside, focus_run, new_problem_posterior
    use prior_sensitivity, only: is_truncated, list_limits
    use random, only: new_random_stream, random_stream_type
    use settings_schema, only: measurements_settings_type
@@ -121,7 +121,7 @@ contains
       round%z = error_of_predictions(focus, surrogate)
       wide = surrogate
       call drop_bounds(wide%basis%domain, &
-         & stiffnesses(surrogate%basis%domain%class, candidates%constants))
+         & surrogate%basis%domain%class%stiffnesses(candidates%constants))
       focus%domain = wide%basis%domain
       call widen(wide%basis%domain)
       call draw_aside(problem, problem%settings%measurements, wide, focus_run, posterior, draws, &
@@ -136,7 +136,7 @@ contains
       round%share = max(round%share, &
          & changes_of_variance(posterior, draws, size(shares), threads))
       round%truncated = is_truncated(list_limits(posterior%prior, draws))
-      crystals = stiffnesses(problem%class, draws)
+      crystals = problem%class%stiffnesses(draws)
       call extend(focus%domain, crystals)
       ! Each round has other crystals of the theory.
       associate (stride => size(focus%theory_crystals, 3)/tempered)
@@ -164,7 +164,7 @@ contains
          if (allocated(error)) return
          call draw_aside(problem, loose, theory, focus_run, posterior, draws, error)
          if (allocated(error)) return
-         focus%theory_crystals = stiffnesses(problem%class, draws)
+         focus%theory_crystals = problem%class%stiffnesses(draws)
       end subroutine draw_by_theory
 
       !> Set the candidates: each crystal in the direction of one grain, in turn.
@@ -241,8 +241,8 @@ contains
       pure subroutine errors_at(x, mean, factor)
          real(wp), intent(in) :: x(:)
          real(wp), intent(out) :: mean(:), factor(:, :)
-         real(wp), dimension(posterior%n_shared, posterior%n_shared) :: precision, inverse
-         real(wp) :: all_means(posterior%n_shared)
+         real(wp) :: inverse(posterior%n_shared, posterior%n_shared)
+         real(wp), allocatable :: all_means(:), precision(:, :)
          integer :: i
 
          call infer_shared(posterior, x, all_means, precision)
@@ -295,7 +295,7 @@ contains
       first = focus%rounds(size(focus%rounds))%simulations + tempered + 1
       associate (known => surrogate%simulations, class => surrogate%basis%domain%class)
          if (first > size(mean)) return
-         call predict_crystals(focus%surrogate, stiffnesses(class, known%constants(:, first:)), &
+         call predict_crystals(focus%surrogate, class%stiffnesses(known%constants(:, first:)), &
             & degree*known%euler_deg(:, first:), 1, mean(first:), sd(first:), error)
          if (.not. allocated(error)) then
             z = norm2((known%modulus(first:) - mean(first:))/sd(first:)) &

@@ -1,7 +1,6 @@
 !> The posterior that a problem asks for, over a surrogate, and chains of it.
 module problem_posterior
    use abstract_sampler, only: sampler_type
-   use condensed_posterior, only: condense
    use constants_posterior, only: new_posterior, posterior_type
    use constants_prior, only: knowledge_type, new_prior, prior_type
    use compliance_field, only: even_directions
@@ -30,7 +29,7 @@ module problem_posterior
    private
    public :: are_detected, check_step_2, check_target, new_measured_posterior, &
       & new_problem_posterior, omit_weak_waves, sample_aside, draw_aside, sample_posterior, &
-      & shared_errors, stiffnesses
+      & shared_errors
 
    !> Lengths of chains.
    type, public :: run_type
@@ -418,20 +417,6 @@ contains
       draws = flattened(chains%draws)
    end subroutine draw_aside
 
-   !> Of crystals of a class, GPa, (6, 6, n).
-   pure function stiffnesses(class, constants) result(c)
-      type(crystal_class_type), intent(in) :: class
-      !> GPa, and perhaps more parameters, (parameter, n).
-      real(wp), intent(in) :: constants(:, :)
-      real(wp), allocatable :: c(:, :, :)
-      integer :: i
-
-      allocate (c(6, 6, size(constants, 2)))
-      do i = 1, size(constants, 2)
-         c(:, :, i) = class%stiffness(constants(:class%n_constants, i))
-      end do
-   end function stiffnesses
-
    !> Chains of a density, those that are kept from the disk.
    subroutine run_chains(problem, density, method, label, run, chains, error)
       type(problem_type), intent(in) :: problem
@@ -443,7 +428,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       character(len=*), parameter :: groups = 'problem measurements prior knowledge'
       character(len=:), allocatable :: identity
-      class(sampler_type), allocatable :: sampler
+      type(sampler_type) :: sampler
       type(checkpoint_type) :: checkpoint
       type(posterior_type) :: condensed
 
@@ -456,7 +441,7 @@ contains
          call new_checkpoint(problem%kept_in, identity, density, checkpoint)
       end if
       condensed = density
-      call condense(condensed)
+      call condensed%condense()
       if (.not. allocated(error)) then
          call sample_chains(condensed, sampler, run_settings_type(run%samples, run%chains, &
             & problem%threads(), problem%settings%problem%seed, run%first_stream), chains, error, &

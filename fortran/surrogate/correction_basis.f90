@@ -244,8 +244,7 @@ contains
       call new_field(self%class, self%field_degree, self%euler, self%field, error)
       if (allocated(error)) return
       self%full_cost = self%field_cost + theory_time*self%n_independent
-      self%field_cost = self%field_cost + ellipse_time*self%n_independent
-      self%field_cost = self%field_cost &
+      self%field_cost = self%field_cost + ellipse_time*self%n_independent &
          & + size(self%field%nodes, 2)*(node_time + mode_time*self%n_independent)
       self%maps = reshape([real(wp) ::], &
          & [self%n_independent, self%polynomials%n_coordinates, self%logarithms%n], [0.0_wp])

@@ -15,7 +15,6 @@ module evidence_regression
    public :: regression_type, new_regression, add_data, maximise_evidence, compute_posterior
    public :: log_evidence, leave_groups_out, coefficient_mean, coefficient_covariance, &
       & scale_columns, factored_forms
-   public :: spectrum_type, compute_spectrum
 
    type :: regression_type
       integer :: n_terms = 0, n_data = 0
@@ -61,9 +60,8 @@ contains
       associate (n => size(degrees))
          regression%n_terms = n
          allocate (regression%terms(n, 64), regression%targets(64), regression%mean(n), &
-            & regression%covariance(n, n))
-         allocate (regression%moment(n), source=0.0_wp)
-         allocate (regression%prior_width(n), source=1.0_wp)
+            & regression%covariance(n, n), regression%moment(n), source=0.0_wp)
+         regression%prior_width = spread(1.0_wp, 1, n)
       end associate
       regression%degrees = degrees
       regression%least_noise = least_noise
@@ -207,8 +205,7 @@ contains
       best_ratio = 1.0_wp
       best_rate = typical
       decays = maxval(regression%degrees) > 1
-      n_tried = 1
-      if (decays) n_tried = n_rates
+      n_tried = merge(n_rates, 1, decays)
       do i = 1, n_tried
          log_rate = least + step*(i - 1)
          if (decays) call set_decay_rate(regression, exp(log_rate))

@@ -103,30 +103,26 @@ contains
    pure integer function place_of(self, degrees) result(middle)
       type(legendre_products_type), intent(in) :: self
       integer, intent(in) :: degrees(:)
-      integer :: low, high
+      integer :: low, high, i
+      logical :: precedes
 
       low = 1
       high = self%n_products
       do
          middle = (low + high)/2
          if (low >= high) return
-         if (precedes(self%degrees(:, middle), degrees)) then
+         associate (found => self%degrees(:, middle))
+            precedes = sum(found) < sum(degrees)
+            i = findloc(found /= degrees, .true., 1)
+            if (i > 0 .and. sum(found) == sum(degrees)) precedes = found(i) < degrees(i)
+         end associate
+         if (precedes) then
             low = middle + 1
          else
             high = middle
          end if
       end do
    end function place_of
-
-   !> Whether degrees a come before b in the list.
-   pure logical function precedes(a, b)
-      integer, intent(in) :: a(:), b(:)
-      integer :: i
-
-      precedes = sum(a) < sum(b)
-      i = findloc(a /= b, .true., 1)
-      if (i > 0 .and. sum(a) == sum(b)) precedes = a(i) < b(i)
-   end function precedes
 
    !> All products at coordinates x in [-1, 1].
    pure subroutine evaluate_products(self, x, p)
@@ -135,13 +131,12 @@ contains
       real(wp), intent(in) :: x(:)
       !> (n_products).
       real(wp), intent(out), contiguous :: p(:)
-      real(wp) :: factors(0:self%degree, self%n_coordinates)
+      real(wp) :: factors(-1:self%degree, self%n_coordinates)
       integer :: i, n, q
 
       do i = 1, self%n_coordinates
-         factors(0, i) = 1.0_wp
-         if (self%degree > 0) factors(1, i) = self%a(0)*x(i)
-         do n = 1, self%degree - 1
+         factors(:0, i) = [0.0_wp, 1.0_wp]
+         do n = 0, self%degree - 1
             factors(n + 1, i) = self%a(n)*x(i)*factors(n, i) - self%b(n)*factors(n - 1, i)
          end do
       end do

@@ -7,6 +7,7 @@
 module paper_basis
    use abstract_basis, only: basis_type, grain_model_type
    use crystal_class, only: crystal_class_type
+   use crystal_elasticity, only: rotation_matrix
    use errors, only: error_type, raise, refuse
    use kinds, only: wp
    use labelled_values, only: labelled_values_type
@@ -104,19 +105,12 @@ contains
       call file%integer('bandlimit', self%settings%bandlimit)
    end subroutine exchange
 
-   !> Indentation direction in crystal axes: sample z, rotated by g.
-   pure function direction_of(euler) result(direction)
-      !> Bunge-Euler angles, radians.
-      real(wp), intent(in) :: euler(3)
-      real(wp) :: direction(3)
-
-      direction = [sin(euler(3))*sin(euler(2)), cos(euler(3))*sin(euler(2)), cos(euler(2))]
-   end function direction_of
-
    subroutine evaluate_many(self, c, euler, terms, scale, spread)
       class(paper_basis_type), intent(in) :: self
       real(wp), intent(in) :: c(:, :, :), euler(:, :)
       real(wp), intent(out) :: terms(:, :), scale(:), spread(:)
+      !> Axes of the sample in crystal axes, of which the third is indented.
+      real(wp) :: g(3, 3)
       real(wp) :: p(self%polynomials%n_products), k(self%harmonics%n)
       integer :: i, q
 
@@ -124,7 +118,8 @@ contains
       spread = 1.0_wp
       do i = 1, size(scale)
          call evaluate_products(self%polynomials, self%domain%coordinates_of(c(:, :, i)), p)
-         call evaluate_harmonics(self%harmonics, direction_of(euler(:, i)), k)
+         g = rotation_matrix(euler(:, i))
+         call evaluate_harmonics(self%harmonics, g(:, 3), k)
          do q = 1, size(p)
             terms((q - 1)*size(k) + 1:q*size(k), i) = k*p(q)
          end do
@@ -164,11 +159,14 @@ contains
       !> Bunge-Euler angles (3, n), radians.
       real(wp), intent(in) :: euler(:, :)
       type(error_type), allocatable, intent(out) :: error
+      !> Axes of the sample in crystal axes, of which the third is indented.
+      real(wp) :: g(3, 3)
       integer :: i
 
       self%k = reshape([real(wp) ::], [size(euler, 2), self%harmonics%n], [0.0_wp])
       do i = 1, size(euler, 2)
-         call evaluate_harmonics(self%harmonics, direction_of(euler(:, i)), self%k(i, :))
+         g = rotation_matrix(euler(:, i))
+         call evaluate_harmonics(self%harmonics, g(:, 3), self%k(i, :))
       end do
    end subroutine set_grains
 

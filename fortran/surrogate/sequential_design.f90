@@ -146,13 +146,24 @@ contains
       class(basis_type), intent(in) :: basis
       type(candidates_type), intent(out) :: candidates
       type(error_type), allocatable, intent(out) :: error
-      integer :: first, seed
+      integer, allocatable :: rows(:)
+      integer :: first, seed, i
       real(wp), allocatable :: constants(:, :), euler_deg(:, :)
 
       seed = problem%settings%problem%seed
       associate (design => problem%settings%design)
          if (allocated(problem%candidates)) then
-            call select_rows(problem, basis%domain, candidates)
+            ! The rows of the user's table that are in the domain.
+            associate (table => problem%candidates, domain => basis%domain)
+               rows = pack([(i, i=1, table%n)], &
+                  & [(domain%admits(table%stiffness(:, :, i)), i=1, table%n)])
+               allocate (candidates%constants(domain%class%n_constants, size(rows)))
+               do i = 1, size(rows)
+                  candidates%constants(:, i) &
+                     & = domain%class%constants_of(table%stiffness(:, :, rows(i)))
+               end do
+               candidates%euler_deg = table%euler_deg(:, rows)
+            end associate
          else if (design%candidates == 'factorial') then
             call factorial(basis%domain, design, seed, candidates, error)
          else
@@ -178,24 +189,6 @@ contains
          end if
       end associate
    end subroutine new_candidates
-
-   !> The rows of the user's table that are in the domain.
-   subroutine select_rows(problem, domain, candidates)
-      type(problem_type), intent(in) :: problem
-      type(domain_type), intent(in) :: domain
-      type(candidates_type), intent(out) :: candidates
-      integer, allocatable :: rows(:)
-      integer :: i
-
-      associate (table => problem%candidates)
-         rows = pack([(i, i=1, table%n)], [(domain%admits(table%stiffness(:, :, i)), i=1, table%n)])
-         allocate (candidates%constants(domain%class%n_constants, size(rows)))
-         do i = 1, size(rows)
-            candidates%constants(:, i) = domain%class%constants_of(table%stiffness(:, :, rows(i)))
-         end do
-         candidates%euler_deg = table%euler_deg(:, rows)
-      end associate
-   end subroutine select_rows
 
    !> Crystals of a Latin hypercube, all in the same directions.
    subroutine factorial(domain, design, seed, candidates, error)

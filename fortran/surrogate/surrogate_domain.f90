@@ -5,7 +5,7 @@ module surrogate_domain
    use errors, only: error_type, refuse
    use kinds, only: pi, wp
    use labelled_values, only: labelled_values_type
-   use logarithmic_coordinates, only: log_coordinates_type, log_frame_type, new_log_coordinates
+   use logarithmic_coordinates, only: log_coordinates_type, new_log_coordinates
    use random, only: new_random_stream, random_stream_type
    use text, only: split_list, to_text
    implicit none
@@ -247,12 +247,10 @@ contains
       if (n == 0) return
       do while (points_needed <= most_points)
          call latin_hypercube(k + 3, points_needed, seed, points)
-         do i = 1, size(points, 2)
-            points(:k, i) = domain%lower + points(:k, i)*(domain%upper - domain%lower)
-         end do
          ! Array constructors would be on the stack, and these arrays are large.
          n_admitted = 0
          do i = 1, size(points, 2)
+            points(:k, i) = domain%lower + points(:k, i)*(domain%upper - domain%lower)
             if (.not. domain%admits(domain%class%stiffness(points(:k, i)))) cycle
             n_admitted = n_admitted + 1
             points(:, n_admitted) = points(:, i)
@@ -282,9 +280,8 @@ contains
       type(crystal_class_type) :: member
       type(log_coordinates_type), allocatable :: coordinates(:)
       type(random_stream_type) :: stream
-      type(log_frame_type) :: frame
       character(len=:), allocatable :: names(:)
-      real(wp) :: contrast(2), between, mean, c(6, 6), w(21)
+      real(wp) :: contrast(2), between, mean, w(21)
       integer :: i, k
 
       allocate (names, source=split_list(domain%members))
@@ -309,8 +306,7 @@ contains
             k = space%n
             call stream%normals(w(3:k))
             if (k > 2) w(3:k) = domain%log_anisotropy_max*unit(2, i)*w(3:k)/norm2(w(3:k))
-            call space%from_logarithms(w(:k), c, frame)
-            constants(:, i) = domain%class%constants_of(c)
+            constants(:, i) = domain%class%constants_of(space%from_logarithms(w(:k)))
          end associate
       end do
    end subroutine spread_logarithms

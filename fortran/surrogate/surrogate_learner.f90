@@ -107,7 +107,7 @@ contains
          call refuse(error, 'a training crystal is elastically unstable')
       end if
       if (allocated(error)) return
-      associate (regression => learner%design%regression)
+      associate (known => learner%simulations, regression => learner%design%regression)
          call add_data(regression, terms, learner%basis%to_y(modulus, scale, spread))
          if (.not. chosen) then
             if (size(modulus) <= refresh_interval) then
@@ -118,8 +118,6 @@ contains
             call update_posterior_mean(learner%design, size(modulus) > refresh_interval, error)
             if (allocated(error)) return
          end if
-      end associate
-      associate (known => learner%simulations, regression => learner%design%regression)
          ! An array constructor would be on the stack, and these may be large.
          known%constants = reshape(known%constants, &
             & [size(constants, 1), regression%n_data], constants)

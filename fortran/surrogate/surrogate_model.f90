@@ -25,7 +25,7 @@ module surrogate_model
    private
    public :: surrogate_type, simulations_type, new_theory_surrogate, predict_crystals
    public :: new_grain_model, save_surrogate, load_surrogate, check_replaceable, exchange_surrogate
-   public :: theory_name, places_type, find_surrogate, load_named_surrogate, check_new_name
+   public :: places_type, find_surrogate, load_named_surrogate, check_new_name
 
    !> Simulations on which a surrogate was trained.
    type :: simulations_type
@@ -268,10 +268,8 @@ contains
       character(len=:), allocatable :: name
       integer :: number
 
-      if (.not. file%reading) then
-         name = surrogate%basis%settings%model
-         number = version
-      end if
+      if (.not. file%reading) name = surrogate%basis%settings%model
+      number = version
       call file%integer(label, number)
       if (number /= version) then
          call file%fail('it has version '//to_text(number)//' of the format, not ' &
@@ -336,18 +334,16 @@ contains
       real(wp), allocatable :: constants(:), euler_deg(:)
       integer :: n
 
-      if (.not. allocated(simulations%modulus)) then
-         allocate (simulations%constants(n_constants, 0), simulations%euler_deg(3, 0), &
-            & simulations%modulus(0))
+      if (.not. file%reading) then
+         constants = reshape(simulations%constants, [size(simulations%constants)])
+         euler_deg = reshape(simulations%euler_deg, [size(simulations%euler_deg)])
       end if
-      constants = reshape(simulations%constants, [size(simulations%constants)])
-      euler_deg = reshape(simulations%euler_deg, [size(simulations%euler_deg)])
       call file%reals('simulated_constants', constants)
       call file%reals('simulated_euler_deg', euler_deg)
       call file%reals('simulated_modulus_gpa', simulations%modulus)
       if (allocated(file%error) .or. .not. file%reading) return
       n = size(simulations%modulus)
-      if (size(constants) /= size(simulations%constants, 1)*n .or. size(euler_deg) /= 3*n) then
+      if (size(constants) /= n_constants*n .or. size(euler_deg) /= 3*n) then
          call file%fail('the simulations have '//to_text(size(constants))//' constants, ' &
             & //to_text(size(euler_deg))//' angles and '//to_text(n)//' moduli')
          return

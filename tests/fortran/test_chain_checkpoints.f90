@@ -18,7 +18,7 @@ program test_chain_checkpoints
    type(banana_type) :: banana, other_banana
    type(checkpoint_type) :: checkpoint, other
    type(chains_type) :: whole, kept, again
-   class(sampler_type), allocatable :: sampler
+   type(sampler_type) :: sampler
    type(error_type), allocatable :: error
    real(wp), allocatable :: draws(:, :), density(:)
    character(len=:), allocatable :: content

@@ -12,7 +12,7 @@ program test_correction_basis
    use kinds, only: degree, pi, wp
    use linear_algebra, only: symmetric_eigen
    use logarithmic_coordinates, only: axial_coordinates_of, kelvin_rotation, log_coordinates_type, &
-      & log_frame_type, n_axial, n_coordinates, n_waves, new_log_coordinates, wave_orders
+      & n_axial, n_coordinates, n_waves, new_log_coordinates, wave_orders
    use random, only: new_random_stream, random_stream_type
    use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: spread_crystals
@@ -65,7 +65,6 @@ contains
       character(len=*), intent(in) :: name
       real(wp) :: c(6, 6)
       type(log_coordinates_type) :: space
-      type(log_frame_type) :: frame
       real(wp) :: w(21)
 
       space = new_log_coordinates(class_of(trim(name)))
@@ -73,7 +72,7 @@ contains
       w = 0.5_wp*w/sqrt(1.0_wp + space%n)
       w(1) = w(1) + 5.8_wp
       w(2) = w(2) + 4.7_wp*sqrt(5.0_wp)
-      call space%from_logarithms(w(:space%n), c, frame)
+      c = space%from_logarithms(w(:space%n))
    end function random_crystal
 
    function basis_of(degree_of_polynomials, stiffness) result(basis)
@@ -505,6 +504,9 @@ contains
       surrogate%provenance = '{}'
       surrogate%decay_rate = 1.0_wp/3.0_wp
       surrogate%contact_radius = 0.3_wp
+      associate (known => surrogate%simulations, class => surrogate%basis%domain%class)
+         allocate (known%constants(class%n_constants, 0), known%euler_deg(3, 0), known%modulus(0))
+      end associate
       call save_surrogate(surrogate, path, error)
       call check_success('a correction is written', error)
       call load_surrogate(path, copy, error)

@@ -105,7 +105,8 @@ contains
       type(observable_type) :: observable
       type(measurements_settings_type) :: settings
       type(error_type), allocatable :: error
-      real(wp) :: r(4), u(4, 2), b(2), l(2, 2), value, expected, large, modulus(1), slope(1)
+      real(wp), allocatable :: b(:), l(:, :)
+      real(wp) :: r(4), u(4, 2), value, expected, large, modulus(1), slope(1)
       integer :: k
 
       call new_error_model(likelihood_of('normal', 0.0_wp), model, error)
@@ -202,7 +203,7 @@ contains
       integer, intent(in) :: dimension, burn_in, samples
       real(wp), intent(in) :: tolerance
       type(wavy_type) :: wavy
-      class(sampler_type), allocatable :: sampler
+      type(sampler_type) :: sampler
       type(chains_type) :: chains
       type(error_type), allocatable :: error
       real(wp), allocatable :: second(:, :), third(:, :)
@@ -238,7 +239,7 @@ contains
       integer, intent(in) :: samples, burn_in
       real(wp), intent(in) :: tolerance
       type(banana_type) :: banana
-      class(sampler_type), allocatable :: sampler
+      type(sampler_type) :: sampler
       type(chains_type) :: chains, other
       type(error_type), allocatable :: error
       real(wp) :: mass, mean, square, acceptance

@@ -145,7 +145,7 @@ contains
       character(len=*), intent(in) :: name
       type(posterior_type), intent(inout) :: density
       type(exchange_type), intent(inout) :: x
-      class(sampler_type), allocatable :: sampler
+      type(sampler_type) :: sampler
       type(chains_type) :: chains
       type(run_settings_type) :: run
       type(random_stream_type) :: stream

@@ -6,7 +6,7 @@ program test_posterior_summary
    use errors, only: error_type
    use kinds, only: wp
    use known_targets, only: banana_type
-   use logarithmic_coordinates, only: log_frame_type, new_log_coordinates
+   use logarithmic_coordinates, only: new_log_coordinates
    use next_measurement, only: candidates_type, choose_measurements, expected_gains, &
       & suggestions_type
    use posterior_summary, only: find_maximum, combination_type, correlate, find_combinations, &
@@ -104,11 +104,8 @@ contains
       type(prior_type), intent(in) :: about
       real(wp), intent(in) :: w(2)
       real(wp) :: constants(2)
-      type(log_frame_type) :: frame
-      real(wp) :: c(6, 6)
 
-      call about%logarithms%from_logarithms(w, c, frame)
-      constants = about%class%constants_of(c)
+      constants = about%class%constants_of(about%logarithms%from_logarithms(w))
    end function constants_at
 
    subroutine test_simplex()
