@@ -19,7 +19,7 @@ def quantity_names(symmetry: str) -> dict[str, str]:
     constants come first: those of the class, or all if the symmetry is ''.
     """
     found = call("crystal.reported_quantities", symmetry=symmetry)
-    return dict(zip(found["names"], found["units"], strict=True))
+    return dict(zip(found["names"], found["units"]))
 
 
 def quantities(
@@ -41,10 +41,7 @@ def quantities(
         matrices, symmetry = oriented_crystals(symmetry, np.zeros(3))[0], ""
     names = list(quantity_names(symmetry) if names is None else names)
     found = call("crystal.quantities", names=",".join(names), stiffness=matrices.reshape(-1, 6, 6))
-    return {
-        name: row.reshape(matrices.shape[:-2])
-        for name, row in zip(names, found["values"].T, strict=True)
-    }
+    return {name: row.reshape(matrices.shape[:-2]) for name, row in zip(names, found["values"].T)}
 
 
 #: The largest difference between the halves of a symmetric stiffness, as a share of its largest
@@ -81,7 +78,7 @@ def stiffness(symmetry: str, *values: ArrayLike, **constants: ArrayLike) -> np.n
     Raises `InputError` for other names, or another number of values.
     """
     names = constant_names(symmetry)
-    given = dict(zip(names, values, strict=False)) | constants
+    given = dict(zip(names, values)) | constants
     if set(given) != set(names) or len(given) < len(values) + len(constants):
         stated = [*[f"{len(values)} values"] * bool(values), *constants]
         raise InputError(
@@ -127,7 +124,6 @@ def polycrystal_averages(stiffness: ArrayLike) -> dict[str, np.ndarray]:
         zip(
             ("bulk_voigt", "shear_voigt", "bulk_reuss", "shear_reuss"),
             _averages(stiffness)[2:],
-            strict=True,
         )
     )
 

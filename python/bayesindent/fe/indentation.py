@@ -182,7 +182,7 @@ class Indentation(NativeObject):
                 return error
 
         with ENGINES[execution.engine](execution.workers, execution.scheduler) as queue:
-            queue.map(attempt, list(zip(*crystals.values(), strict=True)), results.__setitem__)
+            queue.map(attempt, list(zip(*crystals.values())), results.__setitem__)
         return [results[number] for number in sorted(results)]
 
     def largest_error(self, stiffness: ArrayLike) -> np.ndarray:

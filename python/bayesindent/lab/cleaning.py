@@ -79,7 +79,8 @@ def leave_out_incomplete(table: LaboratoryTable) -> None:
                 for line, cell in table.cells[j].items()
                 if not cell or (meaning != "grain" and is_missing(cell))
             }
-            incomplete |= empty if len(empty) < len(table.cells) else set()
+            if len(empty) < len(table.cells):
+                incomplete |= empty
     table.leave_out(incomplete, "a value is missing")
 
 

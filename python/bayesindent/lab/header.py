@@ -102,7 +102,7 @@ def joined_header(
         last = cell or last
         upper.append(last)
     names, found = [], []
-    for up, low in zip(upper, below, strict=True):
+    for up, low in zip(upper, below):
         # Prefer both rows together, then the lower one alone; what stands below a hardness, such
         # as its sd, belongs to the hardness.
         choices = [f"{up} {low}".strip(), low, up if not low else ""]

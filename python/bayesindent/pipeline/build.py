@@ -67,7 +67,7 @@ def ask(problem: Problem, output: str | PathLike, count: int) -> dict:
     """
     found = Stage(problem, "build", Path(output))._call("look_ahead", count=count)
     points = [
-        dict(zip([*found["constants"], "phi1_deg", "Phi_deg", "phi2_deg"], row, strict=True))
+        dict(zip([*found["constants"], "phi1_deg", "Phi_deg", "phi2_deg"], row))
         for row in found["values"].tolist()
     ]
     return {"points": points, "warnings": [*problem.warnings, *found["warnings"]]}

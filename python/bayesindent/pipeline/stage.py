@@ -99,7 +99,7 @@ class Stage(NativeObject):
     def wanted(self) -> tuple[list[int], list[Job]]:
         """The numbers and the jobs of the simulations to perform now; none when all are done."""
         found = self._call("want")
-        crystals = zip(found["stiffness"], found["euler_deg"], strict=True)
+        crystals = zip(found["stiffness"], found["euler_deg"])
         return found["number"].tolist(), [Job(*crystal) for crystal in crystals]
 
     def close(self) -> dict:

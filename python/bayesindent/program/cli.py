@@ -19,8 +19,6 @@ from typing import Any, NoReturn
 from ..version import __version__
 from .commands import HELP, SUMMARIES, command_of
 
-__all__ = ["main"]
-
 DONE, FAILED, BAD_INPUT, UNUSABLE, INTERRUPTED = 0, 1, 2, 3, 130
 
 log = logging.getLogger("bayesindent")
@@ -135,6 +133,7 @@ class Parser(argparse.ArgumentParser):
         self._negative_number_matcher = re.compile("-[1346]")
 
     def format_help(self) -> str:
+        """The help, and the groups of the namelist."""
         short = (
             f"\ngroups of the namelist ('{self.prog} --all' explains every variable):\n"
             if self.groups and not self.full
@@ -147,11 +146,13 @@ class Parser(argparse.ArgumentParser):
         )
 
     def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
+        """End the process after standard output is written."""
         # argparse does not report a full disk behind standard output.
         print(end="", flush=status == 0)
         super().exit(status, message)
 
     def error(self, message: str) -> NoReturn:
+        """End with a message that suggests the nearest option or command."""
         choices = [option for action in self._actions for option in action.option_strings]
         wrong = re.match(r"unrecognized arguments: (-\S+)", message)
         if found := re.match(r"argument COMMAND: invalid choice: '(.*?)'", message):
@@ -282,8 +283,10 @@ def finish(arguments: argparse.Namespace, document: dict | int) -> int:
 
 
 def tell(text: str) -> None:
+    """Print a line on standard error."""
     print(text, file=sys.stderr, flush=True)
 
 
 def open_logs() -> list[logging.Handler]:
+    """The log files of this command."""
     return [handler for handler in log.handlers if isinstance(handler, logging.FileHandler)]

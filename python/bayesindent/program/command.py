@@ -134,12 +134,12 @@ def perform(command: Command, problem: Problem, output: Path) -> dict:
 def show_table(title: str, header: Iterable[str], rows: Iterable[Iterable]) -> None:
     """Print a table under its title, numbers on the right, as wide as it needs."""
     cells = [list(header), *(list(map(as_text, row)) for row in rows)]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    widths = [max(map(len, column)) for column in zip(*cells)]
     print(f"{title}:")
     for first, *others in cells:
         print(
             f"{first:<{widths[0]}}",
-            *(f"{cell:>{width}}" for cell, width in zip(others, widths[1:], strict=True)),
+            *(f"{cell:>{width}}" for cell, width in zip(others, widths[1:])),
             sep="  ",
         )
 

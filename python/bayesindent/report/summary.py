@@ -16,18 +16,6 @@ from .formatting import (
 )
 from .results import Results
 
-__all__ = [
-    "advice",
-    "answer",
-    "findings",
-    "indenter",
-    "inputs_summary",
-    "measured_ranges",
-    "specimen",
-    "with_count",
-    "with_verdict",
-]
-
 #: Most quantities that are listed.
 MOST = 6
 
@@ -102,11 +90,11 @@ def advice(results: Results) -> dict[str, list[str]]:
 
 def consequence_of(warning: str) -> str:
     """The first consequence one of whose phrases is in the warning."""
-
-    def has_phrase(consequence: str) -> bool:
-        return any(phrase in warning for phrase in CONSEQUENCES[consequence])
-
-    return next(filter(has_phrase, CONSEQUENCES))
+    return next(
+        consequence
+        for consequence, phrases in CONSEQUENCES.items()
+        if any(map(warning.__contains__, phrases))
+    )
 
 
 def common(parts: list[str]) -> str:
@@ -128,37 +116,27 @@ def inputs_summary(results: Results) -> list[tuple[str, str]]:
             results.symmetry and f"{results.symmetry}; constants {', '.join(results.constants)}",
         )
     ]
-    if document:
+    if results.predicted:
         moduli, sds = measured_ranges(results)
         scatter = f", standard deviations {sds} GPa" if sds else "; their scatter is inferred"
-        if results.predicted:
-            grains = (
-                with_count(len(results.predicted), "grain")
-                + " of unknown orientation" * results.without_orientations
-            )
-            rows += [
-                ("Grains", f"{grains}, {moduli} GPa{scatter}"),
-                ("Modulus", modulus_kind(results)),
-            ]
-        if results.velocities:
-            rows.append(
-                (
-                    "Velocities",
-                    f"{results.speed} in {with_count(len(results.velocities), 'direction')}",
-                )
-            )
-    if simulated:
-        rows.append(
-            (
-                "Simulations",
-                f"indentation moduli of {with_count(simulated, 'crystal')} by finite elements",
-            )
+        grains = (
+            with_count(len(results.predicted), "grain")
+            + " of unknown orientation" * results.without_orientations
         )
+        rows += [
+            ("Grains", f"{grains}, {moduli} GPa{scatter}"),
+            ("Modulus", modulus_kind(results)),
+        ]
+    if results.velocities:
+        directions = with_count(len(results.velocities), "direction")
+        rows += [("Velocities", f"{results.speed} in {directions}")]
+    if simulated:
+        crystals = with_count(simulated, "crystal")
+        rows += [("Simulations", f"indentation moduli of {crystals} by finite elements")]
     rows += [("Specimen", specimen(results)), ("Indenter", indenter(results))]
     if not document and (build := results.documents["build"]):
-        rows.append(
-            ("Surrogate", f"from {build['simulations']} simulations; {build['domain']['words']}")
-        )
+        words = f"from {build['simulations']} simulations; {build['domain']['words']}"
+        rows += [("Surrogate", words)]
     return [row for row in rows if row[1]]
 
 
@@ -180,18 +158,16 @@ def measured_ranges(results: Results) -> list[str]:
 def modulus_kind(results: Results) -> str:
     """The kind of modulus, and the constants that define it."""
     measured = results.group("measurements")
-    names = {
-        "effective modulus": ("indenter_modulus_gpa", "indenter_nu"),
-        "sample modulus": ("sample_nu",),
-    }
     signs = {
-        "indenter_modulus_gpa": "E = {:g} GPa of the indenter",
-        "indenter_nu": "ν = {:g} of the indenter",
-        "sample_nu": "ν = {:g}",
+        "effective modulus": {
+            "indenter_modulus_gpa": "E = {:g} GPa of the indenter",
+            "indenter_nu": "ν = {:g} of the indenter",
+        },
+        "sample modulus": {"sample_nu": "ν = {:g}"},
     }
     stated = [
-        signs[name].format(measured[name])
-        for name in names.get(results.kind, ())
+        sign.format(measured[name])
+        for name, sign in signs.get(results.kind, {}).items()
         if name in measured
     ]
     return results.kind + (f", with {' and '.join(stated)}" if stated else "")
@@ -276,5 +252,6 @@ def with_verdict(rows: list[dict], verdict: str) -> list[dict]:
 
 
 def with_sd(row: dict, symmetry: str) -> str:
+    """The name of a quantity, its mean, its sd and its unit."""
     name, unit = quantity_name(row["name"], symmetry), quantity_format(row)[0]
     return f"{name} {plus_minus(row)} {unit}".rstrip()

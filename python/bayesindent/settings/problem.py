@@ -91,10 +91,8 @@ class Points:
     def constants(self) -> list[dict]:
         """Constants of each row by name, GPa."""
         names = [constant_names(symmetry) for symmetry in self._classes]
-        rows = zip(
-            self._numbers["class"].tolist(), self._numbers["constants"].tolist(), strict=True
-        )
-        return [dict(zip(names[number - 1], values, strict=False)) for number, values in rows]
+        rows = zip(self._numbers["class"].tolist(), self._numbers["constants"].tolist())
+        return [dict(zip(names[number - 1], values)) for number, values in rows]
 
     stiffness = cached_property(lambda self: self._columns("stiffness")["stiffness"])
     _numbers = cached_property(lambda self: self._columns("numbers"))

@@ -14,8 +14,6 @@ from ...crystal.metals import known_of, metals
 from ...settings.problem import Variable, schema, spelled
 from ..command import Command
 
-__all__ = ["COMMANDS", "template"]
-
 #: Names of the two files.
 NAMELIST, TABLE = "grains.nml", "grains.csv"
 
@@ -109,6 +107,7 @@ def template(symmetry: str | None, metal: str | None) -> dict[str, str]:
 
 
 def knowledge(metal: SimpleNamespace) -> list[str]:
+    """The lines of &knowledge that state what is known of a pure metal."""
     known = known_of(metal)
     stated = ", ".join(f"{name} {value:g}" for name, value in metal.constants.items())
     said = (
@@ -160,6 +159,7 @@ def init(arguments: argparse.Namespace) -> dict:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The crystal class and the metal."""
     parser.add_argument(
         "symmetry", nargs="?", metavar="SYMMETRY", help="a crystal class, such as fcc, hcp or mmm"
     )
@@ -170,12 +170,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def show(document: dict) -> None:
-    print("Written:", *document["files"])
-
-
-def after(arguments: argparse.Namespace, document: dict) -> str:
-    return f"fill in {document['files'][1]}, then bayesindent run {document['files'][0]}"
-
-
-COMMANDS = (Command("init", action=init, arguments=add_arguments, show=show, then=after),)
+COMMANDS = (
+    Command(
+        "init",
+        action=init,
+        arguments=add_arguments,
+        show=lambda document: print("Written:", *document["files"]),
+        then=lambda _, document: (
+            f"fill in {document['files'][1]}, then bayesindent run {document['files'][0]}"
+        ),
+    ),
+)
