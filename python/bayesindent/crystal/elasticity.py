@@ -87,9 +87,7 @@ def stiffness(symmetry: str, *values: ArrayLike, **constants: ArrayLike) -> np.n
         )
     return stiffness_rows(
         symmetry,
-        np.stack(
-            np.broadcast_arrays(*(np.asarray(given[name], dtype=float) for name in names)), axis=-1
-        ),
+        np.stack(np.broadcast_arrays(*(given[name] for name in names)), axis=-1),
     )
 
 

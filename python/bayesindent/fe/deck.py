@@ -53,8 +53,8 @@ def write_deck(
             f"*MATERIAL, NAME={name}",
             "*ELASTIC, TYPE=ANISO",
             *elastic_constants(mesh.materials[material]),
+            f"*SOLID SECTION, ELSET={name}, MATERIAL={name}",
         ]
-        lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL={name}"]
     lines += gaps(mesh, indenter, len(mesh.brick))
     lines += never_yielding(indenter + 1, 1.5 * mesh.x.max(), len(mesh.brick) + len(mesh.contact))
     lines += springs(mesh.facet, mesh.infinite, len(mesh.brick) + len(mesh.contact) + 1)

@@ -161,9 +161,9 @@ class Indentation(NativeObject):
         # Importing the engines takes time.
         from ..engines import ENGINES
 
-        asked = {"workers": workers, "engine": engine, "scheduler": scheduler}
         execution = Problem.from_keywords(
-            "bi.Indentation.run_many", execution=asked
+            "bi.Indentation.run_many",
+            execution={"workers": workers, "engine": engine, "scheduler": scheduler},
         ).settings.execution
         if errors not in ("raise", "return"):
             raise InputError(

@@ -62,12 +62,10 @@ def problem_of(
                 f"{origin}: knowledge: {knowledge!r}; allowed a dictionary, such as "
                 "{'bulk_modulus': (108, 2)}"
             )
-        named = {
-            name: pair for name, pair in knowledge.items() if name not in ("stiffness", "source")
-        }
         said = [
             (name, *pair_of(f"{origin}: knowledge: {name}", pair, "(mean, sd)"))
-            for name, pair in named.items()
+            for name, pair in knowledge.items()
+            if name not in ("stiffness", "source")
         ]
         groups["knowledge"] = dict(zip(("quantity", "mean", "sd"), zip(*said))) | {
             "source": knowledge.get("source")
@@ -138,8 +136,7 @@ def measurements_of(table: Any) -> dict[str, list]:
     if hasattr(table, "shared_errors"):
         table = table.measurements()
     if isinstance(table, list | tuple):
-        named = len(table) > 0 and all(isinstance(row, Mapping) for row in table)
-        if named:
+        if table and all(isinstance(row, Mapping) for row in table):
             table = {name: list(map(methodcaller("get", name), table)) for name in table[0]}
         else:
             table = _array(table)
@@ -149,7 +146,7 @@ def measurements_of(table: Any) -> dict[str, list]:
                 "an array of measurements has columns phi1, Phi, phi2, modulus and sd: (n, 5), "
                 f"not {table.shape}"
             )
-        table = dict(zip((*ANGLES, "modulus_gpa", "sd_gpa")[: table.shape[1]], table.T))
+        table = dict(zip((*ANGLES, "modulus_gpa", "sd_gpa"), table.T))
     elif isinstance(table, np.ndarray):
         table = {name: table[name] for name in table.dtype.names}
     elif hasattr(table, "euler_deg"):

@@ -17,7 +17,7 @@ UNIT = re.compile(r"[\[(]?(deg|degrees?|°|rad|radians|[GMk]?Pa|um|µm|μm|nm|mm
 HARDNESS = re.compile(r"(h|h_?it|.*hardness)\s*([\[(/].*)?", re.I)
 
 
-def table_of_rows(place: str, found: Rows, stated: Iterable[str] = ()) -> LaboratoryTable:
+def table_of_rows(place: str, found: Rows, stated: Iterable[str]) -> LaboratoryTable:
     """The table of rows, with the names of its columns and their meanings."""
     rows = found.rows
     header, _, meanings = header_row(rows, stated)

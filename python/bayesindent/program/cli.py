@@ -126,24 +126,17 @@ class Parser(argparse.ArgumentParser):
     full = False
 
     def __init__(self, *args: Any, **kwargs: Any):
-        super().__init__(
-            *args, **(kwargs | {"formatter_class": argparse.RawDescriptionHelpFormatter})
-        )
+        kwargs["formatter_class"] = argparse.RawDescriptionHelpFormatter
+        super().__init__(*args, **kwargs)
         # Crystal classes such as -3m are values, no options.
         self._negative_number_matcher = re.compile("-[1346]")
 
     def format_help(self) -> str:
         """The help, and the groups of the namelist."""
-        short = (
-            f"\ngroups of the namelist ('{self.prog} --all' explains every variable):\n"
-            if self.groups and not self.full
-            else ""
-        )
-        return (
-            super().format_help()
-            + short
-            + "".join(describe_group(name, self.full) for name in self.groups)
-        )
+        text = super().format_help()
+        if self.groups and not self.full:
+            text += f"\ngroups of the namelist ('{self.prog} --all' explains every variable):\n"
+        return text + "".join(describe_group(name, self.full) for name in self.groups)
 
     def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
         """End the process after standard output is written."""
@@ -220,15 +213,10 @@ def describe_group(name: str, full: bool) -> str:
     variables = [variable for variable in schema() if variable.group == name]
     if not full:
         words = (
-            f"{variables[0].group_meaning} Variables: "
+            f"{f'  &{name}':<17}{variables[0].group_meaning} Variables: "
             f"{', '.join(variable.name for variable in variables)}."
         )
-        return (
-            textwrap.fill(
-                words, 79, initial_indent=f"  {f'&{name}':<15}", subsequent_indent=17 * " "
-            )
-            + "\n"
-        )
+        return textwrap.fill(words, 79, subsequent_indent=17 * " ") + "\n"
     lines = [f"\n&{name}: {variables[0].group_meaning}"]
     for variable in variables:
         default = (

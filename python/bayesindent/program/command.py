@@ -44,21 +44,14 @@ class Command:
 
     def run(self, arguments: argparse.Namespace) -> dict | int:
         """Perform the command."""
-        return (
-            self.action(arguments)
-            if self.action is not None
-            else perform(self, *prepare(arguments))
-        )
+        return self.action(arguments) if self.action else perform(self, *prepare(arguments))
 
 
 def namelist_command(name: str, **more: Any) -> Command:
     """The command of a stage, or `run`; the core lists the groups that its help explains."""
-    row = next(row for row in stages() if row.name == name)
-    groups = (
-        row.groups
-        if name != "run"
-        else tuple(dict.fromkeys(variable.group for variable in schema()))
-    )
+    groups = next(row.groups for row in stages() if row.name == name)
+    if name == "run":
+        groups = tuple(dict.fromkeys(variable.group for variable in schema()))
     return Command(name, groups=groups, **more)
 
 
@@ -113,12 +106,8 @@ def output_folder(
     """
     output = arguments.output or Path("runs") / source.stem
     if patience_s is not None:
-        call(
-            "file.take_folder",
-            folder=output,
-            patience=patience_s,
-            resumes=arguments.command.resumes,
-        )
+        resumes = arguments.command.resumes
+        call("file.take_folder", folder=output, patience=patience_s, resumes=resumes)
     return output
 
 

@@ -28,7 +28,7 @@ def compare(*results: Any, output: Any = None) -> dict:
     runs = list(map(Results, results))
     for number, run in enumerate(runs, 1):
         name = str(run.folder) if run.result is None else f"result {number}"
-        summary, posterior = run.documents["extract"], run.posterior
+        summary, posterior = run.extracted, run.posterior
         if not posterior:
             raise InputError(
                 f"{name}: there is no posterior of its latest inputs in it; "

@@ -182,7 +182,7 @@ def quantity_format(row: Mapping) -> tuple[str, int]:
     return ("", 3) if row["unit"] == "1" else (row["unit"], 1)
 
 
-def quantity_label(row: Mapping, symmetry: str = "") -> str:
+def quantity_label(row: Mapping, symmetry: str) -> str:
     """The names of quantities that are known together, with their unit if it is stated."""
     names = " and ".join(quantity_name(name, symmetry) for name in row["name"].split(", "))
     unit = quantity_format(row)[0] if "unit" in row else ""

@@ -21,7 +21,7 @@ from .templates import read_data, render
 
 def methods(results: Results) -> tuple[str, str]:
     """The paragraph in LaTeX, and the works that it cites in BibTeX."""
-    document = results.documents["extract"]
+    document = results.extracted
     parameters = document["parameters"]
     moduli, sds = measured_ranges(results)
     chains = [item for item in parameters.values() if item["r_hat"] is not None]
@@ -37,7 +37,7 @@ def methods(results: Results) -> tuple[str, str]:
         "methods.tex.j2",
         results=results,
         document=document,
-        build=results.documents["build"],
+        build=results.built,
         version=__version__,
         measurements=results.group("measurements"),
         grains=with_count(len(results.predicted), "grain"),
@@ -74,7 +74,7 @@ def write_paper(results: Results) -> Path:
     """Write the texts, tables and cards of the pack into the folder `paper` of the results; return
     it. Figures are `drawing`'s.
     """
-    if not results.documents["extract"] or not results.posterior:
+    if not results.extracted or not results.posterior:
         raise InputError(
             f"{results.folder}: there is no posterior of the present inputs to write of; run "
             "extract first"
@@ -90,7 +90,7 @@ def write_paper(results: Results) -> Path:
     write_posterior(results, folder / "posterior.csv")
     matrix = stiffness_rows(
         results.symmetry,
-        [[results.documents["extract"]["parameters"][name]["mean"] for name in results.constants]],
+        [[results.extracted["parameters"][name]["mean"] for name in results.constants]],
     )[0]
     for solver, kind in SOLVERS.items():
         write_text(folder / f"stiffness_{solver}.inp", card(results, matrix, kind))
@@ -104,7 +104,7 @@ def mark(results: Results) -> str:
 
 def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]]:
     """Caption, header and rows of the tables that have rows, by the name of their files."""
-    parameters, rows = results.documents["extract"]["parameters"], report_rows(results)
+    parameters, rows = results.extracted["parameters"], report_rows(results)
     rows["constants"] = [
         [name, *numbers(item, mean=1, sd=1), *map(number, item["hdi_95"]), *share_cells(item)]
         for name, item in parameters.items()
@@ -198,7 +198,7 @@ def card(results: Results, matrix: np.ndarray, kind: str) -> str:
 
     `kind` is what the solver calls an anisotropic material.
     """
-    parameters = results.documents["extract"]["parameters"]
+    parameters = results.extracted["parameters"]
     constants = [
         f"{name} {' +- '.join(numbers(parameters[name], mean=1, sd=1))}"
         for name in results.constants

@@ -15,7 +15,7 @@ from .templates import render
 
 
 def write_report(
-    folder: Any, output: Path | None = None, kind_of_files: str = "", paper: bool = False
+    folder: Any, output: Path | None, kind_of_files: str, paper: bool
 ) -> tuple[Results, Path]:
     """Write the page as `bi.report` says, whose `figures` are here `kind_of_files`; return the
     results and its path.

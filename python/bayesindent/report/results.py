@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Sized
+from collections.abc import Callable, Sized
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
@@ -90,11 +90,15 @@ class Results:
             elif document:
                 self.outdated.append(stage)
         self.edited = changed_inputs(folder)
-        if self.documents["extract"] and not (folder / "posterior.bin").exists():
+        if self.extracted and not (folder / "posterior.bin").exists():
             self.edited.append(
                 f"{folder / 'posterior.bin'}: is missing, and so are its figures; bayesindent "
                 "extract makes it anew"
             )
+
+    #: The documents of `extract` and of `build`.
+    extracted = property(lambda self: self.documents["extract"])
+    built = property(lambda self: self.documents["build"])
 
     @property
     def namelist_folder(self) -> Path:
@@ -162,7 +166,7 @@ class Results:
         return self._compared(waves=True)
 
     def _compared(self, waves: bool) -> list[dict]:
-        found = self.documents["extract"].get("predicted", [])
+        found = self.extracted.get("predicted", [])
         return [item for item in found if ("propagation_deg" in item) == waves]
 
     @property
@@ -174,17 +178,13 @@ class Results:
 
     def identifiability(self, kind: str) -> list[dict]:
         """Rows of the document of `extract` on each 'combination', 'quantity' or 'knowledge'."""
-        return [
-            row
-            for row in self.documents["extract"].get("identifiability", [])
-            if row["kind"] == kind
-        ]
+        return [row for row in self.extracted.get("identifiability", []) if row["kind"] == kind]
 
     @property
     def prior_and_surrogate(self) -> tuple[list[str], str]:
         """Lines of the document of `extract` on its prior, and its line on the surrogate."""
         prior, surrogate = [], ""
-        for line in self.documents["extract"]["prior"]["words"]:
+        for line in self.extracted["prior"]["words"]:
             if line.startswith("surrogate: "):
                 surrogate = line.removeprefix("surrogate: ")
             elif not line.startswith(("measured: ", "known: ")):
@@ -212,34 +212,23 @@ class Results:
         """The numbers of the posterior, see `read_posterior`; {} if there is none."""
         if self.result is not None:
             return self._from_result(self.result)
-        found = read_posterior(self.folder) if self.documents["extract"] else {}
-        if found and json.loads(f"{{{found['inputs']}}}") != self.documents["extract"]["inputs"]:
+        found = read_posterior(self.folder) if self.extracted else {}
+        if found and json.loads(f"{{{found['inputs']}}}") != self.extracted["inputs"]:
             return {}
         return found
 
     def _from_result(self, result: Any) -> dict:
         """The same from the groups of ArviZ, as far as figures and comparisons need it."""
-        bounds = np.array(list(json.loads(result.posterior.attrs["bounds"]).values()), dtype=float)
 
-        def draws(group: Any) -> np.ndarray:
-            return np.stack([item.values for item in group.data_vars.values()], axis=-1)
+        def joined(join: Callable, group: Any) -> np.ndarray:
+            return join([item.values for item in group.data_vars.values()], axis=-1)
 
-        def both(group: Any, *names: str) -> np.ndarray:
-            present = [group[name] for name in names if name in group]
-            parts = [item.transpose("angle", ..., missing_dims="ignore").values for item in present]
-            return np.concatenate(parts, axis=-1)
-
-        data = result.constant_data
         return {
-            "draws": draws(result.posterior),
-            "prior_draws": draws(result.prior),
-            "lower": bounds[:, 0],
-            "upper": bounds[:, 1],
+            "draws": joined(np.stack, result.posterior),
+            "prior_draws": joined(np.stack, result.prior),
             "stride": int(np.diff(result.log_likelihood["draw"][:2]).sum()) or 1,
-            "log_likelihood": both(result.log_likelihood, "modulus", "velocity"),
-            "modulus_gpa": both(result.observed_data, "modulus", "velocity"),
-            "sd_gpa": both(data, "sd", "velocity_sd"),
-            "euler_deg": both(data, "euler_deg", "velocity_euler_deg").T,
+            "log_likelihood": joined(np.concatenate, result.log_likelihood),
+            "modulus_gpa": joined(np.concatenate, result.observed_data),
         }
 
     @cached_property
@@ -278,11 +267,7 @@ class Results:
         if isinstance(held, Surrogate):
             return held
         # Namelists of the library need not state the name of the surrogate.
-        name = (
-            held
-            or self.group("surrogate").get("file")
-            or Path(self.documents["build"].get("file", "")).name
-        )
+        name = held or self.group("surrogate").get("file") or Path(self.built.get("file", "")).name
         try:
             return Surrogate.load(
                 name, symmetry=self.symmetry, output=self.folder, folder=self.namelist_folder

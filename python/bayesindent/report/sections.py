@@ -41,7 +41,7 @@ DRAWS = 4000
 
 def report_rows(results: Results) -> dict[str, list[list]]:
     """The rows of each table; none where the results have nothing of it."""
-    document = results.documents["extract"]
+    document = results.extracted
     parameters = document.get("parameters", {})
     suggestions = results.documents["next"].get("suggestions", [])
     return {
@@ -187,7 +187,7 @@ def identifiability_cells(row: dict) -> list[str]:
 
 def prior_rows(results: Results) -> list[list[str]]:
     """The density, the bounds, what else is known, and the surrogate."""
-    prior, (words, surrogate) = results.documents["extract"]["prior"], results.prior_and_surrogate
+    prior, (words, surrogate) = results.extracted["prior"], results.prior_and_surrogate
     rows = [["density", words[0]]]
     for name, bounds in prior["bounds"].items():
         rows.append([f"{name} (GPa)", " .. ".join(map(number, bounds))])
@@ -199,7 +199,7 @@ def prior_rows(results: Results) -> list[list[str]]:
 
 def check_rows(results: Results) -> list[list]:
     """Whether the model could have given the measurements."""
-    document = results.documents["extract"]
+    document = results.extracted
     chi_square, worst = (document["checks"][name] for name in ("chi_square", "extreme_grain"))
     mean = (
         f"χ² about a draw of the posterior, {number(chi_square['mean'])} on average for "

@@ -44,7 +44,7 @@ CONSEQUENCES = {
 
 def answer(results: Results) -> list[str]:
     """A line with the constants and their sds, and whether they can be used; [] without them."""
-    document = results.documents["extract"]
+    document = results.extracted
     if not document:
         return []
     parameters = {name: document["parameters"][name] for name in results.constants}
@@ -72,9 +72,7 @@ def advice(results: Results) -> dict[str, list[str]]:
     remedies: dict[str, list[str]] = {}
     for line in results.warnings:
         what, _, remedy = line.partition(". ")
-        if not any(
-            reason.startswith(what) for reason in results.documents["extract"].get("reasons", [])
-        ):
+        if not any(reason.startswith(what) for reason in results.extracted.get("reasons", [])):
             remedies.setdefault(remedy or line, []).append(what)
     found: dict[str, list[str]] = {consequence: [] for consequence in CONSEQUENCES}
     for remedy, parts in remedies.items():
@@ -107,7 +105,7 @@ def common(parts: list[str]) -> str:
 
 def inputs_summary(results: Results) -> list[tuple[str, str]]:
     """Terms and texts on crystal, grains, modulus, simulations, specimen and indenter."""
-    document, simulated = results.documents["extract"], len(results.simulations)
+    document, simulated = results.extracted, len(results.simulations)
     if not any(results.documents.values()):
         return []
     rows = [
@@ -134,7 +132,7 @@ def inputs_summary(results: Results) -> list[tuple[str, str]]:
         crystals = with_count(simulated, "crystal")
         rows += [("Simulations", f"indentation moduli of {crystals} by finite elements")]
     rows += [("Specimen", specimen(results)), ("Indenter", indenter(results))]
-    if not document and (build := results.documents["build"]):
+    if not document and (build := results.built):
         words = f"from {build['simulations']} simulations; {build['domain']['words']}"
         rows += [("Surrogate", words)]
     return [row for row in rows if row[1]]
@@ -176,7 +174,7 @@ def modulus_kind(results: Results) -> str:
 def indenter(results: Results) -> str:
     """The shape of the indenter and its last depth; '' if no simulation depends on it."""
     group = results.group("indenter")
-    if not (group or results.documents["build"] or results.simulations):
+    if not (group or results.built or results.simulations):
         return ""
     shape = group.get("shape", "paraboloid")
     size = (
@@ -195,7 +193,7 @@ def indenter(results: Results) -> str:
 def specimen(results: Results) -> str:
     """The specimen; '' if no simulation depends on it."""
     group = results.group("specimen")
-    if not (results.documents["build"] or results.simulations) or not group:
+    if not (results.built or results.simulations) or not group:
         return ""
     substrate = (
         f" on a substrate of E = {group['substrate_young_gpa']:g} GPa"
@@ -216,7 +214,7 @@ def findings(results: Results) -> list[str | Markup]:
     """Sentences on combinations that are determined, and on quantities by their verdict."""
     combinations, constants = (
         results.identifiability("combination"),
-        results.documents["extract"].get("parameters", {}),
+        results.extracted.get("parameters", {}),
     )
     if not combinations:
         return []

@@ -76,23 +76,19 @@ def template(symmetry: str | None, metal: str | None) -> dict[str, str]:
         "next": {"count": "3"},
     }
     for group in ("problem", "surrogate", "measurements", "prior", "knowledge", "sampler", "next"):
+        of_metal = known if group == "knowledge" else None
+        without = ("quantity", "mean", "sd") if of_metal else FOR_BUILDING
         variables = [
             variable
             for variable in schema()
-            if variable.group == group and variable.name not in FOR_BUILDING
+            if variable.group == group and variable.name not in without
         ]
         lines += ["", f"! {variables[0].group_meaning}"]
-        lines += [
-            *([f"! The constants are in the order {constants}."] if group == "prior" else []),
-            f"&{group}",
-        ]
-        if group == "knowledge" and known:
-            lines += knowledge(known)
-            variables = [
-                variable
-                for variable in variables
-                if variable.name not in ("quantity", "mean", "sd")
-            ]
+        if group == "prior":
+            lines += [f"! The constants are in the order {constants}."]
+        lines += [f"&{group}"]
+        if of_metal:
+            lines += knowledge(of_metal)
         for variable in variables:
             lines += (
                 KINDS

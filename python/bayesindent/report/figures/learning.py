@@ -24,9 +24,7 @@ MANY = 400
 
 def learning_curve(results: Results) -> Picture:
     """Error against the number of simulations."""
-    updates, baselines = (
-        results.documents["build"].get(name, {}) for name in ("history", "baselines")
-    )
+    updates, baselines = (results.built.get(name, {}) for name in ("history", "baselines"))
     if len(updates) < 2:
         raise NothingToShow
     simulations = [update["simulations"] for update in updates]
@@ -58,7 +56,7 @@ def learning_curve(results: Results) -> Picture:
 
 def parity(results: Results) -> Picture:
     """Each crystal, predicted from the simulations of the other crystals."""
-    surrogate = results.surrogate if results.documents["build"] else None
+    surrogate = results.surrogate if results.built else None
     if surrogate is None:
         raise NothingToShow
     data = present(surrogate.data)
@@ -75,7 +73,7 @@ def parity(results: Results) -> Picture:
 
 def validation(results: Results) -> Picture:
     """Predictions of simulations on which the surrogate was not trained."""
-    unseen = present(results.documents["build"].get("validation"))
+    unseen = present(results.built.get("validation"))
     simulated, predicted, sd = (
         np.array(unseen[name], dtype=float) for name in ("simulated", "predicted", "sd")
     )
@@ -103,7 +101,7 @@ def truncations(results: Results) -> Picture:
     """Leave-one-out error against the number of simulations: a colour for each degree, a marker for
     each bandlimit.
     """
-    scan = present(results.documents["build"].get("scan"))
+    scan = present(results.built.get("scan"))
     figure, axes = panels(3.4)
     degrees = sorted({entry["degree"] for entry in scan})
     bandlimits = sorted({entry["bandlimit"] for entry in scan})

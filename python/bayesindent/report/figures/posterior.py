@@ -66,7 +66,7 @@ def knowledge(results: Results) -> Picture:
     """The sd of each constant now, and the sd expected with one more quantity known."""
     rows = present(results.identifiability("knowledge"))
     names = [name for name in results.constants if name in rows[0]["sd_then"]]
-    now = np.array([results.documents["extract"]["parameters"][name]["sd"] for name in names])
+    now = np.array([results.extracted["parameters"][name]["sd"] for name in names])
     place = -np.arange(len(names), dtype=float)
     figure, axes = panels(0.4 * len(names) + 0.2 * len(rows) + 1.2)
     axes.plot(now, place, "|", color=BLACK, ms=13, mew=2, label="sd now")
@@ -103,7 +103,7 @@ LEAST_PART = 0.005
 
 def marginals(results: Results) -> Picture:
     """Prior and posterior of each constant, with its most probable value and its reference."""
-    samples, parameters = present(results.samples), results.documents["extract"]["parameters"]
+    samples, parameters = present(results.samples), results.extracted["parameters"]
     label, reference = results.reference
     figure, grid = grid_of_constants(samples, 1.9, 0.3)
     for (name, axes), before in zip(
@@ -198,7 +198,7 @@ def grain_comparison(results: Results) -> Picture:
 
 def velocities(results: Results) -> Picture:
     """Measured against predicted speeds of waves."""
-    left_out = results.documents["extract"].get("velocities_left_out", 0)
+    left_out = results.extracted.get("velocities_left_out", 0)
     more = f" Left out: {left_out}." if left_out else ""
     return compared(results.velocities, results.speed, "m/s", "directions", more)
 
@@ -273,7 +273,7 @@ def shares(results: Results) -> Picture:
 
 def error_budget(results: Results) -> Picture:
     """The parts of the variance of each constant by source."""
-    budget = present(results.documents["extract"].get("error_budget"))
+    budget = present(results.extracted.get("error_budget"))
     return stacked(
         list(budget.values()),
         list(map(subscript, budget)),
@@ -305,7 +305,7 @@ def stacked(parts: list[dict], labels: list[str], above: int, caption: str) -> P
     for label, row in zip(labels, values):
         shares = ", ".join(f"{names[j]} {100 * row[j]:.0f}" for j in shown)
         texts.append(f"{label}: {shares}")
-    table = [list(row) for row in zip(labels, *values.T.tolist())]
+    table = [[label, *row] for label, row in zip(labels, values.tolist())]
     return Picture(figure, caption, (["name", *names], table), f"In per cent: {'; '.join(texts)}.")
 
 

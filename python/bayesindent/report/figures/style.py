@@ -118,7 +118,7 @@ def legend_above(
 
 
 def grid_of_constants(
-    names: Collection[str], height: float, further: float = 0.0
+    names: Collection[str], height: float, further: float
 ) -> tuple[Figure, dict[str, Any]]:
     """A figure with axes for each constant, three in a row.
 
