@@ -148,10 +148,8 @@ def oriented_crystals(stiffness: ArrayLike, euler_deg: ArrayLike) -> tuple[np.nd
     """Check the shape and symmetry of stiffnesses (..., 6, 6) in GPa and the shape of angles
     (..., 3) in degrees, which must be finite, and return both as arrays.
     """
-    matrices, angles = (
-        np.asarray(stiffness, dtype=float),
-        finite_rows("a crystal", "Euler angle", angles_of(euler_deg), 3),
-    )
+    matrices = np.asarray(stiffness, dtype=float)
+    angles = finite_rows("a crystal", "Euler angle", angles_of(euler_deg), 3)
     if matrices.shape[-2:] != (6, 6):
         raise InputError(
             f"a stiffness has the shape (6, 6), not {matrices.shape}; bi.stiffness makes it "
@@ -170,10 +168,9 @@ def angles_of(orientations: Any) -> np.ndarray:
     """Bunge-Euler angles in degrees of an array or of orix' Orientation, which is a rotation from
     sample to crystal as well.
     """
-    return np.asarray(
-        orientations.to_euler(degrees=True) if hasattr(orientations, "to_euler") else orientations,
-        dtype=float,
-    )
+    if hasattr(orientations, "to_euler"):
+        orientations = orientations.to_euler(degrees=True)
+    return np.asarray(orientations, dtype=float)
 
 
 def crystal_rows(
@@ -200,9 +197,8 @@ def crystal_rows(
         name: np.broadcast_to(np.asarray(values, dtype=float), shape).reshape(-1, 1)
         for name, values in numbers.items()
     }
-    stiffness = np.broadcast_to(matrices, (*shape, 6, 6)).reshape(-1, 6, 6)
     return {
-        "stiffness": stiffness,
+        "stiffness": np.broadcast_to(matrices, (*shape, 6, 6)).reshape(-1, 6, 6),
         "euler_deg": np.broadcast_to(angles, (*shape, 3)).reshape(-1, 3),
         **rows,
     }, shape

@@ -244,12 +244,12 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
         names: tuple = ("modulus", "velocity"),
         units: tuple = ("GPa", "m/s"),
     ) -> dict:
-        axis = axes.index("grain")
-        modulus, velocity = np.split(values, [found["n_moduli"]], axis=axis)
+        modulus, velocity = np.split(values, [found["n_moduli"]], axis=axes.index("grain"))
         parts = {names[0]: (axes, modulus, {"units": units[0]})}
-        of_waves = tuple("wave" if name == "grain" else name for name in axes)
-        speeds = (of_waves, velocity, {"units": units[1]})
-        return parts | ({names[1]: speeds} if velocity.size else {})
+        if velocity.size:
+            of_waves = tuple("wave" if name == "grain" else name for name in axes)
+            parts[names[1]] = (of_waves, velocity, {"units": units[1]})
+        return parts
 
     bounds = dict(zip(names, zip(found["lower"].tolist(), found["upper"].tolist())))
     of_core = ("symmetry", "title", "modulus_kind", "acceptance", "anisotropy_cap", "share_inside")

@@ -195,5 +195,7 @@ def nearest_to(names: Iterable[str], headers: Iterable[str]) -> str:
     """
     names = list(names)
     allowed = [*names, *(other for name in names for other in BY_NAME[name].others)]
-    hints = ((header, hint_of(header, allowed)) for header in headers)
-    return next((f"; {header}:{hint[1:]}" for header, hint in hints if hint), "")
+    for header in headers:
+        if hint := hint_of(header, allowed):
+            return f"; {header}:{hint[1:]}"
+    return ""

@@ -130,10 +130,12 @@ def run_stage(
             simulate = simulate or Simulations(str(problem.path), stage.physics)
 
             def store(k: int, outcome: dict, numbers: list[int] = numbers) -> None:
-                status = DONE if "modulus_gpa" in outcome else FAILED
-                outcome = {"status": status} | OUTCOME_DEFAULTS | outcome
-                stage._call("take", number=numbers[k], **outcome)
-                advance(int(outcome["status"] == DONE))
+                default = OUTCOME_DEFAULTS | {
+                    "status": DONE if "modulus_gpa" in outcome else FAILED
+                }
+                found = default | outcome
+                stage._call("take", number=numbers[k], **found)
+                advance(int(found["status"] == DONE))
 
             engine.map(partial(attempt, simulate), jobs, store)
     return stage.close()

@@ -73,7 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if arguments.command.show is not None:
             call("file.watch_signals")
             show_progress(not arguments.quiet)
-        return finish(arguments, arguments.command.run(arguments))
+        return finish(arguments, arguments.command.action(arguments))
     except KeyboardInterrupt:
         return INTERRUPTED
     except BayesindentError as error:

@@ -22,13 +22,18 @@ log = logging.getLogger("bayesindent")
 PATIENCE_S = 60
 
 
+def perform_stage(arguments: argparse.Namespace) -> dict:
+    """Perform the stage of a command in its output folder."""
+    return perform(arguments.command, *prepare(arguments))
+
+
 @dataclass(frozen=True)
 class Command:
     """One command: `action(arguments)` returns its JSON document, or an exit status if there is no
     `show`, which prints the document.
 
-    A command that reads a namelist performs the core's stage of its name, or `stage`(problem,
-    output) -> document; its help explains `groups`. `arguments` adds options to the parser.
+    By default a command performs the core's stage of its name, or `stage`(problem, output) ->
+    document; its help explains `groups`. `arguments` adds options to the parser.
     `resumes` is true if a second call continues from the output folder. `then(arguments, document)`
     names the next step.
     """
@@ -36,15 +41,11 @@ class Command:
     name: str
     groups: tuple[str, ...] = ()
     stage: Callable[..., dict] | None = None
-    action: Callable[[argparse.Namespace], dict | int] | None = None
+    action: Callable[[argparse.Namespace], dict | int] = perform_stage
     arguments: Callable[[argparse.ArgumentParser], object] | None = None
     show: Callable[[dict], object] | None = None
     resumes: bool = False
     then: Callable[[argparse.Namespace, dict], str] | None = None
-
-    def run(self, arguments: argparse.Namespace) -> dict | int:
-        """Perform the command."""
-        return self.action(arguments) if self.action else perform(self, *prepare(arguments))
 
 
 def namelist_command(name: str, **more: Any) -> Command:

@@ -212,8 +212,11 @@ def powers(exponents: dict[str, float]) -> list[tuple[str, str]]:
 
     Powers close to 0 are left out; a power of 1 is ''.
     """
-    factors = [(name[1:], power) for name, power in exponents.items() if abs(power) >= 0.05]
-    return [(index, "" if abs(power - 1) < 0.005 else f"{power:.2f}") for index, power in factors]
+    return [
+        (name[1:], "" if abs(power - 1) < 0.005 else f"{power:.2f}")
+        for name, power in exponents.items()
+        if abs(power) >= 0.05
+    ]
 
 
 def product_label(exponents: dict[str, float]) -> str:

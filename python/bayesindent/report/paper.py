@@ -157,8 +157,8 @@ def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]
 
 def exponent_cells(results: Results, row: dict) -> list[str]:
     """The exponent of each constant in a combination; -0.0 is written as 0."""
-    exponents = [row["exponents"].get(name, 0.0) for name in results.constants]
-    return [number(round(exponent, 2) + 0.0, 2) for exponent in exponents]
+    exponents = row["exponents"]
+    return [number(round(exponents.get(name, 0.0), 2) + 0.0, 2) for name in results.constants]
 
 
 def wave_cells(item: dict) -> list[str]:

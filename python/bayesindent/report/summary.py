@@ -47,21 +47,17 @@ def answer(results: Results) -> list[str]:
     document = results.extracted
     if not document:
         return []
-    parameters = {name: document["parameters"][name] for name in results.constants}
-    # Use blanks that do not break the line.
-    constants = ", ".join(
-        f"{subscript(name)} = {plus_minus(item)}".replace(" ", "\u00a0")
-        for name, item in parameters.items()
-    )
-    vague = enumeration(
-        [
-            subscript(name)
-            for name, item in parameters.items()
-            if item["verdict"] == "not_determined"
-        ]
-    )
-    usable = "Usable" + (f", but the measurements do not determine {vague}." if vague else ".")
-    return [f"{constants}\u00a0GPa.", usable if document["usable"] else "Not usable."]
+    stated, vague = [], []
+    for name in results.constants:
+        item = document["parameters"][name]
+        # Use blanks that do not break the line.
+        stated.append(f"{subscript(name)} = {plus_minus(item)}".replace(" ", "\u00a0"))
+        if item["verdict"] == "not_determined":
+            vague.append(subscript(name))
+    usable = "Usable" if document["usable"] else "Not usable"
+    if document["usable"] and vague:
+        usable += f", but the measurements do not determine {enumeration(vague)}"
+    return [f"{', '.join(stated)}\u00a0GPa.", f"{usable}."]
 
 
 def advice(results: Results) -> dict[str, list[str]]:
@@ -77,11 +73,9 @@ def advice(results: Results) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {consequence: [] for consequence in CONSEQUENCES}
     for remedy, parts in remedies.items():
         start = common(parts)
-        line = (
-            start
-            + "; ".join(part.removeprefix(start) for part in parts)
-            + (f". {remedy}" if remedy not in parts else "")
-        )
+        line = start + "; ".join(part.removeprefix(start) for part in parts)
+        if remedy not in parts:
+            line += f". {remedy}"
         found[consequence_of(line)].append(line[:1].upper() + line[1:].rstrip(".") + ".")
     return {consequence: lines for consequence, lines in found.items() if lines}
 
@@ -176,17 +170,13 @@ def indenter(results: Results) -> str:
     group = results.group("indenter")
     if not (group or results.built or results.simulations):
         return ""
-    shape = group.get("shape", "paraboloid")
-    size = (
-        f"half angle {group['half_angle_deg']:g}°"
-        if shape == "cone"
-        else f"radius {group.get('radius_um', 16.0):g} µm"
-    )
-    last = (
-        f"depth of {depth:g} µm"
-        if (depth := group.get("depth_um"))
-        else f"contact radius of {group.get('contact_radius_um', 0.5):g} µm"
-    )
+    shape, depth = group.get("shape", "paraboloid"), group.get("depth_um")
+    size = f"radius {group.get('radius_um', 16.0):g} µm"
+    if shape == "cone":
+        size = f"half angle {group['half_angle_deg']:g}°"
+    last = f"contact radius of {group.get('contact_radius_um', 0.5):g} µm"
+    if depth:
+        last = f"depth of {depth:g} µm"
     return f"rigid {shape}, {size}, up to a {last}"
 
 
@@ -195,11 +185,9 @@ def specimen(results: Results) -> str:
     group = results.group("specimen")
     if not (results.built or results.simulations) or not group:
         return ""
-    substrate = (
-        f" on a substrate of E = {group['substrate_young_gpa']:g} GPa"
-        if group.get("substrate_young_gpa")
-        else ""
-    )
+    substrate = ""
+    if young := group.get("substrate_young_gpa"):
+        substrate = f" on a substrate of E = {young:g} GPa"
     return {
         "halfspace": "half-space",
         "block": (
@@ -212,10 +200,7 @@ def specimen(results: Results) -> str:
 
 def findings(results: Results) -> list[str | Markup]:
     """Sentences on combinations that are determined, and on quantities by their verdict."""
-    combinations, constants = (
-        results.identifiability("combination"),
-        results.extracted.get("parameters", {}),
-    )
+    combinations = results.identifiability("combination")
     if not combinations:
         return []
     found = with_verdict(combinations, "determined")
@@ -230,7 +215,7 @@ def findings(results: Results) -> list[str | Markup]:
     quantities = [
         row
         for row in results.identifiability("quantity")
-        if row["mean"] and row["name"] not in constants
+        if row["mean"] and row["name"] not in results.extracted["parameters"]
     ]
     derived = sorted(quantities, key=lambda row: row["sd"] / abs(row["mean"]))
     rest = {

@@ -80,8 +80,8 @@ def show_curves(document: dict) -> None:
         ", ".join(name for name, item in unknowns.items() if item["decided_by"] == "prior")
         or "none",
     )
-    digits = {"effective_modulus_gpa": 1, "sd_gpa": 1, "own_sd_gpa": 1}
-    rows = cells(document["grains"], "grain", "tests", **digits)
+    grains = document["grains"]
+    rows = cells(grains, "grain", "tests", effective_modulus_gpa=1, sd_gpa=1, own_sd_gpa=1)
     show_table("Effective moduli (GPa)", ["grain", "tests", "modulus", "sd", "of it its own"], rows)
 
 

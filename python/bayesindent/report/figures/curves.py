@@ -1,5 +1,7 @@
 """Figures of Step 0: curves with elastic fits, the tip, moduli of grains, and their errors."""
 
+from operator import itemgetter
+
 import numpy as np
 
 from ...pipeline.curves import read_columns
@@ -95,10 +97,8 @@ def curve_moduli(results: Results) -> Picture:
             label=label,
         )
     place = range(len(grains))
-    moduli, sds, own = (
-        [row[name] for row in document["grains"]]
-        for name in ("effective_modulus_gpa", "sd_gpa", "own_sd_gpa")
-    )
+    columns = itemgetter("effective_modulus_gpa", "sd_gpa", "own_sd_gpa")
+    moduli, sds, own = zip(*map(columns, document["grains"]))
     axes.errorbar(place, moduli, sds, fmt="none", color=SKY, lw=4, label="sd")
     axes.errorbar(place, moduli, own, fmt="o", color=BLUE, ms=4, label="sd of the grain's own")
     crowded = len(grains) > (7 if is_column() else 15)

@@ -49,9 +49,8 @@ def orientations(results: Results) -> Picture:
         surrogate.predict(crystals, euler_of(lattice), threads=threads)[0]
     )
     mean, sd = modulus.mean(axis=0), modulus.std(axis=0)
-    measured, error = (
-        [item.get(name) or 0.0 for item in grains] for name in ("measured", "measured_sd")
-    )
+    measured = [item.get("measured") or 0.0 for item in grains]
+    error = [item.get("measured_sd") or 0.0 for item in grains]
     none = "" if grains else "; no modulus was measured"
     if is_arc(lattice):
         figure, axes = panels(3.4)
