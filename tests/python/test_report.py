@@ -233,7 +233,8 @@ def test_names_of_quantities():
 
 
 def test_every_figure_has_a_section_and_a_name_of_its_own():
-    shown = re.findall(r'{{ pictures\("(\w+)"\)', read_data("report.html.j2"))
+    call = r'{{ (?:pictures|gallery)\((?:"[^"]*", )?"(\w+)"\)'
+    shown = re.findall(call, read_data("report.html.j2"))
     assert {section for section, _ in FIGURES} == set(shown)
     assert len(set(shown)) == len(shown)
     names = [function.__name__ for _, function in FIGURES]

@@ -19,7 +19,7 @@ def quantity_names(symmetry: str) -> dict[str, str]:
     constants come first: those of the class, or all if the symmetry is ''.
     """
     found = call("crystal.reported_quantities", symmetry=symmetry)
-    return dict(zip(found["names"], found["units"], strict=True))
+    return dict(zip(found["names"], found["units"]))
 
 
 def quantities(
@@ -41,10 +41,7 @@ def quantities(
         matrices, symmetry = oriented_crystals(symmetry, np.zeros(3))[0], ""
     names = list(quantity_names(symmetry) if names is None else names)
     found = call("crystal.quantities", names=",".join(names), stiffness=matrices.reshape(-1, 6, 6))
-    return {
-        name: row.reshape(matrices.shape[:-2])
-        for name, row in zip(names, found["values"].T, strict=True)
-    }
+    return {name: row.reshape(matrices.shape[:-2]) for name, row in zip(names, found["values"].T)}
 
 
 #: The largest difference between the halves of a symmetric stiffness, as a share of its largest
@@ -81,7 +78,7 @@ def stiffness(symmetry: str, *values: ArrayLike, **constants: ArrayLike) -> np.n
     Raises `InputError` for other names, or another number of values.
     """
     names = constant_names(symmetry)
-    given = dict(zip(names, values, strict=False)) | constants
+    given = dict(zip(names, values)) | constants
     if set(given) != set(names) or len(given) < len(values) + len(constants):
         stated = [*[f"{len(values)} values"] * bool(values), *constants]
         raise InputError(
@@ -90,9 +87,7 @@ def stiffness(symmetry: str, *values: ArrayLike, **constants: ArrayLike) -> np.n
         )
     return stiffness_rows(
         symmetry,
-        np.stack(
-            np.broadcast_arrays(*(np.asarray(given[name], dtype=float) for name in names)), axis=-1
-        ),
+        np.stack(np.broadcast_arrays(*(given[name] for name in names)), axis=-1),
     )
 
 
@@ -127,7 +122,6 @@ def polycrystal_averages(stiffness: ArrayLike) -> dict[str, np.ndarray]:
         zip(
             ("bulk_voigt", "shear_voigt", "bulk_reuss", "shear_reuss"),
             _averages(stiffness)[2:],
-            strict=True,
         )
     )
 
@@ -154,10 +148,8 @@ def oriented_crystals(stiffness: ArrayLike, euler_deg: ArrayLike) -> tuple[np.nd
     """Check the shape and symmetry of stiffnesses (..., 6, 6) in GPa and the shape of angles
     (..., 3) in degrees, which must be finite, and return both as arrays.
     """
-    matrices, angles = (
-        np.asarray(stiffness, dtype=float),
-        finite_rows("a crystal", "Euler angle", angles_of(euler_deg), 3),
-    )
+    matrices = np.asarray(stiffness, dtype=float)
+    angles = finite_rows("a crystal", "Euler angle", angles_of(euler_deg), 3)
     if matrices.shape[-2:] != (6, 6):
         raise InputError(
             f"a stiffness has the shape (6, 6), not {matrices.shape}; bi.stiffness makes it "
@@ -176,10 +168,9 @@ def angles_of(orientations: Any) -> np.ndarray:
     """Bunge-Euler angles in degrees of an array or of orix' Orientation, which is a rotation from
     sample to crystal as well.
     """
-    return np.asarray(
-        orientations.to_euler(degrees=True) if hasattr(orientations, "to_euler") else orientations,
-        dtype=float,
-    )
+    if hasattr(orientations, "to_euler"):
+        orientations = orientations.to_euler(degrees=True)
+    return np.asarray(orientations, dtype=float)
 
 
 def crystal_rows(
@@ -206,9 +197,8 @@ def crystal_rows(
         name: np.broadcast_to(np.asarray(values, dtype=float), shape).reshape(-1, 1)
         for name, values in numbers.items()
     }
-    stiffness = np.broadcast_to(matrices, (*shape, 6, 6)).reshape(-1, 6, 6)
     return {
-        "stiffness": stiffness,
+        "stiffness": np.broadcast_to(matrices, (*shape, 6, 6)).reshape(-1, 6, 6),
         "euler_deg": np.broadcast_to(angles, (*shape, 3)).reshape(-1, 3),
         **rows,
     }, shape

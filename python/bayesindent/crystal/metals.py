@@ -28,8 +28,9 @@ def metals() -> dict[str, SimpleNamespace]:
     rows = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
     found = {}
     for row in rows:
-        stated = {name: value for name, value in row.items() if name[1:].isdigit() and value}
-        constants = {name: float(value) for name, value in stated.items()}
+        constants = {
+            name: float(value) for name, value in row.items() if name[1:].isdigit() and value
+        }
         found[row["symbol"]] = SimpleNamespace(**row, constants=constants)
     return found
 

@@ -37,7 +37,7 @@ def write_deck(
         title,
         "** Units: um, mN, GPa; the axes of the sample, material below z = 0",
     ]
-    for name, part, matrix in zip(used, parts, mesh.materials, strict=False):
+    for name, part, matrix in zip(used, parts, mesh.materials):
         lines += [f"** Material {name}: {part}, {description(matrix)}"]
     if len(mesh.facet):
         lines += ["** Springs: infinite elements, beyond the mesh"]
@@ -53,12 +53,12 @@ def write_deck(
             f"*MATERIAL, NAME={name}",
             "*ELASTIC, TYPE=ANISO",
             *elastic_constants(mesh.materials[material]),
+            f"*SOLID SECTION, ELSET={name}, MATERIAL={name}",
         ]
-        lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL={name}"]
     lines += gaps(mesh, indenter, len(mesh.brick))
     lines += never_yielding(indenter + 1, 1.5 * mesh.x.max(), len(mesh.brick) + len(mesh.contact))
     lines += springs(mesh.facet, mesh.infinite, len(mesh.brick) + len(mesh.contact) + 1)
-    for node, masters in zip(mesh.hanging, mesh.master, strict=True):
+    for node, masters in zip(mesh.hanging, mesh.master):
         masters = masters[masters >= 0]
         for axis in (1, 2, 3):
             terms = [f"{node + 1}, {axis}, 1.0"] + [
@@ -99,7 +99,7 @@ def elastic_constants(stiffness: np.ndarray) -> list[str]:
 def gaps(mesh: SimpleNamespace, indenter: int, offset: int) -> list[str]:
     """A unilateral gap under each contact node; gaps of equal clearance share a card."""
     same = defaultdict(list)
-    for i, (node, gap) in enumerate(zip(mesh.contact, mesh.gap, strict=True)):
+    for i, (node, gap) in enumerate(zip(mesh.contact, mesh.gap)):
         same[f"{gap:.12g}"].append((offset + i + 1, node + 1))
     lines = []
     for i, (gap, elements) in enumerate(same.items()):
@@ -134,7 +134,7 @@ def springs(facet: np.ndarray, infinite: np.ndarray, offset: int) -> Iterator[st
     """
     pairs: dict[tuple[int, ...], float] = defaultdict(float)
     ground: dict[tuple[int, ...], float] = defaultdict(float)
-    for nodes, matrix in zip(facet, infinite, strict=True):
+    for nodes, matrix in zip(facet, infinite):
         freedom = (3 * nodes[:, None] + np.arange(3)).ravel().tolist()
         for i, end in enumerate(freedom):
             ground[(end,)] += matrix[i].sum()

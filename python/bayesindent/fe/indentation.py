@@ -161,9 +161,9 @@ class Indentation(NativeObject):
         # Importing the engines takes time.
         from ..engines import ENGINES
 
-        asked = {"workers": workers, "engine": engine, "scheduler": scheduler}
         execution = Problem.from_keywords(
-            "bi.Indentation.run_many", execution=asked
+            "bi.Indentation.run_many",
+            execution={"workers": workers, "engine": engine, "scheduler": scheduler},
         ).settings.execution
         if errors not in ("raise", "return"):
             raise InputError(
@@ -182,7 +182,7 @@ class Indentation(NativeObject):
                 return error
 
         with ENGINES[execution.engine](execution.workers, execution.scheduler) as queue:
-            queue.map(attempt, list(zip(*crystals.values(), strict=True)), results.__setitem__)
+            queue.map(attempt, list(zip(*crystals.values())), results.__setitem__)
         return [results[number] for number in sorted(results)]
 
     def largest_error(self, stiffness: ArrayLike) -> np.ndarray:

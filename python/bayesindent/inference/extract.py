@@ -181,15 +181,18 @@ def plan(
         As in `bi.extract`.
     """
     surrogate = loaded(surrogate)
-    settings |= {
-        "symmetry": symmetry,
-        "bounds": bounds,
-        "knowledge": knowledge,
-        "constants": constants,
-        "grains": grains,
-        "noise": noise,
-    }
-    problem = problem_of("bi.plan", surrogate, None, **settings)
+    problem = problem_of(
+        "bi.plan",
+        surrogate,
+        None,
+        symmetry=symmetry,
+        bounds=bounds,
+        knowledge=knowledge,
+        constants=constants,
+        grains=grains,
+        noise=noise,
+        **settings,
+    )
     document = json.loads(surrogate._call("plan", problem=problem.handle)["text"])
     warn_of(document)
     return document
@@ -225,8 +228,8 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
     the likelihood and the predictions.
     """
     names, units = constant_names(found["symmetry"]), quantity_names(found["symmetry"])
-    draws, before, quantities = (found[name] for name in ("draws", "prior_draws", "quantities"))
-    each, per_grain, gpa = ("chain", "draw"), ("chain", "draw", "grain"), {"units": "GPa"}
+    draws, before, sd = found["draws"], found["prior_draws"], found["sd_gpa"]
+    each, per_grain = ("chain", "draw"), ("chain", "draw", "grain")
 
     def counted(like: np.ndarray, stride: int = 1) -> dict:
         chains, samples = like.shape[:2]
@@ -235,79 +238,58 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
             "draw": (("draw",), np.arange(0, samples, stride)),
         }
 
-    some = counted(draws, found["stride"])
-    derived = {
-        name: (each, quantities[..., q], {"units": unit})
-        for q, (name, unit) in enumerate(units.items())
-        if name not in names
-    }
-
     def by_kind(
         axes: tuple,
         values: np.ndarray,
         names: tuple = ("modulus", "velocity"),
         units: tuple = ("GPa", "m/s"),
     ) -> dict:
-        axis = axes.index("grain")
-        modulus, velocity = np.split(values, [found["n_moduli"]], axis=axis)
+        modulus, velocity = np.split(values, [found["n_moduli"]], axis=axes.index("grain"))
         parts = {names[0]: (axes, modulus, {"units": units[0]})}
-        of_waves = tuple("wave" if name == "grain" else name for name in axes)
-        speeds = (of_waves, velocity, {"units": units[1]})
-        return parts | ({names[1]: speeds} if velocity.size else {})
+        if velocity.size:
+            of_waves = tuple("wave" if name == "grain" else name for name in axes)
+            parts[names[1]] = (of_waves, velocity, {"units": units[1]})
+        return parts
 
-    predictions = by_kind(per_grain, found["predicted"]) | {
-        "calibration_factor": ((*each, "group"), found["factor"], {"units": "1"})
-    }
-    likelihood = by_kind(per_grain, found["log_likelihood"], units=("log(1/GPa)", "log(1/m/s)"))
-    before_data = {
-        "constants": (
-            each,
-            found["log_prior"],
-            {"long_name": "log prior density of all constants, up to a constant"},
-        )
-    }
-    sd = np.where(found["sd_gpa"] > 0, found["sd_gpa"], 1.0)
-    conditions = by_kind(
-        ("grain", "angle"),
-        found["euler_deg"],
-        ("euler_deg", "velocity_euler_deg"),
-        ("degree", "degree"),
-    )
-    conditions |= by_kind(("grain",), sd, ("sd", "velocity_sd"))
     bounds = dict(zip(names, zip(found["lower"].tolist(), found["upper"].tolist())))
-    facts = {
-        name: found[name]
-        for name in (
-            "symmetry",
-            "title",
-            "modulus_kind",
-            "acceptance",
-            "anisotropy_cap",
-            "share_inside",
-        )
-    }
-    facts |= {
+    of_core = ("symmetry", "title", "modulus_kind", "acceptance", "anisotropy_cap", "share_inside")
+    facts = {name: found[name] for name in of_core} | {
         "summary": found["document"],
         "settings": found["resolved"],
         "map": found["most_probable"],
         "bounds": json.dumps(bounds),
     }
-    reported = json.loads(found["document"])["parameters"]
     parameters = {
         name: (each, draws[..., j], {"units": units.get(name, "1")})
-        for j, name in enumerate(reported)
+        for j, name in enumerate(json.loads(found["document"])["parameters"])
     }
-    prior = {name: (each, before[..., j], gpa) for j, name in enumerate(names)}
+    some = counted(draws, found["stride"])
+    log_prior = {"long_name": "log prior density of all constants, up to a constant"}
     groups = {
-        "prior": counted(before) | prior,
+        "prior": counted(before)
+        | {name: (each, before[..., j], {"units": "GPa"}) for j, name in enumerate(names)},
         "sample_stats": counted(draws) | {"lp": (each, found["log_density"])},
-        "derived": some | derived,
-        "predictions": some | predictions,
+        "derived": some
+        | {
+            name: (each, found["quantities"][..., q], {"units": unit})
+            for q, (name, unit) in enumerate(units.items())
+            if name not in names
+        },
+        "predictions": some
+        | by_kind(per_grain, found["predicted"])
+        | {"calibration_factor": ((*each, "group"), found["factor"], {"units": "1"})},
         "posterior_predictive": some | by_kind(per_grain, found["replicated"]),
-        "log_likelihood": some | likelihood,
-        "log_prior": some | before_data,
+        "log_likelihood": some
+        | by_kind(per_grain, found["log_likelihood"], units=("log(1/GPa)", "log(1/m/s)")),
+        "log_prior": some | {"constants": (each, found["log_prior"], log_prior)},
         "observed_data": by_kind(("grain",), found["modulus_gpa"]),
-        "constant_data": conditions,
+        "constant_data": by_kind(
+            ("grain", "angle"),
+            found["euler_deg"],
+            ("euler_deg", "velocity_euler_deg"),
+            ("degree", "degree"),
+        )
+        | by_kind(("grain",), np.where(sd > 0, sd, 1.0), ("sd", "velocity_sd")),
     }
     posterior = counted(draws) | parameters, facts
     return {"posterior": posterior} | {name: (group, {}) for name, group in groups.items()}

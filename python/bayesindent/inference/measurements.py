@@ -62,12 +62,10 @@ def problem_of(
                 f"{origin}: knowledge: {knowledge!r}; allowed a dictionary, such as "
                 "{'bulk_modulus': (108, 2)}"
             )
-        named = {
-            name: pair for name, pair in knowledge.items() if name not in ("stiffness", "source")
-        }
         said = [
             (name, *pair_of(f"{origin}: knowledge: {name}", pair, "(mean, sd)"))
-            for name, pair in named.items()
+            for name, pair in knowledge.items()
+            if name not in ("stiffness", "source")
         ]
         groups["knowledge"] = dict(zip(("quantity", "mean", "sd"), zip(*said))) | {
             "source": knowledge.get("source")
@@ -101,9 +99,7 @@ def stiffness_table(
             f"{covariance.shape}; "
             f"allowed ({len(names)},) and {2 * (len(names),)} for {', '.join(names)}"
         )
-    return {"row": ["mean", *names]} | dict(
-        zip(names, np.vstack([mean, covariance]).T.tolist(), strict=True)
-    )
+    return {"row": ["mean", *names]} | dict(zip(names, np.vstack([mean, covariance]).T.tolist()))
 
 
 #: Bounds in GPa of constants that have no stated ones; no crystal reaches them.
@@ -123,10 +119,8 @@ def bounds_of(origin: str, symmetry: str, bounds: Mapping) -> dict:
                 f"{', '.join(names)}"
             )
         pair = pair_of(f"{origin}: bounds: {name}", pair, "(low, high)")
-        ends[name] = [
-            default if end is None else end for end, default in zip(pair, WIDEST, strict=True)
-        ]
-    sides = zip(("c_min", "c_max"), zip(*ends.values(), strict=True), WIDEST, strict=True)
+        ends[name] = [default if end is None else end for end, default in zip(pair, WIDEST)]
+    sides = zip(("c_min", "c_max"), zip(*ends.values()), WIDEST)
     return {side: list(values) for side, values, widest in sides if set(values) != {widest}}
 
 
@@ -142,8 +136,7 @@ def measurements_of(table: Any) -> dict[str, list]:
     if hasattr(table, "shared_errors"):
         table = table.measurements()
     if isinstance(table, list | tuple):
-        named = len(table) > 0 and all(isinstance(row, Mapping) for row in table)
-        if named:
+        if table and all(isinstance(row, Mapping) for row in table):
             table = {name: list(map(methodcaller("get", name), table)) for name in table[0]}
         else:
             table = _array(table)
@@ -153,9 +146,7 @@ def measurements_of(table: Any) -> dict[str, list]:
                 "an array of measurements has columns phi1, Phi, phi2, modulus and sd: (n, 5), "
                 f"not {table.shape}"
             )
-        table = dict(
-            zip((*ANGLES, "modulus_gpa", "sd_gpa")[: table.shape[1]], table.T, strict=True)
-        )
+        table = dict(zip((*ANGLES, "modulus_gpa", "sd_gpa"), table.T))
     elif isinstance(table, np.ndarray):
         table = {name: table[name] for name in table.dtype.names}
     elif hasattr(table, "euler_deg"):
@@ -169,7 +160,7 @@ def measurements_of(table: Any) -> dict[str, list]:
                     f"the measurements' euler_deg have shape {angles.shape}; allowed (n, 3): "
                     "phi1, Phi, phi2 of n grains"
                 )
-            columns |= dict(zip(ANGLES, angles.T.tolist(), strict=True))
+            columns |= dict(zip(ANGLES, angles.T.tolist()))
         elif table[name] is not None:
             columns[name] = np.atleast_1d(table[name]).tolist()
     lengths = {name: len(values) for name, values in columns.items()}

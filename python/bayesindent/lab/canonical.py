@@ -97,12 +97,9 @@ def canonical_table(
     if any(name not in table.meanings for name in errors):
         add_shared_errors(table, errors, must_fit=True)
     standard_errors(table)
-    indented = None
-    if stated("ebsd"):
-        indented = add_orientations(table, facts, origin)
-    else:
+    indented = add_orientations(table, facts, origin) if stated("ebsd") else None
+    if indented is None:
         check_orientations(table, facts)
-    check_modulus(table, stated("modulus_kind"))
     check_modulus(table, stated("modulus_kind"))
     if table.column("sd_gpa") < 0 and stated("scale") != "inferred":
         raise InputError(
@@ -111,9 +108,8 @@ def canonical_table(
             f"{nearest_to(['sd_gpa'], table.names)}. If another column is it, state columns = "
             "'sd_gpa = its header'"
         )
-    hints = ((name, hint_of(name)) for name in table.names)
-    for name, hint in hints:
-        if hint:
+    for name in table.names:
+        if hint := hint_of(name):
             table.note(f"the column {name} is not read{hint}")
     if radians:
         convert_radians(table)
@@ -163,11 +159,10 @@ def choose_modulus(table: LaboratoryTable, kind: str | None) -> None:
     """Let the modulus be the column of the kind that `&measurements modulus_kind` states, or the
     one that does not say its kind. Otherwise the core takes the only one, or refuses several.
     """
-    columns = [name for name in MODULI if name in table.meanings]
-    chosen = [name for name in (f"{kind}_gpa", "modulus_gpa") if kind and name in columns]
-    for name in columns:
-        if chosen and name != chosen[0]:
-            table.meanings[table.column(name)] = ""
+    chosen = [name for name in (f"{kind}_gpa", "modulus_gpa") if kind and name in table.meanings]
+    for j, name in enumerate(table.meanings):
+        if chosen and name in MODULI and name != chosen[0]:
+            table.meanings[j] = ""
 
 
 def check_modulus(table: LaboratoryTable, kind: str | None) -> None:
@@ -261,14 +256,14 @@ def add_orientations(
     stage = np.column_stack([list(map(value_of, column)) for column in cells])
     folder = Path(facts["folder"])
     ebsd, points = facts["measurements.ebsd"], facts.get("measurements.ebsd_points")
-    given = (facts.get(name) for name in ("problem.symmetry", "measurements.crystal_axes"))
     found = indented_map(
         f"{origin}: &measurements ebsd: {ebsd}: ",
         folder / ebsd,
         (f"{origin}: &measurements ebsd_points: {points}: ", folder / points) if points else None,
         stage,
         [own if name in table.stated else name for name, own in zip(table.names, table.meanings)],
-        *given,
+        facts.get("problem.symmetry"),
+        facts.get("measurements.crystal_axes"),
     )
     table.cells = table.cells.iloc[found.rows].copy()
     for name, values in found.columns.items():

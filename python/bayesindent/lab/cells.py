@@ -52,7 +52,7 @@ def value_of(number: str) -> float:
     return float(number.lower().replace(",", ".").replace("d", "e"))
 
 
-def tidy(value: Any, decimal_commas: bool = True) -> str:
+def tidy(value: Any, decimal_commas: bool) -> str:
     """The text of a cell on one line; a decimal comma in a number becomes a point."""
     cell = "" if value is None else " ".join(str(value).split())
     if decimal_commas and "," in cell and is_number(cell):
@@ -92,14 +92,14 @@ def rows_of(text: str) -> tuple[list[tuple[int, list[str]]], set[int]]:
     lines into the same number of cells.
     """
     lines = text.splitlines()[:1000]
-    lines_alike: dict[str, float] = {}
-    for mark in "\t;|,":
+
+    def lines_alike(mark: str) -> int:
         counts = Counter(line.count(mark) for line in lines)
         counts.pop(0, None)
-        lines_alike[mark] = max(counts.values(), default=0)
-    # Commas lose a tie, since they may be decimal commas.
-    lines_alike[","] -= 0.5
-    delimiter = max(lines_alike, key=lines_alike.__getitem__)
+        return max(counts.values(), default=0)
+
+    # Commas come last and lose a tie, since they may be decimal commas.
+    delimiter = max("\t;|,", key=lines_alike)
     reader = csv.reader(StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=True)
     rows, blank, last_line = [], set(), 0
     for cells in reader:

@@ -79,7 +79,8 @@ def leave_out_incomplete(table: LaboratoryTable) -> None:
                 for line, cell in table.cells[j].items()
                 if not cell or (meaning != "grain" and is_missing(cell))
             }
-            incomplete |= empty if len(empty) < len(table.cells) else set()
+            if len(empty) < len(table.cells):
+                incomplete |= empty
     table.leave_out(incomplete, "a value is missing")
 
 
@@ -97,8 +98,8 @@ def leave_out_statistics(table: LaboratoryTable) -> None:
     places = [j for j, meaning in enumerate(table.meanings) if meaning in names]
     modulus = table.column(*MODULI)
     others = table.cells.drop(index=named)
-    moduli = [number_of(cell) for cell in others[modulus]] if modulus >= 0 else []
-    values = list(statistics_of(np.array([value for value in moduli if np.isfinite(value)])))
+    moduli = np.array([number_of(cell) for cell in others[modulus]] if modulus >= 0 else [])
+    values = list(statistics_of(moduli[np.isfinite(moduli)]))
     statistics = []
     for line in named:
         row = table.cells.loc[line]
@@ -180,8 +181,12 @@ def split_sds(table: LaboratoryTable) -> None:
         ]
     sd = table.column("sd_gpa")
     if sd < 0:
-        shares = (RELATIVE.fullmatch(name) and SHARE.search(name) for name in table.names)
-        sd = next((j for j, is_relative in enumerate(shares) if is_relative), -1)
+        relative = (
+            j
+            for j, name in enumerate(table.names)
+            if RELATIVE.fullmatch(name) and SHARE.search(name)
+        )
+        sd = next(relative, -1)
     if sd < 0 or modulus < 0 or not (SHARE.search(table.names[sd]) or table.units[sd] == "%"):
         return
     cells = table.cells[sd]
@@ -243,10 +248,13 @@ def split_indices(table: LaboratoryTable) -> None:
                 f"{table.place}column {name}: directions [..] or planes (..) of three indices, "
                 f"or all of four, are read; not {', '.join(cells[:3])}"
             )
-        three, four = ("u v w", "u v t w") if are_directions == {True} else ("h k l", "h k i l")
+        kind, three, four = (
+            ("direction", "u v w", "u v t w")
+            if are_directions == {True}
+            else ("plane", "h k l", "h k i l")
+        )
         for k, label in enumerate((three if counts == {3} else four).split()):
             table.add_column(label, [value[k] if value else "" for value in indices])
-        kind = "direction" if are_directions == {True} else "plane"
         table.note(f"column {name}: indices of the {kind} along the indenter")
         return
 

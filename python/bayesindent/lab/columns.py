@@ -77,6 +77,8 @@ SHARED = re.compile(r"shared_\d+")
 #: Names of a standard deviation of single tests. A standard error, an error and an uncertainty are
 #: those of the value itself, and so is the canonical `sd_gpa`.
 DEVIATIONS = {"sd", "std", "stdev", "st_dev", "std_dev", "stddev", "standard_deviation", "sigma"}
+#: Names of columns that a message lists at most.
+MOST_NAMES = 30
 #: Shorter headers are near to every name.
 LEAST_LETTERS = 4
 
@@ -157,11 +159,11 @@ def stated_columns(place: str, stated: Iterable[str], names: Sequence[str]) -> d
     return found
 
 
-def listed(names: Sequence[str], most: int = 30) -> str:
+def listed(names: Sequence[str]) -> str:
     """Names of columns for a message. A file with one may be no table, and is not quoted."""
     if len(names) == 1:
         return "one, without a comma, semicolon or tab"
-    return ", ".join(names[:most]) + (", .." if len(names) > most else "")
+    return ", ".join(names[:MOST_NAMES]) + (", .." if len(names) > MOST_NAMES else "")
 
 
 def near(written: str, allowed: Iterable[str]) -> str:
@@ -193,5 +195,7 @@ def nearest_to(names: Iterable[str], headers: Iterable[str]) -> str:
     """
     names = list(names)
     allowed = [*names, *(other for name in names for other in BY_NAME[name].others)]
-    hints = ((header, hint_of(header, allowed)) for header in headers)
-    return next((f"; {header}:{hint[1:]}" for header, hint in hints if hint), "")
+    for header in headers:
+        if hint := hint_of(header, allowed):
+            return f"; {header}:{hint[1:]}"
+    return ""

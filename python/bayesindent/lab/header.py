@@ -17,7 +17,7 @@ UNIT = re.compile(r"[\[(]?(deg|degrees?|°|rad|radians|[GMk]?Pa|um|µm|μm|nm|mm
 HARDNESS = re.compile(r"(h|h_?it|.*hardness)\s*([\[(/].*)?", re.I)
 
 
-def table_of_rows(place: str, found: Rows, stated: Iterable[str] = ()) -> LaboratoryTable:
+def table_of_rows(place: str, found: Rows, stated: Iterable[str]) -> LaboratoryTable:
     """The table of rows, with the names of its columns and their meanings."""
     rows = found.rows
     header, _, meanings = header_row(rows, stated)
@@ -102,7 +102,7 @@ def joined_header(
         last = cell or last
         upper.append(last)
     names, found = [], []
-    for up, low in zip(upper, below, strict=True):
+    for up, low in zip(upper, below):
         # Prefer both rows together, then the lower one alone; what stands below a hardness, such
         # as its sd, belongs to the hardness.
         choices = [f"{up} {low}".strip(), low, up if not low else ""]

@@ -36,13 +36,10 @@ def curves_of_files(
         for file in paths:
             of_file = f"{place}{file.relative_to(folder) if file.is_relative_to(folder) else file}"
             with reading(f"{of_file}: ", "is no file of curves that can be read"):
-                found += [
-                    (test, np.asarray(curve, dtype=float))
-                    for test, curve in read_file(file, f"{of_file}: ")
-                ]
-                settings = (
-                    tdm_settings(beside) if (beside := file.with_suffix(".tdm")).is_file() else {}
-                )
+                for test, curve in read_file(file, f"{of_file}: "):
+                    found.append((test, np.asarray(curve, dtype=float)))
+                beside = file.with_suffix(".tdm")
+                settings = tdm_settings(beside) if beside.is_file() else {}
             if drift_removed and not settings.get("drift_removed", True):
                 raise InputError(
                     f"{of_file} ({beside.name}): the drift of {settings.get('drift_nm_s')} nm/s "
@@ -53,9 +50,7 @@ def curves_of_files(
     tests = np.repeat([test for test, _ in found], [curve.shape[1] for _, curve in found])
     values = np.hstack([curve[: len(names)] for _, curve in found])
     whole = np.abs(values).max(axis=0) < NO_VALUE
-    return {"test": tests[whole].tolist()} | dict(
-        zip(names, values[:, whole].tolist(), strict=True)
-    )
+    return {"test": tests[whole].tolist()} | dict(zip(names, values[:, whole].tolist()))
 
 
 def read_file(file: Path, place: str) -> list[tuple[str, tuple]]:
@@ -137,12 +132,9 @@ def tdm_settings(file: str | os.PathLike) -> dict[str, float | bool]:
         "compliance_nm_mn": "Machine_Compliance__nm___mN__",
         "drift_removed": "Drift_Correction",
     }
-    found = {
-        key: re.search(rf'name="Current_{name}">([^<]*)<', text) for key, name in names.items()
-    }
-    values = {
-        key: float(match[1])
-        for key, match in found.items()
-        if match and abs(float(match[1])) < NO_VALUE
-    }
-    return {key: bool(value) if key == "drift_removed" else value for key, value in values.items()}
+    found: dict[str, float | bool] = {}
+    for key, name in names.items():
+        match = re.search(rf'name="Current_{name}">([^<]*)<', text)
+        if match and abs(value := float(match[1])) < NO_VALUE:
+            found[key] = bool(value) if key == "drift_removed" else value
+    return found

@@ -124,12 +124,9 @@ def registered(
     if the sd is unknown. `place` begins the message of a refusal.
     """
     try:
-        lines = [
-            line
-            for line in path.read_text(encoding="utf-8-sig").splitlines()
-            if not line.startswith("#")
-        ]
-        rows = list(csv.DictReader(lines, skipinitialspace=True))
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        stated = (line for line in lines if not line.startswith("#"))
+        rows = csv.DictReader(stated, skipinitialspace=True)
         cells = [float(row[name]) for row in rows for name in POINT_COLUMNS]
         known = np.array(cells).reshape(-1, 4)
     except OSError as error:
@@ -153,15 +150,11 @@ def registered(
     at = np.column_stack([np.ones(len(stage)), stage - centre])
     leverage = np.einsum("ij,jk,ik->i", at, np.linalg.inv(design.T @ design), at)
     residual = np.linalg.norm(known[:, 2:] - design @ affine) / np.sqrt(max(1, 2 * (n - 3)))
-    warnings = (
-        []
-        if n > 3
-        else [
-            f"{place}three points leave no residual, so that the error of the registration is "
-            "unknown; state a fourth"
-        ]
+    unknown = (
+        f"{place}three points leave no residual, so that the error of the registration is "
+        "unknown; state a fourth"
     )
-    return at @ affine, residual * np.sqrt(1 + leverage), warnings
+    return at @ affine, residual * np.sqrt(1 + leverage), [unknown] * (n == 3)
 
 
 class Grid:
@@ -192,10 +185,8 @@ class Grid:
         #: proper rotations of that class.
         self.names, self.groups, self.symmetry = {}, {}, {}
         for number in np.unique(self.phase).tolist():
-            self.names[number], group = (
-                loaded.phases[number].name,
-                loaded.phases[number].point_group,
-            )
+            phase = loaded.phases[number]
+            self.names[number], group = phase.name, phase.point_group
             if group is None:
                 raise InputError(
                     f"{place}does not say the point group of phase {number} ({self.names[number]})"
@@ -203,7 +194,7 @@ class Grid:
             self.groups[number], turn = group.laue, from_standard(group.laue)
             self.symmetry[number] = turn.inv() * rotations_of(group.laue.proper_subgroup) * turn
             to_standard = turn_of_axes(
-                place, group.laue, loaded.phases[number].structure.lattice, axes, axes_of_file(path)
+                place, group.laue, phase.structure.lattice, axes, axes_of_file(path)
             )
             own = np.flatnonzero(self.phase == number)
             self.rotations[own] = to_standard * self.rotations[own]
@@ -268,11 +259,8 @@ class Grid:
                 "not so in this symmetry and its axes; state the symmetry of "
                 "the phase, or the orientations in columns"
             )
-        return (
-            []
-            if own == symmetry
-            else [f"{differs}, which takes the crystal for more symmetric than the map does"]
-        )
+        warning = f"{differs}, which takes the crystal for more symmetric than the map does"
+        return [] if own == symmetry else [warning]
 
     def misread(self, positions: np.ndarray) -> np.ndarray:
         """The indented directions (7, n, 3) in crystal axes for positions (n, 2) whose axes are

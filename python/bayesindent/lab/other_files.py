@@ -59,16 +59,11 @@ def decoded(content: bytes) -> tuple[str, str]:
 def refuse_formulas(place: str, openpyxl: ModuleType, path: Path, sheet: str, values: list) -> None:
     """Refuse formulas whose values were never computed."""
     with closing(openpyxl.load_workbook(path, read_only=True)) as book:
-        cells = (
-            pair
-            for rows in zip(book[sheet].iter_rows(), values)
-            for pair in zip(*rows)
-            if pair[1] is None
-        )
         found = [
             cell.coordinate
-            for cell, _ in cells
-            if isinstance(cell.value, str) and cell.value.startswith("=")
+            for row, stored in zip(book[sheet].iter_rows(), values)
+            for cell, value in zip(row, stored)
+            if value is None and str(cell.value).startswith("=")
         ]
     if found:
         raise InputError(

@@ -91,14 +91,11 @@ def rows_of_sheet(place: str, path: Path, sheet: str) -> Rows:
                     f"{place}there is no sheet {sheet!r}; the sheets are "
                     f"{', '.join(book.sheetnames)}"
                 )
-            pages = {
-                name: list(book[name].iter_rows(values_only=True))
-                for name in ([sheet] if sheet else book.sheetnames)
-            }
-        rows: dict[str, list] = {}
-        for name, page in pages.items():
-            numbered = ((line, list(map(cell_text, row))) for line, row in enumerate(page, 1))
-            rows[name] = [(line, cells) for line, cells in numbered if any(cells)]
+            pages, rows = {}, {}
+            for name in [sheet] if sheet else book.sheetnames:
+                pages[name] = list(book[name].iter_rows(values_only=True))
+                numbered = enumerate((list(map(cell_text, row)) for row in pages[name]), 1)
+                rows[name] = [(line, cells) for line, cells in numbered if any(cells)]
         fit = [name for name, page in rows.items() if set(MODULI) & set(header_row(page)[2])]
         name = next(iter(rows))
         if len(fit) > 1 and name not in fit:

@@ -63,7 +63,7 @@ class LaboratoryTable:
 
     def words(self, grains: int) -> list[str]:
         """Three lines that describe how the table is read."""
-        pairs = [pair for pair in zip(self.names, self.meanings, strict=True) if pair[0]]
+        pairs = [pair for pair in zip(self.names, self.meanings) if pair[0]]
         read = [name if name == own else f"{name} as {own}" for name, own in pairs if own]
         unread = [name for name, own in pairs if not own]
         reasons = [f"line {line} ({reason})" for line, reason in self.left_out.items()]

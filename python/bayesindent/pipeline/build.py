@@ -8,6 +8,7 @@ from collections.abc import Callable
 from functools import partial
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -46,18 +47,17 @@ def build_surrogate(
 
 def outcome_of(function: Callable, job: Job) -> dict:
     """The outcome of a job, see `run_stage`, whose modulus a function of the user computes."""
-    start = time.perf_counter()
+    start, outcome = time.perf_counter(), dict[str, Any]()
     try:
         modulus = float(function(job.stiffness, job.euler_deg))
-        outcome: dict = (
-            {"modulus_gpa": modulus}
-            if np.isfinite(modulus) and modulus > 0
-            else {"message": f"the modulus is {modulus}"}
-        )
+        if np.isfinite(modulus) and modulus > 0:
+            outcome["modulus_gpa"] = modulus
+        else:
+            outcome["message"] = f"the modulus is {modulus}"
     except (InputError, MachineError):
         raise
     except BayesindentError as error:
-        outcome = {"message": str(error)}
+        outcome["message"] = str(error)
     return outcome | {"seconds": time.perf_counter() - start}
 
 
@@ -67,7 +67,7 @@ def ask(problem: Problem, output: str | PathLike, count: int) -> dict:
     """
     found = Stage(problem, "build", Path(output))._call("look_ahead", count=count)
     points = [
-        dict(zip([*found["constants"], "phi1_deg", "Phi_deg", "phi2_deg"], row, strict=True))
+        dict(zip([*found["constants"], "phi1_deg", "Phi_deg", "phi2_deg"], row))
         for row in found["values"].tolist()
     ]
     return {"points": points, "warnings": [*problem.warnings, *found["warnings"]]}

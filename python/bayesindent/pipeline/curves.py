@@ -91,22 +91,17 @@ def curves(
     warn_of(document)
     radius = document["tip"]["radius_um"]
     shared = [values for name, values in results["shared_errors"].items() if name != "grain"]
-    errors = (
-        np.array(shared, dtype=float).reshape(len(shared), len(results["measurements"]["grain"])).T
-    )
-    return Curves(
-        results["measurements"], errors, (radius["mean"], radius["sd"]), results["fits"], document
-    )
+    table = results["measurements"]
+    errors = np.array(shared, dtype=float).reshape(len(shared), len(table["grain"])).T
+    return Curves(table, errors, (radius["mean"], radius["sd"]), results["fits"], document)
 
 
 def references_of(references: Any, crystal_sd: float | None) -> dict | None:
     """The variables of &references; None if there are none."""
+    if references is crystal_sd is None:
+        return None
     if not isinstance(references, Mapping):
-        return (
-            None
-            if references is crystal_sd is None
-            else {"crystals": references, "crystal_sd": crystal_sd}
-        )
+        return {"crystals": references, "crystal_sd": crystal_sd}
     try:
         moduli, sds, ratios = zip(*references.values(), strict=True)
     except (TypeError, ValueError):

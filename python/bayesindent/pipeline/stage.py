@@ -99,7 +99,7 @@ class Stage(NativeObject):
     def wanted(self) -> tuple[list[int], list[Job]]:
         """The numbers and the jobs of the simulations to perform now; none when all are done."""
         found = self._call("want")
-        crystals = zip(found["stiffness"], found["euler_deg"], strict=True)
+        crystals = zip(found["stiffness"], found["euler_deg"])
         return found["number"].tolist(), [Job(*crystal) for crystal in crystals]
 
     def close(self) -> dict:
@@ -130,10 +130,12 @@ def run_stage(
             simulate = simulate or Simulations(str(problem.path), stage.physics)
 
             def store(k: int, outcome: dict, numbers: list[int] = numbers) -> None:
-                status = DONE if "modulus_gpa" in outcome else FAILED
-                outcome = {"status": status} | OUTCOME_DEFAULTS | outcome
-                stage._call("take", number=numbers[k], **outcome)
-                advance(int(outcome["status"] == DONE))
+                default = OUTCOME_DEFAULTS | {
+                    "status": DONE if "modulus_gpa" in outcome else FAILED
+                }
+                found = default | outcome
+                stage._call("take", number=numbers[k], **found)
+                advance(int(found["status"] == DONE))
 
             engine.map(partial(attempt, simulate), jobs, store)
     return stage.close()

@@ -19,8 +19,6 @@ from typing import Any, NoReturn
 from ..version import __version__
 from .commands import HELP, SUMMARIES, command_of
 
-__all__ = ["main"]
-
 DONE, FAILED, BAD_INPUT, UNUSABLE, INTERRUPTED = 0, 1, 2, 3, 130
 
 log = logging.getLogger("bayesindent")
@@ -75,7 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if arguments.command.show is not None:
             call("file.watch_signals")
             show_progress(not arguments.quiet)
-        return finish(arguments, arguments.command.run(arguments))
+        return finish(arguments, arguments.command.action(arguments))
     except KeyboardInterrupt:
         return INTERRUPTED
     except BayesindentError as error:
@@ -128,30 +126,26 @@ class Parser(argparse.ArgumentParser):
     full = False
 
     def __init__(self, *args: Any, **kwargs: Any):
-        super().__init__(
-            *args, **(kwargs | {"formatter_class": argparse.RawDescriptionHelpFormatter})
-        )
+        kwargs["formatter_class"] = argparse.RawDescriptionHelpFormatter
+        super().__init__(*args, **kwargs)
         # Crystal classes such as -3m are values, no options.
         self._negative_number_matcher = re.compile("-[1346]")
 
     def format_help(self) -> str:
-        short = (
-            f"\ngroups of the namelist ('{self.prog} --all' explains every variable):\n"
-            if self.groups and not self.full
-            else ""
-        )
-        return (
-            super().format_help()
-            + short
-            + "".join(describe_group(name, self.full) for name in self.groups)
-        )
+        """The help, and the groups of the namelist."""
+        text = super().format_help()
+        if self.groups and not self.full:
+            text += f"\ngroups of the namelist ('{self.prog} --all' explains every variable):\n"
+        return text + "".join(describe_group(name, self.full) for name in self.groups)
 
     def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
+        """End the process after standard output is written."""
         # argparse does not report a full disk behind standard output.
         print(end="", flush=status == 0)
         super().exit(status, message)
 
     def error(self, message: str) -> NoReturn:
+        """End with a message that suggests the nearest option or command."""
         choices = [option for action in self._actions for option in action.option_strings]
         wrong = re.match(r"unrecognized arguments: (-\S+)", message)
         if found := re.match(r"argument COMMAND: invalid choice: '(.*?)'", message):
@@ -219,15 +213,10 @@ def describe_group(name: str, full: bool) -> str:
     variables = [variable for variable in schema() if variable.group == name]
     if not full:
         words = (
-            f"{variables[0].group_meaning} Variables: "
+            f"{f'  &{name}':<17}{variables[0].group_meaning} Variables: "
             f"{', '.join(variable.name for variable in variables)}."
         )
-        return (
-            textwrap.fill(
-                words, 79, initial_indent=f"  {f'&{name}':<15}", subsequent_indent=17 * " "
-            )
-            + "\n"
-        )
+        return textwrap.fill(words, 79, subsequent_indent=17 * " ") + "\n"
     lines = [f"\n&{name}: {variables[0].group_meaning}"]
     for variable in variables:
         default = (
@@ -282,8 +271,10 @@ def finish(arguments: argparse.Namespace, document: dict | int) -> int:
 
 
 def tell(text: str) -> None:
+    """Print a line on standard error."""
     print(text, file=sys.stderr, flush=True)
 
 
 def open_logs() -> list[logging.Handler]:
+    """The log files of this command."""
     return [handler for handler in log.handlers if isinstance(handler, logging.FileHandler)]

@@ -22,13 +22,18 @@ log = logging.getLogger("bayesindent")
 PATIENCE_S = 60
 
 
+def perform_stage(arguments: argparse.Namespace) -> dict:
+    """Perform the stage of a command in its output folder."""
+    return perform(arguments.command, *prepare(arguments))
+
+
 @dataclass(frozen=True)
 class Command:
     """One command: `action(arguments)` returns its JSON document, or an exit status if there is no
     `show`, which prints the document.
 
-    A command that reads a namelist performs the core's stage of its name, or `stage`(problem,
-    output) -> document; its help explains `groups`. `arguments` adds options to the parser.
+    By default a command performs the core's stage of its name, or `stage`(problem, output) ->
+    document; its help explains `groups`. `arguments` adds options to the parser.
     `resumes` is true if a second call continues from the output folder. `then(arguments, document)`
     names the next step.
     """
@@ -36,29 +41,18 @@ class Command:
     name: str
     groups: tuple[str, ...] = ()
     stage: Callable[..., dict] | None = None
-    action: Callable[[argparse.Namespace], dict | int] | None = None
+    action: Callable[[argparse.Namespace], dict | int] = perform_stage
     arguments: Callable[[argparse.ArgumentParser], object] | None = None
     show: Callable[[dict], object] | None = None
     resumes: bool = False
     then: Callable[[argparse.Namespace, dict], str] | None = None
 
-    def run(self, arguments: argparse.Namespace) -> dict | int:
-        """Perform the command."""
-        return (
-            self.action(arguments)
-            if self.action is not None
-            else perform(self, *prepare(arguments))
-        )
-
 
 def namelist_command(name: str, **more: Any) -> Command:
     """The command of a stage, or `run`; the core lists the groups that its help explains."""
-    row = next(row for row in stages() if row.name == name)
-    groups = (
-        row.groups
-        if name != "run"
-        else tuple(dict.fromkeys(variable.group for variable in schema()))
-    )
+    groups = next(row.groups for row in stages() if row.name == name)
+    if name == "run":
+        groups = tuple(dict.fromkeys(variable.group for variable in schema()))
     return Command(name, groups=groups, **more)
 
 
@@ -113,12 +107,8 @@ def output_folder(
     """
     output = arguments.output or Path("runs") / source.stem
     if patience_s is not None:
-        call(
-            "file.take_folder",
-            folder=output,
-            patience=patience_s,
-            resumes=arguments.command.resumes,
-        )
+        resumes = arguments.command.resumes
+        call("file.take_folder", folder=output, patience=patience_s, resumes=resumes)
     return output
 
 
@@ -134,12 +124,12 @@ def perform(command: Command, problem: Problem, output: Path) -> dict:
 def show_table(title: str, header: Iterable[str], rows: Iterable[Iterable]) -> None:
     """Print a table under its title, numbers on the right, as wide as it needs."""
     cells = [list(header), *(list(map(as_text, row)) for row in rows)]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    widths = [max(map(len, column)) for column in zip(*cells)]
     print(f"{title}:")
     for first, *others in cells:
         print(
             f"{first:<{widths[0]}}",
-            *(f"{cell:>{width}}" for cell, width in zip(others, widths[1:], strict=True)),
+            *(f"{cell:>{width}}" for cell, width in zip(others, widths[1:])),
             sep="  ",
         )
 

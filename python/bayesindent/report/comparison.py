@@ -28,7 +28,7 @@ def compare(*results: Any, output: Any = None) -> dict:
     runs = list(map(Results, results))
     for number, run in enumerate(runs, 1):
         name = str(run.folder) if run.result is None else f"result {number}"
-        summary, posterior = run.documents["extract"], run.posterior
+        summary, posterior = run.extracted, run.posterior
         if not posterior:
             raise InputError(
                 f"{name}: there is no posterior of its latest inputs in it; "
@@ -40,14 +40,16 @@ def compare(*results: Any, output: Any = None) -> dict:
         for constant in run.constants:
             item = summary["parameters"][constant]
             other = first.setdefault(constant, item)
+            low, high = item["hdi_95"]
             row = {
                 "constant": constant,
                 "run": name,
                 "mean_gpa": item["mean"],
                 "sd_gpa": item["sd"],
+                "low_95_gpa": low,
+                "high_95_gpa": high,
+                "difference_sd": (item["mean"] - other["mean"]) / hypot(item["sd"], other["sd"]),
             }
-            row["low_95_gpa"], row["high_95_gpa"] = item["hdi_95"]
-            row["difference_sd"] = (item["mean"] - other["mean"]) / hypot(item["sd"], other["sd"])
             rows.append(row)
         # The constants of those draws for which the likelihood of each grain is stored.
         axes, stored = ("chain", "draw"), slice(None, None, posterior["stride"])

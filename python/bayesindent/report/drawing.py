@@ -2,8 +2,9 @@
 
 import base64
 import io
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from itertools import chain, product
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from .figures.style import (
     house_style,
     lay_out,
     letter_panels,
+    panels_of,
     stamp_synthetic,
     text_size,
 )
@@ -37,64 +39,38 @@ def figure_table(picture: Picture) -> tuple[list[str], list[list]]:
     if picture.table is not None:
         return picture.table
     rows = []
-    for panel, axes in enumerate(
-        (axes for axes in picture.figure.axes if axes.get_label() != "<colorbar>"), start=1
-    ):
+    for panel, axes in enumerate(panels_of(picture.figure), start=1):
         for number, (kind, label, points) in enumerate(series_of(axes), start=1):
             name = f"series {number}" if label.startswith("_") or not label else label
             about = [panel, axes.get_xlabel() or axes.get_title(), axes.get_ylabel(), kind, name]
-            rows += [
-                [*about, point, *values, *[""] * (4 - len(values))]
-                for point, values in enumerate(points, start=1)
-            ]
+            for point, values in enumerate(points, start=1):
+                rows.append([*about, point, *map(float, values), *[""] * (4 - len(values))])
     return list(HEADER), rows
 
 
-def series_of(axes: Any) -> Iterator[tuple[str, str, list[list[float]]]]:
+def series_of(axes: Any) -> Iterator[tuple[str, str, Iterable[Sequence[float]]]]:
     """Kind, label and points of each series in units of the axes."""
     for line in axes.lines:
         if line.get_transform() == axes.transData:
-            yield (
-                "line",
-                str(line.get_label()),
-                np.column_stack(line.get_data(orig=False)).astype(float).tolist(),
-            )
+            yield "line", line.get_label(), np.column_stack(line.get_data(orig=False))
     for item in axes.collections:
         if isinstance(item, LineCollection):
-            yield (
-                "segments",
-                str(item.get_label()),
-                [end for segment in item.get_segments() for end in np.asarray(segment).tolist()],
-            )
+            yield "segments", item.get_label(), chain(*item.get_segments())
         elif isinstance(item, PolyCollection):
-            yield (
-                "area",
-                str(item.get_label()),
-                [
-                    corner
-                    for path in item.get_paths()
-                    for corner in np.asarray(path.vertices).tolist()
-                ],
-            )
+            corners = (path.vertices for path in item.get_paths())
+            yield "area", item.get_label(), chain(*corners)
     drawn = [
-        patch
-        for patch in axes.patches
-        if isinstance(patch, Rectangle) and patch.get_data_transform() == axes.transData
+        (*bar.get_xy(), bar.get_width(), bar.get_height())
+        for bar in axes.patches
+        if isinstance(bar, Rectangle) and bar.get_data_transform() == axes.transData
     ]
     if drawn:
-        yield (
-            "bar",
-            "",
-            [[bar.get_x(), bar.get_y(), bar.get_width(), bar.get_height()] for bar in drawn],
-        )
+        yield "bar", "", drawn
     for patch in axes.patches:
         if isinstance(patch, StepPatch):
             heights, edges, _ = patch.get_data()
-            yield (
-                "bar",
-                str(patch.get_label()),
-                np.column_stack([edges[:-1], 0 * heights, np.diff(edges), heights]).tolist(),
-            )
+            bars = np.column_stack([edges[:-1], 0 * heights, np.diff(edges), heights])
+            yield "bar", patch.get_label(), bars
 
 
 #: File formats of figures for papers, and the dots per inch of their images.
@@ -124,15 +100,12 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str,
     if paper:
         files[COLUMN] = [(paper_folder, kind, dots) for kind, dots in FOR_PAPERS.items()]
     pictures: dict[tuple[float, str], Picture] = {}
-    for width in files:
-        with house_style(width):
-            for section, function in (
-                FIGURES if width == WIDTH else [item for item in FIGURES if item[0] not in NO_PAPER]
-            ):
-                with suppress(NothingToShow):
-                    picture = pictures[width, function.__name__] = function(results)
-                    if results.synthetic and section in MEASURED:
-                        stamp_synthetic(picture.figure)
+    for width, (section, function) in product(files, FIGURES):
+        if width == WIDTH or section not in NO_PAPER:
+            with house_style(width), suppress(NothingToShow):
+                picture = pictures[width, function.__name__] = function(results)
+                if results.synthetic and section in MEASURED:
+                    stamp_synthetic(picture.figure)
 
     def draw(key: tuple[float, str]) -> dict:
         (width, name), picture = key, pictures[key]
@@ -171,8 +144,6 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str,
             sections.setdefault(section, []).append(drawn[WIDTH, name])
             continue
         # Remove files of other inputs.
-        for folder, kind in [
-            (folder, kind) for own in files.values() for folder, kind, _ in own
-        ] + [(paper_folder, "csv")] * paper:
+        for folder, kind, _ in chain(*files.values(), [(paper_folder, "csv", 0)] * paper):
             (folder / f"{name}.{kind}").unlink(missing_ok=True)
     return sections

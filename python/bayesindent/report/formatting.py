@@ -8,33 +8,6 @@ from markupsafe import Markup, escape
 
 from ..crystal.elasticity import constant_names
 
-__all__ = [
-    "SHARES",
-    "SHARE_HEADER",
-    "cells",
-    "direction_name",
-    "enumeration",
-    "has_four_indices",
-    "latex",
-    "limit_name",
-    "named",
-    "number",
-    "numbers",
-    "orientation",
-    "percent",
-    "plus_minus",
-    "product_html",
-    "product_label",
-    "products_as_html",
-    "quantity_format",
-    "quantity_label",
-    "quantity_name",
-    "region",
-    "share_cells",
-    "subscript",
-    "suggested_grains",
-]
-
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
 LATEX = str.maketrans(
@@ -110,15 +83,11 @@ def suggested_grains(items: Sequence[Mapping]) -> list[str]:
     Without names of grains these are ranks; 'new' stands for a grain without a name among named
     ones.
     """
-    named = any("grain" in item for item in items)
-    speeds = [
-        f", speed at {item['propagation_deg']:g}°" if "propagation_deg" in item else ""
-        for item in items
-    ]
-    return [
-        f"{item.get('grain', 'new' if named else rank)}{speed}"
-        for rank, (item, speed) in enumerate(zip(items, speeds), 1)
-    ]
+    named, names = any("grain" in item for item in items), []
+    for rank, item in enumerate(items, 1):
+        speed = f", speed at {item['propagation_deg']:g}°" if "propagation_deg" in item else ""
+        names.append(f"{item.get('grain', 'new' if named else rank)}{speed}")
+    return names
 
 
 def region(item: Mapping, direction: str) -> str:
@@ -213,7 +182,7 @@ def quantity_format(row: Mapping) -> tuple[str, int]:
     return ("", 3) if row["unit"] == "1" else (row["unit"], 1)
 
 
-def quantity_label(row: Mapping, symmetry: str = "") -> str:
+def quantity_label(row: Mapping, symmetry: str) -> str:
     """The names of quantities that are known together, with their unit if it is stated."""
     names = " and ".join(quantity_name(name, symmetry) for name in row["name"].split(", "))
     unit = quantity_format(row)[0] if "unit" in row else ""
@@ -243,8 +212,11 @@ def powers(exponents: dict[str, float]) -> list[tuple[str, str]]:
 
     Powers close to 0 are left out; a power of 1 is ''.
     """
-    factors = [(name[1:], power) for name, power in exponents.items() if abs(power) >= 0.05]
-    return [(index, "" if abs(power - 1) < 0.005 else f"{power:.2f}") for index, power in factors]
+    return [
+        (name[1:], "" if abs(power - 1) < 0.005 else f"{power:.2f}")
+        for name, power in exponents.items()
+        if abs(power) >= 0.05
+    ]
 
 
 def product_label(exponents: dict[str, float]) -> str:

@@ -14,14 +14,15 @@ from ..fe.deck import elastic_constants
 from ..version import __version__
 from .formatting import SHARE_HEADER, enumeration, latex, number, numbers, share_cells
 from .results import Results
-from .sections import grain_cells, identifiability_cells, report_rows
+from .sections import compared_cells, grain_cells, identifiability_cells, report_rows
 from .summary import indenter, measured_ranges, specimen, with_count, with_verdict
 from .templates import read_data, render
 
 
 def methods(results: Results) -> tuple[str, str]:
     """The paragraph in LaTeX, and the works that it cites in BibTeX."""
-    document, parameters = results.documents["extract"], results.documents["extract"]["parameters"]
+    document = results.extracted
+    parameters = document["parameters"]
     moduli, sds = measured_ranges(results)
     chains = [item for item in parameters.values() if item["r_hat"] is not None]
     combinations = results.identifiability("combination")
@@ -32,33 +33,27 @@ def methods(results: Results) -> tuple[str, str]:
         for name, item in parameters.items()
     ]
     prior, surrogate = results.prior_and_surrogate
-    experiment = {
-        "measurements": results.group("measurements"),
-        "grains": with_count(len(results.predicted), "grain"),
-        "moduli": moduli,
-        "sds": sds,
-        "specimen": specimen(results),
-        "indenter": indenter(results),
-    }
-    inference = {
-        "prior": prior,
-        "surrogate": surrogate,
-        "chains": with_count(document["chains"], "chain"),
-        "r_hat": [item["r_hat"] for item in chains],
-        "effective": [min(item["ess_bulk"], item["ess_tail"]) for item in chains],
-        "constants": Markup(enumeration(constants)),
-        "combinations": len(combinations),
-        "determined": len(with_verdict(combinations, "determined")),
-        "known": known_of(results.metal) if results.metal else {},
-    }
     text = render(
         "methods.tex.j2",
         results=results,
         document=document,
-        build=results.documents["build"],
+        build=results.built,
         version=__version__,
-        **experiment,
-        **inference,
+        measurements=results.group("measurements"),
+        grains=with_count(len(results.predicted), "grain"),
+        moduli=moduli,
+        sds=sds,
+        specimen=specimen(results),
+        indenter=indenter(results),
+        prior=prior,
+        surrogate=surrogate,
+        chains=with_count(document["chains"], "chain"),
+        r_hat=[item["r_hat"] for item in chains],
+        effective=[min(item["ess_bulk"], item["ess_tail"]) for item in chains],
+        constants=Markup(enumeration(constants)),
+        combinations=len(combinations),
+        determined=len(with_verdict(combinations, "determined")),
+        known=known_of(results.metal) if results.metal else {},
     )
     works = read_data("references.bib").replace("@VERSION@", __version__).rstrip().split("\n\n")
     cited = [work for work in works if work.partition("{")[2].partition(",")[0] in text]
@@ -79,7 +74,7 @@ def write_paper(results: Results) -> Path:
     """Write the texts, tables and cards of the pack into the folder `paper` of the results; return
     it. Figures are `drawing`'s.
     """
-    if not results.documents["extract"] or not results.posterior:
+    if not results.extracted or not results.posterior:
         raise InputError(
             f"{results.folder}: there is no posterior of the present inputs to write of; run "
             "extract first"
@@ -95,10 +90,10 @@ def write_paper(results: Results) -> Path:
     write_posterior(results, folder / "posterior.csv")
     matrix = stiffness_rows(
         results.symmetry,
-        [[results.documents["extract"]["parameters"][name]["mean"] for name in results.constants]],
+        [[results.extracted["parameters"][name]["mean"] for name in results.constants]],
     )[0]
-    for solver in SOLVERS:
-        write_text(folder / f"stiffness_{solver}.inp", card(results, matrix, solver))
+    for solver, kind in SOLVERS.items():
+        write_text(folder / f"stiffness_{solver}.inp", card(results, matrix, kind))
     return folder
 
 
@@ -109,7 +104,7 @@ def mark(results: Results) -> str:
 
 def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]]:
     """Caption, header and rows of the tables that have rows, by the name of their files."""
-    parameters, rows = results.documents["extract"]["parameters"], report_rows(results)
+    parameters, rows = results.extracted["parameters"], report_rows(results)
     rows["constants"] = [
         [name, *numbers(item, mean=1, sd=1), *map(number, item["hdi_95"]), *share_cells(item)]
         for name, item in parameters.items()
@@ -162,15 +157,15 @@ def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]
 
 def exponent_cells(results: Results, row: dict) -> list[str]:
     """The exponent of each constant in a combination; -0.0 is written as 0."""
-    exponents = [row["exponents"].get(name, 0.0) for name in results.constants]
-    return [number(round(exponent, 2) + 0.0, 2) for exponent in exponents]
+    exponents = row["exponents"]
+    return [number(round(exponents.get(name, 0.0), 2) + 0.0, 2) for name in results.constants]
 
 
 def wave_cells(item: dict) -> list[str]:
     """The direction and the kind of a wave, and its measured and predicted speed."""
     direction = "normal" if "inclination_deg" in item else number(item["propagation_deg"])
     wave = item.get("wave", "rayleigh").replace("_", " ")
-    return [direction, wave, *numbers(item, measured=1, measured_sd=1, mean=1, sd=1)]
+    return [direction, wave, *compared_cells(item)]
 
 
 def latex_table(
@@ -178,19 +173,15 @@ def latex_table(
 ) -> str:
     """A table in LaTeX without packages."""
     head, *body = (" & ".join(map(latex, row)) + r" \\" for row in [header, *rows])
-    columns = "l" + "r" * (len(header) - 1)
     lines = [
         r"\begin{table}",
         rf"\caption{{{latex(caption)}}}",
         rf"\label{{tab:{label}}}",
-        rf"\begin{{tabular}}{{{columns}}}",
+        rf"\begin{{tabular}}{{l{'r' * (len(header) - 1)}}}",
+        *(r"\hline", head, r"\hline", *body, r"\hline"),
+        *(r"\end{tabular}", r"\end{table}", ""),
     ]
-    return (
-        "\n".join(
-            [*lines, r"\hline", head, r"\hline", *body, r"\hline", r"\end{tabular}", r"\end{table}"]
-        )
-        + "\n"
-    )
+    return "\n".join(lines)
 
 
 def write_posterior(results: Results, file: Path) -> None:
@@ -198,17 +189,16 @@ def write_posterior(results: Results, file: Path) -> None:
     draws = results.posterior["draws"][..., : len(results.constants)]
     header = ["chain", "draw", *(f"{name}_gpa" for name in results.constants)]
     rows = ([*place, *draws[place].tolist()] for place in np.ndindex(draws.shape[:2]))
-    write_csv(
-        file,
-        header,
-        rows,
-        mark(results) + f"Draws of the posterior of a {results.symmetry} crystal",
-    )
+    caption = f"{mark(results)}Draws of the posterior of a {results.symmetry} crystal"
+    write_csv(file, header, rows, caption)
 
 
-def card(results: Results, matrix: np.ndarray, solver: str) -> str:
-    """The stiffness (6, 6) in GPa, crystal axes, as a material of Abaqus or CalculiX in MPa."""
-    parameters = results.documents["extract"]["parameters"]
+def card(results: Results, matrix: np.ndarray, kind: str) -> str:
+    """The stiffness (6, 6) in GPa, crystal axes, as a material of Abaqus or CalculiX in MPa.
+
+    `kind` is what the solver calls an anisotropic material.
+    """
+    parameters = results.extracted["parameters"]
     constants = [
         f"{name} {' +- '.join(numbers(parameters[name], mean=1, sd=1))}"
         for name in results.constants
@@ -220,7 +210,7 @@ def card(results: Results, matrix: np.ndarray, solver: str) -> str:
         symmetry=results.symmetry,
         version=__version__,
         constants=enumeration(constants),
-        type=SOLVERS[solver],
+        type=kind,
         stiffness="\n".join(elastic_constants(MPA * matrix)),
     )
     return text + "\n"

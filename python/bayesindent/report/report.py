@@ -15,7 +15,7 @@ from .templates import render
 
 
 def write_report(
-    folder: Any, output: Path | None = None, kind_of_files: str = "", paper: bool = False
+    folder: Any, output: Path | None, kind_of_files: str, paper: bool
 ) -> tuple[Results, Path]:
     """Write the page as `bi.report` says, whose `figures` are here `kind_of_files`; return the
     results and its path.
@@ -26,23 +26,18 @@ def write_report(
     if paper:
         write_paper(results)
     figures = draw_figures(results, kind_of_files, paper)
-    page: dict = {
-        "inputs": inputs_summary(results),
-        "findings": findings(results),
-        "rows": report_rows(results),
-        "advice": advice(results),
-    }
-    page |= dict(zip(("answer", "usability"), answer(results)))
-    file = (output or results.folder) / "report.html"
-    write_text(
-        file,
-        render(
-            "report.html.j2",
-            results=results,
-            figures=figures,
-            least_shift=LEAST_SHIFT,
-            most_rows=MOST_ROWS,
-            **page,
-        ),
+    page = render(
+        "report.html.j2",
+        results=results,
+        figures=figures,
+        least_shift=LEAST_SHIFT,
+        most_rows=MOST_ROWS,
+        inputs=inputs_summary(results),
+        findings=findings(results),
+        rows=report_rows(results),
+        advice=advice(results),
+        answer=answer(results),
     )
+    file = (output or results.folder) / "report.html"
+    write_text(file, page)
     return results, file

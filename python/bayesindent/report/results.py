@@ -2,8 +2,9 @@
 
 import json
 import re
-from collections.abc import Sized
+from collections.abc import Callable, Sized
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, TypeVar
@@ -50,45 +51,18 @@ class Results:
     def __init__(self, source: Any):
         #: The result of `bi.extract`, or None for a folder.
         self.result = source if hasattr(source, "posterior") else None
-        folder = self.folder = Path() if self.result is not None else Path(source)
-        if not folder.is_dir():
-            raise InputError(f"{folder}: there is no such folder of results")
-        facts = {} if self.result is None else self.result.posterior.attrs
-        self.manifest = {} if facts else read_json(folder / MANIFEST)
-        self.resolved = facts["settings"] if facts else read_resolved(folder)
-        self._settings = (
-            typed(call("settings.values", path=folder / "resolved.nml", content=self.resolved))
-            if self.resolved
-            else {}
-        )
-        #: The folder of the last namelist.
-        self.namelist_folder = Path(self.manifest.get("namelist", ".")).parent
-        if not facts and (name := self.group("surrogate").get("file")):
-            # A killed build may have left a new surrogate beside documents of the last one.
-            self.manifest["inputs"] = self.manifest.get("inputs", {}) | surrogate_digest(
-                name, folder, self.namelist_folder
-            )
-        found = {
-            stage: {} if facts else read_json(folder / file) for stage, file in DOCUMENTS.items()
-        }
+        self.folder = Path() if self.result is not None else Path(source)
+        self.manifest: dict = {}
+        self.documents: dict[str, dict] = {stage: {} for stage in DOCUMENTS}
         #: Stages whose documents belong to other inputs.
-        self.outdated = [
-            stage
-            for stage, document in found.items()
-            if document and not belongs(document, self.manifest)
-        ]
-        self.documents = {
-            stage: {} if stage in self.outdated else document for stage, document in found.items()
-        }
-        if facts:
-            self.documents["extract"] = json.loads(facts["summary"])
+        self.outdated: list[str] = []
         #: Messages on inputs that were edited, and files that were removed, after the results.
-        self.edited = [] if facts else changed_inputs(folder)
-        if self.documents["extract"] and not (facts or (folder / "posterior.bin").exists()):
-            self.edited += [
-                f"{folder / 'posterior.bin'}: is missing, and so are its figures; bayesindent "
-                "extract makes it anew"
-            ]
+        self.edited: list[str] = []
+        if self.result is None:
+            self._read_folder()
+        else:
+            self.resolved = self.result.posterior.attrs["settings"]
+            self.documents["extract"] = json.loads(self.result.posterior.attrs["summary"])
         problem = self.group("problem")
         self.symmetry = class_name(problem["symmetry"]) if problem.get("symmetry") else ""
         self.constants = constant_names(self.symmetry) if self.symmetry else ()
@@ -98,15 +72,53 @@ class Results:
             self.group("measurements").get("modulus_kind", "indentation_modulus").replace("_", " ")
         )
 
+    def _read_folder(self) -> None:
+        folder = self.folder
+        if not folder.is_dir():
+            raise InputError(f"{folder}: there is no such folder of results")
+        self.manifest = read_json(folder / MANIFEST)
+        self.resolved = read_resolved(folder)
+        if name := self.group("surrogate").get("file"):
+            # A killed build may have left a new surrogate beside documents of the last one.
+            self.manifest["inputs"] = self.manifest.get("inputs", {}) | surrogate_digest(
+                name, folder, self.namelist_folder
+            )
+        for stage, file in DOCUMENTS.items():
+            document = read_json(folder / file)
+            if belongs(document, self.manifest):
+                self.documents[stage] = document
+            elif document:
+                self.outdated.append(stage)
+        self.edited = changed_inputs(folder)
+        if self.extracted and not (folder / "posterior.bin").exists():
+            self.edited.append(
+                f"{folder / 'posterior.bin'}: is missing, and so are its figures; bayesindent "
+                "extract makes it anew"
+            )
+
+    #: The documents of `extract` and of `build`.
+    extracted = property(lambda self: self.documents["extract"])
+    built = property(lambda self: self.documents["build"])
+
+    @property
+    def namelist_folder(self) -> Path:
+        """The folder of the last namelist."""
+        return Path(self.manifest.get("namelist", ".")).parent
+
+    @cached_property
+    def _settings(self) -> dict:
+        """The resolved variables, such as 'problem.title'."""
+        path = self.folder / "resolved.nml"
+        found = call("settings.values", path=path, content=self.resolved) if self.resolved else {}
+        return typed(found)
+
     def group(self, name: str) -> dict:
         """The variables of a group of the resolved namelist."""
-        if not self._settings.get(f"{name}.given"):
-            return {}
-        start = f"{name}."
+        start, given = f"{name}.", f"{name}.given"
         return {
-            key[len(start) :]: value
+            key.removeprefix(start): value
             for key, value in self._settings.items()
-            if key.startswith(start) and key != f"{start}given"
+            if key.startswith(start) and key != given and self._settings[given]
         }
 
     @cached_property
@@ -116,14 +128,11 @@ class Results:
         The problem states them, or its title names a pure metal.
         """
         if (stated := self.group("problem").get("reference_gpa")) is not None and len(stated):
-            return "truth" if self.synthetic else "reference", dict(
-                zip(self.constants, map(float, stated))
-            )
-        return (
-            (f"literature, pure {self.metal.name}", self.metal.constants)
-            if self.metal
-            else ("", {})
-        )
+            values = dict(zip(self.constants, map(float, stated)))
+            return "truth" if self.synthetic else "reference", values
+        if self.metal:
+            return f"literature, pure {self.metal.name}", self.metal.constants
+        return "", {}
 
     @cached_property
     def metal(self) -> SimpleNamespace | None:
@@ -138,18 +147,8 @@ class Results:
     @property
     def warnings(self) -> list[str]:
         """Messages on edited inputs, then the warnings of all documents."""
-        return list(
-            dict.fromkeys(
-                [
-                    *self.edited,
-                    *(
-                        line
-                        for document in self.documents.values()
-                        for line in document.get("warnings", [])
-                    ),
-                ]
-            )
-        )
+        found = [document.get("warnings", []) for document in self.documents.values()]
+        return list(dict.fromkeys(chain(self.edited, *found)))
 
     @property
     def without_orientations(self) -> bool:
@@ -159,48 +158,38 @@ class Results:
     @property
     def predicted(self) -> list[dict]:
         """Moduli of the grains, measured and predicted."""
-        return [
-            item
-            for item in self.documents["extract"].get("predicted", [])
-            if "propagation_deg" not in item
-        ]
+        return self._compared(waves=False)
 
     @property
     def velocities(self) -> list[dict]:
         """Speeds of waves, measured and predicted."""
-        return [
-            item
-            for item in self.documents["extract"].get("predicted", [])
-            if "propagation_deg" in item
-        ]
+        return self._compared(waves=True)
+
+    def _compared(self, waves: bool) -> list[dict]:
+        found = self.extracted.get("predicted", [])
+        return [item for item in found if ("propagation_deg" in item) == waves]
 
     @property
     def speed(self) -> str:
         """The name of the measured speeds."""
         return (
-            "wave velocity"
-            if any("wave" in item for item in self.velocities)
-            else "Rayleigh velocity"
+            f"{'wave' if any('wave' in item for item in self.velocities) else 'Rayleigh'} velocity"
         )
 
     def identifiability(self, kind: str) -> list[dict]:
         """Rows of the document of `extract` on each 'combination', 'quantity' or 'knowledge'."""
-        return [
-            row
-            for row in self.documents["extract"].get("identifiability", [])
-            if row["kind"] == kind
-        ]
+        return [row for row in self.extracted.get("identifiability", []) if row["kind"] == kind]
 
     @property
     def prior_and_surrogate(self) -> tuple[list[str], str]:
         """Lines of the document of `extract` on its prior, and its line on the surrogate."""
-        words = self.documents["extract"]["prior"]["words"]
-        surrogate = next(
-            line.removeprefix("surrogate: ") for line in words if line.startswith("surrogate: ")
-        )
-        return [
-            line for line in words if not line.startswith(("measured: ", "known: ", "surrogate: "))
-        ], surrogate
+        prior, surrogate = [], ""
+        for line in self.extracted["prior"]["words"]:
+            if line.startswith("surrogate: "):
+                surrogate = line.removeprefix("surrogate: ")
+            elif not line.startswith(("measured: ", "known: ")):
+                prior.append(line)
+        return prior, surrogate
 
     @property
     def simulations(self) -> list[dict]:
@@ -215,59 +204,39 @@ class Results:
         )
         if not self.simulations or len(simulated) != len(theory):
             return None
-        return np.array(
-            [
-                exact["indentation_modulus_gpa"]
-                for row, exact in zip(simulated, theory)
-                if succeeded(row)
-            ]
-        )
+        pairs = [exact for row, exact in zip(simulated, theory) if succeeded(row)]
+        return np.array([exact["indentation_modulus_gpa"] for exact in pairs])
 
     @cached_property
     def posterior(self) -> dict:
         """The numbers of the posterior, see `read_posterior`; {} if there is none."""
         if self.result is not None:
             return self._from_result(self.result)
-        found = read_posterior(self.folder) if self.documents["extract"] else {}
-        return (
-            found
-            if found and json.loads(f"{{{found['inputs']}}}") == self.documents["extract"]["inputs"]
-            else {}
-        )
+        found = read_posterior(self.folder) if self.extracted else {}
+        if found and json.loads(f"{{{found['inputs']}}}") != self.extracted["inputs"]:
+            return {}
+        return found
 
     def _from_result(self, result: Any) -> dict:
         """The same from the groups of ArviZ, as far as figures and comparisons need it."""
-        bounds = np.array(list(json.loads(result.posterior.attrs["bounds"]).values()), dtype=float)
 
-        def draws(group: Any) -> np.ndarray:
-            return np.stack([item.values for item in group.data_vars.values()], axis=-1)
+        def joined(join: Callable, group: Any) -> np.ndarray:
+            return join([item.values for item in group.data_vars.values()], axis=-1)
 
-        def both(group: Any, *names: str) -> np.ndarray:
-            present = [group[name] for name in names if name in group]
-            parts = [item.transpose("angle", ..., missing_dims="ignore").values for item in present]
-            return np.concatenate(parts, axis=-1)
-
-        data = result.constant_data
         return {
-            "draws": draws(result.posterior),
-            "prior_draws": draws(result.prior),
-            "lower": bounds[:, 0],
-            "upper": bounds[:, 1],
+            "draws": joined(np.stack, result.posterior),
+            "prior_draws": joined(np.stack, result.prior),
             "stride": int(np.diff(result.log_likelihood["draw"][:2]).sum()) or 1,
-            "log_likelihood": both(result.log_likelihood, "modulus", "velocity"),
-            "modulus_gpa": both(result.observed_data, "modulus", "velocity"),
-            "sd_gpa": both(data, "sd", "velocity_sd"),
-            "euler_deg": both(data, "euler_deg", "velocity_euler_deg").T,
+            "log_likelihood": joined(np.concatenate, result.log_likelihood),
+            "modulus_gpa": joined(np.concatenate, result.observed_data),
         }
 
     @cached_property
     def samples(self) -> dict[str, np.ndarray]:
         """Draws (chain, draw) of each constant in GPa; {} without a posterior."""
-        return (
-            {name: self.posterior["draws"][..., j] for j, name in enumerate(self.constants)}
-            if self.posterior
-            else {}
-        )
+        if not self.posterior:
+            return {}
+        return {name: self.posterior["draws"][..., j] for j, name in enumerate(self.constants)}
 
     def draws(self, count: int) -> np.ndarray:
         """Stiffness (n, 6, 6) in GPa of at most `count` draws, evenly over the posterior."""
@@ -278,37 +247,38 @@ class Results:
 
     def as_measured(self, modulus: ArrayLike) -> np.ndarray:
         """Convert indentation moduli (GPa) to the measured kind of modulus."""
-        group = {"modulus_kind": "indentation_modulus"} | self.group("measurements")
-        numbers = {
-            name: group.get(name, 0.0)
-            for name in ("indenter_modulus_gpa", "indenter_nu", "sample_nu")
-        }
-        return call(
-            "crystal.moduli_of_kind", kind=group["modulus_kind"], moduli=modulus, **numbers
-        )["values"].reshape(np.shape(modulus))
+        group = self.group("measurements")
+        constants = ("indenter_modulus_gpa", "indenter_nu", "sample_nu")
+        found = call(
+            "crystal.moduli_of_kind",
+            kind=self.kind.replace(" ", "_"),
+            moduli=modulus,
+            **{name: group.get(name, 0.0) for name in constants},
+        )
+        return found["values"].reshape(np.shape(modulus))
 
     @cached_property
     def surrogate(self) -> Surrogate | None:
         """The surrogate: in the folder, beside the namelist, or one that comes with the package."""
-        held = (
-            {}
-            if self.result is None
-            else self.result.posterior.attrs | self.result.posterior.encoding
-        )
-        if isinstance(held.get("surrogate"), Surrogate):
-            return held["surrogate"]
+        held: Any = None
+        if self.result is not None:
+            facts = self.result.posterior.attrs | self.result.posterior.encoding
+            held = facts.get("surrogate")
+        if isinstance(held, Surrogate):
+            return held
         # Namelists of the library need not state the name of the surrogate.
-        name = (
-            held.get("surrogate")
-            or self.group("surrogate").get("file")
-            or Path(self.documents["build"].get("file", "")).name
-        )
+        name = held or self.group("surrogate").get("file") or Path(self.built.get("file", "")).name
         try:
             return Surrogate.load(
                 name, symmetry=self.symmetry, output=self.folder, folder=self.namelist_folder
             )
         except InputError:
             return None
+
+
+def residual(item: dict) -> float:
+    """Measured minus predicted in units of the stated sd."""
+    return (item["measured"] - item["mean"]) / item["measured_sd"]
 
 
 def succeeded(simulation: dict) -> bool:

@@ -29,9 +29,7 @@ from .formatting import (  # isort: skip
     subscript,
     suggested_grains,
 )
-from .results import Results
-
-__all__ = ["LEAST_SHIFT", "MOST_ROWS", "grain_cells", "identifiability_cells", "report_rows"]
+from .results import Results, residual
 
 #: Shift of a mean, in sds, from which on it is reported.
 LEAST_SHIFT = 0.1
@@ -43,55 +41,55 @@ DRAWS = 4000
 
 def report_rows(results: Results) -> dict[str, list[list]]:
     """The rows of each table; none where the results have nothing of it."""
-    document = results.documents["extract"]
-    parameters = document.get("parameters", {}).items()
+    document = results.extracted
+    parameters = document.get("parameters", {})
     suggestions = results.documents["next"].get("suggestions", [])
-    digits = {"measured": 1, "measured_sd": 1, "mean": 1, "sd": 1, "off": 1}
-    rows = {
-        "constants": [constant_row(name, item, results.reference[1]) for name, item in parameters]
+    return {
+        "constants": [
+            constant_row(name, item, results.reference[1]) for name, item in parameters.items()
+        ],
+        "predicted": [
+            [*grain_cells(row, item), *compared_cells(item), number(rounded_residual(item))]
+            for row, item in enumerate(results.predicted, start=1)
+        ],
+        "compliances": compliance_rows(results) if results.samples else [],
+        "correlation": [
+            [name, *map(number, row, repeat(2))]
+            for name, row in zip(parameters, document.get("correlation", []))
+        ],
+        "limits": [
+            [
+                limit_name(row["name"], row["side"]),
+                f"{row['value']:.4g}",
+                percent(row["share"]),
+                "yes" if row["stated"] else "no",
+            ]
+            for row in document.get("limits", [])
+        ],
+        "combinations": [
+            [product_html(row["exponents"]), *identifiability_cells(row)]
+            for row in results.identifiability("combination")
+        ],
+        "quantities": [
+            [quantity_label(row, results.symmetry), *identifiability_cells(row)]
+            for row in results.identifiability("quantity")
+            if row["name"] not in parameters
+        ],
+        "prior": prior_rows(results) if document.get("prior") else [],
+        "checks": check_rows(results) if document.get("checks") else [],
+        "sensitivity": list(filter(None, map(sensitivity_row, document.get("sensitivity", [])))),
+        "simulations": simulation_rows(results),
+        "suggestions": [
+            [
+                name,
+                *angles_of(item),
+                region(item, item.get("uvw") or direction(item, results.symmetry)),
+                number(item["gain"], 3),
+            ]
+            for name, item in zip(suggested_grains(suggestions), suggestions)
+        ],
+        "provenance": provenance_rows(results),
     }
-    rows["predicted"] = [
-        [*grain_cells(row, item), *numbers(item | {"off": off(item)}, **digits)]
-        for row, item in enumerate(results.predicted, start=1)
-    ]
-    rows["compliances"] = compliance_rows(results) if results.samples else []
-    rows["correlation"] = [
-        [name, *map(number, row, repeat(2))]
-        for (name, _), row in zip(parameters, document.get("correlation", []))
-    ]
-    rows["limits"] = [
-        [
-            limit_name(row["name"], row["side"]),
-            f"{row['value']:.4g}",
-            percent(row["share"]),
-            "yes" if row["stated"] else "no",
-        ]
-        for row in document.get("limits", [])
-    ]
-    rows["combinations"] = [
-        [product_html(row["exponents"]), *identifiability_cells(row)]
-        for row in results.identifiability("combination")
-    ]
-    rows["quantities"] = [
-        [quantity_label(row, results.symmetry), *identifiability_cells(row)]
-        for row in results.identifiability("quantity")
-        if row["name"] not in document["parameters"]
-    ]
-    rows["prior"] = prior_rows(results) if document.get("prior") else []
-    rows["checks"] = check_rows(results) if document.get("checks") else []
-    rows["sensitivity"] = list(filter(None, map(sensitivity_row, document.get("sensitivity", []))))
-    rows["simulations"] = simulation_rows(results)
-    rows["suggestions"] = [
-        [
-            name,
-            *angles_of(item),
-            region(item, item.get("uvw") or direction(item, results.symmetry)),
-            number(item["gain"], 3),
-        ]
-        for name, item in zip(suggested_grains(suggestions), suggestions, strict=True)
-    ]
-    rows["provenance"] = provenance_rows(results)
-    return rows
 
 
 def angles_of(item: dict) -> list[str]:
@@ -104,13 +102,14 @@ def grain_cells(row: int, item: dict) -> list[str]:
     return [str(item.get("grain", row)), *angles_of(item)]
 
 
-def off(item: dict) -> float | None:
-    """Measured minus predicted in units of the stated sd."""
-    return (
-        round((item["measured"] - item["mean"]) / item["measured_sd"], 1) + 0.0
-        if item.get("measured_sd")
-        else None
-    )
+def compared_cells(item: dict) -> list[str]:
+    """The measured value with its sd, and the predicted one."""
+    return numbers(item, measured=1, measured_sd=1, mean=1, sd=1)
+
+
+def rounded_residual(item: dict) -> float | None:
+    """The residual, see `residual`, with one decimal; -0.0 becomes 0."""
+    return round(residual(item), 1) + 0.0 if item.get("measured_sd") else None
 
 
 def constant_row(name: str, item: dict, reference: dict[str, float]) -> list:
@@ -161,12 +160,10 @@ def simulation_rows(results: Results) -> list[list]:
     rows, theory = [], results.theory_moduli
     for index, row in enumerate(results.simulations[:MOST_ROWS]):
         modulus, *cost = numbers(row, indentation_modulus_gpa=2, elements=0, seconds=2)
-        exact = None if theory is None else float(theory[index])
-        compared = (
-            [number(exact, 2), number(100 * (row["indentation_modulus_gpa"] / exact - 1), 2)]
-            if exact
-            else []
-        )
+        compared = []
+        if theory is not None:
+            ratio = row["indentation_modulus_gpa"] / theory[index]
+            compared = [number(theory[index], 2), number(100 * (ratio - 1), 2)]
         rows.append([orientation(row["euler_deg"]), modulus, *compared, *cost])
     return rows
 
@@ -180,21 +177,20 @@ def identifiability_cells(row: dict) -> list[str]:
     """Mean of a quantity, its sds in posterior and prior, and shares; of a combination, which has
     no mean, the sds are in per cent.
     """
-    digits = quantity_format(row)[1] if row["kind"] == "quantity" else 0
-    relative = [number(100 * row[name], 2) for name in ("sd", "prior_sd")]
-    return [
-        *(numbers(row, mean=digits, sd=digits, prior_sd=digits) if digits else relative),
-        *share_cells(row),
-    ]
+    if row["kind"] == "quantity":
+        digits = quantity_format(row)[1]
+        found = numbers(row, mean=digits, sd=digits, prior_sd=digits)
+    else:
+        found = [percent(row["sd"], 2), percent(row["prior_sd"], 2)]
+    return found + share_cells(row)
 
 
 def prior_rows(results: Results) -> list[list[str]]:
-    prior, (words, surrogate) = results.documents["extract"]["prior"], results.prior_and_surrogate
+    """The density, the bounds, what else is known, and the surrogate."""
+    prior, (words, surrogate) = results.extracted["prior"], results.prior_and_surrogate
     rows = [["density", words[0]]]
-    rows += [
-        [f"{name} (GPa)", " .. ".join(map(number, bounds))]
-        for name, bounds in prior["bounds"].items()
-    ]
+    for name, bounds in prior["bounds"].items():
+        rows.append([f"{name} (GPa)", " .. ".join(map(number, bounds))])
     for item in prior["knowledge"]:
         value = f"{item['mean']:.4g} ± {item['sd']:.2g}, {item['conflict_sd']:.1f} sd from all else"
         rows.append([f"known: {quantity_label(item, results.symmetry)}", value])
@@ -203,7 +199,7 @@ def prior_rows(results: Results) -> list[list[str]]:
 
 def check_rows(results: Results) -> list[list]:
     """Whether the model could have given the measurements."""
-    document = results.documents["extract"]
+    document = results.extracted
     chi_square, worst = (document["checks"][name] for name in ("chi_square", "extreme_grain"))
     mean = (
         f"χ² about a draw of the posterior, {number(chi_square['mean'])} on average for "
@@ -228,33 +224,25 @@ def check_rows(results: Results) -> list[list]:
 def sensitivity_row(change: dict) -> list[str] | None:
     """What a change of the prior shifts, where that matters."""
     shifts = {
-        name: shift
-        for name, shift in change["shift_sd"].items()
-        if shift is not None and abs(shift) > LEAST_SHIFT
+        name: shift for name, shift in change["shift_sd"].items() if abs(shift or 0) > LEAST_SHIFT
     }
     if not shifts:
         return None
     text = limit_name(change["name"], change.get("side", ""))
     if "side" in change:
         text += f" from {change['from']:.4g} to {change['to']:.4g}"
-    shifted = ", ".join(
-        f"{name} {shift:+.2f}"
-        for name, shift in sorted(shifts.items(), key=lambda pair: -abs(pair[1]))
-    )
+    largest_first = sorted(shifts, key=lambda name: -abs(shifts[name]))
+    shifted = ", ".join(f"{name} {shifts[name]:+.2f}" for name in largest_first)
     return [text, shifted if change["exact"] else f"about {shifted}"]
 
 
 def provenance_rows(results: Results) -> list[list]:
     """Versions, input and commands that made the results."""
-    log = results.folder / "run.log"
-    lines = (
-        log.read_text(encoding="utf-8", errors="replace").splitlines()
-        if log.is_file() and results.result is None
-        else []
-    )
-    commands = [
-        line.split(": ", 1)[-1] for line in lines if f"INFO bayesindent {__version__[:1]}" in line
-    ]
+    log, command = results.folder / "run.log", "–"
+    if log.is_file() and results.result is None:
+        for line in log.read_text(encoding="utf-8", errors="replace").splitlines():
+            if f"INFO bayesindent {__version__[:1]}" in line:
+                command = line.split(": ", 1)[-1]
     system = f"{platform.python_version()}, {platform.system()} {platform.machine()}"
     digest = hashlib.sha256(results.resolved.encode()).hexdigest()
     rows = [
@@ -262,7 +250,7 @@ def provenance_rows(results: Results) -> list[list]:
         ["Python, system", system],
         ["NumPy, SciPy, ArviZ", ", ".join(map(metadata.version, ("numpy", "scipy", "arviz")))],
         ["seed", results.group("problem").get("seed", "–")],
-        ["last command", commands[-1] if commands else "–"],
+        ["last command", command],
         ["SHA-256 of the resolved input", digest if results.resolved else "–"],
     ]
     if results.outdated:

@@ -16,18 +16,6 @@ from .formatting import (
 )
 from .results import Results
 
-__all__ = [
-    "advice",
-    "answer",
-    "findings",
-    "indenter",
-    "inputs_summary",
-    "measured_ranges",
-    "specimen",
-    "with_count",
-    "with_verdict",
-]
-
 #: Most quantities that are listed.
 MOST = 6
 
@@ -56,24 +44,20 @@ CONSEQUENCES = {
 
 def answer(results: Results) -> list[str]:
     """A line with the constants and their sds, and whether they can be used; [] without them."""
-    document = results.documents["extract"]
+    document = results.extracted
     if not document:
         return []
-    parameters = {name: document["parameters"][name] for name in results.constants}
-    # Use blanks that do not break the line.
-    constants = ", ".join(
-        f"{subscript(name)} = {plus_minus(item)}".replace(" ", "\u00a0")
-        for name, item in parameters.items()
-    )
-    vague = enumeration(
-        [
-            subscript(name)
-            for name, item in parameters.items()
-            if item["verdict"] == "not_determined"
-        ]
-    )
-    usable = "Usable" + (f", but the measurements do not determine {vague}." if vague else ".")
-    return [f"{constants}\u00a0GPa.", usable if document["usable"] else "Not usable."]
+    stated, vague = [], []
+    for name in results.constants:
+        item = document["parameters"][name]
+        # Use blanks that do not break the line.
+        stated.append(f"{subscript(name)} = {plus_minus(item)}".replace(" ", "\u00a0"))
+        if item["verdict"] == "not_determined":
+            vague.append(subscript(name))
+    usable = "Usable" if document["usable"] else "Not usable"
+    if document["usable"] and vague:
+        usable += f", but the measurements do not determine {enumeration(vague)}"
+    return [f"{', '.join(stated)}\u00a0GPa.", f"{usable}."]
 
 
 def advice(results: Results) -> dict[str, list[str]]:
@@ -84,29 +68,25 @@ def advice(results: Results) -> dict[str, list[str]]:
     remedies: dict[str, list[str]] = {}
     for line in results.warnings:
         what, _, remedy = line.partition(". ")
-        if not any(
-            reason.startswith(what) for reason in results.documents["extract"].get("reasons", [])
-        ):
+        if not any(reason.startswith(what) for reason in results.extracted.get("reasons", [])):
             remedies.setdefault(remedy or line, []).append(what)
     found: dict[str, list[str]] = {consequence: [] for consequence in CONSEQUENCES}
     for remedy, parts in remedies.items():
         start = common(parts)
-        line = (
-            start
-            + "; ".join(part.removeprefix(start) for part in parts)
-            + (f". {remedy}" if remedy not in parts else "")
-        )
+        line = start + "; ".join(part.removeprefix(start) for part in parts)
+        if remedy not in parts:
+            line += f". {remedy}"
         found[consequence_of(line)].append(line[:1].upper() + line[1:].rstrip(".") + ".")
     return {consequence: lines for consequence, lines in found.items() if lines}
 
 
 def consequence_of(warning: str) -> str:
     """The first consequence one of whose phrases is in the warning."""
-
-    def has_phrase(consequence: str) -> bool:
-        return any(phrase in warning for phrase in CONSEQUENCES[consequence])
-
-    return next(filter(has_phrase, CONSEQUENCES))
+    return next(
+        consequence
+        for consequence, phrases in CONSEQUENCES.items()
+        if any(map(warning.__contains__, phrases))
+    )
 
 
 def common(parts: list[str]) -> str:
@@ -119,7 +99,7 @@ def common(parts: list[str]) -> str:
 
 def inputs_summary(results: Results) -> list[tuple[str, str]]:
     """Terms and texts on crystal, grains, modulus, simulations, specimen and indenter."""
-    document, simulated = results.documents["extract"], len(results.simulations)
+    document, simulated = results.extracted, len(results.simulations)
     if not any(results.documents.values()):
         return []
     rows = [
@@ -128,37 +108,27 @@ def inputs_summary(results: Results) -> list[tuple[str, str]]:
             results.symmetry and f"{results.symmetry}; constants {', '.join(results.constants)}",
         )
     ]
-    if document:
+    if results.predicted:
         moduli, sds = measured_ranges(results)
         scatter = f", standard deviations {sds} GPa" if sds else "; their scatter is inferred"
-        if results.predicted:
-            grains = (
-                with_count(len(results.predicted), "grain")
-                + " of unknown orientation" * results.without_orientations
-            )
-            rows += [
-                ("Grains", f"{grains}, {moduli} GPa{scatter}"),
-                ("Modulus", modulus_kind(results)),
-            ]
-        if results.velocities:
-            rows.append(
-                (
-                    "Velocities",
-                    f"{results.speed} in {with_count(len(results.velocities), 'direction')}",
-                )
-            )
+        grains = (
+            with_count(len(results.predicted), "grain")
+            + " of unknown orientation" * results.without_orientations
+        )
+        rows += [
+            ("Grains", f"{grains}, {moduli} GPa{scatter}"),
+            ("Modulus", modulus_kind(results)),
+        ]
+    if results.velocities:
+        directions = with_count(len(results.velocities), "direction")
+        rows += [("Velocities", f"{results.speed} in {directions}")]
     if simulated:
-        rows.append(
-            (
-                "Simulations",
-                f"indentation moduli of {with_count(simulated, 'crystal')} by finite elements",
-            )
-        )
+        crystals = with_count(simulated, "crystal")
+        rows += [("Simulations", f"indentation moduli of {crystals} by finite elements")]
     rows += [("Specimen", specimen(results)), ("Indenter", indenter(results))]
-    if not document and (build := results.documents["build"]):
-        rows.append(
-            ("Surrogate", f"from {build['simulations']} simulations; {build['domain']['words']}")
-        )
+    if not document and (build := results.built):
+        words = f"from {build['simulations']} simulations; {build['domain']['words']}"
+        rows += [("Surrogate", words)]
     return [row for row in rows if row[1]]
 
 
@@ -180,18 +150,16 @@ def measured_ranges(results: Results) -> list[str]:
 def modulus_kind(results: Results) -> str:
     """The kind of modulus, and the constants that define it."""
     measured = results.group("measurements")
-    names = {
-        "effective modulus": ("indenter_modulus_gpa", "indenter_nu"),
-        "sample modulus": ("sample_nu",),
-    }
     signs = {
-        "indenter_modulus_gpa": "E = {:g} GPa of the indenter",
-        "indenter_nu": "ν = {:g} of the indenter",
-        "sample_nu": "ν = {:g}",
+        "effective modulus": {
+            "indenter_modulus_gpa": "E = {:g} GPa of the indenter",
+            "indenter_nu": "ν = {:g} of the indenter",
+        },
+        "sample modulus": {"sample_nu": "ν = {:g}"},
     }
     stated = [
-        signs[name].format(measured[name])
-        for name in names.get(results.kind, ())
+        sign.format(measured[name])
+        for name, sign in signs.get(results.kind, {}).items()
         if name in measured
     ]
     return results.kind + (f", with {' and '.join(stated)}" if stated else "")
@@ -200,32 +168,26 @@ def modulus_kind(results: Results) -> str:
 def indenter(results: Results) -> str:
     """The shape of the indenter and its last depth; '' if no simulation depends on it."""
     group = results.group("indenter")
-    if not (group or results.documents["build"] or results.simulations):
+    if not (group or results.built or results.simulations):
         return ""
-    shape = group.get("shape", "paraboloid")
-    size = (
-        f"half angle {group['half_angle_deg']:g}°"
-        if shape == "cone"
-        else f"radius {group.get('radius_um', 16.0):g} µm"
-    )
-    last = (
-        f"depth of {depth:g} µm"
-        if (depth := group.get("depth_um"))
-        else f"contact radius of {group.get('contact_radius_um', 0.5):g} µm"
-    )
+    shape, depth = group.get("shape", "paraboloid"), group.get("depth_um")
+    size = f"radius {group.get('radius_um', 16.0):g} µm"
+    if shape == "cone":
+        size = f"half angle {group['half_angle_deg']:g}°"
+    last = f"contact radius of {group.get('contact_radius_um', 0.5):g} µm"
+    if depth:
+        last = f"depth of {depth:g} µm"
     return f"rigid {shape}, {size}, up to a {last}"
 
 
 def specimen(results: Results) -> str:
     """The specimen; '' if no simulation depends on it."""
     group = results.group("specimen")
-    if not (results.documents["build"] or results.simulations) or not group:
+    if not (results.built or results.simulations) or not group:
         return ""
-    substrate = (
-        f" on a substrate of E = {group['substrate_young_gpa']:g} GPa"
-        if group.get("substrate_young_gpa")
-        else ""
-    )
+    substrate = ""
+    if young := group.get("substrate_young_gpa"):
+        substrate = f" on a substrate of E = {young:g} GPa"
     return {
         "halfspace": "half-space",
         "block": (
@@ -238,10 +200,7 @@ def specimen(results: Results) -> str:
 
 def findings(results: Results) -> list[str | Markup]:
     """Sentences on combinations that are determined, and on quantities by their verdict."""
-    combinations, constants = (
-        results.identifiability("combination"),
-        results.documents["extract"].get("parameters", {}),
-    )
+    combinations = results.identifiability("combination")
     if not combinations:
         return []
     found = with_verdict(combinations, "determined")
@@ -256,7 +215,7 @@ def findings(results: Results) -> list[str | Markup]:
     quantities = [
         row
         for row in results.identifiability("quantity")
-        if row["mean"] and row["name"] not in constants
+        if row["mean"] and row["name"] not in results.extracted["parameters"]
     ]
     derived = sorted(quantities, key=lambda row: row["sd"] / abs(row["mean"]))
     rest = {
@@ -276,5 +235,6 @@ def with_verdict(rows: list[dict], verdict: str) -> list[dict]:
 
 
 def with_sd(row: dict, symmetry: str) -> str:
+    """The name of a quantity, its mean, its sd and its unit."""
     name, unit = quantity_name(row["name"], symmetry), quantity_format(row)[0]
     return f"{name} {plus_minus(row)} {unit}".rstrip()

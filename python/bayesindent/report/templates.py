@@ -27,7 +27,5 @@ def render(name: str, **values: object) -> str:
     environment = Environment(
         autoescape=name.endswith(".html.j2"), finalize=escape, trim_blocks=True, lstrip_blocks=True
     )
-    environment.globals.update(
-        {function: getattr(formatting, function) for function in formatting.__all__}
-    )
+    environment.globals.update(vars(formatting))
     return environment.from_string(read_data(name)).render(values)

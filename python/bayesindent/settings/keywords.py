@@ -49,19 +49,15 @@ def takes(*groups: str, without: Collection[str] = ()) -> Callable[[Any], Any]:
 
     def decorate(function: Callable) -> Callable:
         own = inspect.signature(function)
-        stated = [
-            parameter
-            for parameter in own.parameters.values()
-            if parameter.kind is not parameter.VAR_KEYWORD
-        ]
-        names = {parameter.name for parameter in stated}
-        listed = [variable for name, variable in variables.items() if name not in names]
+        stated = dict(own.parameters)
+        stated.pop("settings", None)
+        listed = [variable for name, variable in variables.items() if name not in stated]
         keyword = partial(inspect.Parameter, kind=inspect.Parameter.KEYWORD_ONLY)
         more = [
             keyword(variable.name, default=default_of(variable), annotation=type_of(variable))
             for variable in listed
         ]
-        known = {*names, *variables}
+        known = {*stated, *variables}
 
         @wraps(function)
         def checked(*arguments: Any, **keywords: Any) -> Any:
@@ -86,7 +82,7 @@ def takes(*groups: str, without: Collection[str] = ()) -> Callable[[Any], Any]:
                 raise type(error)(in_python(str(error))) from None
 
         origin = f"bi.{function.__qualname__.removesuffix('.__init__')}"
-        signature = own.replace(parameters=[*stated, *more])
+        signature = own.replace(parameters=[*stated.values(), *more])
         checked.__signature__ = signature  # type: ignore[attr-defined]
         before, end, after = inspect.cleandoc(function.__doc__ or "").partition("\n\nReturns\n")
         aliases = [

@@ -91,10 +91,8 @@ class Points:
     def constants(self) -> list[dict]:
         """Constants of each row by name, GPa."""
         names = [constant_names(symmetry) for symmetry in self._classes]
-        rows = zip(
-            self._numbers["class"].tolist(), self._numbers["constants"].tolist(), strict=True
-        )
-        return [dict(zip(names[number - 1], values, strict=False)) for number, values in rows]
+        rows = zip(self._numbers["class"].tolist(), self._numbers["constants"].tolist())
+        return [dict(zip(names[number - 1], values)) for number, values in rows]
 
     stiffness = cached_property(lambda self: self._columns("stiffness")["stiffness"])
     _numbers = cached_property(lambda self: self._columns("numbers"))
@@ -117,6 +115,15 @@ class Points:
             names=",".join(columns),
             values=np.stack(list(columns.values())),
         )
+
+
+def _table(name: str, doc: str) -> Any:
+    """The property of a problem that is its table of a name, or None."""
+
+    def points(problem: "Problem") -> Points | None:
+        return Points(problem, name, problem._facts) if f"{name}.n" in problem._facts else None
+
+    return property(points, doc=doc)
 
 
 class Problem(NativeObject):
@@ -151,12 +158,14 @@ class Problem(NativeObject):
         """
         text = ""
         for group, values in groups.items():
-            stated = {name: value for name, value in (values or {}).items() if value is not None}
+            if values is None:
+                continue
             lines = [
                 f"{name} = {spelled(value, f'{origin}: &{group} {name}')}\n"
-                for name, value in stated.items()
+                for name, value in values.items()
+                if value is not None
             ]
-            text += "" if values is None else f"&{group}\n{''.join(lines)}/\n"
+            text += f"&{group}\n{''.join(lines)}/\n"
         return cls.parse(
             origin, text, tables, (partial(cls.from_keywords, origin, tables, **groups), ())
         )
@@ -180,11 +189,9 @@ class Problem(NativeObject):
     def _fill(self, made: dict, path: Path, tables: Mapping[str, Mapping] | None = None) -> None:
         self._hold(made["handle"], frozen=False)
         facts = typed(self._call("describe")) | {"folder": path.parent}
-        pages: dict[str, Any] = {
-            name: columns_as_csv(table)
-            for name, table in (tables or {}).items()
-            if name != "measurements"
-        }
+        tables = dict(tables or {})
+        source: Any = tables.pop("measurements", None)
+        pages: dict[str, Any] = {name: columns_as_csv(table) for name, table in tables.items()}
         if names := facts.get("curves.files"):
             # Importing this module and the following one takes time.
             from ..lab.instruments import curves_of_files
@@ -197,8 +204,8 @@ class Problem(NativeObject):
         self.table: LaboratoryTable | None = None
         self.map: Any = None
         notes: list[str] = []
-        file = facts.get("measurements.file")
-        source = path.parent / file if file else (tables or {}).get("measurements")
+        if file := facts.get("measurements.file"):
+            source = path.parent / file
         if source is not None:
             from ..lab.canonical import canonical_table
 
@@ -211,32 +218,16 @@ class Problem(NativeObject):
             notes += self.map.warnings
         facts = typed(self._call("load", notes="\n".join(notes), **pages))
         self.path, self.folder = path, path.parent
-        self.resolved, self.warnings, self.stages = (
-            facts["resolved"],
-            facts["warnings"],
-            facts["stages"].split(),
-        )
+        self.resolved, self.warnings = facts["resolved"], facts["warnings"]
+        self.stages = facts["stages"].split()
         self.settings = _settings(facts)
-        self._tables = {
-            table: facts
-            for table in ("crystals", "measurements", "candidates", "grains")
-            if f"{table}.n" in facts
-        }
+        self._facts = facts
         self._frozen = True
 
-    def _points(self, table: str) -> Any:
-        return Points(self, table, self._tables[table]) if table in self._tables else None
-
-    crystals = property(
-        partial(_points, table="crystals"), doc="The crystals of `&crystals`, or None."
-    )
-    measurements = property(
-        partial(_points, table="measurements"), doc="The measurements, or None."
-    )
-    candidates = property(
-        partial(_points, table="candidates"), doc="The candidates of `&design`, or None."
-    )
-    grains = property(partial(_points, table="grains"), doc="The grains of `&next`, or None.")
+    crystals = _table("crystals", "The crystals of `&crystals`, or None.")
+    measurements = _table("measurements", "The measurements, or None.")
+    candidates = _table("candidates", "The candidates of `&design`, or None.")
+    grains = _table("grains", "The grains of `&next`, or None.")
 
     def __repr__(self) -> str:
         asked = f"asks for {', '.join(self.stages)}" if self.stages else "asks for nothing"
@@ -297,13 +288,8 @@ def schema() -> tuple[Variable, ...]:
         for name, words, *more in (
             line[3:-2].split(" | ") for line in lines if line.startswith("| `")
         ):
-            shape = (
-                "constants"
-                if words.endswith(" constant")
-                else "list"
-                if words.startswith("list")
-                else "one"
-            )
+            shape = "list" if words.startswith("list") else "one"
+            shape = "constants" if words.endswith(" constant") else shape
             kind = re.sub("list of | for each constant|s$", "", words)
             found.append(Variable(heading.strip("`"), meaning, name.strip("`"), kind, shape, *more))
     return tuple(found)

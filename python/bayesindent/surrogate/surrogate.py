@@ -62,9 +62,7 @@ class Surrogate(NativeObject):
             if isinstance(values, np.ndarray):
                 values.flags.writeable = False
         self.__dict__.update(
-            {name: facts[name] for name in ("alpha", "beta", "fall", "coefficients")}
-        )
-        self.__dict__.update(
+            {name: facts[name] for name in ("alpha", "beta", "fall", "coefficients")},
             basis=basis,
             symmetry=basis.symmetry,
             provenance=json.loads(facts["provenance"]),
@@ -93,21 +91,15 @@ class Surrogate(NativeObject):
         ----------
         """
         basis = Basis.from_keywords(symmetry, domain, **settings)
-        return cls(
-            basis._call("fit", modulus_gpa=modulus_gpa, **basis.rows(constants, euler_deg))[
-                "handle"
-            ]
-        )
+        rows = basis.rows(constants, euler_deg)
+        return cls(basis._call("fit", modulus_gpa=modulus_gpa, **rows)["handle"])
 
     def leave_out(self, groups: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """For each simulation of `data` the modulus (n,) in GPa that the simulations outside its
         group predict, and the error in units of its sd. `groups` (n,) are any numbers.
         """
-        data, numbers = self.data, np.asarray(groups, dtype=float).ravel()
-        rows = self.basis.rows(data["constants"], data["euler_deg"])
-        modulus, z = self.basis._call(
-            "leave_out", modulus_gpa=data["modulus_gpa"], groups=numbers, **rows
-        )["values"]
+        numbers = np.asarray(groups, dtype=float).ravel()
+        modulus, z = self.basis._call("leave_out", groups=numbers, **self.data)["values"]
         return modulus, z
 
     @classmethod
@@ -171,19 +163,13 @@ class Surrogate(NativeObject):
         """The simulations on which it is trained: constants (n, k) and modulus_gpa (n,) in GPa,
         euler_deg (n, 3); empty if there are none.
         """
-        arrays = {
-            name: self._facts[f"simulated_{name}"]
-            for name in ("constants", "euler_deg", "modulus_gpa")
+        n = len(self._facts["simulated_modulus_gpa"])
+        if not n:
+            return {}
+        shapes = {"constants": (n, -1), "euler_deg": (n, 3), "modulus_gpa": (n,)}
+        return {
+            name: self._facts[f"simulated_{name}"].reshape(shape) for name, shape in shapes.items()
         }
-        n = len(arrays["modulus_gpa"])
-        return (
-            {
-                name: values if name == "modulus_gpa" else values.reshape(n, -1)
-                for name, values in arrays.items()
-            }
-            if n
-            else {}
-        )
 
     def predict(
         self, stiffness: ArrayLike, euler_deg: ArrayLike, *, threads: int = 1

@@ -6,8 +6,6 @@ from pathlib import Path
 from ...report.comparison import compare
 from ..command import Command, output_folder, show_table
 
-__all__ = ["COMMANDS"]
-
 
 def action(arguments: argparse.Namespace) -> dict:
     """Compare the runs; tables and figure are in the output folder."""
@@ -22,9 +20,13 @@ def show(document: dict) -> None:
             show_table(title, rows[0], map(dict.values, rows))
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The folders to compare."""
-    parser.add_argument("runs", metavar="RUN", nargs="+", help="two or more folders of results")
-
-
-COMMANDS = (Command("compare", action=action, arguments=add_arguments, show=show),)
+COMMANDS = (
+    Command(
+        "compare",
+        action=action,
+        arguments=lambda parser: parser.add_argument(
+            "runs", metavar="RUN", nargs="+", help="two or more folders of results"
+        ),
+        show=show,
+    ),
+)

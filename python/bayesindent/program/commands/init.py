@@ -14,8 +14,6 @@ from ...crystal.metals import known_of, metals
 from ...settings.problem import Variable, schema, spelled
 from ..command import Command
 
-__all__ = ["COMMANDS", "template"]
-
 #: Names of the two files.
 NAMELIST, TABLE = "grains.nml", "grains.csv"
 
@@ -78,23 +76,19 @@ def template(symmetry: str | None, metal: str | None) -> dict[str, str]:
         "next": {"count": "3"},
     }
     for group in ("problem", "surrogate", "measurements", "prior", "knowledge", "sampler", "next"):
+        of_metal = known if group == "knowledge" else None
+        without = ("quantity", "mean", "sd") if of_metal else FOR_BUILDING
         variables = [
             variable
             for variable in schema()
-            if variable.group == group and variable.name not in FOR_BUILDING
+            if variable.group == group and variable.name not in without
         ]
         lines += ["", f"! {variables[0].group_meaning}"]
-        lines += [
-            *([f"! The constants are in the order {constants}."] if group == "prior" else []),
-            f"&{group}",
-        ]
-        if group == "knowledge" and known:
-            lines += knowledge(known)
-            variables = [
-                variable
-                for variable in variables
-                if variable.name not in ("quantity", "mean", "sd")
-            ]
+        if group == "prior":
+            lines += [f"! The constants are in the order {constants}."]
+        lines += [f"&{group}"]
+        if of_metal:
+            lines += knowledge(of_metal)
         for variable in variables:
             lines += (
                 KINDS
@@ -109,6 +103,7 @@ def template(symmetry: str | None, metal: str | None) -> dict[str, str]:
 
 
 def knowledge(metal: SimpleNamespace) -> list[str]:
+    """The lines of &knowledge that state what is known of a pure metal."""
     known = known_of(metal)
     stated = ", ".join(f"{name} {value:g}" for name, value in metal.constants.items())
     said = (
@@ -160,6 +155,7 @@ def init(arguments: argparse.Namespace) -> dict:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The crystal class and the metal."""
     parser.add_argument(
         "symmetry", nargs="?", metavar="SYMMETRY", help="a crystal class, such as fcc, hcp or mmm"
     )
@@ -170,12 +166,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def show(document: dict) -> None:
-    print("Written:", *document["files"])
-
-
-def after(arguments: argparse.Namespace, document: dict) -> str:
-    return f"fill in {document['files'][1]}, then bayesindent run {document['files'][0]}"
-
-
-COMMANDS = (Command("init", action=init, arguments=add_arguments, show=show, then=after),)
+COMMANDS = (
+    Command(
+        "init",
+        action=init,
+        arguments=add_arguments,
+        show=lambda document: print("Written:", *document["files"]),
+        then=lambda _, document: (
+            f"fill in {document['files'][1]}, then bayesindent run {document['files'][0]}"
+        ),
+    ),
+)

@@ -8,8 +8,6 @@ from ...core import InputError
 from ...settings.problem import Problem
 from ..command import Command, output_folder
 
-__all__ = ["COMMANDS"]
-
 
 def draw(arguments: argparse.Namespace) -> dict:
     """Draw the map to a file and list the grain of each indent."""
@@ -40,21 +38,17 @@ def draw(arguments: argparse.Namespace) -> dict:
     return {"file": str(output / "map.png"), "results": rows, "warnings": problem.warnings}
 
 
-def show(document: dict) -> None:
-    print(
-        f"Map: {document['file']}, {len(document['results'])} indents in "
-        f"{len({row['grain'] for row in document['results']})} grains"
-    )
-
-
-def after(arguments: argparse.Namespace, document: dict) -> str:
-    return f"open {document['file']}"
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "file", metavar="FILE.nml", type=Path, help="with &measurements file and ebsd"
-    )
-
-
-COMMANDS = (Command("map", action=draw, arguments=add_arguments, show=show, then=after),)
+COMMANDS = (
+    Command(
+        "map",
+        action=draw,
+        arguments=lambda parser: parser.add_argument(
+            "file", metavar="FILE.nml", type=Path, help="with &measurements file and ebsd"
+        ),
+        show=lambda document: print(
+            f"Map: {document['file']}, {len(document['results'])} indents in "
+            f"{len({row['grain'] for row in document['results']})} grains"
+        ),
+        then=lambda _, document: f"open {document['file']}",
+    ),
+)

@@ -7,8 +7,6 @@ from pathlib import Path
 from ...core import call
 from ..command import PATIENCE_S, Command, output_folder
 
-__all__ = ["COMMANDS", "make"]
-
 
 def make(folder: Path, output: Path, kind_of_files: str = "", paper: bool = False) -> dict:
     """Write the report on the results in a folder."""
@@ -24,9 +22,8 @@ def make(folder: Path, output: Path, kind_of_files: str = "", paper: bool = Fals
     finally:
         gc.freeze()
         gc.enable()
-    return {"file": str(page), "warnings": results.edited} | (
-        {"paper": str(folder / "paper")} if paper else {}
-    )
+    document = {"file": str(page), "warnings": results.edited}
+    return document | {"paper": str(folder / "paper")} if paper else document
 
 
 def report(arguments: argparse.Namespace) -> dict:
@@ -39,6 +36,7 @@ def report(arguments: argparse.Namespace) -> dict:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The folder, and further files."""
     parser.add_argument(
         "folder", metavar="DIR", type=Path, help="the output folder of other commands"
     )
@@ -56,15 +54,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def show(document: dict) -> None:
+    """Print where the report and the files for a paper are."""
     print(f"Report: {document['file']}")
     if "paper" in document:
         print(f"For a paper: {document['paper']}, methods.tex first")
 
 
 def after(arguments: argparse.Namespace, document: dict) -> str:
-    return f"open {document['file']} in a browser" + (
-        "" if arguments.paper else "; --paper writes what a paper takes"
-    )
+    """The next step."""
+    more = "" if arguments.paper else "; --paper writes what a paper takes"
+    return f"open {document['file']} in a browser{more}"
 
 
 COMMANDS = (Command("report", action=report, arguments=add_arguments, show=show, then=after),)

@@ -13,48 +13,45 @@ from ...inference.extract import groups_of
 from ...pipeline.build import ask, tell
 from ...pipeline.results_folder import read_posterior
 from ...pipeline.stage import run_stage
-from ...report.formatting import SHARES, number, numbers, region, share_cells, suggested_grains
+from ...report.formatting import (
+    SHARES,
+    cells,
+    number,
+    numbers,
+    region,
+    share_cells,
+    suggested_grains,
+)
 from ...settings.problem import Problem, read_crystals
 from ...surrogate.basis import Basis
 from ...surrogate.surrogate import places
 from ..command import PATIENCE_S, namelist_command, perform, prepare, quoted, report_of, show_table
 from . import report
 
-__all__ = ["COMMANDS"]
-
 
 def show_moduli(document: dict) -> None:
     """Print moduli of crystals, from simulations or the theory."""
     simulated = any(row.get("elements") for row in document["results"])
-    header = [
-        "constants (GPa)",
-        "phi1",
-        "Phi",
-        "phi2",
-        "M (GPa)",
-        *["elements", "seconds"] * simulated,
-    ]
+    header = ["constants (GPa)", "phi1", "Phi", "phi2", "M (GPa)"]
+    header += ["elements", "seconds"] * simulated
     if waves := any("rayleigh_velocity_m_s" in row for row in document["results"]):
         header += ["along", "Rayleigh (m/s)"]
     rows = []
     for row in document["results"]:
         modulus = row["indentation_modulus_gpa"]
-        constants = ", ".join(f"{name} {value:g}" for name, value in row["constants"].items())
-        cells = [
-            constants,
+        texts = [
+            ", ".join(f"{name} {value:g}" for name, value in row["constants"].items()),
             *(f"{angle:g}" for angle in row["euler_deg"]),
             "failed" if modulus is None else f"{modulus:.3f}",
         ]
         if simulated:
-            cells += (
-                [str(row["elements"]), f"{row['seconds']:.2f}"] if row["elements"] else ["–", "–"]
-            )
+            texts += [row["elements"], f"{row['seconds']:.2f}"] if row["elements"] else ["–", "–"]
         if waves:
-            cells += [
+            texts += [
                 f"{row['propagation_deg']:g}",
                 f"{row['rayleigh_velocity_m_s']:.1f}" + " weak" * (not row["rayleigh_detected"]),
             ]
-        rows.append(cells)
+        rows.append(texts)
     show_table("Finite elements" if simulated else "Half-space theory", header, rows)
 
 
@@ -83,14 +80,8 @@ def show_curves(document: dict) -> None:
         ", ".join(name for name, item in unknowns.items() if item["decided_by"] == "prior")
         or "none",
     )
-    rows = [
-        [
-            row["grain"],
-            str(row["tests"]),
-            *numbers(row, effective_modulus_gpa=1, sd_gpa=1, own_sd_gpa=1),
-        ]
-        for row in document["grains"]
-    ]
+    grains = document["grains"]
+    rows = cells(grains, "grain", "tests", effective_modulus_gpa=1, sd_gpa=1, own_sd_gpa=1)
     show_table("Effective moduli (GPa)", ["grain", "tests", "modulus", "sd", "of it its own"], rows)
 
 
@@ -103,12 +94,8 @@ def simulate(problem: Problem, output: Path) -> dict:
     """
     document = run_stage(problem, "simulate", output)
     settings, points = problem.settings.simulation, problem.crystals
-    chosen = [
-        i
-        for i, row in enumerate(document["results"])
-        if row["depth_um"] and (settings.vtu or settings.inp)
-    ]
-    if not chosen:
+    chosen = [i for i, row in enumerate(document["results"]) if row["depth_um"]]
+    if not chosen or not (settings.vtu or settings.inp):
         return document
     indentation = Indentation.of_problem(problem)
     with progress_bar("fields and decks", len(chosen)) as advance:
@@ -142,6 +129,7 @@ def build(arguments: argparse.Namespace) -> dict:
 
 
 def add_build_arguments(parser: argparse.ArgumentParser) -> None:
+    """The two ways to simulate elsewhere."""
     either = parser.add_mutually_exclusive_group()
     either.add_argument(
         "--ask",
@@ -161,9 +149,7 @@ def show_build(document: dict) -> None:
     """Print the points as CSV, for pipes, or one line on the campaign or the surrogate."""
     if "points" in document:
         points = document["points"]
-        print(
-            as_csv(list(points[0]), [list(point.values()) for point in points]), end="", flush=True
-        )
+        print(as_csv(points[0], map(dict.values, points)), end="", flush=True)
     elif "imported" in document:
         print(
             f"Campaign: {document['imported']} results imported, {document['simulations']} "
@@ -179,6 +165,7 @@ def show_build(document: dict) -> None:
 
 
 def after_build(arguments: argparse.Namespace, document: dict) -> str:
+    """The next step."""
     if "points" in document:
         return (
             "simulate these, add a column modulus_gpa, and bayesindent build "
@@ -222,12 +209,13 @@ def show_extract(document: dict) -> None:
 
 
 def after_extract(arguments: argparse.Namespace, document: dict) -> str:
+    """The next step."""
     more = (
         f", and bayesindent next {quoted(arguments.file)} for the grain to measure next"
         if document["usable"]
         else ""
     )
-    return f"bayesindent report {quoted(arguments.results)}{more}"
+    return f"{report_of(arguments, document)}{more}"
 
 
 def show_next(document: dict) -> None:
@@ -235,7 +223,7 @@ def show_next(document: dict) -> None:
     suggestions = document["suggestions"]
     grains = any("grain" in item for item in suggestions)
     rows, header = [], ["phi1", "Phi", "phi2", "along z", f"expected gain ({document['unit']})"]
-    for name, item in zip(suggested_grains(suggestions), suggestions, strict=True):
+    for name, item in zip(suggested_grains(suggestions), suggestions):
         along = item.get("uvw") or " ".join(f"{component:.2f}" for component in item["direction"])
         rows.append(
             [
@@ -249,13 +237,6 @@ def show_next(document: dict) -> None:
         f"{'Grains' if grains else 'Orientations'} worth measuring next (degrees)",
         ["grain", *header] if grains else header,
         rows,
-    )
-
-
-def after_next(arguments: argparse.Namespace, document: dict) -> str:
-    return (
-        f"measure such grains, add them to the measurements of {arguments.file}, and "
-        "bayesindent run it again"
     )
 
 
@@ -291,6 +272,7 @@ def run(arguments: argparse.Namespace) -> dict:
 
 
 def show_run(document: dict) -> None:
+    """Print the tables of all stages, or, with --check, the stages."""
     if "stages" in document:
         print(f"{document['file']}: right; it asks for {', '.join(document['stages'])}")
     # The constants come last, since a terminal shows the end.
@@ -302,6 +284,7 @@ def show_run(document: dict) -> None:
 
 
 def after_run(arguments: argparse.Namespace, document: dict) -> str:
+    """The next step."""
     if arguments.check:
         return f"bayesindent run {quoted(arguments.file)}"
     more = (
@@ -312,30 +295,37 @@ def after_run(arguments: argparse.Namespace, document: dict) -> str:
     return f"open {document['report']['file']} in a browser{more}"
 
 
-def add_run_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--check", action="store_true", help="only validate the file and what it names"
-    )
-
-
-BUILD = namelist_command(
-    "build",
-    action=build,
-    arguments=add_build_arguments,
-    show=show_build,
-    resumes=True,
-    then=after_build,
-)
-RUN = namelist_command(
-    "run", action=run, arguments=add_run_arguments, show=show_run, resumes=True, then=after_run
-)
 COMMANDS = (
     namelist_command("simulate", stage=simulate, show=show_moduli, resumes=True, then=report_of),
     namelist_command("theory", show=show_moduli, then=report_of),
-    BUILD,
+    namelist_command(
+        "build",
+        action=build,
+        arguments=add_build_arguments,
+        show=show_build,
+        resumes=True,
+        then=after_build,
+    ),
     namelist_command("plan", show=show_plan, then=report_of),
     namelist_command("curves", show=show_curves, then=report_of),
     namelist_command("extract", stage=extract, show=show_extract, resumes=True, then=after_extract),
-    namelist_command("next", show=show_next, resumes=True, then=after_next),
-    RUN,
+    namelist_command(
+        "next",
+        show=show_next,
+        resumes=True,
+        then=lambda arguments, _: (
+            f"measure such grains, add them to the measurements of {arguments.file}, and "
+            "bayesindent run it again"
+        ),
+    ),
+    namelist_command(
+        "run",
+        action=run,
+        arguments=lambda parser: parser.add_argument(
+            "--check", action="store_true", help="only validate the file and what it names"
+        ),
+        show=show_run,
+        resumes=True,
+        then=after_run,
+    ),
 )

@@ -12,8 +12,6 @@ from ...settings.problem import Problem, read_crystals, schema
 from ...surrogate.surrogate import Surrogate
 from ..command import Command, output_folder, show_table
 
-__all__ = ["COMMANDS"]
-
 
 def table(arguments: argparse.Namespace) -> dict:
     """Write the canonical table, and return the columns and their meanings, the kind of modulus,
@@ -39,16 +37,15 @@ def table(arguments: argparse.Namespace) -> dict:
     written = output_folder(arguments, path) / "table.csv"
     points.problem._call("write_table", path=written)
     none = [None] * len(points)
-    sds = none if points.sd_gpa is None else points.sd_gpa
     columns = [
         {"header": name, "read_as": meaning or None}
-        for name, meaning in zip(read.names, read.meanings, strict=True)
+        for name, meaning in zip(read.names, read.meanings)
     ]
     grains = {
         "grain": points.names or none,
         "euler_deg": points.euler_deg,
         "modulus_gpa": points.modulus_gpa,
-        "sd_gpa": sds,
+        "sd_gpa": none if points.sd_gpa is None else points.sd_gpa,
     }
     # A warning on the class matters only if the user stated the class.
     warnings = [
@@ -56,7 +53,6 @@ def table(arguments: argparse.Namespace) -> dict:
         for text in points.problem.warnings
         if arguments.symmetry or not text.endswith("that indentation determines")
     ]
-    rows = zip(*grains.values(), strict=True)
     return {
         "file": str(path),
         "table": str(written),
@@ -65,24 +61,19 @@ def table(arguments: argparse.Namespace) -> dict:
         "modulus_kind": points.modulus_kind,
         "grains": len(points),
         "left_out": {str(line): reason for line, reason in read.left_out.items()},
-        "results": [dict(zip(grains, row, strict=True)) for row in rows],
+        "results": [dict(zip(grains, row)) for row in zip(*grains.values())],
         "words": read.words(len(points)),
         "warnings": warnings,
     }
 
 
 def show_understood(document: dict) -> None:
+    """Print how the table is read, and its first grains."""
     print("\n".join(document["words"]))
     rows, most = [], 100
     for number, row in enumerate(document["results"][:most], 1):
         sd = "" if row["sd_gpa"] is None else f"{row['sd_gpa']:.3g}"
-        rows.append(
-            [
-                str(row["grain"] or number),
-                *(f"{value:.2f}" for value in (*row["euler_deg"], row["modulus_gpa"])),
-                sd,
-            ]
-        )
+        rows.append([row["grain"] or number, *row["euler_deg"], row["modulus_gpa"], sd])
     which = (
         "Grains"
         if len(rows) == document["grains"]
@@ -96,6 +87,7 @@ def show_understood(document: dict) -> None:
 
 
 def add_table_arguments(parser: argparse.ArgumentParser) -> None:
+    """The table, and what its headers do not say."""
     parser.add_argument(
         "table", metavar="FILE", type=Path, help="a table of measurements: .csv, .txt, .xlsx"
     )
@@ -125,10 +117,6 @@ def add_table_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def after_table(arguments: argparse.Namespace, document: dict) -> str:
-    return f"&measurements file = '{document['table']}' in a namelist (bayesindent init writes one)"
-
-
 def predict(arguments: argparse.Namespace) -> dict:
     """Write mean and sd of the modulus for each row to predictions.csv."""
     model, table = Surrogate.load(arguments.surrogate), arguments.points
@@ -137,21 +125,17 @@ def predict(arguments: argparse.Namespace) -> dict:
     file = output_folder(arguments, table) / "predictions.csv"
     points.write(file, {"modulus_gpa": mean, "sd_gpa": sd})
     # The document has the rows only for --json, since they take much more memory than in a file.
-    crystals = [
-        {"constants": points.constants[i], "euler_deg": points.euler_deg[i]}
-        for i in range(len(points) if arguments.json else 0)
-    ]
-    results = [
-        crystal | {"modulus_gpa": mean[i], "sd_gpa": sd[i]} for i, crystal in enumerate(crystals)
-    ]
+    rows = zip(points.constants, points.euler_deg, mean, sd) if arguments.json else ()
+    names = ("constants", "euler_deg", "modulus_gpa", "sd_gpa")
     return {
-        "results": results,
+        "results": [dict(zip(names, row)) for row in rows],
         "file": str(file),
         "warnings": [f"{table}: {outside}"] if outside else [],
     }
 
 
 def show_predictions(document: dict) -> None:
+    """Copy the file of predictions to standard output."""
     sys.stdout.flush()
     with open(document["file"], "rb") as file:
         shutil.copyfileobj(file, sys.stdout.buffer)
@@ -159,6 +143,7 @@ def show_predictions(document: dict) -> None:
 
 
 def add_predict_arguments(parser: argparse.ArgumentParser) -> None:
+    """The surrogate and the crystals."""
     parser.add_argument(
         "--surrogate", required=True, help="'halfspace', 'block', or a surrogate.txt"
     )
@@ -171,19 +156,22 @@ def add_predict_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--points", required=True, type=Path, metavar="points.csv", help=columns)
 
 
-def after_predict(arguments: argparse.Namespace, document: dict) -> str:
-    return f"the same rows are in {document['file']}"
-
-
 COMMANDS = (
     Command(
-        "table", action=table, arguments=add_table_arguments, show=show_understood, then=after_table
+        "table",
+        action=table,
+        arguments=add_table_arguments,
+        show=show_understood,
+        then=lambda _, document: (
+            f"&measurements file = '{document['table']}' in a namelist (bayesindent init writes "
+            "one)"
+        ),
     ),
     Command(
         "predict",
         action=predict,
         arguments=add_predict_arguments,
         show=show_predictions,
-        then=after_predict,
+        then=lambda _, document: f"the same rows are in {document['file']}",
     ),
 )

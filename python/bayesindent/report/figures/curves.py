@@ -1,10 +1,12 @@
 """Figures of Step 0: curves with elastic fits, the tip, moduli of grains, and their errors."""
 
+from operator import itemgetter
+
 import numpy as np
 
 from ...pipeline.curves import read_columns
 from ..results import NothingToShow, Results, present
-from .style import BLACK, BLUE, CYCLE, GREEN, ORANGE, RED, SKY, Picture, is_column, panels
+from .style import BLACK, BLUE, CYCLE, GREEN, ORANGE, RED, SKY, Picture, evenly, is_column, panels
 
 #: Most tests that are shown, evenly over those that were used.
 SHOWN = 4
@@ -16,14 +18,9 @@ def curve_fits(results: Results) -> Picture:
     if not (file := results.folder / "fits.csv").exists():
         raise NothingToShow
     columns = {name: np.array(column) for name, column in read_columns(file).items()}
-    chosen = [
-        tests[i]
-        for i in np.unique(
-            np.linspace(0, len(tests) - 1, min(SHOWN, len(tests))).round().astype(int)
-        )
-    ]
+    chosen = evenly(tests, SHOWN)
     figure, axes = panels(1.7 * len(chosen), len(chosen), 2, squeeze=False)
-    for (left, right), row in zip(axes, chosen, strict=True):
+    for (left, right), row in zip(axes, chosen):
         own = columns["test"] == row["test"]
         load, depth, fit, elastic = (
             columns[name][own] for name in ("load_mn", "depth_nm", "fit_nm", "elastic")
@@ -39,11 +36,11 @@ def curve_fits(results: Results) -> Picture:
             span(row["elastic_from_mn"], row["elastic_to_mn"], color=GREEN, alpha=0.15, lw=0)
     axes[-1, 0].set(xlabel="depth from the zero (nm)", ylabel="load (mN)")
     axes[-1, 1].set(xlabel="load (mN)", ylabel="residual (nm)")
-    text = (
+    return Picture(
+        figure,
         f"Loading curves of {len(chosen)} of {len(tests)} tests with their elastic fits, and "
-        "the residuals of depth."
+        "the residuals of depth. Green: the mean elastic window.",
     )
-    return Picture(figure, f"{text} Green: the mean elastic window.")
 
 
 def tip_radius(results: Results) -> Picture:
@@ -71,11 +68,11 @@ def tip_radius(results: Results) -> Picture:
         )
     axes.plot(depth, np.median(local, axis=0), color=BLUE)
     axes.set(xlabel="depth (nm)", ylabel="local radius (µm)")
-    text = (
+    return Picture(
+        figure,
         "Local radius of curvature of the tip at the edge of the contact by depth; at the apex "
-        f"{radius['mean']:.2f} ± {radius['sd']:.2f} µm."
+        f"{radius['mean']:.2f} ± {radius['sd']:.2f} µm. Bands: 1 and 2 sd.",
     )
-    return Picture(figure, f"{text} Bands: 1 and 2 sd.")
 
 
 def curve_moduli(results: Results) -> Picture:
@@ -99,25 +96,22 @@ def curve_moduli(results: Results) -> Picture:
             color=CYCLE[number % len(CYCLE)],
             label=label,
         )
-    moduli = [row["effective_modulus_gpa"] for row in document["grains"]]
-    sds = [row["sd_gpa"] for row in document["grains"]]
-    own = [row["own_sd_gpa"] for row in document["grains"]]
-    axes.errorbar(range(len(grains)), moduli, sds, fmt="none", color=SKY, lw=4, label="sd")
-    axes.errorbar(
-        range(len(grains)), moduli, own, fmt="o", color=BLUE, ms=4, label="sd of the grain's own"
-    )
-    axes.set_xticks(
-        range(len(grains)), grains, rotation=90 if len(grains) > (7 if is_column() else 15) else 0
-    )
+    place = range(len(grains))
+    columns = itemgetter("effective_modulus_gpa", "sd_gpa", "own_sd_gpa")
+    moduli, sds, own = zip(*map(columns, document["grains"]))
+    axes.errorbar(place, moduli, sds, fmt="none", color=SKY, lw=4, label="sd")
+    axes.errorbar(place, moduli, own, fmt="o", color=BLUE, ms=4, label="sd of the grain's own")
+    crowded = len(grains) > (7 if is_column() else 15)
+    axes.set_xticks(place, grains, rotation=90 * crowded)
     low, high = axes.get_ylim()
     axes.set(
         xlabel="grain", ylabel="effective modulus (GPa)", ylim=(low, high + 0.3 * (high - low))
     )
     axes.legend(loc="upper center", ncols=2)
-    text = f"Effective moduli of {len(grains)} grains and of their tests."
     return Picture(
         figure,
-        f"{text} Wide bars: sd of all errors; narrow bars: sd of those that grains do not share.",
+        f"Effective moduli of {len(grains)} grains and of their tests. Wide bars: sd of all "
+        "errors; narrow bars: sd of those that grains do not share.",
     )
 
 
@@ -125,15 +119,14 @@ def moduli_errors(results: Results) -> Picture:
     """The error budget of the moduli."""
     budget = present(present(results.documents["curves"]).get("error_budget", {}))
     figure, axes = panels(2.4)
-    names = list(budget)
-    colours = [ORANGE if name in ("drift", "repeat_and_window") else RED for name in names]
-    labels = [{"beta": "shape of the tip"}.get(name, name.replace("_", " ")) for name in names]
-    axes.barh(labels, [100 * budget[name] for name in names], color=colours)
+    for name, share in budget.items():
+        label = "shape of the tip" if name == "beta" else name.replace("_", " ")
+        colour = ORANGE if name in ("drift", "repeat_and_window") else RED
+        axes.barh(label, 100 * share, color=colour)
     axes.invert_yaxis()
     axes.set_xlabel("relative sd of a grain's modulus, median (%)")
-    text = "Sources of error of a grain's modulus."
     return Picture(
         figure,
-        f"{text} Red: shared by all grains, so more grains do not reduce them. Orange: of each "
-        "grain by itself.",
+        "Sources of error of a grain's modulus. Red: shared by all grains, so more grains do not "
+        "reduce them. Orange: of each grain by itself.",
     )

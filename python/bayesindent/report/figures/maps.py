@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core import InputError
 from ...settings.problem import Problem
-from ..results import NothingToShow, Results
+from ..results import NothingToShow, Results, residual
 from .style import BLACK, Picture, panels
 
 if TYPE_CHECKING:
@@ -27,11 +27,7 @@ def orientation_map(results: Results) -> Picture:
         problem = Problem(Path(results.manifest["namelist"]), "extract")
     except (InputError, KeyError):
         raise NothingToShow from None
-    residuals = [
-        (item["measured"] - item["mean"]) / item["measured_sd"]
-        for item in results.predicted
-        if item.get("measured_sd")
-    ]
+    residuals = [residual(item) for item in results.predicted if item.get("measured_sd")]
     return draw_map(
         problem.map,
         problem.measurements.names,
@@ -84,14 +80,11 @@ def draw_map(
         axes.annotate(name, place, (5, 5), textcoords="offset points", size=7.5, bbox=label)
     axes.set(xlabel="x of the map (µm)", ylabel="y of the map (µm)")
     axes.grid(False)
-    text = (
+    caption = (
         f"Orientation map with {len(values)} indents: the crystal direction along the indenter "
-        "in the colours of the inverse pole figure"
+        "in the colours of the inverse pole figure."
     )
+    if residuals is not None:
+        caption += " Discs have the colour of the residual, (measured - predicted) / sd."
     rows = [[*place, number] for place, number in zip(found.positions.tolist(), found.grains)]
-    further = (
-        ". Discs have the colour of the residual, (measured - predicted) / sd."
-        if residuals is not None
-        else "."
-    )
-    return Picture(figure, text + further, (["x_um", "y_um", "grain_of_map"], rows))
+    return Picture(figure, caption, (["x_um", "y_um", "grain_of_map"], rows))

@@ -16,10 +16,12 @@ from ..formatting import direction_name, has_four_indices
 from ..results import NothingToShow, Results, present
 from .style import BLACK, BLUE, SKY, Picture, legend_above, panels
 
-__all__ = ["next_grains", "orientations"]
-
 #: Draws of the posterior for which the surrogate predicts moduli.
 DRAWS = 100
+
+#: The axis of the declination, and the first columns of the tables.
+DECLINATION = "declination of the c axis (degrees)"
+HEADER = ("kind", "crystal_x", "crystal_y", "crystal_z")
 
 #: Directions whose names are shown at corners of the map.
 CORNERS = (
@@ -42,21 +44,14 @@ def orientations(results: Results) -> Picture:
     if surrogate is None or any("euler_deg" not in item for item in grains):
         raise NothingToShow
     lattice, directions = spread_of_directions(results.symmetry), directions_of(results, grains)
-    crystals = results.draws(DRAWS)
+    crystals, threads = results.draws(DRAWS)[:, None], len(os.sched_getaffinity(0))
     modulus = results.as_measured(
-        surrogate.predict(
-            crystals[:, None], euler_of(lattice), threads=len(os.sched_getaffinity(0))
-        )[0]
+        surrogate.predict(crystals, euler_of(lattice), threads=threads)[0]
     )
     mean, sd = modulus.mean(axis=0), modulus.std(axis=0)
     measured = [item.get("measured") or 0.0 for item in grains]
     error = [item.get("measured_sd") or 0.0 for item in grains]
-    discs = "discs are the measured grains, on the left in the colour of the measured value"
-    marked = (
-        f"; {'points are the measured grains' if is_arc(lattice) else discs}"
-        if grains
-        else "; no modulus was measured"
-    )
+    none = "" if grains else "; no modulus was measured"
     if is_arc(lattice):
         figure, axes = panels(3.4)
         angle = declination(lattice)
@@ -81,41 +76,27 @@ def orientations(results: Results) -> Picture:
                 color=BLACK,
                 label="measured, ± sd",
             )
-        axes.set(
-            xlabel="declination of the c axis (degrees)",
-            ylabel=f"{results.kind} (GPa)",
-            xlim=(-2, 92),
-        )
+        axes.set(xlabel=DECLINATION, ylabel=f"{results.kind} (GPa)", xlim=(-2, 92))
         axes.legend()
+        marked = none or "; points are the measured grains"
         return Picture(
             figure, f"Posterior of the modulus over the declination of the c axis{marked}."
         )
     figure, (left, right) = panels(3.2, 1, 2)
-    low, high, four = (
-        min([mean.min(), *measured]),
-        max([mean.max(), *measured]),
-        has_four_indices(results.symmetry),
-    )
-    draw_map(left, lattice, mean, f"mean of {results.kind} (GPa)", four, low, high)
+    ends = {"vmin": min([mean.min(), *measured]), "vmax": max([mean.max(), *measured])}
+    four = has_four_indices(results.symmetry)
+    draw_map(left, lattice, mean, f"mean of {results.kind} (GPa)", four, **ends)
     draw_map(right, lattice, sd, f"sd of {results.kind} (GPa)", four)
-    left.scatter(
-        *stereographic(directions),
-        c=measured,
-        vmin=low,
-        vmax=high,
-        edgecolors="white",
-        s=38,
-        linewidths=1.2,
-        zorder=3,
+    places = stereographic(directions)
+    left.scatter(*places, c=measured, **ends, edgecolors="white", s=38, linewidths=1.2, zorder=3)
+    right.plot(*places, "o", color="white", mec=BLACK, ms=4, mew=0.8)
+    marked = (
+        none or "; discs are the measured grains, on the left in the colour of the measured value"
     )
-    right.plot(*stereographic(directions), "o", color="white", mec=BLACK, ms=4, mew=0.8)
     text = f"Posterior mean and sd of the modulus over the crystal directions that differ{marked}."
-    rows = labelled("predicted", lattice, mean, sd) + labelled(
-        "measured", directions, measured, error
-    )
-    return Picture(
-        figure, text, (["kind", "crystal_x", "crystal_y", "crystal_z", "mean_gpa", "sd_gpa"], rows)
-    )
+    rows = labelled("predicted", lattice, mean, sd)
+    rows += labelled("measured", directions, measured, error)
+    return Picture(figure, text, ([*HEADER, "mean_gpa", "sd_gpa"], rows))
 
 
 def next_grains(results: Results) -> Picture:
@@ -145,36 +126,17 @@ def next_grains(results: Results) -> Picture:
         label="suggested, by rank",
         zorder=3,
     )
+    label, crosses = f"expected gain ({unit})", {"color": BLACK, "ms": 5, "label": "measured"}
     if arc:
-        axes.plot(
-            declination(everywhere),
-            gain,
-            ".",
-            color=SKY,
-            ms=4,
-            label="gain expected of the next grain",
-        )
-        axes.plot(
-            declination(measured),
-            np.zeros(len(measured)),
-            "x",
-            color=BLACK,
-            ms=5,
-            label="measured",
-            clip_on=False,
-        )
-        axes.set(
-            xlabel="declination of the c axis (degrees)",
-            ylabel=f"expected gain ({unit})",
-            xlim=(-3, 93),
-            ylim=(0, None),
-        )
+        words = "gain expected of the next grain"
+        axes.plot(declination(everywhere), gain, ".", color=SKY, ms=4, label=words)
+        axes.plot(declination(measured), 0 * measured[:, 0], "x", clip_on=False, **crosses)
+        axes.set(xlabel=DECLINATION, ylabel=label, xlim=(-3, 93), ylim=(0, None))
     else:
-        draw_map(
-            axes, everywhere, gain, f"expected gain ({unit})", has_four_indices(results.symmetry)
-        )
-        axes.plot(*stereographic(measured), "x", color="white", ms=5, mew=1.6)
-        axes.plot(*stereographic(measured), "x", color=BLACK, ms=5, mew=0.9, label="measured")
+        draw_map(axes, everywhere, gain, label, has_four_indices(results.symmetry))
+        crossed = stereographic(measured)
+        axes.plot(*crossed, "x", color="white", ms=5, mew=1.6)
+        axes.plot(*crossed, "x", mew=0.9, **crosses)
     for rank, place in enumerate(places, start=1):
         axes.annotate(str(rank), place, ha="center", va="center_baseline", size=8.5, zorder=4)
     legend_above(figure, columns=3)
@@ -184,16 +146,13 @@ def next_grains(results: Results) -> Picture:
     speeds = " A speed is drawn at the normal of its grain." * any(
         "propagation_deg" in item for item in suggestions
     )
-    rows = labelled("candidate", everywhere, gain) + labelled(
-        "suggested", suggested, gain_suggested
-    )
+    rows = labelled("candidate", everywhere, gain)
+    rows += labelled("suggested", suggested, gain_suggested)
     text = (
         f"The {len(suggested)} orientations that are expected to bring most information, "
-        f"ranked, {over}. Each is chosen given those before it."
+        f"ranked, {over}. Each is chosen given those before it.{speeds}"
     )
-    return Picture(
-        figure, text + speeds, (["kind", "crystal_x", "crystal_y", "crystal_z", "gain"], rows)
-    )
+    return Picture(figure, text, ([*HEADER, "gain"], rows))
 
 
 def directions_of(results: Results, items: list[dict]) -> np.ndarray:
@@ -210,6 +169,7 @@ def labelled(kind: str, directions: np.ndarray, *columns: Any) -> list[list]:
 
 
 def is_arc(directions: np.ndarray) -> bool:
+    """Whether the region of directions is an arc, over which only the declination varies."""
     return bool(np.ptp(directions[:, 1]) < 1e-9)
 
 
@@ -230,18 +190,15 @@ def draw_map(
     values: np.ndarray,
     label: str,
     four: bool,
-    low: float | None = None,
-    high: float | None = None,
+    **ends: float,
 ) -> None:
     """Draw values over a region of directions, with its outline and the names of its corners.
 
-    `four`: whether the names have four indices.
+    `four`: whether the names have four indices. `ends`: vmin and vmax of the colours.
     """
     x, y = stereographic(directions)
     triangles = Triangulation(x, y)
-    image = axes.tripcolor(
-        triangles, values, shading="gouraud", vmin=low, vmax=high, rasterized=True
-    )
+    image = axes.tripcolor(triangles, values, shading="gouraud", rasterized=True, **ends)
     axes.figure.colorbar(image, ax=axes, label=label, shrink=0.85)
     places, centre = np.column_stack([x, y]), np.array([x.mean(), y.mean()])
     # The outline consists of sides without a neighbour. (Importing SciPy's hull takes half a
@@ -255,10 +212,10 @@ def draw_map(
     for indices in CORNERS:
         near = np.flatnonzero(directions @ np.array(indices) / np.linalg.norm(indices) > 1 - 1e-9)
         if len(near) and near[0] in outline:
-            name, place = direction_name(indices, four), places[near[0]]
+            place = places[near[0]]
             offset = 18 * (place - centre) / np.linalg.norm(place - centre)
             axes.annotate(
-                name,
+                direction_name(indices, four),
                 place,
                 offset,
                 textcoords="offset points",

@@ -1,12 +1,13 @@
 """Figures of the posterior, of residuals, and of the effect of further knowledge."""
 
+from itertools import cycle
 from statistics import NormalDist
 from textwrap import fill
 
 import numpy as np
 
 from ..formatting import number, plus_minus, product_label, quantity_label, quantity_name, subscript
-from ..results import NothingToShow, Results, present
+from ..results import NothingToShow, Results, present, residual
 from .style import (
     BLACK,
     BLUE,
@@ -39,9 +40,7 @@ def residuals(results: Results) -> Picture:
         or not all(item.get("measured_sd") for item in predicted)
     ):
         raise NothingToShow
-    values = np.sort(
-        [(item["measured"] - item["mean"]) / item["measured_sd"] for item in predicted]
-    )
+    values = np.sort(list(map(residual, predicted)))
     figure, axes = panels(3.3)
     quantiles = np.array([NormalDist().inv_cdf((k + 0.5) / count) for k in range(count)])
     low, high = np.percentile(
@@ -56,27 +55,25 @@ def residuals(results: Results) -> Picture:
     axes.plot(quantiles, values, "o", color=BLUE, ms=3 if count > MANY else 4)
     axes.set(xlabel="quantile of a normal distribution", ylabel="residual / sd, in order")
     axes.legend(loc="upper left")
-    text = (
+    return Picture(
+        figure,
         "Residuals of the grains in order of size, in units of the stated sd, beside the "
-        "quantiles of a normal distribution."
+        f"quantiles of a normal distribution. Their sum of squares is {number(np.sum(values**2))}.",
     )
-    return Picture(figure, f"{text} Their sum of squares is {number(np.sum(values**2))}.")
 
 
 def knowledge(results: Results) -> Picture:
     """The sd of each constant now, and the sd expected with one more quantity known."""
     rows = present(results.identifiability("knowledge"))
     names = [name for name in results.constants if name in rows[0]["sd_then"]]
-    now = np.array([results.documents["extract"]["parameters"][name]["sd"] for name in names])
+    now = np.array([results.extracted["parameters"][name]["sd"] for name in names])
     place = -np.arange(len(names), dtype=float)
     figure, axes = panels(0.4 * len(names) + 0.2 * len(rows) + 1.2)
     axes.plot(now, place, "|", color=BLACK, ms=13, mew=2, label="sd now")
     table = []
-    for index, (row, colour, marker) in enumerate(
-        zip(rows, np.resize(CYCLE, len(rows)), np.resize(list(MARKERS), len(rows)))
-    ):
+    for index, (row, colour, marker) in enumerate(zip(rows, cycle(CYCLE), cycle(MARKERS)), 1):
         then = np.array([row["sd_then"][name] for name in names])
-        lifted = place + 0.5 * ((index + 1) / (len(rows) + 1) - 0.5)
+        lifted = place + 0.5 * (index / (len(rows) + 1) - 0.5)
         axes.hlines(lifted, np.minimum(then, now), now, color=colour, lw=1.2)
         label = fill(
             f"{quantity_label(row, results.symmetry)} known to {100 * row['relative_sd']:.0f} %",
@@ -90,12 +87,11 @@ def knowledge(results: Results) -> Picture:
     axes.set_yticks(place, [subscript(name) for name in names])
     axes.set(xlabel="sd (GPa)", xlim=(0, 1.05 * now.max()), ylim=(place[-1] - 0.6, 0.6))
     legend_above(figure, columns=1)
-    text = (
-        "What else to measure or to look up: the sd of each constant now (black), and the sd "
-        "that is expected with one further quantity known."
-    )
     return Picture(
-        figure, text, (["known", "relative_sd", "constant", "sd_now_gpa", "sd_then_gpa"], table)
+        figure,
+        "What else to measure or to look up: the sd of each constant now (black), and the sd "
+        "that is expected with one further quantity known.",
+        (["known", "relative_sd", "constant", "sd_now_gpa", "sd_then_gpa"], table),
     )
 
 
@@ -107,7 +103,7 @@ LEAST_PART = 0.005
 
 def marginals(results: Results) -> Picture:
     """Prior and posterior of each constant, with its most probable value and its reference."""
-    samples, parameters = present(results.samples), results.documents["extract"]["parameters"]
+    samples, parameters = present(results.samples), results.extracted["parameters"]
     label, reference = results.reference
     figure, grid = grid_of_constants(samples, 1.9, 0.3)
     for (name, axes), before in zip(
@@ -130,16 +126,13 @@ def marginals(results: Results) -> Picture:
                 axes.axvline(value, color=colour, ls="--", lw=1, label=words)
         axes.set(ylim=(0, 1.05), title=f"{plus_minus(parameters[name])} GPa")
     density_axes(figure, grid)
-    values = "; ".join(f"{name} {plus_minus(item)} GPa" for name, item in parameters.items())
-    text = (
+    return Picture(
+        figure,
         "Each constant before the measurements (grey: the prior with what else was known) and "
-        "after them (blue). Above each: mean ± sd."
+        "after them (blue). Above each: mean ± sd. All histograms are drawn to the same height. A "
+        "posterior that ends abruptly is truncated by a limit of the prior.",
+        values="; ".join(f"{name} {plus_minus(item)} GPa" for name, item in parameters.items()),
     )
-    more = (
-        "All histograms are drawn to the same height. A posterior that ends abruptly is "
-        "truncated by a limit of the prior."
-    )
-    return Picture(figure, f"{text} {more}", values=values)
 
 
 def pairs(results: Results) -> Picture:
@@ -149,7 +142,7 @@ def pairs(results: Results) -> Picture:
     correlation = np.atleast_2d(np.corrcoef(table))
     table = table[:, :: max(1, table.shape[1] // POINTS)]
     labels = [f"{subscript(name)} (GPa)" for name in samples]
-    last, (about, reference) = len(labels) - 1, results.reference
+    last, (label, reference) = len(labels) - 1, results.reference
     true = [reference.get(name) for name in samples]
     figure, grid = panels(6.4 if last > 1 else 4.0, len(labels), len(labels), squeeze=False)
     for (i, j), cell in np.ndenumerate(grid):
@@ -170,14 +163,14 @@ def pairs(results: Results) -> Picture:
         elif i == j:
             cell.stairs(*np.histogram(table[i], 36), fill=True, color=SKY, alpha=0.7)
             cell.set_yticks([])
+            if reference:
+                cell.axvline(true[i], color=RED, lw=1)
         else:
             cell.plot(
                 table[j], table[i], ".", ms=2.2, alpha=0.4, color=BLUE, rasterized=True, mew=0
             )
-        if i == j and reference:
-            cell.axvline(true[i], color=RED, lw=1)
-        elif i > j and reference:
-            cell.plot(true[j], true[i], "+", color=RED, ms=9, mew=1.6)
+            if reference:
+                cell.plot(true[j], true[i], "+", color=RED, ms=9, mew=1.6)
         if i == last:
             cell.set_xlabel(labels[j])
             cell.tick_params(axis="x", rotation=45)
@@ -187,12 +180,12 @@ def pairs(results: Results) -> Picture:
             cell.set_ylabel(labels[i])
         elif j > 0:
             cell.set_yticklabels([])
-    text = "Pairs of constants: points of the posterior, and their correlations." + (
-        f" Red: {about}." if reference else ""
-    )
-    thin = "A long thin cloud is a combination that the measurements do not determine."
+    red = f" Red: {label}." if reference else ""
     return Picture(
-        figure, f"{text} {thin}", ([f"{name}_gpa" for name in samples], table.T.tolist())
+        figure,
+        f"Pairs of constants: points of the posterior, and their correlations.{red} A long thin "
+        "cloud is a combination that the measurements do not determine.",
+        ([f"{name}_gpa" for name in samples], table.T.tolist()),
     )
 
 
@@ -205,27 +198,21 @@ def grain_comparison(results: Results) -> Picture:
 
 def velocities(results: Results) -> Picture:
     """Measured against predicted speeds of waves."""
-    left_out = results.documents["extract"].get("velocities_left_out", 0)
-    return compared(
-        results.velocities,
-        results.speed,
-        "m/s",
-        "directions",
-        f" Left out: {left_out}." * bool(left_out),
-    )
+    left_out = results.extracted.get("velocities_left_out", 0)
+    more = f" Left out: {left_out}." if left_out else ""
+    return compared(results.velocities, results.speed, "m/s", "directions", more)
 
 
 def numbers_of(item: dict) -> list[float]:
     """The measured value and its sd, and the predicted mean and sd; 0 for what is not there."""
-    return [item.get(key) or 0.0 for key in ("measured", "measured_sd", "mean", "sd")]
+    return [item.get(name) or 0.0 for name in ("measured", "measured_sd", "mean", "sd")]
 
 
 def compared(items: list[dict], quantity: str, unit: str, of: str, more: str = "") -> Picture:
     """Measured against predicted values, and the residuals, in units of the stated sd where there
     is one.
     """
-    rows = [numbers_of(item) for item in present(items)]
-    measured, error, mean, sd = np.array(rows).T
+    measured, error, mean, sd = np.array(list(map(numbers_of, present(items)))).T
     stated = bool(np.all(error > 0))
     residual = (measured - mean) / (error if stated else 1.0)
     labels = (
@@ -240,17 +227,15 @@ def compared(items: list[dict], quantity: str, unit: str, of: str, more: str = "
         right.annotate(
             str(index + 1), (mean[index], residual[index]), (4, 3), textcoords="offset points"
         )
-    caption = (
-        f"Measured and predicted {quantity} of {len(items)} {of}. Left: bars are ± 1 sd. Right: "
-        "residuals"
-    )
     bands = (
         " in units of the stated sd, with bands of 1 and 2 sd; rows of the measurements beyond "
-        "2 sd are numbered."
-        if stated
-        else "."
+        "2 sd are numbered"
     )
-    return Picture(figure, caption + bands + more)
+    return Picture(
+        figure,
+        f"Measured and predicted {quantity} of {len(items)} {of}. Left: bars are ± 1 sd. Right: "
+        f"residuals{bands * stated}.{more}",
+    )
 
 
 def traces(results: Results) -> Picture:
@@ -259,15 +244,9 @@ def traces(results: Results) -> Picture:
     figure, column = panels(1.25 * len(samples) + 0.4, len(samples), 1, sharex=True, squeeze=False)
     for axes, (name, chains) in zip(column.ravel(), samples.items()):
         step = max(1, chains.shape[1] // LINE_POINTS)
-        for chain, colour in zip(chains, np.resize(CYCLE, len(chains))):
-            axes.plot(
-                np.arange(0, chain.size, step),
-                chain[::step],
-                lw=0.4,
-                alpha=0.8,
-                color=colour,
-                rasterized=True,
-            )
+        sample = np.arange(0, chains.shape[1], step)
+        for chain, colour in zip(chains[:, ::step], cycle(CYCLE)):
+            axes.plot(sample, chain, lw=0.4, alpha=0.8, color=colour, rasterized=True)
         axes.set_ylabel(f"{subscript(name)} (GPa)")
     column[-1, 0].set_xlabel("sample of the chain")
     figure.align_ylabels(column)
@@ -285,23 +264,25 @@ def shares(results: Results) -> Picture:
     )
     labels = [product_label(row["exponents"]) for row in combinations]
     labels += [subscript(quantity_name(row["name"], results.symmetry)) for row in quantities]
-    above = "Above: products of powers of the constants, from the best to the worst determined."
-    caption = (
-        f"Shares of variances. {above} Below: the constants and quantities that follow from them."
-    )
     return stacked(
-        [row["share"] for row in combinations + quantities], labels, len(combinations), caption
+        [row["share"] for row in combinations + quantities],
+        labels,
+        len(combinations),
+        "Shares of variances. Above: products of powers of the constants, from the best to the "
+        "worst determined. Below: the constants and quantities that follow from them.",
     )
 
 
 def error_budget(results: Results) -> Picture:
     """The parts of the variance of each constant by source."""
-    budget = present(results.documents["extract"].get("error_budget"))
-    caption = (
+    budget = present(results.extracted.get("error_budget"))
+    return stacked(
+        list(budget.values()),
+        list(map(subscript, budget)),
+        len(budget),
         "Error budget: the sources of the variance of each constant. Calibration: what moduli "
-        "share."
+        "share.",
     )
-    return stacked(list(budget.values()), list(map(subscript, budget)), len(budget), caption)
 
 
 def stacked(parts: list[dict], labels: list[str], above: int, caption: str) -> Picture:
@@ -312,16 +293,11 @@ def stacked(parts: list[dict], labels: list[str], above: int, caption: str) -> P
     place = -np.arange(len(values)) - 0.6 * (np.arange(len(values)) >= above)
     figure, axes = panels(0.29 * len(values) + 1.2)
     left = np.zeros(len(values))
-    for j, colour in zip(present(shown), np.resize(CYCLE, len(shown))):
+    for j, colour in zip(present(shown), cycle(CYCLE)):
         width = 100 * np.nan_to_num(values[:, j])
-        axes.barh(
-            place,
-            width,
-            left=left,
-            color="0.75" if names[j] == "prior" else colour,
-            height=0.7,
-            label=quantity_name(names[j]),
-        )
+        colour = "0.75" if names[j] == "prior" else colour
+        name = quantity_name(names[j])
+        axes.barh(place, width, left=left, height=0.7, color=colour, label=name)
         left += width
     axes.set_yticks(place, labels)
     axes.set(xlim=(0, 100), ylim=(place.min() - 0.6, 0.6), xlabel="share of the variance (%)")
@@ -331,7 +307,7 @@ def stacked(parts: list[dict], labels: list[str], above: int, caption: str) -> P
     for label, row in zip(labels, values):
         shares = ", ".join(f"{names[j]} {100 * row[j]:.0f}" for j in shown)
         texts.append(f"{label}: {shares}")
-    table = [list(row) for row in zip(labels, *values.T.tolist())]
+    table = [[label, *row] for label, row in zip(labels, values.tolist())]
     return Picture(figure, caption, (["name", *names], table), f"In per cent: {'; '.join(texts)}.")
 
 
@@ -347,9 +323,8 @@ def expected_sds(results: Results) -> Picture:
             axes.plot(*zip(*points), marker=marker, ms=4, label=f"noise {100 * noise:g} %")
         axes.set(xlabel="grains", ylabel=f"sd of {subscript(name)} (GPa)", ylim=(0, None))
     legend_above(figure, *axes.get_legend_handles_labels())
-    text = (
-        "Expected sd of each constant against the number of grains, for each noise of the moduli."
-    )
     return Picture(
-        figure, f"{text} Medians over posteriors of simulated data sets of the stated crystal."
+        figure,
+        "Expected sd of each constant against the number of grains, for each noise of the moduli. "
+        "Medians over posteriors of simulated data sets of the stated crystal.",
     )

@@ -82,17 +82,28 @@ def panels(height: float, rows: int = 1, columns: int = 1, **settings: Any) -> t
 
     In a column of a journal two panels are one above the other.
     """
-    if is_column():
-        rows, columns, height = (
-            (2, 1, 1.45 * height) if (rows, columns) == (1, 2) else (rows, columns, 0.75 * height)
-        )
+    if is_column() and (rows, columns) == (1, 2):
+        rows, columns, height = 2, 1, 1.45 * height
+    elif is_column():
+        height *= 0.75
     figure = new_figure(height)
     return figure, figure.subplots(rows, columns, **settings)
 
 
+def panels_of(figure: Figure) -> list[Any]:
+    """The axes of a figure without those of its colour bars."""
+    return [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
+
+
+def evenly(rows: Sequence, most: int) -> list:
+    """At most so many of the rows, evenly over them."""
+    places = np.linspace(0, len(rows) - 1, min(most, len(rows))).round().astype(int)
+    return [rows[place] for place in np.unique(places)]
+
+
 def letter_panels(figure: Figure) -> None:
     """Add (a), (b), .. to the panels of a figure with several panels, unless it is a matrix."""
-    shown = [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
+    shown = panels_of(figure)
     for letter, axes in zip(ascii_lowercase, shown if 1 < len(shown) < MATRIX else []):
         axes.set_title(f"({letter}) {axes.get_title(loc='left')}", loc="left")
 
@@ -107,7 +118,7 @@ def legend_above(
 
 
 def grid_of_constants(
-    names: Collection[str], height: float, further: float = 0.0
+    names: Collection[str], height: float, further: float
 ) -> tuple[Figure, dict[str, Any]]:
     """A figure with axes for each constant, three in a row.
 
@@ -128,7 +139,7 @@ def density_axes(figure: Figure, grid: dict[str, Any]) -> None:
         axes.set(xlabel=f"{subscript(name)} (GPa)", yticks=[])
         axes.grid(False)
         axes.spines["left"].set_visible(False)
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+        for handle, label in zip(*axes.get_legend_handles_labels()):
             entries.setdefault(label, handle)
     legend_above(figure, entries.values(), entries.keys())
 
@@ -141,15 +152,8 @@ def house_style(width: float = WIDTH) -> Iterator[None]:
         if width < WIDTH
         else {}
     )
-    with mpl.rc_context(
-        {
-            **mpl.rcParamsDefault,
-            "backend": "agg",
-            **STYLE,
-            **small,
-            "figure.figsize": (width, width),
-        }
-    ):
+    own = {"backend": "agg", **STYLE, **small, "figure.figsize": (width, width)}
+    with mpl.rc_context({**mpl.rcParamsDefault, **own}):
         yield
 
 
@@ -198,8 +202,8 @@ def parity_panels(
     points = left.errorbar(x, y, **{"fmt": "o", "color": BLUE, "ms": 3.5, "lw": 0.8} | style)
     # Draw the points above the line of zero.
     right.plot(x, difference, "o", color=BLUE, ms=points.lines[0].get_markersize(), zorder=3)
-    left.set(xlabel=labels[0], ylabel=labels[1])
-    right.set(xlabel=labels[0], ylabel=labels[2])
+    for axes, label in zip((left, right), labels[1:]):
+        axes.set(xlabel=labels[0], ylabel=label)
     return figure, right
 
 

@@ -47,18 +47,15 @@ def young_surface(results: Results) -> Picture:
         places, (mean, share), ("Young's modulus (GPa)", "sd of Young's modulus (%)")
     ):
         draw(figure, axes, directions * mean[..., None], values, label)
-    low, high = mean.min(), mean.max()
-    text = (
-        f"Young's modulus over the directions of the crystal, from {low:.0f} to {high:.0f} GPa "
-        "in the mean of the posterior"
-    )
     rows = np.column_stack([directions.reshape(-1, 3), mean.ravel(), share.ravel()]).tolist()
-    colour = (
-        f"Colour: on the left the same, on the right its sd, at most {share.max():.1f} %. The "
-        "axes are those of the crystal."
+    return Picture(
+        figure,
+        f"Young's modulus over the directions of the crystal, from {mean.min():.0f} to "
+        f"{mean.max():.0f} GPa in the mean of the posterior: the distance of the surface from the "
+        "centre. Colour: on the left the same, on the right its sd, at most "
+        f"{share.max():.1f} %. The axes are those of the crystal.",
+        (["crystal_x", "crystal_y", "crystal_z", "young_gpa", "sd_percent"], rows),
     )
-    table = ["crystal_x", "crystal_y", "crystal_z", "young_gpa", "sd_percent"], rows
-    return Picture(figure, f"{text}: the distance of the surface from the centre. {colour}", table)
 
 
 def draw(figure: Figure, axes: Any, surface: np.ndarray, values: np.ndarray, label: str) -> None:
