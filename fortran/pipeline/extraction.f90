@@ -137,7 +137,7 @@ contains
          associate (posterior => self%posterior, n => self%posterior%n_moduli, &
             & known => surrogate%simulations)
             if (surrogate%contact_radius > 0.0_wp) then
-               call halfspace_moduli(stiffnesses(surrogate%basis%domain%class, known%constants), &
+               call halfspace_moduli(surrogate%basis%domain%class%stiffnesses(known%constants), &
                   & known%euler_deg, 1, theory, circular, error)
                if (allocated(error)) return
                self%surrogate_correction = sum(abs(known%modulus/theory - 1.0_wp))/self%simulations
@@ -169,58 +169,6 @@ contains
       end subroutine compare_theory
    end subroutine extract
 
-<<<<<<< HEAD
-=======
-   !> Set the properties of the surrogate, and its errors.
-   subroutine describe_surrogate(surrogate, self, error)
-      type(surrogate_type), intent(in) :: surrogate
-      type(extraction_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-      real(wp), dimension(size(surrogate%simulations%modulus)) :: theory, circular
-      real(wp), dimension(self%posterior%n_moduli) :: modulus, sd
-
-      self%simulations = size(surrogate%simulations%modulus)
-      self%checksum = surrogate%checksum
-      self%surrogate_contact_radius = surrogate%contact_radius
-      if (surrogate%contact_radius > 0.0_wp) then
-         call halfspace_moduli( &
-            & surrogate%basis%domain%class%stiffnesses(surrogate%simulations%constants), &
-            & surrogate%simulations%euler_deg, 1, theory, circular, error)
-         if (.not. allocated(error)) then
-            self%surrogate_correction = sum(abs(surrogate%simulations%modulus/theory - 1.0_wp)) &
-               & /self%simulations
-         end if
-      end if
-      if (self%simulations == 0) return
-      associate (posterior => self%posterior, n => self%posterior%n_moduli)
-         call predict_crystals(surrogate, spread(posterior%stiffness(self%parameters%mean), 3, n), &
-            & posterior%euler(:, :n), 1, modulus, sd, error)
-         if (.not. allocated(error)) self%surrogate_sd = sum(sd)/max(1, n)
-      end associate
-   end subroutine describe_surrogate
-
-   !> Infer the constants by the half-space theory without the specimen correction.
-   subroutine compare_theory(problem, self, error)
-      type(problem_type), intent(in) :: problem
-      type(extraction_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-      type(surrogate_type) :: theory
-      type(posterior_type) :: posterior
-      real(wp), allocatable :: draws(:, :)
-      integer :: n
-
-      if (self%simulations == 0 .or. .not. self%posterior%grains%has_theory) return
-      call new_theory_surrogate(theory, error)
-      if (allocated(error)) return
-      call draw_aside(problem, problem%settings%measurements, theory, theory_run, posterior, &
-         & draws, error)
-      if (allocated(error)) return
-      n = self%posterior%n_constants
-      allocate (self%theory_mean(n), self%theory_sd(n))
-      call moments(draws(:n, :), self%theory_mean, self%theory_sd)
-   end subroutine compare_theory
-
->>>>>>> h2
    !> Sample the posterior. If the surrogate has the half-space theory, harmonics represent it up to
    !> a degree with a negligible error: draws of a short run determine the degree, and the draws of
    !> the chains check it.

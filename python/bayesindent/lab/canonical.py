@@ -173,8 +173,8 @@ def check_modulus(table: LaboratoryTable, kind: str | None) -> None:
         raise InputError(
             f"{table.place}no column is a modulus; allowed {', '.join(MODULI[:3])}, or modulus_gpa "
             f"with modulus_kind; the columns are {listed(table.names)}"
-            f"{nearest_to(MODULI, table.names)}. If another one is, state columns = "
-            f"'{MODULI[1]} = its header'"
+            f"{nearest_to(MODULI, table.names)}. If another one is, find out which modulus the "
+            "instrument reports, and state columns = 'KIND_gpa = its header'"
         )
     if kind and not {f"{kind}_gpa", "modulus_gpa"} & {*columns.values()}:
         raise InputError(

@@ -54,7 +54,7 @@ def value_of(number: str) -> float:
 
 def tidy(value: Any, decimal_commas: bool) -> str:
     """The text of a cell on one line; a decimal comma in a number becomes a point."""
-    cell = "" if value is None else " ".join(str(value).split())
+    cell = "" if value is None else re.sub(r" *[\n\r\t\f\v]\s*", " ", str(value)).strip()
     if decimal_commas and "," in cell and is_number(cell):
         return re.sub(r"(?<=\d),(?=\d)", ".", cell)
     return cell

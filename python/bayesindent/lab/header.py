@@ -7,7 +7,7 @@ import pandas as pd
 
 from ..core import InputError
 from .cells import is_number
-from .columns import meaning_of, without_mean
+from .columns import meaning_of
 from .reading import Rows, header_row
 from .table import LaboratoryTable
 
@@ -41,9 +41,7 @@ def table_of_rows(place: str, found: Rows, stated: Iterable[str]) -> LaboratoryT
         lines = f"{header} line{'s' * (header > 1)}"
         notes.append(f"the header is on line {line}; {lines} above it left out")
     width = max((j + 1 for j, name in enumerate(names) if name), default=0)
-    names = [without_mean(name) if meaning else name for name, meaning in zip(names, meanings)][
-        :width
-    ]
+    names = names[:width]
     units = [""] * width
     if below and is_row_of_units(below[0][1]):
         units = [unit_word(cell) for cell in [*below[0][1], *units][:width]]

@@ -15,6 +15,8 @@ from .other_files import decoded, reader_of, reading, refuse_formulas
 
 #: More rows and more bytes are refused: ten tests of each of the grains that the core takes.
 MOST_ROWS, MOST_BYTES = 200_000, 100_000_000
+#: The first bytes of spreadsheets of Excel before 2007.
+OLD_EXCEL = bytes.fromhex("d0cf11e0")
 #: A header is looked for among so many rows.
 FIRST_ROWS = 60
 
@@ -48,6 +50,8 @@ def rows_of_file(place: str, path: Path, sheet: str, stated: Iterable[str]) -> R
     lines = content.count(b"\n")
     if len(content) > MOST_BYTES or lines > 2 * MOST_ROWS:
         raise InputError(f"{place}{lines} rows; allowed up to {MOST_ROWS}")
+    if content.startswith(OLD_EXCEL):
+        raise InputError(f"{place}is an old Excel file; save it as .xlsx")
     text, encoding = decoded(content)
     if not text:
         return None
@@ -111,10 +115,10 @@ def rows_of_sheet(place: str, path: Path, sheet: str) -> Rows:
 
 def rows_of_columns(table: Mapping[str, Iterable]) -> Rows:
     """The rows of a table of Python; the first one below the header is line 1."""
-    columns = [
-        [cell_text(value, meaning_of(str(name)) not in NAME_COLUMNS) for value in values]
-        for name, values in table.items()
-    ]
+    columns = []
+    for name, values in table.items():
+        are_numbers = meaning_of(str(name)) not in NAME_COLUMNS
+        columns.append([cell_text(value, are_numbers) for value in values])
     rows = enumerate(map(list, zip(*columns, strict=True)), 1)
     return Rows([(0, list(map(str, table))), *rows], set())
 
