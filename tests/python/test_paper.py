@@ -65,7 +65,7 @@ def card_of(matrix, solver: str) -> str:
         title="a test",
         symmetry="triclinic",
         constants=names,
-        documents={"extract": {"parameters": parameters}},
+        extracted={"parameters": parameters},
     )
     return card(results, matrix, solver)
 

@@ -361,7 +361,7 @@ def test_each_warning_stands_once_under_its_consequence():
     ]
     results = SimpleNamespace(
         warnings=[*lines, "R-hat is 1.2. Why"],
-        documents={"extract": {"reasons": ["R-hat is 1.2, and more"]}},
+        extracted={"reasons": ["R-hat is 1.2, and more"]},
     )
     assert advice(results) == {
         "Some constants are not determined by the measurements": [

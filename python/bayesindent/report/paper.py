@@ -92,8 +92,8 @@ def write_paper(results: Results) -> Path:
         results.symmetry,
         [[results.extracted["parameters"][name]["mean"] for name in results.constants]],
     )[0]
-    for solver, kind in SOLVERS.items():
-        write_text(folder / f"stiffness_{solver}.inp", card(results, matrix, kind))
+    for solver in SOLVERS:
+        write_text(folder / f"stiffness_{solver}.inp", card(results, matrix, solver))
     return folder
 
 
@@ -193,11 +193,8 @@ def write_posterior(results: Results, file: Path) -> None:
     write_csv(file, header, rows, caption)
 
 
-def card(results: Results, matrix: np.ndarray, kind: str) -> str:
-    """The stiffness (6, 6) in GPa, crystal axes, as a material of Abaqus or CalculiX in MPa.
-
-    `kind` is what the solver calls an anisotropic material.
-    """
+def card(results: Results, matrix: np.ndarray, solver: str) -> str:
+    """The stiffness (6, 6) in GPa, crystal axes, as a material of Abaqus or CalculiX in MPa."""
     parameters = results.extracted["parameters"]
     constants = [
         f"{name} {' +- '.join(numbers(parameters[name], mean=1, sd=1))}"
@@ -210,7 +207,7 @@ def card(results: Results, matrix: np.ndarray, kind: str) -> str:
         symmetry=results.symmetry,
         version=__version__,
         constants=enumeration(constants),
-        type=kind,
+        type=SOLVERS[solver],
         stiffness="\n".join(elastic_constants(MPA * matrix)),
     )
     return text + "\n"
