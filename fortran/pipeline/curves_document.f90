@@ -103,7 +103,9 @@ contains
          call factor_definite(factor, 1.0e-13_wp)
          allocate (loadings(size(grains), n))
          do j = 1, n
- loadings(:, j) = [(sum(found%materials(grains(i))%by_shared(j:)*factor(j:, j)), i=1, size(grains))]
+            do i = 1, size(grains)
+               loadings(i, j) = sum(found%materials(grains(i))%by_shared(j:)*factor(j:, j))
+            end do
          end do
          loadings = loadings(:, pack([(j, j=1, n)], maxval(abs(loadings), 1) > negligible))
       end subroutine find_loadings

@@ -182,8 +182,8 @@ contains
          end if
          n_moduli = count(table%paths%wave == no_wave)
          if (allocated(problem%shared_errors)) then
-          measured%shared = shared_errors(problem, problem%shared_errors(table%row(:n_moduli), :), &
-                 & table%n)
+            measured%shared = shared_errors(problem, &
+               & problem%shared_errors(table%row(:n_moduli), :), table%n)
          else
             measured%shared = shared_errors(problem, reshape([real(wp) ::], [n_moduli, 0]), table%n)
          end if
