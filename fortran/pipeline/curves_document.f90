@@ -7,7 +7,7 @@ module curves_document
    use files, only: new_file_type
    use json, only: json_type
    use kinds, only: nan, wp
-   use shared_posterior, only: curves_posterior_type, material_type
+   use shared_posterior, only: curves_posterior_type
    use small_matrices, only: factor_definite
    use stage_documents, only: cells_of_numbers
    use statistics, only: chi_square_above, median
@@ -38,7 +38,7 @@ contains
       integer :: i, j
 
       grains = found%grains()
-      loadings = loadings_of(found%materials(grains), found%covariance)
+      call find_loadings()
       allocate (names, source=split_list(copied))
       columns = [(set%tests%find(trim(names(j))), j=1, size(names))]
       columns = pack(columns, columns > 0)
@@ -90,28 +90,26 @@ contains
             line = line//','//csv_cell(set%tests%cell(columns(k), row))
          end do
       end function cells_of
+
+      !> Set the loadings J L of the shared errors, relative to the modulus, (grain, error): J are
+      !> the derivatives of ln(modulus) by the shared unknowns, L is the lower factor of their
+      !> covariance. The errors that the loadings multiply are independent and of sd 1.
+      subroutine find_loadings()
+         real(wp), allocatable :: factor(:, :)
+         integer :: n
+
+         n = size(found%mean)
+         factor = found%covariance
+         call factor_definite(factor, 1.0e-13_wp)
+         allocate (loadings(size(grains), n))
+         do j = 1, n
+            do i = 1, size(grains)
+               loadings(i, j) = sum(found%materials(grains(i))%by_shared(j:)*factor(j:, j))
+            end do
+         end do
+         loadings = loadings(:, pack([(j, j=1, n)], maxval(abs(loadings), 1) > negligible))
+      end subroutine find_loadings
    end subroutine write_curve_files
-
-   !> Loadings J L of the shared errors, relative to the modulus, (grain, error): J are the
-   !> derivatives of ln(modulus) by the shared unknowns, L is the lower factor of their covariance.
-   !> The errors that the loadings multiply are independent and of sd 1.
-   function loadings_of(grains, covariance) result(loadings)
-      type(material_type), intent(in) :: grains(:)
-      !> Of the shared unknowns.
-      real(wp), intent(in) :: covariance(:, :)
-      real(wp), allocatable :: loadings(:, :)
-      real(wp) :: factor(size(covariance, 1), size(covariance, 2))
-      integer :: i, j, n
-
-      n = size(factor, 2)
-      factor = covariance
-      call factor_definite(factor, 1.0e-13_wp)
-      allocate (loadings(size(grains), n))
-      do j = 1, n
-         loadings(:, j) = [(sum(grains(i)%by_shared(j:)*factor(j:, j)), i=1, size(grains))]
-      end do
-      loadings = loadings(:, pack([(j, j=1, n)], maxval(abs(loadings), 1) > negligible))
-   end function loadings_of
 
    !> Write the document into the object of a `page`.
    subroutine write_document(page, set, found)

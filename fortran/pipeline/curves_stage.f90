@@ -3,7 +3,7 @@
 module curves_stage
    use abstract_stage, only: stage_type
    use curves_document, only: write_curve_files, write_document
-   use elastic_window, only: begin_test, leave_out, n_shared, score_test, test_type
+   use elastic_window, only: begin_test, leave_out, n_shared, score_test
    use errors, only: error_type, refuse, warn, warning_type
    use files, only: printable
    use halfspace_theory, only: halfspace_moduli
@@ -196,7 +196,7 @@ contains
                      & asked%transient_s)
                end if
             end do
-            call compare_tests(tests, s%materials, step > 1)
+            call compare_tests()
             if (.not. any(tests%used)) then
                call refuse(error, self%problem%curves_place() &
                   & //'no test has an elastic part; test '//self%problem%curves%curves(1)%name &
@@ -212,37 +212,39 @@ contains
             end if
          end do
       end associate
+
+   contains
+
+      !> Compare the tests of each material with their median, which is the centre of the prior of a
+      !> grain's modulus. From the second step on tests far from it are left out.
+      subroutine compare_tests()
+         !> Distance from the median, in ln(modulus), beyond which a test is left out.
+         real(wp), parameter :: far = 0.5_wp
+         integer, allocatable :: own(:)
+         real(wp), allocatable :: found(:)
+         real(wp) :: centre
+         integer :: i, k
+
+         associate (tests => self%found%tests, materials => self%found%materials)
+            do k = 1, size(materials)
+               own = pack([(i, i=1, size(tests))], tests%material == k .and. tests%used)
+               if (size(own) == 0) cycle
+               found = tests(own)%ln_modulus + tests(own)%shift
+               centre = median(size(own), found)
+               if (.not. materials(k)%reference) materials(k)%prior_mean = centre
+               if (size(own) < 3 .or. step == 1) cycle
+               do i = 1, size(own)
+                  if (abs(found(i) - centre) > far) then
+                     call leave_out(tests(own(i)), &
+                        & 'its modulus of '//to_text(exp(found(i)), 3)//' GPa is far from the ' &
+                        & //to_text(exp(centre), 3)//' GPa of the other tests of ' &
+                        & //materials(k)%name)
+                  end if
+               end do
+            end do
+         end associate
+      end subroutine compare_tests
    end subroutine iterate
-
-   !> Compare the tests of each material with their median, which is the centre of the prior of a
-   !> grain's modulus. Tests far from it are left out if that is allowed.
-   subroutine compare_tests(tests, materials, may_leave_out)
-      type(test_type), intent(inout) :: tests(:)
-      type(material_type), intent(inout) :: materials(:)
-      logical, intent(in) :: may_leave_out
-      !> Distance from the median, in ln(modulus), beyond which a test is left out.
-      real(wp), parameter :: far = 0.5_wp
-      integer, allocatable :: own(:)
-      real(wp), allocatable :: found(:)
-      real(wp) :: centre
-      integer :: i, k
-
-      do k = 1, size(materials)
-         own = pack([(i, i=1, size(tests))], tests%material == k .and. tests%used)
-         if (size(own) == 0) cycle
-         found = tests(own)%ln_modulus + tests(own)%shift
-         centre = median(size(own), found)
-         if (.not. materials(k)%reference) materials(k)%prior_mean = centre
-         if (size(own) < 3 .or. .not. may_leave_out) cycle
-         do i = 1, size(own)
-            if (abs(found(i) - centre) > far) then
-               call leave_out(tests(own(i)), &
-                  & 'its modulus of '//to_text(exp(found(i)), 3)//' GPa is far from the ' &
-                  & //to_text(exp(centre), 3)//' GPa of the other tests of '//materials(k)%name)
-            end if
-         end do
-      end do
-   end subroutine compare_tests
 
    !> Refuse references that were measured with another tip. Warn if no reference was measured.
    subroutine check_references(self, error)

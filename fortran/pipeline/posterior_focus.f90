@@ -118,7 +118,7 @@ contains
          if (allocated(error)) return
       end if
       round%simulations = size(surrogate%simulations%modulus)
-      round%z = error_of_predictions(focus, surrogate)
+      call check_predictions()
       wide = surrogate
       call drop_bounds(wide%basis%domain, &
          & surrogate%basis%domain%class%stiffnesses(candidates%constants))
@@ -181,6 +181,26 @@ contains
                & grains%euler_deg(:, [(modulo(i, grains%n) + 1, i=0, n - 1)])
          end associate
       end subroutine make_candidates
+
+      !> Set the root mean square of (simulated - predicted)/sd, with the surrogate of the previous
+      !> round, over the later simulations without those of the theory alone, if there are any.
+      subroutine check_predictions()
+         real(wp), dimension(size(surrogate%simulations%modulus)) :: mean, sd
+         type(error_type), allocatable :: failure
+         integer :: first
+
+         if (size(focus%rounds) == 0) return
+         first = focus%rounds(size(focus%rounds))%simulations + tempered + 1
+         associate (known => surrogate%simulations, class => surrogate%basis%domain%class)
+            if (first > size(mean)) return
+            call predict_crystals(focus%surrogate, class%stiffnesses(known%constants(:, first:)), &
+               & degree*known%euler_deg(:, first:), 1, mean(first:), sd(first:), failure)
+            if (.not. allocated(failure)) then
+               round%z = norm2((known%modulus(first:) - mean(first:))/sd(first:)) &
+                  & /sqrt(real(size(mean) - first + 1, wp))
+            end if
+         end associate
+      end subroutine check_predictions
    end subroutine find_focus
 
    !> Relative change of the variance of each constant that a better surrogate is likely to make:
@@ -279,30 +299,6 @@ contains
          numbers(i) = j
       end do
    end function select_draws
-
-   !> Root mean square of (simulated - predicted)/sd, with the round's surrogate, over the later
-   !> simulations without those of the theory alone; below 0: there are none.
-   real(wp) function error_of_predictions(focus, surrogate) result(z)
-      type(focus_type), intent(in) :: focus
-      !> Has these simulations.
-      type(surrogate_type), intent(in) :: surrogate
-      real(wp), dimension(size(surrogate%simulations%modulus)) :: mean, sd
-      type(error_type), allocatable :: error
-      integer :: first
-
-      z = -1.0_wp
-      if (size(focus%rounds) == 0) return
-      first = focus%rounds(size(focus%rounds))%simulations + tempered + 1
-      associate (known => surrogate%simulations, class => surrogate%basis%domain%class)
-         if (first > size(mean)) return
-         call predict_crystals(focus%surrogate, class%stiffnesses(known%constants(:, first:)), &
-            & degree*known%euler_deg(:, first:), 1, mean(first:), sd(first:), error)
-         if (.not. allocated(error)) then
-            z = norm2((known%modulus(first:) - mean(first:))/sd(first:)) &
-               & /sqrt(real(size(mean) - first + 1, wp))
-         end if
-      end associate
-   end function error_of_predictions
 
    !> Whether the surrogate at the beginning of the round is accurate. The round is then not needed.
    pure logical function is_accurate(focus)

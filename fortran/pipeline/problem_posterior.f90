@@ -148,79 +148,48 @@ contains
       type(surrogate_type), intent(in) :: surrogate
       type(posterior_type), intent(out) :: posterior
       type(error_type), allocatable, intent(out) :: error
+      type(measured_type) :: measured
 
       if (allocated(table)) then
-         call new_measured_posterior(problem, model, measured_grains_of(problem, table), &
-            & surrogate, posterior, error)
+         call take_measurements()
+         call new_measured_posterior(problem, model, measured, surrogate, posterior, error)
       else
          call problem%refuse('measurements', '', &
             & 'there are no measurements: at least one grain is needed', error)
       end if
-   end subroutine new_table_posterior
-
-   !> The posterior of other measurements, or with another model of their errors, than those of the
-   !> problem. The prior and the knowledge are those of the problem.
-   subroutine new_measured_posterior(problem, model, measured, surrogate, posterior, error)
-      type(problem_type), intent(in) :: problem
-      type(measurements_settings_type), intent(in) :: model
-      type(measured_type), intent(in) :: measured
-      type(surrogate_type), intent(in) :: surrogate
-      type(posterior_type), intent(out) :: posterior
-      type(error_type), allocatable, intent(out) :: error
-      !> Poisson's ratio of an isotropic solid with the mean measurement: its Young's modulus sets
-      !> the scale of the default prior.
-      real(wp), parameter :: typical_poisson = 0.3_wp
-      type(prior_type) :: prior
-      type(knowledge_type) :: knowledge
-      type(observable_type) :: observable
-
-      call read_knowledge(problem, knowledge, error)
-      if (allocated(error)) return
-      call new_observable(model%modulus_kind, model, observable, error)
-      if (allocated(error)) return
-      call new_prior(surrogate%basis%domain, problem%class, problem%settings%prior, &
-         & (1.0_wp - typical_poisson**2)*mean_modulus(observable, measured, 1.0_wp), knowledge, &
-         & prior, error)
-      call problem%locate('prior', '', error)
-      if (allocated(error)) return
-      call new_posterior(surrogate, prior, model, &
-         & problem%settings%sampler%surrogate_variance == 'full', measured, posterior, error)
-      call problem%locate('measurements', '', error)
-   end subroutine new_measured_posterior
-
-   !> The measurements of a table. If the orientations are unknown, all possible ones take their
-   !> place.
-   function measured_grains_of(problem, table) result(measured)
-      type(problem_type), intent(in) :: problem
-      type(points_type), intent(in) :: table
-      type(measured_type) :: measured
-      integer :: n_moduli
-
-      measured%euler = table%euler_deg*degree
-      measured%modulus = table%modulus_gpa
-      measured%sd = table%sd_gpa
-      ! An sd is absent only if all sds are one unknown value, which the factor on the sds infers.
-      where (.not. measured%sd > 0.0_wp) measured%sd = 1.0_wp
-      measured%tilt_sd = merge(table%orientation_sd_deg, &
-         & problem%settings%measurements%orientation_sd_deg, &
-         & table%orientation_sd_deg >= 0.0_wp)*degree
-      measured%group = table%group
-      measured%paths = table%paths
-      if (allocated(problem%settings%problem%density_kg_m3)) then
-         measured%density = problem%settings%problem%density_kg_m3
-      end if
-      n_moduli = count(table%paths%wave == no_wave)
-      if (allocated(problem%shared_errors)) then
-         measured%shared = shared_errors(problem, problem%shared_errors(table%row(:n_moduli), :), &
-            & table%n)
-      else
-         measured%shared = shared_errors(problem, reshape([real(wp) ::], [n_moduli, 0]), table%n)
-      end if
-      if (problem%settings%measurements%orientations == 'unknown') then
-         call spread_orientations()
-      end if
 
    contains
+
+      !> Set the measurements of the table. If the orientations are unknown, all possible ones take
+      !> their place.
+      subroutine take_measurements()
+         integer :: n_moduli
+
+         measured%euler = table%euler_deg*degree
+         measured%modulus = table%modulus_gpa
+         measured%sd = table%sd_gpa
+         ! An sd is absent only if all sds are one unknown value, which the factor on the sds
+         ! infers.
+         where (.not. measured%sd > 0.0_wp) measured%sd = 1.0_wp
+         measured%tilt_sd = merge(table%orientation_sd_deg, &
+            & problem%settings%measurements%orientation_sd_deg, &
+            & table%orientation_sd_deg >= 0.0_wp)*degree
+         measured%group = table%group
+         measured%paths = table%paths
+         if (allocated(problem%settings%problem%density_kg_m3)) then
+            measured%density = problem%settings%problem%density_kg_m3
+         end if
+         n_moduli = count(table%paths%wave == no_wave)
+         if (allocated(problem%shared_errors)) then
+            measured%shared = shared_errors(problem, &
+               & problem%shared_errors(table%row(:n_moduli), :), table%n)
+         else
+            measured%shared = shared_errors(problem, reshape([real(wp) ::], [n_moduli, 0]), table%n)
+         end if
+         if (problem%settings%measurements%orientations == 'unknown') then
+            call spread_orientations()
+         end if
+      end subroutine take_measurements
 
       !> Let each measurement be of any direction of the crystal, evenly over the sphere, or of any
       !> orientation of a texture.
@@ -256,7 +225,37 @@ contains
          end if
          measured%tilt_sd = spread(0.0_wp, 1, n)
       end subroutine spread_orientations
-   end function measured_grains_of
+   end subroutine new_table_posterior
+
+   !> The posterior of other measurements, or with another model of their errors, than those of the
+   !> problem. The prior and the knowledge are those of the problem.
+   subroutine new_measured_posterior(problem, model, measured, surrogate, posterior, error)
+      type(problem_type), intent(in) :: problem
+      type(measurements_settings_type), intent(in) :: model
+      type(measured_type), intent(in) :: measured
+      type(surrogate_type), intent(in) :: surrogate
+      type(posterior_type), intent(out) :: posterior
+      type(error_type), allocatable, intent(out) :: error
+      !> Poisson's ratio of an isotropic solid with the mean measurement: its Young's modulus sets
+      !> the scale of the default prior.
+      real(wp), parameter :: typical_poisson = 0.3_wp
+      type(prior_type) :: prior
+      type(knowledge_type) :: knowledge
+      type(observable_type) :: observable
+
+      call read_knowledge(problem, knowledge, error)
+      if (allocated(error)) return
+      call new_observable(model%modulus_kind, model, observable, error)
+      if (allocated(error)) return
+      call new_prior(surrogate%basis%domain, problem%class, problem%settings%prior, &
+         & (1.0_wp - typical_poisson**2)*mean_modulus(observable, measured, 1.0_wp), knowledge, &
+         & prior, error)
+      call problem%locate('prior', '', error)
+      if (allocated(error)) return
+      call new_posterior(surrogate, prior, model, &
+         & problem%settings%sampler%surrogate_variance == 'full', measured, posterior, error)
+      call problem%locate('measurements', '', error)
+   end subroutine new_measured_posterior
 
    !> Relative errors that n measurements share, (measurement, error). The first rows are those of
    !> the moduli, with the errors that the user stated; the others are those of the speeds, with
