@@ -35,15 +35,17 @@ contains
       real(wp), intent(in), contiguous :: draws(:, :)
       real(wp), allocatable :: halves(:, :), work(:, :), sorted(:)
       real(wp) :: folded
-      integer :: n
+      integer :: n, j
 
       diagnostics = diagnostics_type(nan, nan, nan)
       if (size(draws, 1) < least_samples) return
       ! The first and the last half of each chain; a sample in the middle is left out.
       n = size(draws, 1)/2
       allocate (halves(n, 2*size(draws, 2)))
-      halves(:, 1::2) = draws(:n, :)
-      halves(:, 2::2) = draws(size(draws, 1) - n + 1:, :)
+      do j = 1, size(draws, 2)
+         halves(:, 2*j - 1) = draws(:n, j)
+         halves(:, 2*j) = draws(size(draws, 1) - n + 1:, j)
+      end do
       call sorted_values(size(draws), draws, sorted)
       ! The effective sample size of a quantile is that of whether a draw is at or below it.
       work = merge(1.0_wp, 0.0_wp, halves <= quantile(sorted, tail))

@@ -343,7 +343,7 @@ contains
       call file%reals('simulated_modulus_gpa', simulations%modulus)
       if (allocated(file%error) .or. .not. file%reading) return
       n = size(simulations%modulus)
-      if (size(constants) /= n_constants*n .or. size(euler_deg) /= 3*n) then
+      if (any([size(constants), size(euler_deg)] /= [n_constants, 3]*n)) then
          call file%fail('the simulations have '//to_text(size(constants))//' constants, ' &
             & //to_text(size(euler_deg))//' angles and '//to_text(n)//' moduli')
          return
