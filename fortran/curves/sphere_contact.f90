@@ -4,10 +4,6 @@
 !> With the contact radius a, x = a/R and the effective modulus E: h/R = x² + beta x⁴/3, P/(E R²) =
 !> 4x³/3 + 8 beta x⁵/15, dP/dh = 2 E a. beta = 0 is a paraboloid (Hertz), beta = 1 a sphere to the
 !> next order, and a negative beta a blunter tip.
-!>
-!> With x = a/R, a the contact radius: h/R = x² + beta x⁴/3, P/(E R²) = 4x³/3 + 8 beta x⁵/15, dP/dh
-!> = 2 E a, E the effective modulus. beta = 0 is a paraboloid (Hertz), 1 a sphere to the next order,
-!> a negative one a blunter tip.
 module sphere_contact
    use kinds, only: wp
    implicit none
