@@ -12,7 +12,7 @@ module problem
    use namelist_file, only: entry_type, place
    use measurement_checks, only: like_radians, check_measurements
    use direction_checks, only: refuse_radians
-   use point_tables, only: angles_look_like_radians, points_type, read_column, read_crystals, &
+   use point_tables, only: angles_look_like_radians, points_type, read_crystals, &
       & read_measurements, read_orientations
    use repeated_tests, only: combine_tests, refuse_copied_rows
    use settings_schema, only: settings_type
@@ -23,7 +23,7 @@ module problem
    use table_columns, only: find_column, foreign_column
    use tables, only: parse_table, read_table, table_type
    use velocity_tables, only: append_velocities, read_velocities
-   use text, only: lower, newline, to_text
+   use text, only: newline, to_text
    implicit none
    private
    public :: problem_type, new_problem, table_name, canonical_mark, only_canonical

@@ -1,7 +1,7 @@
 !> Tables that a namelist names: crystals with orientations, measurements, candidates. Columns are
 !> found by their names.
 module point_tables
-   use files, only: hash_of, printable
+   use files, only: hash_of
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
    use crystal_elasticity, only: check_stiffness, path_type, rayleigh, rotation_matrix
    use errors, only: error_type, prefix_error, refuse
