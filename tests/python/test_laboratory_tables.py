@@ -474,6 +474,34 @@ def test_grains_keep_their_names(tmp_path, name):
         assert points.names == [name, "g2", "g3"]
 
 
+def test_headers_are_compared_as_they_stand_in_the_file(tmp_path):
+    """Names of NanoSuite: a mean whose plain name is another column, and a name with a mean."""
+    rows = [(row[0], "", row[4], *row[1:4], row[5]) for row in ROWS]
+    names = ["Test", "E", "Avg E", "phi1", "Phi", "phi2", "sd_gpa"]
+    (tmp_path / "a.csv").write_text(text(rows, names))
+    points = read_measurements(tmp_path / "a.csv", "cubic", columns={"sample_modulus_gpa": "Avg E"})
+    assert points.modulus_kind == "sample_modulus"
+    assert points.modulus_gpa.tolist() == [row[4] for row in ROWS]
+    names[2] = "Avg Modulus [100-200 nm]"
+    (tmp_path / "a.csv").write_text(text(rows, names))
+    points = read_measurements(
+        tmp_path / "a.csv", "cubic", columns={"sample_modulus_gpa": names[2]}
+    )
+    assert points.modulus_gpa.tolist() == [row[4] for row in ROWS]
+
+
+def test_a_refusal_proposes_no_kind_of_modulus(tmp_path):
+    (tmp_path / "a.csv").write_text(text(names=[*NAMES[:4], "Modulus At Max Load", "sd_gpa"]))
+    with pytest.raises(bi.InputError, match="find out which modulus the instrument reports"):
+        read_measurements(tmp_path / "a.csv", "cubic")
+
+
+def test_old_excel_is_named(tmp_path):
+    (tmp_path / "a.xls").write_bytes(bytes.fromhex("d0cf11e0a1b11ae1") + bytes(600))
+    with pytest.raises(bi.InputError, match="is an old Excel file; save it as .xlsx"):
+        read_measurements(tmp_path / "a.xls", "cubic")
+
+
 def test_pandas_is_imported_with_the_first_table():
     code = (
         "import sys, bayesindent as bi\n"

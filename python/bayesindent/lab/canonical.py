@@ -156,13 +156,16 @@ def resolve(table: LaboratoryTable, given: Mapping[str, str], kind: str | None) 
 
 
 def choose_modulus(table: LaboratoryTable, kind: str | None) -> None:
-    """Let the modulus be the column of the kind that `&measurements modulus_kind` states, or the
-    one that does not say its kind. Otherwise the core takes the only one, or refuses several.
+    """Let the modulus be the column that the user names, the one of the kind that `&measurements
+    modulus_kind` states, or the one that does not say its kind. Otherwise the core takes the only
+    one.
     """
-    chosen = [name for name in (f"{kind}_gpa", "modulus_gpa") if kind and name in table.meanings]
-    for j, name in enumerate(table.meanings):
-        if chosen and name in MODULI and name != chosen[0]:
-            table.meanings[j] = ""
+    columns = {name: table.column(name) for name in MODULI if name in table.meanings}
+    stated = [name for name, j in columns.items() if table.names[j] in table.stated]
+    of_kind = [name for name in (f"{kind}_gpa", "modulus_gpa") if kind and name in columns]
+    chosen = stated or of_kind[:1] or [*columns]
+    for name in columns.keys() - chosen:
+        table.meanings[columns[name]] = ""
 
 
 def check_modulus(table: LaboratoryTable, kind: str | None) -> None:
