@@ -352,7 +352,7 @@ contains
       integer :: column, i
 
       associate (stated => self%settings%measurements)
-         ! The tables of this program are in degrees.
+         ! Tables that this program wrote are in degrees; those of curves have the unit of tests.
          radians = stated%angles == 'radians' .and. index(content, canonical_mark) /= 1
          call parse_table(content, table, error)
          if (.not. allocated(error) .and. allocated(stated%file)) then
@@ -370,6 +370,12 @@ contains
                end if
                return
             end if
+         end if
+         if (radians .and. allocated(stated%file) .and. .not. allocated(error)) then
+            call refuse(error, place(self%path, 'measurements', 'file')//printable(stated%file) &
+               & //' has angles in radians'//only_canonical//printable(stated%file) &
+               & //' --output DIR'' and name DIR/table.csv')
+            return
          end if
          if (.not. allocated(error)) then
             call read_measurements(table, radians, stated, self%class, &

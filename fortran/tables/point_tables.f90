@@ -11,7 +11,7 @@ module point_tables
    use direction_columns, only: find_ways, read_directions
    use table_columns, only: find_column, find_modulus, known_columns
    use tables, only: longest_name, read_table, table_type
-   use text, only: join, to_text
+   use text, only: join, lower, to_text
    implicit none
    private
    public :: points_type, read_crystals, read_measurements, read_orientations, first_rows, &
@@ -286,6 +286,11 @@ contains
       do j = 1, 3
          call find_column(points%table, trim(angle_names(j)), column, error, needed=.true.)
          if (allocated(error)) return
+         if (.not. radians .and. index(lower(points%table%name(column)), 'rad') > 0) then
+            call refuse(error, 'column '//points%table%name(column) &
+               & //' is in radians; degrees are needed, or &measurements angles = ''radians''')
+            return
+         end if
          allowed = merge([0.0_wp, 180.0_wp], [-largest_turn, largest_turn], j == 2)*unit
          refusal = '; allowed '//to_text(allowed(1))//' to '//to_text(allowed(2))
          call read_numbers(points%table, column, allowed + [0.0_wp, merge(rounding, 0.0_wp, &

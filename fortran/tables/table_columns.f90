@@ -18,13 +18,16 @@ module table_columns
       real(wp) :: allowed(2) = [-huge(1.0_wp), huge(1.0_wp)]
       character(len=8) :: unit = ''
       character(len=60) :: refusal = ''
-      !> Other names without their units, separated by ', '.
+      !> Other names without their units, separated by ', '; the units, each between blanks.
       character(len=90) :: others = ''
+      character(len=36) :: units = ''
    end type column_type
    !> Moduli of metals, GPa; depths and sizes of grains, um; speeds of surface waves, m/s;
    !> directions, degrees.
    real(wp), parameter :: moduli(2) = [1.0_wp, 2000.0_wp], lengths(2) = [1.0e-6_wp, 1.0e6_wp], &
       & speeds(2) = [100.0_wp, 30000.0_wp], turns(2) = [-360.0_wp, 360.0_wp], no_less = tiny(1.0_wp)
+   character(len=*), parameter :: degrees = ' deg degrees degree ° ', &
+      & angle_units = degrees//'rad radians ', speed = ' m/s m_s '
    character(len=*), parameter :: no_modulus = ' is no modulus of a metal'
    !> Kinds of modulus; the column of a kind is named 'KIND_gpa'.
    character(len=*), parameter :: kinds(3) = [character(len=19) :: 'indentation_modulus', &
@@ -42,16 +45,20 @@ module table_columns
       & column_type('zero_sd_nm', [0.0_wp, 1000.0_wp], ' nm'), &
       & column_type('grain_radius_um', lengths, ' um')]
    type(column_type), parameter :: wave_columns(3) = [ &
-      & column_type('propagation_deg', turns, ' degrees', others='propagation'), &
+      & column_type('propagation_deg', turns, ' degrees', others='propagation', &
+      & units=degrees), &
       & column_type('rayleigh_velocity_m_s', speeds, ' m/s', ' is no speed of a wave', &
-      & 'rayleigh_velocity, rayleigh_speed, saw_velocity, velocity, velocity_m_s'), &
+      & 'rayleigh_velocity, rayleigh_speed, saw_velocity, velocity', speed), &
       & column_type('sd_m_s', [no_less, speeds(2)], ' m/s', &
       & '; a standard deviation is above 0, up to 30000.0 m/s', &
-      & 'sd, std, stdev, error, uncertainty, standard_deviation')]
+      & 'sd, std, stdev, error, uncertainty, standard_deviation', speed)]
    type(column_type), parameter :: label_columns(5) = [ &
-      & column_type('phi1_deg', others='phi1, phi_1, φ1, euler1, euler_1, euler_angle_1'), &
-      & column_type('Phi_deg', others='phi, φ, Φ, euler2, euler_2, euler_angle_2'), &
-      & column_type('phi2_deg', others='phi2, phi_2, φ2, euler3, euler_3, euler_angle_3'), &
+      & column_type('phi1_deg', others='phi1, phi_1, φ1, euler1, euler_1, euler_angle_1', &
+      & units=angle_units), &
+      & column_type('Phi_deg', others='phi, φ, Φ, euler2, euler_2, euler_angle_2', &
+      & units=angle_units), &
+      & column_type('phi2_deg', others='phi2, phi_2, φ2, euler3, euler_3, euler_angle_3', &
+      & units=angle_units), &
       & column_type('grain', others='grain_id, grain_number, grain_no'), &
       & column_type('test', others='test_id, test_number')]
    type(column_type), parameter :: drift_column = column_type('drift_nm_s', [-5.0_wp, 5.0_wp], &
@@ -71,7 +78,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Whether a table without the column is refused.
       logical, intent(in), optional :: needed
-      character(len=:), allocatable :: names, others(:)
+      character(len=:), allocatable :: names, others(:), word, unit
       integer, allocatable :: found(:)
       integer :: i, j
 
@@ -89,6 +96,14 @@ contains
          end if
          if (size(found) == 1) column = found(1)
       end if
+      if (column > 0 .and. i > 0) then
+         call split_name(table%name(column), word, unit)
+         if (len(unit) > 0 .and. index(known_columns(i)%units, ' '//unit//' ') == 0 &
+            & .and. table%find(name) /= column) then
+            call refuse(error, 'column '//printable(table%name(column))//': the unit ' &
+               & //printable(unit)//' is not read; allowed'//trim(known_columns(i)%units))
+         end if
+      end if
       if (column > 0 .or. .not. present(needed)) return
       names = table%names()
       if (needed) then
@@ -97,20 +112,39 @@ contains
       end if
    end subroutine find_column
 
-   !> The word of a name without its unit: 'saw_velocity' of 'SAW velocity (m/s)'.
-   pure function word_of(name) result(word)
+   !> Word and unit of a name: 'saw_velocity' and 'm/s' of 'SAW velocity (m/s)', 'phi1' and 'deg'
+   !> of 'phi1_deg'.
+   pure subroutine split_name(name, word, unit)
       character(len=*), intent(in) :: name
-      character(len=:), allocatable :: word
+      character(len=:), allocatable, intent(out) :: word, unit
+      character(len=*), parameter :: endings(3) = ['_deg', '_rad', '_m_s']
       integer :: k
 
       word = lower(name)
+      unit = ''
       k = scan(word, '([/')
-      if (k > 1) word = trim(word(:k - 1))
+      if (k > 1) then
+         unit = word(k + 1:)
+         if (scan(unit, ')]') > 0) unit = unit(:scan(unit, ')]') - 1)
+         unit = trim(adjustl(unit))
+         word = trim(word(:k - 1))
+      end if
       do k = 1, len(word)
          if (scan(word(k:k), ' -.') == 1) word(k:k) = '_'
       end do
-      k = index(word, '_deg', back=.true.)
-      if (k > 1 .and. k == len(word) - 3) word = word(:k - 1)
+      k = len(word) - len(endings)
+      if (k < 1 .or. len(unit) > 0) return
+      if (all(endings /= word(k + 1:))) return
+      unit = word(k + 2:)
+      word = word(:k)
+   end subroutine split_name
+
+   !> The word of a name without its unit.
+   pure function word_of(name) result(word)
+      character(len=*), intent(in) :: name
+      character(len=:), allocatable :: word, unit
+
+      call split_name(name, word, unit)
    end function word_of
 
    !> Find the column of the moduli, and their kind, from its name or as it is stated.

@@ -75,6 +75,45 @@ def test_the_batch_program_reads_canonical_tables_alone(tmp_path, name, options)
     assert (refused.returncode, refused.stderr) == (2, said)
 
 
+def test_the_batch_program_reads_degrees(tmp_path):
+    """Else table.csv, whose mark means degrees, would have radians."""
+    (tmp_path / "T.csv").write_text(
+        "phi1_deg,Phi_deg,phi2_deg,effective_modulus_gpa,sd_gpa\n1,2,3,200,4\n2,1,3,210,4\n"
+    )
+    (tmp_path / "a.nml").write_text(
+        "&problem symmetry = 'cubic' /\n&measurements file = 'T.csv', angles = 'radians' /\n"
+    )
+    refused = subprocess.run(
+        [BATCH, "a.nml"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    said = "a.nml: &measurements file: T.csv has angles in radians; the batch program reads "
+    assert refused.returncode == 2 and refused.stderr.startswith(said)
+
+
+SPEEDS = (
+    "phi1{},Phi,phi2,propagation_deg,velocity{},sd{}\n10,20,30,0,3000,10\n40,50,60,20,3100,10\n"
+)
+UNITS = {
+    "radians": (" (rad)", "", "", "column phi1 (rad) is in radians"),
+    "km/s": ("", " (km/s)", "", "column velocity (km/s): the unit km/s is not read"),
+    "per cent": ("", " (m/s)", " (%)", "column sd (%): the unit % is not read"),
+}
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_units_of_speeds_are_those_that_are_read(tmp_path, name):
+    *units, words = UNITS[name]
+    (tmp_path / "v.csv").write_text(SPEEDS.format(*units))
+    (tmp_path / "a.nml").write_text(
+        "&problem symmetry = 'cubic', density_kg_m3 = 8900 /\n"
+        "&measurements velocities = 'v.csv' /\n"
+    )
+    refused = subprocess.run(
+        [BATCH, "a.nml", "--check"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert refused.returncode == 2 and words in refused.stderr, refused.stderr
+
+
 #: Tables of laboratories, and the moduli and sds that they have.
 LABORATORY = {
     "semicolons and decimal commas": (

@@ -439,6 +439,23 @@ def test_grains_may_be_named_as_statistics(tmp_path):
         assert "Max is taken for a grain, not for a statistic" in " ".join(points.problem.warnings)
 
 
+def test_a_grain_is_compared_with_the_statistic_of_its_name(tmp_path):
+    """The modulus of the grain Max is the mean of the others, not their largest."""
+    mean = np.mean([row[4] for row in SIX[:2]])
+    rows = [*SIX[:2], ("Max", 130, 45, 10, mean, 4.25)]
+    (tmp_path / "a.csv").write_text(text(rows))
+    assert read_measurements(tmp_path / "a.csv", "cubic").names == ["A", "B", "Max"]
+    (tmp_path / "a.csv").write_text(text([*rows[:2], ("Mean", *rows[2][1:])]))
+    assert read_measurements(tmp_path / "a.csv", "cubic").names == ["A", "B"]
+
+
+def test_times_and_rows_of_a_clock_or_a_wafer_are_not_read(tmp_path):
+    rows = [(*row, f"12:3{k}", f"A{k}") for k, row in enumerate(ROWS)]
+    (tmp_path / "a.csv").write_text(text(rows, [*NAMES, "Time", "row"]))
+    points = read_measurements(tmp_path / "a.csv", "cubic")
+    assert points.sd_gpa.tolist() == [row[5] for row in ROWS]
+
+
 def test_below_a_blank_row_are_statistics(tmp_path):
     rows = text([*SIX[:4], ("Max", 1, 2, 3, 300.0, 4.0)]).replace("Max", "\nMax")
     (tmp_path / "a.csv").write_text(rows)

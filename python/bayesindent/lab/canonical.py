@@ -11,7 +11,7 @@ import numpy as np
 
 from ..common.result_files import as_csv
 from ..core import InputError
-from .cells import is_missing, value_of
+from .cells import is_missing, is_number, value_of
 from .cleaning import clean, leave_out_incomplete
 from .columns import (
     ANGLES,
@@ -86,6 +86,7 @@ def canonical_table(
     if not len(table.cells):
         raise InputError(f"{place}the table is empty: no row follows the header")
     resolve(table, stated_columns(place, columns, table.names), stated("modulus_kind"))
+    drop_texts(table)
     is_own = found.text.startswith(MARK)
     radians = stated("angles") == "radians" and not is_own
     check_units(table, radians)
@@ -153,6 +154,14 @@ def resolve(table: LaboratoryTable, given: Mapping[str, str], kind: str | None) 
             "out the rows with other_probability above 0.05, and the columns other_*"
         )
     choose_modulus(table, kind)
+
+
+def drop_texts(table: LaboratoryTable) -> None:
+    """Do not read a column of times or rows whose cells are texts, such as 12:30."""
+    for name in ("row", "time_s"):
+        j = table.column(name)
+        if j >= 0 and not all(is_missing(cell) or is_number(cell) for cell in table.cells[j]):
+            table.meanings[j] = ""
 
 
 def choose_modulus(table: LaboratoryTable, kind: str | None) -> None:

@@ -1,7 +1,6 @@
 """Leave out the rows of a table that are no measurements, and make its cells plain numbers."""
 
 import re
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -21,9 +20,9 @@ from .table import LaboratoryTable
 
 #: Names of rows of statistics begin with a name of a mean ("Mittelwert"), of a spread ("Std. Dev.")
 #: or of an extent ("Overall (n = 12)").
-MEAN_NAMES = r"mean|average|avg|median|mittel\w*|moyenne|media"
+MEAN_NAMES = r"mean|average|avg|median|mittel\w*|moyenne|media|(over)?all"
 SPREAD_NAMES = r"std|st\.? ?dev|stand\w*|stabw|[eé]cart|sd|sem|(% ?)?cov|cv|coefficient|vari\w+"
-EXTENT_NAMES = r"min(imum)?|max(imum)?|count|number|range|sum|total|(over)?all|n"
+EXTENT_NAMES = r"min(imum)?|max(imum)?|count|number|range|sum|total|n"
 STATISTICS = re.compile(
     rf"({MEAN_NAMES}|{SPREAD_NAMES}|{EXTENT_NAMES})\b[^0-9]*(\(n ?= ?\d+\))?$", re.I
 )
@@ -99,7 +98,7 @@ def leave_out_statistics(table: LaboratoryTable) -> None:
     modulus = table.column(*MODULI)
     others = table.cells.drop(index=named)
     moduli = np.array([number_of(cell) for cell in others[modulus]] if modulus >= 0 else [])
-    values = list(statistics_of(moduli[np.isfinite(moduli)]))
+    values = statistics_of(moduli[np.isfinite(moduli)])
     statistics = []
     for line in named:
         row = table.cells.loc[line]
@@ -110,7 +109,7 @@ def leave_out_statistics(table: LaboratoryTable) -> None:
             not has_place
             or any(last < blank < line for blank in table.blank)
             or is_missing(cell)
-            or is_rounded(cell, values)
+            or is_rounded(cell, [v for names, v in values if re.match(names, first[line], re.I)])
         ):
             statistics.append(line)
         else:
@@ -121,16 +120,19 @@ def leave_out_statistics(table: LaboratoryTable) -> None:
     table.leave_out(statistics, "statistics of the table")
 
 
-def statistics_of(values: np.ndarray) -> Iterator[float]:
-    """The statistics that tables have of a column."""
+def statistics_of(values: np.ndarray) -> list[tuple[str, float]]:
+    """The statistics that tables have of a column, each with the names of its kind."""
     n = len(values)
-    if n:
-        mean, deviation = values.mean(), values.std()
-        yield from (mean, np.median(values), values.min(), values.max(), np.ptp(values), n)
-        yield from (values.sum(), deviation, 100 * deviation / mean if mean else 0.0)
-    if n > 1:
-        deviation = values.std(ddof=1)
-        yield from (deviation, deviation / np.sqrt(n), 100 * deviation / mean if mean else 0.0)
+    if not n:
+        return []
+    mean, deviations = values.mean(), [values.std(ddof=k) for k in (0, 1) if n > k]
+    spreads = [*deviations, *(100 * sd / mean for sd in deviations), deviations[-1] / np.sqrt(n)]
+    extents = [values.min(), values.max(), np.ptp(values), n, values.sum()]
+    return [
+        *((MEAN_NAMES, value) for value in (mean, np.median(values))),
+        *((SPREAD_NAMES, value) for value in spreads),
+        *((EXTENT_NAMES, value) for value in extents),
+    ]
 
 
 def is_rounded(cell: str, values: list[float]) -> bool:
