@@ -44,27 +44,28 @@ module table_columns
       & column_type('depth_um', lengths, ' um'), column_type('contact_radius_um', lengths, ' um'), &
       & column_type('zero_sd_nm', [0.0_wp, 1000.0_wp], ' nm'), &
       & column_type('grain_radius_um', lengths, ' um')]
-   type(column_type), parameter :: wave_columns(3) = [ &
-      & column_type('propagation_deg', turns, ' degrees', others='propagation', &
-      & units=degrees), &
+   type(column_type), parameter :: propagation_column = column_type('propagation_deg', turns, &
+      & ' degrees', others='propagation', units=degrees)
+   type(column_type), parameter :: speed_columns(2) = [ &
       & column_type('rayleigh_velocity_m_s', speeds, ' m/s', ' is no speed of a wave', &
       & 'rayleigh_velocity, rayleigh_speed, saw_velocity, velocity', speed), &
       & column_type('sd_m_s', [no_less, speeds(2)], ' m/s', &
       & '; a standard deviation is above 0, up to 30000.0 m/s', &
       & 'sd, std, stdev, error, uncertainty, standard_deviation', speed)]
-   type(column_type), parameter :: label_columns(5) = [ &
+   type(column_type), parameter :: angle_columns(3) = [ &
       & column_type('phi1_deg', others='phi1, phi_1, φ1, euler1, euler_1, euler_angle_1', &
       & units=angle_units), &
       & column_type('Phi_deg', others='phi, φ, Φ, euler2, euler_2, euler_angle_2', &
       & units=angle_units), &
       & column_type('phi2_deg', others='phi2, phi_2, φ2, euler3, euler_3, euler_angle_3', &
-      & units=angle_units), &
+      & units=angle_units)]
+   type(column_type), parameter :: label_columns(2) = [ &
       & column_type('grain', others='grain_id, grain_number, grain_no'), &
       & column_type('test', others='test_id, test_number')]
    type(column_type), parameter :: drift_column = column_type('drift_nm_s', [-5.0_wp, 5.0_wp], &
       & ' nm/s', ' is no drift of an instrument')
    type(column_type), parameter :: known_columns(*) = [modulus_columns, grain_columns, &
-      & wave_columns, label_columns, drift_column]
+      & propagation_column, speed_columns, angle_columns, label_columns, drift_column]
    !> Further columns of a canonical table of measurements.
    character(len=*), parameter :: further = 'x_um, y_um, group, reference, session, time_s, row'
 
