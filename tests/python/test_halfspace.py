@@ -341,10 +341,13 @@ def test_references_of_lower_symmetry(name):
 
     The prior's tails are so long that rare draws decide some of the sds, which then differ between
     independent ensembles of the reference as well (`sd_disagreement`); of these constants the
-    quantiles are compared, with what would be two sds of a normal.
+    quantiles are compared, with what would be two sds of a normal. Four times the default number of
+    samples bring the noise of the outermost quantile from 0.05 of its width to 0.02.
     """
     case = json.loads((REFERENCE / f"{name}.json").read_text())
-    result = bi.extract(REFERENCE / f"{name}.csv", symmetry=case["symmetry"], **KIND)
+    result = bi.extract(
+        REFERENCE / f"{name}.csv", symmetry=case["symmetry"], samples=40000, **KIND
+    )
     assert bi.summary(result)["usable"]
     draws = np.stack([result.posterior[constant].values.ravel() for constant in case["order"]])
     sd, found = np.array(case["sd"]), draws.std(axis=1)
