@@ -6,6 +6,7 @@ module operations
    use abstract_stage, only: stage_type
    use crystal_class, only: crystal_class_type, new_crystal_class
    use crystal_operations, only: perform_crystal
+   use diagnostics, only: diagnostic, diagnostics_text
    use exchange, only: exchange_type, find_object, register_object
    use fe_indentation, only: indentation_model_type
    use namelist_file, only: entry_type, parse_namelist
@@ -111,6 +112,9 @@ contains
          call x%out%put('page', schema_page())
          call x%out%put('stages', [character(len=len(rows%groups)) :: (rows(i)%name, &
             & rows(i)%groups, rows(i)%document, i=1, size(rows))])
+      case ('settings.diagnostic')
+         ! A diagnostic without numbers, JSON.
+         x%text = diagnostics_text(diagnostic(x%in%text('code'), x%in%text('subject')))
       case ('settings.values')
          ! Values of a namelist's text. The tables that it names are not read.
          call parse_namelist(path, x%in%text('content'), namelist, x%error)

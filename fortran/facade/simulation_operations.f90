@@ -9,6 +9,7 @@ module simulation_operations
    use build_stage, only: build_stage_type
    use campaign_import, only: import_table
    use crystal_elasticity, only: rotate_stiffness, rotation_matrix
+   use diagnostics, only: diagnostic, diagnostics_text
    use errors, only: prefix_error, warn, warning_type
    use exchange, only: exchange_type
    use fe_element, only: brick_stress, infinite_stiffness
@@ -214,7 +215,7 @@ contains
                   & candidates%euler_deg(:, numbers(i)), i=1, size(numbers))], &
                   & [size(candidates%constants, 1) + 3, size(numbers)])
             end associate
-            call x%out%put('warnings', stage%warnings)
+            call x%out%put('warnings', diagnostics_text(stage%warnings))
          end select
       case default
          call x%refuse(verb)
@@ -300,7 +301,7 @@ contains
       if (allocated(self%path)) then
          call put_settings(self%settings, out)
          call out%put('resolved', self%resolved_text())
-         call out%put('warnings', self%warnings)
+         call out%put('warnings', diagnostics_text(self%warnings))
          call out%put('stages', join(self%stages, ' '))
       end if
       ! Number of rows of each table, their kind of modulus, the classes of the crystals, and the
@@ -336,17 +337,19 @@ contains
       type(exchange_type), intent(inout) :: x
       type(table_texts_type) :: given
       character(len=:), allocatable :: notes
-      integer :: last
+      integer :: blank, last
 
       if (x%in%has('measurements')) given%measurements = x%in%text('measurements')
       if (x%in%has('curves')) given%curves = x%in%text('curves')
       if (x%in%has('velocities')) given%velocities = x%in%text('velocities')
       if (x%in%has('stiffness')) given%stiffness = x%in%text('stiffness')
-      ! What was changed in the tables, a line each.
+      ! Diagnostics of the tables, a line each: code, blank, subject.
       notes = x%in%text('notes')
       do while (len(notes) > 0)
          last = index(notes//newline, newline)
-         call warn(self%warnings, notes(:last - 1))
+         blank = index(notes, ' ')
+         self%warnings = [self%warnings, &
+            & diagnostic(notes(:blank - 1), notes(blank + 1:last - 1))]
          notes = notes(last + 1:)
       end do
       call load_problem(self, given, x%error)

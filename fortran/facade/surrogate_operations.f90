@@ -5,7 +5,7 @@ module surrogate_operations
    use bases, only: describe_basis
    use constants_posterior, only: posterior_type
    use crystal_elasticity, only: logarithmic_mean
-   use errors, only: warning_type
+   use diagnostics, only: diagnostic_type
    use exchange, only: exchange_type
    use extraction, only: extract, extraction_type
    use extraction_document, only: put_extraction, write_extraction
@@ -95,7 +95,7 @@ contains
       type(plan_stage_type) :: stage
       type(posterior_type) :: density
       type(extraction_type) :: found
-      type(warning_type), allocatable :: warnings(:), reasons(:)
+      type(diagnostic_type), allocatable :: warnings(:)
       real(wp), pointer :: c(:, :, :), euler_deg(:, :)
 
       select case (verb)
@@ -108,7 +108,7 @@ contains
          call extract(x%problem, surrogate, found, x%error)
          if (allocated(x%error)) return
          call page%begin_object()
-         call write_extraction(x%problem, found, page, warnings, reasons)
+         call write_extraction(x%problem, found, page, warnings)
          call put_extraction(x%problem, found, &
             & end_document(page, [x%problem%warnings, warnings]), x%out)
       case ('next')

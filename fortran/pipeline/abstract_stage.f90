@@ -16,6 +16,7 @@
 !> is an error.
 module abstract_stage
    use campaign, only: campaign_type, row_type
+   use diagnostics, only: diagnostic, diagnostic_type, put_diagnostics
    use errors, only: error_type, machine_failure, raise, refuse, warning_type
    use json, only: json_type
    use kinds, only: wp
@@ -45,8 +46,7 @@ module abstract_stage
       character(len=:), allocatable :: output
       !> Folders in which a surrogate is searched.
       type(places_type) :: places
-      !> Warnings; and the reasons for which the result cannot be used, none if it can.
-      type(warning_type), allocatable :: warnings(:), reasons(:)
+      type(diagnostic_type), allocatable :: warnings(:)
       !> The simulations to make now.
       type(job_type), allocatable :: jobs(:)
       !> Numbers of simulations: made in this run, failed, and still expected.
@@ -62,7 +62,7 @@ module abstract_stage
       !> Open only in stages that simulate.
       type(campaign_type) :: campaign
    contains
-      procedure, non_overridable :: open, want, take, close, look_up
+      procedure, non_overridable :: open, want, take, close, look_up, warn
       !> Read the results in the folder, refuse what is impossible, and choose the first batch.
       procedure :: begin
       !> Use the batch that was simulated and choose the next one; an empty batch ends the stage.
@@ -97,12 +97,23 @@ contains
       self%output = places%output(:len(places%output) - 1)
       self%places = places
       self%done = ''
-      allocate (self%warnings(0), self%reasons(0), self%more(0))
+      allocate (self%warnings(0), self%more(0))
       call self%begin(error)
       if (.not. allocated(self%batch)) allocate (self%batch(0))
       if (.not. allocated(self%rows)) allocate (self%rows(size(self%batch)))
       call begin_batch(self)
    end subroutine open
+
+   !> Append a diagnostic to the warnings.
+   subroutine warn(self, code, subject, numbers)
+      class(stage_type), intent(inout) :: self
+      !> See `diagnostics`, as the subject and the numbers.
+      character(len=*), intent(in) :: code
+      character(len=*), intent(in), optional :: subject
+      real(wp), intent(in), optional :: numbers(:)
+
+      self%warnings = [self%warnings, diagnostic(code, subject, numbers)]
+   end subroutine warn
 
    !> Mark the rows of the batch that the campaign does not have as waiting.
    subroutine begin_batch(self)
@@ -218,7 +229,7 @@ contains
       call page%begin_object()
       call self%finish(page, error)
       if (allocated(error)) return
-      call page%put('warnings', [self%problem%warnings, self%warnings])
+      call put_diagnostics(page, [self%problem%warnings, self%warnings])
       call page%put_json('inputs', '{'//inputs_of(self%problem, self%groups, self%places)//'}')
       call page%end_object()
       document = page%text()

@@ -5,7 +5,8 @@ module build_checks
    use abstract_basis, only: basis_type
    use bases, only: new_basis
    use crystal_class, only: general_class
-   use errors, only: error_type, exit_bad_input, refuse, warn
+   use diagnostics, only: diagnostic
+   use errors, only: error_type, exit_bad_input, refuse
    use files, only: printable
    use kinds, only: wp
    use machine, only: check_memory
@@ -104,9 +105,9 @@ contains
       outside = count([(.not. domain%admits(self%candidates%stiffness(:, :, i)), i=1, &
          & self%candidates%n)])
       if (outside > 0) then
-         call warn(self%warnings, place(self%path, 'design', 'candidates') &
-            & //to_text(outside)//' of '//to_text(self%candidates%n)//' rows of ' &
-            & //printable(self%settings%design%candidates)//' lie outside &domain and are left out')
+         self%warnings = [self%warnings, diagnostic('candidates_left_out', &
+            & place(self%path, 'design', 'candidates')//printable(self%settings%design%candidates), &
+            & [real(wp) :: outside, self%candidates%n])]
       end if
    end subroutine question_candidates
 

@@ -9,7 +9,7 @@ module build_loop
    use abstract_stage, only: job_type, stage_type
    use build_checks, only: basis_of_problem, check_build
    use campaign, only: campaign_name, row_type
-   use errors, only: error_type, raise, refuse, warn
+   use errors, only: error_type, raise, refuse
    use evidence_regression, only: coefficient_mean
    use kinds, only: wp
    use known_rows, only: known_rows_type, select_rows
@@ -95,9 +95,8 @@ contains
             call self%campaign%other_physics(others, error)
             if (allocated(error)) return
             if (len(others) > 0) then
-               call warn(self%warnings, &
-                  & self%campaign%path//' holds only simulations of another physics (' &
-                  & //others(:index(others//achar(10), achar(10)) - 1)//'); they are not used here')
+               call self%warn('other_physics', self%campaign%path//' holds only simulations of ' &
+                  & //'another physics ('//others(:index(others//achar(10), achar(10)) - 1)//')')
             end if
          end if
          call replay()
@@ -126,8 +125,7 @@ contains
                learning%first = min(learning%first, learning%settings%budget)
             end if
             if (n_outside > 0) then
-               call warn(self%warnings, to_text(n_outside)//' simulations of the campaign are ' &
-                  & //'outside the surrogate''s domain and are not used')
+               call self%warn('simulations_outside', numbers=[real(n_outside, wp)])
             end if
             self%n_failed = self%unused%failed
             call train_on_rows(self, .true., error)
@@ -246,8 +244,7 @@ contains
             end if
             if (len(self%stopped) == 0 .and. n_left == 0) then
                self%stopped = 'no candidate is left'
-               call warn(self%warnings, 'no candidate is left after '//to_text(learning%n()) &
-                  & //' simulations; raise &design n_candidates to go on')
+               call self%warn('no_candidate_left', numbers=[real(learning%n(), wp)])
             end if
             if (allocated(self%focus) .and. len(self%stopped) > 0 .and. learning%n() >= 2) then
                call begin_round(self, error)

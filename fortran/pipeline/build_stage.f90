@@ -5,7 +5,7 @@ module build_stage
    use abstract_basis, only: basis_type
    use build_loop, only: build_type
    use crystal_elasticity, only: logarithmic_mean
-   use errors, only: error_type, warn
+   use errors, only: error_type
    use halfspace_theory, only: halfspace_moduli
    use json, only: json_type
    use kinds, only: degree, nan, wp
@@ -51,17 +51,14 @@ contains
          allocate (largest(learning%n()))
          call simulation_error(settings, stiffness, largest, warning)
          if (len(warning) > 0) then
-            call warn(self%warnings, self%problem%path//': &simulation: '//warning)
+            call self%warn('mesh_error', self%problem%path//': &simulation: '//warning)
          end if
          n_simulations = learning%n() + self%n_failed
          if (allocated(self%unseen_modulus)) then
             n_simulations = n_simulations + size(self%unseen_modulus)
          end if
          if (100*self%n_failed > n_simulations) then
-            call warn(self%warnings, to_text(self%n_failed)//' of '//to_text(n_simulations) &
-               & //' simulations failed: the stated errors do not include their crystals, which ' &
-               & //'are often the hardest. campaign.sqlite has the reasons; anisotropy_cap or ' &
-               & //'log_anisotropy_max of &domain leave such crystals out')
+            call self%warn('simulations_failed', numbers=[real(wp) :: self%n_failed, n_simulations])
          end if
          call page%put('simulations', learning%n())
          call page%put('new_simulations', self%n_new)
@@ -104,10 +101,10 @@ contains
       !> Write the accuracy at the beginning of each round at the posterior. Warn if the last one is
       !> not accurate enough.
       subroutine put_focus()
-         character(len=:), allocatable :: advice
+         real(wp) :: budget
          integer :: k, worst
 
-         advice = '. Increase &design budget, '//to_text(self%problem%settings%design%budget)
+         budget = self%problem%settings%design%budget
          call page%begin_array('focus')
          do k = 1, size(self%focus%rounds)
             associate (round => self%focus%rounds(k), names => self%problem%class%constants)
@@ -120,14 +117,11 @@ contains
                if (k < size(self%focus%rounds)) cycle
                worst = maxloc(round%share, 1)
                if (round%share(worst) > accurate_share) then
-                  call warn(self%warnings, 'errors of the surrogate may change the variance of ' &
-                     & //trim(names(worst))//' by '//to_text(nint(100.0_wp*round%share(worst))) &
-                     & //' %; allowed: '//to_text(nint(100.0_wp*accurate_share))//' %'//advice)
+                  call self%warn('surrogate_error', trim(names(worst)), &
+                     & [100.0_wp*round%share(worst), 100.0_wp*accurate_share, budget])
                end if
                if (round%z > accurate_z) then
-                  call warn(self%warnings, 'new simulations at the posterior differ from the ' &
-                     & //'surrogate by '//fixed(round%z, 1)//' sds (root mean square); allowed: ' &
-                     & //to_text(accurate_z)//advice)
+                  call self%warn('surrogate_deviates', numbers=[round%z, accurate_z, budget])
                end if
             end associate
          end do
@@ -213,24 +207,19 @@ contains
             call logarithmic_mean(stiffness(:, :, i), poisson(i), anisotropy(i), scale(i))
          end do
          if (maxval(anisotropy) < covered*domain%log_anisotropy_max) then
-            call warn(build%warnings, &
-               & 'no crystal above a log-anisotropy of '//to_text(maxval(anisotropy), 3) &
-               & //' was simulated; the domain reaches '//to_text(domain%log_anisotropy_max, 3))
+            call build%warn('anisotropy_not_simulated', &
+               & numbers=[maxval(anisotropy), domain%log_anisotropy_max])
          end if
          if (maxval(poisson) - minval(poisson) &
             & < covered*(domain%poisson(2) - domain%poisson(1))) then
-            call warn(build%warnings, &
-               & 'only crystals with Poisson''s ratios from '//to_text(minval(poisson), 2)//' to ' &
-               & //to_text(maxval(poisson), 2)//' were simulated; the domain reaches from ' &
-               & //to_text(domain%poisson(1), 2)//' to '//to_text(domain%poisson(2), 2))
+            call build%warn('poisson_not_simulated', &
+               & numbers=[minval(poisson), maxval(poisson), domain%poisson])
          end if
          if (.not. domain%has_scale()) return
          if (log(maxval(scale)/minval(scale)) &
             & < covered*log(domain%stiffness(2)/domain%stiffness(1))) then
-            call warn(build%warnings, 'only crystals of a scale (geometric mean of the ' &
-               & //'stiffness'' eigenvalues) from '//fixed(minval(scale), 1)//' to ' &
-               & //fixed(maxval(scale), 1)//' GPa were simulated; the domain reaches from ' &
-               & //to_text(domain%stiffness(1))//' to '//to_text(domain%stiffness(2))//' GPa')
+            call build%warn('scale_not_simulated', &
+               & numbers=[minval(scale), maxval(scale), domain%stiffness])
          end if
       end associate
    end subroutine put_domain

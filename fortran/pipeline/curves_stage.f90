@@ -158,8 +158,8 @@ contains
       associate (set => self%problem%curves, tests => self%found%tests)
          do i = 1, size(tests)
             if (.not. tests(i)%used) then
-               call warn(self%warnings, &
-                  & 'test '//set%curves(i)%name//' is left out: '//tests(i)%reason)
+               call self%warn('test_left_out', set%curves(i)%name//' is left out: ' &
+                  & //tests(i)%reason)
             end if
          end do
          call check_references(self, error)
@@ -276,10 +276,7 @@ contains
             end associate
          end do
          if (.not. has_reference) then
-            call warn(self%warnings, 'no test is of a reference: only ratios of the moduli are ' &
-               & //'known. All moduli share the relative sd of 1/sqrt(radius), ' &
-               & //to_text(50.0_wp*sqrt(s%covariance(1, 1)), 2)//' %, of radius_um and ' &
-               & //'radius_sd_um; indent a material of known modulus with the same tip')
+            call self%warn('no_reference', numbers=[50.0_wp*sqrt(s%covariance(1, 1))])
          end if
       end associate
    end subroutine check_references

@@ -58,7 +58,7 @@ contains
       self%problem%kept_in = self%output
       call extract(self%problem, self%surrogate, found, error)
       if (allocated(error)) return
-      call write_extraction(self%problem, found, page, self%warnings, self%reasons)
+      call write_extraction(self%problem, found, page, self%warnings)
       call save_posterior(self%problem, found, end_document(page, [self%problem%warnings, &
          & self%warnings]), self%output, inputs_of(self%problem, self%groups, self%places), error)
       if (allocated(error)) return

@@ -3,6 +3,7 @@
 module extraction_document
    use, intrinsic :: iso_c_binding, only: c_char
    use crystal_elasticity, only: no_wave, rayleigh, wave_names
+   use diagnostics, only: diagnostic_type, is_usable
    use errors, only: error_type, refuse, warn, warning_type
    use extraction, only: extraction_type
    use files, only: checksum, file_exists, read_bytes, replace_file
@@ -10,7 +11,7 @@ module extraction_document
    use kinds, only: nan, wp
    use named_values, only: named_values_reader_type, named_values_type
    use orientation_check, only: readings
-   use posterior_diagnostics, only: check_extraction, find_reasons, known_text, powers_text
+   use posterior_diagnostics, only: check_extraction, known_text, powers_text
    use posterior_summary, only: correlate
    use problem, only: problem_type
    use statistics, only: flattened, moments
@@ -26,20 +27,21 @@ module extraction_document
 
 contains
 
-   !> Write the document into the object of a `page`, and find the `warnings` and the `reasons` for
-   !> which the result cannot be used.
-   subroutine write_extraction(problem, found, page, warnings, reasons)
+   !> Write the document into the object of a `page`, and find the `warnings`.
+   subroutine write_extraction(problem, found, page, warnings)
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(in) :: found
       type(json_type), intent(inout) :: page
-      type(warning_type), allocatable, intent(out) :: warnings(:), reasons(:)
+      type(diagnostic_type), allocatable, intent(out) :: warnings(:)
       integer :: i
 
-      allocate (warnings(0))
-      call check_extraction(problem, found, warnings)
-      call find_reasons(found, reasons)
-      call page%put('usable', size(reasons) == 0)
-      call page%put('reasons', reasons)
+      warnings = check_extraction(problem, found)
+      call page%put('usable', is_usable(warnings))
+      call page%begin_array('reasons')
+      do i = 1, size(warnings)
+         if (warnings(i)%severity() == 'unusable') call page%put('', warnings(i)%message())
+      end do
+      call page%end_array()
       call write_parameters(page, found)
       call write_limits()
       call page%put('correlation', correlate(found%chains, found%posterior%n_constants))

@@ -5,8 +5,9 @@ module next_stage
    use constants_posterior, only: posterior_type
    use crystal_class, only: crystal_class_type, lattice_type, new_lattice
    use crystal_elasticity, only: no_wave, path_type, rayleigh, rotation_matrix
+   use diagnostics, only: diagnostic, diagnostic_type
    use distinct_directions, only: angle_between, lattice_of_directions, new_region, region_type
-   use errors, only: error_type, refuse, warn, warning_type
+   use errors, only: error_type, refuse
    use files, only: file_exists
    use extract_stage, only: extract_stage_type
    use extraction, only: extract, extraction_type
@@ -28,7 +29,7 @@ module next_stage
    use small_matrices, only: solve_lower
    use stage_documents, only: inputs_of
    use statistics, only: flattened, median, number_equal
-   use text, only: fixed, to_text
+   use text, only: to_text
    implicit none
    private
    public :: next_stage_type, next_document
@@ -81,8 +82,7 @@ contains
       end if
       call next_document(self%problem, self%posterior, draws, page, self%warnings, error)
       if (lost) then
-         call warn(self%warnings, &
-            & self%output//'/posterior.bin is missing: the constants were sampled anew')
+         call self%warn('sampled_anew', self%output//'/posterior.bin')
       end if
       self%done = self%output//'/next.json'
    end subroutine finish
@@ -97,7 +97,7 @@ contains
       real(wp), intent(in) :: draws(:, :)
       type(json_type), intent(inout) :: page
       !> Without those of the problem.
-      type(warning_type), allocatable, intent(out) :: warnings(:)
+      type(diagnostic_type), allocatable, intent(out) :: warnings(:)
       type(error_type), allocatable, intent(out) :: error
       type(candidates_type) :: candidates
       type(suggestions_type) :: suggestions
@@ -158,8 +158,8 @@ contains
             & problem%settings%problem%seed, threads, suggestions)
          associate (found => size(suggestions%chosen))
             if (found < min(wanted%count, size(candidates%cost))) then
-               call warn(warnings, 'only '//to_text(found)//' of '//to_text(wanted%count) &
-                  & //' orientations are '//fixed(separation_deg, 0)//' degrees apart')
+               warnings = diagnostic('few_apart', &
+                  & numbers=[real(wp) :: found, wanted%count, separation_deg])
             end if
          end associate
       end associate

@@ -4,7 +4,7 @@ module simulate_stage
    use abstract_stage, only: job_type, stage_type
    use campaign, only: campaign_name, row_type
    use stage_documents, only: begin_crystal, cells_of_numbers, write_moduli
-   use errors, only: error_type, raise, warn
+   use errors, only: error_type, raise
    use files, only: new_file_type
    use indenters, only: indenter_type, new_indenter
    use json, only: json_type
@@ -99,8 +99,7 @@ contains
             call page%put('mean_pressure_gpa', &
                & modulus(i)*indenter%unit_force(indenter%depth)/(pi*indenter%contact_radius**2))
             if (outcome%status == outcome_failed) then
-               call warn(self%warnings, &
-                  & 'crystal '//to_text(i)//' could not be simulated: '//outcome%message)
+               call self%warn('simulation_failed', outcome%message, [real(i, wp)])
             end if
          end associate
          call page%end_object()
@@ -111,7 +110,7 @@ contains
       call simulation_error(self%problem%settings, self%problem%crystals%stiffness, &
          & largest, warning)
       if (len(warning) > 0) then
-         call warn(self%warnings, place(self%problem%path, 'simulation', '')//warning)
+         call self%warn('mesh_error', place(self%problem%path, 'simulation', '')//warning)
       end if
       self%done = to_text(size(rows))//' crystals, '//to_text(self%n_new)//' new, ' &
          & //to_text(failed)//' failed: '//self%output//'/moduli.csv'

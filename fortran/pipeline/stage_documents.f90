@@ -8,7 +8,8 @@
 !>
 !> The module also writes the tables of moduli of `simulate` and `theory`, and their crystals.
 module stage_documents
-   use errors, only: error_type, refuse, warning_type
+   use diagnostics, only: diagnostic_type, put_diagnostics
+   use errors, only: error_type, refuse
    use files, only: checksum, file_exists, full_path, read_bytes, replace_file
    use json, only: json_type, quoted
    use kinds, only: wp
@@ -120,12 +121,12 @@ contains
    !> Close the document of a `page` with the warnings.
    function end_document(page, warnings) result(document)
       type(json_type), intent(in) :: page
-      type(warning_type), intent(in) :: warnings(:)
+      type(diagnostic_type), intent(in) :: warnings(:)
       character(len=:), allocatable :: document
       type(json_type) :: whole
 
       whole = page
-      call whole%put('warnings', warnings)
+      call put_diagnostics(whole, warnings)
       call whole%end_object()
       document = whole%text()
    end function end_document

@@ -1,12 +1,12 @@
 !> Checks of the orientations of measurements: their unit, and how many directions differ.
 module direction_checks
    use crystal_class, only: crystal_class_type
+   use diagnostics, only: diagnostic, diagnostic_type
    use distinct_directions, only: all_alike, angle_between, new_region, region_type
-   use errors, only: error_type, refuse, warn, warning_type
+   use errors, only: error_type, refuse
    use kinds, only: degree, wp
    use point_tables, only: angles_look_like_radians, points_type
    use symmetric_harmonics, only: harmonics_type, new_harmonics
-   use text, only: to_text
    implicit none
    private
    public :: check_directions, refuse_radians
@@ -30,12 +30,12 @@ contains
 
    !> Warn if all grains have about the same direction, or if they have fewer different directions
    !> than there are combinations of the constants that indentation determines.
-   subroutine check_directions(measurements, class, prefix, map_hint, warnings, error)
+   subroutine check_directions(measurements, class, prefix, warnings, error)
       type(points_type), intent(in) :: measurements
       type(crystal_class_type), intent(in) :: class
-      !> Beginning of the warnings; end of the one on directions that are all alike.
-      character(len=*), intent(in) :: prefix, map_hint
-      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      !> Subject of the diagnostics.
+      character(len=*), intent(in) :: prefix
+      type(diagnostic_type), allocatable, intent(inout) :: warnings(:)
       type(error_type), allocatable, intent(out) :: error
       !> Angle below which two directions count as the same.
       real(wp), parameter :: least_angle = 5.0_wp*degree
@@ -50,8 +50,7 @@ contains
       if (region%dimension == 0) return
       directions = measurements%directions()
       if (all_alike(region, directions, least_angle)) then
-         call warn(warnings, prefix//': the orientations are all alike (within 5 degrees of ' &
-            & //'one): how the modulus depends on orientation is not determined'//map_hint)
+         warnings = [warnings, diagnostic('orientations_alike', prefix)]
          return
       end if
       call new_harmonics(class%generators, highest_degree, harmonics, error)
@@ -66,9 +65,8 @@ contains
          distinct(n) = i
          if (n == harmonics%n) return
       end do
-      call warn(warnings, prefix//': grains in '//to_text(n)//' different directions; at least ' &
-         & //to_text(harmonics%n)//' are needed for the combinations of the ' &
-         & //to_text(class%n_constants)//' constants that indentation determines')
+      warnings = [warnings, diagnostic('few_directions', prefix, &
+         & [real(wp) :: n, harmonics%n, class%n_constants])]
    end subroutine check_directions
 
 end module direction_checks

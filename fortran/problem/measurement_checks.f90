@@ -1,7 +1,8 @@
 !> Warnings on measurements that are unusual but may be intended.
 module measurement_checks
    use crystal_class, only: crystal_class_type
-   use errors, only: error_type, prefix_error, warn, warning_type
+   use diagnostics, only: diagnostic, diagnostic_type
+   use errors, only: error_type, prefix_error
    use files, only: printable
    use kinds, only: wp
    use namelist_file, only: place
@@ -10,14 +11,10 @@ module measurement_checks
    use repeated_tests, only: check_scatter
    use settings_schema, only: settings_type
    use statistics, only: median
-   use text, only: to_text
    implicit none
    private
    public :: check_measurements
 
-   !> Warning on Euler angles that look like radians; the name of their table precedes it.
-   character(len=*), parameter, public :: like_radians = &
-      & ': no angle is above 2 pi; angles are in degrees, and these look like radians'
 
 contains
 
@@ -30,9 +27,9 @@ contains
       !> Whether the angles of the table were in radians.
       logical, intent(in) :: are_radians
       type(points_type), intent(in) :: measurements
-      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      type(diagnostic_type), allocatable, intent(inout) :: warnings(:)
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: prefix, hint
+      character(len=:), allocatable :: prefix
       !> Smallest plausible standard deviation of indentation, relative to the modulus.
       real(wp), parameter :: least_relative_sd = 0.003_wp
       logical :: radians
@@ -50,29 +47,21 @@ contains
       if (allocated(error)) return
       call check_scatter(measurements, prefix, warnings)
       if (measurements%n == 1) then
-         call warn(warnings, &
-            & prefix//' has one grain; one modulus cannot determine the constants')
+         warnings = [warnings, diagnostic('one_grain', prefix)]
       else if (allocated(class%name) .and. .not. radians &
          & .and. settings%measurements%orientations == 'known') then
-         hint = ''
-         if (allocated(settings%measurements%ebsd)) then
-            hint = '. If the positions all lie in one grain of the map, check the unit and the ' &
-               & //'origin of x_um and y_um'
-         end if
-         call check_directions(measurements, class, prefix, hint, warnings, error)
+         call check_directions(measurements, class, prefix, warnings, error)
          if (allocated(error)) return
       end if
-      if (radians) call warn(warnings, prefix//like_radians)
+      if (radians) warnings = [warnings, diagnostic('angles_like_radians', prefix)]
       if (any(measurements%sd_gpa > 0.5_wp*measurements%modulus_gpa)) then
-         call warn(warnings, prefix//': an sd_gpa is more than half of its modulus_gpa')
+         warnings = [warnings, diagnostic('large_sd', prefix)]
       end if
       if (measurements%n == 0) return
       relative_sd = median(measurements%n, measurements%sd_gpa/measurements%modulus_gpa)
       if (relative_sd > 0.0_wp .and. relative_sd < least_relative_sd) then
-         call warn(warnings, prefix//': the sds are '//to_text(100.0_wp*relative_sd, 2) &
-            & //' % of the moduli (median); indentation rarely does better than ' &
-            & //to_text(100.0_wp*least_relative_sd, 1) &
-            & //' %. sd_gpa is in GPa: if these are fractions, multiply them by the moduli')
+         warnings = [warnings, &
+            & diagnostic('small_sds', prefix, 100.0_wp*[relative_sd, least_relative_sd])]
       end if
    end subroutine check_measurements
 

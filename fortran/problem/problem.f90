@@ -5,12 +5,13 @@
 module problem
    use crystal_class, only: crystal_class_type, lattice_type, new_crystal_class, new_lattice
    use curve_tables, only: curve_set_type, read_curves
-   use errors, only: error_type, prefix_error, refuse, warn, warning_type
+   use diagnostics, only: diagnostic, diagnostic_type
+   use errors, only: error_type, prefix_error, refuse
    use files, only: file_exists, folder_of, full_path, printable, read_text_file, resolve_path
    use kinds, only: wp
    use machine, only: thread_count
    use namelist_file, only: entry_type, place
-   use measurement_checks, only: like_radians, check_measurements
+   use measurement_checks, only: check_measurements
    use direction_checks, only: refuse_radians
    use point_tables, only: angles_look_like_radians, points_type, read_crystals, &
       & read_measurements, read_orientations
@@ -40,7 +41,7 @@ module problem
       type(settings_type) :: settings
       !> Class of &problem symmetry.
       type(crystal_class_type) :: class
-      type(warning_type), allocatable :: warnings(:)
+      type(diagnostic_type), allocatable :: warnings(:)
       !> Tables that the file names, unallocated if it does not; `velocities` are the speeds as they
       !> were read, and are among the measurements too.
       type(points_type), allocatable :: crystals, measurements, velocities, candidates
@@ -154,7 +155,7 @@ contains
                & self%class, self%crystals, error)
             if (allocated(error)) return
             if (angles_look_like_radians(self%crystals)) then
-               call warn(self%warnings, prefix//like_radians)
+               self%warnings = [self%warnings, diagnostic('angles_like_radians', prefix)]
             end if
          end if
          if (s%curves%given) then

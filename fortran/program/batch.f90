@@ -2,7 +2,8 @@
 program batch
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
    use abstract_stage, only: stage_type
-   use errors, only: error_type, exit_bad_input, exit_failure, exit_unusable, warning_type
+   use diagnostics, only: diagnostic_type, is_usable
+   use errors, only: error_type, exit_bad_input, exit_failure, exit_unusable
    use files, only: printable
    use problem, only: only_canonical, problem_type, table_texts_type
    use progress, only: show_progress
@@ -127,7 +128,7 @@ contains
          call load_problem(self, table_texts_type(), error)
       end if
       call stop_on(error)
-      call print_lines('warning: ', self%warnings, error_stream)
+      call print_diagnostics(self%warnings)
       ! A function of deferred length in a structure constructor makes gfortran 12 allocate one byte
       ! for it.
       places%output = output//'/'
@@ -160,30 +161,33 @@ contains
       class(stage_type), allocatable :: stage
       type(error_type), allocatable :: error
       character(len=:), allocatable :: document
+      integer :: i
 
       call new_stage(name, stage, error)
       if (.not. allocated(error)) call stage%open(self, places, error)
       if (.not. allocated(error)) call simulate_all(stage, error)
       if (.not. allocated(error)) call stage%close(document, error)
       call stop_on(error)
-      usable = size(stage%reasons) == 0
-      call print_lines('the result cannot be used: ', stage%reasons, error_stream)
-      call print_lines('warning: ', stage%warnings, error_stream)
+      usable = is_usable(stage%warnings)
+      call print_diagnostics(stage%warnings)
       call print_line(output_stream, name//': '//stage%done)
-      call print_lines('', stage%more, output_stream)
+      do i = 1, size(stage%more)
+         call print_line(output_stream, stage%more(i)%text)
+      end do
    end subroutine perform_stage
 
-   !> Print lines, each after a `prefix`.
-   subroutine print_lines(prefix, lines, to)
-      character(len=*), intent(in) :: prefix
-      type(warning_type), intent(in) :: lines(:)
-      integer(c_int), intent(in) :: to
+   !> Print diagnostics on standard error, each with its severity.
+   subroutine print_diagnostics(list)
+      type(diagnostic_type), intent(in) :: list(:)
+      character(len=:), allocatable :: severity
       integer :: i
 
-      do i = 1, size(lines)
-         call print_line(to, prefix//lines(i)%text)
+      do i = 1, size(list)
+         severity = list(i)%severity()
+         if (severity == 'unusable') severity = 'the result cannot be used'
+         call print_line(error_stream, severity//': '//list(i)%message())
       end do
-   end subroutine print_lines
+   end subroutine print_diagnostics
 
    !> Argument number `i` of the command line; '' if there is none.
    function argument(i) result(text)

@@ -205,8 +205,7 @@ contains
       warning = warning//' so near instability that the error of the mesh may reach about ' &
          & //to_text(percent(1))
       if (percent(2) > percent(1)) warning = warning//' to '//to_text(percent(2))
-      warning = warning//' %: refine, extrapolate, or compare with the theory' &
-         & //rows_of(largest > limit)
+      warning = warning//' %'//rows_of(largest > limit)
    end subroutine simulation_error
 
    !> ' (rows 1, 4)': the numbers of the chosen crystals; empty if there is only one crystal.

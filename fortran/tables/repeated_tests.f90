@@ -5,8 +5,9 @@
 !> has one degree of freedom less than there are tests.
 module repeated_tests
    use crystal_class, only: crystal_class_type
+   use diagnostics, only: diagnostic, diagnostic_type
    use distinct_directions, only: angle_between, new_region, region_type
-   use errors, only: error_type, refuse, warn, warning_type
+   use errors, only: error_type, refuse
    use files, only: printable
    use kinds, only: degree, wp
    use point_tables, only: first_rows, points_type
@@ -181,9 +182,9 @@ contains
    !> grains.
    subroutine check_scatter(points, prefix, warnings)
       type(points_type), intent(in) :: points
-      !> Beginning of the warnings.
+      !> Subject of the diagnostics.
       character(len=*), intent(in) :: prefix
-      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      type(diagnostic_type), allocatable, intent(inout) :: warnings(:)
       real(wp) :: above
       integer :: freedom, i, repeated
 
@@ -192,32 +193,29 @@ contains
       repeated = count(points%tests > 1)
       above = chi_square_above(sum(points%chi_square), freedom)
       if (above < improbable) then
-         call warn(warnings, prefix//': tests of a grain scatter more than their stated sds, ' &
-            & //in_words(sum(points%chi_square), freedom)//', so sd_gpa is too small, or the ' &
-            & //'grains are not uniform; scale = ''inferred'' estimates it')
+         warnings = [warnings, &
+            & diagnostic('tests_scatter_more', prefix, excess(sum(points%chi_square), freedom))]
       else if (above > 1.0_wp - improbable) then
-         call warn(warnings, prefix//': tests of a grain scatter less than their stated sds, ' &
-            & //in_words(sum(points%chi_square), freedom)//', so sd_gpa is too large, or has an ' &
-            & //'error in it that the tests share, which belongs to calibration_sd')
+         warnings = [warnings, &
+            & diagnostic('tests_scatter_less', prefix, excess(sum(points%chi_square), freedom))]
       end if
       do i = 1, points%n
          if (points%tests(i) < 2) cycle
          if (chi_square_above(points%chi_square(i), points%tests(i) - 1) > improbable/repeated) then
             cycle
          end if
-         call warn(warnings, prefix//': the '//to_text(points%tests(i))//' tests of grain ' &
-            & //printable(points%name(i))//' disagree with each other, ' &
-            & //in_words(points%chi_square(i), points%tests(i) - 1))
+         warnings = [warnings, diagnostic('tests_disagree', prefix//': grain ' &
+            & //printable(points%name(i)), [real(points%tests(i), wp), &
+            & excess(points%chi_square(i), points%tests(i) - 1)])]
       end do
    end subroutine check_scatter
 
-   !> Words such as '2.1 times as much (chi-square 12.3, degrees of freedom 3)'.
-   function in_words(chi_square, freedom) result(words)
+   !> How much the tests scatter over what their sds say, chi-square, and the degrees of freedom.
+   pure function excess(chi_square, freedom) result(numbers)
       real(wp), intent(in) :: chi_square
       integer, intent(in) :: freedom
-      character(len=:), allocatable :: words
+      real(wp) :: numbers(3)
 
-      words = fixed(sqrt(chi_square/freedom), 1)//' times as much (chi-square ' &
-         & //fixed(chi_square, 1)//', degrees of freedom '//to_text(freedom)//')'
-   end function in_words
+      numbers = [sqrt(chi_square/freedom), chi_square, real(freedom, wp)]
+   end function excess
 end module repeated_tests

@@ -55,7 +55,16 @@ class MachineError(BayesindentError):
 
 
 class BayesindentWarning(UserWarning):
-    """A caution that the user should read before using a result."""
+    """A caution that the user should read before using a result. `diagnostic` has its code,
+    subject and numbers, see docs/diagnostics.md.
+    """
+
+    def __init__(self, text: str, diagnostic: Mapping | None = None):
+        super().__init__(text, diagnostic)
+        self.diagnostic = diagnostic or {}
+
+    def __str__(self) -> str:
+        return self.args[0]
 
 
 #: Kind, rank, length of the name, bytes of the value, shape; see fortran/common/named_values.f90.

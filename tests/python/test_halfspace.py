@@ -345,9 +345,7 @@ def test_references_of_lower_symmetry(name):
     samples bring the noise of the outermost quantile from 0.05 of its width to 0.02.
     """
     case = json.loads((REFERENCE / f"{name}.json").read_text())
-    result = bi.extract(
-        REFERENCE / f"{name}.csv", symmetry=case["symmetry"], samples=40000, **KIND
-    )
+    result = bi.extract(REFERENCE / f"{name}.csv", symmetry=case["symmetry"], samples=40000, **KIND)
     assert bi.summary(result)["usable"]
     draws = np.stack([result.posterior[constant].values.ravel() for constant in case["order"]])
     sd, found = np.array(case["sd"]), draws.std(axis=1)

@@ -81,7 +81,7 @@ def pages_of_users(root: Path) -> list[Path]:
     """All pages except the list of variables, the tables of measurements and the record of
     changes.
     """
-    left_out = {"verification", "namelists.md"}
+    left_out = {"verification", "namelists.md", "diagnostics.md"}
     docs = [
         page
         for page in sorted((root / "docs").rglob("*.md"))

@@ -49,6 +49,7 @@ class IndentedMap:
     positions: np.ndarray
     grains: list[int]
     columns: dict[str, list]
+    #: Codes of diagnostics, each with a blank and its subject.
     warnings: list[str]
 
 
@@ -93,12 +94,12 @@ def indented_map(
     if doubtful := [f"{row + 1} ({share[row]:.0%})" for row in np.flatnonzero(share < LEAST_SHARE)]:
         named = f"{', '.join(doubtful[:10])}{', ..' if len(doubtful) > 10 else ''}"
         warnings.append(
-            f"{place}the indents of rows {named} are left out: their grain is uncertain. In "
+            f"indents_left_out {place}the indents of rows {named} are left out: their grain is uncertain. In "
             f"brackets: the probability of the grain, with a registration of ± {sd.max():.2g} um; "
-            f"{LEAST_SHARE:.0%} is needed. State more ebsd_points"
+            f"{LEAST_SHARE:.0%} is needed"
         )
     if not retained:
-        raise InputError(warnings[-1])
+        raise InputError(warnings[-1].partition(" ")[2])
     stated = {
         re.sub("[ -]", "_", name.lower()).removesuffix("_id").removesuffix("_number")
         for name in columns
@@ -151,8 +152,8 @@ def registered(
     leverage = np.einsum("ij,jk,ik->i", at, np.linalg.inv(design.T @ design), at)
     residual = np.linalg.norm(known[:, 2:] - design @ affine) / np.sqrt(max(1, 2 * (n - 3)))
     unknown = (
-        f"{place}three points leave no residual, so that the error of the registration is "
-        "unknown; state a fourth"
+        f"registration_unknown {place}three points leave no residual, so that the error of the "
+        "registration is unknown"
     )
     return at @ affine, residual * np.sqrt(1 + leverage), [unknown] * (n == 3)
 
@@ -260,7 +261,7 @@ class Grid:
                 "the phase, or the orientations in columns"
             )
         warning = f"{differs}, which takes the crystal for more symmetric than the map does"
-        return [] if own == symmetry else [warning]
+        return [] if own == symmetry else [f"phase_differs {warning}"]
 
     def misread(self, positions: np.ndarray) -> np.ndarray:
         """The indented directions (7, n, 3) in crystal axes for positions (n, 2) whose axes are

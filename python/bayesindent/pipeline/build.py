@@ -39,8 +39,7 @@ def build_surrogate(
             "where it is 'import', and only there"
         )
     warn_of(
-        run_stage(problem, "build", output, simulate=simulate and partial(outcome_of, simulate)),
-        str,
+        run_stage(problem, "build", output, simulate=simulate and partial(outcome_of, simulate))
     )
     return Surrogate.load(Path(output) / problem.settings.surrogate.file)
 
@@ -70,7 +69,7 @@ def ask(problem: Problem, output: str | PathLike, count: int) -> dict:
         dict(zip([*found["constants"], "phi1_deg", "Phi_deg", "phi2_deg"], row))
         for row in found["values"].tolist()
     ]
-    return {"points": points, "warnings": [*problem.warnings, *found["warnings"]]}
+    return {"points": points, "warnings": [*problem.warnings, *json.loads(found["warnings"])]}
 
 
 def tell(problem: Problem, output: str | PathLike, points: Points, name: str = "the table") -> dict:

@@ -5,6 +5,7 @@ Step 2. The core writes and verifies them.
 import json
 from pathlib import Path
 
+from ..common.diagnostics import diagnostic
 from ..common.result_files import read_json
 from ..core import InputError, call
 from ..settings.problem import Problem, stages
@@ -49,9 +50,9 @@ def surrogate_digest(name: str, folder: Path, namelist_folder: Path) -> dict[str
         return {}
 
 
-def changed_inputs(folder: Path) -> list[str]:
-    """A line for each group of the namelist last used in a folder that was edited since, or whose
-    tables were.
+def changed_inputs(folder: Path) -> list[dict]:
+    """A diagnostic for each group of the namelist last used in a folder that was edited since, or
+    whose tables were.
     """
     manifest = read_json(folder / MANIFEST)
     try:
@@ -65,11 +66,11 @@ def changed_inputs(folder: Path) -> list[str]:
         for name, digest in manifest["inputs"].items()
         if name not in ("problem", "sampler", "surrogate_file")
     }
-    words = (
-        f"of {manifest['namelist']}, or a table that it names, was edited after these results: "
-        "bayesindent run makes new ones"
-    )
-    return [f"&{name} {words}" for name, digest in used.items() if now.get(name, digest) != digest]
+    return [
+        diagnostic("inputs_edited", f"&{name} of {manifest['namelist']}")
+        for name, digest in used.items()
+        if now.get(name, digest) != digest
+    ]
 
 
 def belongs(document: dict, manifest: dict) -> bool:

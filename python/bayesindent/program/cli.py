@@ -239,23 +239,25 @@ def finish(arguments: argparse.Namespace, document: dict | int) -> int:
     """
     if isinstance(document, int):
         return document
+    from ..common.diagnostics import distinct, is_unusable, labelled, message
     from ..common.result_files import plain
 
-    document["warnings"] = list(dict.fromkeys(document["warnings"]))
-    reasons = document.get("extract", document).get("reasons", [])
+    document["warnings"] = warnings = distinct(document["warnings"])
+    reasons = list(filter(is_unusable, warnings))
     for reason in reasons:
-        log.error("the result cannot be used: %s", reason)
+        log.error("%s", labelled(reason))
         print(
-            f"The result cannot be used: {reason}",
+            f"The result cannot be used: {message(reason)}",
             file=sys.stderr if arguments.json else sys.stdout,
             flush=True,
         )
     say = (lambda text: None) if arguments.quiet else tell
-    for warning in document["warnings"]:
-        log.warning("%s", warning)
-    for warning in document["warnings"][:MOST_WARNINGS]:
-        say(f"warning: {warning}")
-    if (more := len(document["warnings"]) - MOST_WARNINGS) > 0:
+    rest = [labelled(warning) for warning in warnings if not is_unusable(warning)]
+    for line in rest:
+        log.warning("%s", line)
+    for line in rest[:MOST_WARNINGS]:
+        say(line)
+    if (more := len(rest) - MOST_WARNINGS) > 0:
         results = arguments.results
         where = results / "run.log" if results else "the JSON document (--json)"
         say(f"{more} more warnings are in {where}")

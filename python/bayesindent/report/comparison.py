@@ -4,6 +4,7 @@ from math import hypot
 from pathlib import Path
 from typing import Any
 
+from ..common.diagnostics import diagnostic
 from ..common.result_files import whole_file, write_csv, write_json
 from ..core import InputError
 from ..inference.extract import inference_data
@@ -34,7 +35,10 @@ def compare(*results: Any, output: Any = None) -> dict:
                 f"{name}: there is no posterior of its latest inputs in it; "
                 f"'bayesindent extract FILE.nml --output {name}' makes one"
             )
-        warnings += [f"the result of {name} cannot be used: {text}" for text in summary["reasons"]]
+        warnings += [
+            diagnostic("compared_unusable", f"{name} cannot be used: {reason}")
+            for reason in summary["reasons"]
+        ]
         if found := summary.get("evidence"):
             evidence.append({"run": name} | found)
         for constant in run.constants:
@@ -61,9 +65,9 @@ def compare(*results: Any, output: Any = None) -> dict:
     rows.sort(key=lambda row: row["constant"])
     document = {"constants": rows, "models": [], "evidence": evidence, "warnings": warnings}
     if len({run.symmetry for run in runs}) > 1:
-        warnings.append("the runs are of different crystal classes: their axes must be the same")
+        warnings.append(diagnostic("compared_classes"))
     if len({repr([run.kind, run.posterior["modulus_gpa"].tolist()]) for run in runs}) > 1:
-        warnings.append("the runs are of different measurements: do not compare their evidence")
+        warnings.append(diagnostic("compared_measurements"))
     else:
         document["models"] = arviz.compare(draws).reset_index(names="run").to_dict("records")
     if output:

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..common.diagnostics import diagnostic, distinct
 from ..common.result_files import read_json
 from ..core import InputError, call
 from ..crystal.elasticity import class_name, constant_names, stiffness_rows
@@ -56,8 +57,8 @@ class Results:
         self.documents: dict[str, dict] = {stage: {} for stage in DOCUMENTS}
         #: Stages whose documents belong to other inputs.
         self.outdated: list[str] = []
-        #: Messages on inputs that were edited, and files that were removed, after the results.
-        self.edited: list[str] = []
+        #: Diagnostics of inputs that were edited, and files that were removed, after the results.
+        self.edited: list[dict] = []
         if self.result is None:
             self._read_folder()
         else:
@@ -91,10 +92,7 @@ class Results:
                 self.outdated.append(stage)
         self.edited = changed_inputs(folder)
         if self.extracted and not (folder / "posterior.bin").exists():
-            self.edited.append(
-                f"{folder / 'posterior.bin'}: is missing, and so are its figures; bayesindent "
-                "extract makes it anew"
-            )
+            self.edited.append(diagnostic("posterior_missing", f"{folder / 'posterior.bin'}"))
 
     #: The documents of `extract` and of `build`.
     extracted = property(lambda self: self.documents["extract"])
@@ -145,10 +143,10 @@ class Results:
         return next((metal for metal in named if metal.symmetry == self.symmetry), None)
 
     @property
-    def warnings(self) -> list[str]:
-        """Messages on edited inputs, then the warnings of all documents."""
+    def warnings(self) -> list[dict]:
+        """Diagnostics of edited inputs, then those of all documents."""
         found = [document.get("warnings", []) for document in self.documents.values()]
-        return list(dict.fromkeys(chain(self.edited, *found)))
+        return distinct(chain(self.edited, *found))
 
     @property
     def without_orientations(self) -> bool:

@@ -4,6 +4,7 @@ from itertools import takewhile
 
 from markupsafe import Markup
 
+from ..common.diagnostics import is_unusable
 from .formatting import (
     enumeration,
     number,
@@ -19,26 +20,13 @@ from .results import Results
 #: Most quantities that are listed.
 MOST = 6
 
-#: Consequences of warnings, with phrases of the warnings; the last one takes all others.
+#: The headings of diagnostics by their consequence, in order.
 CONSEQUENCES = {
-    "Some constants are not determined by the measurements": (
-        "not determined",
-        "depends on the prior",
-        "is truncated",
-    ),
-    "The constants may be biased": (
-        "do not explain",
-        "disagrees with",
-        "the residuals are",
-        "contradict",
-        "the stated",
-        "pressure",
-        "contact radii",
-        "are so small",
-    ),
-    "There are too few draws": ("effective samples", "have not mixed"),
-    "The surrogate is uncertain": ("surrogate", "simulated", "log-anisotropy", "sd of a modulus"),
-    "Check the inputs": ("",),
+    "undetermined": "Some constants are not determined by the measurements",
+    "biased": "The constants may be biased",
+    "draws": "There are too few draws",
+    "surrogate": "The surrogate is uncertain",
+    "inputs": "Check the inputs",
 }
 
 
@@ -61,32 +49,22 @@ def answer(results: Results) -> list[str]:
 
 
 def advice(results: Results) -> dict[str, list[str]]:
-    """The warnings by their consequences; those with the same remedy are joined.
-
-    The remedy of a warning follows its first full stop.
-    """
-    remedies: dict[str, list[str]] = {}
-    for line in results.warnings:
-        what, _, remedy = line.partition(". ")
-        if not any(reason.startswith(what) for reason in results.extracted.get("reasons", [])):
-            remedies.setdefault(remedy or line, []).append(what)
-    found: dict[str, list[str]] = {consequence: [] for consequence in CONSEQUENCES}
-    for remedy, parts in remedies.items():
-        start = common(parts)
-        line = start + "; ".join(part.removeprefix(start) for part in parts)
-        if remedy not in parts:
-            line += f". {remedy}"
-        found[consequence_of(line)].append(line[:1].upper() + line[1:].rstrip(".") + ".")
-    return {consequence: lines for consequence, lines in found.items() if lines}
-
-
-def consequence_of(warning: str) -> str:
-    """The first consequence one of whose phrases is in the warning."""
-    return next(
-        consequence
-        for consequence, phrases in CONSEQUENCES.items()
-        if any(map(warning.__contains__, phrases))
-    )
+    """The warnings by the headings of their consequences; those with the same remedy are joined."""
+    found: dict[str, list[str]] = {}
+    for consequence, heading in CONSEQUENCES.items():
+        remedies: dict[str, list[str]] = {}
+        for warning in results.warnings:
+            if warning["consequence"] == consequence and not is_unusable(warning):
+                remedies.setdefault(warning["remedy"] or warning["text"], []).append(
+                    warning["text"]
+                )
+        for remedy, parts in remedies.items():
+            start = common(parts)
+            line = start + "; ".join(part.removeprefix(start) for part in parts)
+            if remedy not in parts:
+                line += f". {remedy}"
+            found.setdefault(heading, []).append(line[:1].upper() + line[1:].rstrip(".") + ".")
+    return found
 
 
 def common(parts: list[str]) -> str:

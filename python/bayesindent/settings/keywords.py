@@ -12,6 +12,7 @@ from collections.abc import Callable, Collection
 from functools import cache, partial, wraps
 from typing import Any
 
+from ..common.diagnostics import labelled, message
 from ..core import BayesindentWarning, InputError, MachineError
 from .problem import Variable, schema
 
@@ -139,17 +140,15 @@ def in_python(text: str) -> str:
     return text.replace(".true.", "True").replace(".false.", "False")
 
 
-def warn_of(document: dict, words: Callable[[str], str] = in_python) -> None:
-    """Issue the reasons why a result cannot be used and the warnings of its document as warnings of
-    Python, which name the line that called the public function. `words` rewrites the texts.
+def warn_of(document: dict) -> None:
+    """Issue the diagnostics of a document as warnings of Python, which name the line that called
+    the public function.
     """
     level, frame = 1, sys._getframe()
     while frame.f_back and frame.f_globals.get("__name__", "").startswith(
         f"{__package__.partition('.')[0]}."
     ):
         level, frame = level + 1, frame.f_back
-    for line in [
-        *(f"the result cannot be used: {reason}" for reason in document.get("reasons", [])),
-        *document.get("warnings", []),
-    ]:
-        warnings.warn(words(line), BayesindentWarning, stacklevel=level)
+    for found in document["warnings"]:
+        line = message(found) if found["severity"] == "warning" else labelled(found)
+        warnings.warn(BayesindentWarning(line, found), stacklevel=level)

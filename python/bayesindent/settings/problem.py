@@ -2,6 +2,7 @@
 resolves them.
 """
 
+import json
 import os
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -212,13 +213,13 @@ class Problem(NativeObject):
             place = f"{path}: &measurements{f' file: {file}' if file else ''}: "
             if found := canonical_table(place, source, facts, str(path)):
                 self.table, self.map, pages["measurements"] = found.table, found.map, found.page
-                notes = [place + note for note in found.table.notes]
+                notes = [f"table_changed {place}{note}" for note in found.table.notes]
         if self.map is not None:
             pages["misread"] = self.map.grid.misread(self.map.positions)
             notes += self.map.warnings
         facts = typed(self._call("load", notes="\n".join(notes), **pages))
         self.path, self.folder = path, path.parent
-        self.resolved, self.warnings = facts["resolved"], facts["warnings"]
+        self.resolved, self.warnings = facts["resolved"], json.loads(facts["warnings"])
         self.stages = facts["stages"].split()
         self.settings = _settings(facts)
         self._facts = facts

@@ -8,6 +8,7 @@ import shutil
 import sys
 from pathlib import Path
 
+from ...common.diagnostics import diagnostic
 from ...settings.problem import Problem, read_crystals, schema
 from ...surrogate.surrogate import Surrogate
 from ..command import Command, output_folder, show_table
@@ -49,9 +50,9 @@ def table(arguments: argparse.Namespace) -> dict:
     }
     # A warning on the class matters only if the user stated the class.
     warnings = [
-        text
-        for text in points.problem.warnings
-        if arguments.symmetry or not text.endswith("that indentation determines")
+        found
+        for found in points.problem.warnings
+        if arguments.symmetry or found["code"] != "few_directions"
     ]
     return {
         "file": str(path),
@@ -130,7 +131,7 @@ def predict(arguments: argparse.Namespace) -> dict:
     return {
         "results": [dict(zip(names, row)) for row in rows],
         "file": str(file),
-        "warnings": [f"{table}: {outside}"] if outside else [],
+        "warnings": [diagnostic("outside_domain", f"{table}: {outside}")] if outside else [],
     }
 
 
