@@ -94,9 +94,9 @@ def indented_map(
     if doubtful := [f"{row + 1} ({share[row]:.0%})" for row in np.flatnonzero(share < LEAST_SHARE)]:
         named = f"{', '.join(doubtful[:10])}{', ..' if len(doubtful) > 10 else ''}"
         warnings.append(
-            f"indents_left_out {place}the indents of rows {named} are left out: their grain is uncertain. In "
-            f"brackets: the probability of the grain, with a registration of ± {sd.max():.2g} um; "
-            f"{LEAST_SHARE:.0%} is needed"
+            f"indents_left_out {place}the indents of rows {named} are left out: their grain is "
+            "uncertain. In brackets: the probability of the grain, with a registration of "
+            f"± {sd.max():.2g} um; {LEAST_SHARE:.0%} is needed"
         )
     if not retained:
         raise InputError(warnings[-1].partition(" ")[2])
