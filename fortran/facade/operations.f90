@@ -4,6 +4,9 @@ module operations
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_loc
    use abstract_basis, only: basis_type
    use abstract_stage, only: stage_type
+   use analysis, only: analysis_type
+   use analysis_document, only: read_posterior
+   use analysis_operations, only: use_analysis
    use crystal_class, only: crystal_class_type, new_crystal_class
    use crystal_operations, only: perform_crystal
    use diagnostics, only: diagnostic, diagnostics_text
@@ -12,7 +15,6 @@ module operations
    use namelist_file, only: entry_type, parse_namelist
    use machine, only: check_memory
    use point_tables, only: read_crystals
-   use extraction_document, only: read_posterior
    use problem, only: problem_type
    use kinds, only: i8
    use progress, only: advance_progress, begin_progress, end_progress, show_progress
@@ -46,7 +48,7 @@ contains
 
       kind = operation(:index(operation, '.') - 1)
       verb = operation(index(operation, '.') + 1:)
-      can_be_stopped = any(operation == [character(len=17) :: 'surrogate.extract', 'stage.close'])
+      can_be_stopped = any(operation == [character(len=14) :: 'analysis.infer', 'stage.close'])
       allocate (x)
       call x%open(request)
       if (can_be_stopped) call listen()
@@ -85,6 +87,8 @@ contains
          call use_basis(verb, object, x)
       type is (surrogate_type)
          call use_surrogate(verb, object, x)
+      type is (analysis_type)
+         call use_analysis(verb, object, x)
       class is (stage_type)
          call use_stage(verb, object, x)
       end select

@@ -1,21 +1,13 @@
-!> Operations on bases and surrogates, and Step 2 with a surrogate. Crystals are stated by the
+!> Operations on bases and surrogates. Crystals are stated by the
 !> constants of the basis' class (GPa), angles in degrees.
 module surrogate_operations
    use abstract_basis, only: basis_type
+   use analysis, only: analysis_type
    use bases, only: describe_basis
-   use constants_posterior, only: posterior_type
    use crystal_elasticity, only: logarithmic_mean
-   use diagnostics, only: diagnostic_type
    use exchange, only: exchange_type
-   use extraction, only: extract, extraction_type
-   use extraction_document, only: put_extraction, write_extraction
-   use json, only: json_type
    use kinds, only: degree, wp
    use labelled_values, only: labelled_values_type
-   use next_stage, only: next_document
-   use plan_stage, only: plan_stage_type
-   use problem_posterior, only: new_problem_posterior, omit_weak_waves
-   use stage_documents, only: end_document
    use surrogate_learner, only: add_simulations, fit_learner, learner_type, left_out, new_learner, &
       & surrogate_of
    use surrogate_model, only: exchange_surrogate, predict_crystals, save_surrogate, surrogate_type
@@ -91,11 +83,7 @@ contains
       type(surrogate_type), intent(inout) :: surrogate
       type(exchange_type), intent(inout), target :: x
       type(labelled_values_type) :: labels
-      type(json_type) :: page
-      type(plan_stage_type) :: stage
-      type(posterior_type) :: density
-      type(extraction_type) :: found
-      type(diagnostic_type), allocatable :: warnings(:)
+      type(analysis_type), pointer :: analysis
       real(wp), pointer :: c(:, :, :), euler_deg(:, :)
 
       select case (verb)
@@ -104,30 +92,12 @@ contains
          call exchange_surrogate(surrogate, labels)
       case ('basis')
          call give_basis(surrogate%basis, x)
-      case ('extract')
-         call extract(x%problem, surrogate, found, x%error)
-         if (allocated(x%error)) return
-         call page%begin_object()
-         call write_extraction(x%problem, found, page, warnings)
-         call put_extraction(x%problem, found, &
-            & end_document(page, [x%problem%warnings, warnings]), x%out)
-      case ('next')
-         ! The points are draws, which have the factor on the sds itself, not its logarithm.
-         call omit_weak_waves(x%problem, surrogate, x%error)
-         if (.not. allocated(x%error)) then
-            call new_problem_posterior(x%problem, surrogate, density, x%error)
-         end if
-         if (allocated(x%error)) return
-         call page%begin_object()
-         call next_document(x%problem, density, x%in%columns('points', density%dimension), page, &
-            & warnings, x%error)
-         x%text = end_document(page, [x%problem%warnings, warnings])
-      case ('plan')
-         call page%begin_object()
-         stage%problem => x%problem
-         stage%surrogate = surrogate
-         call stage%finish(page, x%error)
-         x%text = end_document(page, x%problem%warnings)
+      case ('analysis')
+         ! An analysis of the problem with this surrogate.
+         allocate (analysis)
+         call x%give(analysis, 'analysis')
+         analysis%problem => x%problem
+         analysis%surrogate = surrogate
       case ('save')
          call save_surrogate(surrogate, x%in%text('path'), x%error)
       case ('predict')

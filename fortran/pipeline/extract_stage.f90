@@ -1,50 +1,37 @@
 !> `extract`: Step 2, infer the constants from the measurements.
 module extract_stage
    use abstract_stage, only: stage_type
-   use constants_posterior, only: posterior_type
    use errors, only: error_type
-   use extraction, only: extract, extraction_type
-   use extraction_document, only: describe_prior, save_posterior, write_extraction
+   use analysis, only: analysis_type, load_analysis
+   use analysis_document, only: describe_prior, save_posterior, write_analysis
    use files, only: new_file_type
    use json, only: json_type
    use samplers, only: chain_prefix
-   use problem_posterior, only: new_problem_posterior
    use running_command, only: remove_files
    use stage_documents, only: end_document, inputs_of
-   use surrogate_model, only: load_named_surrogate, surrogate_type
    use text, only: join, newline, number_text, to_text
    implicit none
    private
    public :: extract_stage_type
 
    type, extends(stage_type) :: extract_stage_type
-      type(surrogate_type) :: surrogate
-      type(posterior_type) :: posterior
+      type(analysis_type) :: analysis
    contains
       procedure :: begin, finish
    end type extract_stage_type
 
 contains
 
-   !> Load the surrogate that &surrogate names, for crystals of the problem's class, and check the
-   !> posterior.
+   !> Load the surrogate, and check the posterior.
    subroutine begin(self, error)
       class(extract_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: class
 
-      class = ''
-      associate (problem => self%problem)
-         call problem%take_curve_results(self%output, error)
-         if (allocated(error)) return
-         if (allocated(problem%class%name)) class = problem%class%name
-         call load_named_surrogate(problem%settings%surrogate%file, class, self%places, &
-            & self%surrogate, error)
-         call problem%locate('surrogate', 'file', error)
-         if (.not. allocated(error)) then
-            call new_problem_posterior(problem, self%surrogate, self%posterior, error)
-         end if
-      end associate
+      call self%problem%take_curve_results(self%output, error)
+      if (.not. allocated(error)) then
+         call load_analysis(self%problem, self%places, self%analysis, error)
+      end if
+      if (.not. allocated(error)) call self%analysis%prepare(error)
    end subroutine begin
 
    !> Sample, and write posterior.bin with all numbers, posterior.csv with the draws, and the
@@ -53,21 +40,21 @@ contains
       class(extract_stage_type), intent(inout) :: self
       type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
-      type(extraction_type) :: found
 
       self%problem%kept_in = self%output
-      call extract(self%problem, self%surrogate, found, error)
+      call self%analysis%infer(error)
       if (allocated(error)) return
-      call write_extraction(self%problem, found, page, self%warnings)
-      call save_posterior(self%problem, found, end_document(page, [self%problem%warnings, &
+      call write_analysis(self%analysis, page, self%warnings)
+      call save_posterior(self%analysis, end_document(page, [self%problem%warnings, &
          & self%warnings]), self%output, inputs_of(self%problem, self%groups, self%places), error)
       if (allocated(error)) return
       call write_draws()
       if (allocated(error)) return
       call remove_files(self%output, chain_prefix)
-      call describe_prior(found, self%more)
-      self%done = to_text(size(found%chains%draws, 3))//' chains of ' &
-         & //to_text(size(found%chains%draws, 2))//' samples: '//self%output//'/posterior.csv'
+      call describe_prior(self%analysis, self%more)
+      self%done = to_text(size(self%analysis%chains%draws, 3))//' chains of ' &
+         & //to_text(size(self%analysis%chains%draws, 2))//' samples: '//self%output &
+         & //'/posterior.csv'
 
    contains
 
@@ -78,12 +65,12 @@ contains
          integer :: i, j, chain
 
          call file%begin(self%output//'/posterior.csv')
-         call file%add('chain,draw,'//join(found%names, ',')//',log_density'//newline)
-         associate (chains => found%chains)
+         call file%add('chain,draw,'//join(self%analysis%names, ',')//',log_density'//newline)
+         associate (chains => self%analysis%chains)
             do chain = 1, size(chains%draws, 3)
                do i = 1, size(chains%draws, 2)
                   line = to_text(chain)//','//to_text(i)
-                  do j = 1, size(found%names)
+                  do j = 1, size(self%analysis%names)
                      line = line//','//number_text(chains%draws(j, i, chain))
                   end do
                   call file%add(line//','//number_text(chains%log_density(i, chain))//newline)

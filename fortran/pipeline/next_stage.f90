@@ -1,463 +1,63 @@
-!> `next`: the grains to measure next, by indentation or by the speed of a surface wave, chosen from
-!> draws of a posterior.
+!> `next`: the grains to measure next.
 module next_stage
-   use abstract_basis, only: grain_model_type
-   use constants_posterior, only: posterior_type
-   use crystal_class, only: crystal_class_type, lattice_type, new_lattice
-   use crystal_elasticity, only: no_wave, path_type, rayleigh, rotation_matrix
-   use diagnostics, only: diagnostic, diagnostic_type
-   use distinct_directions, only: angle_between, lattice_of_directions, new_region, region_type
-   use errors, only: error_type, refuse
+   use abstract_stage, only: stage_type
+   use analysis, only: analysis_type, load_analysis
+   use analysis_document, only: stored_draws
+   use errors, only: error_type
    use files, only: file_exists
-   use extract_stage, only: extract_stage_type
-   use extraction, only: extract, extraction_type
+   use further_measurements, only: suggest_measurements
    use json, only: json_type
-   use kinds, only: degree, wp
-   use linear_algebra, only: orthonormalize
-   use next_measurement, only: candidates_type, choose_measurements, suggestions_type
-   use point_tables, only: points_type
-   use direction_columns, only: angles_of_direction
-   use extraction_document, only: stored_draws
-   use problem, only: problem_type
-   use field_reading, only: choose_field_degree
-   use problem_posterior, only: are_detected, check_target, new_problem_posterior, omit_weak_waves
-   use quantities, only: evaluate_draws, new_quantity, quantity_type
-   use random, only: new_random_stream, random_stream_type
+   use kinds, only: wp
    use running_command, only: remove_files
    use samplers, only: chain_prefix
-   use shared_errors, only: draw_shared
-   use small_matrices, only: solve_lower
    use stage_documents, only: inputs_of
-   use statistics, only: flattened, median, number_equal
-   use text, only: to_text
+   use statistics, only: flattened
    implicit none
    private
-   public :: next_stage_type, next_document
+   public :: next_stage_type
 
-   type, extends(extract_stage_type) :: next_stage_type
+   type, extends(stage_type) :: next_stage_type
+      type(analysis_type) :: analysis
    contains
-      procedure :: finish
+      procedure :: begin, finish
    end type next_stage_type
 
-   !> Greatest number of draws, and number of scenarios of the results of earlier suggestions, for
-   !> the expected gains.
-   integer, parameter :: most_draws = 2000, scenarios = 48
-   !> Every fifth of these draws is used for the degree of the harmonics and for the detected waves.
-   integer, parameter :: degree_stride = 5
-   !> Least angle between suggestions: the same grain cannot be measured again, and a grain of
-   !> nearly the same orientation is hard to find.
-   real(wp), parameter :: separation_deg = 5.0_wp
-   !> Number of directions of propagation in a grain, and greatest number of grains.
-   integer, parameter :: n_along = 12, most_grains = 200
-
 contains
+
+   !> Load the surrogate, and check the posterior.
+   subroutine begin(self, error)
+      class(next_stage_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+
+      call self%problem%take_curve_results(self%output, error)
+      if (.not. allocated(error)) then
+         call load_analysis(self%problem, self%places, self%analysis, error)
+      end if
+      if (.not. allocated(error)) call self%analysis%prepare(error)
+   end subroutine begin
 
    !> Write the document from the draws that `extract` stored in the folder, or else from new ones.
    subroutine finish(self, page, error)
       class(next_stage_type), intent(inout) :: self
       type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
-      type(extraction_type) :: found
       real(wp), allocatable :: draws(:, :)
       logical :: lost
 
       lost = file_exists(self%output//'/summary.json') &
          & .and. .not. file_exists(self%output//'/posterior.bin')
       call stored_draws(self%output, inputs_of(self%problem, self%groups_of_posterior, &
-         & self%places), self%posterior%dimension, draws, error)
+         & self%places), self%analysis%posterior%dimension, draws, error)
       if (allocated(error)) return
       if (.not. allocated(draws)) then
          self%problem%kept_in = self%output
-         call extract(self%problem, self%surrogate, found, error)
+         call self%analysis%infer(error)
          if (allocated(error)) return
-         draws = flattened(found%chains%draws)
+         draws = flattened(self%analysis%chains%draws)
          call remove_files(self%output, chain_prefix)
       end if
-      if (allocated(self%problem%velocities)) then
-         ! Leave out the same speeds as `extract`.
-         call omit_weak_waves(self%problem, self%surrogate, error)
-         if (allocated(error)) return
-         call new_problem_posterior(self%problem, self%surrogate, self%posterior, error)
-         if (allocated(error)) return
-      end if
-      call next_document(self%problem, self%posterior, draws, page, self%warnings, error)
-      if (lost) then
-         call self%warn('sampled_anew', self%output//'/posterior.bin')
-      end if
+      call suggest_measurements(self%analysis, draws, page, self%warnings, error)
+      if (lost) call self%warn('sampled_anew', self%output//'/posterior.bin')
       self%done = self%output//'/next.json'
    end subroutine finish
-
-   !> Write the document of `next` from `draws` of the posterior into the object of a `page`:
-   !> suggestions, each given those before it, and the gain of every candidate as the first one.
-   subroutine next_document(problem, posterior, draws, page, warnings, error)
-      type(problem_type), intent(in) :: problem
-      !> The degree of its harmonics is chosen anew for these draws.
-      type(posterior_type), intent(inout) :: posterior
-      !> Draws of the posterior, (parameter, draw); the last parameter may be the factor on the sds.
-      real(wp), intent(in) :: draws(:, :)
-      type(json_type), intent(inout) :: page
-      !> Without those of the problem.
-      type(diagnostic_type), allocatable, intent(out) :: warnings(:)
-      type(error_type), allocatable, intent(out) :: error
-      type(candidates_type) :: candidates
-      type(suggestions_type) :: suggestions
-      type(quantity_type) :: quantity(1)
-      real(wp), allocatable :: few(:, :), values(:, :)
-      real(wp) :: sd(2), factor
-      integer :: m, n, threads
-
-      allocate (warnings(0))
-      threads = problem%threads()
-      call check_target(problem, error)
-      if (allocated(error)) return
-      few = draws(:, ::max(1, size(draws, 2)/most_draws))
-      associate (wanted => problem%settings%next)
-         m = posterior%n_moduli
-         n = posterior%n_grains
-         sd = [wanted%sd_gpa, wanted%velocity_sd_m_s]
-         factor = 1.0_wp
-         if (posterior%infers_scale) then
-            factor = sum(draws(posterior%dimension, :))/size(draws, 2)
-         end if
-         if (.not. sd(1) > 0.0_wp .and. m > 0) sd(1) = factor*median(m, posterior%data%sd(:m))
-         if (.not. sd(2) > 0.0_wp .and. n > m) then
-            sd(2) = factor*median(n - m, posterior%data%sd(m + 1:))
-         end if
-         if (.not. sd(1) > 0.0_wp) then
-            call problem%refuse('next', 'sd_gpa', 'the variable is missing; it is the sd of the ' &
-               & //'next modulus, and no moduli were measured whose sd it could be', error)
-         else if (allocated(wanted%velocity_cost) .and. .not. sd(2) > 0.0_wp) then
-            call problem%refuse('next', 'velocity_sd_m_s', 'the variable is missing; it is the ' &
-               & //'sd of the next speed, and no speeds were measured whose sd it could be', error)
-         end if
-         if (allocated(error)) return
-         if (posterior%infers_scale) then
-            few(posterior%dimension, :) = log(few(posterior%dimension, :))
-         end if
-         if (posterior%grains%has_theory) then
-            call choose_field_degree(posterior, few(:, ::degree_stride), threads, error)
-         end if
-         if (allocated(error)) return
-         call add_moduli(problem, posterior%prior%class, candidates)
-         if (allocated(wanted%velocity_cost)) call add_speeds(few(:, ::degree_stride))
-         if (.not. allocated(error)) then
-            call predict_candidates(problem, posterior, few, sd, candidates, error)
-         end if
-         call problem%locate('next', '', error)
-         if (allocated(error)) return
-         if (wanted%target /= 'all') then
-            call new_quantity(wanted%target, quantity(1), error)
-            call evaluate_draws(quantity, posterior%prior%class, few, values)
-            candidates%target = values(1, :)
-            ! A product of powers is replaced by its logarithm if that exists.
-            if (quantity(1)%is_product() .and. all(candidates%target > 0.0_wp)) then
-               candidates%target = log(candidates%target)
-            end if
-         end if
-         call choose_measurements(candidates, wanted%count, scenarios, &
-            & problem%settings%problem%seed, threads, suggestions)
-         associate (found => size(suggestions%chosen))
-            if (found < min(wanted%count, size(candidates%cost))) then
-               warnings = diagnostic('few_apart', &
-                  & numbers=[real(wp) :: found, wanted%count, separation_deg])
-            end if
-         end associate
-      end associate
-      call write_suggestions(page, problem, candidates, suggestions, sd)
-
-   contains
-
-      !> Add speeds in several directions of propagation, if their waves are detected at the
-      !> draws, in the grains of &next or else in the measured ones, which may have several rows
-      !> each.
-      subroutine add_speeds(draws)
-         !> (parameter, draw).
-         real(wp), intent(in) :: draws(:, :)
-         type(points_type) :: grains
-         real(wp), allocatable :: euler_deg(:, :)
-         type(path_type), allocatable :: paths(:)
-         integer, allocatable :: rows(:)
-         integer :: i, j
-
-         grains = problem%measurements
-         if (allocated(problem%grains)) grains = problem%grains
-         rows = pack([(i, i=1, grains%n)], number_equal(grains%euler_deg) == [(i, i=1, grains%n)])
-         if (.not. grains%has_angles) then
-            call refuse(error, &
-               & 'velocity_cost: the grains have directions alone, and a wave needs Euler angles')
-         else if (size(rows) > most_grains) then
-            call refuse(error, 'velocity_cost: '//to_text(size(rows))//' grains; allowed up to ' &
-               & //to_text(most_grains))
-         end if
-         if (allocated(error)) return
-         rows = [((rows(i), j=1, n_along), i=1, size(rows))]
-         paths = [(path_type(rayleigh, 180.0_wp*modulo(i - 1, n_along)/n_along), i=1, size(rows))]
-         euler_deg = grains%euler_deg(:, rows)
-         associate (kept => pack([(i, i=1, size(rows))], &
-            & are_detected(posterior, draws, euler_deg, paths)), n => size(candidates%cost))
-            candidates%euler_deg = reshape([candidates%euler_deg, euler_deg(:, kept)], &
-               & [3, n + size(kept)])
-            candidates%paths = [candidates%paths, paths(kept)]
-            candidates%grain = [candidates%grain, rows(kept)]
-            candidates%cost = [candidates%cost, &
-               & spread(problem%settings%next%velocity_cost, 1, size(kept))]
-         end associate
-      end subroutine add_speeds
-   end subroutine next_document
-
-   !> Add the moduli of the grains of &next, each of which may be measured once, or else of all
-   !> directions that differ by the symmetry of the crystal.
-   subroutine add_moduli(problem, class, candidates)
-      type(problem_type), intent(in) :: problem
-      type(crystal_class_type), intent(in) :: class
-      type(candidates_type), intent(inout) :: candidates
-      type(region_type) :: region
-      real(wp), allocatable :: directions(:, :)
-      integer :: i, j, n
-
-      if (allocated(problem%grains)) then
-         candidates%euler_deg = problem%grains%euler_deg
-         n = size(candidates%euler_deg, 2)
-         candidates%grain = [(i, i=1, n)]
-         allocate (candidates%angle(0, 0))
-      else
-         call new_region(class, region)
-         call lattice_of_directions(region, directions)
-         n = size(directions, 2)
-         candidates%grain = spread(0, 1, n)
-         allocate (candidates%euler_deg(3, n), candidates%angle(n, n))
-         candidates%least_angle = separation_deg*degree
-         do j = 1, n
-            candidates%euler_deg(:, j) = angles_of_direction(directions(:, j))
-            do i = 1, n
-               candidates%angle(i, j) = angle_between(region, directions(:, i), directions(:, j))
-            end do
-         end do
-      end if
-      allocate (candidates%paths(n))
-      candidates%cost = spread(1.0_wp, 1, n)
-   end subroutine add_moduli
-
-   !> Predict the measurement of each candidate by each draw.
-   subroutine predict_candidates(problem, posterior, draws, sd, candidates, error)
-      type(problem_type), intent(in) :: problem
-      type(posterior_type), intent(in) :: posterior
-      !> (parameter, draw), as the sampler has them.
-      real(wp), intent(in) :: draws(:, :)
-      !> Sds of the next modulus, GPa, and of the next speed, m/s.
-      real(wp), intent(in) :: sd(2)
-      type(candidates_type), intent(inout) :: candidates
-      type(error_type), allocatable, intent(out) :: error
-      !> Variances of the own errors, (candidate, draw); standard normal numbers, (error, draw);
-      !> relative sds of the shared errors, (error, kind).
-      real(wp), allocatable :: own_variance(:, :), normals(:, :), relative(:, :)
-      class(grain_model_type), allocatable :: grains
-      integer, allocatable :: kind(:)
-      integer :: i
-
-      call posterior%new_grains(candidates%euler_deg*degree, candidates%paths, grains, error)
-      if (allocated(error)) return
-      kind = merge(2, 1, candidates%paths%wave /= no_wave)
-      candidates%sd = sd(kind)
-      call find_relative_errors()
-      associate (n => size(kind), n_draws => size(draws, 2))
-         allocate (own_variance(n, n_draws), candidates%predicted(n, n_draws), &
-            & candidates%shared_variance(n, n_draws), candidates%target(0))
-      end associate
-      call draw_normals()
-      do i = 1, size(draws, 2)
-         call draw_measurements(posterior, draws(:, i), grains, relative(:, kind), &
-            & count(kind == 1), normals(:, i), candidates%predicted(:, i), &
-            & candidates%shared_variance(:, i), own_variance(:, i))
-      end do
-      candidates%predicted = transpose(candidates%predicted)
-      candidates%shared_variance = transpose(candidates%shared_variance)
-      candidates%sd = sqrt(candidates%sd**2 + sum(own_variance, 2)/size(draws, 2))
-
-   contains
-
-      !> Set the relative sds of the errors that a further modulus (1) or speed (2) shares, (error,
-      !> kind): the calibration of the first group, and the stated errors of the mean measurement
-      !> of the kind. If the kind was not measured, the last error has its calibration.
-      subroutine find_relative_errors()
-         real(wp) :: calibration(2)
-         integer :: first(2), last(2), n_errors, k
-         logical :: with_speeds
-
-         with_speeds = any(kind == 2)
-         first = [1, posterior%n_moduli + 1]
-         last = [posterior%n_moduli, posterior%n_grains]
-         calibration = [posterior%settings%calibration_sd, &
-            & hypot(posterior%settings%velocity_calibration_sd, &
-            & 0.5_wp*problem%settings%problem%density_sd_kg_m3/posterior%data%density)]
-         n_errors = posterior%n_shared + merge(1, 0, &
-            & first(1) > last(1) .or. (with_speeds .and. first(2) > last(2)))
-         allocate (relative(n_errors, 2), source=0.0_wp)
-         do k = 1, merge(2, 1, with_speeds)
-            if (first(k) > last(k)) then
-               relative(posterior%n_shared + 1, k) = calibration(k)
-            else
-               associate (n => posterior%grains%n_columns, calibrated => posterior%n_calibrated, &
-                  & group => posterior%data%group(first(k)))
-                  if (calibrated > n) relative(n + group, k) = posterior%calibration(group)
-                  relative(calibrated + 1:calibrated + size(posterior%data%shared, 2), k) = &
-                     & sum(posterior%data%shared(first(k):last(k), :), 1)/(last(k) - first(k) + 1)
-               end associate
-            end if
-         end do
-      end subroutine find_relative_errors
-
-      !> Set standard normal numbers for the draws. For many draws they have no mean, unit
-      !> covariance, and no correlation with any linear function of the draws. The variance of the
-      !> shared errors then has no sampling noise, which would be larger than small gains.
-      subroutine draw_normals()
-         real(wp), allocatable :: columns(:, :)
-         real(wp) :: mean
-         type(random_stream_type) :: stream
-         integer :: i, j, known
-
-         stream = new_random_stream(problem%settings%problem%seed, 0)
-         known = 1 + size(draws, 1)
-         allocate (columns(size(draws, 2), known + size(relative, 1)))
-         columns(:, 1) = 1.0_wp
-         do j = 1, size(draws, 1)
-            mean = sum(draws(j, :))/size(draws, 2)
-            columns(:, 1 + j) = draws(j, :) - mean
-         end do
-         do i = 1, size(columns, 1)
-            call stream%normals(columns(i, known + 1:))
-         end do
-         if (size(columns, 1) >= 4*size(columns, 2)) then
-            call orthonormalize(columns)
-            columns = columns*sqrt(real(size(columns, 1), wp))
-         end if
-         normals = transpose(columns(:, known + 1:))
-      end subroutine draw_normals
-   end subroutine predict_candidates
-
-   !> Write each suggestion with the indented direction and that of propagation, as unit vectors in
-   !> crystal axes and, if the unit cell is known, as [uvw]. Write the gains of all candidates.
-   subroutine write_suggestions(page, problem, candidates, suggestions, sd)
-      type(json_type), intent(inout) :: page
-      type(problem_type), intent(in) :: problem
-      type(candidates_type), intent(in) :: candidates
-      type(suggestions_type), intent(in) :: suggestions
-      real(wp), intent(in) :: sd(2)
-      type(lattice_type) :: lattice
-      type(error_type), allocatable :: unknown
-      real(wp), allocatable :: parameters(:)
-      real(wp) :: mean, g(3, 3), along(3)
-      integer :: i, draws
-
-      draws = size(candidates%predicted, 1)
-      allocate (parameters(0))
-      if (allocated(problem%settings%problem%lattice)) parameters = problem%settings%problem%lattice
-      call new_lattice(problem%class, parameters, lattice, unknown)
-      call page%begin_array('suggestions')
-      do i = 1, size(suggestions%chosen)
-         associate (c => suggestions%chosen(i))
-            mean = sum(candidates%predicted(:, c))/draws
-            call begin_candidate(c)
-            g = rotation_matrix(candidates%euler_deg(:, c)*degree)
-            call page%put('direction', g(:, 3))
-            if (suggestions%within(i) > 0.0_wp) then
-               call page%put('within_deg', suggestions%within(i)/degree)
-            end if
-            if (.not. allocated(unknown)) call page%put('uvw', lattice%nearest(g(:, 3)))
-            associate (path => candidates%paths(c))
-               if (path%wave /= no_wave) then
-                  along = cos(path%propagation_deg*degree)*g(:, 1) &
-                     & + sin(path%propagation_deg*degree)*g(:, 2)
-                  call page%put('along', along)
-                  if (.not. allocated(unknown)) call page%put('along_uvw', lattice%nearest(along))
-               end if
-            end associate
-            call page%put_numbers('gain, predicted, sd', [suggestions%gains(i), mean, &
-               & sqrt(sum((candidates%predicted(:, c) - mean)**2)/draws)])
-            call page%end_object()
-         end associate
-      end do
-      call page%end_array()
-      call page%begin_array('candidates')
-      do i = 1, size(candidates%cost)
-         call begin_candidate(i)
-         call page%put('gain', suggestions%first_gains(i))
-         call page%end_object()
-      end do
-      call page%end_array()
-      call page%put('target', problem%settings%next%target)
-      call page%put('sd_gpa', sd(1))
-      if (allocated(problem%settings%next%velocity_cost)) then
-         call page%put_numbers('velocity_sd_m_s, velocity_cost', &
-            & [sd(2), problem%settings%next%velocity_cost])
-      end if
-      call page%put('unit', trim(merge('nats                 ', 'share of the ' &
-         & //'variance', size(candidates%target) == 0)))
-
-   contains
-
-      subroutine begin_candidate(c)
-         integer, intent(in) :: c
-
-         call page%begin_object()
-         if (allocated(problem%grains)) then
-            call page%put('grain', problem%grains%name(candidates%grain(c)))
-         else if (candidates%grain(c) > 0) then
-            call page%put('grain', problem%measurements%name(candidates%grain(c)))
-         end if
-         call page%put('euler_deg', candidates%euler_deg(:, c))
-         if (candidates%paths(c)%wave /= no_wave) then
-            call page%put('propagation_deg', candidates%paths(c)%propagation_deg)
-         end if
-      end subroutine begin_candidate
-   end subroutine write_suggestions
-
-   !> Draw further moduli, then speeds, of any grains at a point, of the measured kind and without
-   !> their own errors.
-   subroutine draw_measurements(posterior, x, grains, relative, n, z, values, shared_variance, &
-      & own_variance)
-      type(posterior_type), intent(in) :: posterior
-      !> (parameter).
-      real(wp), intent(in) :: x(:)
-      class(grain_model_type), intent(in) :: grains
-      !> See `find_relative_errors`, (error, measurement); standard normal numbers, (error).
-      real(wp), intent(in) :: relative(:, :), z(:)
-      !> Number of moduli.
-      integer, intent(in) :: n
-      !> GPa or m/s, (measurement), with the shared errors of these numbers, given the data.
-      real(wp), intent(out), contiguous :: values(:)
-      !> Variances, (measurement): of the shared errors given the data and the constants, and of the
-      !> surrogate's errors that grains do not share.
-      real(wp), intent(out), contiguous :: shared_variance(:), own_variance(:)
-      real(wp), dimension(size(values)) :: slope, mean, mean_slope
-      real(wp) :: c(6, 6), influence(size(values), grains%n_columns), &
-         & columns(size(values), size(z)), shared(size(z))
-      real(wp), allocatable :: precision(:, :)
-      real(wp) :: factor(posterior%n_groups)
-      integer :: i, m
-
-      m = posterior%n_shared
-      c = posterior%stiffness(x)
-      call draw_shared(posterior, x, z(:m), shared(:m), precision, factor)
-      call grains%evaluate_moduli(c, values, slope)
-      mean = values
-      mean_slope = slope
-      call posterior%observable%to_measured(mean(:n), mean_slope(:n))
-      shared(m + 1:) = z(m + 1:)
-      columns = transpose(relative)*spread(mean, 2, size(z))
-      if (grains%n_columns > 0) then
-         call grains%evaluate_columns(c, influence)
-         values = values + slope*matmul(influence, shared(:grains%n_columns))
-         columns(:, :grains%n_columns) = spread(mean_slope, 2, grains%n_columns)*influence
-      end if
-      call posterior%observable%to_measured(values(:n), slope(:n))
-      values = (1.0_wp + matmul(shared, relative))*values
-      do i = 1, size(values)
-         call solve_lower(precision, columns(i, :m))
-      end do
-      shared_variance = sum(columns**2, 2)
-      own_variance = 0.0_wp
-      own_variance(:n) = posterior%scatter*mean_slope(:n)**2 &
-         & + (posterior%settings%scatter_sd*mean(:n))**2
-   end subroutine draw_measurements
 end module next_stage

@@ -1,23 +1,22 @@
 !> Diagnostics of a posterior, the most important first. Each check is a function that returns what
 !> it finds; its sentences are in docs/diagnostics.md. A new check is a row there and a function in
-!> the list of `check_extraction`.
+!> the list of `check_analysis`.
 module posterior_diagnostics
    use constants_prior, only: knowledge_type
    use diagnostics, only: diagnostic, diagnostic_type, is_usable
    use errors, only: error_type
-   use extraction, only: extraction_type, unmixed
+   use analysis, only: analysis_type, unmixed
    use field_reading, only: allowed_error
    use files, only: printable
    use indenters, only: indenter_type, new_indenter
    use kinds, only: pi, wp
    use prior_sensitivity, only: change_type, is_truncated
    use orientation_check, only: readings
-   use problem, only: problem_type
    use statistics, only: chi_square_above
    use text, only: fixed, to_text
    implicit none
    private
-   public :: check_extraction, known_text, powers_text
+   public :: check_analysis, known_text, powers_text
 
    !> Chains have mixed if R-hat is at most this, and if each effective sample size is at least this
    !> times the number of chains (Vehtari et al., Bayesian Anal. 16, 667, 2021).
@@ -39,19 +38,18 @@ contains
 
    !> All diagnostics. Wrong orientations, outliers and limits explain residuals and conflicts,
    !> which are then not reported as well.
-   function check_extraction(problem, found) result(list)
-      type(problem_type), intent(in) :: problem
-      type(extraction_type), intent(in) :: found
+   function check_analysis(found) result(list)
+      type(analysis_type), intent(in) :: found
       type(diagnostic_type), allocatable :: list(:)
       logical :: is_explained
       integer :: n
 
       list = check_limits(found, .false.)
-      call add(check_orientations(problem, found))
+      call add(check_orientations(found))
       is_explained = found%orientations%is_detected() .or. size(found%orientations%outliers) > 0
       call add(check_limits(found, .true.))
-      call add(check_waves(problem))
-      call add(check_contacts(problem, found))
+      call add(check_waves(found))
+      call add(check_contacts(found))
       call add(check_knowledge(found, is_usable(list), &
          & is_explained .or. is_truncated(found%limits)))
       call add(check_mixing(found))
@@ -60,7 +58,7 @@ contains
       call add(check_determined(found))
       if (size(list) > n) call add(check_gains(found))
       call add(check_prior(found))
-      if (all(problem%measurements%sd_gpa > 0.0_wp)) call add(check_scale(found))
+      if (all(found%problem%measurements%sd_gpa > 0.0_wp)) call add(check_scale(found))
       if (.not. (is_explained .or. is_truncated(found%limits))) call add(check_residuals(found))
 
    contains
@@ -70,12 +68,11 @@ contains
 
          list = [list, more]
       end subroutine add
-   end function check_extraction
+   end function check_analysis
 
    !> Orientations that are not those of the grains, or else outliers.
-   function check_orientations(problem, found) result(list)
-      type(problem_type), intent(in) :: problem
-      type(extraction_type), intent(in) :: found
+   function check_orientations(found) result(list)
+      type(analysis_type), intent(in) :: found
       type(diagnostic_type), allocatable :: list(:)
       real(wp) :: numbers(4)
       integer :: i
@@ -92,7 +89,7 @@ contains
             do i = 1, size(check%outliers)
                associate (grain => check%outliers(i))
                   list = [list, diagnostic('outlier', &
-                     & printable(problem%measurements%name(grain)), &
+                     & printable(found%problem%measurements%name(grain)), &
                      & [check%distances(i), data%modulus(grain)])]
                end associate
             end do
@@ -102,7 +99,7 @@ contains
 
    !> Limits that truncate the posterior, either the stated ones or those of the surrogate.
    function check_limits(found, stated) result(list)
-      type(extraction_type), intent(in) :: found
+      type(analysis_type), intent(in) :: found
       logical, intent(in) :: stated
       type(diagnostic_type), allocatable :: list(:)
       character(len=:), allocatable :: name, code
@@ -125,20 +122,20 @@ contains
    end function check_limits
 
    !> Speeds that are left out, since their waves cannot be detected.
-   function check_waves(problem) result(list)
-      type(problem_type), intent(in) :: problem
+   function check_waves(found) result(list)
+      type(analysis_type), intent(in) :: found
       type(diagnostic_type), allocatable :: list(:)
 
       allocate (list(0))
-      if (problem%measurements%omitted == 0) return
+      if (found%problem%measurements%omitted == 0) return
       list = diagnostic('velocities_left_out', &
-         & numbers=real([problem%measurements%omitted, problem%velocities%n], wp))
+         & numbers=real([found%problem%measurements%omitted, found%problem%velocities%n], wp))
    end function check_waves
 
    !> Values of &knowledge that contradict the measurements or the rest of the knowledge. Of
    !> correlated quantities only the one with the greatest conflict is reported.
    function check_knowledge(found, usable, is_explained) result(list)
-      type(extraction_type), intent(in) :: found
+      type(analysis_type), intent(in) :: found
       !> Whether the result can be used so far, and whether something else explains conflicts.
       logical, intent(in) :: usable, is_explained
       type(diagnostic_type), allocatable :: list(:)
@@ -167,7 +164,7 @@ contains
    !> The parameter with the greatest R-hat, or else that with the smallest effective sample size.
    !> With NaN the chains have not mixed.
    function check_mixing(found) result(list)
-      type(extraction_type), intent(in) :: found
+      type(analysis_type), intent(in) :: found
       type(diagnostic_type), allocatable :: list(:)
       real(wp) :: effective(size(found%parameters)), greatest
       character(len=:), allocatable :: prefix
@@ -202,7 +199,7 @@ contains
 
    !> Theory that is read too roughly: all attempts to find a sufficient degree have failed.
    function check_theory(found) result(list)
-      type(extraction_type), intent(in) :: found
+      type(analysis_type), intent(in) :: found
       type(diagnostic_type), allocatable :: list(:)
 
       allocate (list(0))
@@ -213,7 +210,7 @@ contains
 
    !> Constants that are not determined.
    function check_determined(found) result(list)
-      type(extraction_type), intent(in) :: found
+      type(analysis_type), intent(in) :: found
       type(diagnostic_type), allocatable :: list(:)
       character(len=:), allocatable :: names
       integer :: i
@@ -235,7 +232,7 @@ contains
 
    !> Knowledge that would reduce the sd of constants that are not determined.
    function check_gains(found) result(list)
-      type(extraction_type), intent(in) :: found
+      type(analysis_type), intent(in) :: found
       type(diagnostic_type), allocatable :: list(:)
       !> Knowledge is named if it would reduce an sd to this share.
       real(wp), parameter :: reduced_share = 0.7_wp
@@ -296,7 +293,7 @@ contains
 
    !> An inferred factor on the sds above two.
    function check_scale(found) result(list)
-      type(extraction_type), intent(in) :: found
+      type(analysis_type), intent(in) :: found
       type(diagnostic_type), allocatable :: list(:)
       real(wp), parameter :: greatest = 2.0_wp
 
@@ -312,7 +309,7 @@ contains
 
    !> Residuals that are improbably large or small.
    function check_residuals(found) result(list)
-      type(extraction_type), intent(in) :: found
+      type(analysis_type), intent(in) :: found
       type(diagnostic_type), allocatable :: list(:)
       real(wp), parameter :: rare = 0.01_wp, rare_below = 0.05_wp
       real(wp) :: least, below
@@ -339,7 +336,7 @@ contains
    !> Limits of the prior, or its measure, on which the result depends, each with the parameter that
    !> moves most.
    function check_prior(found) result(list)
-      type(extraction_type), intent(in) :: found
+      type(analysis_type), intent(in) :: found
       type(diagnostic_type), allocatable :: list(:)
       !> Shift that needs a warning, in sds; and the greatest number of shifts that are listed.
       real(wp), parameter :: least_shift = 0.1_wp
@@ -385,9 +382,8 @@ contains
 
    !> Contact pressures that are too high, contact radii that differ from the surrogate's, and
    !> grains that are too small, by the columns depth_um, contact_radius_um and grain_radius_um.
-   function check_contacts(problem, found) result(list)
-      type(problem_type), intent(in) :: problem
-      type(extraction_type), intent(in) :: found
+   function check_contacts(found) result(list)
+      type(analysis_type), intent(in) :: found
       type(diagnostic_type), allocatable :: list(:)
       class(indenter_type), allocatable :: indenter
       type(error_type), allocatable :: error
@@ -397,10 +393,10 @@ contains
       integer :: worst, n
 
       allocate (list(0))
-      call new_indenter(problem%settings%indenter, indenter, error)
+      call new_indenter(found%problem%settings%indenter, indenter, error)
       n = found%posterior%n_moduli
       if (allocated(error) .or. n == 0) return
-      associate (measured => problem%measurements, &
+      associate (measured => found%problem%measurements, &
          & trained_radius => found%surrogate_contact_radius, &
          & correction => 100.0_wp*found%surrogate_correction)
          associate (modulus => measured%modulus_gpa(:n), depth => measured%depth_um(:n), &
@@ -413,10 +409,10 @@ contains
                & /(pi*contact_radius**2)*modulus
             allowed = elastic_pressure*modulus
             code = 'plastic_contact'
-            if (problem%settings%measurements%yield_gpa > 0.0_wp) then
+            if (found%problem%settings%measurements%yield_gpa > 0.0_wp) then
                ! First yield below a sphere (Johnson, Contact Mechanics, 1985, Eq. 4.45 with
                ! Tresca's criterion).
-               allowed = 1.07_wp*problem%settings%measurements%yield_gpa
+               allowed = 1.07_wp*found%problem%settings%measurements%yield_gpa
                code = 'yielding_contact'
             end if
             worst = maxloc(pressure, dim=1, mask=pressure > allowed)

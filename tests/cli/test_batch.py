@@ -13,7 +13,8 @@ import pytest
 import xarray
 
 from bayesindent import Problem
-from bayesindent.inference.extract import groups_of, inference_data, summary
+from bayesindent.inference.analysis import groups_of, inference_data
+from bayesindent.inference.extract import summary
 from bayesindent.surrogate.surrogate import SHIPPED, Surrogate
 from support.csv_tables import numbers, read_rows
 from support.densities import EXTRACTION, Posterior

@@ -1,28 +1,18 @@
-!> Operations that tests alone need: the training of a surrogate step by step, and the density of
-!> Step 2 point by point. They are those of a core of its own, beside the one that is tested; see
+!> Operations that tests alone need: the training of a surrogate step by step. They are those of a core of its own, beside the one that is tested; see
 !> tests/support/testing_core.py.
 module test_operations
-   use, intrinsic :: ieee_arithmetic, only: ieee_negative_inf, ieee_value
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_loc
-   use abstract_basis, only: basis_type, grain_model_type
-   use abstract_sampler, only: sampler_type
+   use abstract_basis, only: basis_type
    use acquisitions, only: new_acquisition
-   use constants_posterior, only: posterior_type
-   use crystal_elasticity, only: path_type
    use evidence_regression, only: coefficient_covariance, coefficient_mean, compute_posterior, &
       & leave_groups_out
    use exchange, only: exchange_type, find_object, register_object, release_object
-   use kinds, only: degree, wp
+   use kinds, only: wp
    use operations, only: perform
-   use shared_errors, only: add_shared
-   use field_reading, only: choose_field_degree
-   use problem_posterior, only: new_problem_posterior
-   use random, only: new_random_stream, random_stream_type
-   use samplers, only: chains_type, checkpoint_type, new_sampler, run_settings_type, sample_chains
    use sequential_design, only: compute_variances, set_candidates, update_posterior_mean
    use surrogate_domain, only: spread_crystals
-   use surrogate_learner, only: add_simulations, fit_learner, learner_type, left_out, new_learner, &
-      & surrogate_of
+   use surrogate_learner, only: add_simulations, fit_learner, learner_type, left_out, &
+      & new_learner, surrogate_of
    use surrogate_model, only: surrogate_type
    implicit none
    private
@@ -58,12 +48,8 @@ contains
          select type (object)
          class is (basis_type)
             call use_basis(name, object, x, known)
-         type is (surrogate_type)
-            call use_surrogate(name, object, x, known)
          type is (learner_type)
             call use_learner(name, object, x)
-         type is (posterior_type)
-            call use_posterior(name, object, x)
          class default
             known = .false.
          end select
@@ -121,83 +107,6 @@ contains
          known = .false.
       end select
    end subroutine use_basis
-
-   !> The density of a problem, or that of its prior.
-   subroutine use_surrogate(name, surrogate, x, known)
-      character(len=*), intent(in) :: name
-      type(surrogate_type), intent(in) :: surrogate
-      type(exchange_type), intent(inout) :: x
-      logical, intent(out) :: known
-      type(posterior_type), pointer :: density
-
-      known = any(name == [character(len=17) :: 'surrogate.density', 'surrogate.prior'])
-      if (.not. known) return
-      allocate (density)
-      call x%give(density, 'posterior')
-      call new_problem_posterior(x%problem, surrogate, density, x%error)
-      density%prior_only = name == 'surrogate.prior'
-      if (allocated(x%error)) return
-      call x%out%put('grains', density%n_grains)
-      call x%out%put('groups', density%n_groups)
-   end subroutine use_surrogate
-
-   subroutine use_posterior(name, density, x)
-      character(len=*), intent(in) :: name
-      type(posterior_type), intent(inout) :: density
-      type(exchange_type), intent(inout) :: x
-      type(sampler_type) :: sampler
-      type(chains_type) :: chains
-      type(run_settings_type) :: run
-      type(random_stream_type) :: stream
-      class(grain_model_type), allocatable :: grains
-      type(path_type), allocatable :: paths(:)
-      real(wp), pointer :: points(:, :)
-      real(wp), allocatable :: factor(:, :)
-      integer :: i
-
-      if (x%in%has('points')) points => x%in%columns('points', density%dimension)
-      select case (name)
-      case ('posterior.sample')
-         call new_sampler(x%in%text('method'), x%in%integer('burn_in'), sampler, x%error)
-         if (allocated(x%error)) return
-         run = run_settings_type(x%in%integer('samples'), x%in%integer('chains'), x%threads(), &
-            & x%in%integer('seed'))
-         call sample_chains(density, sampler, run, chains, x%error, checkpoint_type())
-         if (allocated(x%error)) return
-         call x%out%put_array('draws', chains%draws, shape(chains%draws))
-         call x%out%put_array('log_density', chains%log_density, shape(chains%log_density))
-         call x%out%put_array('acceptance', chains%acceptance, shape(chains%acceptance))
-      case ('posterior.evaluate')
-         ! Log density and log likelihood; minus infinity outside the support.
-         allocate (x%values(size(points, 2), 2))
-         call density%evaluate(points, x%values(:, 1))
-         do i = 1, size(points, 2)
-            x%values(i, 2) = x%values(i, 1) - density%log_prior(density%stiffness(points(:, i)))
-         end do
-         where (spread(.not. x%values(:, 1) > -huge(0.0_wp), 2, 2)) x%values = ieee_value(1.0_wp, &
-            & ieee_negative_inf)
-      case ('posterior.read_theory')
-         ! From now on as finely as Step 2 does for these draws.
-         call choose_field_degree(density, points, x%threads(), x%error)
-      case ('posterior.moduli')
-         ! Indentation moduli (GPa) of any grains, with the surrogate's error drawn given the data,
-         ! and one plus the calibration error of each group, drawn likewise.
-         allocate (paths(size(x%in%columns('euler_deg', 3), 2)))
-         call density%new_grains(degree*x%in%columns('euler_deg', 3), paths, grains, x%error)
-         if (allocated(x%error)) return
-         allocate (x%values(size(paths), size(points, 2)), &
-            & factor(density%n_groups, size(points, 2)))
-         stream = new_random_stream(x%in%integer('seed'), 0)
-         do i = 1, size(points, 2)
-            call grains%evaluate_crystals(reshape(density%stiffness(points(:, i)), [6, 6, 1]), &
-               & x%values(:, i:i))
-            call add_shared(density, points(:, i), grains, stream, x%values(:, i), factor(:, i))
-         end do
-         call x%out%put_array('factor', factor, shape(factor))
-      case default
-         call x%refuse(name)
-      end select
-   end subroutine use_posterior
 
    subroutine use_learner(name, learner, x)
       character(len=*), intent(in) :: name

@@ -7,7 +7,7 @@ from typing import Any
 from ..common.diagnostics import diagnostic
 from ..common.result_files import whole_file, write_csv, write_json
 from ..core import InputError
-from ..inference.extract import inference_data
+from ..inference.analysis import inference_data
 from ..settings.keywords import warn_of
 from .results import Results
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from ...common.progress import progress_bar
 from ...common.result_files import as_csv, whole_file, write_groups, write_text
 from ...fe.indentation import Indentation
-from ...inference.extract import groups_of
+from ...inference.analysis import groups_of
 from ...pipeline.build import ask, tell
 from ...pipeline.results_folder import read_posterior
 from ...pipeline.stage import run_stage

@@ -1,5 +1,7 @@
-!> Step 2 of a problem: sample the posterior and the prior, and summarise the chains.
-module extraction
+!> Step 2 of a problem as an object: the problem and a surrogate, the posterior, its chains and what
+!> follows from them. Stages, the batch program and the library use it alike: `prepare` sets up the
+!> posterior, `infer` samples it. `further_measurements` and `planned_measurements` work on it, too.
+module analysis
    use constants_posterior, only: posterior_type
    use crystal_elasticity, only: averages_type, polycrystal_averages
    use errors, only: error_type
@@ -20,16 +22,20 @@ module extraction
    use quantities, only: evaluate_draws, quantity_type, reported_quantities
    use samplers, only: chains_type
    use statistics, only: flattened, moments, thinned
-   use surrogate_model, only: new_theory_surrogate, predict_crystals, surrogate_type
+   use surrogate_model, only: load_named_surrogate, new_theory_surrogate, places_type, &
+      & predict_crystals, surrogate_type
    use variance_shares, only: find_shares, shares_type, verdict_of
    implicit none
    private
-   public :: extraction_type, extract, unmixed
+   public :: analysis_type, load_analysis, unmixed
 
    !> Above this R-hat the chains are not draws of one distribution.
    real(wp), parameter :: unmixed = 1.05_wp
 
-   type :: extraction_type
+   type :: analysis_type
+      !> Speeds that cannot be used are removed from it.
+      type(problem_type), pointer :: problem => null()
+      type(surrogate_type) :: surrogate
       type(posterior_type) :: posterior
       !> The last parameter may be the factor on the sds. The sampler has its logarithm; here it is
       !> the factor itself.
@@ -76,49 +82,70 @@ module extraction
       !> Wall-clock time of the posterior's chains.
       real(wp) :: seconds = 0.0_wp
    contains
-      procedure :: verdict, least_value
-   end type extraction_type
+      procedure :: prepare, infer, verdict, least_value
+   end type analysis_type
 
 contains
 
+   !> Begin the analysis of a problem with the surrogate that &surrogate names, for crystals of the
+   !> problem's class.
+   subroutine load_analysis(problem, places, self, error)
+      type(problem_type), intent(in), target :: problem
+      type(places_type), intent(in) :: places
+      type(analysis_type), intent(out) :: self
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: class
+
+      self%problem => problem
+      class = ''
+      if (allocated(problem%class%name)) class = problem%class%name
+      call load_named_surrogate(problem%settings%surrogate%file, class, places, &
+         & self%surrogate, error)
+      call problem%locate('surrogate', 'file', error)
+   end subroutine load_analysis
+
+   !> Set up the posterior.
+   subroutine prepare(self, error)
+      class(analysis_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+
+      call new_problem_posterior(self%problem, self%surrogate, self%posterior, error)
+   end subroutine prepare
+
    !> Sample the posterior and the prior, and summarise the chains.
-   subroutine extract(problem, surrogate, self, error)
-      !> Speeds that cannot be used are removed from it.
-      type(problem_type), intent(inout) :: problem
-      type(surrogate_type), intent(in) :: surrogate
-      type(extraction_type), intent(out) :: self
+   subroutine infer(self, error)
+      class(analysis_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       type(posterior_type) :: prior, free
       type(chains_type) :: free_chains
       real(wp) :: start
 
-      call omit_weak_waves(problem, surrogate, error)
-      if (allocated(error)) return
-      call new_problem_posterior(problem, surrogate, self%posterior, error)
+      call omit_weak_waves(self%problem, self%surrogate, error)
+      if (.not. allocated(error)) call self%prepare(error)
       if (allocated(error)) return
       prior = self%posterior
       prior%prior_only = .true.
       start = omp_get_wtime()
-      call sample_with_theory(problem, self, error)
+      call sample_with_theory(self, error)
       if (allocated(error)) return
       self%seconds = omp_get_wtime() - start
-      call sample_aside(problem, prior, prior_run, self%prior_chains, error)
+      call sample_aside(self%problem, prior, prior_run, self%prior_chains, error)
       if (allocated(error)) return
       if (size(self%posterior%prior%knowledge%mean) > 0) then
          call without_knowledge(self%posterior, free, error)
          if (allocated(error)) return
-         call sample_aside(problem, free, free_run, free_chains, error)
+         call sample_aside(self%problem, free, free_run, free_chains, error)
          if (allocated(error)) return
       end if
       call find_conflict(self%posterior, self%chains, free_chains, self%conflict, error)
       if (allocated(error)) return
-      if (problem%settings%sampler%evidence) then
+      if (self%problem%settings%sampler%evidence) then
          allocate (self%evidence)
          call estimate_evidence(self%posterior, self%chains, prior, self%prior_chains, &
-            & problem%threads(), self%evidence, error)
+            & self%problem%threads(), self%evidence, error)
          if (allocated(error)) return
       end if
-      call summarise(problem, self, error)
+      call summarise(self, error)
       if (allocated(error)) return
       call describe_surrogate()
       if (.not. allocated(error)) call compare_theory()
@@ -127,23 +154,24 @@ contains
 
       !> Set the properties of the surrogate, and its errors.
       subroutine describe_surrogate()
-         real(wp), dimension(size(surrogate%simulations%modulus)) :: theory, circular
+         real(wp), dimension(size(self%surrogate%simulations%modulus)) :: theory, circular
          real(wp), allocatable :: modulus(:), sd(:)
 
          self%simulations = size(theory)
-         self%checksum = surrogate%checksum
-         self%surrogate_contact_radius = surrogate%contact_radius
+         self%checksum = self%surrogate%checksum
+         self%surrogate_contact_radius = self%surrogate%contact_radius
          if (self%simulations == 0) return
          associate (posterior => self%posterior, n => self%posterior%n_moduli, &
-            & known => surrogate%simulations)
-            if (surrogate%contact_radius > 0.0_wp) then
-               call halfspace_moduli(surrogate%basis%domain%class%stiffnesses(known%constants), &
+            & known => self%surrogate%simulations)
+            if (self%surrogate%contact_radius > 0.0_wp) then
+               call halfspace_moduli( &
+                  & self%surrogate%basis%domain%class%stiffnesses(known%constants), &
                   & known%euler_deg, 1, theory, circular, error)
                if (allocated(error)) return
                self%surrogate_correction = sum(abs(known%modulus/theory - 1.0_wp))/self%simulations
             end if
             allocate (modulus(n), sd(n))
-            call predict_crystals(surrogate, &
+            call predict_crystals(self%surrogate, &
                & spread(posterior%stiffness(self%parameters%mean), 3, n), posterior%euler(:, :n), &
                & 1, modulus, sd, error)
             if (.not. allocated(error)) self%surrogate_sd = sum(sd)/max(1, n)
@@ -160,38 +188,37 @@ contains
          if (self%simulations == 0 .or. .not. self%posterior%grains%has_theory) return
          call new_theory_surrogate(theory, error)
          if (allocated(error)) return
-         call draw_aside(problem, problem%settings%measurements, theory, theory_run, posterior, &
-            & draws, error)
+         call draw_aside(self%problem, self%problem%settings%measurements, theory, theory_run, &
+            & posterior, draws, error)
          if (allocated(error)) return
          n = self%posterior%n_constants
          allocate (self%theory_mean(n), self%theory_sd(n))
          call moments(draws(:n, :), self%theory_mean, self%theory_sd)
       end subroutine compare_theory
-   end subroutine extract
+   end subroutine infer
 
    !> Sample the posterior. If the surrogate has the half-space theory, harmonics represent it up to
    !> a degree with a negligible error: draws of a short run determine the degree, and the draws of
    !> the chains check it.
-   subroutine sample_with_theory(problem, self, error)
-      type(problem_type), intent(in) :: problem
-      type(extraction_type), intent(inout) :: self
+   subroutine sample_with_theory(self, error)
+      class(analysis_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       integer, parameter :: checked_draws = 1000, most_attempts = 6
       real(wp), allocatable :: test_draws(:, :), new_draws(:, :)
       integer :: attempt, threads
 
-      threads = problem%threads()
+      threads = self%problem%threads()
       if (.not. self%posterior%grains%has_theory) then
-         call sample_posterior(problem, self%posterior, self%chains, error)
+         call sample_posterior(self%problem, self%posterior, self%chains, error)
          return
       end if
-      call sample_aside(problem, self%posterior, pilot_run, self%chains, error)
+      call sample_aside(self%problem, self%posterior, pilot_run, self%chains, error)
       if (allocated(error)) return
       test_draws = flattened(self%chains%draws)
       do attempt = 1, most_attempts
          call choose_field_degree(self%posterior, test_draws, threads, error)
          if (allocated(error)) return
-         call sample_posterior(problem, self%posterior, self%chains, error)
+         call sample_posterior(self%problem, self%posterior, self%chains, error)
          if (allocated(error)) return
          new_draws = flattened(thinned(self%chains%draws, checked_draws))
          call find_field_error(self%posterior, new_draws, threads, self%field_error, error)
@@ -206,16 +233,15 @@ contains
    end subroutine sample_with_theory
 
    !> Compute all results from the chains.
-   subroutine summarise(problem, self, error)
-      type(problem_type), intent(in) :: problem
-      type(extraction_type), intent(inout) :: self
+   subroutine summarise(self, error)
+      class(analysis_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       !> (parameter, draw), (quantity, draw), (combination, draw).
       real(wp), allocatable :: draws(:, :), prior_draws(:, :), values(:, :), prior_values(:, :), &
          & logarithms(:, :)
       integer :: k, n, threads
 
-      threads = problem%threads()
+      threads = self%problem%threads()
       associate (posterior => self%posterior, chains => self%chains)
          n = posterior%dimension
          k = posterior%n_constants
@@ -229,8 +255,8 @@ contains
          call check_model(posterior, chains, threads, self%checks)
          self%most_probable = chains%best_draw()
          call find_maximum(posterior, chains, self%most_probable)
-         call check_orientations(posterior, self%most_probable, problem%misread, &
-            & problem%measurements%of_row, self%orientations, error)
+         call check_orientations(posterior, self%most_probable, self%problem%misread, &
+            & self%problem%measurements%of_row, self%orientations, error)
          if (allocated(error)) return
          draws = flattened(chains%draws(:, ::self%predictions%stride, :))
          prior_draws = flattened(self%prior_chains%draws(:, ::thinning(self%prior_chains, 1), :))
@@ -305,7 +331,7 @@ contains
 
    !> Whether the parameter i is 'determined', 'weak' or 'not_determined'.
    pure function verdict(self, i)
-      class(extraction_type), intent(in) :: self
+      class(analysis_type), intent(in) :: self
       integer, intent(in) :: i
       character(len=:), allocatable :: verdict
 
@@ -317,10 +343,10 @@ contains
    !> A tenth of Hill's Young's modulus of the mean crystal, GPa. The sd of a constant near zero is
    !> compared with it.
    pure real(wp) function least_value(self)
-      class(extraction_type), intent(in) :: self
+      class(analysis_type), intent(in) :: self
       type(averages_type) :: averages
 
       averages = polycrystal_averages(self%posterior%stiffness(self%parameters%mean))
       least_value = 0.1_wp*averages%young
    end function least_value
-end module extraction
+end module analysis

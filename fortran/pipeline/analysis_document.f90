@@ -1,25 +1,24 @@
 !> The results of Step 2: the document of `extract`, with warnings; and posterior.bin, which has all
-!> numbers by name, see `put_extraction`, and ends with a checksum.
-module extraction_document
+!> numbers by name, see `put_analysis`, and ends with a checksum.
+module analysis_document
    use, intrinsic :: iso_c_binding, only: c_char
    use crystal_elasticity, only: no_wave, rayleigh, wave_names
    use diagnostics, only: diagnostic_type, is_usable
    use errors, only: error_type, refuse, warn, warning_type
-   use extraction, only: extraction_type
+   use analysis, only: analysis_type
    use files, only: checksum, file_exists, read_bytes, replace_file
    use json, only: json_type
    use kinds, only: nan, wp
    use named_values, only: named_values_reader_type, named_values_type
    use orientation_check, only: readings
-   use posterior_diagnostics, only: check_extraction, known_text, powers_text
+   use posterior_diagnostics, only: check_analysis, known_text, powers_text
    use posterior_summary, only: correlate
-   use problem, only: problem_type
    use statistics, only: flattened, moments
    use text, only: fixed, join, to_text
    use variance_shares, only: error_sources, shares_type, verdict_of
    implicit none
    private
-   public :: write_extraction, describe_prior, put_extraction, save_posterior, read_posterior, &
+   public :: write_analysis, describe_prior, put_analysis, save_posterior, read_posterior, &
       & stored_draws
 
    character(len=*), parameter :: posterior_file = '/posterior.bin'
@@ -28,14 +27,13 @@ module extraction_document
 contains
 
    !> Write the document into the object of a `page`, and find the `warnings`.
-   subroutine write_extraction(problem, found, page, warnings)
-      type(problem_type), intent(in) :: problem
-      type(extraction_type), intent(in) :: found
+   subroutine write_analysis(found, page, warnings)
+      type(analysis_type), intent(in) :: found
       type(json_type), intent(inout) :: page
       type(diagnostic_type), allocatable, intent(out) :: warnings(:)
       integer :: i
 
-      warnings = check_extraction(problem, found)
+      warnings = check_analysis(found)
       call page%put('usable', is_usable(warnings))
       call page%begin_array('reasons')
       do i = 1, size(warnings)
@@ -53,7 +51,7 @@ contains
          end do
          call page%end_object()
       end if
-      call write_predicted(page, problem, found)
+      call write_predicted(page, found)
       call write_identifiability(page, found)
       call write_prior(page, found)
       call page%begin_object('checks')
@@ -84,13 +82,13 @@ contains
          call page%put('largest_error_sd', found%field_error)
          call page%end_object()
       end if
-      if (allocated(problem%velocities)) then
-         call page%put('velocities_left_out', problem%measurements%omitted)
+      if (allocated(found%problem%velocities)) then
+         call page%put('velocities_left_out', found%problem%measurements%omitted)
       end if
       call page%put('acceptance', sum(found%chains%acceptance)/size(found%chains%acceptance))
       call page%put('samples', size(found%chains%draws, 2))
       call page%put('chains', size(found%chains%draws, 3))
-      call page%put('method', problem%settings%sampler%method)
+      call page%put('method', found%problem%settings%sampler%method)
       call page%put('seconds', found%seconds)
 
    contains
@@ -138,13 +136,13 @@ contains
          end do
          call page%end_array()
       end subroutine write_sensitivity
-   end subroutine write_extraction
+   end subroutine write_analysis
 
    !> Write the parameters, and the parts of the variance of each by source. Each known quantity is
    !> a source.
    subroutine write_parameters(page, found)
       type(json_type), intent(inout) :: page
-      type(extraction_type), intent(in) :: found
+      type(analysis_type), intent(in) :: found
       logical, allocatable :: same(:)
       integer :: i, j, k
 
@@ -193,16 +191,15 @@ contains
    end subroutine write_share
 
    !> Write the measurements and their predictions.
-   subroutine write_predicted(page, problem, found)
+   subroutine write_predicted(page, found)
       type(json_type), intent(inout) :: page
-      type(problem_type), intent(in) :: problem
-      type(extraction_type), intent(in) :: found
+      type(analysis_type), intent(in) :: found
       real(wp), dimension(found%posterior%n_grains) :: mean, sd
       integer :: i
 
       call moments(flattened(found%predictions%moduli), mean, sd)
       call page%begin_array('predicted')
-      associate (table => problem%measurements)
+      associate (table => found%problem%measurements)
          do i = 1, found%posterior%n_grains
             call page%begin_object()
             call page%put_numbers('mean, sd, measured, measured_sd', &
@@ -233,7 +230,7 @@ contains
    !> expected gains from further knowledge.
    subroutine write_identifiability(page, found)
       type(json_type), intent(inout) :: page
-      type(extraction_type), intent(in) :: found
+      type(analysis_type), intent(in) :: found
       character(len=:), allocatable :: names
       integer :: i
 
@@ -287,7 +284,7 @@ contains
    !> conflict with all other information.
    subroutine write_prior(page, found)
       type(json_type), intent(inout) :: page
-      type(extraction_type), intent(in) :: found
+      type(analysis_type), intent(in) :: found
       type(warning_type), allocatable :: lines(:)
       real(wp) :: sd(size(found%conflict%of_quantity))
       integer :: j
@@ -326,7 +323,7 @@ contains
    !> Describe in a few lines what determines the result: the measurements; measure and limits of
    !> the prior; bounds; knowledge; the surrogate; the evidence, which depends on all of these.
    subroutine describe_prior(found, lines)
-      type(extraction_type), intent(in) :: found
+      type(analysis_type), intent(in) :: found
       type(warning_type), allocatable, intent(out) :: lines(:)
       character(len=:), allocatable :: line
       integer :: j
@@ -399,19 +396,18 @@ contains
    !> 'stride': 'predicted', 'log_likelihood', 'replicated' (grain, draw, chain), 'factor' (group,
    !> draw, chain), 'quantities' (quantity, draw, chain), 'log_prior' (draw, chain). Of each
    !> parameter: 'most_probable', NaN outside the interval. And the limits of the prior.
-   subroutine put_extraction(problem, found, document, out)
-      type(problem_type), intent(in) :: problem
-      type(extraction_type), intent(in) :: found
+   subroutine put_analysis(found, document, out)
+      type(analysis_type), intent(in) :: found
       !> JSON.
       character(len=*), intent(in) :: document
       type(named_values_type), intent(inout) :: out
 
       call out%put('document', document)
-      call out%put('resolved', problem%resolved_text())
-      call out%put('symmetry', trim(problem%class%name))
-      call out%put('title', problem%settings%problem%title)
-      call out%put('modulus_kind', problem%settings%measurements%modulus_kind)
-      associate (measured => problem%measurements)
+      call out%put('resolved', found%problem%resolved_text())
+      call out%put('symmetry', trim(found%problem%class%name))
+      call out%put('title', found%problem%settings%problem%title)
+      call out%put('modulus_kind', found%problem%settings%measurements%modulus_kind)
+      associate (measured => found%problem%measurements)
          call out%put_array('euler_deg', merge(nan, measured%euler_deg, &
             & allocated(found%posterior%unknown)), shape(measured%euler_deg))
          call out%put_array('modulus_gpa', measured%modulus_gpa, [measured%n])
@@ -447,18 +443,17 @@ contains
 
          call out%put_array(name, values, shape(values))
       end subroutine put_draws
-   end subroutine put_extraction
+   end subroutine put_analysis
 
    !> Write posterior.bin into a `folder`, with the `inputs` of which the results were computed.
-   subroutine save_posterior(problem, found, document, folder, inputs, error)
-      type(problem_type), intent(in) :: problem
-      type(extraction_type), intent(in) :: found
+   subroutine save_posterior(found, document, folder, inputs, error)
+      type(analysis_type), intent(in) :: found
       character(len=*), intent(in) :: document, folder, inputs
       type(error_type), allocatable, intent(out) :: error
       type(named_values_type) :: values
 
       call values%put('inputs', inputs)
-      call put_extraction(problem, found, document, values)
+      call put_analysis(found, document, values)
       call replace_file(folder//posterior_file, &
          & values%bytes(:values%filled)//checksum(values%bytes(:values%filled)), error)
    end subroutine save_posterior
@@ -501,4 +496,4 @@ contains
       draws = values%columns('draws', dimension)
    end subroutine stored_draws
 
-end module extraction_document
+end module analysis_document

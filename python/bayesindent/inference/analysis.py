@@ -1,0 +1,167 @@
+"""An analysis: Step 2 of a problem with a surrogate. The core holds the posterior and its draws."""
+
+import json
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..common.progress import show_progress
+from ..core import NativeObject
+from ..crystal.elasticity import constant_names, quantity_names
+from ..settings.keywords import warn_of
+from ..settings.problem import Problem
+from ..surrogate.surrogate import Surrogate
+
+
+class Analysis(NativeObject):
+    """Step 2 of a `problem` with a `surrogate`: `infer` samples the posterior. Further operations
+    are those of fortran/facade/analysis_operations.f90.
+    """
+
+    kind = "analysis"
+
+    def __init__(self, problem: Problem, surrogate: Surrogate):
+        self.problem, self.surrogate = problem, surrogate
+        self._hold(surrogate._call("analysis", problem=problem.handle)["handle"])
+
+    def infer(self, progressbar: bool = False) -> Any:
+        """Sample the posterior, and return the results as ArviZ has them, see `bi.extract`."""
+        show_progress(progressbar)
+        try:
+            found = self._call("infer")
+        finally:
+            show_progress(False)
+        warn_of(json.loads(found["document"]))
+        return inference_data(groups_of(found))
+
+    def document(self, verb: str, **values: Any) -> dict:
+        """The document of 'next', from draws (n, parameters) as `points`, or of 'plan'."""
+        document = json.loads(self._call(verb, **values)["text"])
+        warn_of(document)
+        return document
+
+    def prepare(self, prior_only: bool = False) -> dict:
+        """Set up the posterior without sampling it, or the prior alone, and return the numbers of
+        `grains` and of their `groups`.
+        """
+        return self._call("prepare", prior_only=prior_only)
+
+    def log_density(self, points: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Log density and log likelihood (n,) at points (n, parameters); -inf outside the support.
+        The parameters are the constants in GPa, and the logarithm of the factor on the sds where
+        that is inferred.
+        """
+        density, likelihood = self._call("evaluate", points=np.atleast_2d(points))["values"]
+        return density, likelihood
+
+    def sample(self, method: str = "ensemble", **run: int) -> tuple[np.ndarray, ...]:
+        """Chains by another `&sampler method`, with samples, burn_in, chains, threads and seed:
+        parameters (chains, samples, parameters), log densities (chains, samples), acceptance
+        (chains,).
+        """
+        found = self._call("sample", method=method, **run)
+        return found["draws"], found["log_density"], found["acceptance"]
+
+    def moduli(
+        self, points: ArrayLike, euler_deg: ArrayLike, seed: int = 0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Indentation moduli (m, n) in GPa of n grains at points (m, parameters), the surrogate's
+        error drawn given the data, and one plus the calibration error of each group (m, groups),
+        drawn likewise.
+        """
+        points, euler_deg = np.atleast_2d(points), np.atleast_2d(euler_deg)
+        found = self._call("moduli", points=points, euler_deg=euler_deg, seed=seed)
+        return found["values"], found["factor"]
+
+
+def inference_data(groups: dict[str, tuple[dict, dict]]) -> Any:
+    """Groups of variables and facts as an InferenceData of ArviZ, or a DataTree from its version 1
+    on.
+    """
+    # Importing these takes seconds.
+    import arviz as az
+    import xarray as xr
+
+    sets: dict = {
+        name: xr.Dataset(variables, attrs=facts) for name, (variables, facts) in groups.items()
+    }
+    return (
+        az.InferenceData(**sets)
+        if int(az.__version__.split(".")[0]) < 1
+        else xr.DataTree.from_dict(sets)
+    )
+
+
+def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
+    """The results of Step 2 by the groups of ArviZ' schema. A group is a pair of variables (axes,
+    values, perhaps attributes; coordinates have the name of their axis) and facts. `found` has the
+    names of fortran/pipeline/extraction_document.f90; fortran/inference/model_checks.f90 defines
+    the likelihood and the predictions.
+    """
+    names, units = constant_names(found["symmetry"]), quantity_names(found["symmetry"])
+    draws, before, sd = found["draws"], found["prior_draws"], found["sd_gpa"]
+    each, per_grain = ("chain", "draw"), ("chain", "draw", "grain")
+
+    def counted(like: np.ndarray, stride: int = 1) -> dict:
+        chains, samples = like.shape[:2]
+        return {
+            "chain": (("chain",), np.arange(chains)),
+            "draw": (("draw",), np.arange(0, samples, stride)),
+        }
+
+    def by_kind(
+        axes: tuple,
+        values: np.ndarray,
+        names: tuple = ("modulus", "velocity"),
+        units: tuple = ("GPa", "m/s"),
+    ) -> dict:
+        modulus, velocity = np.split(values, [found["n_moduli"]], axis=axes.index("grain"))
+        parts = {names[0]: (axes, modulus, {"units": units[0]})}
+        if velocity.size:
+            of_waves = tuple("wave" if name == "grain" else name for name in axes)
+            parts[names[1]] = (of_waves, velocity, {"units": units[1]})
+        return parts
+
+    bounds = dict(zip(names, zip(found["lower"].tolist(), found["upper"].tolist())))
+    of_core = ("symmetry", "title", "modulus_kind", "acceptance", "anisotropy_cap", "share_inside")
+    facts = {name: found[name] for name in of_core} | {
+        "summary": found["document"],
+        "settings": found["resolved"],
+        "map": found["most_probable"],
+        "bounds": json.dumps(bounds),
+    }
+    parameters = {
+        name: (each, draws[..., j], {"units": units.get(name, "1")})
+        for j, name in enumerate(json.loads(found["document"])["parameters"])
+    }
+    some = counted(draws, found["stride"])
+    log_prior = {"long_name": "log prior density of all constants, up to a constant"}
+    groups = {
+        "prior": counted(before)
+        | {name: (each, before[..., j], {"units": "GPa"}) for j, name in enumerate(names)},
+        "sample_stats": counted(draws) | {"lp": (each, found["log_density"])},
+        "derived": some
+        | {
+            name: (each, found["quantities"][..., q], {"units": unit})
+            for q, (name, unit) in enumerate(units.items())
+            if name not in names
+        },
+        "predictions": some
+        | by_kind(per_grain, found["predicted"])
+        | {"calibration_factor": ((*each, "group"), found["factor"], {"units": "1"})},
+        "posterior_predictive": some | by_kind(per_grain, found["replicated"]),
+        "log_likelihood": some
+        | by_kind(per_grain, found["log_likelihood"], units=("log(1/GPa)", "log(1/m/s)")),
+        "log_prior": some | {"constants": (each, found["log_prior"], log_prior)},
+        "observed_data": by_kind(("grain",), found["modulus_gpa"]),
+        "constant_data": by_kind(
+            ("grain", "angle"),
+            found["euler_deg"],
+            ("euler_deg", "velocity_euler_deg"),
+            ("degree", "degree"),
+        )
+        | by_kind(("grain",), np.where(sd > 0, sd, 1.0), ("sd", "velocity_sd")),
+    }
+    posterior = counted(draws) | parameters, facts
+    return {"posterior": posterior} | {name: (group, {}) for name, group in groups.items()}
