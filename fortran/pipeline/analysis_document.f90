@@ -2,6 +2,7 @@
 !> numbers by name, see `put_analysis`, and ends with a checksum.
 module analysis_document
    use, intrinsic :: iso_c_binding, only: c_char
+   use constants_prior, only: prior_type
    use crystal_elasticity, only: no_wave, rayleigh, wave_names
    use diagnostics, only: diagnostic_type, is_usable
    use errors, only: error_type, refuse, warn, warning_type
@@ -315,6 +316,8 @@ contains
          call page%end_array()
       end associate
       call page%put('conflict_sd', found%conflict%sds)
+      call page%put('density', density_lines(found%posterior%prior))
+      call page%put('surrogate', surrogate_text(found))
       call describe_prior(found, lines)
       call page%put('words', lines)
       call page%end_object()
@@ -329,8 +332,8 @@ contains
       integer :: j
 
       allocate (lines(0))
-      line = ''
       associate (posterior => found%posterior, prior => found%posterior%prior)
+         line = ''
          if (allocated(posterior%unknown)) then
             line = ' of unknown orientation: their distribution determines the constants'
          end if
@@ -342,47 +345,14 @@ contains
             call warn(lines, 'measured: speeds of waves in ' &
                & //to_text(posterior%n_grains - posterior%n_moduli)//' directions')
          end if
-         if (prior%has_default) then
-            line = 'the default prior of crystals: log(3K/2G) is 1.07 ± 0.6, the anisotropy ' &
-               & //'follows Student''s t, and the scale is that of the mean measurement within a ' &
-               & //'factor of 5'
-         else
-            line = 'uniform in '//trim(merge('log K        ', 'the constants', &
-               & prior%in_logarithms))//' over stable crystals'
-         end if
-         if (prior%anisotropy_cap < huge(prior%anisotropy_cap)) then
-            line = line//', anisotropy index (Eq. 14) up to '//to_text(prior%anisotropy_cap)
-         end if
-         call warn(lines, line)
-         line = ''
-         do j = 1, prior%n_constants
-            if (prior%has_bound(j)) then
-               line = line//', '//prior%class%constants(j)//' '//to_text(prior%lower(j))//' .. ' &
-                  & //to_text(prior%upper(j))
-            end if
-         end do
-         if (len(line) > 0) call warn(lines, 'bounds in GPa: '//line(3:))
+         lines = [lines, density_lines(prior)]
          line = ''
          do j = 1, size(prior%knowledge%mean)
             line = line//', '//known_text(prior%knowledge, j)
          end do
          if (len(line) > 0) call warn(lines, 'known: '//line(3:))
       end associate
-      line = ''
-      if (found%field_degree > 0) then
-         line = 'the exact theory of the half-space, harmonics to degree ' &
-            & //to_text(found%field_degree)//', the worst grain off by ' &
-            & //fixed(100.0_wp*found%field_error, 1)//' % of its sd'
-      end if
-      if (found%simulations > 0) then
-         if (len(line) > 0) line = line//'; times a correction trained on '
-         line = line//to_text(found%simulations)//' simulations'
-         if (len_trim(found%checksum) > 0) line = line//', checksum '//found%checksum
-         line = line//', sd '//fixed(found%surrogate_sd, 2) &
-            & //' GPa in the mean grain; it is valid for ' &
-            & //fixed(100.0_wp*found%posterior%prior%share_inside, 0)//' % of the prior'
-      end if
-      call warn(lines, 'surrogate: '//line)
+      call warn(lines, 'surrogate: '//surrogate_text(found))
       if (allocated(found%evidence)) then
          call warn(lines, 'evidence: log Z = '//fixed(found%evidence%log_z, 2)//' ± ' &
             & //fixed(found%evidence%sd, 2)//', to compare with other models of the same data. ' &
@@ -390,6 +360,56 @@ contains
             & //'a prior twice as wide has a log Z that is lower by 0.69')
       end if
    end subroutine describe_prior
+
+   !> The density of the prior with its limits, and its bounds, if it has any.
+   function density_lines(prior) result(lines)
+      type(prior_type), intent(in) :: prior
+      type(warning_type), allocatable :: lines(:)
+      character(len=:), allocatable :: line
+      integer :: j
+
+      if (prior%has_default) then
+         line = 'the default prior of crystals: log(3K/2G) is 1.07 ± 0.6, the anisotropy ' &
+            & //'follows Student''s t, and the scale is that of the mean measurement within a ' &
+            & //'factor of 5'
+      else
+         line = 'uniform in '//trim(merge('log K        ', 'the constants', &
+            & prior%in_logarithms))//' over stable crystals'
+      end if
+      if (prior%anisotropy_cap < huge(prior%anisotropy_cap)) then
+         line = line//', anisotropy index (Eq. 14) up to '//to_text(prior%anisotropy_cap)
+      end if
+      allocate (lines(0))
+      call warn(lines, line)
+      line = ''
+      do j = 1, prior%n_constants
+         if (prior%has_bound(j)) then
+            line = line//', '//prior%class%constants(j)//' '//to_text(prior%lower(j))//' .. ' &
+               & //to_text(prior%upper(j))
+         end if
+      end do
+      if (len(line) > 0) call warn(lines, 'bounds in GPa: '//line(3:))
+   end function density_lines
+
+   !> The theory and the simulations on which the predictions are based.
+   function surrogate_text(found) result(line)
+      type(analysis_type), intent(in) :: found
+      character(len=:), allocatable :: line
+
+      line = ''
+      if (found%field_degree > 0) then
+         line = 'the exact theory of the half-space, harmonics to degree ' &
+            & //to_text(found%field_degree)//', the worst grain off by ' &
+            & //fixed(100.0_wp*found%field_error, 1)//' % of its sd'
+      end if
+      if (found%simulations == 0) return
+      if (len(line) > 0) line = line//'; times a correction trained on '
+      line = line//to_text(found%simulations)//' simulations'
+      if (len_trim(found%checksum) > 0) line = line//', checksum '//found%checksum
+      line = line//', sd '//fixed(found%surrogate_sd, 2) &
+         & //' GPa in the mean grain; it is valid for ' &
+         & //fixed(100.0_wp*found%posterior%prior%share_inside, 0)//' % of the prior'
+   end function surrogate_text
 
    !> Put the `document`, the problem and all numbers. Of the chains: 'draws' (parameter, sample,
    !> chain), 'log_density' (sample, chain), 'acceptance' (chain), 'prior_draws'. Of every draw in

@@ -474,7 +474,7 @@ def test_a_density_is_frozen_and_not_copied(surrogates):
         table_of(*columns("cubic")), surrogate=surrogates["cubic"], **reference("cubic")[1]
     )
     with pytest.raises(TypeError, match="cannot be copied"):
-        copy.copy(posterior)
+        copy.copy(posterior.analysis)
     with pytest.raises(AttributeError, match="frozen"):
-        posterior.dimension = 7
+        posterior.analysis.dimension = 7
     assert not {"predicted", "document"} & set(posterior.values), "Step 2 was not done"

@@ -32,7 +32,6 @@ def methods(results: Results) -> tuple[str, str]:
         else latex(f"{name} {item['mean']:.3g}")
         for name, item in parameters.items()
     ]
-    prior, surrogate = results.prior_and_surrogate
     text = render(
         "methods.tex.j2",
         results=results,
@@ -45,8 +44,6 @@ def methods(results: Results) -> tuple[str, str]:
         sds=sds,
         specimen=specimen(results),
         indenter=indenter(results),
-        prior=prior,
-        surrogate=surrogate,
         chains=with_count(document["chains"], "chain"),
         r_hat=[item["r_hat"] for item in chains],
         effective=[min(item["ess_bulk"], item["ess_tail"]) for item in chains],

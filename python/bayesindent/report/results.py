@@ -179,17 +179,6 @@ class Results:
         return [row for row in self.extracted.get("identifiability", []) if row["kind"] == kind]
 
     @property
-    def prior_and_surrogate(self) -> tuple[list[str], str]:
-        """Lines of the document of `extract` on its prior, and its line on the surrogate."""
-        prior, surrogate = [], ""
-        for line in self.extracted["prior"]["words"]:
-            if line.startswith("surrogate: "):
-                surrogate = line.removeprefix("surrogate: ")
-            elif not line.startswith(("measured: ", "known: ")):
-                prior.append(line)
-        return prior, surrogate
-
-    @property
     def simulations(self) -> list[dict]:
         """Simulated crystals that did not fail."""
         return [row for row in self.documents["simulate"].get("results", []) if succeeded(row)]

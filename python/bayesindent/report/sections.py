@@ -187,14 +187,14 @@ def identifiability_cells(row: dict) -> list[str]:
 
 def prior_rows(results: Results) -> list[list[str]]:
     """The density, the bounds, what else is known, and the surrogate."""
-    prior, (words, surrogate) = results.extracted["prior"], results.prior_and_surrogate
-    rows = [["density", words[0]]]
+    prior = results.extracted["prior"]
+    rows = [["density", prior["density"][0]]]
     for name, bounds in prior["bounds"].items():
         rows.append([f"{name} (GPa)", " .. ".join(map(number, bounds))])
     for item in prior["knowledge"]:
         value = f"{item['mean']:.4g} ± {item['sd']:.2g}, {item['conflict_sd']:.1f} sd from all else"
         rows.append([f"known: {quantity_label(item, results.symmetry)}", value])
-    return [*rows, ["surrogate", surrogate]]
+    return [*rows, ["surrogate", prior["surrogate"]]]
 
 
 def check_rows(results: Results) -> list[list]:
