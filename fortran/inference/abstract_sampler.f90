@@ -6,7 +6,7 @@ module abstract_sampler
    use random, only: random_stream_type
    implicit none
    private
-   public :: sampler_type, draw_starts, target_type, outside
+   public :: sampler_type, chain_type, draw_starts, target_type, outside
 
    !> Logarithm of a density outside its support.
    real(wp), parameter :: outside = -huge(1.0_wp)
@@ -43,28 +43,34 @@ module abstract_sampler
       end subroutine evaluate_interface
    end interface
 
+   !> A chain, of which the sampler fills the arrays.
+   type :: chain_type
+      !> draws(parameter, sample) and their log densities, (sample).
+      real(wp), pointer, contiguous :: draws(:, :) => null(), log_density(:) => null()
+      !> Share of accepted proposals.
+      real(wp) :: acceptance = 0.0_wp
+      !> Whether a start with a finite density was found. Without one there is no chain.
+      logical :: started = .false.
+   end type chain_type
+
    type :: sampler_type
+      character(len=8) :: name = ''
+      procedure(run_interface), pointer, nopass :: run => null()
       !> Number of sweeps before the first retained sample. A sweep evaluates the density once for
       !> each parameter.
       integer :: burn_in = 0
-      procedure(run_interface), pointer, nopass :: run => null()
    end type sampler_type
 
    abstract interface
       !> Run one chain. Several threads call it at the same time. It may return early once
       !> `stop_requested` is true.
-      subroutine run_interface(burn_in, target, stream, draws, log_density, acceptance, started)
-         import :: random_stream_type, target_type, wp
+      subroutine run_interface(burn_in, target, stream, chain)
+         import :: chain_type, random_stream_type, target_type
          !> See `sampler_type`.
          integer, intent(in) :: burn_in
          class(target_type), intent(in) :: target
          type(random_stream_type), intent(inout) :: stream
-         !> draws(parameter, sample) and their log densities.
-         real(wp), intent(out) :: draws(:, :), log_density(:)
-         !> Share of accepted proposals.
-         real(wp), intent(out) :: acceptance
-         !> Whether a start with a finite density was found. Without one there is no chain.
-         logical, intent(out) :: started
+         type(chain_type), intent(inout) :: chain
       end subroutine run_interface
    end interface
 
