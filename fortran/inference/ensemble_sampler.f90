@@ -10,8 +10,7 @@
 module ensemble_sampler
    use abstract_sampler, only: chain_type, target_type
    use ensemble_evolution, only: evolve_population, population_type
-   use mixture_move, only: mixture_move_type
-   use moves, only: is_accepted, new_points, points_type
+   use moves, only: is_accepted, mixture_move_type, new_points, points_type
    use progress, only: advance_progress
    use running_command, only: stop_requested
    use kinds, only: i8, wp
@@ -50,7 +49,8 @@ contains
       call evolve_population(target, int(burn_in, i8)*target%dimension, stream, &
          & kernel%population, chain%started)
       if (.not. chain%started .or. stop_requested()) return
-      call kernel%mixture%setup(target, kernel%population, size(chain%log_density), stream)
+      call kernel%mixture%setup(target, kernel%population, kernel%population%whitening, &
+         & size(chain%log_density), stream)
       if (stop_requested()) return
       ! Steps along differences reach tails that the mixture misses. Where it fits badly, more of
       ! the steps are of this kind.

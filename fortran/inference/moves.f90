@@ -1,11 +1,18 @@
-!> Points of ensembles and chains, their move along differences, and the Metropolis rule.
+!> Moves of chains and ensembles: along the difference of two points, by independent draws of a
+!> mixture, and by a random walk of one parameter. Each is a type with a procedure that proposes a
+!> point, and with procedures that set it up or tune it. Whoever moves accepts, by `is_accepted`.
 module moves
-   use abstract_sampler, only: outside
+   use abstract_sampler, only: outside, target_type
+   use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture, &
+      & widen_mixture
    use kinds, only: wp
    use random, only: random_stream_type
+   use ridge_coordinates, only: whitening_type
+   use running_command, only: stop_requested
    implicit none
    private
-   public :: points_type, new_points, difference_move_type, is_accepted
+   public :: points_type, new_points, is_accepted, difference_move_type, mixture_move_type, &
+      & random_walk_type
 
    type :: points_type
       !> Working and whitened coordinates, (dimension, point), and the logarithms of the density of
@@ -20,8 +27,32 @@ module moves
       !> Factor of the steps; 1 suits coordinates in which the density is normal.
       real(wp) :: scale = 1.0_wp
    contains
-      procedure :: propose, tune
+      procedure :: propose => propose_difference, tune => tune_difference
    end type difference_move_type
+
+   !> Independent draws of a normal mixture, in whitened coordinates.
+   type :: mixture_move_type
+      type(whitening_type), private :: whitening
+      type(mixture_type), private :: mixture
+      !> Estimated effective share of the draws; 0 if they are useless.
+      real(wp) :: quality = 0.0_wp
+      !> Draws of the mixture, which do not depend on the state of the chain.
+      type(points_type) :: pool
+      !> Number of the proposed draw in the pool. No step has used those before it. It is 0 if all
+      !> draws of all attempts were outside the support.
+      integer :: next = 0
+   contains
+      procedure :: setup => fit_proposals, propose => propose_draw, log_density
+      procedure, private :: draw
+   end type mixture_move_type
+
+   !> Random walk of one parameter at a time.
+   type :: random_walk_type
+      !> Sd of the steps of each parameter, and the range of the starts, (dimension).
+      real(wp), allocatable :: step(:), range(:)
+   contains
+      procedure :: setup => set_steps, propose => propose_step, tune => tune_step
+   end type random_walk_type
 
 contains
 
@@ -42,9 +73,22 @@ contains
       self%log_density(i) = others%log_density(j)
    end subroutine set
 
+   !> Whether a Metropolis step is accepted.
+   logical function is_accepted(stream, proposed, current, temperature)
+      type(random_stream_type), intent(inout) :: stream
+      !> Logarithms of the density, and the temperature that divides them.
+      real(wp), intent(in) :: proposed, current, temperature
+      real(wp) :: v
+
+      is_accepted = proposed > outside
+      if (.not. is_accepted) return
+      call stream%uniform(v)
+      is_accepted = log(v) < (proposed - current)/temperature
+   end function is_accepted
+
    !> Move a point u along a difference of two points, in all coordinates or in some, with a little
    !> noise.
-   subroutine propose(self, stream, difference, u, moved)
+   subroutine propose_difference(self, stream, difference, u, moved)
       class(difference_move_type), intent(in) :: self
       type(random_stream_type), intent(inout) :: stream
       !> (dimension).
@@ -80,11 +124,11 @@ contains
          call stream%normal(z)
          moved(i) = u(i) + length*difference(i) + noise*z
       end do
-   end subroutine propose
+   end subroutine propose_difference
 
    !> Tune the steps towards an acceptance of a fifth, near the best one of normal densities of many
    !> dimensions (0.234; Gelman, Roberts & Gilks).
-   subroutine tune(self, acceptance)
+   subroutine tune_difference(self, acceptance)
       class(difference_move_type), intent(inout) :: self
       !> Share of accepted steps.
       real(wp), intent(in) :: acceptance
@@ -92,18 +136,170 @@ contains
 
       self%scale = min(1.0_wp, &
          & max(least_scale, self%scale*exp(0.5_wp*(acceptance - target_acceptance))))
-   end subroutine tune
+   end subroutine tune_difference
 
-   !> Whether a Metropolis step is accepted.
-   logical function is_accepted(stream, proposed, current, temperature)
+   !> Logarithm of the mixture's density at whitened coordinates `u`.
+   pure real(wp) function log_density(self, u)
+      class(mixture_move_type), intent(in) :: self
+      !> (dimension).
+      real(wp), intent(in), contiguous :: u(:)
+
+      log_density = log_mixture(self%mixture, u)
+   end function log_density
+
+   !> Propose a draw of the support, `pool` at `next`.
+   subroutine propose_draw(self, target, stream)
+      class(mixture_move_type), intent(inout) :: self
+      class(target_type), intent(in) :: target
       type(random_stream_type), intent(inout) :: stream
-      !> Logarithms of the density, and the temperature that divides them.
-      real(wp), intent(in) :: proposed, current, temperature
-      real(wp) :: v
+      integer, parameter :: at_once = 50, most_attempts = 20
+      integer :: attempt, last
 
-      is_accepted = proposed > outside
-      if (.not. is_accepted) return
-      call stream%uniform(v)
-      is_accepted = log(v) < (proposed - current)/temperature
-   end function is_accepted
+      last = self%next - 1
+      do attempt = 0, most_attempts
+         if (attempt > 0) then
+            call self%draw(target, stream, at_once)
+            last = at_once
+         end if
+         self%next = findloc(self%pool%log_density(:last) > outside, .true., dim=1, back=.true.)
+         if (self%next > 0) return
+      end do
+   end subroutine propose_draw
+
+   !> Draw n points of the mixture into the pool.
+   subroutine draw(self, target, stream, n)
+      class(mixture_move_type), intent(inout) :: self
+      class(target_type), intent(in) :: target
+      type(random_stream_type), intent(inout) :: stream
+      integer, intent(in) :: n
+      integer :: i
+
+      self%pool = new_points(target%dimension, n)
+      do i = 1, n
+         call draw_mixture(self%mixture, stream, self%pool%u(:, i))
+         call self%whitening%from_white(self%pool%u(:, i), self%pool%w(:, i))
+      end do
+      call target%evaluate_working(self%pool%w, self%pool%log_density)
+   end subroutine draw
+
+   !> Fit the mixture to the archive, then improve it by importance sampling. Draws
+   !> outside the support are data as well, so that the mixture does not avoid the bounds. The
+   !> archive stays among the data, so that a tail that the mixture lost comes back.
+   subroutine fit_proposals(self, target, archive, whitening, samples, stream)
+      class(mixture_move_type), intent(inout) :: self
+      class(target_type), intent(in) :: target
+      class(points_type), intent(in) :: archive
+      type(whitening_type), intent(in) :: whitening
+      !> Number of samples of the chain. A long search is not worth its time for few of them.
+      integer, intent(in) :: samples
+      type(random_stream_type), intent(inout) :: stream
+      integer, parameter :: components = 16, least_draws = 600, most_draws = 3000, &
+         & most_outside = 3000, least_rounds = 4, most_rounds = 12
+      !> Weight of the archive among the data, and the effective share of draws below which the
+      !> search ends: steps along differences alone do better then.
+      real(wp), parameter :: archive_share = 0.3_wp, least_quality = 0.01_wp
+      type(mixture_type) :: fitted
+      !> (dimension, point), (point), (draw of the support), (dimension, draw outside the support).
+      real(wp), allocatable :: points(:, :), weights(:), importance(:), rejected(:, :)
+      integer :: i, round, n_archived, n_inside, n_outside, n_rejected, n_draws
+
+      self%whitening = whitening
+      n_draws = min(most_draws, max(least_draws, samples/3))
+      n_archived = size(archive%u, 2)
+      allocate (weights(n_archived + n_draws + most_outside), source=1.0_wp)
+      allocate (points(target%dimension, size(weights)), importance(n_draws), &
+         & rejected(target%dimension, most_outside))
+      points(:, :n_archived) = archive%u
+      call new_mixture(archive%u, components, fitted)
+      call fit_mixture(archive%u, weights(:n_archived), 15, fitted)
+      do round = 1, most_rounds
+         if (stop_requested()) return
+         call widen_mixture(fitted, self%mixture)
+         n_inside = 0
+         n_outside = 0
+         do while (n_inside < n_draws .and. n_outside < 10*n_draws)
+            call self%draw(target, stream, min(n_draws - n_inside, 10*n_draws - n_outside))
+            do i = 1, size(self%pool%log_density)
+               associate (u => self%pool%u(:, i), density => self%pool%log_density(i))
+                  if (density > outside) then
+                     n_inside = n_inside + 1
+                     points(:, n_archived + n_inside) = u
+                     importance(n_inside) = density - self%log_density(u)
+                  else
+                     n_outside = n_outside + 1
+                     if (n_outside <= most_outside) rejected(:, n_outside) = u
+                  end if
+               end associate
+            end do
+         end do
+         self%quality = 0.0_wp
+         if (n_inside == 0) return
+         associate (weight => importance(:n_inside))
+            weight = exp(weight - maxval(weight))
+            self%quality = sum(weight)**2/sum(weight**2)/n_inside
+            ! Stop only after the mixture itself has shown that it is good: its draws may have found
+            ! a tail.
+            if (round == most_rounds .or. (round >= least_rounds .and. self%quality > 0.5_wp)) return
+            if (round >= least_rounds &
+               & .and. self%quality*n_inside/(n_inside + n_outside) < least_quality) then
+               self%quality = 0.0_wp
+               return
+            end if
+            ! Truncated weights (Ionides, J. Comput. Graph. Stat. 17, 295, 2008) keep one point from
+            ! dominating.
+            weight = min(weight, sum(weight)/sqrt(real(n_inside, wp)))
+            weights(:n_archived) = archive_share*n_inside/n_archived
+            weights(n_archived + 1:n_archived + n_inside) &
+               & = (1.0_wp - archive_share)*n_inside/sum(weight)*weight
+         end associate
+         n_rejected = min(n_outside, most_outside)
+         i = n_archived + n_inside
+         points(:, i + 1:i + n_rejected) = rejected(:, :n_rejected)
+         weights(i + 1:i + n_rejected) = real(n_outside, wp)/max(1, n_rejected)
+         i = i + n_rejected
+         call fit_mixture(points(:, :i), weights(:i), 6, fitted)
+      end do
+   end subroutine fit_proposals
+
+   !> The first steps are a tenth of the range of points of the support, or of a point if these are
+   !> all equal.
+   subroutine set_steps(self, points, point)
+      class(random_walk_type), intent(inout) :: self
+      !> (dimension, point), (dimension).
+      real(wp), intent(in) :: points(:, :), point(:)
+
+      self%range = maxval(points, 2) - minval(points, 2)
+      where (.not. self%range > 0.0_wp) self%range = abs(point)
+      self%step = 0.1_wp*self%range
+   end subroutine set_steps
+
+   !> Move the parameter j, in place.
+   subroutine propose_step(self, stream, j, parameter)
+      class(random_walk_type), intent(in) :: self
+      type(random_stream_type), intent(inout) :: stream
+      integer, intent(in) :: j
+      real(wp), intent(inout) :: parameter
+      real(wp) :: z
+
+      call stream%normal(z)
+      parameter = parameter + self%step(j)*z
+   end subroutine propose_step
+
+   !> Robbins-Monro on the logarithm of a step (Andrieu & Thoms, Stat. Comput. 18, 343, 2008), with a
+   !> gain that falls during the burn-in: by the root of the sweep, so that a bad first step is left
+   !> behind. The first 25 sweeps change a step by a factor of 1.5 at most.
+   subroutine tune_step(self, j, accepted, sweep)
+      class(random_walk_type), intent(inout) :: self
+      integer, intent(in) :: j
+      logical, intent(in) :: accepted
+      !> Number of the sweep of the burn-in, from 1.
+      integer, intent(in) :: sweep
+      !> As in the paper.
+      real(wp), parameter :: target_acceptance = 0.23_wp
+
+      associate (gain => 2.0_wp*(sweep + 25)**(-0.5_wp))
+         self%step(j) = min(10.0_wp*self%range(j), &
+            & self%step(j)*exp(gain*(merge(1.0_wp, 0.0_wp, accepted) - target_acceptance)))
+      end associate
+   end subroutine tune_step
 end module moves

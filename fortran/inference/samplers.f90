@@ -65,19 +65,21 @@ contains
       integer, parameter :: probes = 20
       type(random_stream_type) :: stream
       real(wp) :: points(target%dimension, probes), density(probes)
-      character(len=:), allocatable :: identity
-      character(len=16) :: digits
-      integer :: n_found, i
+      integer :: n_found
 
       stream = new_random_stream(0, 0)
       call draw_starts(target, stream, points, density, n_found)
-      identity = inputs
-      do i = 1, n_found
-         write (digits, '(z16.16)') transfer(density(i), 1_i8)
-         identity = identity//digits
-      end do
-      self%stem = folder//'/'//chain_prefix//checksum(identity)//'-'
+      self%stem = folder//'/'//chain_prefix &
+         & //checksum(inputs//bytes_of(density(:n_found)))//'-'
    end subroutine new_checkpoint
+
+   !> The bits of values.
+   pure function bytes_of(values) result(bytes)
+      real(wp), intent(in) :: values(:)
+      character(len=size(values)*bytes_of_real) :: bytes
+
+      bytes = transfer(values, bytes)
+   end function bytes_of
 
    !> Read the chain of a random stream if its file exists and is intact: the chain is then started.
    subroutine restore(self, number, chain)
@@ -114,13 +116,12 @@ contains
       integer, intent(in) :: number
       type(chain_type), intent(in) :: chain
       type(error_type), allocatable :: error
-      real(wp), allocatable :: values(:)
       character(len=:), allocatable :: content
+      real(wp), allocatable :: values(:)
 
       if (.not. allocated(self%stem)) return
       values = [chain%acceptance, chain%log_density, reshape(chain%draws, [size(chain%draws)])]
-      allocate (character(len=size(values)*bytes_of_real) :: content)
-      content = transfer(values, content)
+      content = bytes_of(values)
       call replace_file(self%stem//to_text(number), content//checksum(content), error)
    end subroutine store
 

@@ -5,22 +5,12 @@ module scmh_sampler
    use progress, only: advance_progress
    use running_command, only: stop_requested
    use kinds, only: i8, wp
+   use moves, only: random_walk_type
    use random, only: random_stream_type
    use abstract_sampler, only: chain_type, draw_starts, outside, target_type
    implicit none
    private
    public :: run_scmh
-
-   !> Random walk of one parameter at a time.
-   type :: random_walk_type
-      !> Sd of the steps of each parameter, and the range of the starts, (dimension).
-      real(wp), allocatable :: step(:), range(:)
-   contains
-      procedure :: setup, propose, tune
-   end type random_walk_type
-
-   !> Acceptance to which the paper tunes each component.
-   real(wp), parameter :: target_acceptance = 0.23_wp
 
 contains
 
@@ -78,44 +68,4 @@ contains
       end do
       chain%acceptance = accepted/(real(size(chain%log_density), wp)*target%dimension)
    end subroutine run_scmh
-
-   !> The first steps are a tenth of the range of points of the support, or of a point if these are
-   !> all equal.
-   subroutine setup(self, points, point)
-      class(random_walk_type), intent(inout) :: self
-      !> (dimension, point), (dimension).
-      real(wp), intent(in) :: points(:, :), point(:)
-
-      self%range = maxval(points, 2) - minval(points, 2)
-      where (.not. self%range > 0.0_wp) self%range = abs(point)
-      self%step = 0.1_wp*self%range
-   end subroutine setup
-
-   !> Move the parameter j, in place.
-   subroutine propose(self, stream, j, parameter)
-      class(random_walk_type), intent(in) :: self
-      type(random_stream_type), intent(inout) :: stream
-      integer, intent(in) :: j
-      real(wp), intent(inout) :: parameter
-      real(wp) :: z
-
-      call stream%normal(z)
-      parameter = parameter + self%step(j)*z
-   end subroutine propose
-
-   !> Robbins-Monro on the logarithm of a step (Andrieu & Thoms, Stat. Comput. 18, 343, 2008), with a
-   !> gain that falls during the burn-in: by the root of the sweep, so that a bad first step is left
-   !> behind. The first 25 sweeps change a step by a factor of 1.5 at most.
-   subroutine tune(self, j, accepted, sweep)
-      class(random_walk_type), intent(inout) :: self
-      integer, intent(in) :: j
-      logical, intent(in) :: accepted
-      !> Number of the sweep of the burn-in, from 1.
-      integer, intent(in) :: sweep
-
-      associate (gain => 2.0_wp*(sweep + 25)**(-0.5_wp))
-         self%step(j) = min(10.0_wp*self%range(j), &
-            & self%step(j)*exp(gain*(merge(1.0_wp, 0.0_wp, accepted) - target_acceptance)))
-      end associate
-   end subroutine tune
 end module scmh_sampler
