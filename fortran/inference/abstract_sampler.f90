@@ -128,26 +128,24 @@ contains
       integer, intent(out) :: n_found
       !> For each point that is asked for.
       integer, parameter :: most_tries = 20000
-      real(wp), allocatable :: x(:, :), values(:)
       integer :: n_tried, i
 
       n_found = 0
       n_tried = 0
       do while (n_found < size(density) .and. n_tried < most_tries*size(density) &
          & .and. .not. stop_requested())
-         allocate (x(target%dimension, size(density) - n_found), values(size(density) - n_found))
-         do i = 1, size(values)
-            call target%draw_start(stream, x(:, i))
+         n_tried = n_tried + size(density) - n_found
+         do i = n_found + 1, size(density)
+            call target%draw_start(stream, points(:, i))
          end do
-         call target%evaluate(x, values)
-         do i = 1, size(values)
-            if (.not. values(i) > outside) cycle
+         call target%evaluate(points(:, n_found + 1:), density(n_found + 1:))
+         ! The points of the support move to the front.
+         do i = n_found + 1, size(density)
+            if (.not. density(i) > outside) cycle
             n_found = n_found + 1
-            points(:, n_found) = x(:, i)
-            density(n_found) = values(i)
+            points(:, n_found) = points(:, i)
+            density(n_found) = density(i)
          end do
-         n_tried = n_tried + size(values)
-         deallocate (x, values)
       end do
    end subroutine draw_starts
 

@@ -176,7 +176,6 @@ contains
       !> (dimension, point).
       real(wp), intent(in) :: points(:, :)
       real(wp), intent(out) :: log_density(:)
-      real(wp), allocatable :: moduli(:, :)
       real(wp) :: c(6, 6)
       integer :: i
 
@@ -189,9 +188,8 @@ contains
          end if
          log_density(i) = self%log_prior(c)
          if (self%prior_only) cycle
-         moduli = self%moduli_at(points(:, i:i))
-         log_density(i) = log_density(i) &
-            & + likelihood_of_crystal(self, points(:, i), c, moduli(:, 1))
+         log_density(i) = log_density(i) + likelihood_of_crystal(self, points(:, i), c, &
+            & reshape(self%moduli_at(points(:, i:i)), [size(self%euler, 2)]))
       end do
    end subroutine evaluate
 
@@ -213,7 +211,7 @@ contains
       real(wp), intent(out) :: log_density(:)
       !> Number of points whose moduli are computed together.
       integer, parameter :: block = 64
-      real(wp) :: c(6, 6, block), log_volume(block)
+      real(wp) :: c(6, 6, block)
       !> Allocated, because many grains would overflow the stack of a thread.
       real(wp), allocatable :: moduli(:, :)
       integer :: in_support(block), n, i, k
@@ -226,33 +224,33 @@ contains
          return
       end if
       log_density = outside
-      log_volume = 0.0_wp
       k = self%n_constants
-      n = 1
+      n = 0
       do i = 1, size(w, 2)
-         c(:, :, n) = self%prior%logarithms%from_logarithms(w(:k, i))
-         if (.not. (self%prior%admits(self%prior%class%constants_of(c(:, :, n)), c(:, :, n), &
-            & norm2(w(3:k, i))) .and. scale_is_admitted(self, w(:, i)))) then
-            cycle
-         end if
-         if (.not. self%prior%in_logarithms) then
-            log_volume(n) = self%prior%logarithms%log_volume(w(:k, i))
-         end if
-         in_support(n) = i
-         n = n + 1
-      end do
-      n = n - 1
-      allocate (moduli(size(self%euler, 2), n))
-      if (.not. self%prior_only) call self%grains%evaluate_crystals(c(:, :, :n), moduli)
-      do i = 1, n
-         ! The factor on the sds needs no Jacobian: its logarithm is a coordinate of both.
-         associate (point => w(:, in_support(i)))
-            log_density(in_support(i)) = self%prior%log_density(c(:, :, i), point(:k)) + log_volume(i)
-            if (self%prior_only) cycle
-            log_density(in_support(i)) = log_density(in_support(i)) &
-               & + likelihood_of_crystal(self, point, c(:, :, i), moduli(:, i))
+         associate (crystal => c(:, :, n + 1), logarithms => self%prior%logarithms)
+            crystal = logarithms%from_logarithms(w(:k, i))
+            if (.not. (self%prior%admits(self%prior%class%constants_of(crystal), crystal, &
+               & norm2(w(3:k, i))) .and. scale_is_admitted(self, w(:, i)))) then
+               cycle
+            end if
+            ! The factor on the sds needs no Jacobian: its logarithm is a coordinate of both.
+            log_density(i) = self%prior%log_density(crystal, w(:k, i))
+            if (.not. self%prior%in_logarithms) then
+               log_density(i) = log_density(i) + logarithms%log_volume(w(:k, i))
+            end if
          end associate
+         n = n + 1
+         in_support(n) = i
       end do
+      if (.not. self%prior_only) then
+         allocate (moduli(size(self%euler, 2), n))
+         call self%grains%evaluate_crystals(c(:, :, :n), moduli)
+         do k = 1, n
+            i = in_support(k)
+            log_density(i) = log_density(i) &
+               & + likelihood_of_crystal(self, w(:, i), c(:, :, k), moduli(:, k))
+         end do
+      end if
       where (.not. log_density > outside) log_density = outside
    end subroutine evaluate_working
 

@@ -10,6 +10,7 @@
 module ensemble_sampler
    use abstract_sampler, only: chain_type, target_type
    use ensemble_evolution, only: evolve_population, population_type
+   use gaussian_mixture, only: log_mixture
    use moves, only: is_accepted, mixture_move_type, new_points, points_type
    use progress, only: advance_progress
    use running_command, only: stop_requested
@@ -58,18 +59,20 @@ contains
          if (quality > 0.0_wp) kernel%mixture_share = min(0.6_wp, max(0.2_wp, quality))
          kernel%steps = 2 + nint(2.0_wp*target%dimension*max(0.0_wp, 0.7_wp - quality))
       end associate
-      kernel%state = new_points(target%dimension, 1)
-      call stream%pick(size(kernel%population%log_density), i)
-      call kernel%state%set(1, kernel%population, i)
-      call kernel%population%whitening%from_white(kernel%state%u(:, 1), kernel%state%w(:, 1))
-      call target%evaluate_working(kernel%state%w, kernel%state%log_density)
-      do i = 1, size(chain%log_density)
-         if (stop_requested()) return
-         call advance_progress(1_i8)
-         call walk(kernel, target, stream)
-         chain%draws(:, i) = kernel%state%w(:, 1)
-         chain%log_density(i) = kernel%state%log_density(1)
-      end do
+      associate (state => kernel%state, population => kernel%population)
+         state = new_points(target%dimension, 1)
+         call stream%pick(size(population%log_density), i)
+         call state%set(1, population, i)
+         call population%whitening%from_white(state%u(:, 1), state%w(:, 1))
+         call target%evaluate_working(state%w, state%log_density)
+         do i = 1, size(chain%log_density)
+            if (stop_requested()) return
+            call advance_progress(1_i8)
+            call walk(kernel, target, stream)
+            chain%draws(:, i) = state%w(:, 1)
+            chain%log_density(i) = state%log_density(1)
+         end do
+      end associate
       call target%from_working(chain%draws, chain%log_density)
       chain%acceptance = real(kernel%accepted, wp)/max(1, kernel%drawn)
    end subroutine run_ensemble
@@ -85,7 +88,7 @@ contains
 
       associate (state => kernel%state, mixture => kernel%mixture, population => kernel%population)
          proposed = state
-         log_q = mixture%log_density(state%u(:, 1))
+         log_q = log_mixture(mixture%mixture, state%u(:, 1))
          do step = 1, kernel%steps
             call stream%uniform(v)
             if (v < kernel%mixture_share) then
@@ -93,7 +96,7 @@ contains
                call mixture%propose(target, stream)
                if (mixture%next == 0) cycle
                call proposed%set(1, mixture%pool, mixture%next)
-               proposed_log_q = mixture%log_density(proposed%u(:, 1))
+               proposed_log_q = log_mixture(mixture%mixture, proposed%u(:, 1))
                if (.not. is_accepted(stream, proposed%log_density(1) - proposed_log_q, &
                   & state%log_density(1) - log_q, 1.0_wp)) then
                   cycle
@@ -111,7 +114,7 @@ contains
                   & 1.0_wp)) then
                   cycle
                end if
-               proposed_log_q = mixture%log_density(proposed%u(:, 1))
+               proposed_log_q = log_mixture(mixture%mixture, proposed%u(:, 1))
             end if
             state = proposed
             log_q = proposed_log_q

@@ -57,19 +57,18 @@ contains
    end subroutine allocate_mixture
 
    !> The logarithm of each component's share of the density at u.
-   pure subroutine log_terms(n, components, mean, inverse, log_norm, u, terms)
-      integer, intent(in) :: n, components
-      real(wp), intent(in) :: mean(components, n), inverse(components, n, n), &
-         & log_norm(components), u(n)
-      real(wp), intent(out) :: terms(components)
-      real(wp) :: z(components)
+   pure subroutine log_terms(mixture, u, terms)
+      type(mixture_type), intent(in) :: mixture
+      real(wp), intent(in) :: u(mixture%n)
+      real(wp), intent(out) :: terms(mixture%components)
+      real(wp) :: z(mixture%components)
       integer :: i, j
 
-      terms = log_norm
-      do i = 1, n
+      terms = mixture%log_norm
+      do i = 1, mixture%n
          z = 0.0_wp
          do j = 1, i
-            z = z + inverse(:, j, i)*(u(j) - mean(:, j))
+            z = z + mixture%inverse(:, j, i)*(u(j) - mixture%mean(:, j))
          end do
          terms = terms - 0.5_wp*z*z
       end do
@@ -81,8 +80,7 @@ contains
       real(wp), intent(in), contiguous :: u(:)
       real(wp) :: terms(mixture%components), shares(mixture%components), top
 
-      call log_terms(mixture%n, mixture%components, mixture%mean, mixture%inverse, &
-         & mixture%log_norm, u, terms)
+      call log_terms(mixture, u, terms)
       top = maxval(terms)
       terms = terms - top
       call exp_all(terms, shares)
@@ -123,8 +121,7 @@ contains
       allocate (responsibility(mixture%components, size(weights)))
       do step = 1, steps
          do p = 1, size(weights)
-            call log_terms(mixture%n, mixture%components, mixture%mean, mixture%inverse, &
-               & mixture%log_norm, points(:, p), terms)
+            call log_terms(mixture, points(:, p), terms)
             terms = terms - maxval(terms)
             call exp_all(terms, responsibility(:, p))
             responsibility(:, p) = weights(p)/sum(responsibility(:, p))*responsibility(:, p)

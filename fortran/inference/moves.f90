@@ -33,7 +33,7 @@ module moves
    !> Independent draws of a normal mixture, in whitened coordinates.
    type :: mixture_move_type
       type(whitening_type), private :: whitening
-      type(mixture_type), private :: mixture
+      type(mixture_type) :: mixture
       !> Estimated effective share of the draws; 0 if they are useless.
       real(wp) :: quality = 0.0_wp
       !> Draws of the mixture, which do not depend on the state of the chain.
@@ -42,16 +42,16 @@ module moves
       !> draws of all attempts were outside the support.
       integer :: next = 0
    contains
-      procedure :: setup => fit_proposals, propose => propose_draw, log_density
+      procedure :: setup => fit_proposals, propose => propose_draw
       procedure, private :: draw
    end type mixture_move_type
 
    !> Random walk of one parameter at a time.
    type :: random_walk_type
-      !> Sd of the steps of each parameter, and the range of the starts, (dimension).
-      real(wp), allocatable :: step(:), range(:)
+      !> Sd of the steps of each parameter, and the greatest one, (dimension).
+      real(wp), allocatable :: step(:), greatest(:)
    contains
-      procedure :: setup => set_steps, propose => propose_step, tune => tune_step
+      procedure :: propose => propose_step, tune => tune_step
    end type random_walk_type
 
 contains
@@ -138,15 +138,6 @@ contains
          & max(least_scale, self%scale*exp(0.5_wp*(acceptance - target_acceptance))))
    end subroutine tune_difference
 
-   !> Logarithm of the mixture's density at whitened coordinates `u`.
-   pure real(wp) function log_density(self, u)
-      class(mixture_move_type), intent(in) :: self
-      !> (dimension).
-      real(wp), intent(in), contiguous :: u(:)
-
-      log_density = log_mixture(self%mixture, u)
-   end function log_density
-
    !> Propose a draw of the support, `pool` at `next`.
    subroutine propose_draw(self, target, stream)
       class(mixture_move_type), intent(inout) :: self
@@ -224,7 +215,7 @@ contains
                   if (density > outside) then
                      n_inside = n_inside + 1
                      points(:, n_archived + n_inside) = u
-                     importance(n_inside) = density - self%log_density(u)
+                     importance(n_inside) = density - log_mixture(self%mixture, u)
                   else
                      n_outside = n_outside + 1
                      if (n_outside <= most_outside) rejected(:, n_outside) = u
@@ -261,18 +252,6 @@ contains
       end do
    end subroutine fit_proposals
 
-   !> The first steps are a tenth of the range of points of the support, or of a point if these are
-   !> all equal.
-   subroutine set_steps(self, points, point)
-      class(random_walk_type), intent(inout) :: self
-      !> (dimension, point), (dimension).
-      real(wp), intent(in) :: points(:, :), point(:)
-
-      self%range = maxval(points, 2) - minval(points, 2)
-      where (.not. self%range > 0.0_wp) self%range = abs(point)
-      self%step = 0.1_wp*self%range
-   end subroutine set_steps
-
    !> Move the parameter j, in place.
    subroutine propose_step(self, stream, j, parameter)
       class(random_walk_type), intent(in) :: self
@@ -298,7 +277,7 @@ contains
       real(wp), parameter :: target_acceptance = 0.23_wp
 
       associate (gain => 2.0_wp*(sweep + 25)**(-0.5_wp))
-         self%step(j) = min(10.0_wp*self%range(j), &
+         self%step(j) = min(self%greatest(j), &
             & self%step(j)*exp(gain*(merge(1.0_wp, 0.0_wp, accepted) - target_acceptance)))
       end associate
    end subroutine tune_step

@@ -211,8 +211,8 @@ contains
       if (stat /= 0) then
          call raise_no_memory(to_text(settings%chains)//' chains of '//to_text(settings%samples) &
             & //' samples', error)
+         return
       end if
-      if (allocated(error)) return
       call listen()
       call begin_progress('sampling', int(settings%chains, i8)*(sampler%burn_in + settings%samples))
       !$omp parallel do num_threads(max(1, settings%threads)) schedule(dynamic, 1) &

@@ -24,7 +24,8 @@ contains
       type(chain_type), intent(inout) :: chain
       type(random_walk_type) :: walk
       real(wp) :: starts(target%dimension, 100), start_density(100), x(target%dimension, 1), &
-         & proposed(target%dimension, 1), sum_of_logs(target%dimension), density(1), current, u
+         & proposed(target%dimension, 1), sum_of_logs(target%dimension), range(target%dimension), &
+         & density(1), current, u
       integer :: sweep, j, n_found, accepted, best, pick
       logical :: accept
 
@@ -38,7 +39,9 @@ contains
          start_density(best) = outside
       end do
       x(:, 1) = starts(:, best)
-      call walk%setup(starts(:, :n_found), x(:, 1))
+      range = maxval(starts(:, :n_found), 2) - minval(starts(:, :n_found), 2)
+      where (.not. range > 0.0_wp) range = abs(x(:, 1))
+      walk = random_walk_type(step=0.1_wp*range, greatest=10.0_wp*range)
       sum_of_logs = 0.0_wp
       accepted = 0
       do sweep = 1 - burn_in, size(chain%log_density)
