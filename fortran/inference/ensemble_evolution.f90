@@ -20,7 +20,7 @@ module ensemble_evolution
    private
    public :: population_type, evolve_population, next_inverse
 
-   !> Points that are retained of the walkers. Whitened coordinates are set when the evolution ends.
+   !> Points that walkers visited. Their whitened coordinates are set when the evolution ends.
    type, extends(points_type) :: population_type
       !> Number of distinct points before thinning.
       integer :: distinct = 0
@@ -48,15 +48,13 @@ contains
    !> Evolve a population from the target's starts: rounds of falling temperature, rounds at the
    !> density itself, and warmer rounds for the tails. The population is then that of the last
    !> round, thinned.
-   subroutine evolve_population(target, evaluations, stream, population, started)
+   subroutine evolve_population(target, evaluations, stream, population)
       class(target_type), intent(in), target :: target
       !> Approximate number of evaluations of the density.
       integer(i8), intent(in) :: evaluations
       type(random_stream_type), intent(inout) :: stream
-      !> Complete if it was started and no stop is requested.
+      !> It has no points if none of the support was found, and is complete if no stop is requested.
       type(population_type), intent(out) :: population
-      !> Whether a point of the support was found.
-      logical, intent(out) :: started
       !> The evaluations are divided by `rounds`: all cooling rounds together count as five. A
       !> cooling round has a share smaller by `cooling_divisor`; there are at most `most_cooling` of
       !> them. All warm rounds together have `tail_effort` shares.
@@ -76,8 +74,8 @@ contains
       population%walkers = 40*target%dimension
       cooling_walkers = population%walkers
       if (target%dimension < many_dimensions) cooling_walkers = 4*cooling_walkers
-      call population%start(target, stream, 4*cooling_walkers, started)
-      if (.not. started) return
+      call population%start(target, stream, 4*cooling_walkers)
+      if (size(population%log_density) == 0) return
       generations = evaluations/(population%walkers*rounds)
       inverse = 0.0_wp
       do round = 1, most_cooling
@@ -110,27 +108,24 @@ contains
    end subroutine evolve_population
 
    !> Draw points from the target's starts.
-   subroutine start(self, target, stream, n, started)
+   subroutine start(self, target, stream, n)
       class(population_type), intent(inout) :: self
       class(target_type), intent(in), target :: target
       type(random_stream_type), intent(inout) :: stream
       !> Number of points that are asked for.
       integer, intent(in) :: n
-      !> Whether a point of the support was found.
-      logical, intent(out) :: started
       real(wp), allocatable :: starts(:, :)
       integer :: n_found
 
       allocate (self%w(target%dimension, n), self%log_density(n))
       call draw_starts(target, stream, self%w, self%log_density, n_found)
-      started = n_found > 0
-      if (.not. started) return
-      self%exact => target
-      allocate (self%coarse, source=target)
-      call self%coarse%coarsen()
       starts = self%w(:, :n_found)
       self%w = starts
       self%log_density = self%log_density(:n_found)
+      if (n_found == 0) return
+      self%exact => target
+      allocate (self%coarse, source=target)
+      call self%coarse%coarsen()
       call target%to_working(starts, self%w)
       call target%evaluate_working(self%w, self%log_density)
       self%walkers = min(self%walkers, n_found)

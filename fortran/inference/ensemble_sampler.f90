@@ -48,7 +48,8 @@ contains
       integer :: i
 
       call evolve_population(target, int(burn_in, i8)*target%dimension, stream, &
-         & kernel%population, chain%started)
+         & kernel%population)
+      chain%started = size(kernel%population%log_density) > 0
       if (.not. chain%started .or. stop_requested()) return
       call kernel%mixture%setup(target, kernel%population, kernel%population%whitening, &
          & size(chain%log_density), stream)

@@ -53,7 +53,7 @@ contains
             & 1.0e-3_wp)
       else
          mean_modulus = modulus_over_wave*1.0e-9_wp*measured%density &
-            & *(sum(measured%modulus)/size(measured%modulus))**2
+                       & *(sum(measured%modulus)/size(measured%modulus))**2
       end if
    end function mean_modulus
 

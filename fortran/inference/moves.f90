@@ -110,10 +110,10 @@ contains
          end do
          if (.not. any(changed)) changed = .true.
       end if
-      ! For a normal density in many dimensions d, 2.38/sqrt(d) sds are the best step of a random walk
-      ! (Gelman, Roberts & Gilks, Bayesian Statistics 5, 599, 1996), and a difference has twice the
-      ! variance of a point. In 15 % of the steps the factor is 1, which leads from mode to mode (ter
-      ! Braak: 10 %); in 25 % the step is shorter.
+      ! For a normal density in many dimensions d, 2.38/sqrt(d) sds are the best step of a random
+      ! walk (Gelman, Roberts & Gilks, Bayesian Statistics 5, 599, 1996), and a difference has twice
+      ! the variance of a point. In 15 % of the steps the factor is 1, which leads from mode to mode
+      ! (ter Braak: 10 %); in 25 % the step is shorter.
       call stream%uniform(v)
       length = self%scale*2.38_wp/sqrt(2.0_wp*count(changed))
       if (v < 0.15_wp) length = 1.0_wp
@@ -138,7 +138,8 @@ contains
          & max(least_scale, self%scale*exp(0.5_wp*(acceptance - target_acceptance))))
    end subroutine tune_difference
 
-   !> Propose a draw of the support, `pool` at `next`.
+   !> Propose a draw of the support: the last one of the pool that was not proposed yet, or one of a
+   !> new pool.
    subroutine propose_draw(self, target, stream)
       class(mixture_move_type), intent(inout) :: self
       class(target_type), intent(in) :: target
@@ -173,9 +174,9 @@ contains
       call target%evaluate_working(self%pool%w, self%pool%log_density)
    end subroutine draw
 
-   !> Fit the mixture to the archive, then improve it by importance sampling. Draws
-   !> outside the support are data as well, so that the mixture does not avoid the bounds. The
-   !> archive stays among the data, so that a tail that the mixture lost comes back.
+   !> Fit the mixture to the archive, then improve it by importance sampling. Draws outside the
+   !> support are data as well, so that the mixture does not avoid the bounds. The archive stays
+   !> among the data, so that a tail that the mixture lost comes back.
    subroutine fit_proposals(self, target, archive, whitening, samples, stream)
       class(mixture_move_type), intent(inout) :: self
       class(target_type), intent(in) :: target
@@ -230,7 +231,8 @@ contains
             self%quality = sum(weight)**2/sum(weight**2)/n_inside
             ! Stop only after the mixture itself has shown that it is good: its draws may have found
             ! a tail.
-            if (round == most_rounds .or. (round >= least_rounds .and. self%quality > 0.5_wp)) return
+            if (round == most_rounds) return
+            if (round >= least_rounds .and. self%quality > 0.5_wp) return
             if (round >= least_rounds &
                & .and. self%quality*n_inside/(n_inside + n_outside) < least_quality) then
                self%quality = 0.0_wp
@@ -264,9 +266,9 @@ contains
       parameter = parameter + self%step(j)*z
    end subroutine propose_step
 
-   !> Robbins-Monro on the logarithm of a step (Andrieu & Thoms, Stat. Comput. 18, 343, 2008), with a
-   !> gain that falls during the burn-in: by the root of the sweep, so that a bad first step is left
-   !> behind. The first 25 sweeps change a step by a factor of 1.5 at most.
+   !> Robbins-Monro on the logarithm of a step (Andrieu & Thoms, Stat. Comput. 18, 343, 2008). The
+   !> gain falls with the root of the sweep, so that the step both settles and leaves a bad start
+   !> behind. With the 25 the first sweep changes a step by a factor of 1.35 at most.
    subroutine tune_step(self, j, accepted, sweep)
       class(random_walk_type), intent(inout) :: self
       integer, intent(in) :: j

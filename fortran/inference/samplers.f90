@@ -24,8 +24,8 @@ module samplers
    use text, only: join, to_text
    implicit none
    private
-   public :: listed_samplers, sampler_names, new_sampler, run_settings_type, chains_type, sample_chains, &
-      & checkpoint_type, new_checkpoint
+   public :: listed_samplers, sampler_names, new_sampler, run_settings_type, chains_type, &
+      & sample_chains, checkpoint_type, new_checkpoint
 
    !> Prefix of the names of these files.
    character(len=*), parameter, public :: chain_prefix = '.chain-'

@@ -206,8 +206,8 @@ contains
       likelihood%student_dof = student_dof
    end function likelihood_of
 
-   !> What any sampler does. Its draws have the mean and the covariance of the density, and come with
-   !> their log densities. A stream has the same draws whatever thread runs it, and another stream
+   !> What any sampler does. Its draws have the mean and the covariance of the density, and their
+   !> log densities. A stream has the same draws whatever thread runs it, and another stream
    !> has others. A short run has as many samples as it was asked for. Nothing starts without a
    !> support.
    subroutine test_any_sampler(name)
@@ -253,8 +253,8 @@ contains
       call check_close('any '//name//': covariance', &
          & maxval(abs(covariance_of(straight) - covariance)), 0.0_wp, 1.4_wp*tolerance)
       do threads = 2, 4, 2
-         call sample_chains(wavy, sampler, run_settings_type(samples, 4, threads, 3), other, error, &
-            & checkpoint_type())
+         call sample_chains(wavy, sampler, run_settings_type(samples, 4, threads, 3), other, &
+            & error, checkpoint_type())
          call check('any '//name//': the same to the bit on more threads', &
             & all(other%draws == chains%draws) .and. all(other%log_density == chains%log_density) &
             & .and. all(other%acceptance == chains%acceptance))
