@@ -37,7 +37,7 @@ module ensemble_evolution
       class(target_type), allocatable, private :: coarse
       logical, private :: is_coarse = .false.
    contains
-      procedure, private :: start, whiten, choose_density, evaluate, step, resample
+      procedure, private :: start, whiten, choose_density, evaluate, step, move_walkers, resample
    end type population_type
 
    !> Number of parameters from which on ensembles are larger.
@@ -98,10 +98,10 @@ contains
          call population%step(population%walkers, generations*merge(tail_effort &
             & /count(last_temperatures > 1.0_wp), 1, population%temperature > 1.0_wp), stream)
       end do
+      deallocate (population%coarse)
       ! The polynomials of the whitening hold only over the range of the points: fit them to the
       ! last ones.
       if (target%dimension < many_dimensions) call population%whiten()
-      population%u = population%w
       do i = 1, size(population%u, 2)
          call population%whitening%to_white(population%w(:, i), population%u(:, i))
       end do
@@ -191,12 +191,11 @@ contains
       type(random_stream_type), intent(inout) :: stream
       !> Approximate number of retained points.
       integer, parameter :: most_points = 4000
-      type(points_type) :: walkers, proposed, retained
-      integer :: k, a, b, n_retained, accepted, half, first, last, n_others
+      type(points_type) :: walkers, retained
+      integer :: k, n_retained, accepted
       integer(i8) :: generations, generation, visits, stride, i
 
       walkers = new_points(size(self%w, 1), m)
-      proposed = walkers
       do k = 1, m
          walkers%w(:, k) = self%w(:, 1 + int((k - 1)*size(self%log_density, kind=i8)/m))
          call self%whitening%to_white(walkers%w(:, k), walkers%u(:, k))
@@ -217,34 +216,8 @@ contains
       do generation = 1, generations
          if (stop_requested()) return
          accepted = 0
-         ! Each half of the walkers moves along differences of the other half. So all proposals of a
-         ! half are evaluated in one call before any of them is accepted.
-         do half = 0, 1
-            first = 1 + half*(m/2)
-            last = merge(m/2, m, half == 0)
-            n_others = max(1, m - (last - first + 1))
-            do k = first, last
-               do
-                  call stream%pick(n_others, a)
-                  call stream%pick(n_others, b)
-                  if (a /= b .or. n_others == 1) exit
-               end do
-               a = mod(last + a - 1, m) + 1
-               b = mod(last + b - 1, m) + 1
-               call self%move%propose(stream, walkers%u(:, a) - walkers%u(:, b), walkers%u(:, k), &
-                  & proposed%u(:, k))
-               call self%whitening%from_white(proposed%u(:, k), proposed%w(:, k))
-            end do
-            call self%evaluate(proposed%w(:, first:last), proposed%log_density(first:last))
-            do k = first, last
-               if (.not. is_accepted(stream, proposed%log_density(k), walkers%log_density(k), &
-                  & self%temperature)) then
-                  cycle
-               end if
-               call walkers%set(k, proposed, k)
-               accepted = accepted + 1
-            end do
-         end do
+         call self%move_walkers(1, m/2, stream, walkers, accepted)
+         call self%move_walkers(m/2 + 1, m, stream, walkers, accepted)
          if (2*generation > generations) then
             self%distinct = self%distinct + accepted
             do k = 1, m
@@ -259,6 +232,45 @@ contains
       end do
       self%points_type = retained
    end subroutine step
+
+   !> Move half of the walkers along differences of the other half, so that all proposals are
+   !> evaluated in one call before any of them is accepted.
+   subroutine move_walkers(self, first, last, stream, walkers, accepted)
+      class(population_type), intent(in) :: self
+      !> Numbers of the first and the last walker of the half.
+      integer, intent(in) :: first, last
+      type(random_stream_type), intent(inout) :: stream
+      type(points_type), intent(inout) :: walkers
+      !> It grows by the number of accepted moves.
+      integer, intent(inout) :: accepted
+      type(points_type) :: proposed
+      integer :: k, a, b, m, n_others
+
+      proposed = walkers
+      m = size(walkers%log_density)
+      n_others = max(1, m - (last - first + 1))
+      do k = first, last
+         do
+            call stream%pick(n_others, a)
+            call stream%pick(n_others, b)
+            if (a /= b .or. n_others == 1) exit
+         end do
+         a = mod(last + a - 1, m) + 1
+         b = mod(last + b - 1, m) + 1
+         call self%move%propose(stream, walkers%u(:, a) - walkers%u(:, b), walkers%u(:, k), &
+            & proposed%u(:, k))
+         call self%whitening%from_white(proposed%u(:, k), proposed%w(:, k))
+      end do
+      call self%evaluate(proposed%w(:, first:last), proposed%log_density(first:last))
+      do k = first, last
+         if (.not. is_accepted(stream, proposed%log_density(k), walkers%log_density(k), &
+            & self%temperature)) then
+            cycle
+         end if
+         call walkers%set(k, proposed, k)
+         accepted = accepted + 1
+      end do
+   end subroutine move_walkers
 
    !> The next inverse temperature, at most 1: the largest one at which the points of the present
    !> one, weighted for it, still have the effective share below.

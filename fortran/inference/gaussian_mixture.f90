@@ -35,7 +35,7 @@ contains
       integer :: order(size(points, 2)), i, n_points
 
       n_points = size(points, 2)
-      call allocate_mixture(mixture, size(points, 1), components)
+      mixture = allocated_mixture(size(points, 1), components)
       call sort_order(points(1, :), order)
       allocate (responsibility(components, n_points), source=0.0_wp)
       do i = 1, n_points
@@ -44,8 +44,7 @@ contains
       call maximise(products_of(points), responsibility, mixture)
    end subroutine new_mixture
 
-   pure subroutine allocate_mixture(mixture, n, components)
-      type(mixture_type), intent(inout) :: mixture
+   pure type(mixture_type) function allocated_mixture(n, components) result(mixture)
       integer, intent(in) :: n, components
 
       mixture%n = n
@@ -54,7 +53,7 @@ contains
       allocate (mixture%log_norm(components), source=-1.0e30_wp)
       allocate (mixture%mean(components, n), mixture%factor(n, n, components), &
          & mixture%inverse(components, n, n), source=0.0_wp)
-   end subroutine allocate_mixture
+   end function allocated_mixture
 
    !> The logarithm of each component's share of the density at u.
    pure subroutine log_terms(mixture, u, terms)
@@ -220,7 +219,7 @@ contains
       integer :: m, j, n
 
       n = count(mixture%weight > 0.0_wp)
-      call allocate_mixture(wide, mixture%n, 2*n + 1)
+      wide = allocated_mixture(mixture%n, 2*n + 1)
       mean = matmul(mixture%weight, mixture%mean)
       covariance = 0.0_wp
       n = 0

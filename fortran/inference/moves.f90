@@ -149,12 +149,10 @@ contains
 
       last = self%next - 1
       do attempt = 0, most_attempts
-         if (attempt > 0) then
-            call self%draw(target, stream, at_once)
-            last = at_once
-         end if
          self%next = findloc(self%pool%log_density(:last) > outside, .true., dim=1, back=.true.)
-         if (self%next > 0) return
+         if (self%next > 0 .or. attempt == most_attempts) return
+         call self%draw(target, stream, at_once)
+         last = at_once
       end do
    end subroutine propose_draw
 

@@ -140,7 +140,7 @@ contains
       character(len=:), allocatable :: names
       type(sampler_type), allocatable :: list(:)
 
-      list = listed_samplers()
+      allocate (list, source=listed_samplers())
       names = join(list(:size(list) - 1)%name, ', ')
    end function sampler_names
 
@@ -154,7 +154,7 @@ contains
       type(sampler_type), allocatable :: list(:)
       integer :: i
 
-      list = listed_samplers()
+      allocate (list, source=listed_samplers())
       do i = 1, size(list)
          if (list(i)%name == name) sampler = list(i)
       end do

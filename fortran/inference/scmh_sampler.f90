@@ -33,11 +33,12 @@ contains
       chain%started = n_found > 0
       if (.not. chain%started) return
       call stream%pick(min(10, n_found), pick)
+      best = 1
       do j = 1, pick
          best = maxloc(start_density(:n_found), dim=1)
-         current = start_density(best)
-         start_density(best) = outside
+         if (j < pick) start_density(best) = outside
       end do
+      current = start_density(best)
       x(:, 1) = starts(:, best)
       range = maxval(starts(:, :n_found), 2) - minval(starts(:, :n_found), 2)
       where (.not. range > 0.0_wp) range = abs(x(:, 1))
