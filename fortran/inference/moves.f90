@@ -57,6 +57,7 @@ module moves
 contains
 
    pure type(points_type) function new_points(dimension, n) result(points)
+      !> Number of parameters and of points.
       integer, intent(in) :: dimension, n
 
       allocate (points%w(dimension, n), points%u(dimension, n), points%log_density(n))
@@ -93,6 +94,7 @@ contains
       type(random_stream_type), intent(inout) :: stream
       !> (dimension).
       real(wp), intent(in) :: difference(:), u(:)
+      !> (dimension).
       real(wp), intent(out) :: moved(:)
       !> So small that it only keeps the chain from staying on a grid (ter Braak's b).
       real(wp), parameter :: noise = 1.0e-5_wp
@@ -269,7 +271,9 @@ contains
    !> behind. With the 25 the first sweep changes a step by a factor of 1.35 at most.
    subroutine tune_step(self, j, accepted, sweep)
       class(random_walk_type), intent(inout) :: self
+      !> Number of the parameter.
       integer, intent(in) :: j
+      !> Whether its last step was accepted.
       logical, intent(in) :: accepted
       !> Number of the sweep of the burn-in, from 1.
       integer, intent(in) :: sweep
