@@ -6,7 +6,7 @@ module abstract_sampler
    use random, only: random_stream_type
    implicit none
    private
-   public :: sampler_type, draw_starts, target_type, outside
+   public :: sampler_type, chain_type, draw_starts, target_type, outside
 
    !> Logarithm of a density outside its support.
    real(wp), parameter :: outside = -huge(1.0_wp)
@@ -43,28 +43,34 @@ module abstract_sampler
       end subroutine evaluate_interface
    end interface
 
+   !> A chain, of which the sampler fills the arrays.
+   type :: chain_type
+      !> draws(parameter, sample) and their log densities, (sample).
+      real(wp), pointer, contiguous :: draws(:, :) => null(), log_density(:) => null()
+      !> Share of accepted proposals.
+      real(wp) :: acceptance = 0.0_wp
+      !> Whether a start with a finite density was found. Without one there is no chain.
+      logical :: started = .false.
+   end type chain_type
+
    type :: sampler_type
+      character(len=8) :: name = ''
+      procedure(run_interface), pointer, nopass :: run => null()
       !> Number of sweeps before the first retained sample. A sweep evaluates the density once for
       !> each parameter.
       integer :: burn_in = 0
-      procedure(run_interface), pointer, nopass :: run => null()
    end type sampler_type
 
    abstract interface
       !> Run one chain. Several threads call it at the same time. It may return early once
       !> `stop_requested` is true.
-      subroutine run_interface(burn_in, target, stream, draws, log_density, acceptance, started)
-         import :: random_stream_type, target_type, wp
+      subroutine run_interface(burn_in, target, stream, chain)
+         import :: chain_type, random_stream_type, target_type
          !> See `sampler_type`.
          integer, intent(in) :: burn_in
          class(target_type), intent(in) :: target
          type(random_stream_type), intent(inout) :: stream
-         !> draws(parameter, sample) and their log densities.
-         real(wp), intent(out) :: draws(:, :), log_density(:)
-         !> Share of accepted proposals.
-         real(wp), intent(out) :: acceptance
-         !> Whether a start with a finite density was found. Without one there is no chain.
-         logical, intent(out) :: started
+         type(chain_type), intent(inout) :: chain
       end subroutine run_interface
    end interface
 
@@ -122,26 +128,24 @@ contains
       integer, intent(out) :: n_found
       !> For each point that is asked for.
       integer, parameter :: most_tries = 20000
-      real(wp), allocatable :: x(:, :), values(:)
       integer :: n_tried, i
 
       n_found = 0
       n_tried = 0
       do while (n_found < size(density) .and. n_tried < most_tries*size(density) &
          & .and. .not. stop_requested())
-         allocate (x(target%dimension, size(density) - n_found), values(size(density) - n_found))
-         do i = 1, size(values)
-            call target%draw_start(stream, x(:, i))
+         n_tried = n_tried + size(density) - n_found
+         do i = n_found + 1, size(density)
+            call target%draw_start(stream, points(:, i))
          end do
-         call target%evaluate(x, values)
-         do i = 1, size(values)
-            if (.not. values(i) > outside) cycle
+         call target%evaluate(points(:, n_found + 1:), density(n_found + 1:))
+         ! The points of the support move to the front.
+         do i = n_found + 1, size(density)
+            if (.not. density(i) > outside) cycle
             n_found = n_found + 1
-            points(:, n_found) = x(:, i)
-            density(n_found) = values(i)
+            points(:, n_found) = points(:, i)
+            density(n_found) = density(i)
          end do
-         n_tried = n_tried + size(values)
-         deallocate (x, values)
       end do
    end subroutine draw_starts
 

@@ -186,7 +186,10 @@ contains
             & .and. scale_is_admitted(self, points(:, i)))) then
             cycle
          end if
-         log_density(i) = self%log_prior(c) + likelihood_of_crystal(self, points(:, i), c)
+         log_density(i) = self%log_prior(c)
+         if (self%prior_only) cycle
+         log_density(i) = log_density(i) + likelihood_of_crystal(self, points(:, i), c, &
+            & reshape(self%moduli_at(points(:, i:i)), [size(self%euler, 2)]))
       end do
    end subroutine evaluate
 
@@ -208,7 +211,7 @@ contains
       real(wp), intent(out) :: log_density(:)
       !> Number of points whose moduli are computed together.
       integer, parameter :: block = 64
-      real(wp) :: c(6, 6, block), log_volume(block)
+      real(wp) :: c(6, 6, block)
       !> Allocated, because many grains would overflow the stack of a thread.
       real(wp), allocatable :: moduli(:, :)
       integer :: in_support(block), n, i, k
@@ -221,31 +224,33 @@ contains
          return
       end if
       log_density = outside
-      log_volume = 0.0_wp
       k = self%n_constants
-      n = 1
+      n = 0
       do i = 1, size(w, 2)
-         c(:, :, n) = self%prior%logarithms%from_logarithms(w(:k, i))
-         if (.not. (self%prior%admits(self%prior%class%constants_of(c(:, :, n)), c(:, :, n), &
-            & norm2(w(3:k, i))) .and. scale_is_admitted(self, w(:, i)))) then
-            cycle
-         end if
-         if (.not. self%prior%in_logarithms) then
-            log_volume(n) = self%prior%logarithms%log_volume(w(:k, i))
-         end if
-         in_support(n) = i
-         n = n + 1
-      end do
-      n = n - 1
-      allocate (moduli(size(self%euler, 2), n))
-      if (.not. self%prior_only) call self%grains%evaluate_crystals(c(:, :, :n), moduli)
-      do i = 1, n
-         ! The factor on the sds needs no Jacobian: its logarithm is a coordinate of both.
-         associate (point => w(:, in_support(i)))
-            log_density(in_support(i)) = self%prior%log_density(c(:, :, i), point(:k)) &
-               & + log_volume(i) + likelihood_of_crystal(self, point, c(:, :, i), moduli(:, i))
+         associate (crystal => c(:, :, n + 1), logarithms => self%prior%logarithms)
+            crystal = logarithms%from_logarithms(w(:k, i))
+            if (.not. (self%prior%admits(self%prior%class%constants_of(crystal), crystal, &
+               & norm2(w(3:k, i))) .and. scale_is_admitted(self, w(:, i)))) then
+               cycle
+            end if
+            ! The factor on the sds needs no Jacobian: its logarithm is a coordinate of both.
+            log_density(i) = self%prior%log_density(crystal, w(:k, i))
+            if (.not. self%prior%in_logarithms) then
+               log_density(i) = log_density(i) + logarithms%log_volume(w(:k, i))
+            end if
          end associate
+         n = n + 1
+         in_support(n) = i
       end do
+      if (.not. self%prior_only) then
+         allocate (moduli(size(self%euler, 2), n))
+         call self%grains%evaluate_crystals(c(:, :, :n), moduli)
+         do k = 1, n
+            i = in_support(k)
+            log_density(i) = log_density(i) &
+               & + likelihood_of_crystal(self, w(:, i), c(:, :, k), moduli(:, k))
+         end do
+      end if
       where (.not. log_density > outside) log_density = outside
    end subroutine evaluate_working
 
@@ -307,37 +312,29 @@ contains
       end do
    end subroutine to_working
 
-   !> Logarithm of Eq. 13 and its extensions at a point, normalised over the measurements; 0 if the
-   !> data are left out.
+   !> Logarithm of Eq. 13 and its extensions at a point, normalised over the measurements.
    pure real(wp) function likelihood_of_crystal(self, x, c, moduli) result(log_likelihood)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:), c(6, 6)
-      !> The grain model's rows for this crystal, if the caller has them, GPa.
-      real(wp), intent(in), optional :: moduli(size(self%euler, 2))
-      real(wp), dimension(self%n_grains) :: model, scales, slopes
-      real(wp), dimension(size(self%euler, 2)) :: rows, rows_slopes
+      !> The grain model's rows for this crystal, GPa.
+      real(wp), intent(in), contiguous :: moduli(:)
+      real(wp), dimension(self%n_grains) :: model, scales
       real(wp), allocatable :: u(:, :), reduced(:, :), shared(:), precision(:, :)
 
-      log_likelihood = 0.0_wp
-      if (self%prior_only) return
       if (allocated(self%unknown)) then
-         call self%grains%evaluate_moduli(c, rows, rows_slopes, moduli)
-         log_likelihood = self%unknown%log_likelihood(rows)
-         return
-      end if
-      if (self%n_shared == 0 .and. .not. has_own_variance(self)) then
-         if (present(moduli)) model = moduli
-         if (.not. present(moduli)) call self%grains%evaluate_moduli(c, model, slopes)
+         log_likelihood = self%unknown%log_likelihood(moduli)
+      else if (self%n_shared == 0 .and. .not. has_own_variance(self)) then
+         model = moduli
          call self%observable%to_measured(model(:self%n_moduli))
          log_likelihood = self%errors%log_density((self%data%modulus - model)/self%scale, &
             & scale_factor(self, x)) - self%log_scales
-         return
+      else
+         call self%predict_measurements(x, c, model, scales, u, moduli)
+         call factor_columns(u, reduced)
+         call self%errors%integrate((self%data%modulus - model)/scales, reduced, shared, &
+            & precision, log_likelihood)
+         log_likelihood = log_likelihood - sum_of_logs(scales)
       end if
-      call self%predict_measurements(x, c, model, scales, u, moduli)
-      call factor_columns(u, reduced)
-      call self%errors%integrate((self%data%modulus - model)/scales, reduced, shared, precision, &
-         & log_likelihood)
-      log_likelihood = log_likelihood - sum_of_logs(scales)
    end function likelihood_of_crystal
 
    !> Whether errors that grains do not share have further sources beside the measurement: the

@@ -8,16 +8,37 @@
 !> target's working coordinates. These are whitened in every round: principal axes, and for each
 !> shorter axis a polynomial of the longer ones is subtracted.
 module ensemble_evolution
-   use abstract_sampler, only: draw_starts, outside, target_type
+   use abstract_sampler, only: draw_starts, target_type
    use progress, only: advance_progress
    use running_command, only: stop_requested
    use kinds, only: i8, wp
+   use moves, only: difference_move_type, is_accepted, new_points, points_type
    use random, only: random_stream_type
    use ridge_coordinates, only: fit_whitening, whitening_type
    use statistics, only: sort_order
    implicit none
    private
-   public :: evolve_population, is_accepted, add_difference, next_inverse
+   public :: population_type, evolve_population, next_inverse
+
+   !> Points that walkers visited. Their whitened coordinates are set when the evolution ends.
+   type, extends(points_type) :: population_type
+      !> Number of distinct points before thinning.
+      integer :: distinct = 0
+      !> Number of walkers of the last rounds.
+      integer :: walkers = 1
+      type(whitening_type) :: whitening
+      !> Move of the walkers in whitened coordinates.
+      type(difference_move_type) :: move
+      !> It divides the logarithm of the density.
+      real(wp) :: temperature = 1.0_wp
+      !> The exact density; and a cheaper one, nearly equal where the density is high, and whether
+      !> it is used.
+      class(target_type), pointer, private :: exact => null()
+      class(target_type), allocatable, private :: coarse
+      logical, private :: is_coarse = .false.
+   contains
+      procedure, private :: start, whiten, choose_density, evaluate, step, move_walkers, resample
+   end type population_type
 
    !> Number of parameters from which on ensembles are larger.
    integer, parameter :: many_dimensions = 6
@@ -25,33 +46,21 @@ module ensemble_evolution
 contains
 
    !> Evolve a population from the target's starts: rounds of falling temperature, rounds at the
-   !> density itself, and warmer rounds for the tails. The archive holds the points of the last
-   !> round, thinned, in whitened coordinates.
-   subroutine evolve_population(target, evaluations, stream, whitening, step_scale, &
-      & archive, started)
+   !> density itself, and warmer rounds for the tails. The population is then that of the last
+   !> round, thinned.
+   subroutine evolve_population(target, evaluations, stream, population)
       class(target_type), intent(in), target :: target
       !> Approximate number of evaluations of the density.
       integer(i8), intent(in) :: evaluations
       type(random_stream_type), intent(inout) :: stream
-      type(whitening_type), intent(out) :: whitening
-      !> Factor of the steps along differences; 1 suits coordinates in which the density is normal.
-      real(wp), intent(out) :: step_scale
-      !> (dimension, point).
-      real(wp), allocatable, intent(out) :: archive(:, :)
-      !> Whether a point of the support was found. If so, and if no stop is requested, the archive
-      !> is allocated.
-      logical, intent(out) :: started
+      !> It has no points if none of the support was found, and is complete if no stop is requested.
+      type(population_type), intent(out) :: population
       !> The evaluations are divided by `rounds`: all cooling rounds together count as five. A
       !> cooling round has a share smaller by `cooling_divisor`; there are at most `most_cooling` of
       !> them. All warm rounds together have `tail_effort` shares.
       integer, parameter :: rounds = 10, cooling_divisor = 4, most_cooling = 40, tail_effort = 20
-      class(target_type), allocatable, target :: coarse
-      class(target_type), pointer :: used
-      !> Points in working coordinates, (dimension, point), and the logarithms of their density.
-      real(wp), allocatable :: points(:, :), density(:)
-      real(wp), allocatable :: starts(:, :)
       real(wp) :: last_temperatures(5), warm, inverse, next
-      integer :: m, cooling_walkers, n_found, distinct, round, i
+      integer :: cooling_walkers, round, i
       integer(i8) :: generations
 
       ! At the warm temperature a mixture fitted to the last round covers tails as long as those of
@@ -61,133 +70,137 @@ contains
       last_temperatures = [1.0_wp, 1.0_wp, 1.0_wp, max(1.5_wp, 0.5_wp*(1.0_wp + warm)), warm]
       ! Large ensembles find the tails while they cool.
       if (target%dimension >= many_dimensions) last_temperatures = warm
-      step_scale = 1.0_wp
-      ! Numbers of walkers; more while cooling.
-      m = 40*target%dimension
-      cooling_walkers = merge(m, 4*m, target%dimension >= many_dimensions)
-      allocate (starts(target%dimension, 4*cooling_walkers), density(4*cooling_walkers))
-      call draw_starts(target, stream, starts, density, n_found)
-      started = n_found > 0
-      if (.not. started) return
-      density = density(:n_found)
-      allocate (points(target%dimension, n_found))
-      call target%to_working(starts(:, :n_found), points)
-      call target%evaluate_working(points, density)
-      m = min(m, size(density))
-      allocate (coarse, source=target)
-      call coarse%coarsen()
-      used => target
+      ! More walkers while cooling.
+      population%walkers = 40*target%dimension
+      cooling_walkers = population%walkers
+      if (target%dimension < many_dimensions) cooling_walkers = 4*cooling_walkers
+      call population%start(target, stream, 4*cooling_walkers)
+      if (size(population%log_density) == 0) return
+      generations = evaluations/(population%walkers*rounds)
       inverse = 0.0_wp
       do round = 1, most_cooling
          next = 1.0_wp/last_temperatures(1)
-         if (round < most_cooling) next = min(next, next_inverse(density, inverse))
-         call resample(stream, (next - inverse)*density, points, density, distinct)
+         if (round < most_cooling) next = min(next, next_inverse(population%log_density, inverse))
+         call population%resample(stream, (next - inverse)*population%log_density)
          inverse = next
-         call choose_density(target, coarse, 1.0_wp/inverse, min(distinct, 4*m), stream, points, &
-            & density, whitening, used)
-         generations = evaluations/(m*rounds)
-         call step_population(used, 1.0_wp/inverse, cooling_walkers, generations/cooling_divisor, &
-            & stream, whitening, step_scale, points, density, distinct)
+         population%temperature = 1.0_wp/inverse
+         call population%choose_density(stream)
+         call population%step(cooling_walkers, generations/cooling_divisor, stream)
          if (inverse >= 1.0_wp/last_temperatures(1) .or. stop_requested()) exit
       end do
       do round = 1, size(last_temperatures)
          if (stop_requested()) return
          ! The cooling rounds were half of the evaluations.
          call advance_progress(evaluations/(target%dimension*merge(2, rounds, round == 1)))
-         call choose_density(target, coarse, last_temperatures(round), min(distinct, 4*m), stream, &
-            & points, density, whitening, used)
+         population%temperature = last_temperatures(round)
+         call population%choose_density(stream)
          ! Walkers need many steps to reach the end of a long tail.
-         generations = evaluations/(m*rounds)*merge(tail_effort/count(last_temperatures > 1.0_wp), &
-            & 1, last_temperatures(round) > 1.0_wp)
-         call step_population(used, last_temperatures(round), m, generations, stream, whitening, &
-            & step_scale, points, density, distinct)
+         call population%step(population%walkers, generations*merge(tail_effort &
+            & /count(last_temperatures > 1.0_wp), 1, population%temperature > 1.0_wp), stream)
       end do
+      deallocate (population%coarse)
       ! The polynomials of the whitening hold only over the range of the points: fit them to the
       ! last ones.
-      if (target%dimension < many_dimensions) then
-         call fit_whitening(points, min(distinct, 4*m), whitening)
-      end if
-      archive = points
-      do i = 1, size(points, 2)
-         call whitening%to_white(points(:, i), archive(:, i))
+      if (target%dimension < many_dimensions) call population%whiten()
+      do i = 1, size(population%u, 2)
+         call population%whitening%to_white(population%w(:, i), population%u(:, i))
       end do
    end subroutine evolve_population
 
-   !> Choose between the exact and the coarse density, and fit the whitening to the points. Where
-   !> the exact density replaces the coarse one, resample the points: the coarse one may have led
-   !> some astray.
-   subroutine choose_density(target, coarse, temperature, distinct, stream, points, density, &
-      & whitening, used)
-      !> The exact density; and a cheaper one, nearly equal where the density is high.
-      class(target_type), intent(in), target :: target, coarse
-      !> Temperature, which divides the logarithm of the density.
-      real(wp), intent(in) :: temperature
-      !> Number of distinct points.
-      integer, intent(in) :: distinct
+   !> Draw points from the target's starts.
+   subroutine start(self, target, stream, n)
+      class(population_type), intent(inout) :: self
+      class(target_type), intent(in), target :: target
       type(random_stream_type), intent(inout) :: stream
-      !> Working coordinates, (dimension, point), and the logarithms of the density: of the one used
-      !> before on entry, of the chosen one on return.
-      real(wp), intent(inout) :: points(:, :), density(:)
-      type(whitening_type), intent(inout) :: whitening
-      !> The chosen density, one of the two.
-      class(target_type), pointer, intent(inout) :: used
+      !> Number of points that are asked for.
+      integer, intent(in) :: n
+      real(wp), allocatable :: starts(:, :)
+      integer :: n_found
+
+      allocate (self%w(target%dimension, n), self%log_density(n))
+      call draw_starts(target, stream, self%w, self%log_density, n_found)
+      starts = self%w(:, :n_found)
+      self%w = starts
+      self%log_density = self%log_density(:n_found)
+      if (n_found == 0) return
+      self%exact => target
+      allocate (self%coarse, source=target)
+      call self%coarse%coarsen()
+      call target%to_working(starts, self%w)
+      call target%evaluate_working(self%w, self%log_density)
+      self%walkers = min(self%walkers, n_found)
+   end subroutine start
+
+   !> Fit the whitening to the points.
+   subroutine whiten(self)
+      class(population_type), intent(inout) :: self
+
+      call fit_whitening(self%w, min(self%distinct, 4*self%walkers, size(self%log_density)), &
+         & self%whitening)
+   end subroutine whiten
+
+   !> Choose between the exact and the coarse density, and fit the whitening. Where the exact
+   !> density replaces the coarse one, resample the points: the coarse one may have led some astray.
+   subroutine choose_density(self, stream)
+      class(population_type), intent(inout) :: self
+      type(random_stream_type), intent(inout) :: stream
       !> Number of test points, and the share of them at which the logarithm of the coarse density
       !> must err by less than two temperatures.
       integer, parameter :: n_tests = 50
       real(wp), parameter :: least_share = 0.7_wp
-      real(wp) :: old_density(size(density)), w(size(points, 1), n_tests), exact(n_tests), &
-         & approximate(n_tests)
-      integer :: n_distinct, k
-      logical :: was_exact
+      real(wp) :: old_density(size(self%log_density)), w(size(self%w, 1), n_tests), &
+         & exact(n_tests), approximate(n_tests)
+      integer :: k
+      logical :: was_coarse
 
-      was_exact = associated(used, target)
-      used => target
-      w = points(:, [(1 + (k - 1)*(size(points, 2) - 1)/n_tests, k=1, n_tests)])
-      call target%evaluate_working(w, exact)
-      call coarse%evaluate_working(w, approximate)
-      if (count(abs(exact - approximate) < 2.0_wp*temperature) >= least_share*n_tests) then
-         used => coarse
-      end if
-      call fit_whitening(points, min(distinct, size(density)), whitening)
-      if (was_exact .or. associated(used, coarse)) return
-      old_density = density
-      call used%evaluate_working(points, density)
-      call resample(stream, (density - old_density)/temperature, points, density, n_distinct)
+      was_coarse = self%is_coarse
+      w = self%w(:, [(1 + (k - 1)*(size(self%w, 2) - 1)/n_tests, k=1, n_tests)])
+      call self%exact%evaluate_working(w, exact)
+      call self%coarse%evaluate_working(w, approximate)
+      self%is_coarse &
+         & = count(abs(exact - approximate) < 2.0_wp*self%temperature) >= least_share*n_tests
+      call self%whiten()
+      if (self%is_coarse .or. .not. was_coarse) return
+      old_density = self%log_density
+      call self%exact%evaluate_working(self%w, self%log_density)
+      call self%resample(stream, (self%log_density - old_density)/self%temperature)
    end subroutine choose_density
 
-   !> Differential evolution of walkers that start from some of the points. On return the points are
+   !> Logarithm of the density that is used.
+   subroutine evaluate(self, w, log_density)
+      class(population_type), intent(in) :: self
+      !> Working coordinates, (dimension, point).
+      real(wp), intent(in), contiguous :: w(:, :)
+      real(wp), intent(out) :: log_density(:)
+
+      if (self%is_coarse) then
+         call self%coarse%evaluate_working(w, log_density)
+      else
+         call self%exact%evaluate_working(w, log_density)
+      end if
+   end subroutine evaluate
+
+   !> Move walkers that start from some of the points by differential evolution. The points are then
    !> those visited in the second half of the generations.
-   subroutine step_population(target, temperature, m, wanted, stream, whitening, step_scale, &
-      & points, density, distinct)
-      class(target_type), intent(in) :: target
-      real(wp), intent(in) :: temperature
+   subroutine step(self, m, wanted, stream)
+      class(population_type), intent(inout) :: self
       !> Number of walkers.
       integer, intent(in) :: m
       !> Number of generations; at least four are made.
       integer(i8), intent(in) :: wanted
       type(random_stream_type), intent(inout) :: stream
-      type(whitening_type), intent(in) :: whitening
-      real(wp), intent(inout) :: step_scale
-      !> Working coordinates, (dimension, point), and the logarithms of their density.
-      real(wp), allocatable, intent(inout) :: points(:, :), density(:)
-      !> Number of accepted moves in the second half: the number of distinct points before thinning.
-      integer, intent(out) :: distinct
-      !> Approximate number of retained points, acceptance to which the steps are tuned, and the
-      !> least factor of the steps.
+      !> Approximate number of retained points.
       integer, parameter :: most_points = 4000
-      real(wp), parameter :: target_acceptance = 0.2_wp, least_scale = 0.02_wp
-      !> Walkers and proposals, in working and whitened coordinates; below, the logarithms of their
-      !> densities.
-      real(wp), dimension(target%dimension, m) :: w, u, proposed, proposed_u
-      real(wp) :: current(m), proposed_density(m)
-      integer :: k, a, b, retained, accepted, half, first, last, n_others
+      type(points_type) :: walkers, retained
+      integer :: k, n_retained, accepted
       integer(i8) :: generations, generation, visits, stride, i
 
-      w = points(:, [(1 + int((k - 1)*size(density, kind=i8)/m), k=1, m)])
-      call target%evaluate_working(w, current)
+      walkers = new_points(size(self%w, 1), m)
       do k = 1, m
-         call whitening%to_white(w(:, k), u(:, k))
+         walkers%w(:, k) = self%w(:, 1 + int((k - 1)*size(self%log_density, kind=i8)/m))
+         call self%whitening%to_white(walkers%w(:, k), walkers%u(:, k))
       end do
+      call self%evaluate(walkers%w, walkers%log_density)
       generations = max(4_i8, wanted)
       ! The stride has no common divisor with the number of walkers, so that every walker is among
       ! the points.
@@ -196,56 +209,68 @@ contains
       do while (any([(mod(stride, i) == 0 .and. mod(int(m, i8), i) == 0, i=2, m)]))
          stride = stride + 1
       end do
-      deallocate (points, density)
-      allocate (points(target%dimension, (visits + stride - 1)/stride), &
-         & density((visits + stride - 1)/stride))
+      retained = new_points(size(self%w, 1), int((visits + stride - 1)/stride))
       visits = 0
-      retained = 0
-      distinct = 0
+      n_retained = 0
+      self%distinct = 0
       do generation = 1, generations
          if (stop_requested()) return
          accepted = 0
-         ! Each half of the walkers moves along differences of the other half. So all proposals of a
-         ! half are evaluated in one call before any of them is accepted.
-         do half = 0, 1
-            first = 1 + half*(m/2)
-            last = merge(m/2, m, half == 0)
-            n_others = max(1, m - (last - first + 1))
-            do k = first, last
-               do
-                  call stream%pick(n_others, a)
-                  call stream%pick(n_others, b)
-                  if (a /= b .or. n_others == 1) exit
-               end do
-               a = mod(last + a - 1, m) + 1
-               b = mod(last + b - 1, m) + 1
-               call add_difference(stream, u(:, a) - u(:, b), step_scale, u(:, k), proposed_u(:, k))
-               call whitening%from_white(proposed_u(:, k), proposed(:, k))
-            end do
-            call target%evaluate_working(proposed(:, first:last), proposed_density(first:last))
-            do k = first, last
-               if (.not. is_accepted(stream, proposed_density(k), current(k), temperature)) cycle
-               w(:, k) = proposed(:, k)
-               u(:, k) = proposed_u(:, k)
-               current(k) = proposed_density(k)
-               accepted = accepted + 1
-            end do
-         end do
+         call self%move_walkers(1, m/2, stream, walkers, accepted)
+         call self%move_walkers(m/2 + 1, m, stream, walkers, accepted)
          if (2*generation > generations) then
-            distinct = distinct + accepted
+            self%distinct = self%distinct + accepted
             do k = 1, m
                if (mod(visits, stride) == 0) then
-                  retained = retained + 1
-                  points(:, retained) = w(:, k)
-                  density(retained) = current(k)
+                  n_retained = n_retained + 1
+                  call retained%set(n_retained, walkers, k)
                end if
                visits = visits + 1
             end do
          end if
-         step_scale = min(1.0_wp, &
-            & max(least_scale, step_scale*exp(0.5_wp*(real(accepted, wp)/m - target_acceptance))))
+         call self%move%tune(real(accepted, wp)/m)
       end do
-   end subroutine step_population
+      self%points_type = retained
+   end subroutine step
+
+   !> Move half of the walkers along differences of the other half, so that all proposals are
+   !> evaluated in one call before any of them is accepted.
+   subroutine move_walkers(self, first, last, stream, walkers, accepted)
+      class(population_type), intent(in) :: self
+      !> Numbers of the first and the last walker of the half.
+      integer, intent(in) :: first, last
+      type(random_stream_type), intent(inout) :: stream
+      type(points_type), intent(inout) :: walkers
+      !> It grows by the number of accepted moves.
+      integer, intent(inout) :: accepted
+      type(points_type) :: proposed
+      integer :: k, a, b, m, n_others
+
+      proposed = walkers
+      m = size(walkers%log_density)
+      n_others = max(1, m - (last - first + 1))
+      do k = first, last
+         do
+            call stream%pick(n_others, a)
+            call stream%pick(n_others, b)
+            if (a /= b .or. n_others == 1) exit
+         end do
+         a = mod(last + a - 1, m) + 1
+         b = mod(last + b - 1, m) + 1
+         call self%move%propose(stream, walkers%u(:, a) - walkers%u(:, b), walkers%u(:, k), &
+            & proposed%u(:, k))
+         call self%whitening%from_white(proposed%u(:, k), proposed%w(:, k))
+      end do
+      call self%evaluate(proposed%w(:, first:last), proposed%log_density(first:last))
+      do k = first, last
+         if (.not. is_accepted(stream, proposed%log_density(k), walkers%log_density(k), &
+            & self%temperature)) then
+            cycle
+         end if
+         call walkers%set(k, proposed, k)
+         accepted = accepted + 1
+      end do
+   end subroutine move_walkers
 
    !> The next inverse temperature, at most 1: the largest one at which the points of the present
    !> one, weighted for it, still have the effective share below.
@@ -286,16 +311,13 @@ contains
    end function next_inverse
 
    !> Resample points by their weights, in place: at equal distances of the cumulated weight.
-   subroutine resample(stream, log_weights, points, density, distinct)
+   subroutine resample(self, stream, log_weights)
+      class(population_type), intent(inout) :: self
       type(random_stream_type), intent(inout) :: stream
+      !> (point).
       real(wp), intent(in) :: log_weights(:)
-      !> (dimension, point).
-      real(wp), intent(inout) :: points(:, :)
-      real(wp), intent(inout) :: density(:)
-      !> Number of distinct points that are left.
-      integer, intent(out) :: distinct
-      real(wp) :: cumulated(size(density)), v
-      integer :: chosen(size(density)), i, k
+      real(wp) :: cumulated(size(log_weights)), v
+      integer :: chosen(size(log_weights)), i, k
 
       cumulated = exp(log_weights - maxval(log_weights))
       ! Truncated weights (Ionides, J. Comput. Graph. Stat. 17, 295, 2008) keep a few points from
@@ -306,67 +328,16 @@ contains
       end do
       call stream%uniform(v)
       i = 1
-      distinct = 1
+      self%distinct = 1
       do k = 1, size(chosen)
          do while (i < size(chosen) &
             & .and. cumulated(i) < (k - 1 + v)/size(chosen)*cumulated(size(cumulated)))
             i = i + 1
          end do
          chosen(k) = i
-         if (k > 1) distinct = distinct + merge(1, 0, chosen(k) > chosen(max(1, k - 1)))
+         if (chosen(k) > chosen(max(1, k - 1))) self%distinct = self%distinct + 1
       end do
-      points = points(:, chosen)
-      density = density(chosen)
+      self%w = self%w(:, chosen)
+      self%log_density = self%log_density(chosen)
    end subroutine resample
-
-   !> Whether a Metropolis step is accepted.
-   logical function is_accepted(stream, proposed, current, temperature)
-      type(random_stream_type), intent(inout) :: stream
-      !> Logarithms of the density, and the temperature that divides them.
-      real(wp), intent(in) :: proposed, current, temperature
-      real(wp) :: v
-
-      is_accepted = proposed > outside
-      if (.not. is_accepted) return
-      call stream%uniform(v)
-      is_accepted = log(v) < (proposed - current)/temperature
-   end function is_accepted
-
-   !> Move a point u along a difference of two points, in all coordinates or in some, with a little
-   !> noise.
-   subroutine add_difference(stream, difference, scale, u, moved)
-      type(random_stream_type), intent(inout) :: stream
-      real(wp), intent(in) :: difference(:), u(:)
-      !> Factor of the step; 1 suits coordinates in which the density is normal.
-      real(wp), intent(in) :: scale
-      !> (dimension).
-      real(wp), intent(out) :: moved(:)
-      real(wp), parameter :: noise = 1.0e-5_wp
-      real(wp) :: share, v, length, z
-      integer :: i
-      logical :: changed(size(u))
-
-      call stream%uniform(share)
-      changed = .true.
-      if (share < 0.5_wp) then
-         do i = 1, size(u)
-            call stream%uniform(v)
-            changed(i) = v < 2.0_wp*share
-         end do
-         if (.not. any(changed)) changed = .true.
-      end if
-      ! The factor is ter Braak's 2.38/sqrt(2 d) for d coordinates. In 15 % of the steps it is 1,
-      ! which leads from mode to mode; in 25 % the step is shorter.
-      call stream%uniform(v)
-      length = scale*2.38_wp/sqrt(2.0_wp*count(changed))
-      if (v < 0.15_wp) length = 1.0_wp
-      if (v > 0.75_wp) length = 0.35_wp*length
-      moved = u
-      do i = 1, size(u)
-         if (.not. changed(i)) cycle
-         call stream%normal(z)
-         moved(i) = u(i) + length*difference(i) + noise*z
-      end do
-   end subroutine add_difference
-
 end module ensemble_evolution

@@ -80,14 +80,13 @@ contains
       class(error_model_type), intent(in) :: self
       !> Residuals in units of the scale, (measurement).
       real(wp), intent(in) :: e(:)
-      !> Minus the first derivative over the residual, (measurement).
-      real(wp), intent(out) :: weight(:)
-      !> Minus the second derivative and its expectation, (measurement).
-      real(wp), intent(out), optional :: curvature(:), expected(:)
+      !> Minus the first derivative over the residual; minus the second and its expectation;
+      !> (measurement).
+      real(wp), intent(out) :: weight(:), curvature(:), expected(:)
 
       weight = 1.0_wp
-      if (present(curvature)) curvature = 1.0_wp
-      if (present(expected)) expected = 1.0_wp
+      curvature = 1.0_wp
+      expected = 1.0_wp
    end subroutine weigh
 
    !> Write the density of scale one as a mixture of normal densities.
@@ -126,17 +125,16 @@ contains
       logical :: definite
 
       allocate (b(size(u, 2)), l(size(u, 2), size(u, 2)), source=0.0_wp)
-      call self%weigh(r, weight)
+      call self%weigh(r, weight, curvature, expected)
       do step = 1, most_steps
          previous_b = b
          previous_weight = weight
          call fit_columns(r, u, previous_weight, b, l)
          e = r - matmul(u, b)
-         call self%weigh(e, weight)
+         call self%weigh(e, weight, curvature, expected)
          if (maxval(abs(b - previous_b)) < 1.0e-9_wp) exit
          if (maxval(abs(weight - previous_weight)) <= 0.0_wp) exit
       end do
-      call self%weigh(e, weight, curvature, expected)
       value = self%log_density(e, 1.0_wp) - 0.5_wp*sum(b**2)
       if (maxval(abs(curvature - previous_weight)) > 0.0_wp) then
          call weighted_gram(u, curvature, l)
@@ -167,7 +165,7 @@ contains
       !> (measurement).
       real(wp), intent(out) :: values(:)
       real(wp), allocatable :: variance(:), share(:), terms(:)
-      real(wp), dimension(size(r)) :: e, weight, curvature
+      real(wp), dimension(size(r)) :: e, weight, curvature, expected
       real(wp) :: factor(size(b), size(b)), z(size(b)), h, h_without
       logical :: definite
       integer :: i
@@ -177,7 +175,7 @@ contains
          return
       end if
       e = r - matmul(u, b)
-      call self%weigh(e, weight, curvature)
+      call self%weigh(e, weight, curvature, expected)
       curvature = max(0.0_wp, curvature)
       call weighted_gram(u, curvature, factor)
       call factor_definite(factor, resolution, definite)
@@ -210,12 +208,11 @@ contains
    pure subroutine student_weigh(self, e, weight, curvature, expected)
       class(student_errors_type), intent(in) :: self
       real(wp), intent(in) :: e(:)
-      real(wp), intent(out) :: weight(:)
-      real(wp), intent(out), optional :: curvature(:), expected(:)
+      real(wp), intent(out) :: weight(:), curvature(:), expected(:)
 
       weight = (self%dof + 1.0_wp)/(self%dof + e**2)
-      if (present(curvature)) curvature = (self%dof + 1.0_wp)*(self%dof - e**2)/(self%dof + e**2)**2
-      if (present(expected)) expected = (self%dof + 1.0_wp)/(self%dof + 3.0_wp)
+      curvature = (self%dof + 1.0_wp)*(self%dof - e**2)/(self%dof + e**2)**2
+      expected = (self%dof + 1.0_wp)/(self%dof + 3.0_wp)
    end subroutine student_weigh
 
    !> The inverse variance has a gamma distribution. Its logarithm is placed on an even grid that

@@ -35,7 +35,7 @@ contains
       integer :: order(size(points, 2)), i, n_points
 
       n_points = size(points, 2)
-      call allocate_mixture(mixture, size(points, 1), components)
+      mixture = allocated_mixture(size(points, 1), components)
       call sort_order(points(1, :), order)
       allocate (responsibility(components, n_points), source=0.0_wp)
       do i = 1, n_points
@@ -44,8 +44,7 @@ contains
       call maximise(products_of(points), responsibility, mixture)
    end subroutine new_mixture
 
-   pure subroutine allocate_mixture(mixture, n, components)
-      type(mixture_type), intent(inout) :: mixture
+   pure type(mixture_type) function allocated_mixture(n, components) result(mixture)
       integer, intent(in) :: n, components
 
       mixture%n = n
@@ -54,22 +53,21 @@ contains
       allocate (mixture%log_norm(components), source=-1.0e30_wp)
       allocate (mixture%mean(components, n), mixture%factor(n, n, components), &
          & mixture%inverse(components, n, n), source=0.0_wp)
-   end subroutine allocate_mixture
+   end function allocated_mixture
 
    !> The logarithm of each component's share of the density at u.
-   pure subroutine log_terms(n, components, mean, inverse, log_norm, u, terms)
-      integer, intent(in) :: n, components
-      real(wp), intent(in) :: mean(components, n), inverse(components, n, n), &
-         & log_norm(components), u(n)
-      real(wp), intent(out) :: terms(components)
-      real(wp) :: z(components)
+   pure subroutine log_terms(mixture, u, terms)
+      type(mixture_type), intent(in) :: mixture
+      real(wp), intent(in) :: u(mixture%n)
+      real(wp), intent(out) :: terms(mixture%components)
+      real(wp) :: z(mixture%components)
       integer :: i, j
 
-      terms = log_norm
-      do i = 1, n
+      terms = mixture%log_norm
+      do i = 1, mixture%n
          z = 0.0_wp
          do j = 1, i
-            z = z + inverse(:, j, i)*(u(j) - mean(:, j))
+            z = z + mixture%inverse(:, j, i)*(u(j) - mixture%mean(:, j))
          end do
          terms = terms - 0.5_wp*z*z
       end do
@@ -81,8 +79,7 @@ contains
       real(wp), intent(in), contiguous :: u(:)
       real(wp) :: terms(mixture%components), shares(mixture%components), top
 
-      call log_terms(mixture%n, mixture%components, mixture%mean, mixture%inverse, &
-         & mixture%log_norm, u, terms)
+      call log_terms(mixture, u, terms)
       top = maxval(terms)
       terms = terms - top
       call exp_all(terms, shares)
@@ -123,8 +120,7 @@ contains
       allocate (responsibility(mixture%components, size(weights)))
       do step = 1, steps
          do p = 1, size(weights)
-            call log_terms(mixture%n, mixture%components, mixture%mean, mixture%inverse, &
-               & mixture%log_norm, points(:, p), terms)
+            call log_terms(mixture, points(:, p), terms)
             terms = terms - maxval(terms)
             call exp_all(terms, responsibility(:, p))
             responsibility(:, p) = weights(p)/sum(responsibility(:, p))*responsibility(:, p)
@@ -223,7 +219,7 @@ contains
       integer :: m, j, n
 
       n = count(mixture%weight > 0.0_wp)
-      call allocate_mixture(wide, mixture%n, 2*n + 1)
+      wide = allocated_mixture(mixture%n, 2*n + 1)
       mean = matmul(mixture%weight, mixture%mean)
       covariance = 0.0_wp
       n = 0

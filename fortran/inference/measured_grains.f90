@@ -36,24 +36,23 @@ module measured_grains
 
 contains
 
-   !> Indentation modulus of the isotropic solid that has the mean measurement times a factor, GPa:
-   !> the mean of the moduli, or of the speeds if there are no moduli.
-   pure real(wp) function mean_modulus(observable, measured, factor)
+   !> Indentation modulus of the isotropic solid that has the mean measurement, GPa: the mean of the
+   !> moduli, or of the speeds if there are no moduli.
+   pure real(wp) function mean_modulus(observable, measured)
       type(observable_type), intent(in) :: observable
       type(measured_type), intent(in) :: measured
-      real(wp), intent(in) :: factor
       !> Indentation modulus over rho v^2 for Poisson's ratio 0.3.
       real(wp), parameter :: modulus_over_wave = 3.32_wp
       integer :: n
 
       n = count(measured%paths%wave == no_wave)
       if (n > 0 .or. size(measured%modulus) == 0) then
-         mean_modulus = factor*sum(measured%modulus(:n))/max(1, n)
+         mean_modulus = sum(measured%modulus(:n))/max(1, n)
          ! Very large if no solid has this value.
          mean_modulus = mean_modulus/max(observable%factor - observable%compliance*mean_modulus, &
             & 1.0e-3_wp)
       else
-         mean_modulus = factor*modulus_over_wave*1.0e-9_wp*measured%density &
+         mean_modulus = modulus_over_wave*1.0e-9_wp*measured%density &
                        & *(sum(measured%modulus)/size(measured%modulus))**2
       end if
    end function mean_modulus

@@ -50,7 +50,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(factor_type) :: factor
       character(len=:), allocatable :: word, power
-      real(wp) :: power_sign
+      real(wp) :: power_sign, exponent
       integer :: i, caret, word_start, outcome
       logical :: in_brackets
 
@@ -79,14 +79,15 @@ contains
             power = word(caret + 1:)
             word = word(:caret - 1)
          end if
-         call read_real(power, factor%power, outcome)
-         factor%power = power_sign*factor%power
-         power_sign = 1.0_wp
-         if (outcome == number_ok) call read_word(word, factor, error)
-         if (outcome /= number_ok) then
+         call read_real(power, exponent, outcome)
+         if (outcome == number_ok) then
+            call read_word(word, factor, error)
+         else
             call refuse(error, ''''//trim(name)//''': the power '''//power//''' is not a number')
          end if
          if (allocated(error)) return
+         factor%power = power_sign*exponent
+         power_sign = 1.0_wp
          quantity%factors = [quantity%factors, factor]
       end do
       if (size(quantity%factors) == 0) then
@@ -98,14 +99,12 @@ contains
    !> Read a constant, a name, or a name with a direction.
    subroutine read_word(text, factor, error)
       character(len=*), intent(in) :: text
-      type(factor_type), intent(inout) :: factor
+      type(factor_type), intent(out) :: factor
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: word
       integer :: bracket
       logical :: known
 
-      factor%row = 0
-      factor%column = 0
       bracket = index(text, '[')
       word = lower(text)
       if (bracket > 0) word = lower(text(:bracket - 1))
@@ -324,42 +323,17 @@ contains
       !> Stiffness in crystal axes, GPa.
       real(wp), intent(in) :: c(6, 6)
       real(wp), intent(out) :: values(:)
-      real(wp), allocatable :: s(:, :)
-      type(averages_type), allocatable :: averages
-      real(wp) :: value
       integer :: i, j
 
+      values = 1.0_wp
       do i = 1, size(quantities)
-         values(i) = 1.0_wp
          do j = 1, size(quantities(i)%factors)
-            associate (factor => quantities(i)%factors(j))
-               select case (factor%word)
-               case ('constant')
-                  value = c(factor%row, factor%column)
-               case ('c''')
-                  value = 0.5_wp*(c(1, 1) - c(1, 2))
-               case ('anisotropy_index')
-                  value = anisotropy_index(c)
-               case ('bulk_modulus', 'young', 'shear', 'compressibility')
-                  if (.not. allocated(s)) s = compliance(c)
-                  value = directional_response(factor%word, s, factor%direction)
-               case default
-                  if (.not. allocated(averages)) averages = polycrystal_averages(c)
-                  select case (factor%word)
-                  case ('polycrystal_bulk')
-                     value = averages%bulk
-                  case ('polycrystal_shear')
-                     value = averages%shear
-                  case ('polycrystal_young')
-                     value = averages%young
-                  case default
-                     value = averages%poisson
-                  end select
-               end select
-               if (abs(abs(factor%power) - 1.0_wp) <= 0.0_wp) then
-                  values(i) = values(i)*value**nint(factor%power)
+            associate (power => quantities(i)%factors(j)%power, &
+               & value => value_of(quantities(i)%factors(j), c))
+               if (abs(abs(power) - 1.0_wp) <= 0.0_wp) then
+                  values(i) = values(i)*value**nint(power)
                else
-                  values(i) = values(i)*value**factor%power
+                  values(i) = values(i)*value**power
                end if
             end associate
          end do
@@ -383,27 +357,49 @@ contains
       end do
    end subroutine evaluate_draws
 
-   !> Response of a crystal along a direction, from its compliance: the bulk modulus, GPa, which has
-   !> no direction; Young's or the torsional shear modulus, GPa; the linear compressibility, 1/TPa.
-   pure real(wp) function directional_response(word, s, n)
-      character(len=*), intent(in) :: word
-      !> Compliance, 1/GPa; unit vector.
-      real(wp), intent(in) :: s(6, 6), n(3)
+   !> Value of a factor without its power. A directional quantity is the response along a direction:
+   !> Young's or the torsional shear modulus, GPa, or the linear compressibility, 1/TPa.
+   pure real(wp) function value_of(factor, c) result(value)
+      type(factor_type), intent(in) :: factor
+      !> GPa.
+      real(wp), intent(in) :: c(6, 6)
       real(wp), parameter :: axes(3, 3) = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], [3, 3])
+      type(averages_type) :: averages
+      real(wp) :: s(6, 6)
       integer :: j
 
-      select case (word)
-      case ('bulk_modulus')
-         directional_response = 1.0_wp/sum(s(:3, :3))
-      case ('young')
-         directional_response = 1.0_wp/energy(n, n)
-      case ('compressibility')
-         directional_response = 1000.0_wp*dot_product(sum(s(:3, :), 1), stress(n, n))
-      case default
-         ! Torsion of a rod along n averages the shear compliance over the directions across n. The
-         ! mean follows from the sum over three axes less the term along n.
-         directional_response = 0.5_wp/(sum([(energy(n, axes(:, j)), j=1, 3)]) - energy(n, n))
-      end select
+      if (factor%word == 'constant') then
+         value = c(factor%row, factor%column)
+         return
+      end if
+      s = compliance(c)
+      averages = polycrystal_averages(c)
+      associate (n => factor%direction)
+         select case (factor%word)
+         case ('c''')
+            value = 0.5_wp*(c(1, 1) - c(1, 2))
+         case ('anisotropy_index')
+            value = anisotropy_index(c)
+         case ('polycrystal_bulk')
+            value = averages%bulk
+         case ('polycrystal_shear')
+            value = averages%shear
+         case ('polycrystal_young')
+            value = averages%young
+         case ('polycrystal_poisson')
+            value = averages%poisson
+         case ('bulk_modulus')
+            value = averages%bulk_reuss
+         case ('young')
+            value = 1.0_wp/energy(n, n)
+         case ('compressibility')
+            value = 1000.0_wp*dot_product(sum(s(:3, :), 1), stress(n, n))
+         case default
+            ! Torsion of a rod along n averages the shear compliance over the directions across n.
+            ! The mean follows from the sum over three axes less the term along n.
+            value = 0.5_wp/(sum([(energy(n, axes(:, j)), j=1, 3)]) - energy(n, n))
+         end select
+      end associate
 
    contains
 
@@ -421,5 +417,5 @@ contains
 
          energy = dot_product(stress(a, b), matmul(s, stress(a, b)))
       end function energy
-   end function directional_response
+   end function value_of
 end module quantities

@@ -11,7 +11,7 @@
 !> log densities and the draws, and their checksum. A chain that cannot be stored, or whose file is
 !> damaged, is drawn again.
 module samplers
-   use abstract_sampler, only: draw_starts, sampler_type, target_type
+   use abstract_sampler, only: chain_type, draw_starts, sampler_type, target_type
    use ensemble_sampler, only: run_ensemble
    use errors, only: error_type, raise, refuse
    use files, only: checksum, read_bytes, replace_file
@@ -21,11 +21,11 @@ module samplers
    use progress, only: advance_progress, begin_progress, end_progress
    use running_command, only: listen, stop_listening, stop_requested
    use scmh_sampler, only: run_scmh
-   use text, only: to_text
+   use text, only: join, to_text
    implicit none
    private
-   public :: sampler_names, new_sampler, run_settings_type, chains_type, sample_chains, &
-      & checkpoint_type, new_checkpoint
+   public :: listed_samplers, sampler_names, new_sampler, run_settings_type, chains_type, &
+      & sample_chains, checkpoint_type, new_checkpoint
 
    !> Prefix of the names of these files.
    character(len=*), parameter, public :: chain_prefix = '.chain-'
@@ -37,10 +37,6 @@ module samplers
    contains
       procedure :: restore, store
    end type checkpoint_type
-
-   !> Names that the user may choose. A new sampler needs a module, its name here and a case in
-   !> `new_sampler`.
-   character(len=*), parameter :: sampler_names = 'ensemble, scmh'
 
    type :: run_settings_type
       !> Number of samples of each chain after the burn-in.
@@ -69,72 +65,84 @@ contains
       integer, parameter :: probes = 20
       type(random_stream_type) :: stream
       real(wp) :: points(target%dimension, probes), density(probes)
-      character(len=:), allocatable :: identity
-      character(len=16) :: digits
-      integer :: n_found, i
+      integer :: n_found
 
       stream = new_random_stream(0, 0)
       call draw_starts(target, stream, points, density, n_found)
-      identity = inputs
-      do i = 1, n_found
-         write (digits, '(z16.16)') transfer(density(i), 1_i8)
-         identity = identity//digits
-      end do
-      self%stem = folder//'/'//chain_prefix//checksum(identity)//'-'
+      self%stem = folder//'/'//chain_prefix &
+         & //checksum(inputs//bytes_of(density(:n_found)))//'-'
    end subroutine new_checkpoint
 
-   !> Read the chain of a random stream if its file exists and is intact.
-   subroutine restore(self, number, draws, log_density, acceptance, found)
+   !> The bits of values.
+   pure function bytes_of(values) result(bytes)
+      real(wp), intent(in) :: values(:)
+      character(len=size(values)*bytes_of_real) :: bytes
+
+      bytes = transfer(values, bytes)
+   end function bytes_of
+
+   !> Read the chain of a random stream if its file exists and is intact: the chain is then started.
+   subroutine restore(self, number, chain)
       class(checkpoint_type), intent(in) :: self
       !> Number of the random stream.
       integer, intent(in) :: number
-      !> (parameter, sample), (sample).
-      real(wp), intent(inout) :: draws(:, :), log_density(:)
-      !> Share of accepted proposals.
-      real(wp), intent(inout) :: acceptance
-      !> Whether the chain was read. If not, the arguments are unchanged.
-      logical, intent(out) :: found
+      !> Unchanged if it was not read.
+      type(chain_type), intent(inout) :: chain
       type(error_type), allocatable :: error
       character(len=:), allocatable :: content
       real(wp), allocatable :: values(:)
       integer(i8) :: n_bytes
       integer :: n
 
-      found = .false.
       if (.not. allocated(self%stem)) return
       call read_bytes(self%stem//to_text(number), content, error)
       if (allocated(error)) return
-      allocate (values(1 + size(log_density) + size(draws)))
+      n = size(chain%log_density)
+      allocate (values(1 + n + size(chain%draws)))
       n_bytes = size(values)*bytes_of_real
       if (len(content) /= n_bytes + len(checksum(''))) return
       if (content(n_bytes + 1:) /= checksum(content(:n_bytes))) return
       values = transfer(content(:n_bytes), values)
-      n = size(log_density)
-      acceptance = values(1)
-      log_density = values(2:n + 1)
-      draws = reshape(values(n + 2:), shape(draws))
-      found = .true.
+      chain%acceptance = values(1)
+      chain%log_density = values(2:n + 1)
+      chain%draws = reshape(values(n + 2:), shape(chain%draws))
+      chain%started = .true.
    end subroutine restore
 
    !> Store the chain of a random stream. A failure has no message: the chain is then drawn again.
-   subroutine store(self, number, draws, log_density, acceptance)
+   subroutine store(self, number, chain)
       class(checkpoint_type), intent(in) :: self
       !> Number of the random stream.
       integer, intent(in) :: number
-      !> (parameter, sample), (sample).
-      real(wp), intent(in) :: draws(:, :), log_density(:)
-      !> Share of accepted proposals.
-      real(wp), intent(in) :: acceptance
+      type(chain_type), intent(in) :: chain
       type(error_type), allocatable :: error
-      real(wp), allocatable :: values(:)
       character(len=:), allocatable :: content
+      real(wp), allocatable :: values(:)
 
       if (.not. allocated(self%stem)) return
-      values = [acceptance, log_density, reshape(draws, [size(draws)])]
-      allocate (character(len=size(values)*bytes_of_real) :: content)
-      content = transfer(values, content)
+      values = [chain%acceptance, chain%log_density, reshape(chain%draws, [size(chain%draws)])]
+      content = bytes_of(values)
       call replace_file(self%stem//to_text(number), content//checksum(content), error)
    end subroutine store
+
+   !> All samplers: a new one needs a module and a line here. The user may choose those before
+   !> `direct`.
+   function listed_samplers() result(list)
+      type(sampler_type), allocatable :: list(:)
+
+      list = [sampler_type('ensemble', run_ensemble), &
+         & sampler_type('scmh', run_scmh), &
+         & sampler_type('direct', run_direct)]
+   end function listed_samplers
+
+   !> Names that the user may choose.
+   function sampler_names() result(names)
+      character(len=:), allocatable :: names
+      type(sampler_type), allocatable :: list(:)
+
+      allocate (list, source=listed_samplers())
+      names = join(list(:size(list) - 1)%name, ', ')
+   end function sampler_names
 
    !> Make a sampler by its name.
    subroutine new_sampler(name, burn_in, sampler, error)
@@ -143,39 +151,34 @@ contains
       integer, intent(in) :: burn_in
       type(sampler_type), intent(out) :: sampler
       type(error_type), allocatable, intent(out) :: error
+      type(sampler_type), allocatable :: list(:)
+      integer :: i
 
-      select case (name)
-      case ('ensemble')
-         sampler%run => run_ensemble
-      case ('scmh')
-         sampler%run => run_scmh
-      case ('direct')
-         sampler%run => run_direct
-      case default
-         call refuse(error, 'method: '''//name//''' is unknown; allowed: '//sampler_names)
-      end select
+      allocate (list, source=listed_samplers())
+      do i = 1, size(list)
+         if (list(i)%name == name) sampler = list(i)
+      end do
       sampler%burn_in = burn_in
+      if (.not. associated(sampler%run)) then
+         call refuse(error, 'method: '''//name//''' is unknown; allowed: '//sampler_names())
+      end if
    end subroutine new_sampler
 
    !> Draw independently from a target whose starts are distributed by its density, such as a prior
-   !> without knowledge.
-   subroutine run_direct(burn_in, target, stream, draws, log_density, acceptance, started)
+   !> without knowledge. Every draw is accepted.
+   subroutine run_direct(burn_in, target, stream, chain)
       !> Number of sweeps that the progress includes. None is needed.
       integer, intent(in) :: burn_in
       class(target_type), intent(in) :: target
       type(random_stream_type), intent(inout) :: stream
-      !> (parameter, sample), (sample).
-      real(wp), intent(out) :: draws(:, :), log_density(:)
-      !> 1: every draw is accepted.
-      real(wp), intent(out) :: acceptance
-      !> Whether enough points of the support were found.
-      logical, intent(out) :: started
+      !> It is started if enough points of the support were found.
+      type(chain_type), intent(inout) :: chain
       integer :: n_found
 
-      call draw_starts(target, stream, draws, log_density, n_found)
-      acceptance = 1.0_wp
-      started = n_found == size(log_density)
-      call advance_progress(int(burn_in + size(log_density), i8))
+      call draw_starts(target, stream, chain%draws, chain%log_density, n_found)
+      chain%acceptance = 1.0_wp
+      chain%started = n_found == size(chain%log_density)
+      call advance_progress(int(burn_in + size(chain%log_density), i8))
    end subroutine run_direct
 
    !> The draw of highest density.
@@ -193,12 +196,12 @@ contains
       class(target_type), intent(in) :: target
       type(sampler_type), intent(in) :: sampler
       type(run_settings_type), intent(in) :: settings
-      type(chains_type), intent(out) :: chains
+      type(chains_type), intent(out), target :: chains
       type(error_type), allocatable, intent(out) :: error
       !> Stores each chain as soon as it is finished.
       type(checkpoint_type), intent(in) :: checkpoint
       type(random_stream_type) :: stream
-      logical, allocatable :: started(:)
+      type(chain_type) :: each(settings%chains)
       integer :: k, number, stat
       logical :: interrupted
 
@@ -208,37 +211,36 @@ contains
       if (stat /= 0) then
          call raise_no_memory(to_text(settings%chains)//' chains of '//to_text(settings%samples) &
             & //' samples', error)
+         return
       end if
-      if (allocated(error)) return
-      allocate (started(settings%chains))
       call listen()
       call begin_progress('sampling', int(settings%chains, i8)*(sampler%burn_in + settings%samples))
       !$omp parallel do num_threads(max(1, settings%threads)) schedule(dynamic, 1) &
       !$omp & private(stream, number)
       do k = 1, settings%chains
+         each(k)%draws => chains%draws(:, :, k)
+         each(k)%log_density => chains%log_density(:, k)
          number = settings%first_stream + k - 1
          !$omp critical (chain_files)
-         call checkpoint%restore(number, chains%draws(:, :, k), chains%log_density(:, k), &
-            & chains%acceptance(k), started(k))
+         call checkpoint%restore(number, each(k))
          !$omp end critical (chain_files)
-         if (started(k)) then
+         if (each(k)%started) then
             call advance_progress(int(sampler%burn_in + settings%samples, i8))
             cycle
          end if
          stream = new_random_stream(settings%seed, number)
-         call sampler%run(sampler%burn_in, target, stream, chains%draws(:, :, k), &
-            & chains%log_density(:, k), chains%acceptance(k), started(k))
-         if (.not. started(k) .or. stop_requested()) cycle
+         call sampler%run(sampler%burn_in, target, stream, each(k))
+         if (.not. each(k)%started .or. stop_requested()) cycle
          !$omp critical (chain_files)
-         call checkpoint%store(number, chains%draws(:, :, k), chains%log_density(:, k), &
-            & chains%acceptance(k))
+         call checkpoint%store(number, each(k))
          !$omp end critical (chain_files)
       end do
       !$omp end parallel do
+      chains%acceptance = each%acceptance
       interrupted = stop_requested()
       call stop_listening()
       call end_progress()
-      k = findloc(started, .false., dim=1)
+      k = findloc(each%started, .false., dim=1)
       if (interrupted) then
          call raise(error, 'interrupted')
       else if (k > 0) then

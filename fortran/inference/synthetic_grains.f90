@@ -24,6 +24,8 @@ module synthetic_grains
       real(wp) :: density = 1.0_wp
       !> Sd of the tilt of the indented direction, per component, degrees.
       real(wp) :: orientation_sd_deg = 0.0_wp
+      !> Seed of the random numbers, and the streams of the moduli and of the speeds.
+      integer :: seed = 0, streams(2) = [1, 2]
    end type experiment_type
 
 contains
@@ -32,16 +34,13 @@ contains
    !> grain. Speeds of waves that a measurement does not show are left out. Experiments that
    !> differ in their noise have the same orientations, and an experiment with fewer grains has
    !> the first ones of a larger experiment.
-   subroutine measure_grains(experiment, surrogate, observable, stiffness, seed, streams, &
-      & measured, error)
+   subroutine measure_grains(experiment, surrogate, observable, stiffness, measured, error)
       type(experiment_type), intent(in) :: experiment
       !> The moduli without their errors.
       type(surrogate_type), intent(in) :: surrogate
       type(observable_type), intent(in) :: observable
       !> Of the crystal, in crystal axes, GPa.
       real(wp), intent(in) :: stiffness(6, 6)
-      !> Of the random numbers; the streams of the moduli and of the speeds.
-      integer, intent(in) :: seed, streams(2)
       !> Without `shared`.
       type(measured_type), intent(out) :: measured
       type(error_type), allocatable, intent(out) :: error
@@ -53,9 +52,10 @@ contains
       integer :: i, j, n
 
       n = experiment%n_grains
-      allocate (z(6, n), crystals(6, 6, n), modulus(n), sd(n), paths(n), waves(n))
-      of_moduli = new_random_stream(seed, streams(1))
-      of_speeds = new_random_stream(seed, streams(2))
+      allocate (z(6, n), modulus(n), sd(n), paths(n), waves(n))
+      crystals = spread(stiffness, 3, n)
+      of_moduli = new_random_stream(experiment%seed, experiment%streams(1))
+      of_speeds = new_random_stream(experiment%seed, experiment%streams(2))
       do i = 1, n
          do j = 1, 3
             call of_moduli%uniform(z(j, i))
@@ -63,7 +63,6 @@ contains
          call of_moduli%normal(z(4, i))
          call of_speeds%uniform(z(5, i))
          call of_speeds%normal(z(6, i))
-         crystals(:, :, i) = stiffness
       end do
       euler_deg = reshape([(360.0_wp*z(1, i), acos(2.0_wp*z(2, i) - 1.0_wp)/degree, &
          & 360.0_wp*z(3, i), i=1, n)], [3, n])

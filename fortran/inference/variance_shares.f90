@@ -60,7 +60,7 @@ contains
          & weights, parts, covariances, derivatives, factor
       real(wp), dimension(size(values, 1)) :: variance, total
       real(wp), dimension(posterior%n_grains) :: scales, residual, weight
-      real(wp) :: greatest
+      real(wp) :: greatest, unit
       integer :: i, j, n, q
 
       n = size(draws, 2)
@@ -96,13 +96,11 @@ contains
       greatest = greatest_sum + errors_above*sqrt(2.0_wp/max(1.0_wp, effective))
       do q = 1, size(shares)
          ! A sum slightly above one is noise of the draws.
-         associate (share => shares(q), unit => variance(q)*max(1.0_wp, total(q)))
+         unit = variance(q)*max(1.0_wp, total(q))
+         if (.not. (effective > 0.0_wp .and. total(q) <= greatest)) unit = nan
+         associate (share => shares(q))
             share%by_source = parts(:, q)/unit
             share%by_quantity = covariances(:, q)*derivatives(:, q)/unit
-            if (.not. (effective > 0.0_wp .and. total(q) <= greatest)) then
-               share%by_source = nan
-               share%by_quantity = share%by_source(1)
-            end if
             share%measurements = sum(share%by_source)
             share%knowledge = sum(share%by_quantity)
             share%prior = max(0.0_wp, 1.0_wp - total(q)) + 0.0_wp*share%measurements
@@ -181,14 +179,15 @@ contains
       !> (grain).
       real(wp), intent(out) :: residual(:), weight(:)
       real(wp), allocatable :: reduced(:, :), mean(:), precision(:, :)
-      real(wp) :: model(size(scales)), value
+      real(wp), dimension(size(scales)) :: model, curvature, expected
+      real(wp) :: value
 
       call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, shared, moduli)
       residual = (posterior%data%modulus - model)/scales
       call factor_columns(shared, reduced)
       call posterior%errors%integrate(residual, reduced, mean, precision, value)
       residual = residual - matmul(reduced, mean)
-      call posterior%errors%weigh(residual, weight)
+      call posterior%errors%weigh(residual, weight, curvature, expected)
    end subroutine find_residuals
 
    !> Whether a quantity is 'determined', 'weak' or 'not_determined', from its mean, its sd and its

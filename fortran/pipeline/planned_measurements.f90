@@ -119,6 +119,8 @@ contains
          call new_observable(model%modulus_kind, model, observable, error)
          if (allocated(error)) return
          experiment%n_grains = nint(plan%grains(number(1)))
+         experiment%seed = stated_problem%seed
+         experiment%streams = [-1 - number(3), -1 - n_sets - number(3)]
          experiment%noise = plan%noise(number(2))
          experiment%scatter_sd = model%scatter_sd
          experiment%orientation_sd_deg = model%orientation_sd_deg
@@ -127,8 +129,7 @@ contains
             experiment%density = stated_problem%density_kg_m3
          end if
          call measure_grains(experiment, self%surrogate, observable, &
-            & problem%class%stiffness(plan%constants), stated_problem%seed, &
-            & [-1 - number(3), -1 - n_sets - number(3)], measured, error)
+            & problem%class%stiffness(plan%constants), measured, error)
          if (allocated(error)) return
          ! Each grain has the mean of the shared errors that the user stated for measured grains.
          allocate (stated(experiment%n_grains, 0))

@@ -248,7 +248,7 @@ contains
       call new_observable(model%modulus_kind, model, observable, error)
       if (allocated(error)) return
       call new_prior(surrogate%basis%domain, problem%class, problem%settings%prior, &
-         & (1.0_wp - typical_poisson**2)*mean_modulus(observable, measured, 1.0_wp), knowledge, &
+         & (1.0_wp - typical_poisson**2)*mean_modulus(observable, measured), knowledge, &
          & prior, error)
       call problem%locate('prior', '', error)
       if (allocated(error)) return

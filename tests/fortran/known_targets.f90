@@ -5,7 +5,7 @@ module known_targets
    use abstract_sampler, only: outside, target_type
    implicit none
    private
-   public :: banana_type, wavy_type
+   public :: banana_type, drawn_wavy_type, wavy_type
 
    !> x is normal within -1.5 .. 2, and y is normal about x² with sd 0.1.
    type, extends(target_type) :: banana_type
@@ -22,7 +22,14 @@ module known_targets
    contains
       procedure :: draw_start => draw_wavy_start
       procedure :: evaluate => evaluate_wavy
+      procedure :: straightened
    end type wavy_type
+
+   !> The same density, of which the starts are draws.
+   type, extends(wavy_type) :: drawn_wavy_type
+   contains
+      procedure :: draw_start => draw_wavy
+   end type drawn_wavy_type
 
 contains
 
@@ -66,16 +73,34 @@ contains
       x = 8.0_wp*x - 4.0_wp
    end subroutine draw_wavy_start
 
-   pure subroutine evaluate_wavy(self, points, log_density)
+   subroutine draw_wavy(self, stream, x)
+      class(drawn_wavy_type), intent(in) :: self
+      type(random_stream_type), intent(inout) :: stream
+      real(wp), intent(out) :: x(:)
+
+      call stream%normals(x(:self%dimension))
+      x(2) = x(2) - 0.8_wp*sin(2.0_wp*x(1))
+      x(3) = x(3) - 0.3_wp*x(1)**2
+   end subroutine draw_wavy
+
+   !> The coordinates of points that are standard normal, the first one cut.
+   pure function straightened(self, points) result(normal)
       class(wavy_type), intent(in) :: self
+      !> (parameter, point).
       real(wp), intent(in) :: points(:, :)
-      real(wp), intent(out) :: log_density(:)
-      real(wp) :: normal(size(points, 1), size(points, 2))
+      real(wp) :: normal(self%dimension, size(points, 2))
 
       normal = points
       normal(2, :) = points(2, :) + 0.8_wp*sin(2.0_wp*points(1, :))
       normal(3, :) = points(3, :) + 0.3_wp*points(1, :)**2
+   end function straightened
+
+   pure subroutine evaluate_wavy(self, points, log_density)
+      class(wavy_type), intent(in) :: self
+      real(wp), intent(in) :: points(:, :)
+      real(wp), intent(out) :: log_density(:)
+
       log_density = outside
-      where (points(1, :) > -1.0_wp) log_density = -0.5_wp*sum(normal**2, 1)
+      where (points(1, :) > -1.0_wp) log_density = -0.5_wp*sum(self%straightened(points)**2, 1)
    end subroutine evaluate_wavy
 end module known_targets

@@ -1,7 +1,7 @@
 !> Chains that a stopped run has kept: they come back to the bit, and only for what they were drawn
 !> from.
 program test_chain_checkpoints
-   use abstract_sampler, only: sampler_type
+   use abstract_sampler, only: chain_type, sampler_type
    use errors, only: error_type
    use files, only: file_exists, make_folder, read_bytes, replace_file
    use kinds, only: wp
@@ -18,12 +18,11 @@ program test_chain_checkpoints
    type(banana_type) :: banana, other_banana
    type(checkpoint_type) :: checkpoint, other
    type(chains_type) :: whole, kept, again
+   type(chain_type) :: chain
    type(sampler_type) :: sampler
    type(error_type), allocatable :: error
-   real(wp), allocatable :: draws(:, :), density(:)
+   real(wp), target :: draws(2, 200), density(200)
    character(len=:), allocatable :: content
-   real(wp) :: share
-   logical :: found
    integer :: k
 
    banana%dimension = 2
@@ -46,27 +45,28 @@ program test_chain_checkpoints
       & all(whole%draws == again%draws) .and. all(whole%log_density == again%log_density) &
       & .and. all(whole%acceptance == again%acceptance))
 
-   draws = whole%draws(:, :, 1)
-   density = whole%log_density(:, 1)
    do k = 11, 13
-      call checkpoint%restore(k, draws, density, share, found)
-      call check('chain of stream '//to_text(k), found &
-         & .and. all(draws == whole%draws(:, :, k - 10)) .and. share == whole%acceptance(k - 10))
+      call restore_chain(checkpoint, k, 200)
+      call check('chain of stream '//to_text(k), chain%started &
+         & .and. all(draws == whole%draws(:, :, k - 10)) &
+         & .and. all(density == whole%log_density(:, k - 10)) &
+         & .and. chain%acceptance == whole%acceptance(k - 10))
    end do
-   call checkpoint%restore(14, draws, density, share, found)
-   call check('there are no others', .not. found)
-   call checkpoint%restore(11, draws(:, :100), density(:100), share, found)
-   call check('nor any of another length', .not. found)
+   call restore_chain(checkpoint, 14, 200)
+   call check('there are no others', .not. chain%started)
+   call restore_chain(checkpoint, 11, 100)
+   call check('nor any of another length', .not. chain%started)
    call new_checkpoint(folder, inputs//' ', banana, other)
-   call other%restore(11, draws, density, share, found)
-   call check('nor any of other settings', .not. found)
+   call restore_chain(other, 11, 200)
+   call check('nor any of other settings', .not. chain%started)
    call new_checkpoint(folder, inputs, other_banana, other)
-   call other%restore(11, draws, density, share, found)
-   call check('nor any of another density', .not. found)
+   call restore_chain(other, 11, 200)
+   call check('nor any of another density', .not. chain%started)
 
    ! What is kept is what is used: a chain in the place of another.
    draws = 0.25_wp
-   call checkpoint%store(12, draws, density, 0.5_wp)
+   chain%acceptance = 0.5_wp
+   call checkpoint%store(12, chain)
    call sample_chains(banana, sampler, settings, again, error, checkpoint)
    call check('a kept chain is not drawn', all(again%draws(:, :, 2) == 0.25_wp) &
       & .and. again%acceptance(2) == 0.5_wp)
@@ -77,12 +77,21 @@ program test_chain_checkpoints
    call check('a damaged one is drawn again', .not. allocated(error) &
       & .and. all(again%draws == whole%draws))
    call remove_files(folder, '.chain-')
-   call checkpoint%restore(11, draws, density, share, found)
-   call check('removed ones are gone', .not. found)
-   deallocate (draws, density, content)
+   call restore_chain(checkpoint, 11, 200)
+   call check('removed ones are gone', .not. chain%started)
+   deallocate (content)
    call finish()
 
 contains
+
+   !> The chain of a stream, of some samples.
+   subroutine restore_chain(kept, number, samples)
+      type(checkpoint_type), intent(in) :: kept
+      integer, intent(in) :: number, samples
+
+      chain = chain_type(draws(:, :samples), density(:samples))
+      call kept%restore(number, chain)
+   end subroutine restore_chain
 
    !> Of the chain of stream 12 a bit is changed.
    subroutine damage()

@@ -1,6 +1,6 @@
 !> Step 2: polynomials of the covariance, mixtures, samplers on known targets, error models.
 program test_inference
-   use abstract_sampler, only: sampler_type
+   use abstract_sampler, only: chain_type, sampler_type
    use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
    use chain_diagnostics, only: diagnose_chains, diagnostics_type, normal_quantile
    use error_models, only: error_model_type, new_error_model
@@ -8,16 +8,20 @@ program test_inference
    use errors, only: error_type
    use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture
    use kinds, only: pi, wp
-   use known_targets, only: banana_type, wavy_type
+   use known_targets, only: banana_type, drawn_wavy_type, wavy_type
    use observables, only: new_observable, observable_type
    use settings_schema, only: measurements_settings_type
    use random, only: new_random_stream, random_stream_type
-   use samplers, only: chains_type, checkpoint_type, new_sampler, run_settings_type, sample_chains
+   use samplers, only: chains_type, checkpoint_type, listed_samplers, new_sampler, &
+      & run_settings_type, sample_chains
    use small_matrices, only: factor_columns
+   use statistics, only: covariance_of, flattened
    use testing, only: check, check_close, check_refused, check_success, class_of, finish, long_cases
    use text, only: to_text
    use linear_algebra, only: exp_all, transposed_product
    implicit none
+   type(sampler_type), allocatable :: listed(:)
+   integer :: k
 
    ! Some 10,000 effective samples, and 2,000: five standard errors.
    if (long_cases()) then
@@ -28,6 +32,10 @@ program test_inference
       call test_factor_columns()
       call test_error_models()
       call test_mixture()
+      listed = listed_samplers()
+      do k = 1, size(listed)
+         call test_any_sampler(trim(listed(k)%name))
+      end do
       call test_wavy_density(6, 1000, 10000, 0.05_wp)
       ! Chains are worth 6000 independent draws along the ridge (the paper's: 400) and 13000 or more
       ! across it.
@@ -198,6 +206,74 @@ contains
       likelihood%student_dof = student_dof
    end function likelihood_of
 
+   !> What any sampler does. Its draws have the mean and the covariance of the density, and their
+   !> log densities. A stream has the same draws whatever thread runs it, and another stream
+   !> has others. A short run has as many samples as it was asked for. Nothing starts without a
+   !> support.
+   subroutine test_any_sampler(name)
+      character(len=*), intent(in) :: name
+      integer, parameter :: samples = 20000
+      ! Five standard errors of 2000 independent draws.
+      real(wp), parameter :: tolerance = 0.11_wp
+      type(drawn_wavy_type) :: wavy
+      type(banana_type) :: nowhere
+      type(sampler_type) :: sampler
+      type(chains_type) :: chains, other
+      type(chain_type) :: chain
+      type(random_stream_type) :: stream
+      type(error_type), allocatable :: error
+      real(wp), allocatable :: straight(:, :), density(:)
+      real(wp), target :: draws(2, 5), log_density(5)
+      real(wp) :: mean(3), covariance(3, 3)
+      integer :: threads, i
+
+      wavy%dimension = 3
+      call new_sampler(name, 2000, sampler, error)
+      call check_success('any '//name//': is known', error)
+      call sample_chains(wavy, sampler, run_settings_type(samples, 4, 1, 3), chains, error, &
+         & checkpoint_type())
+      call check_success('any '//name//': chains', error)
+      call check('any '//name//': number of samples', all(shape(chains%draws) == [3, samples, 4]) &
+         & .and. all(shape(chains%log_density) == [samples, 4]))
+      call check('any '//name//': share of accepted proposals', &
+         & all(chains%acceptance > 0.0_wp .and. chains%acceptance <= 1.0_wp))
+      allocate (density(4*samples))
+      call wavy%evaluate(flattened(chains%draws), density)
+      call check_close('any '//name//': log densities are those of the draws', &
+         & maxval(abs(density - reshape(chains%log_density, [4*samples]))), 0.0_wp, 1.0e-9_wp)
+      straight = wavy%straightened(flattened(chains%draws))
+      mean = 0.0_wp
+      mean(1) = normal_density(-1.0_wp)/(0.5_wp*(1.0_wp + erf(1.0_wp/sqrt(2.0_wp))))
+      covariance = reshape([1.0_wp - mean(1) - mean(1)**2, 0.0_wp, 0.0_wp, &
+         & 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [3, 3])
+      do i = 1, 3
+         call check_close('any '//name//': mean '//to_text(i), sum(straight(i, :))/(4*samples), &
+            & mean(i), tolerance)
+      end do
+      call check_close('any '//name//': covariance', &
+         & maxval(abs(covariance_of(straight) - covariance)), 0.0_wp, 1.4_wp*tolerance)
+      do threads = 2, 4, 2
+         call sample_chains(wavy, sampler, run_settings_type(samples, 4, threads, 3), other, &
+            & error, checkpoint_type())
+         call check('any '//name//': the same to the bit on more threads', &
+            & all(other%draws == chains%draws) .and. all(other%log_density == chains%log_density) &
+            & .and. all(other%acceptance == chains%acceptance))
+      end do
+      call check('any '//name//': another stream has other draws', &
+         & .not. any(chains%draws(1, :, 1) == chains%draws(1, :, 2)))
+      call sample_chains(wavy, sampler, run_settings_type(7, 1, 1, 3), other, error, &
+         & checkpoint_type())
+      call check('any '//name//': few samples', all(shape(other%draws) == [3, 7, 1]) &
+         & .and. all(other%draws(1, :, :) > -1.0_wp))
+      nowhere%dimension = 2
+      nowhere%lower = [2.0_wp, 2.0_wp]
+      nowhere%upper = [1.0_wp, 1.0_wp]
+      stream = new_random_stream(3, 1)
+      chain = chain_type(draws, log_density)
+      call sampler%run(10, nowhere, stream, chain)
+      call check('any '//name//': nothing starts without a support', .not. chain%started)
+   end subroutine test_any_sampler
+
    !> The ensemble in many dimensions where no polynomial makes the density straight: its moments.
    subroutine test_wavy_density(dimension, burn_in, samples, tolerance)
       integer, intent(in) :: dimension, burn_in, samples
@@ -233,18 +309,17 @@ contains
          & 1.0_wp, 1.4_wp*tolerance)
    end subroutine test_wavy_density
 
-   !> Moments of a curved ridge that bounds cut, and the same chains on 1, 2 and 4 threads.
+   !> Moments of a curved ridge that bounds cut.
    subroutine test_sampler(name, samples, burn_in, tolerance)
       character(len=*), intent(in) :: name
       integer, intent(in) :: samples, burn_in
       real(wp), intent(in) :: tolerance
       type(banana_type) :: banana
       type(sampler_type) :: sampler
-      type(chains_type) :: chains, other
+      type(chains_type) :: chains
       type(error_type), allocatable :: error
       real(wp) :: mass, mean, square, acceptance
       real(wp), parameter :: a = -1.5_wp, b = 2.0_wp
-      integer :: threads
 
       banana%dimension = 3
       banana%lower = [a, -10.0_wp, -5.0_wp]
@@ -270,12 +345,6 @@ contains
          acceptance = average(reshape(chains%acceptance, [4, 1]))
          call check_close(name//': acceptance', acceptance, 0.23_wp, 0.03_wp)
       end if
-      do threads = 2, 4, 2
-         call sample_chains(banana, sampler, run_settings_type(samples, 4, threads, 7), other, &
-            & error, checkpoint_type())
-         call check(name//': the same to the bit on more threads', &
-            & all(other%draws == chains%draws) .and. all(other%log_density == chains%log_density))
-      end do
    end subroutine test_sampler
 
    pure real(wp) function normal_density(x)

@@ -1,0 +1,288 @@
+!> Moves of chains and ensembles: along the difference of two points, by independent draws of a
+!> mixture, and by a random walk of one parameter. Each is a type with a procedure that proposes a
+!> point, and with procedures that set it up or tune it. Whoever moves accepts, by `is_accepted`.
+module moves
+   use abstract_sampler, only: outside, target_type
+   use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture, &
+      & widen_mixture
+   use kinds, only: wp
+   use random, only: random_stream_type
+   use ridge_coordinates, only: whitening_type
+   use running_command, only: stop_requested
+   implicit none
+   private
+   public :: points_type, new_points, is_accepted, difference_move_type, mixture_move_type, &
+      & random_walk_type
+
+   type :: points_type
+      !> Working and whitened coordinates, (dimension, point), and the logarithms of the density of
+      !> the working ones, (point).
+      real(wp), allocatable :: w(:, :), u(:, :), log_density(:)
+   contains
+      procedure :: set
+   end type points_type
+
+   !> Differential evolution (ter Braak, Stat. Comput. 16, 239, 2006).
+   type :: difference_move_type
+      !> Factor of the steps; 1 suits coordinates in which the density is normal.
+      real(wp) :: scale = 1.0_wp
+   contains
+      procedure :: propose => propose_difference, tune => tune_difference
+   end type difference_move_type
+
+   !> Independent draws of a normal mixture, in whitened coordinates.
+   type :: mixture_move_type
+      type(whitening_type), private :: whitening
+      type(mixture_type) :: mixture
+      !> Estimated effective share of the draws; 0 if they are useless.
+      real(wp) :: quality = 0.0_wp
+      !> Draws of the mixture, which do not depend on the state of the chain.
+      type(points_type) :: pool
+      !> Number of the proposed draw in the pool. No step has used those before it. It is 0 if all
+      !> draws of all attempts were outside the support.
+      integer :: next = 0
+   contains
+      procedure :: setup => fit_proposals, propose => propose_draw
+      procedure, private :: draw
+   end type mixture_move_type
+
+   !> Random walk of one parameter at a time.
+   type :: random_walk_type
+      !> Sd of the steps of each parameter, and the greatest one, (dimension).
+      real(wp), allocatable :: step(:), greatest(:)
+   contains
+      procedure :: propose => propose_step, tune => tune_step
+   end type random_walk_type
+
+contains
+
+   pure type(points_type) function new_points(dimension, n) result(points)
+      !> Number of parameters and of points.
+      integer, intent(in) :: dimension, n
+
+      allocate (points%w(dimension, n), points%u(dimension, n), points%log_density(n))
+   end function new_points
+
+   !> Set point i to the point j of others.
+   pure subroutine set(self, i, others, j)
+      class(points_type), intent(inout) :: self
+      integer, intent(in) :: i, j
+      class(points_type), intent(in) :: others
+
+      self%w(:, i) = others%w(:, j)
+      self%u(:, i) = others%u(:, j)
+      self%log_density(i) = others%log_density(j)
+   end subroutine set
+
+   !> Whether a Metropolis step is accepted.
+   logical function is_accepted(stream, proposed, current, temperature)
+      type(random_stream_type), intent(inout) :: stream
+      !> Logarithms of the density, and the temperature that divides them.
+      real(wp), intent(in) :: proposed, current, temperature
+      real(wp) :: v
+
+      is_accepted = proposed > outside
+      if (.not. is_accepted) return
+      call stream%uniform(v)
+      is_accepted = log(v) < (proposed - current)/temperature
+   end function is_accepted
+
+   !> Move a point u along a difference of two points, in all coordinates or in some, with a little
+   !> noise.
+   subroutine propose_difference(self, stream, difference, u, moved)
+      class(difference_move_type), intent(in) :: self
+      type(random_stream_type), intent(inout) :: stream
+      !> (dimension).
+      real(wp), intent(in) :: difference(:), u(:)
+      !> (dimension).
+      real(wp), intent(out) :: moved(:)
+      !> So small that it only keeps the chain from staying on a grid (ter Braak's b).
+      real(wp), parameter :: noise = 1.0e-5_wp
+      real(wp) :: share, v, length, z
+      integer :: i
+      logical :: changed(size(u))
+
+      ! In half of the steps some coordinates change: crossover, whose probability is uniform.
+      call stream%uniform(share)
+      changed = .true.
+      if (share < 0.5_wp) then
+         do i = 1, size(u)
+            call stream%uniform(v)
+            changed(i) = v < 2.0_wp*share
+         end do
+         if (.not. any(changed)) changed = .true.
+      end if
+      ! For a normal density in many dimensions d, 2.38/sqrt(d) sds are the best step of a random
+      ! walk (Gelman, Roberts & Gilks, Bayesian Statistics 5, 599, 1996), and a difference has twice
+      ! the variance of a point. In 15 % of the steps the factor is 1, which leads from mode to mode
+      ! (ter Braak: 10 %); in 25 % the step is shorter.
+      call stream%uniform(v)
+      length = self%scale*2.38_wp/sqrt(2.0_wp*count(changed))
+      if (v < 0.15_wp) length = 1.0_wp
+      if (v > 0.75_wp) length = 0.35_wp*length
+      moved = u
+      do i = 1, size(u)
+         if (.not. changed(i)) cycle
+         call stream%normal(z)
+         moved(i) = u(i) + length*difference(i) + noise*z
+      end do
+   end subroutine propose_difference
+
+   !> Tune the steps towards an acceptance of a fifth, near the best one of normal densities of many
+   !> dimensions (0.234; Gelman, Roberts & Gilks).
+   subroutine tune_difference(self, acceptance)
+      class(difference_move_type), intent(inout) :: self
+      !> Share of accepted steps.
+      real(wp), intent(in) :: acceptance
+      real(wp), parameter :: target_acceptance = 0.2_wp, least_scale = 0.02_wp
+
+      self%scale = min(1.0_wp, &
+         & max(least_scale, self%scale*exp(0.5_wp*(acceptance - target_acceptance))))
+   end subroutine tune_difference
+
+   !> Propose a draw of the support: the last one of the pool that was not proposed yet, or one of a
+   !> new pool.
+   subroutine propose_draw(self, target, stream)
+      class(mixture_move_type), intent(inout) :: self
+      class(target_type), intent(in) :: target
+      type(random_stream_type), intent(inout) :: stream
+      integer, parameter :: at_once = 50, most_attempts = 20
+      integer :: attempt, last
+
+      last = self%next - 1
+      do attempt = 0, most_attempts
+         self%next = findloc(self%pool%log_density(:last) > outside, .true., dim=1, back=.true.)
+         if (self%next > 0 .or. attempt == most_attempts) return
+         call self%draw(target, stream, at_once)
+         last = at_once
+      end do
+   end subroutine propose_draw
+
+   !> Draw n points of the mixture into the pool.
+   subroutine draw(self, target, stream, n)
+      class(mixture_move_type), intent(inout) :: self
+      class(target_type), intent(in) :: target
+      type(random_stream_type), intent(inout) :: stream
+      integer, intent(in) :: n
+      integer :: i
+
+      self%pool = new_points(target%dimension, n)
+      do i = 1, n
+         call draw_mixture(self%mixture, stream, self%pool%u(:, i))
+         call self%whitening%from_white(self%pool%u(:, i), self%pool%w(:, i))
+      end do
+      call target%evaluate_working(self%pool%w, self%pool%log_density)
+   end subroutine draw
+
+   !> Fit the mixture to the archive, then improve it by importance sampling. Draws outside the
+   !> support are data as well, so that the mixture does not avoid the bounds. The archive stays
+   !> among the data, so that a tail that the mixture lost comes back.
+   subroutine fit_proposals(self, target, archive, whitening, samples, stream)
+      class(mixture_move_type), intent(inout) :: self
+      class(target_type), intent(in) :: target
+      class(points_type), intent(in) :: archive
+      type(whitening_type), intent(in) :: whitening
+      !> Number of samples of the chain. A long search is not worth its time for few of them.
+      integer, intent(in) :: samples
+      type(random_stream_type), intent(inout) :: stream
+      integer, parameter :: components = 16, least_draws = 600, most_draws = 3000, &
+         & most_outside = 3000, least_rounds = 4, most_rounds = 12
+      !> Weight of the archive among the data, and the effective share of draws below which the
+      !> search ends: steps along differences alone do better then.
+      real(wp), parameter :: archive_share = 0.3_wp, least_quality = 0.01_wp
+      type(mixture_type) :: fitted
+      !> (dimension, point), (point), (draw of the support), (dimension, draw outside the support).
+      real(wp), allocatable :: points(:, :), weights(:), importance(:), rejected(:, :)
+      integer :: i, round, n_archived, n_inside, n_outside, n_rejected, n_draws
+
+      self%whitening = whitening
+      n_draws = min(most_draws, max(least_draws, samples/3))
+      n_archived = size(archive%u, 2)
+      allocate (weights(n_archived + n_draws + most_outside), source=1.0_wp)
+      allocate (points(target%dimension, size(weights)), importance(n_draws), &
+         & rejected(target%dimension, most_outside))
+      points(:, :n_archived) = archive%u
+      call new_mixture(archive%u, components, fitted)
+      call fit_mixture(archive%u, weights(:n_archived), 15, fitted)
+      do round = 1, most_rounds
+         if (stop_requested()) return
+         call widen_mixture(fitted, self%mixture)
+         n_inside = 0
+         n_outside = 0
+         do while (n_inside < n_draws .and. n_outside < 10*n_draws)
+            call self%draw(target, stream, min(n_draws - n_inside, 10*n_draws - n_outside))
+            do i = 1, size(self%pool%log_density)
+               associate (u => self%pool%u(:, i), density => self%pool%log_density(i))
+                  if (density > outside) then
+                     n_inside = n_inside + 1
+                     points(:, n_archived + n_inside) = u
+                     importance(n_inside) = density - log_mixture(self%mixture, u)
+                  else
+                     n_outside = n_outside + 1
+                     if (n_outside <= most_outside) rejected(:, n_outside) = u
+                  end if
+               end associate
+            end do
+         end do
+         self%quality = 0.0_wp
+         if (n_inside == 0) return
+         associate (weight => importance(:n_inside))
+            weight = exp(weight - maxval(weight))
+            self%quality = sum(weight)**2/sum(weight**2)/n_inside
+            ! Stop only after the mixture itself has shown that it is good: its draws may have found
+            ! a tail.
+            if (round == most_rounds) return
+            if (round >= least_rounds .and. self%quality > 0.5_wp) return
+            if (round >= least_rounds &
+               & .and. self%quality*n_inside/(n_inside + n_outside) < least_quality) then
+               self%quality = 0.0_wp
+               return
+            end if
+            ! Truncated weights (Ionides, J. Comput. Graph. Stat. 17, 295, 2008) keep one point from
+            ! dominating.
+            weight = min(weight, sum(weight)/sqrt(real(n_inside, wp)))
+            weights(:n_archived) = archive_share*n_inside/n_archived
+            weights(n_archived + 1:n_archived + n_inside) &
+               & = (1.0_wp - archive_share)*n_inside/sum(weight)*weight
+         end associate
+         n_rejected = min(n_outside, most_outside)
+         i = n_archived + n_inside
+         points(:, i + 1:i + n_rejected) = rejected(:, :n_rejected)
+         weights(i + 1:i + n_rejected) = real(n_outside, wp)/max(1, n_rejected)
+         i = i + n_rejected
+         call fit_mixture(points(:, :i), weights(:i), 6, fitted)
+      end do
+   end subroutine fit_proposals
+
+   !> Move the parameter j, in place.
+   subroutine propose_step(self, stream, j, parameter)
+      class(random_walk_type), intent(in) :: self
+      type(random_stream_type), intent(inout) :: stream
+      integer, intent(in) :: j
+      real(wp), intent(inout) :: parameter
+      real(wp) :: z
+
+      call stream%normal(z)
+      parameter = parameter + self%step(j)*z
+   end subroutine propose_step
+
+   !> Robbins-Monro on the logarithm of a step (Andrieu & Thoms, Stat. Comput. 18, 343, 2008). The
+   !> gain falls with the root of the sweep, so that the step both settles and leaves a bad start
+   !> behind. With the 25 the first sweep changes a step by a factor of 1.35 at most.
+   subroutine tune_step(self, j, accepted, sweep)
+      class(random_walk_type), intent(inout) :: self
+      !> Number of the parameter.
+      integer, intent(in) :: j
+      !> Whether its last step was accepted.
+      logical, intent(in) :: accepted
+      !> Number of the sweep of the burn-in, from 1.
+      integer, intent(in) :: sweep
+      !> As in the paper.
+      real(wp), parameter :: target_acceptance = 0.23_wp
+
+      associate (gain => 2.0_wp*(sweep + 25)**(-0.5_wp))
+         self%step(j) = min(self%greatest(j), &
+            & self%step(j)*exp(gain*(merge(1.0_wp, 0.0_wp, accepted) - target_acceptance)))
+      end associate
+   end subroutine tune_step
+end module moves
