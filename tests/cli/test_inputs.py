@@ -6,7 +6,6 @@ import json
 import pytest
 
 from bayesindent.common.diagnostics import labelled
-
 from support.tree import REFERENCE, SOURCE
 
 INPUTS = sorted(SOURCE.glob("inputs/*.nml")) + sorted(SOURCE.glob("inputs/case_studies/*.nml"))

@@ -254,12 +254,11 @@ def test_words_of_what_is_open():
     (found,) = of_code(document["warnings"], "not_determined")
     assert re.fullmatch(r"C11 \(prior \d+ %\), C12 \(prior \d+ %\)", found["subject"])
     helps = {
-        each["subject"]: each["numbers"] for each in of_code(document["warnings"], "knowledge_helps")
+        each["subject"]: each["numbers"]
+        for each in of_code(document["warnings"], "knowledge_helps")
     }
     (bulk,) = [name for name in helps if name.startswith("bulk_modulus to ")]
-    assert re.fullmatch(
-        r"bulk_modulus to ± [\d.]+ GPa would reduce the sd of C12", bulk
-    )
+    assert re.fullmatch(r"bulk_modulus to ± [\d.]+ GPa would reduce the sd of C12", bulk)
     gain = next(
         row
         for row in document["identifiability"]

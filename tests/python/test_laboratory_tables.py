@@ -537,10 +537,9 @@ def test_a_standard_deviation_of_n_tests(tmp_path):
         text([(*row, 9) for row in ROWS], [*NAMES[:5], "Standard deviation (GPa)", "N"])
     )
     points = read_measurements(path, "cubic")
-    assert (
-        points.sd_gpa == pytest.approx([row[5] / 3 for row in ROWS])
-        and "the standard error of the mean" in notes(points.problem.warnings[:1])
-    )
+    assert points.sd_gpa == pytest.approx(
+        [row[5] / 3 for row in ROWS]
+    ) and "the standard error of the mean" in notes(points.problem.warnings[:1])
     assert points.problem.table.words(3)[1].endswith("N as number of tests")
     path.write_text(text([(*row, 9) for row in ROWS], [*NAMES[:5], "Standard error (GPa)", "N"]))
     assert read_measurements(path, "cubic").sd_gpa == pytest.approx([row[5] for row in ROWS])
@@ -555,10 +554,9 @@ def test_a_column_that_numbers_the_rows_is_no_number_of_tests(tmp_path):
         )
     )
     points = read_measurements(path, "cubic")
-    assert (
-        points.sd_gpa == pytest.approx([row[5] for row in ROWS])
-        and "column N: numbers the rows" in notes(points.problem.warnings[:1])
-    )
+    assert points.sd_gpa == pytest.approx(
+        [row[5] for row in ROWS]
+    ) and "column N: numbers the rows" in notes(points.problem.warnings[:1])
 
 
 @pytest.mark.parametrize("name", ["# indents", "Number of indentations", "N (tests)", "n_tests"])

@@ -233,7 +233,12 @@ def test_what_is_off_is_told(surrogates, likelihood):
         assert "residuals_large" in codes(noisy)
     assert "residuals_small" in codes(smooth)
     assert not of_code(
-        well, "outlier", "residuals_large", "tests_scatter_more", "tests_scatter_less", "tests_disagree"
+        well,
+        "outlier",
+        "residuals_large",
+        "tests_scatter_more",
+        "tests_scatter_less",
+        "tests_disagree",
     )
 
 

@@ -2,8 +2,6 @@
 that are right.
 """
 
-import re
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -94,7 +92,7 @@ def test_shuffled_orientations(name, grains):
         {
             "chi_square": found["chi_square"],
             "grains": grains,
-            "constant_chi_square": found["chi_square_constant"],
+            "constant_chi_square": found["constant_chi_square"],
             "percent": 100 * found["p_shuffled"],
         }
     )

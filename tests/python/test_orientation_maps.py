@@ -84,7 +84,9 @@ def test_the_phase_has_the_stated_symmetry(tmp_path, point_group, symmetry, told
     found = of_code(problem.warnings, "phase_differs")
     said = [each["subject"].partition("map.h5: ")[2] for each in found]
     assert said == ([f"the phase iron is {told}"] if told else [])
-    assert not [each for each in problem.warnings if "map.h5" in each["subject"] and each not in found]
+    assert not [
+        each for each in problem.warnings if "map.h5" in each["subject"] and each not in found
+    ]
 
 
 @pytest.mark.parametrize(

@@ -78,10 +78,11 @@ def test_each_row_pasted_four_times_without_a_column_of_grains(tmp_path):
     assert check(rows[:-1])[0] == 0
 
 
-def test_sds_that_are_fractions(check, tmp_path):
+def test_sds_that_are_fractions(check, tmp_path, monkeypatch):
     status, said = check([row.removesuffix("4") + "0.02" for row in ROWS])
     assert status == 0
-    (found,) = bi.Problem(tmp_path / "a.nml").warnings
+    monkeypatch.chdir(tmp_path)
+    (found,) = bi.Problem("a.nml").warnings
     assert (found["code"], labelled(found)) == ("small_sds", said.strip())
     assert found["numbers"] == pytest.approx({"percent": 100 * 0.02 / 210, "usual_percent": 0.1})
 
