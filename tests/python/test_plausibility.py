@@ -84,7 +84,7 @@ def test_sds_that_are_fractions(check, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (found,) = bi.Problem("a.nml").warnings
     assert (found["code"], labelled(found)) == ("small_sds", said.strip())
-    assert found["numbers"] == pytest.approx({"percent": 100 * 0.02 / 210, "usual_percent": 0.1})
+    assert found["numbers"] == pytest.approx({"percent": 100 * 0.02 / 210, "usual_percent": 0.3})
 
 
 def test_knowledge_in_another_unit(check):
