@@ -276,12 +276,14 @@ def build_without_sentences(folder: Path) -> Path:
     of the build that is tested.
     """
     copy = folder / "copy"
-    shutil.copytree(SOURCE, copy, ignore=shutil.ignore_patterns(".*", "build*", "__pycache__"))
+    copy.mkdir()
+    for name in ("fortran", "cpp", "python", "tests", "docs"):
+        shutil.copytree(SOURCE / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for path in SOURCE.glob("meson*"):
+        shutil.copy(path, copy)
     page = copy / "docs" / "diagnostics.md"
     text = page.read_text()
     for code, row in ROWS.items():
-        before = f"| {row['numbers']} | {row['sentence']} |".replace("|  |", "| |")
-        assert before in text
         line = next(line for line in text.splitlines() if line.startswith(f"| {code} |"))
         text = text.replace(line, line.replace(f"| {row['sentence']} |", f"| {code} |"))
     page.write_text(text)
