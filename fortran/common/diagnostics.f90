@@ -28,9 +28,11 @@ contains
 
    !> One diagnostic as a list, which can be appended to others.
    pure function diagnostic(code, subject, numbers) result(list)
-      !> Code of the page; see the components of `diagnostic_type`.
+      !> Code of the page.
       character(len=*), intent(in) :: code
+      !> What it concerns; absent if that is clear.
       character(len=*), intent(in), optional :: subject
+      !> In the order of the column `numbers`; absent if there are none.
       real(wp), intent(in), optional :: numbers(:)
       type(diagnostic_type) :: list(1)
       integer :: i
@@ -65,6 +67,7 @@ contains
    !> A text of the page with the subject and the numbers in their places.
    pure function filled(self, template) result(text)
       class(diagnostic_type), intent(in) :: self
+      !> A cell of the column `sentence` or `remedy`.
       character(len=*), intent(in) :: template
       character(len=:), allocatable :: text, rest
       integer :: first, last

@@ -107,9 +107,11 @@ contains
    !> Append a diagnostic to the warnings.
    subroutine warn(self, code, subject, numbers)
       class(stage_type), intent(inout) :: self
-      !> See `diagnostics`, as the subject and the numbers.
+      !> Code of the page; see `diagnostic`.
       character(len=*), intent(in) :: code
+      !> What it concerns; absent if that is clear.
       character(len=*), intent(in), optional :: subject
+      !> In the order of the page; absent if there are none.
       real(wp), intent(in), optional :: numbers(:)
 
       self%warnings = [self%warnings, diagnostic(code, subject, numbers)]

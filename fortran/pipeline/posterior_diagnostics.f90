@@ -167,7 +167,6 @@ contains
       type(analysis_type), intent(in) :: found
       type(diagnostic_type), allocatable :: list(:)
       real(wp) :: effective(size(found%parameters)), greatest
-      character(len=:), allocatable :: prefix
       integer :: n_chains, level, i
 
       allocate (list(0))
@@ -177,7 +176,6 @@ contains
          ! The first level makes a result unusable.
          do level = 1, 2
             greatest = merge(unmixed, greatest_r_hat, level == 1)
-            prefix = trim(merge('too_few', 'few    ', level == 1))
             ! One chain has no R-hat.
             if (n_chains > 1 .and. any(.not. diagnostics%r_hat <= greatest)) then
                i = max(1, maxloc(diagnostics%r_hat, dim=1))
@@ -188,8 +186,8 @@ contains
             associate (needed => least_size*merge(1, n_chains, level == 1))
                if (any(.not. effective >= needed)) then
                   i = max(1, minloc(effective, dim=1))
-                  list = diagnostic(prefix//'_draws', trim(found%names(i)), &
-                     & [effective(i), real(needed, wp)])
+                  list = diagnostic(trim(merge('too_few_draws', 'few_draws    ', level == 1)), &
+                     & trim(found%names(i)), [effective(i), real(needed, wp)])
                   return
                end if
             end associate

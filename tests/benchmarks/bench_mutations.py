@@ -456,13 +456,13 @@ def try_programs(tries: int, seed: int, folder: Path) -> list[str]:
 
 
 def outcome_of(words: list, folder: Path) -> tuple[int | str, list[str]]:
-    """The status of a program, and the lines of its refusal but for warnings."""
+    """The status of a program, and the lines of its refusal but for warnings and notes."""
     try:
         done = subprocess.run(words, cwd=folder, capture_output=True, timeout=30, check=False)
     except subprocess.TimeoutExpired:
         return "hangs", []
     lines = done.stderr.decode(errors="replace").splitlines() if done.returncode else []
-    return done.returncode, [line for line in lines if not line.startswith("warning: ")]
+    return done.returncode, [line for line in lines if not line.startswith(("warning: ", "note: "))]
 
 
 def main(argv=None) -> int:

@@ -10,6 +10,7 @@ import arviz as az
 import pytest
 
 import bayesindent as bi
+from bayesindent.common.diagnostics import labelled, message
 from bayesindent.common.result_files import read_json
 from support.tree import SOURCE
 
@@ -104,11 +105,10 @@ def test_compare(bayesindent, tmp_path, monkeypatch):
     assert set(folder.iterdir()) == before
     with pytest.warns(bi.BayesindentWarning) as warned:
         other = bi.compare("runs/plain", "runs/other", output="new/folder")
-    assert other["warnings"][0].startswith("the runs are of different measurements")
-    assert (
-        warned[0].filename == __file__
-        and [line.message.args[0] for line in warned] == other["warnings"]
-    )
+    assert other["warnings"][0]["code"] == "compared_measurements"
+    assert warned[0].filename == __file__
+    assert [line.message.diagnostic for line in warned] == other["warnings"]
+    assert [str(line.message) for line in warned] == [message(each) for each in other["warnings"]]
     assert {path.name for path in Path("new/folder").iterdir()} == {
         "comparison.csv",
         "comparison.json",
@@ -117,7 +117,7 @@ def test_compare(bayesindent, tmp_path, monkeypatch):
     # Constants of runs of other measurements are compared under a warning.
     done = bayesindent("compare", "runs/plain", "runs/other", "runs/tip", "--output", "three")
     assert done.returncode == 0, done.stderr
-    assert "warning: the runs are of different measurements" in done.stderr
+    assert labelled(other["warnings"][0]) in done.stderr.splitlines()
     assert "models:" not in done.stdout
     assert "models:" in bayesindent("compare", "runs/plain", "runs/tip").stdout
     lines = [line.split() for line in done.stdout.splitlines() if line.startswith("C44")]

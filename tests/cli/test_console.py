@@ -5,8 +5,11 @@ from types import SimpleNamespace
 
 import pytest
 
+from bayesindent.common.diagnostics import diagnostic, labelled
 from bayesindent.program import cli
 from bayesindent.program.commands.stages import show_extract
+from bayesindent.report.results import Results
+from support.diagnostics import of_code
 from support.tree import SOURCE
 
 IRON = (
@@ -47,7 +50,8 @@ def test_no_number_of_the_answer_is_cut(capsys, monkeypatch):
 
 
 def test_the_first_warnings_are_shown_and_all_are_in_the_document(capsys):
-    document = {"warnings": [f"number {n}" for n in range(12)]}
+    warnings = [diagnostic("table_changed", f"number {n}") for n in range(12)]
+    document = {"warnings": list(warnings)}
     command = SimpleNamespace(show=lambda document: print("the answer"), then=None)
     arguments = SimpleNamespace(json=False, quiet=False, results=None, command=command)
     assert cli.finish(arguments, document) == 0
@@ -139,13 +143,10 @@ def test_a_report_says_what_was_edited_since(bayesindent, iron):
     assert "edited" not in bayesindent("report", "runs/a").stderr
     table = iron / "grains.csv"
     table.write_text(table.read_text().replace("219.025", "229.025"))
-    told = "&measurements of "
     done = bayesindent("report", "runs/a")
-    assert (
-        done.returncode == 0
-        and told in done.stderr
-        and "was edited after these results: bayesindent run makes new ones" in done.stderr
-    )
+    (edited,) = of_code(Results(iron / "runs" / "a").warnings, "inputs_edited")
+    assert edited["subject"].startswith("&measurements of ")
+    assert done.returncode == 0 and labelled(edited) in done.stderr.splitlines()
     assert "was edited after these results" in (iron / "runs" / "a" / "report.html").read_text()
 
 

@@ -5,6 +5,7 @@ import json
 
 import pytest
 
+from bayesindent.common.diagnostics import labelled
 from support.tree import REFERENCE, SOURCE
 
 INPUTS = sorted(SOURCE.glob("inputs/*.nml")) + sorted(SOURCE.glob("inputs/case_studies/*.nml"))
@@ -86,6 +87,7 @@ def test_predictions_outside_the_domain_are_told_of(bayesindent, tmp_path):
     done = bayesindent(
         "predict", "--surrogate", "block", "--symmetry", "cubic", "--points", "points.csv", "--json"
     )
-    warning = "points.csv: 1 of 2 rows are outside the surrogate's domain: 2"
-    assert (done.returncode, done.stderr.splitlines()[0]) == (0, f"warning: {warning}")
-    assert json.loads(done.stdout)["warnings"] == [warning]
+    (warning,) = json.loads(done.stdout)["warnings"]
+    assert warning["code"] == "outside_domain"
+    assert warning["subject"] == "points.csv: 1 of 2 rows are outside the surrogate's domain: 2"
+    assert (done.returncode, done.stderr.splitlines()[0]) == (0, labelled(warning))

@@ -266,7 +266,7 @@ def test_a_constant_that_its_bounds_fix_is_not_truncated_by_them(folder, bayesin
     (folder / "b.nml").write_text(STEP_2.replace("samples = 400", "samples = 2000") + bounds)
     document = json.loads(bayesindent("extract", "b.nml", "--output", "out", "--json").stdout)
     assert abs(document["parameters"]["C12"]["mean"] - 121.4) < 0.03
-    assert not [line for line in document["warnings"] if "limit of C12" in line]
+    assert not [found for found in document["warnings"] if "limit of C12" in found["subject"]]
 
 
 def test_texts_are_escaped_wherever_they_enter_latex():

@@ -12,6 +12,7 @@ import pytest
 
 from bayesindent.common.result_files import read_json
 from support.campaigns import count_rows
+from support.diagnostics import of_code
 from support.programs import HANGS_S
 from support.tree import REFERENCE, SOURCE
 
@@ -116,7 +117,8 @@ def test_step_two_alone(process):
     ):
         assert item["mean"] == pytest.approx(mean, abs=0.2)
         assert item["sd"] == pytest.approx(sd, rel=0.06)
-    assert any("truncated by the lower limit of C12" in warning for warning in document["warnings"])
+    truncated = of_code(document["warnings"], "truncated")
+    assert "lower limit of C12" in [found["subject"] for found in truncated]
 
 
 class Page(html.parser.HTMLParser):

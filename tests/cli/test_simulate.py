@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
+from bayesindent.common.diagnostics import labelled
 from support.csv_tables import column, read_rows
 from support.programs import BATCH
 from support.tree import REFERENCE, SOURCE
@@ -123,17 +124,18 @@ def test_a_crystal_near_instability_is_warned_of(bayesindent, tmp_path):
     done = bayesindent("simulate", "a.nml", "--output", "out", "--json")
     assert done.returncode == 0, done.stderr
     (warning,) = json.loads(done.stdout)["warnings"]
-    assert warning.startswith(
+    assert warning["code"] == "mesh_error"
+    assert warning["subject"].startswith(
         "a.nml: &simulation: 1 of 2 crystals are so near instability that the error of the mesh "
         "may reach about"
     )
-    assert warning.endswith("(rows 2)")
+    assert warning["subject"].endswith("(rows 2)")
     # Stored results are warned of like new ones, and by the batch program in the same words.
     assert json.loads(bayesindent("simulate", "a.nml", "--output", "out", "--json").stdout)[
         "warnings"
     ] == [warning]
     done = batch(tmp_path)
-    assert f"warning: {warning}\n" in done.stderr
+    assert f"{labelled(warning)}\n" in done.stderr
 
 
 def test_when_every_simulation_fails_the_command_fails(bayesindent, tmp_path):

@@ -1,9 +1,11 @@
-!> Operations that tests alone need: the training of a surrogate step by step. They are those of a core of its own, beside the one that is tested; see
+!> Operations that tests alone need: the training of a surrogate step by step, and a diagnostic with
+!> its numbers. They are those of a core of its own, beside the one that is tested; see
 !> tests/support/testing_core.py.
 module test_operations
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_loc
    use abstract_basis, only: basis_type
    use acquisitions, only: new_acquisition
+   use diagnostics, only: diagnostic, diagnostics_text
    use evidence_regression, only: coefficient_covariance, coefficient_mean, compute_posterior, &
       & leave_groups_out
    use exchange, only: exchange_type, find_object, register_object, release_object
@@ -42,8 +44,13 @@ contains
       allocate (x)
       call x%open(request)
       if (.not. allocated(x%error)) call find_object(handle, kind, object, x%error)
-      known = .false.
-      if (.not. allocated(x%error)) then
+      known = name == 'test.diagnostic'
+      if (known) then
+         ! As in a document; the core's own operation takes no numbers.
+         if (allocated(x%error)) deallocate (x%error)
+         x%text = diagnostics_text(diagnostic(x%in%text('code'), x%in%text('subject'), &
+            & [x%in%columns('numbers', 1)]))
+      else if (.not. allocated(x%error)) then
          known = .true.
          select type (object)
          class is (basis_type)

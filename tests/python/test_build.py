@@ -20,6 +20,7 @@ from bayesindent.settings.problem import read_crystals
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
 from support.build_problems import CORRECTION, PAPER, make_problem, numbers_of, posterior_of, stored
+from support.diagnostics import codes, of_code
 from support.learner import Learner, build, spread_crystals
 from support.paper_domains import DOMAINS
 from support.specimen_factor import specimen
@@ -190,10 +191,8 @@ def test_a_failed_point_stays_failed(tmp_path, monkeypatch):
     )
     document = build(make_problem(tmp_path), tmp_path)
     assert (document["simulations"], document["new_simulations"], document["failed"]) == (16, 18, 2)
-    assert any(
-        "2 of 18 simulations failed: the stated errors do not include" in warning
-        for warning in document["warnings"]
-    )
+    (found,) = of_code(document["warnings"], "simulations_failed")
+    assert found["numbers"] == {"failed": 2, "simulations": 18}
     assert build(make_problem(tmp_path), tmp_path)["new_simulations"] == 0
 
 
@@ -287,10 +286,8 @@ def test_what_other_classes_taught_is_used(tmp_path, specimens):
     assert 5 <= inside.sum() < cubic["simulations"]
     assert (document["simulations"], document["new_simulations"]) == (30, 30 - inside.sum())
     left = 16 - inside.sum()
-    assert any(
-        f"{left} simulations of the campaign are outside the surrogate's domain" in line
-        for line in document["warnings"]
-    )
+    (found,) = of_code(document["warnings"], "simulations_outside")
+    assert found["numbers"] == {"outside": left}
     data = Surrogate.load(tmp_path / "surrogate.txt").data
     assert data["constants"].shape == (30, 21)
     # The same crystals with a surrogate of their own.
@@ -487,10 +484,12 @@ def test_candidates_of_a_table(tmp_path):
     document = build(
         make_problem(tmp_path, design={"candidates": "'mine.csv'", "budget": 16}), tmp_path
     )
-    assert document["warnings"] == [
-        f"{tmp_path}/problem.nml: &design candidates: 1 of 31 rows of mine.csv lie outside "
-        "&domain and are left out"
-    ]
+    (found,) = document["warnings"]
+    assert (found["code"], found["subject"], found["numbers"]) == (
+        "candidates_left_out",
+        f"{tmp_path}/problem.nml: &design candidates: mine.csv",
+        {"outside": 1, "rows": 31},
+    )
     known = {tuple(row) for row in np.hstack(rows).tolist()}
     data = Surrogate.load(tmp_path / "surrogate.txt").data
     assert {
@@ -500,7 +499,8 @@ def test_candidates_of_a_table(tmp_path):
         make_problem(tmp_path, design={"candidates": "'mine.csv'", "budget": 31}), tmp_path
     )
     assert document["simulations"] == 30
-    assert "no candidate is left" in document["warnings"][-1]
+    assert document["warnings"][-1]["code"] == "no_candidate_left"
+    assert document["warnings"][-1]["numbers"] == {"simulations": 30}
 
 
 def test_stopping_without_improvement(tmp_path):
@@ -565,14 +565,12 @@ def test_what_was_not_simulated_is_named(tmp_path):
         make_problem(tmp_path, model=CORRECTION, design={"candidates": "'mine.csv'", "budget": 12}),
         tmp_path,
     )
-    words = "\n".join(document["warnings"])
-    assert re.search(
-        r"no crystal above a log-anisotropy of 0\.[34]\d* was simulated; the domain reaches 1\.2",
-        words,
-    )
-    assert re.search(
-        r"only crystals with Poisson's ratios from 0\.2\d* to 0\.(29|30?) were simulated", words
-    )
+    (found,) = of_code(document["warnings"], "anisotropy_not_simulated")
+    assert 0.3 <= found["numbers"]["simulated"] < 0.5
+    assert found["numbers"]["domain"] == pytest.approx(1.2)
+    (found,) = of_code(document["warnings"], "poisson_not_simulated")
+    assert 0.195 <= found["numbers"]["least"] < 0.295
+    assert 0.285 <= found["numbers"]["greatest"] < 0.305
 
 
 def test_a_build_over_the_scale(tmp_path, specimens):
@@ -593,7 +591,7 @@ def test_a_build_over_the_scale(tmp_path, specimens):
         make_problem(tmp_path, model=model, design={"n_candidates": 300, "budget": 24}), tmp_path
     )
     assert (first["terms"], again["simulations"], again["new_simulations"]) == (35, 24, 12)
-    assert not any("of a scale" in line for line in again["warnings"])
+    assert "scale_not_simulated" not in codes(again["warnings"])
     assert re.search(r" and a scale of \d+(\.\d+)? GPa$", again["domain"]["words"])
     surrogate = Surrogate.load(tmp_path / "surrogate.txt")
     scale = surrogate.basis.coverage(stiffness_rows("triclinic", surrogate.data["constants"]))[2]
@@ -629,11 +627,5 @@ def test_a_build_over_the_scale(tmp_path, specimens):
         ),
         tmp_path / "c",
     )
-    assert any(
-        re.search(
-            r"only crystals of a scale .* from 1\d\d\.?\d* to (1|2)\d\d\.?\d* GPa were "
-            r"simulated; the domain",
-            line,
-        )
-        for line in few["warnings"]
-    )
+    (found,) = of_code(few["warnings"], "scale_not_simulated")
+    assert 100 <= found["numbers"]["least"] < found["numbers"]["greatest"] < 300

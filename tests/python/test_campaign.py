@@ -211,7 +211,8 @@ def test_physics_are_kept_apart(tmp_path):
     text = (tmp_path / "b.nml").read_text().replace("'theory'", "'import'")
     (tmp_path / "c.nml").write_text(text)
     (warning,) = ask(Problem(tmp_path / "c.nml", "build"), tmp_path, 1)["warnings"]
-    assert "campaign.sqlite holds only simulations of another physics (" in warning
+    assert warning["code"] == "other_physics"
+    assert f"{path} holds only simulations of another physics (" in warning["subject"]
 
 
 @pytest.mark.parametrize("modulus", [float("nan"), -1.0, float("inf")])

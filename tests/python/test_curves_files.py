@@ -11,6 +11,7 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.lab.instruments import read_file, tdm_settings
+from support.diagnostics import issues
 from support.synthetic_curves import KNOWN, NAMELIST, one_curve, table
 
 QUARTZ_GPA = 69.64
@@ -101,7 +102,7 @@ def test_bad_input_is_one_line(bayesindent, tmp_path, change, message):
 def test_no_value_of_an_instrument_is_left_out():
     rows = one_curve("a", 100.0)
     rows.insert(50, ("a", rows[50][1], "1.79769313486232E+308", rows[50][3]))
-    with pytest.warns(bi.BayesindentWarning, match="only ratios"):
+    with issues("no_reference"):
         found = bi.curves(table(rows), {"test": ["a"], "grain": ["g"]}, radius_um=5.0, **KNOWN)
     assert found.document["tests"][0]["effective_modulus_gpa"] == pytest.approx(100.0, rel=2e-4)
 
@@ -119,7 +120,7 @@ def test_a_file_of_the_instrument(tmp_path):
     lines += [f"{depth:.6f}\t{1e3 * load:.6f}\t{time:.6f}" for _, time, depth, load in rows]
     file = tmp_path / "a.txt"
     file.write_bytes("\r".join(lines).encode("latin-1"))
-    with pytest.warns(bi.BayesindentWarning, match="only ratios"):
+    with issues("no_reference"):
         found = bi.curves([file], {"test": ["a"], "grain": ["g"]}, radius_um=5.0, **KNOWN)
     assert found.document["tests"][0]["effective_modulus_gpa"] == pytest.approx(100.0, rel=2e-4)
     file.write_bytes("\r".join(lines[:-3]).encode("latin-1"))
@@ -170,7 +171,7 @@ def test_files_of_the_instrument_in_a_namelist(tmp_path, bayesindent, batch):
         "files of instruments are read by bayesindent, not by bayesindent-batch"
         in batch("--stage", "curves", "a.nml").stderr
     )
-    with pytest.warns(bi.BayesindentWarning, match="only ratios"):
+    with issues("no_reference"):
         files = [tmp_path / "raw" / f"{test}.txt" for test in "ab"]
         found = bi.curves(
             files, {"test": ["a", "b"], "grain": ["g", "h"]}, radius_um=5.0, radius_sd_um=0.01

@@ -10,6 +10,7 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.program.cli import main
+from support.diagnostics import issues
 from support.tree import SOURCE
 
 
@@ -37,9 +38,7 @@ def test_the_driver_gives_the_numbers_of_the_namelist(driver, tmp_path, capsys):
         text = text.replace(old, new)
     (tmp_path / "quick.nml").write_text(text)
     assert main(["run", str(tmp_path / "quick.nml"), "--output", str(tmp_path / "run")]) == 0
-    with pytest.warns(
-        bi.BayesindentWarning, match="errors of the surrogate may change the variance"
-    ):
+    with issues("surrogate_error"):
         surrogate, posterior, suggestions = driver.main(
             tmp_path / "drive", driver.simulator(refine=0.6), budget=8, samples=1000
         )

@@ -8,6 +8,7 @@ import pytest
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
 from support.densities import Posterior
+from support.diagnostics import issues, of_code
 
 COPPER = (168.4, 121.4, 75.4)
 #: What a specimen does to the exact modulus of a half-space: a made-up one, smooth in the crystal,
@@ -198,18 +199,15 @@ def test_without_measurements_or_with_the_papers_model_the_domain_is_simulated(t
 
 @pytest.mark.filterwarnings("ignore")
 def test_what_the_budget_left_is_a_warning(tmp_path):
-    with pytest.warns(
-        bi.BayesindentWarning,
-        match=(
-            r"errors of the surrogate may change the variance of C\d\d by \d+ %; allowed: 10 %. "
-            r"Increase &design budget, 15"
-        ),
-    ):
+    with issues("surrogate_error") as told:
         bi.build(
             problem_of(tmp_path, table(noise=0.002), design={"budget": 15}),
             tmp_path / "out",
             simulate=specimen,
         )
+    for found in of_code(told, "surrogate_error"):
+        assert found["subject"] in ("C11", "C12", "C44") and found["numbers"]["percent"] > 10
+        assert (found["numbers"]["allowed"], found["numbers"]["budget"]) == pytest.approx((10, 15))
 
 
 #: Crystals that the default domain of a film on silicon does not hold; GPa.
@@ -254,10 +252,10 @@ def test_a_film_of_another_metal_than_the_domain_holds(metal, tmp_path):
             for one, true in zip(found["parameters"].values(), OUTSIDE[metal], strict=True)
         ]
         if focus == "domain":
-            assert not found["usable"] and "the domain of the surrogate" in found["reasons"][0], (
-                found["reasons"],
-                z,
-            )
+            assert not found["usable"], z
+            # The first reason is the first diagnostic of those that make it so.
+            (first, *_) = [each for each in found["warnings"] if each["severity"] == "unusable"]
+            assert first["code"] == "outside_surrogate" and first["text"] in found["reasons"][0], z
         else:
             assert found["usable"] and max(np.abs(z)) < 3, (found["reasons"], z)
             # So accurate is the surrogate wherever the posterior is, its tails included: its

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
+from bayesindent.settings.keywords import in_python
 from bayesindent.settings.problem import schema
 from support.theory_cases import theory_surrogate
 from support.tree import SOURCE
@@ -189,7 +190,11 @@ def test_warnings_name_the_callers_line_and_no_group():
         )
     assert {item.filename for item in told} == {__file__}
     assert not any("&" in str(item.message) for item in told)
-    assert any("State in knowledge what else is known" in str(item.message) for item in told)
+    (found,) = [
+        item.message for item in told if item.message.diagnostic["code"] == "not_determined"
+    ]
+    assert str(found).endswith(in_python(found.diagnostic["remedy"]))
+    assert "&knowledge" in found.diagnostic["remedy"]
 
 
 def test_constants_by_position_and_quantities_of_a_stiffness():

@@ -12,6 +12,7 @@ from bayesindent.crystal.elasticity import constant_names, stiffness_rows
 from bayesindent.surrogate.surrogate import places
 from support.csv_tables import numbers, read_rows
 from support.densities import PRIOR, Posterior
+from support.diagnostics import codes, of_code
 from support.step_2_cases import KIND, default_prior, log_volume, table_of
 from support.tree import REFERENCE, SOURCE
 
@@ -104,7 +105,9 @@ def conflicts(result):
     return (
         found,
         document["prior"]["conflict_sd"],
-        [line for line in document["warnings"] if "contradicts" in line],
+        of_code(
+            document["warnings"], "knowledge_wrong", "knowledge_contradicts", "knowledge_conflict"
+        ),
     )
 
 
@@ -121,7 +124,7 @@ def test_the_conflict_of_two_sources_is_their_distance_in_sds():
     assert one["C44"] == pytest.approx(distance, rel=0.1)
     assert together == pytest.approx(stats.norm.isf(stats.chi2.sf(distance**2, 6)), abs=0.1)
     assert len(told) == 2
-    assert all("C44 = " in line for line in told)
+    assert all(found["subject"].startswith("C44 = ") for found in told)
 
 
 @cache
@@ -263,7 +266,7 @@ def test_angles_in_radians():
         few = table_of(
             np.array(angles, float), np.full(len(angles), 140.0), np.full(len(angles), 3.0)
         )
-        assert any("radians" in line for line in Posterior.of(few, **settings).problem.warnings)
+        assert "angles_like_radians" in codes(Posterior.of(few, **settings).problem.warnings)
 
 
 @pytest.mark.parametrize(
@@ -293,18 +296,11 @@ def test_too_few_directions_are_told_with_what_is_visible(symmetry, n_constants,
         angles = np.concatenate([angles, angles + np.array([50.0, 0, 0])])
         table = table_of(angles, np.full(2 * n, 150.0), np.full(2 * n, 4.0))
         settings = {"surrogate": bi.Surrogate.load("halfspace"), "symmetry": symmetry, **KIND}
-        return [
-            line
-            for line in Posterior.of(table, **settings).problem.warnings
-            if "directions" in line
-        ]
+        return of_code(Posterior.of(table, **settings).problem.warnings, "few_directions")
 
     if visible > 2:
-        said = (
-            f"grains in 2 different directions; at least {visible} are needed for the "
-            f"combinations of the {n_constants} constants"
-        )
-        assert [said in line for line in warnings(2)] == [True]
+        numbers = {"directions": 2, "needed": visible, "constants": n_constants}
+        assert [found["numbers"] for found in warnings(2)] == [numbers]
     assert warnings(max(2, min(visible, 6))) == [] or visible > 6
 
 

@@ -11,6 +11,7 @@ from scipy.stats import multivariate_normal, norm
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
 from support.densities import Posterior
+from support.diagnostics import of_code
 from support.learner import spread_of, terms_of
 from support.tree import REFERENCE
 
@@ -136,7 +137,7 @@ def test_many_grains_that_disagree_are_named_if_chance_does_not_explain_them():
         workers=1,
         **KIND,
     )
-    named = [line.split()[1] for line in bi.summary(found)["warnings"] if line.startswith("grain ")]
+    named = [each["subject"] for each in of_code(bi.summary(found)["warnings"], "outlier")]
     assert sorted(named) == ["301", "8"]
     draws = np.stack([found.posterior[name].values.ravel() for name in COPPER], axis=1)[::20]
     predicted = found.predictions["modulus"].values.reshape(-1, 600)[::20]

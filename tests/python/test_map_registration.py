@@ -10,6 +10,7 @@ import pytest
 import bayesindent as bi
 from bayesindent.program.cli import main
 from bayesindent.report.figures.maps import draw_map
+from support.diagnostics import codes, of_code
 from support.orientation_maps import EDGE, LEFT, along, measured, pixels, write
 
 pytest.importorskip("orix.io")
@@ -58,7 +59,8 @@ def test_homologous_points_lead_to_the_grains(tmp_path):
     assert problem.map.positions == pytest.approx(np.array(places), abs=1e-9)
     plain = measured(tmp_path / "map.h5", places).measurements
     assert along(problem.measurements.euler_deg) == pytest.approx(along(plain.euler_deg), abs=1e-9)
-    assert not [line for line in problem.warnings if "points.csv" in line or "uncertain" in line]
+    assert not of_code(problem.warnings, "indents_left_out", "registration_unknown")
+    assert not [found for found in problem.warnings if "points.csv" in found["subject"]]
 
 
 def test_an_indent_near_a_boundary_is_named_and_left_out(tmp_path):
@@ -66,17 +68,17 @@ def test_an_indent_near_a_boundary_is_named_and_left_out(tmp_path):
     path = points_file(tmp_path / "points.csv", errors=errors)
     # The distance to the boundary in sds of the registration, of the second indent.
     problem = registered(tmp_path, [(2.0, 5.0), (EDGE - 0.6, 5.0)], path, grain=["a", "b"])
-    (line,) = [line for line in problem.warnings if "uncertain" in line]
+    (found,) = of_code(problem.warnings, "indents_left_out")
     design = np.column_stack([np.ones(5), stage_of(CORNERS)])
     residual = CORNERS + errors - design @ np.linalg.lstsq(design, CORNERS + errors, rcond=None)[0]
     at = np.array([1, *stage_of([(EDGE - 0.6, 5.0)])[0]])
     sd = np.sqrt((residual**2).sum() / 4 * (1 + at @ np.linalg.inv(design.T @ design) @ at))
-    share = int(line.partition("rows 2 (")[2].partition("%")[0]) / 100
+    share = int(found["subject"].partition("rows 2 (")[2].partition("%")[0]) / 100
     shift = EDGE - 0.25 - (at @ np.linalg.lstsq(design, CORNERS + errors, rcond=None)[0])[0]
     from scipy.stats import norm
 
     assert share == pytest.approx(norm.cdf(shift / sd), abs=0.06)
-    assert "rows 1" not in line and "are left out" in line
+    assert "rows 1" not in found["subject"] and "are left out" in found["subject"]
     assert (problem.map.rows, len(problem.map.positions), len(problem.measurements)) == ([0], 1, 1)
     assert problem.measurements.names == ["a"]
     assert along(problem.measurements.euler_deg)[0] == pytest.approx(along([LEFT])[0], abs=0.003)
@@ -97,7 +99,7 @@ def test_shared_errors_have_a_row_for_indents_that_are_left_out_too(tmp_path):
 
 def test_three_points_leave_the_error_unknown(tmp_path):
     problem = registered(tmp_path, [(2.0, 5.0)], points_file(tmp_path / "three.csv", CORNERS[:3]))
-    assert any("three points leave no residual" in line for line in problem.warnings)
+    assert "registration_unknown" in codes(problem.warnings)
     assert problem.map.positions[0] == pytest.approx([2.0, 5.0], abs=1e-9)
 
 

@@ -2,8 +2,6 @@
 that are right.
 """
 
-import re
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -13,6 +11,7 @@ import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness_rows
 from benchmarks.bench_orientations import RARE, harmonics, misfits
 from support.densities import Posterior
+from support.diagnostics import codes, of_code
 from support.step_2_cases import KIND, crystal
 
 SHORT = {"samples": 25, "burn_in": 400, "chains": 2} | KIND
@@ -45,24 +44,38 @@ def measured(name, grains, seed, noise=0.02):
     return symmetry, table, rng
 
 
+#: What is said of orientations and grains.
+SUSPECT = (
+    "misread",
+    "unexplained",
+    "orientations_alike",
+    "outlier",
+    "residuals_large",
+    "scale_hides",
+    "tests_disagree",
+    "tests_scatter_more",
+    "tests_scatter_less",
+)
+
+
 def checked(symmetry, table, **settings):
-    """What the document says of orientations, and the warnings on them and on grains."""
+    """What the document says of orientations, and the diagnostics of them and of grains."""
     document = bi.summary(bi.extract(table, symmetry=symmetry, **SHORT | settings))
-    lines = document["reasons"] + document["warnings"]
-    words = [line for line in lines if re.search("orientations|disagree|scatter", line)]
+    named = of_code(document["warnings"], "misread")
     # What is named cannot be used as it is.
-    assert bool(document["checks"]["orientations"]["better_reading"]) == any(
-        "What explains them" in line for line in document["reasons"]
-    )
-    return document["checks"]["orientations"], words
+    reading = document["checks"]["orientations"]["better_reading"]
+    assert [found["subject"] for found in named] == [reading] * bool(reading)
+    assert all(found["severity"] == "unusable" for found in named)
+    assert all(found["text"] in "\n".join(document["reasons"]) for found in named)
+    return document["checks"]["orientations"], of_code(document["warnings"], *SUSPECT)
 
 
 def test_orientations_that_are_all_alike_have_no_order():
     symmetry, table, _ = measured("copper", 20, 1)
     table["euler_deg"] = np.tile([10.0, 20.0, 30.0], (20, 1))
-    found, words = checked(symmetry, table)
+    found, suspect = checked(symmetry, table)
     assert found["p_shuffled"] == 1
-    assert not any("order of the rows" in line for line in words)
+    assert not of_code(suspect, "misread", "unexplained")
 
 
 @pytest.mark.long_where("Ti")
@@ -73,13 +86,15 @@ def test_shuffled_orientations(name, grains):
     """
     symmetry, table, rng = measured(name, grains, 1)
     table["euler_deg"] = table["euler_deg"][rng.permutation(grains)]
-    found, words = checked(symmetry, table)
-    assert len(words) == 1 and words[0].startswith(
-        "the orientations do not explain the moduli: chi-square is "
-    )
-    assert (
-        "% of random orders of the grains fit as well. Check the order of the rows, whether the "
-        "map is flipped" in words[0]
+    found, suspect = checked(symmetry, table)
+    assert codes(suspect) == ["unexplained"]
+    assert suspect[0]["numbers"] == pytest.approx(
+        {
+            "chi_square": found["chi_square"],
+            "grains": grains,
+            "constant_chi_square": found["constant_chi_square"],
+            "percent": 100 * found["p_shuffled"],
+        }
     )
     rows = harmonics(
         symmetry,
@@ -106,24 +121,23 @@ def test_shuffled_orientations(name, grains):
 @pytest.mark.long
 @pytest.mark.parametrize(("name", "grains"), [("copper", 20), ("Ti", 30), ("quartz", 20)])
 def test_right_orientations(name, grains):
-    found, words = checked(*measured(name, grains, 1)[:2])
-    assert not words and found["power"] > 0.5 and found["p_shuffled"] < 0.01 < found["p"]
+    found, suspect = checked(*measured(name, grains, 1)[:2])
+    assert not suspect and found["power"] > 0.5 and found["p_shuffled"] < 0.01 < found["p"]
 
 
 @pytest.mark.long
 def test_other_readings_of_a_table_are_tried():
     symmetry, table, _ = measured("Ti", 30, 2)
-    found, words = checked(symmetry, table | {"euler_deg": np.roll(table["euler_deg"], 1, axis=0)})
-    assert len(words) == 1 and words[0].endswith(
-        "What explains them: the orientations one row further up. Correct the table or the map"
-    )
+    _, suspect = checked(symmetry, table | {"euler_deg": np.roll(table["euler_deg"], 1, axis=0)})
+    assert codes(suspect) == ["misread"]
+    assert suspect[0]["subject"] == "the orientations one row further up"
     symmetry, table, _ = measured("iron", 20, 2, noise=0.01)
     phi1, phi, phi2 = table["euler_deg"].T
-    found, words = checked(
+    found, suspect = checked(
         symmetry, table | {"euler_deg": np.column_stack([180 - phi2, phi, 180 - phi1])}
     )
     assert found["better_reading"] == "rotations from crystal to sample axes (the inverse)"
-    assert words[0].endswith(f"{found['better_reading']}. Correct the table or the map")
+    assert suspect[0]["subject"] == found["better_reading"]
 
 
 def map_of(path, name, grains, seed, way):
@@ -175,17 +189,13 @@ def map_of(path, name, grains, seed, way):
 )
 def test_a_flipped_map_is_named(tmp_path, name, grains, way, told):
     path = tmp_path / "map.h5"
-    found, words = checked(
+    found, suspect = checked(
         *map_of(path, name, grains, {"copper": 7, "Ti": 8}[name], way), ebsd=path
     )
     assert found["better_reading"] == told
     # Indents that a flipped map puts into one grain are taken for tests of it, which scatter.
-    explained = [
-        line.partition("What explains them: ")[2].partition(".")[0]
-        for line in words
-        if "explain" in line
-    ]
-    assert explained == [told] * bool(told)
+    explained = of_code(suspect, "misread", "unexplained")
+    assert [each["subject"] for each in explained] == [told] * bool(told)
 
 
 def test_tests_that_a_flipped_map_puts_into_one_grain_count_with_all_their_directions(tmp_path):
@@ -203,14 +213,16 @@ def test_mistaken_crystal_axes_are_named_where_they_matter():
         ("Ti", 24, ""),
     ):
         symmetry, table, _ = measured(name, grains, 3)
-        found, words = checked(symmetry, table | {"euler_deg": table["euler_deg"] + [0, 0, 90]})
-        assert found["better_reading"] == told and len(words) == bool(told)
+        found, suspect = checked(symmetry, table | {"euler_deg": table["euler_deg"] + [0, 0, 90]})
+        assert found["better_reading"] == told and len(suspect) == bool(told)
 
 
 def test_a_nearly_isotropic_crystal_has_no_power():
     symmetry, table, rng = measured("tungsten", 20, 3)
-    found, words = checked(symmetry, table | {"euler_deg": table["euler_deg"][rng.permutation(20)]})
-    assert not words and found["power"] < 0.1
+    found, suspect = checked(
+        symmetry, table | {"euler_deg": table["euler_deg"][rng.permutation(20)]}
+    )
+    assert not suspect and found["power"] < 0.1
 
 
 @pytest.mark.long_where("zirconium")
@@ -219,13 +231,14 @@ def test_one_bad_value_is_named_first_and_alone(name):
     symmetry, table, _ = measured(name, 20, 4)
     table["modulus_gpa"][6] /= 10
     document = bi.summary(bi.extract(table, symmetry=symmetry, **SHORT))
-    assert document["warnings"][0].startswith("grain 7 disagrees with the others: its modulus is ")
-    assert "without it they agree. Check its value" in document["warnings"][0]
-    assert not [
-        line for line in document["warnings"][1:] if "disagree" in line or "scatter" in line
-    ]
+    first, *others = document["warnings"]
+    assert (first["code"], first["subject"]) == ("outlier", "7")
+    assert not of_code(others, *SUSPECT)
     found = document["checks"]["orientations"]
     assert found["outliers"] == [7]
+    assert first["numbers"] == pytest.approx(
+        {"distance_sd": found["distances_sd"][0], "modulus_gpa": table["modulus_gpa"][6]}
+    )
     # A tenth is 0.9/0.02 sds less, of which some are the others' own.
     assert -45.5 < found["distances_sd"][0] < -36
 
@@ -240,12 +253,11 @@ def test_a_bad_value_that_bends_the_crystal_is_named_first():
     document = bi.summary(
         bi.extract(table, symmetry=symmetry, knowledge={"bulk_modulus": (180, 4)}, **SHORT)
     )
-    assert document["warnings"][0].startswith("grain 8 disagrees with the others: its modulus is ")
-    assert not [
-        line
-        for line in document["warnings"][1:]
-        if "disagree" in line or "contradicts" in line or "orientations" in line
-    ]
+    first, *others = document["warnings"]
+    assert (first["code"], first["subject"]) == ("outlier", "8")
+    assert not of_code(
+        others, "knowledge_wrong", "knowledge_contradicts", "knowledge_conflict", *SUSPECT
+    )
 
 
 @pytest.mark.long

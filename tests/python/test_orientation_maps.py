@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
+from support.diagnostics import of_code
 from support.orientation_maps import (
     EDGE,
     LEFT,
@@ -80,8 +81,12 @@ def test_the_phase_has_the_stated_symmetry(tmp_path, point_group, symmetry, told
     problem = measured(
         write(tmp_path / "map.h5", *pixels(), point_group), [(2.1, 5.2), (12.3, 4.9)], symmetry
     )
-    said = [line.partition("map.h5: ")[2] for line in problem.warnings if "map.h5" in line]
+    found = of_code(problem.warnings, "phase_differs")
+    said = [each["subject"].partition("map.h5: ")[2] for each in found]
     assert said == ([f"the phase iron is {told}"] if told else [])
+    assert not [
+        each for each in problem.warnings if "map.h5" in each["subject"] and each not in found
+    ]
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import bayesindent as bi
+from support.diagnostics import codes
 from support.step_2_cases import KIND
 from support.tree import SOURCE
 
@@ -51,7 +52,7 @@ def test_all_grains_are_ranked_by_name(result, tmp_path):
         name: list(angles) for name, angles in rows.items()
     }
     assert found["unit"] == "nats"
-    assert not any("degrees apart" in line for line in found["warnings"])
+    assert "few_apart" not in codes(found["warnings"])
 
 
 @pytest.mark.long

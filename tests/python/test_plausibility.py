@@ -6,6 +6,8 @@ import subprocess
 
 import pytest
 
+import bayesindent as bi
+from bayesindent.common.diagnostics import labelled
 from support.programs import BATCH
 
 HEADER = "grain,phi1_deg,Phi_deg,phi2_deg,effective_modulus_gpa,sd_gpa\n"
@@ -76,13 +78,13 @@ def test_each_row_pasted_four_times_without_a_column_of_grains(tmp_path):
     assert check(rows[:-1])[0] == 0
 
 
-def test_sds_that_are_fractions(check):
+def test_sds_that_are_fractions(check, tmp_path, monkeypatch):
     status, said = check([row.removesuffix("4") + "0.02" for row in ROWS])
     assert status == 0
-    assert (
-        "the sds are 0.0095 % of the moduli (median)" in said
-        and "if these are fractions, multiply them by the moduli" in said
-    )
+    monkeypatch.chdir(tmp_path)
+    (found,) = bi.Problem("a.nml").warnings
+    assert (found["code"], labelled(found)) == ("small_sds", said.strip())
+    assert found["numbers"] == pytest.approx({"percent": 100 * 0.02 / 210, "usual_percent": 0.3})
 
 
 def test_knowledge_in_another_unit(check):

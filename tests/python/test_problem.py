@@ -14,8 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bayesindent as bi
+from bayesindent.common.diagnostics import message
 from bayesindent.crystal.elasticity import constant_names
 from bayesindent.settings.problem import read_crystals, schema
+from support.diagnostics import codes
 from support.measured_tables import read_measurements
 from support.paper_domains import DOMAIN
 from support.step_2_cases import KIND
@@ -190,15 +192,15 @@ def test_quoted_cells_and_comments(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("rows", "warning"),
+    ("rows", "code"),
     [
-        (["10,20,30,210,4"], "one grain"),
-        (["10,20,30,210,4"] * 3, "orientations are all alike"),
-        (["1,0.2,3,210,4", "2,1.2,3,211,4"], "radians"),
-        (["10,20,30,210,400", "10,40,30,210,4"], "half of its modulus"),
+        (["10,20,30,210,4"], "one_grain"),
+        (["10,20,30,210,4"] * 3, "orientations_alike"),
+        (["1,0.2,3,210,4", "2,1.2,3,211,4"], "angles_like_radians"),
+        (["10,20,30,210,400", "10,40,30,210,4"], "large_sd"),
     ],
 )
-def test_warnings(tmp_path, rows, warning):
+def test_warnings(tmp_path, rows, code):
     write(tmp_path, "\n".join(["phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa", *rows]), "m.csv")
     problem = bi.Problem(
         write(
@@ -207,9 +209,8 @@ def test_warnings(tmp_path, rows, warning):
             "&measurements file='m.csv' modulus_kind='sample_modulus'/\n",
         )
     )
-    assert len(problem.warnings) == 1
-    assert warning in problem.warnings[0]
-    assert "\n" not in problem.warnings[0]
+    assert codes(problem.warnings) == [code]
+    assert "\n" not in message(problem.warnings[0])
 
 
 def test_candidates_with_training_moduli(tmp_path):
@@ -226,7 +227,10 @@ def test_candidates_with_training_moduli(tmp_path):
     ]
     assert problem.candidates.modulus_gpa[0] == 220.5
     assert np.isnan(problem.candidates.modulus_gpa[1])
-    assert "1 of 2 rows of c.csv lie outside &domain" in problem.warnings[0]
+    (found,) = problem.warnings
+    assert found["code"] == "candidates_left_out"
+    assert found["subject"].endswith(": &design candidates: c.csv")
+    assert found["numbers"] == {"outside": 1, "rows": 2}
 
 
 def test_folder_of_the_file_and_odd_names(tmp_path):

@@ -7,6 +7,7 @@ from scipy import stats
 import bayesindent as bi
 from bayesindent.common.result_files import as_csv
 from support.densities import Posterior
+from support.diagnostics import codes, notes, of_code
 from support.measured_tables import read_measurements
 from support.tree import SOURCE
 
@@ -82,28 +83,27 @@ def test_scatter_is_compared_with_the_sds(factor, said):
         for _ in range(4)
     ]
     chi_square = sum(moments(name, rows)[2] for name in range(10))
-    warnings = [line for line in problem(table(rows)).warnings if "tests of a grain" in line]
+    warnings = of_code(problem(table(rows)).warnings, "tests_scatter_more", "tests_scatter_less")
     share = stats.chi2.sf(chi_square, 30)
     assert (said == "more") == (share < 0.01)
     assert (said == "less") == (share > 0.99)
     assert len(warnings) == (said is not None)
     if said:
-        words = (
-            f"scatter {said} than their stated sds, {np.sqrt(chi_square / 30):.1f} times as "
-            f"much (chi-square {chi_square:.1f}, degrees of freedom 30)"
+        assert codes(warnings) == [f"tests_scatter_{said}"]
+        assert warnings[0]["numbers"] == pytest.approx(
+            {"factor": np.sqrt(chi_square / 30), "chi_square": chi_square, "freedom": 30}
         )
-        assert words in warnings[0]
 
 
 def test_a_grain_whose_tests_disagree_is_named():
     rows = [*ROWS, ("c", 5.0, 80.0, 45.0, 230.0, 5.0)]
-    lines = [line for line in problem(table(rows)).warnings if "disagree with each other" in line]
+    (found,) = of_code(problem(table(rows)).warnings, "tests_disagree")
     chi_square = moments("c", rows)[2]
-    assert len(lines) == 1
-    assert (
-        "the 2 tests of grain c disagree with each other, 5.7 times as much (chi-square "
-        f"{chi_square:.1f}, degrees of freedom 1)" in lines[0]
+    assert found["subject"].endswith(": grain c")
+    assert found["numbers"] == pytest.approx(
+        {"tests": 2, "factor": np.sqrt(chi_square), "chi_square": chi_square, "freedom": 1}
     )
+    assert found["numbers"]["factor"] == pytest.approx(5.7, abs=0.05)
 
 
 @pytest.mark.parametrize(
@@ -129,9 +129,9 @@ def test_the_distribution_of_chi_square(value, freedom):
         for name in range(freedom)
         for sign in (-1, 1)
     ]
-    lines = "\n".join(problem(table(rows), symmetry="isotropic").warnings)
-    assert ("scatter more" in lines) == (stats.chi2.sf(value, freedom) < 0.01)
-    assert ("scatter less" in lines) == (stats.chi2.sf(value, freedom) > 0.99)
+    found = codes(problem(table(rows), symmetry="isotropic").warnings)
+    assert ("tests_scatter_more" in found) == (stats.chi2.sf(value, freedom) < 0.01)
+    assert ("tests_scatter_less" in found) == (stats.chi2.sf(value, freedom) > 0.99)
 
 
 @pytest.mark.parametrize(
@@ -152,7 +152,7 @@ def test_refusals(change, words):
 def test_a_row_without_a_name_of_its_grain_is_left_out():
     found = problem(table(grain=["b", "a", "", "b", "c", "a", "b"]))
     assert found.measurements.names == ["b", "a", "c"]
-    assert "1 of 7 rows left out, a value is missing: line 3" in found.warnings[0]
+    assert "1 of 7 rows left out, a value is missing: line 3" in notes(found.warnings[:1])
 
 
 def test_tests_without_sds_are_averaged_in_a_table_of_python_too(tmp_path):

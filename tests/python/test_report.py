@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
+from bayesindent.common.diagnostics import message
 from bayesindent.crystal.elasticity import quantity_names
 from bayesindent.program.cli import main
 from bayesindent.report.figures import FIGURES
@@ -23,8 +24,9 @@ from bayesindent.report.formatting import (
     share_cells,
 )
 from bayesindent.report.sections import compliance_rows, sensitivity_row
-from bayesindent.report.summary import advice
+from bayesindent.report.summary import CONSEQUENCES, advice
 from bayesindent.report.templates import read_data
+from support.diagnostics import ROWS, filled
 from support.theory_cases import theory_surrogate
 
 COPPER, TUNGSTEN = (
@@ -188,9 +190,12 @@ def test_a_result_that_cannot_be_used(tmp_path, capsys, few_figures):
     captured = capsys.readouterr()
     document = json.loads(captured.out)
     assert not document["usable"]
+    reasons = [found for found in document["warnings"] if found["severity"] == "unusable"]
+    assert len(reasons) == 1 and reasons[0]["consequence"] == "draws"
     assert (
-        captured.err.splitlines()[-3 - len(document["warnings"])]
+        captured.err.splitlines()[-2 - len(document["warnings"])]
         == f"{words}{document['reasons'][0]}"
+        == f"{words}{message(reasons[0])}"
         == first
     )
     settings = {
@@ -203,6 +208,7 @@ def test_a_result_that_cannot_be_used(tmp_path, capsys, few_figures):
     with pytest.warns(bi.BayesindentWarning) as told:
         bi.extract(tmp_path / "grains.csv", **settings)
     assert str(told[0].message).startswith(words.replace("The", "the"))
+    assert told[0].message.diagnostic["severity"] == "unusable"
 
 
 def test_shares_and_limits_in_words():
@@ -350,28 +356,33 @@ def test_an_sd_has_two_digits(sd, words):
 
 
 def test_each_warning_stands_once_under_its_consequence():
-    limits = [
-        f"the posterior is truncated by the {side} limit of C12, {value}. Widen it"
-        for side, value in (("lower", 40), ("upper", 120))
-    ]
-    lines = [
-        *limits,
-        "C11: only 80 effective samples (400 are needed). Increase samples",
-        "row 3 has no angle",
-    ]
+    lower, upper = {"limit": 40, "percent": 7}, {"limit": 120, "percent": 12}
+    few = {"effective": 80, "needed": 400}
     results = SimpleNamespace(
-        warnings=[*lines, "R-hat is 1.2. Why"],
-        extracted={"reasons": ["R-hat is 1.2, and more"]},
+        warnings=[
+            filled("table_changed", "row 3 has no angle"),
+            filled("truncated", "lower limit of C12", lower),
+            filled("few_draws", "C11", few),
+            filled("not_mixed", "C12", {"r_hat": 1.2, "allowed": 1.05}),
+            filled("truncated", "upper limit of C12", upper),
+        ],
     )
-    assert advice(results) == {
-        "Some constants are not determined by the measurements": [
-            "The posterior is truncated by the lower limit of C12, "
-            "40; upper limit of C12, 120. Widen it."
+    truncated = ROWS["truncated"]["sentence"]
+    start = truncated.partition("{subject}")[0]
+    first = truncated.format(subject="lower limit of C12", **lower)
+    second = truncated.format(subject="upper limit of C12", **upper).removeprefix(start)
+    found = advice(results)
+    # In the order of the headings; what cannot be used at all is told elsewhere.
+    assert list(found) == [CONSEQUENCES[name] for name in ("undetermined", "draws", "inputs")]
+    assert found == {
+        CONSEQUENCES["undetermined"]: [
+            f"{first[0].upper()}{first[1:]}; {second}. {ROWS['truncated']['remedy']}."
         ],
-        "There are too few draws": [
-            "C11: only 80 effective samples (400 are needed). Increase samples."
+        CONSEQUENCES["draws"]: [
+            f"{ROWS['few_draws']['sentence'].format(subject='C11', **few)}. "
+            f"{ROWS['few_draws']['remedy']}."
         ],
-        "Check the inputs": ["Row 3 has no angle."],
+        CONSEQUENCES["inputs"]: ["Row 3 has no angle."],
     }
 
 

@@ -10,6 +10,7 @@ import pytest
 
 import bayesindent as bi
 from support.densities import DENSITY, PRIOR, Posterior
+from support.diagnostics import of_code
 from support.step_2_cases import KIND, columns, reference, table_of
 from support.theory_cases import theory_surrogate
 
@@ -69,13 +70,9 @@ def test_another_prior(surrogates):
     # The bounds do matter here, and it is said which do most.
     assert shifts["C12", "upper", True] > 0.1
     assert shifts["C44", "upper", True] > 0.5
-    told = next(
-        line
-        for line in bi.summary(base)["warnings"]
-        if line.startswith("the result depends on the prior: ")
-    )
-    assert "would be" in told
-    assert "upper limit of C" in told
+    first = of_code(bi.summary(base)["warnings"], "prior_matters", "measure_matters")[0]
+    assert first["code"] == "prior_matters"
+    assert " with the upper limit of C" in first["subject"]
 
 
 @pytest.mark.long
@@ -119,7 +116,7 @@ def test_nothing_is_told_where_the_data_decide():
             **KIND,
         )
     )
-    assert not [line for line in document["warnings"] if "the result depends on the prior" in line]
+    assert not of_code(document["warnings"], "prior_matters", "measure_matters")
     assert (
         max(abs(value) for row in document["sensitivity"] for value in row["shift_sd"].values())
         < 0.1

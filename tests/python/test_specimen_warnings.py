@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
+from support.diagnostics import codes, of_code
 
 RNG = np.random.default_rng(3)
 N = 12
@@ -12,6 +13,10 @@ ANGLES = np.column_stack(
 )
 COPPER = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)
 MODULI = bi.halfspace_modulus(np.array(N * [COPPER]), ANGLES)
+
+
+#: Diagnostics of the mean contact pressure.
+PRESSURES = ("plastic_contact", "yielding_contact")
 
 
 def warnings_of(surrogate="halfspace", moduli=MODULI, yield_gpa=None, **columns):
@@ -45,13 +50,13 @@ def test_small_grains():
     radius[worst] = 1.5
     bias = (MODULI.mean() / MODULI[worst]) ** (0.95 * 0.5 / 1.5) - 1
     assert abs(bias) > 0.01
-    [words] = [words for words in warnings_of(grain_radius_um=radius) if "so small" in words]
-    assert (
-        words.startswith(f"1 of {N} grains are so small")
-        and f"(grain {worst + 1}: {100 * bias:.1f} %)" in words
+    (found,) = of_code(warnings_of(grain_radius_um=radius), "small_grains")
+    assert found["subject"] == f"{worst + 1}"
+    assert found["numbers"] == pytest.approx(
+        {"small": 1, "grains": N, "percent": 100 * bias}, abs=0.05
     )
-    assert not any("so small" in words for words in warnings_of(grain_radius_um=np.full(N, 1000.0)))
-    assert not any("so small" in words for words in warnings_of())
+    assert "small_grains" not in codes(warnings_of(grain_radius_um=np.full(N, 1000.0)))
+    assert "small_grains" not in codes(warnings_of())
 
 
 @pytest.mark.long
@@ -61,41 +66,35 @@ def test_another_depth():
     """
     block = bi.Surrogate.load("block")
     for factor, warned in ((1.0, False), (4.0, True)):
-        found = [
-            words
-            for words in warnings_of(block, 1.1 * MODULI, depth_um=np.full(N, factor * 0.5**2 / 16))
-            if "contact radii" in words
-        ]
+        depth = np.full(N, factor * 0.5**2 / 16)
+        found = of_code(warnings_of(block, 1.1 * MODULI, depth_um=depth), "other_contact")
         assert bool(found) == warned
-    assert "contact radii of 1.0 to 1.0 um, the surrogate is of 0.5 um" in found[0]
+    numbers = found[0]["numbers"]
+    assert [numbers[f"{name}_um"] for name in ("least", "greatest", "surrogate")] == pytest.approx(
+        [1.0, 1.0, 0.5], rel=1e-3
+    )
     # 11 % on average, times 1/0.5 - 1.
-    assert 9 < float(found[0].split("off by up to ")[1].split(" %")[0]) < 13
+    assert 9 < numbers["error_percent"] < 13
     for columns in ({"contact_radius_um": np.full(N, 1.0)}, {"depth_nm": np.full(N, 1000 / 16)}):
-        assert [
-            words
-            for words in warnings_of(block, 1.1 * MODULI, **columns)
-            if "contact radii" in words
-        ] == found
+        (same,) = of_code(warnings_of(block, 1.1 * MODULI, **columns), "other_contact")
+        assert same["numbers"] == pytest.approx(numbers, rel=1e-3)
 
 
 @pytest.mark.long
 def test_a_contact_pressure_that_few_metals_carry():
     """The mean pressure of Hertz' contact is 4/(3 pi) M a/R."""
-    assert not any("pressure" in words for words in warnings_of(contact_radius_um=np.full(N, 1.2)))
-    [words] = [
-        words for words in warnings_of(contact_radius_um=np.full(N, 1.5)) if "pressure" in words
-    ]
+    assert not of_code(warnings_of(contact_radius_um=np.full(N, 1.2)), *PRESSURES)
+    (found,) = of_code(warnings_of(contact_radius_um=np.full(N, 1.5)), *PRESSURES)
+    assert found["code"] == "plastic_contact"
     share = 4 / (3 * np.pi) * 1.5 / 16
-    assert float(words.split("up to ")[1].split(" GPa")[0]) == pytest.approx(
-        share * MODULI.max(), rel=0.01
-    )
-    assert float(words.split("GPa, ")[1].split(" %")[0]) == pytest.approx(100 * share, rel=0.02)
+    assert found["numbers"]["pressure_gpa"] == pytest.approx(share * MODULI.max(), rel=0.01)
+    assert found["numbers"]["percent"] == pytest.approx(100 * share, rel=0.02)
     # First yield below a sphere: 1.07 times the yield stress (Johnson, Contact Mechanics).
     for factor in (0.99, 1.01):
         found = warnings_of(
             contact_radius_um=np.full(N, 1.5), yield_gpa=share * MODULI.max() / 1.07 * factor
         )
-        assert any("pressure" in words for words in found) == (factor < 1)
+        assert codes(of_code(found, *PRESSURES)) == ["yielding_contact"] * (factor < 1)
 
 
 def test_what_cannot_be_a_size():

@@ -13,6 +13,7 @@ from bayesindent.pipeline.results_folder import read_posterior
 from bayesindent.pipeline.stage import run_stage
 from bayesindent.program.cli import main
 from support.densities import EXTRACTION, Posterior
+from support.diagnostics import codes, of_code
 from support.step_2_cases import KIND, columns, reference, rough_correction, table_of
 from support.theory_cases import FILES, theory_surrogate
 from support.tree import REFERENCE
@@ -77,25 +78,28 @@ def test_identifiability(results, documents, symmetry):
 
 
 def test_verdicts(documents):
-    lines = "\n".join(documents["cubic"]["warnings"])
-    assert "the posterior is truncated by the upper limit of C12, 150.0 (" in lines
-    assert "the posterior is truncated by the upper limit of C44, 120.0 (" in lines
-    assert "limit of C11, " not in lines
+    warnings = documents["cubic"]["warnings"]
+    limits = {
+        found["subject"]: found["numbers"]["limit"] for found in of_code(warnings, "truncated")
+    }
+    assert limits == pytest.approx({"upper limit of C12": 150.0, "upper limit of C44": 120.0})
     parameters = documents["cubic"]["parameters"]
     assert [row["verdict"] for row in parameters.values()] == [
         "not_determined",
         "not_determined",
         "weak",
     ]
-    told = ", ".join(
+    open_constants = ", ".join(
         f"{name} (prior {100 * parameters[name]['share']['prior']:.0f} %)"
         for name in ("C11", "C12")
     )
-    assert (
-        f"not determined by the measurements: {told}. State in &knowledge what else is known: "
-        "bulk_modulus to ± " in lines
-    )
-    assert "not mixed" not in lines
+    (found,) = of_code(warnings, "not_determined")
+    assert found["subject"] == open_constants
+    # What would help follows, the bulk modulus first.
+    helpful = warnings[warnings.index(found) + 1]
+    assert helpful["code"] == "knowledge_helps"
+    assert helpful["subject"].startswith("bulk_modulus to ± ")
+    assert not of_code(warnings, "not_mixed", "poorly_mixed")
     # Limits that are stated are told of and make no result unusable.
     ends = [
         (limit["name"], limit["side"], limit["stated"]) for limit in documents["cubic"]["limits"]
@@ -116,8 +120,10 @@ def test_poor_chains_are_told_of(surrogates):
         **settings,
     )
     document = bi.summary(result)
-    assert any("have not mixed" in line for line in document["reasons"]) and not document["usable"]
-    assert not any("have not mixed" in line for line in document["warnings"])
+    (found,) = of_code(document["warnings"], "not_mixed", "poorly_mixed")
+    assert found["code"] == "not_mixed" and found["severity"] == "unusable"
+    assert len(document["reasons"]) == 1 and found["text"] in document["reasons"][0]
+    assert not document["usable"]
 
 
 @pytest.mark.long
@@ -134,7 +140,8 @@ def test_outlying_grain_is_named(surrogates):
         for likelihood in ("normal", "student")
     )
     for result in (normal, student):
-        assert any("grain 5 disagrees" in line for line in bi.summary(result)["warnings"])
+        found = of_code(bi.summary(result)["warnings"], "outlier")
+        assert "5" in [each["subject"] for each in found]
     # Student's t gives it less weight.
     others = [result.predictions["modulus"].mean().item() for result in (normal, student)]
     assert others[0] - others[1] > 1.0
@@ -148,24 +155,18 @@ def warnings_of(symmetry, euler_deg):
 
 
 def test_orientations_are_judged():
-    assert "one grain" in warnings_of("cubic", [[10.0, 20.0, 30.0]])[0]
-    assert (
-        "the orientations are all alike"
-        in warnings_of("cubic", [[0.0, 20.0, 30.0], [50.0, 20.0, 60.0]])[0]
-    )
-    assert (
-        "the orientations are all alike"
-        in warnings_of("hexagonal", [[0.0, 30.0, 10.0], [0.0, 150.0, 80.0]])[0]
-    )
+    alike = [[0.0, 20.0, 30.0], [50.0, 20.0, 60.0]]
+    opposite = [[0.0, 30.0, 10.0], [0.0, 150.0, 80.0]]
+    assert warnings_of("cubic", [[10.0, 20.0, 30.0]])[0]["code"] == "one_grain"
+    assert warnings_of("cubic", alike)[0]["code"] == "orientations_alike"
+    assert warnings_of("hexagonal", opposite)[0]["code"] == "orientations_alike"
     two = [[0.0, 30.0, 10.0], [0.0, 70.0, 80.0]]
-    assert (
-        "2 different directions; at least 3 are needed for the combinations of the 5 constants"
-        in warnings_of("hexagonal", two)[0]
-    )
+    first = warnings_of("hexagonal", two)[0]
+    assert first["code"] == "few_directions"
+    assert first["numbers"] == {"directions": 2, "needed": 3, "constants": 5}
     assert warnings_of("hexagonal", [*two, [0.0, 50.0, 0.0]]) == []
-    assert any(
-        "radians" in line for line in warnings_of("cubic", [[0.1, 0.2, 0.3], [1.0, 2.0, 3.0]])
-    )
+    radians = warnings_of("cubic", [[0.1, 0.2, 0.3], [1.0, 2.0, 3.0]])
+    assert "angles_like_radians" in codes(radians)
 
 
 def test_refusals():
@@ -256,10 +257,11 @@ def test_a_box_that_ends_a_posterior_is_named():
     assert ("domain.C44", "upper", False) in ends
     assert not any(name.startswith("C44") for name, _, _ in ends)
     assert not document["usable"]
-    assert (
-        "truncated by the upper limit of C44 in the domain of the surrogate, 120.0 ("
-        in document["reasons"][0]
-    )
+    first = document["warnings"][0]
+    assert (first["code"], first["severity"]) == ("outside_surrogate", "unusable")
+    assert first["subject"] == "upper limit of C44"
+    assert first["numbers"]["limit"] == pytest.approx(120.0)
+    assert first["text"] in document["reasons"][0]
     assert result.posterior["C44"].max() <= 120
 
 
@@ -307,10 +309,8 @@ def test_a_range_of_the_scale_ends_a_posterior_and_is_named():
     assert sides
     assert {side for name, side, _ in ends if name == "domain.stiffness_gpa"} == sides
     assert not document["usable"]
-    assert any(
-        "limit of stiffness_gpa in the domain of the surrogate" in reason
-        for reason in document["reasons"]
-    )
+    found = [each["subject"] for each in of_code(document["warnings"], "outside_surrogate")]
+    assert {f"{side} limit of stiffness_gpa" for side in sides} <= set(found)
 
 
 @pytest.mark.long

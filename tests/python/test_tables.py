@@ -11,6 +11,7 @@ import pytest
 import bayesindent as bi
 from bayesindent.settings.problem import read_crystals
 from bayesindent.surrogate.surrogate import places
+from support.diagnostics import codes, notes
 from support.measured_tables import read_measurements
 from support.tree import SOURCE
 
@@ -385,10 +386,11 @@ def test_columns_that_nobody_reads_but_are_near_to_known_ones_are_told_of():
     problem = bi.Problem.from_keywords(
         "f", {"measurements": table}, problem={"symmetry": "isotropic"}, measurements={}
     )
-    assert problem.warnings == [
+    assert codes(problem.warnings) == ["table_changed"]
+    assert notes(problem.warnings) == (
         "f: &measurements: the column orientaton_sd_deg is not read, did you mean "
         "orientation_sd_deg?"
-    ]
+    )
 
 
 def test_an_uncertain_zero_of_the_depth():

@@ -8,6 +8,7 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
+from support.diagnostics import codes
 from support.step_2_cases import KIND, table_of
 from support.tree import SOURCE
 
@@ -122,10 +123,10 @@ def test_the_domain_of_a_surrogate_ends_a_posterior(constants, usable):
         )
     )
     assert document["usable"] is usable
-    assert ("domain" in " ".join(document["reasons"])) is not usable
+    assert ("outside_surrogate" in codes(document["warnings"])) is not usable
     if not usable:
         # What was right is not blamed.
-        assert not any("away from what" in reason for reason in document["reasons"])
+        assert "knowledge_wrong" not in codes(document["warnings"])
         assert all(not limit["stated"] for limit in document["limits"])
 
 

@@ -15,6 +15,7 @@ import bayesindent as bi
 from bayesindent.crystal.elasticity import rayleigh_modes, stiffness_rows
 from support.csv_tables import column
 from support.densities import Posterior
+from support.diagnostics import issues, of_code
 from support.reference_theory import FieldTheory
 from support.reference_theory import stiffness as stiffness_of
 from support.step_2_cases import crystal
@@ -234,7 +235,7 @@ def test_waves_that_are_not_detected_are_left_out():
         "sd_m_s": [10.0, 10.0],
         "rayleigh_velocity_m_s": [2200.0, 2250.0],
     }
-    with pytest.warns(bi.BayesindentWarning, match="of 14 velocities are left out"):
+    with issues("velocities_left_out") as told:
         result = bi.extract(
             table,
             symmetry,
@@ -244,6 +245,8 @@ def test_waves_that_are_not_detected_are_left_out():
         )
     document = bi.summary(result)
     assert document["velocities_left_out"] >= 2
+    (found,) = of_code(told, "velocities_left_out")
+    assert found["numbers"] == {"left_out": document["velocities_left_out"], "velocities": 14}
     assert not any(item.get("propagation_deg") in (35.0, 40.0) for item in document["predicted"])
     for item, truth in zip(document["parameters"].values(), constants, strict=True):
         assert abs(item["mean"] - truth) < 3 * item["sd"]

@@ -120,7 +120,7 @@ def words_of(done: subprocess.CompletedProcess, file: str, status: int) -> str:
     lines = [
         line
         for line in done.stderr.splitlines()
-        if not re.match(r"warning: |[a-z ]+: \d+(/\d+ in| simulations of) ", line)
+        if not re.match(r"warning: |note: |[a-z ]+: \d+(/\d+ in| simulations of) ", line)
     ]
     if "Traceback" in done.stderr or done.returncode < 0 or done.returncode > 2:
         return f"crashed with exit status {done.returncode}: {done.stderr[-300:]}"

@@ -151,4 +151,4 @@ def warn_of(document: dict) -> None:
         level, frame = level + 1, frame.f_back
     for found in document["warnings"]:
         line = message(found) if found["severity"] == "warning" else labelled(found)
-        warnings.warn(BayesindentWarning(line, found), stacklevel=level)
+        warnings.warn(BayesindentWarning(in_python(line), found), stacklevel=level)
