@@ -71,7 +71,64 @@ contains
          assembly%group(assembly%unknown(:, i)) = groups
       end do
       call list_dofs(mesh, hanging_index, assembly)
-      call build_pattern(assembly)
+      call build_pattern()
+
+   contains
+
+      !> Find the rows of each column, and the places of the elements' entries.
+      subroutine build_pattern()
+         !> The last place of each unknown in the list of dofs; for each place, the one before it of
+         !> the same unknown (0: none); the element of each place.
+         integer, allocatable :: last(:), previous(:), owner(:)
+         !> Number of entries before those of each element; the entry of each row in the latest
+         !> column that has one; rows of the entries.
+         integer, allocatable :: entry_start(:), position(:), rows(:)
+         integer :: elements, e, i, j, n, column, next, p, t
+
+         elements = size(assembly%dof_start) - 1
+         allocate (last(0:assembly%unknowns), entry_start(elements + 1), &
+            & position(assembly%unknowns), source=0)
+         allocate (previous(size(assembly%dof)), owner(size(assembly%dof)), &
+            & assembly%column_start(assembly%unknowns + 1))
+         do e = 1, elements
+            do p = assembly%dof_start(e), assembly%dof_start(e + 1) - 1
+               owner(p) = e
+               previous(p) = last(assembly%dof(p))
+               last(assembly%dof(p)) = p
+            end do
+            n = assembly%dof_start(e + 1) - assembly%dof_start(e)
+            entry_start(e + 1) = entry_start(e) + (n*(n + 1))/2
+         end do
+         ! Upper bound: elements share entries.
+         allocate (assembly%place(entry_start(elements + 1)), &
+            & rows(entry_start(elements + 1)), source=0)
+         next = 1
+         do column = 1, assembly%unknowns
+            assembly%column_start(column) = next
+            t = last(column)
+            do while (t > 0)
+               e = owner(t)
+               associate (dof => assembly%dof(assembly%dof_start(e):assembly%dof_start(e + 1) - 1))
+                  n = size(dof)
+                  j = t - assembly%dof_start(e) + 1
+                  do i = 1, n
+                     if (dof(i) < column) cycle
+                     if (position(dof(i)) < assembly%column_start(column)) then
+                        position(dof(i)) = next
+                        rows(next) = dof(i)
+                        next = next + 1
+                     end if
+                     p = min(i, j)
+                     p = entry_start(e) + ((p - 1)*(2*n - p))/2 + max(i, j)
+                     assembly%place(p) = position(dof(i))
+                  end do
+               end associate
+               t = previous(t)
+            end do
+         end do
+         assembly%column_start(assembly%unknowns + 1) = next
+         assembly%row = rows(:next - 1)
+      end subroutine build_pattern
    end subroutine new_assembly
 
    !> List the unknowns of each element. Bricks with hanging nodes are expanded to the nodes on
@@ -136,62 +193,6 @@ contains
       end subroutine add
    end subroutine list_dofs
 
-   !> Find the rows of each column, and the places of the elements' entries.
-   subroutine build_pattern(assembly)
-      type(assembly_type), intent(inout) :: assembly
-      !> The last place of each unknown in the list of dofs; for each place, the one before it of
-      !> the same unknown (0: none); the element of each place.
-      integer, allocatable :: last(:), previous(:), owner(:)
-      !> Number of entries before those of each element; the entry of each row in the latest column
-      !> that has one; rows of the entries.
-      integer, allocatable :: entry_start(:), position(:), rows(:)
-      integer :: elements, e, i, j, n, column, next, p, t
-
-      elements = size(assembly%dof_start) - 1
-      allocate (last(0:assembly%unknowns), entry_start(elements + 1), &
-         & position(assembly%unknowns), source=0)
-      allocate (previous(size(assembly%dof)), owner(size(assembly%dof)), &
-         & assembly%column_start(assembly%unknowns + 1))
-      do e = 1, elements
-         do p = assembly%dof_start(e), assembly%dof_start(e + 1) - 1
-            owner(p) = e
-            previous(p) = last(assembly%dof(p))
-            last(assembly%dof(p)) = p
-         end do
-         n = assembly%dof_start(e + 1) - assembly%dof_start(e)
-         entry_start(e + 1) = entry_start(e) + (n*(n + 1))/2
-      end do
-      ! Upper bound: elements share entries.
-      allocate (assembly%place(entry_start(elements + 1)), &
-         & rows(entry_start(elements + 1)), source=0)
-      next = 1
-      do column = 1, assembly%unknowns
-         assembly%column_start(column) = next
-         t = last(column)
-         do while (t > 0)
-            e = owner(t)
-            associate (dof => assembly%dof(assembly%dof_start(e):assembly%dof_start(e + 1) - 1))
-               n = size(dof)
-               j = t - assembly%dof_start(e) + 1
-               do i = 1, n
-                  if (dof(i) < column) cycle
-                  if (position(dof(i)) < assembly%column_start(column)) then
-                     position(dof(i)) = next
-                     rows(next) = dof(i)
-                     next = next + 1
-                  end if
-                  p = min(i, j)
-                  p = entry_start(e) + ((p - 1)*(2*n - p))/2 + max(i, j)
-                  assembly%place(p) = position(dof(i))
-               end do
-            end associate
-            t = previous(t)
-         end do
-      end do
-      assembly%column_start(assembly%unknowns + 1) = next
-      assembly%row = rows(:next - 1)
-   end subroutine build_pattern
-
    !> Compute the values of the matrix, in mN/um, for materials of stiffness `c`.
    subroutine assemble(mesh, assembly, formulation, c, values, error)
       type(mesh_type), intent(in) :: mesh
@@ -229,30 +230,32 @@ contains
             i = e - n_bricks
             call infinite_stiffness(mesh%x(:, mesh%facet(:, i)), &
                & c(:, :, mesh%facet_material(i)), small)
-            call scatter(pack(small, lower(:12, :12)), 1.0_wp, assembly%place(p + 1:p + m), values)
+            call scatter(pack(small, lower(:12, :12)), 1.0_wp)
          else if (assembly%constrained(e) == 0) then
-            call scatter(class_stiffness(:, mesh%class(e)), mesh%scale(e), &
-               & assembly%place(p + 1:p + m), values)
+            call scatter(class_stiffness(:, mesh%class(e)), mesh%scale(e))
          else
             call brick_stiffness(mesh%x(:, mesh%brick(:, e)), c(:, :, mesh%material(e)), &
                & formulation, mesh%growth(e), k, valid)
             call scatter(pack(expanded(k, assembly%weight(:, :n/3, assembly%constrained(e))), &
-               & lower(:n, :n)), 1.0_wp, assembly%place(p + 1:p + m), values)
+               & lower(:n, :n)), 1.0_wp)
          end if
          p = p + m
       end do
+
+   contains
+
+      !> Add the entries of an element to the matrix.
+      subroutine scatter(packed, scale)
+         real(wp), intent(in) :: packed(:), scale
+         integer :: i
+
+         do i = 1, m
+            associate (place => assembly%place(p + i))
+               if (place > 0) values(place) = values(place) + scale*packed(i)
+            end associate
+         end do
+      end subroutine scatter
    end subroutine assemble
-
-   pure subroutine scatter(packed, scale, place, values)
-      real(wp), intent(in) :: packed(:), scale
-      integer, intent(in) :: place(:)
-      real(wp), intent(inout) :: values(:)
-      integer :: i
-
-      do i = 1, size(place)
-         if (place(i) > 0) values(place(i)) = values(place(i)) + scale*packed(i)
-      end do
-   end subroutine scatter
 
    !> Tᵀ k T, where T expresses each node of the brick as a weighted mean of the m nodes of the
    !> expanded element.

@@ -162,8 +162,8 @@ contains
          & c(self%n_coordinates)
       real(wp) :: weight
 
-      allocate (table(0:self%degree, 0:self%degree, 0:2*self%degree))
-      call linearisation_table(self%degree, table)
+      allocate (table(0:self%degree, 0:self%degree, 0:2*self%degree), source=0.0_wp)
+      call linearisation_table()
       squares = new_legendre_products(self%n_coordinates, 2*self%degree, self%total)
       allocate (sums(n*(n + 1)/2, squares%n_products), pair(n*(n + 1)/2), source=0.0_wp)
       do q = 1, self%n_products
@@ -194,29 +194,29 @@ contains
          end do
       end do
       coefficients = transpose(sums)
-   end subroutine covariance_polynomial
 
-   !> p_a p_b = sum of table(a, b, c) p_c over c.
-   pure subroutine linearisation_table(d, table)
-      integer, intent(in) :: d
-      real(wp), intent(out) :: table(0:, 0:, 0:)
-      real(wp) :: half(0:2*d)
-      integer :: a, b, r, c
+   contains
 
-      ! half(r) = (2r-1)!!/r!
-      half(0) = 1.0_wp
-      do r = 1, 2*d
-         half(r) = half(r - 1)*(2*r - 1)/r
-      end do
-      table = 0.0_wp
-      do b = 0, d
-         do a = 0, d
-            do r = 0, min(a, b)
-               c = a + b - 2*r
-               table(a, b, c) = half(r)*half(a - r)*half(b - r)/half(a + b - r)*(2*c + 1) &
-                  & /real(2*(a + b - r) + 1, wp)*sqrt((2*a + 1)*(2*b + 1)/real(2*c + 1, wp))
+      !> p_a p_b = sum of table(a, b, c) p_c over c.
+      subroutine linearisation_table()
+         real(wp) :: half(0:2*self%degree)
+         integer :: a, b, r, c
+
+         ! half(r) = (2r-1)!!/r!
+         half(0) = 1.0_wp
+         do r = 1, 2*self%degree
+            half(r) = half(r - 1)*(2*r - 1)/r
+         end do
+         do b = 0, self%degree
+            do a = 0, self%degree
+               do r = 0, min(a, b)
+                  c = a + b - 2*r
+                  table(a, b, c) = half(r)*half(a - r)*half(b - r)/half(a + b - r)*(2*c + 1) &
+                     & /real(2*(a + b - r) + 1, wp)*sqrt((2*a + 1)*(2*b + 1)/real(2*c + 1, wp))
+               end do
             end do
          end do
-      end do
-   end subroutine linearisation_table
+      end subroutine linearisation_table
+   end subroutine covariance_polynomial
+
 end module legendre_products

@@ -10,7 +10,6 @@ module paper_basis
    use crystal_elasticity, only: rotation_matrix
    use errors, only: error_type, raise, refuse
    use kinds, only: wp
-   use labelled_values, only: labelled_values_type
    use legendre_products, only: count_products, covariance_polynomial, evaluate_products, &
       & legendre_products_type, new_legendre_products
    use small_matrices, only: factor_definite
@@ -36,7 +35,7 @@ module paper_basis
       !> P_q.
       type(legendre_products_type) :: polynomials
    contains
-      procedure :: set_up, exchange, evaluate_many, new_grain_model
+      procedure :: set_up, evaluate_many, new_grain_model
    end type paper_basis_type
 
    type, extends(grain_model_type) :: paper_grain_model_type
@@ -95,15 +94,6 @@ contains
       self%least_noise = least_noise
       self%first_sds = first_sds
    end subroutine set_up
-
-   subroutine exchange(self, file)
-      class(paper_basis_type), intent(inout) :: self
-      type(labelled_values_type), intent(inout) :: file
-
-      call file%text('truncation', self%settings%truncation)
-      call file%integer('degree', self%settings%degree)
-      call file%integer('bandlimit', self%settings%bandlimit)
-   end subroutine exchange
 
    subroutine evaluate_many(self, c, euler, terms, scale, spread)
       class(paper_basis_type), intent(in) :: self
