@@ -70,10 +70,56 @@ contains
          groups = groups + 1
          assembly%group(assembly%unknown(:, i)) = groups
       end do
-      call list_dofs(mesh, hanging_index, assembly)
+      call list_dofs()
       call build_pattern()
 
    contains
+
+      !> List the unknowns of each element. Bricks with hanging nodes are expanded to the nodes on
+      !> which these depend.
+      subroutine list_dofs()
+         logical, allocatable :: has_hanging(:)
+         integer, allocatable :: masters(:)
+         integer :: e, a, m, k, h, n_bricks, n, node(most_nodes)
+
+         n_bricks = size(mesh%brick, 2)
+         has_hanging = [(any(hanging_index(mesh%brick(:, e)) > 0), e=1, n_bricks)]
+         assembly%constrained = unpack([(e, e=1, count(has_hanging))], has_hanging, 0)
+         allocate (assembly%weight(8, most_nodes, count(has_hanging)), source=0.0_wp)
+         allocate (assembly%dof_start(n_bricks + size(mesh%facet, 2) + 1))
+         allocate (assembly%dof(24*n_bricks + 12*size(mesh%facet, 2) &
+            & + 3*(most_nodes - 8)*count(has_hanging)))
+         assembly%dof_start(1) = 1
+         do e = 1, size(assembly%dof_start) - 1
+            n = 0
+            if (e > n_bricks) then
+               n = 4
+               node(:4) = mesh%facet(:, e - n_bricks)
+            else if (.not. has_hanging(e)) then
+               n = 8
+               node(:8) = mesh%brick(:, e)
+            else
+               do a = 1, 8
+                  masters = mesh%brick(a:a, e)
+                  h = hanging_index(mesh%brick(a, e))
+                  if (h > 0) masters = pack(mesh%master(:, h), mesh%master(:, h) > 0)
+                  do m = 1, size(masters)
+                     do k = 1, n
+                        if (node(k) == masters(m)) exit
+                     end do
+                     n = max(n, k)
+                     node(k) = masters(m)
+                     associate (weight => assembly%weight(a, k, assembly%constrained(e)))
+                        weight = weight + 1.0_wp/size(masters)
+                     end associate
+                  end do
+               end do
+            end if
+            assembly%dof_start(e + 1) = assembly%dof_start(e) + 3*n
+            m = assembly%dof_start(e)
+            assembly%dof(m:m + 3*n - 1) = reshape(assembly%unknown(:, node(:n)), [3*n])
+         end do
+      end subroutine list_dofs
 
       !> Find the rows of each column, and the places of the elements' entries.
       subroutine build_pattern()
@@ -130,68 +176,6 @@ contains
          assembly%row = rows(:next - 1)
       end subroutine build_pattern
    end subroutine new_assembly
-
-   !> List the unknowns of each element. Bricks with hanging nodes are expanded to the nodes on
-   !> which these depend.
-   subroutine list_dofs(mesh, hanging_index, assembly)
-      type(mesh_type), intent(in) :: mesh
-      integer, intent(in) :: hanging_index(:)
-      type(assembly_type), intent(inout) :: assembly
-      logical, allocatable :: has_hanging(:)
-      integer, allocatable :: masters(:)
-      integer :: e, a, m, h, n_bricks, n, node(most_nodes)
-
-      n_bricks = size(mesh%brick, 2)
-      has_hanging = [(any(hanging_index(mesh%brick(:, e)) > 0), e=1, n_bricks)]
-      assembly%constrained = unpack([(e, e=1, count(has_hanging))], has_hanging, 0)
-      allocate (assembly%weight(8, most_nodes, count(has_hanging)), source=0.0_wp)
-      allocate (assembly%dof_start(n_bricks + size(mesh%facet, 2) + 1))
-      allocate (assembly%dof(24*n_bricks + 12*size(mesh%facet, 2) &
-         & + 3*(most_nodes - 8)*count(has_hanging)))
-      assembly%dof_start(1) = 1
-      do e = 1, size(assembly%dof_start) - 1
-         n = 0
-         if (e > n_bricks) then
-            n = 4
-            node(:4) = mesh%facet(:, e - n_bricks)
-         else if (.not. has_hanging(e)) then
-            n = 8
-            node(:8) = mesh%brick(:, e)
-         else
-            do a = 1, 8
-               h = hanging_index(mesh%brick(a, e))
-               if (h == 0) then
-                  call add(mesh%brick(a, e), 1.0_wp)
-               else
-                  masters = pack(mesh%master(:, h), mesh%master(:, h) > 0)
-                  do m = 1, size(masters)
-                     call add(masters(m), 1.0_wp/size(masters))
-                  end do
-               end if
-            end do
-         end if
-         assembly%dof_start(e + 1) = assembly%dof_start(e) + 3*n
-         m = assembly%dof_start(e)
-         assembly%dof(m:m + 3*n - 1) = reshape(assembly%unknown(:, node(:n)), [3*n])
-      end do
-
-   contains
-
-      subroutine add(master, weight)
-         integer, intent(in) :: master
-         real(wp), intent(in) :: weight
-         integer :: k
-
-         do k = 1, n
-            if (node(k) == master) exit
-         end do
-         n = max(n, k)
-         node(k) = master
-         associate (total => assembly%weight(a, k, assembly%constrained(e)))
-            total = total + weight
-         end associate
-      end subroutine add
-   end subroutine list_dofs
 
    !> Compute the values of the matrix, in mN/um, for materials of stiffness `c`.
    subroutine assemble(mesh, assembly, formulation, c, values, error)

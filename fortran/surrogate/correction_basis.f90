@@ -242,42 +242,45 @@ contains
             self%maps(i, :, k) = x(:self%polynomials%n_coordinates)
          end do
       end do
-      call expand_in_class(self, error)
+      call expand_in_class()
+
+   contains
+
+      !> Set `own` and `expanded`, if that is cheaper: least squares over random points, which is
+      !> exact for polynomials.
+      subroutine expand_in_class()
+         type(random_stream_type) :: stream
+         real(wp), allocatable :: products(:, :), values(:, :), gram(:, :), terms(:, :)
+         real(wp) :: w(self%logarithms%n)
+         integer :: j, n
+
+         self%own%n_products = 0
+         if (self%polynomials%n == 0) return
+         k = self%logarithms%n - merge(0, 1, self%polynomials%n_coordinates == n_coordinates)
+         n = maxval(self%polynomials%degrees)
+         if (count_products(k, n, .true.) > self%polynomials%n) return
+         self%own = new_legendre_products(k, n, .true.)
+         n = self%own%n_products
+         allocate (products(n, 2*n), values(self%n_independent*(1 + self%n_columns), 2*n))
+         stream = new_random_stream(1, 1)
+         do j = 1, 2*n
+            call stream%normals(w)
+            ! An isotropic stiffness of the middle scale has these two coordinates.
+            w(:2) = w(:2) + self%polynomials%centre*sqrt([1.0_wp, 5.0_wp]/6.0_wp)
+            terms = terms_of_grains(self, w)
+            values(:self%n_independent, j) = matmul(terms, self%coefficients)
+            if (self%n_columns > 0) then
+               values(self%n_independent + 1:, j) = [matmul(terms, self%factor)]
+            end if
+            products(:, j) = own_products(self, w)
+         end do
+         gram = gram_of(products)
+         call cholesky_factor(gram, error)
+         self%expanded = matmul(products, transpose(values))
+         if (allocated(error)) return
+         call cholesky_solve(gram, self%expanded)
+      end subroutine expand_in_class
    end subroutine set_grains
-
-   !> Set `own` and `expanded`, if that is cheaper: least squares over random points, which is exact
-   !> for polynomials.
-   subroutine expand_in_class(self, error)
-      class(correction_grain_model_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-      type(random_stream_type) :: stream
-      real(wp), allocatable :: products(:, :), values(:, :), gram(:, :), terms(:, :)
-      real(wp) :: w(self%logarithms%n)
-      integer :: j, k, n
-
-      self%own%n_products = 0
-      if (self%polynomials%n == 0) return
-      k = self%logarithms%n - merge(0, 1, self%polynomials%n_coordinates == n_coordinates)
-      if (count_products(k, maxval(self%polynomials%degrees), .true.) > self%polynomials%n) return
-      self%own = new_legendre_products(k, maxval(self%polynomials%degrees), .true.)
-      n = self%own%n_products
-      allocate (products(n, 2*n), values(self%n_independent*(1 + self%n_columns), 2*n))
-      stream = new_random_stream(1, 1)
-      do j = 1, 2*n
-         call stream%normals(w)
-         ! An isotropic stiffness of the middle scale has these two coordinates.
-         w(:2) = w(:2) + self%polynomials%centre*sqrt([1.0_wp, 5.0_wp]/6.0_wp)
-         terms = terms_of_grains(self, w)
-         values(:self%n_independent, j) = matmul(terms, self%coefficients)
-         if (self%n_columns > 0) values(self%n_independent + 1:, j) = [matmul(terms, self%factor)]
-         products(:, j) = own_products(self, w)
-      end do
-      gram = gram_of(products)
-      call cholesky_factor(gram, error)
-      self%expanded = matmul(products, transpose(values))
-      if (allocated(error)) return
-      call cholesky_solve(gram, self%expanded)
-   end subroutine expand_in_class
 
    !> Products of polynomials of log(3K/2G), of the anisotropic coordinates and, if y depends on it,
    !> of the scale.

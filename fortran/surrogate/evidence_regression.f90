@@ -145,7 +145,9 @@ contains
       integer, parameter :: n_rates = 14
       real(wp), parameter :: least = -2.1_wp, step = 0.15_wp, typical = -0.9_wp, sd = 0.12_wp
       type(spectrum_type) :: spectrum, best
-      real(wp) :: log_rate, ratio, value, best_rate, best_ratio
+      !> alpha/beta of largest evidence at a decay rate, and ln evidence there.
+      real(wp) :: ratio, value
+      real(wp) :: log_rate, best_rate, best_ratio
       logical :: decays
       integer :: n_tried, i
 
@@ -161,7 +163,7 @@ contains
          if (decays) call set_decay_rate(regression, exp(log_rate))
          call compute_spectrum()
          if (allocated(error)) return
-         call maximise_over_ratio(spectrum, regression%least_noise, ratio, value)
+         call maximise_over_ratio()
          if (decays) value = value - 0.5_wp*((log_rate - typical)/sd)**2
          if (value <= evidence) cycle
          evidence = value
@@ -209,61 +211,57 @@ contains
          spectrum%rest = sum([(regression%targets(i) &
             & - dot_product(regression%terms(:, i), projection), i=1, n)]**2)
       end subroutine compute_spectrum
-   end subroutine maximise_evidence
 
-   !> alpha/beta of largest evidence. For a given ratio of the two the best beta has a closed form.
-   !> So one search along the logarithm of the ratio, each step O(terms), finds the global maximum.
-   pure subroutine maximise_over_ratio(spectrum, least_noise, ratio, evidence)
-      type(spectrum_type), intent(in) :: spectrum
-      real(wp), intent(in) :: least_noise
-      !> alpha/beta, and ln evidence there.
-      real(wp), intent(out) :: ratio, evidence
-      integer, parameter :: n_grid = 240
-      real(wp), parameter :: golden = 0.6180339887498949_wp
-      real(wp) :: scale, low, high, x(n_grid), a, b, c, d, fc, fd
-      integer :: i, best
+      !> alpha/beta of largest evidence. For a given ratio of the two the best beta has a closed
+      !> form. So one search along the logarithm of the ratio, each step O(terms), finds the global
+      !> maximum.
+      subroutine maximise_over_ratio()
+         integer, parameter :: n_grid = 240
+         real(wp), parameter :: golden = 0.6180339887498949_wp
+         real(wp) :: scale, low, high, x(n_grid), a, b, c, d, fc, fd
+         integer :: j, middle
 
-      ! The grid goes from a prior that constrains only what the data do not determine to one that
-      ! the data cannot move.
-      scale = log(max(maxval(spectrum%values), tiny(1.0_wp)))
-      low = scale + log(1.0e-15_wp)
-      high = scale + log(1.0e5_wp)
-      x = [(low + (high - low)*(i - 1)/(n_grid - 1), i=1, n_grid)]
-      best = maxloc([(profile(x(i)), i=1, n_grid)], 1)
-      a = x(max(1, best - 1))
-      b = x(min(n_grid, best + 1))
-      c = b - golden*(b - a)
-      d = a + golden*(b - a)
-      fc = profile(c)
-      fd = profile(d)
-      do while (b - a > 1.0e-9_wp)
-         if (fc >= fd) then
-            b = d
-            d = c
-            fd = fc
-            c = b - golden*(b - a)
-            fc = profile(c)
-         else
-            a = c
-            c = d
-            fc = fd
-            d = a + golden*(b - a)
-            fd = profile(d)
-         end if
-      end do
-      ratio = exp(0.5_wp*(a + b))
-      evidence = profile(log(ratio))
+         ! The grid goes from a prior that constrains only what the data do not determine to one
+         ! that the data cannot move.
+         scale = log(max(maxval(spectrum%values), tiny(1.0_wp)))
+         low = scale + log(1.0e-15_wp)
+         high = scale + log(1.0e5_wp)
+         x = [(low + (high - low)*(j - 1)/(n_grid - 1), j=1, n_grid)]
+         middle = maxloc([(profile(x(j)), j=1, n_grid)], 1)
+         a = x(max(1, middle - 1))
+         b = x(min(n_grid, middle + 1))
+         c = b - golden*(b - a)
+         d = a + golden*(b - a)
+         fc = profile(c)
+         fd = profile(d)
+         do while (b - a > 1.0e-9_wp)
+            if (fc >= fd) then
+               b = d
+               d = c
+               fd = fc
+               c = b - golden*(b - a)
+               fc = profile(c)
+            else
+               a = c
+               c = d
+               fc = fd
+               d = a + golden*(b - a)
+               fd = profile(d)
+            end if
+         end do
+         ratio = exp(0.5_wp*(a + b))
+         value = profile(log(ratio))
+      end subroutine maximise_over_ratio
 
-   contains
-
+      !> ln evidence at the best beta.
       pure real(wp) function profile(log_ratio)
          real(wp), intent(in) :: log_ratio
          real(wp) :: beta
 
-         beta = best_beta(spectrum, exp(log_ratio), least_noise)
+         beta = best_beta(spectrum, exp(log_ratio), regression%least_noise)
          profile = log_evidence(spectrum, exp(log_ratio)*beta, beta)
       end function profile
-   end subroutine maximise_over_ratio
+   end subroutine maximise_evidence
 
    !> Compute mean and covariance from all data at the present alpha, beta (Eq. 7).
    subroutine compute_posterior(regression, error, gram)
@@ -383,8 +381,7 @@ contains
       type(regression_type), intent(in) :: regression
       real(wp), allocatable, intent(out) :: covariance(:, :)
 
-      associate (width => regression%prior_width, n => regression%n_terms)
-         covariance = spread(width, 1, n)*spread(width, 2, n)*regression%covariance
-      end associate
+      covariance = spread(regression%prior_width, 1, regression%n_terms) &
+         & *spread(regression%prior_width, 2, regression%n_terms)*regression%covariance
    end subroutine coefficient_covariance
 end module evidence_regression

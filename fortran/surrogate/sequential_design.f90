@@ -234,10 +234,8 @@ contains
       if (design%initial_set == 'latin') numbers = [(i, i=1, wanted)]
       if (design%initial_set /= 'boundary') return
       allocate (order(n))
-      associate (domain => basis%domain, constants => candidates%constants)
-         call sort_order([(-domain%normalised_distance(domain%class%stiffness(constants(:, i))), &
-            & i=1, n)], order)
-      end associate
+      call sort_order([(-basis%domain%normalised_distance( &
+         & basis%domain%class%stiffness(candidates%constants(:, i))), i=1, n)], order)
       crystal = number_equal(candidates%constants(:, order))
       firsts = pack(crystal, crystal == [(i, i=1, n)])
       round = 0

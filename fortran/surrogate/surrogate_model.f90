@@ -102,8 +102,9 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer, parameter :: block_size = 64
       type(error_type), allocatable :: singular
+      !> Lower factor of the covariance, if it has one.
       real(wp), allocatable :: factor(:, :)
-      integer :: last, i
+      integer :: i
 
       associate (domain => surrogate%basis%domain)
          do i = 1, size(stiffness, 3)
@@ -119,37 +120,36 @@ contains
       factor = surrogate%covariance
       call cholesky_factor(factor, singular)
       if (allocated(singular)) deallocate (factor)
-      !$omp parallel do num_threads(threads) schedule(static) private(last)
+      !$omp parallel do num_threads(threads) schedule(static)
       do i = 1, size(stiffness, 3), block_size
-         last = min(i + block_size - 1, size(stiffness, 3))
-         call predict_block(surrogate, stiffness(:, :, i:last), euler(:, i:last), &
-            & modulus(i:last), sd(i:last), factor)
+         call predict_block(i, min(i + block_size - 1, size(stiffness, 3)))
       end do
       !$omp end parallel do
+
+   contains
+
+      !> Mean and sd of the crystals `first` to `last`, whose variances follow from one product of
+      !> matrices.
+      subroutine predict_block(first, last)
+         integer, intent(in) :: first, last
+         real(wp) :: terms(surrogate%basis%n_terms, first:last)
+         real(wp), dimension(first:last) :: scale, spread, variance
+         integer :: k
+
+         associate (basis => surrogate%basis)
+            call basis%evaluate_many(stiffness(:, :, first:last), euler(:, first:last), terms, &
+               & scale, spread)
+            do k = first, last
+               modulus(k) = basis%to_modulus(dot_product(surrogate%coefficients, terms(:, k)), &
+                  & scale(k), spread(k))
+            end do
+            call factored_forms(surrogate%covariance, factor, terms, variance)
+            if (basis%logarithmic) scale = spread*modulus(first:last)
+         end associate
+         if (surrogate%beta < huge(1.0_wp)) variance = variance + 1.0_wp/surrogate%beta
+         sd(first:last) = scale*sqrt(variance)
+      end subroutine predict_block
    end subroutine predict_crystals
-
-   !> Mean and sd of some crystals, whose variances follow from one product of matrices.
-   subroutine predict_block(surrogate, c, euler, modulus, sd, factor)
-      type(surrogate_type), intent(in) :: surrogate
-      real(wp), intent(in) :: c(:, :, :), euler(:, :)
-      real(wp), intent(out) :: modulus(:), sd(:)
-      !> Lower factor of the covariance, if it has one.
-      real(wp), intent(in), allocatable :: factor(:, :)
-      real(wp) :: terms(surrogate%basis%n_terms, size(modulus))
-      real(wp), dimension(size(modulus)) :: scale, spread, variance
-      integer :: i
-
-      call surrogate%basis%evaluate_many(c, euler, terms, scale, spread)
-      do i = 1, size(modulus)
-         modulus(i) = surrogate%basis%to_modulus(dot_product(surrogate%coefficients, terms(:, i)), &
-            & scale(i), spread(i))
-      end do
-      call factored_forms(surrogate%covariance, factor, terms, variance)
-      sd = scale
-      if (surrogate%basis%logarithmic) sd = spread*modulus
-      if (surrogate%beta < huge(1.0_wp)) variance = variance + 1.0_wp/surrogate%beta
-      sd = sd*sqrt(variance)
-   end subroutine predict_block
 
    !> Moduli of certain grains as a function of the crystal, and their covariance on request.
    subroutine new_grain_model(surrogate, class, euler, with_covariance, model, error)
