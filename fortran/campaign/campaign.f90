@@ -14,7 +14,7 @@ module campaign
    use errors, only: error_type, warning_type
    use kinds, only: i8, wp
    use simulate, only: outcome_done, outcome_failed, outcome_type
-   use text, only: number_text, quoted, read_integer, read_real, split_list, to_text
+   use text, only: newline, number_text, quoted, read_integer, read_real, split_list, to_text
    implicit none
    private
    public :: campaign_type, row_type, campaign_name
@@ -74,9 +74,6 @@ module campaign
    !> Values of the columns origin and status.
    character(len=*), parameter :: simulated = 'simulated', imported = 'told', done = 'done', &
       & failed = 'failed'
-
-   !> Separates the texts of a row in its checksum.
-   character, parameter :: separator = achar(10)
 
    !> Greatest number of rows that wait, and seconds after which they are written. Simulations of
    !> less than `quick_seconds` are written together.
@@ -314,11 +311,11 @@ contains
 
       content = identity
       do i = 1, size(texts)
-         content = content//separator//texts(i)%text
+         content = content//newline//texts(i)%text
       end do
-      digits = checksum(content//separator//to_text(transfer(outcome%modulus, 1_i8)) &
-         & //separator//to_text(max(0, outcome%elements)) &
-         & //separator//to_text(transfer(max(0.0_wp, outcome%seconds), 1_i8)))
+      digits = checksum(content//newline//to_text(transfer(outcome%modulus, 1_i8)) &
+         & //newline//to_text(max(0, outcome%elements)) &
+         & //newline//to_text(transfer(max(0.0_wp, outcome%seconds), 1_i8)))
    end function row_checksum
 
    !> Numbers as a JSON list with all their digits; empty if there are none.

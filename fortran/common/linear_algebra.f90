@@ -200,20 +200,21 @@ contains
 
    !> y(m) = `a`(n, m)ᵀ x(n) for matrices too small for BLAS. Four columns at a time keep the adders
    !> busy.
-   pure subroutine transposed_product(n, m, a, x, y)
-      integer, intent(in) :: n, m
-      real(wp), intent(in) :: a(n, m), x(n)
-      real(wp), intent(out) :: y(m)
+   pure subroutine transposed_product(a, x, y)
+      real(wp), intent(in), contiguous :: a(:, :)
+      real(wp), intent(in) :: x(size(a, 1))
+      real(wp), intent(out) :: y(size(a, 2))
       real(wp) :: t1, t2, t3, t4
-      integer :: i, j
+      integer :: i, j, m
 
+      m = size(y)
       do j = 1, m - 3, 4
          t1 = 0.0_wp
          t2 = 0.0_wp
          t3 = 0.0_wp
          t4 = 0.0_wp
          !$omp simd reduction(+:t1, t2, t3, t4)
-         do i = 1, n
+         do i = 1, size(x)
             t1 = t1 + a(i, j)*x(i)
             t2 = t2 + a(i, j + 1)*x(i)
             t3 = t3 + a(i, j + 2)*x(i)

@@ -218,8 +218,8 @@ contains
             if (.not. (stage%growth > 1.0_wp .and. stage%growth < 10.0_wp)) then
                call refuse(error, to_text(stage%layers)//' layers growing by ' &
                   & //to_text(stage%growth)//' cannot be made; allowed: at least none, and 1 to 10')
+               return
             end if
-            if (allocated(error)) return
             if (stage%coarsen) then
                nx = nx/2
                nz = nz/2

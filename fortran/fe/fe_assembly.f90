@@ -201,8 +201,8 @@ contains
             & mesh%growth(e), k, valid)
          if (.not. valid) then
             call raise(error, 'element '//to_text(e)//' of the mesh is turned inside out')
+            return
          end if
-         if (allocated(error)) return
          class_stiffness(:, i) = pack(k, lower(:24, :24))
       end do
       n_bricks = size(mesh%brick, 2)

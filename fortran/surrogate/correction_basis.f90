@@ -98,8 +98,8 @@ contains
          if (degree < 1 .or. degree > greatest_degree) then
             call refuse(error, 'degree = '//to_text(degree)//' is outside 1 .. ' &
                & //to_text(greatest_degree))
+            return
          end if
-         if (allocated(error)) return
          ! The trace of log K over sqrt 6 is sqrt 6 times the logarithm of the geometric mean of the
          ! eigenvalues.
          if (domain%has_scale()) centre = sqrt(6.0_wp)*0.5_wp*sum(log(domain%stiffness))
@@ -338,8 +338,7 @@ contains
          if (self%polynomials%n == 0) exit
          w = self%logarithms%to_logarithms(c(:, :, i))
          if (self%own%n_products > 0) then
-            call transposed_product(self%own%n_products, size(y), self%expanded, &
-               & own_products(self, w), y)
+            call transposed_product(self%expanded(:, :size(y)), own_products(self, w), y)
          else
             y = matmul(terms_of_grains(self, w), self%coefficients)
          end if
@@ -357,8 +356,7 @@ contains
 
       allocate (independent(self%n_independent, self%n_columns))
       if (self%own%n_products > 0) then
-         call transposed_product(self%own%n_products, size(independent), &
-            & self%expanded(:, self%n_independent + 1:), &
+         call transposed_product(self%expanded(:, self%n_independent + 1:), &
             & own_products(self, self%logarithms%to_logarithms(c)), independent)
       else
          call multiply(terms_of_grains(self, self%logarithms%to_logarithms(c)), self%factor, &

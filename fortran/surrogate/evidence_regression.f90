@@ -382,6 +382,6 @@ contains
       real(wp), allocatable, intent(out) :: covariance(:, :)
 
       covariance = spread(regression%prior_width, 1, regression%n_terms) &
-         & *spread(regression%prior_width, 2, regression%n_terms)*regression%covariance
+                  & *spread(regression%prior_width, 2, regression%n_terms)*regression%covariance
    end subroutine coefficient_covariance
 end module evidence_regression

@@ -18,10 +18,10 @@ module legendre_products
       integer :: degree = 0
       integer, allocatable :: degrees(:, :)
       logical, private :: total = .false.
-      !> Product q is product parent(q) times the polynomial of degree factor_degree(q) in
+      !> Product q > 1 is product parent(q) times the polynomial of degree factor_degree(q) in
       !> coordinate factor(q).
       integer, allocatable, private :: parent(:), factor(:), factor_degree(:)
-      !> p_(n+1) = a_n x p_n - b_n p_(n-1) for p_n = sqrt(2n+1) P_n.
+      !> p_(n+1) = a_n x p_n - b_n p_(n-1) for p_n = sqrt(2n+1) P_n, n = 0, 1, ..
       real(wp), allocatable, private :: a(:), b(:)
    end type legendre_products_type
 
@@ -70,9 +70,6 @@ contains
             call fill_last(counter(i + 1:), sum_of_degrees - sum(counter(:i)), degree)
          end do
       end do
-      self%parent = 0
-      self%factor = 1
-      self%factor_degree = 0
       do q = 2, self%n_products
          counter = self%degrees(:, q)
          i = findloc(counter > 0, .true., 1, back=.true.)
@@ -81,7 +78,6 @@ contains
          counter(i) = 0
          self%parent(q) = place_of(self, counter)
       end do
-      allocate (self%a(0:degree), self%b(0:degree))
       self%a = [(sqrt((2.0_wp*m + 3.0_wp)*(2.0_wp*m + 1.0_wp))/(m + 1), m=0, degree)]
       self%b = [(m*sqrt((2.0_wp*m + 3.0_wp)/max(1.0_wp, 2.0_wp*m - 1.0_wp))/(m + 1), m=0, degree)]
    end function new_legendre_products
@@ -137,7 +133,7 @@ contains
       do i = 1, self%n_coordinates
          factors(:0, i) = [0.0_wp, 1.0_wp]
          do n = 0, self%degree - 1
-            factors(n + 1, i) = self%a(n)*x(i)*factors(n, i) - self%b(n)*factors(n - 1, i)
+            factors(n + 1, i) = self%a(n + 1)*x(i)*factors(n, i) - self%b(n + 1)*factors(n - 1, i)
          end do
       end do
       p(1) = 1.0_wp

@@ -86,8 +86,8 @@ contains
             call refuse(error, 'degree = '//to_text(degree)//' and bandlimit = ' &
                & //to_text(bandlimit)//' make '//to_text(terms, 4)//' terms; at most ' &
                & //to_text(nint(most_terms))//' are possible')
+            return
          end if
-         if (allocated(error)) return
          self%polynomials = new_legendre_products(n, degree, truncation == 'total')
       end associate
       self%n_terms = nint(terms)
@@ -128,8 +128,8 @@ contains
 
       if (class%name /= self%domain%class%name) then
          call raise(error, 'this basis has no model of '//class%name//' grains')
+         return
       end if
-      if (allocated(error)) return
       allocate (new)
       new%domain = self%domain
       new%harmonics = self%harmonics
@@ -169,7 +169,7 @@ contains
 
       do i = 1, size(c, 3)
          call evaluate_products(self%polynomials, self%domain%coordinates_of(c(:, :, i)), p)
-         call transposed_product(size(p), size(y, 1), self%coefficients, p, y(:, i))
+         call transposed_product(self%coefficients, p, y(:, i))
       end do
       call multiply(self%k, y, modulus)
    end subroutine evaluate_crystals
@@ -184,7 +184,7 @@ contains
       integer :: g, h, first
 
       call evaluate_products(self%squares, self%domain%coordinates_of(c), p)
-      call transposed_product(size(p), size(pairs), self%covariance, p, pairs)
+      call transposed_product(self%covariance, p, pairs)
       factor = 0.0_wp
       first = 1
       do g = 1, self%n_columns

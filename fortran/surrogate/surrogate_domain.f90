@@ -64,8 +64,8 @@ contains
             call refuse(error, 'the domain of '//domain%class%name &
                & //' crystals has bounds for each of '//to_text(n)//' constants, not ' &
                & //to_text(size(lower))//' and '//to_text(size(upper)))
+            return
          end if
-         if (allocated(error)) return
          i = findloc(upper - lower > 0.0_wp .and. upper - lower < huge(1.0_wp), .false., 1)
          if (i > 0) then
             call refuse(error, 'the bounds of '//domain%class%constants(i) &
@@ -114,11 +114,9 @@ contains
       character(len=:), allocatable :: name
       real(wp), allocatable :: poisson(:), scale(:)
 
-      if (.not. file%reading) then
-         name = domain%class%name
-         poisson = domain%poisson
-         scale = domain%stiffness
-      end if
+      if (.not. file%reading) name = domain%class%name
+      poisson = domain%poisson
+      scale = domain%stiffness
       call file%text('symmetry', name)
       call file%text('classes', domain%members)
       call file%reals('c_min', domain%lower)

@@ -184,8 +184,8 @@ contains
       if (n < 2) then
          call refuse(error, &
             & 'there are '//to_text(n)//' training simulations; at least 2 are needed')
+         return
       end if
-      if (allocated(error)) return
       allocate (surrogate%basis, source=learner%basis)
       associate (regression => learner%design%regression)
          surrogate%alpha = regression%alpha

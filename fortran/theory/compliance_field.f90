@@ -279,8 +279,7 @@ contains
          end do
          if (n > 1) call multiply(field%to_modes, f(:, :n), modes(:, :n), transposed=.true.)
          if (n == 1) then
-            call transposed_product(size(f, 1), size(modes, 1), field%to_modes, f(:, 1), &
-               & modes(:, 1))
+            call transposed_product(field%to_modes, f(:, 1), modes(:, 1))
          end if
          do i = 1, n
             call minimise_compliance(field%n_grains, n_retained, modes(:, i), &
