@@ -193,15 +193,14 @@ contains
       type(row_type), intent(in) :: row
       type(error_type), allocatable, intent(out) :: error
       integer(i8) :: now, rate
-      logical :: full
 
       if (.not. allocated(self%waiting)) allocate (self%waiting(most_waiting))
       call system_clock(now, rate)
       if (self%n_waiting == 0) self%waiting_since = now
       self%n_waiting = self%n_waiting + 1
       self%waiting(self%n_waiting) = row
-      full = self%n_waiting == most_waiting .or. now - self%waiting_since > interval*rate
-      if (full .or. row%outcome%seconds > quick_seconds .or. row%outcome%elements > 0) then
+      if (self%n_waiting == most_waiting .or. now - self%waiting_since > interval*rate &
+         & .or. row%outcome%seconds > quick_seconds .or. row%outcome%elements > 0) then
          call self%flush(error)
       end if
    end subroutine add_soon

@@ -274,10 +274,9 @@ contains
       real(wp), intent(in) :: refine, stiffness(6, 6)
       !> Whether the modulus is extrapolated from two meshes.
       logical, intent(in) :: two_meshes
-      real(wp) :: fineness, instability, contrast
+      real(wp) :: instability, contrast
       type(averages_type) :: averages
 
-      fineness = refine*self%contact_radius/self%element_size
       instability = merge(worst_incompatible, worst_plain, self%element == 'c3d8i')
       instability = instability*log_anisotropy(stiffness)**power_of_anisotropy
       contrast = self%contrast(1)
@@ -289,7 +288,8 @@ contains
          instability = extrapolated*instability
          contrast = extrapolated_contrast*contrast
       end if
-      mesh_error = max(instability, contrast)*(studied_fineness/fineness)**order
+      mesh_error = max(instability, contrast) &
+         & *(studied_fineness/(refine*self%contact_radius/self%element_size))**order
    end function mesh_error
 
    !> Whether the error of one mesh may be too large for a crystal; contact stiffnesses always need

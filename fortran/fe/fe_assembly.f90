@@ -188,10 +188,11 @@ contains
       !> In the order of `assembly%row`.
       real(wp), intent(out) :: values(:)
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: class_stiffness(:, :)
-      real(wp) :: k(24, 24), small(12, 12)
+      !> Lower triangles, packed, of the bricks that represent a class, and of an element.
+      real(wp), allocatable :: class_stiffness(:, :), packed(:)
+      real(wp) :: k(24, 24), small(12, 12), scale
       logical :: valid
-      integer :: e, i, m, n, p, n_bricks
+      integer :: e, i, n, p, n_bricks
 
       values = 0.0_wp
       allocate (class_stiffness(300, size(mesh%representative)))
@@ -209,36 +210,28 @@ contains
       p = 0
       do e = 1, n_bricks + size(mesh%facet, 2)
          n = assembly%dof_start(e + 1) - assembly%dof_start(e)
-         m = (n*(n + 1))/2
+         scale = 1.0_wp
          if (e > n_bricks) then
             i = e - n_bricks
             call infinite_stiffness(mesh%x(:, mesh%facet(:, i)), &
                & c(:, :, mesh%facet_material(i)), small)
-            call scatter(pack(small, lower(:12, :12)), 1.0_wp)
+            packed = pack(small, lower(:12, :12))
          else if (assembly%constrained(e) == 0) then
-            call scatter(class_stiffness(:, mesh%class(e)), mesh%scale(e))
+            packed = class_stiffness(:, mesh%class(e))
+            scale = mesh%scale(e)
          else
             call brick_stiffness(mesh%x(:, mesh%brick(:, e)), c(:, :, mesh%material(e)), &
                & formulation, mesh%growth(e), k, valid)
-            call scatter(pack(expanded(k, assembly%weight(:, :n/3, assembly%constrained(e))), &
-               & lower(:n, :n)), 1.0_wp)
+            packed = pack(expanded(k, assembly%weight(:, :n/3, assembly%constrained(e))), &
+               & lower(:n, :n))
          end if
-         p = p + m
-      end do
-
-   contains
-
-      !> Add the entries of an element to the matrix.
-      subroutine scatter(packed, scale)
-         real(wp), intent(in) :: packed(:), scale
-         integer :: i
-
-         do i = 1, m
-            associate (place => assembly%place(p + i))
+         do i = 1, size(packed)
+            p = p + 1
+            associate (place => assembly%place(p))
                if (place > 0) values(place) = values(place) + scale*packed(i)
             end associate
          end do
-      end subroutine scatter
+      end do
    end subroutine assemble
 
    !> Tᵀ k T, where T expresses each node of the brick as a weighted mean of the m nodes of the

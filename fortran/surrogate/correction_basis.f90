@@ -34,11 +34,6 @@ module correction_basis
    private
    public :: correction_basis_type, correction_grain_model_type
 
-   !> Least sd of the noise, and sds of a coefficient of degree 1 and of the noise before the first
-   !> regression, all relative. The sd of degree 1 is that of 1900 simulations of a block
-   !> (docs/verification/surrogate.md); docs/surrogate.md states the least noise.
-   real(wp), parameter :: least_noise = 1.7e-4_wp, first_sds(2) = [0.017_wp, 1.0e-3_wp]
-
    !> Noise of a crystal at the greatest log-anisotropy of the domain relative to a nearly isotropic
    !> one, less 1; chosen on 390 crystals (docs/verification/surrogate.md).
    real(wp), parameter :: spread_at_end = 8.0_wp
@@ -107,11 +102,13 @@ contains
       end associate
       self%n_terms = self%polynomials%n
       self%prior_degrees = self%polynomials%degrees
-      self%least_noise = least_noise
+      ! Both are relative. The sd of a coefficient of degree 1 is that of 1900 simulations of a
+      ! block (docs/verification/surrogate.md); docs/surrogate.md states the least noise.
+      self%least_noise = 1.7e-4_wp
+      self%first_sds = [0.017_wp, 1.0e-3_wp]
       if (self%domain%log_anisotropy_max < huge(1.0_wp)) then
          self%noise_growth = spread_at_end/self%domain%log_anisotropy_max**growth_power
       end if
-      self%first_sds = first_sds
    end subroutine set_up
 
    !> The polynomials of many crystals are evaluated together.

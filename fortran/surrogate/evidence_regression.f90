@@ -122,17 +122,6 @@ contains
          & + beta*(sum(spectrum%squares/(1.0_wp + spectrum%values*(beta/alpha))) + spectrum%rest))
    end function log_evidence
 
-   !> Noise precision of largest evidence at a given ratio alpha/beta.
-   pure real(wp) function best_beta(spectrum, ratio, least_noise) result(beta)
-      type(spectrum_type), intent(in) :: spectrum
-      real(wp), intent(in) :: ratio, least_noise
-      real(wp) :: variance
-
-      variance = (sum(spectrum%squares/(1.0_wp + spectrum%values/ratio)) + spectrum%rest) &
-         & /spectrum%n_data
-      beta = 1.0_wp/max(variance, least_noise**2)
-   end function best_beta
-
    !> Set alpha, beta and decay rate of largest evidence, with 1/beta >= least_noise^2. The decay
    !> rate has a prior from experience.
    subroutine maximise_evidence(regression, error, evidence)
@@ -172,7 +161,7 @@ contains
          best = spectrum
       end do
       if (decays) call set_decay_rate(regression, exp(best_rate))
-      regression%beta = best_beta(best, best_ratio, regression%least_noise)
+      regression%beta = best_beta(best, best_ratio)
       regression%alpha = best_ratio*regression%beta
       call compute_posterior(regression, error, best%gram)
 
@@ -258,9 +247,18 @@ contains
          real(wp), intent(in) :: log_ratio
          real(wp) :: beta
 
-         beta = best_beta(spectrum, exp(log_ratio), regression%least_noise)
+         beta = best_beta(spectrum, exp(log_ratio))
          profile = log_evidence(spectrum, exp(log_ratio)*beta, beta)
       end function profile
+
+      !> Noise precision of largest evidence at a given ratio alpha/beta.
+      pure real(wp) function best_beta(spectrum, ratio) result(beta)
+         type(spectrum_type), intent(in) :: spectrum
+         real(wp), intent(in) :: ratio
+
+         beta = 1.0_wp/max((sum(spectrum%squares/(1.0_wp + spectrum%values/ratio)) &
+            & + spectrum%rest)/spectrum%n_data, regression%least_noise**2)
+      end function best_beta
    end subroutine maximise_evidence
 
    !> Compute mean and covariance from all data at the present alpha, beta (Eq. 7).

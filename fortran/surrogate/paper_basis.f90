@@ -24,11 +24,6 @@ module paper_basis
    integer, parameter :: largest_degree = 12, largest_bandlimit = 20
    character(len=*), parameter :: truncation_names = 'tensor, total'
 
-   !> Least sd of the noise, GPa.
-   real(wp), parameter :: least_noise = 0.05_wp
-   !> sds of a coefficient and of the noise before the first regression, GPa.
-   real(wp), parameter :: first_sds(2) = [100.0_wp, 1.0_wp]
-
    type, extends(basis_type) :: paper_basis_type
       !> K_h, a function of the indentation direction in crystal axes.
       type(harmonics_type) :: harmonics
@@ -91,8 +86,9 @@ contains
          self%polynomials = new_legendre_products(n, degree, truncation == 'total')
       end associate
       self%n_terms = nint(terms)
-      self%least_noise = least_noise
-      self%first_sds = first_sds
+      ! GPa.
+      self%least_noise = 0.05_wp
+      self%first_sds = [100.0_wp, 1.0_wp]
    end subroutine set_up
 
    subroutine evaluate_many(self, c, euler, terms, scale, spread)

@@ -73,16 +73,17 @@ module surrogate_model
 contains
 
    !> The exact theory of the half-space, which needs no simulation.
-   subroutine new_theory_surrogate(surrogate, error)
+   subroutine new_theory_surrogate(surrogate)
       type(surrogate_type), intent(out) :: surrogate
-      type(error_type), allocatable, intent(out) :: error
+      !> Never allocated: the class exists, and the model has no settings.
+      type(error_type), allocatable :: error
       type(domain_type) :: domain
       type(surrogate_settings_type) :: settings
 
       settings%model = 'halfspace'
       domain%poisson = [-0.999_wp, 0.499_wp]
       call complete_domain(general_class, domain, error)
-      if (.not. allocated(error)) call new_basis(domain, settings, surrogate%basis, error)
+      call new_basis(domain, settings, surrogate%basis, error)
       allocate (surrogate%coefficients(0), surrogate%covariance(0, 0), &
          & surrogate%simulations%constants(21, 0), surrogate%simulations%euler_deg(3, 0), &
          & surrogate%simulations%modulus(0))
@@ -282,7 +283,7 @@ contains
       call file%real('contact_radius_um', surrogate%contact_radius)
       call file%reals('coefficients', surrogate%coefficients)
       call exchange_covariance()
-      call exchange_simulations(surrogate%simulations, surrogate%basis%domain%class%n_constants)
+      call exchange_simulations(surrogate%simulations)
       call file%lines('provenance', surrogate%provenance)
       if (file%reading .and. .not. allocated(file%error)) call check_values(file%error)
 
@@ -312,11 +313,10 @@ contains
          surrogate%covariance = merge(surrogate%covariance, transpose(surrogate%covariance), lower)
       end subroutine exchange_covariance
 
-      subroutine exchange_simulations(simulations, n_constants)
+      subroutine exchange_simulations(simulations)
          type(simulations_type), intent(inout) :: simulations
-         integer, intent(in) :: n_constants
          real(wp), allocatable :: constants(:), euler_deg(:)
-         integer :: n
+         integer :: n, n_constants
 
          if (.not. file%reading) then
             constants = reshape(simulations%constants, [size(simulations%constants)])
@@ -327,6 +327,7 @@ contains
          call file%reals('simulated_modulus_gpa', simulations%modulus)
          if (allocated(file%error) .or. .not. file%reading) return
          n = size(simulations%modulus)
+         n_constants = surrogate%basis%domain%class%n_constants
          if (any([size(constants), size(euler_deg)] /= [n_constants, 3]*n)) then
             call file%fail('the simulations have '//to_text(size(constants))//' constants, ' &
                & //to_text(size(euler_deg))//' angles and '//to_text(n)//' moduli')
@@ -404,7 +405,7 @@ contains
       type(crystal_class_type) :: crystal
 
       if (name == theory_name) then
-         call new_theory_surrogate(surrogate, error)
+         call new_theory_surrogate(surrogate)
          return
       end if
       call find_surrogate(name, places, path, error)
