@@ -220,13 +220,14 @@ contains
       type(region_type), intent(in) :: region
       !> Unit vectors (3, n).
       real(wp), allocatable, intent(out) :: directions(:, :)
+      real(wp) :: angle
 
       if (region%dimension < 2) then
          directions = arc(region, merge(nint(90.0_wp/arc_step) + 1, 1, region%dimension == 1))
       else
-         ! The arc cosine is the longest side of a triangle.
-         call divide(region, ceiling(acos(minval(sum(region%triangles &
-            & *cshift(region%triangles, 1, 2), 1)))/(triangle_step*degree)), directions)
+         ! The longest side of a triangle.
+         angle = acos(minval(sum(region%triangles*cshift(region%triangles, 1, 2), 1)))
+         call divide(region, ceiling(angle/(triangle_step*degree)), directions)
       end if
    end subroutine lattice_of_directions
 

@@ -274,7 +274,7 @@ contains
       real(wp), intent(in) :: refine, stiffness(6, 6)
       !> Whether the modulus is extrapolated from two meshes.
       logical, intent(in) :: two_meshes
-      real(wp) :: instability, contrast
+      real(wp) :: fineness, instability, contrast
       type(averages_type) :: averages
 
       instability = merge(worst_incompatible, worst_plain, self%element == 'c3d8i')
@@ -288,8 +288,8 @@ contains
          instability = extrapolated*instability
          contrast = extrapolated_contrast*contrast
       end if
-      mesh_error = max(instability, contrast) &
-         & *(studied_fineness/(refine*self%contact_radius/self%element_size))**order
+      fineness = refine*self%contact_radius/self%element_size
+      mesh_error = max(instability, contrast)*(studied_fineness/fineness)**order
    end function mesh_error
 
    !> Whether the error of one mesh may be too large for a crystal; contact stiffnesses always need

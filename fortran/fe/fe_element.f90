@@ -93,7 +93,7 @@ contains
       real(wp), intent(out) :: b(6, 33, 8), volume(8)
       real(wp) :: natural(3, 8), jacobian(3, 3), inverse(3, 3), determinant, centre_inverse(3, 3), &
          & centre_determinant
-      real(wp) :: gradient(3, 8, 8), mean(24), xi(3), weight, rho
+      real(wp) :: gradient(3, 8, 8), mean(24), mode(3), xi(3), weight, rho
       logical :: decays
       integer :: a, i, q
 
@@ -132,8 +132,8 @@ contains
             do i = 1, unknowns_of(formulation, growth)/3 - 8
                ! The mode 1 - xi_i^2. Its gradient is mapped by the Jacobian of the centre and
                ! scaled, so that it does no work on constant stress.
-               b(:, 22 + 3*i:24 + 3*i, q) = strain_of(-2.0_wp*gauss*corner(i, q) &
-                  & *centre_inverse(i, :)*(centre_determinant/volume(q)))
+               mode = -2.0_wp*gauss*corner(i, q)*centre_inverse(i, :)*(centre_determinant/volume(q))
+               b(:, 22 + 3*i:24 + 3*i, q) = strain_of(mode)
             end do
          end do
       end if
