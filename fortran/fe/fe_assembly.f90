@@ -71,7 +71,7 @@ contains
          assembly%group(assembly%unknown(:, i)) = groups
       end do
       call list_dofs()
-      call build_pattern()
+      call build_pattern(assembly)
 
    contains
 
@@ -120,62 +120,63 @@ contains
             assembly%dof(m:m + 3*n - 1) = reshape(assembly%unknown(:, node(:n)), [3*n])
          end do
       end subroutine list_dofs
-
-      !> Find the rows of each column, and the places of the elements' entries.
-      subroutine build_pattern()
-         !> The last place of each unknown in the list of dofs; for each place, the one before it of
-         !> the same unknown (0: none); the element of each place.
-         integer, allocatable :: last(:), previous(:), owner(:)
-         !> Number of entries before those of each element; the entry of each row in the latest
-         !> column that has one; rows of the entries.
-         integer, allocatable :: entry_start(:), position(:), rows(:)
-         integer :: elements, e, i, j, n, column, next, p, t
-
-         elements = size(assembly%dof_start) - 1
-         allocate (last(0:assembly%unknowns), entry_start(elements + 1), &
-            & position(assembly%unknowns), source=0)
-         allocate (previous(size(assembly%dof)), owner(size(assembly%dof)), &
-            & assembly%column_start(assembly%unknowns + 1))
-         do e = 1, elements
-            do p = assembly%dof_start(e), assembly%dof_start(e + 1) - 1
-               owner(p) = e
-               previous(p) = last(assembly%dof(p))
-               last(assembly%dof(p)) = p
-            end do
-            n = assembly%dof_start(e + 1) - assembly%dof_start(e)
-            entry_start(e + 1) = entry_start(e) + (n*(n + 1))/2
-         end do
-         ! Upper bound: elements share entries.
-         allocate (assembly%place(entry_start(elements + 1)), &
-            & rows(entry_start(elements + 1)), source=0)
-         next = 1
-         do column = 1, assembly%unknowns
-            assembly%column_start(column) = next
-            t = last(column)
-            do while (t > 0)
-               e = owner(t)
-               associate (dof => assembly%dof(assembly%dof_start(e):assembly%dof_start(e + 1) - 1))
-                  n = size(dof)
-                  j = t - assembly%dof_start(e) + 1
-                  do i = 1, n
-                     if (dof(i) < column) cycle
-                     if (position(dof(i)) < assembly%column_start(column)) then
-                        position(dof(i)) = next
-                        rows(next) = dof(i)
-                        next = next + 1
-                     end if
-                     p = min(i, j)
-                     p = entry_start(e) + ((p - 1)*(2*n - p))/2 + max(i, j)
-                     assembly%place(p) = position(dof(i))
-                  end do
-               end associate
-               t = previous(t)
-            end do
-         end do
-         assembly%column_start(assembly%unknowns + 1) = next
-         assembly%row = rows(:next - 1)
-      end subroutine build_pattern
    end subroutine new_assembly
+
+   !> Find the rows of each column, and the places of the elements' entries.
+   subroutine build_pattern(assembly)
+      type(assembly_type), intent(inout) :: assembly
+      !> The last place of each unknown in the list of dofs; for each place, the one before it of
+      !> the same unknown (0: none); the element of each place.
+      integer, allocatable :: last(:), previous(:), owner(:)
+      !> Number of entries before those of each element; the entry of each row in the latest
+      !> column that has one; rows of the entries.
+      integer, allocatable :: entry_start(:), position(:), rows(:)
+      integer :: elements, e, i, j, n, column, next, p, t
+
+      elements = size(assembly%dof_start) - 1
+      allocate (last(0:assembly%unknowns), entry_start(elements + 1), &
+         & position(assembly%unknowns), source=0)
+      allocate (previous(size(assembly%dof)), owner(size(assembly%dof)), &
+         & assembly%column_start(assembly%unknowns + 1))
+      do e = 1, elements
+         do p = assembly%dof_start(e), assembly%dof_start(e + 1) - 1
+            owner(p) = e
+            previous(p) = last(assembly%dof(p))
+            last(assembly%dof(p)) = p
+         end do
+         n = assembly%dof_start(e + 1) - assembly%dof_start(e)
+         entry_start(e + 1) = entry_start(e) + (n*(n + 1))/2
+      end do
+      ! Upper bound: elements share entries.
+      allocate (assembly%place(entry_start(elements + 1)), &
+         & rows(entry_start(elements + 1)), source=0)
+      next = 1
+      do column = 1, assembly%unknowns
+         assembly%column_start(column) = next
+         t = last(column)
+         do while (t > 0)
+            e = owner(t)
+            associate (dof => assembly%dof(assembly%dof_start(e):assembly%dof_start(e + 1) - 1))
+               n = size(dof)
+               j = t - assembly%dof_start(e) + 1
+               do i = 1, n
+                  if (dof(i) < column) cycle
+                  if (position(dof(i)) < assembly%column_start(column)) then
+                     position(dof(i)) = next
+                     rows(next) = dof(i)
+                     next = next + 1
+                  end if
+                  p = min(i, j)
+                  p = entry_start(e) + ((p - 1)*(2*n - p))/2 + max(i, j)
+                  assembly%place(p) = position(dof(i))
+               end do
+            end associate
+            t = previous(t)
+         end do
+      end do
+      assembly%column_start(assembly%unknowns + 1) = next
+      assembly%row = rows(:next - 1)
+   end subroutine build_pattern
 
    !> Compute the values of the matrix, in mN/um, for materials of stiffness `c`.
    subroutine assemble(mesh, assembly, formulation, c, values, error)

@@ -45,6 +45,15 @@ module fe_mesh
       real(wp) :: contact_limit = 0.0_wp, element_size = 0.0_wp
    end type mesh_type
 
+   !> A mesh under construction.
+   type, extends(mesh_type) :: builder_type
+      !> Node of each lattice point of the current surface; 0 for inner points, for points that
+      !> coarsening removes, and for clamped points.
+      integer, allocatable :: node_at(:, :, :)
+      !> Lattice spacing of the current surface; numbers of items made so far.
+      integer :: step = 1, nodes = 0, bricks = 0, n_hanging = 0, classes = 0
+   end type builder_type
+
    !> Memory of a mesh with its pattern and the places of its entries, bytes per brick, rounded up
    !> from a measurement.
    real(wp), parameter :: bytes_per_brick = 6.0e3_wp
@@ -58,14 +67,7 @@ contains
       type(mesh_plan_type), intent(in) :: plan
       type(mesh_type), intent(out) :: mesh
       type(error_type), allocatable, intent(out) :: error
-      !> Node of each lattice point of the current surface; 0 for inner points, for points that
-      !> coarsening removes, and for clamped points.
-      integer, allocatable :: node_at(:, :, :)
-      !> Lattice points of the four corners of each facet of the surface, counterclockwise seen from
-      !> outside, (3, corner, facet).
-      integer, allocatable :: quad(:, :, :)
-      !> Lattice spacing of the current surface; numbers of its facets and of items made so far.
-      integer :: step, n_facets, n_nodes, n_bricks, n_classes
+      type(builder_type) :: self
       integer :: nodes, bricks, nx, i
 
       call check_plan(plan, bricks, error)
@@ -75,253 +77,161 @@ contains
       if (allocated(error)) return
       ! An upper bound: memory that is never written is never used.
       nodes = 3*bricks
-      allocate (mesh%x(3, nodes), mesh%brick(8, bricks), mesh%material(bricks), &
-         & mesh%class(bricks), mesh%representative(bricks))
-      allocate (mesh%scale(bricks), mesh%growth(bricks), source=1.0_wp)
-      allocate (mesh%hanging(0), mesh%master(4, 0))
-      step = 1
-      n_bricks = 0
-      n_classes = 0
-      call fill_box()
+      allocate (self%x(3, nodes), self%brick(8, bricks), self%material(bricks), &
+         & self%class(bricks), self%representative(bricks))
+      allocate (self%scale(bricks), self%growth(bricks), source=1.0_wp)
+      allocate (self%hanging(nodes), self%master(4, nodes), source=0)
+      call fill_box(plan, self)
       do i = 1, size(plan%stages)
-         if (plan%stages(i)%coarsen) call coarsen()
-         if (plan%stages(i)%floor_levels > 0) call add_floor(plan%stages(i))
+         if (plan%stages(i)%coarsen) call coarsen(self)
+         if (plan%stages(i)%floor_levels > 0) call add_floor(plan%stages(i), self)
          ! If the bottom of the surface is clamped, no layers continue below it.
-         nx = ubound(node_at, 1)
+         nx = ubound(self%node_at, 1)
          if (plan%clamped_depth > 0.0_wp &
-            & .and. mesh%x(3, node_at(0, 0, 0)) <= -plan%clamped_depth*(1.0_wp - equal)) then
-            node_at(1:nx - 1, 1:nx - 1, 0) = 0
+            & .and. self%x(3, self%node_at(0, 0, 0)) <= -plan%clamped_depth*(1.0_wp - equal)) then
+            self%node_at(1:nx - 1, 1:nx - 1, 0) = 0
          end if
-         call add_layers(plan%stages(i))
+         call add_layers(plan%stages(i), self)
       end do
-      mesh%x = mesh%x(:, :n_nodes)
-      mesh%brick = mesh%brick(:, :n_bricks)
-      mesh%material = mesh%material(:n_bricks)
-      mesh%class = mesh%class(:n_bricks)
-      mesh%scale = mesh%scale(:n_bricks)
-      mesh%growth = mesh%growth(:n_bricks)
-      mesh%representative = mesh%representative(:n_classes)
-      call close_mesh()
-
-   contains
-
-      !> Make the box of bricks, and list the nodes of its top that may touch the indenter.
-      subroutine fill_box()
-         integer, allocatable :: top(:)
-         integer :: n, i, j
-
-         n = plan%half_cells
-         allocate (node_at(0:2*n, 0:2*n, 0:0))
-         ! The nodes of the levels below come first.
-         n_nodes = plan%depth_cells*(2*n + 1)**2
-         do j = -n, n
-            do i = -n, n
-               n_nodes = n_nodes + 1
-               node_at(i + n, j + n, 0) = n_nodes
-               mesh%x(:, n_nodes) = [(real(i, wp)/n)*plan%half_width, &
-                  & (real(j, wp)/n)*plan%half_width, 0.0_wp]
-            end do
-         end do
-         mesh%element_size = plan%half_width/n
-         mesh%contact_limit = plan%half_width
-         ! A hanging node has no displacement of its own, so it cannot be in contact.
-         if (plan%stages(max(1, findloc(plan%stages%layers > 0, .true., dim=1)))%coarsen) then
-            mesh%contact_limit = plan%half_width - mesh%element_size
-         end if
-         top = reshape(node_at, [size(node_at)])
-         mesh%contact = pack(top, &
-            & norm2(mesh%x(:2, top), dim=1) <= mesh%contact_limit*(1.0_wp + equal))
-         n_nodes = 0
-         call add_floor(mesh_stage_type(floor_levels=plan%depth_cells, floor_depth=plan%depth))
-         n_nodes = maxval(top)
-      end subroutine fill_box
-
-      !> Add levels of equal bricks under the bottom of the surface, which is flat and uniform.
-      subroutine add_floor(stage)
-         type(mesh_stage_type), intent(in) :: stage
-         integer, parameter :: corner(3, 8) = reshape([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, &
-            & 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1], [3, 8])
-         integer, allocatable :: extended(:, :, :)
-         integer :: nx, levels, first, i, j, k
-
-         nx = ubound(node_at, 1)
-         levels = stage%floor_levels*step
-         allocate (extended(0:nx, 0:nx, 0:ubound(node_at, 3) + levels), source=0)
-         extended(:, :, levels:) = node_at
-         do k = 0, stage%floor_levels - 1
-            do j = 0, nx, step
-               do i = 0, nx, step
-                  n_nodes = n_nodes + 1
-                  extended(i, j, k*step) = n_nodes
-                  mesh%x(:, n_nodes) = mesh%x(:, extended(i, j, levels)) - [0.0_wp, 0.0_wp, &
-                     & stage%floor_depth*(stage%floor_levels - k)/stage%floor_levels]
-               end do
-            end do
-         end do
-         first = n_bricks + 1
-         do k = 0, levels - step, step
-            do j = 0, nx - step, step
-               do i = 0, nx - step, step
-                  n_bricks = n_bricks + 1
-                  mesh%brick(:, n_bricks) = &
-                     & nodes_of(extended, spread([i, j, k], 2, 8) + step*corner)
-               end do
-            end do
-         end do
-         n_classes = n_classes + 1
-         mesh%representative(n_classes) = first
-         mesh%class(first:n_bricks) = n_classes
-         mesh%material(first:n_bricks) = stage%material
-         extended(1:nx - 1, 1:nx - 1, 1:levels) = 0
-         call move_alloc(extended, node_at)
-      end subroutine add_floor
-
-      !> Add the layers of a stage around the current surface.
-      subroutine add_layers(stage)
-         type(mesh_stage_type), intent(in) :: stage
-         integer, allocatable :: first_class(:)
-         real(wp), allocatable :: start(:, :), finish(:, :)
-         real(wp) :: share
-         integer :: layer, points, f, p
-         logical :: above
-
-         if (stage%layers == 0) return
-         call surface_quads()
-         points = count(node_at > 0)
-         start = mesh%x(:, pack(node_at, node_at > 0))
-         finish = stage_end(stage, start)
-         allocate (first_class(n_facets))
-         do layer = 1, stage%layers
-            do f = 1, n_facets
-               mesh%brick(1:4, n_bricks + f) = nodes_of(node_at, quad(:, :, f))
-            end do
-            share = (stage%growth**layer - 1.0_wp)/(stage%growth**stage%layers - 1.0_wp)
-            node_at = unpack([(n_nodes + p, p=1, points)], node_at > 0, node_at)
-            mesh%x(:, n_nodes + 1:n_nodes + points) = start + share*(finish - start)
-            n_nodes = n_nodes + points
-            do f = 1, n_facets
-               associate (brick => n_bricks + f)
-                  mesh%brick(5:8, brick) = nodes_of(node_at, quad(:, :, f))
-                  above = is_above(stage, mesh%brick(:, brick))
-                  mesh%material(brick) = merge(1, stage%material, above)
-                  mesh%growth(brick) = stage%growth
-                  if (layer == 1 .or. above .or. stage%shape /= growing) then
-                     n_classes = n_classes + 1
-                     mesh%representative(n_classes) = brick
-                     first_class(f) = n_classes
-                  else
-                     mesh%scale(brick) = stage%growth**(layer - 1)
-                  end if
-                  mesh%class(brick) = first_class(f)
-               end associate
-            end do
-            n_bricks = n_bricks + n_facets
-         end do
-      end subroutine add_layers
-
-      !> Whether nodes lie above the plane of a stage that has a plane.
-      pure logical function is_above(stage, node)
-         type(mesh_stage_type), intent(in) :: stage
-         integer, intent(in) :: node(:)
-
-         is_above = stage%plane > 0.0_wp .and. all(mesh%x(3, node) >= -stage%plane*(1.0_wp + equal))
-      end function is_above
-
-      !> Close the mesh by infinite elements, or by clamped nodes at the bottom and perhaps at the
-      !> sides.
-      subroutine close_mesh()
-         logical :: clamped(n_nodes)
-         integer :: f, i
-
-         n_facets = 0
-         if (plan%closing == closed_by_infinite) call surface_quads()
-         allocate (mesh%facet(4, n_facets), mesh%facet_material(n_facets))
-         do f = 1, n_facets
-            mesh%facet(:, f) = nodes_of(node_at, quad(:, :, f))
-            mesh%facet_material(f) = plan%far_material(merge(2, 1, &
-               & is_above(plan%stages(size(plan%stages)), mesh%facet(:, f))))
-         end do
-         clamped = .false.
-         if (plan%closing /= closed_by_infinite) then
-            clamped = mesh%x(3, :) <= minval(mesh%x(3, :))*(1.0_wp - equal)
-         end if
-         if (plan%closing == clamped_around) then
-            clamped = clamped &
-               & .or. maxval(abs(mesh%x(:2, :)), dim=1) >= maxval(mesh%x(1, :))*(1.0_wp - equal)
-         end if
-         mesh%clamped = pack([(i, i=1, size(clamped))], clamped)
-      end subroutine close_mesh
-
-      !> Retain every other lattice point of the surface; the nodes between them hang on their
-      !> neighbours.
-      subroutine coarsen()
-         integer :: i, j, k, odd(3), corner(3), offset(3), masters(4), m, p
-         integer, allocatable :: fine(:, :, :)
-
-         allocate (fine, source=node_at)
-         do k = 0, ubound(fine, 3), step
-            do j = 0, ubound(fine, 2), step
-               do i = 0, ubound(fine, 1), step
-                  if (fine(i, j, k) == 0) cycle
-                  odd = merge(step, 0, mod([i, j, k], 2*step) /= 0)
-                  if (all(odd == 0)) cycle
-                  mesh%hanging = [mesh%hanging, fine(i, j, k)]
-                  masters = 0
-                  m = 0
-                  do p = 0, 7
-                     offset = [2*iand(p, 1) - 1, iand(p, 2) - 1, iand(p, 4)/2 - 1]
-                     if (any(odd == 0 .and. offset > 0)) cycle
-                     corner = [i, j, k] + offset*odd
-                     m = m + 1
-                     masters(m) = fine(corner(1), corner(2), corner(3))
-                  end do
-                  mesh%master = reshape(mesh%master, [4, size(mesh%hanging)], masters)
-                  node_at(i, j, k) = 0
-               end do
-            end do
-         end do
-         step = 2*step
-      end subroutine coarsen
-
-      !> Lattice points of the four corners of each facet of the surface, counterclockwise seen from
-      !> outside.
-      subroutine surface_quads()
-         integer, parameter :: x(3) = [1, 0, 0], y(3) = [0, 1, 0], z(3) = [0, 0, 1]
-         integer :: nz, i, j, k
-
-         nx = ubound(node_at, 1)
-         nz = ubound(node_at, 3)
-         if (allocated(quad)) deallocate (quad)
-         allocate (quad(3, 4, surface_facets(nx/step, nz/step)))
-         n_facets = 0
-         do j = 0, nx - step, step
-            do i = 0, nx - step, step
-               call add_facet([i, j, 0], y, x)
-            end do
-         end do
-         do k = 0, nz - step, step
-            do i = 0, nx - step, step
-               call add_facet([i, 0, k], x, z)
-               call add_facet([i, nx, k], z, x)
-               call add_facet([0, i, k], z, y)
-               call add_facet([nx, i, k], y, z)
-            end do
-         end do
-      end subroutine surface_quads
-
-      !> Add the facet that begins at a corner and extends along two axes, unless it is not on the
-      !> surface.
-      subroutine add_facet(corner, first, second)
-         integer, intent(in) :: corner(3), first(3), second(3)
-         integer :: points(3, 4)
-
-         points = reshape([corner, corner + step*first, corner + step*(first + second), &
-            & corner + step*second], [3, 4])
-         if (any(nodes_of(node_at, points) == 0)) return
-         n_facets = n_facets + 1
-         quad(:, :, n_facets) = points
-      end subroutine add_facet
+      self%x = self%x(:, :self%nodes)
+      self%brick = self%brick(:, :self%bricks)
+      self%material = self%material(:self%bricks)
+      self%class = self%class(:self%bricks)
+      self%scale = self%scale(:self%bricks)
+      self%growth = self%growth(:self%bricks)
+      self%representative = self%representative(:self%classes)
+      self%hanging = self%hanging(:self%n_hanging)
+      self%master = self%master(:, :self%n_hanging)
+      call close_mesh(plan, self)
+      mesh = self%mesh_type
    end subroutine new_mesh
+
+   !> Make the box of bricks, and list the nodes of its top that may touch the indenter.
+   subroutine fill_box(plan, self)
+      type(mesh_plan_type), intent(in) :: plan
+      type(builder_type), intent(inout) :: self
+      integer, allocatable :: top(:)
+      integer :: n, i, j
+
+      n = plan%half_cells
+      allocate (self%node_at(0:2*n, 0:2*n, 0:0))
+      ! The nodes of the levels below come first.
+      self%nodes = plan%depth_cells*(2*n + 1)**2
+      do j = -n, n
+         do i = -n, n
+            self%nodes = self%nodes + 1
+            self%node_at(i + n, j + n, 0) = self%nodes
+            self%x(:, self%nodes) = [(real(i, wp)/n)*plan%half_width, &
+               & (real(j, wp)/n)*plan%half_width, 0.0_wp]
+         end do
+      end do
+      self%element_size = plan%half_width/n
+      self%contact_limit = plan%half_width
+      ! A hanging node has no displacement of its own, so it cannot be in contact.
+      if (plan%stages(max(1, findloc(plan%stages%layers > 0, .true., dim=1)))%coarsen) then
+         self%contact_limit = plan%half_width - self%element_size
+      end if
+      top = reshape(self%node_at, [size(self%node_at)])
+      self%contact = pack(top, norm2(self%x(:2, top), dim=1) <= self%contact_limit*(1.0_wp + equal))
+      self%nodes = 0
+      call add_floor(mesh_stage_type(floor_levels=plan%depth_cells, floor_depth=plan%depth), self)
+      self%nodes = maxval(top)
+   end subroutine fill_box
+
+   !> Add levels of equal bricks under the bottom of the surface, which is flat and uniform.
+   subroutine add_floor(stage, self)
+      type(mesh_stage_type), intent(in) :: stage
+      type(builder_type), intent(inout) :: self
+      integer, parameter :: corner(3, 8) = reshape([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, &
+         & 1, 0, 1, 1, 1, 1, 0, 1, 1], [3, 8])
+      integer, allocatable :: node_at(:, :, :)
+      integer :: nx, levels, first, i, j, k
+
+      nx = ubound(self%node_at, 1)
+      levels = stage%floor_levels*self%step
+      allocate (node_at(0:nx, 0:nx, 0:ubound(self%node_at, 3) + levels), source=0)
+      node_at(:, :, levels:) = self%node_at
+      do k = 0, stage%floor_levels - 1
+         do j = 0, nx, self%step
+            do i = 0, nx, self%step
+               self%nodes = self%nodes + 1
+               node_at(i, j, k*self%step) = self%nodes
+               self%x(:, self%nodes) = self%x(:, node_at(i, j, levels)) - [0.0_wp, 0.0_wp, &
+                  & stage%floor_depth*(stage%floor_levels - k)/stage%floor_levels]
+            end do
+         end do
+      end do
+      first = self%bricks + 1
+      do k = 0, levels - self%step, self%step
+         do j = 0, nx - self%step, self%step
+            do i = 0, nx - self%step, self%step
+               self%bricks = self%bricks + 1
+               self%brick(:, self%bricks) = &
+                  & nodes_of(node_at, spread([i, j, k], 2, 8) + self%step*corner)
+            end do
+         end do
+      end do
+      self%classes = self%classes + 1
+      self%representative(self%classes) = first
+      self%class(first:self%bricks) = self%classes
+      self%material(first:self%bricks) = stage%material
+      node_at(1:nx - 1, 1:nx - 1, 1:levels) = 0
+      call move_alloc(node_at, self%node_at)
+   end subroutine add_floor
+
+   !> Add the layers of a stage around the current surface.
+   subroutine add_layers(stage, self)
+      type(mesh_stage_type), intent(in) :: stage
+      type(builder_type), intent(inout) :: self
+      integer, allocatable :: quad(:, :, :), first_class(:)
+      real(wp), allocatable :: start(:, :), finish(:, :)
+      real(wp) :: share
+      integer :: layer, facets, points, f, p
+      logical :: above
+
+      if (stage%layers == 0) return
+      call surface_quads(self, quad)
+      facets = size(quad, 3)
+      points = count(self%node_at > 0)
+      start = self%x(:, pack(self%node_at, self%node_at > 0))
+      finish = stage_end(stage, start)
+      allocate (first_class(facets))
+      do layer = 1, stage%layers
+         do f = 1, facets
+            self%brick(1:4, self%bricks + f) = nodes_of(self%node_at, quad(:, :, f))
+         end do
+         share = (stage%growth**layer - 1.0_wp)/(stage%growth**stage%layers - 1.0_wp)
+         self%node_at = unpack([(self%nodes + p, p=1, points)], self%node_at > 0, self%node_at)
+         self%x(:, self%nodes + 1:self%nodes + points) = start + share*(finish - start)
+         self%nodes = self%nodes + points
+         do f = 1, facets
+            associate (brick => self%bricks + f)
+               self%brick(5:8, brick) = nodes_of(self%node_at, quad(:, :, f))
+               above = is_above(stage, self, self%brick(:, brick))
+               self%material(brick) = merge(1, stage%material, above)
+               self%growth(brick) = stage%growth
+               if (layer == 1 .or. above .or. stage%shape /= growing) then
+                  self%classes = self%classes + 1
+                  self%representative(self%classes) = brick
+                  first_class(f) = self%classes
+               else
+                  self%scale(brick) = stage%growth**(layer - 1)
+               end if
+               self%class(brick) = first_class(f)
+            end associate
+         end do
+         self%bricks = self%bricks + facets
+      end do
+   end subroutine add_layers
+
+   !> Whether nodes lie above the plane of a stage that has a plane.
+   pure logical function is_above(stage, self, node)
+      type(mesh_stage_type), intent(in) :: stage
+      type(builder_type), intent(in) :: self
+      integer, intent(in) :: node(:)
+
+      is_above = stage%plane > 0.0_wp .and. all(self%x(3, node) >= -stage%plane*(1.0_wp + equal))
+   end function is_above
 
    !> Positions of the points of a surface at the end of a stage, um.
    pure function stage_end(stage, start) result(finish)
@@ -353,6 +263,34 @@ contains
       end do
    end function stage_end
 
+   !> Close the mesh by infinite elements, or by clamped nodes at the bottom and perhaps at the
+   !> sides.
+   subroutine close_mesh(plan, self)
+      type(mesh_plan_type), intent(in) :: plan
+      type(builder_type), intent(inout) :: self
+      integer, allocatable :: quad(:, :, :)
+      logical :: clamped(size(self%x, 2))
+      integer :: f, i
+
+      allocate (quad(3, 4, 0))
+      if (plan%closing == closed_by_infinite) call surface_quads(self, quad)
+      allocate (self%facet(4, size(quad, 3)), self%facet_material(size(quad, 3)))
+      do f = 1, size(quad, 3)
+         self%facet(:, f) = nodes_of(self%node_at, quad(:, :, f))
+         self%facet_material(f) = plan%far_material(merge(2, 1, &
+            & is_above(plan%stages(size(plan%stages)), self, self%facet(:, f))))
+      end do
+      clamped = .false.
+      if (plan%closing /= closed_by_infinite) then
+         clamped = self%x(3, :) <= minval(self%x(3, :))*(1.0_wp - equal)
+      end if
+      if (plan%closing == clamped_around) then
+         clamped = clamped &
+            & .or. maxval(abs(self%x(:2, :)), dim=1) >= maxval(self%x(1, :))*(1.0_wp - equal)
+      end if
+      self%clamped = pack([(i, i=1, size(clamped))], clamped)
+   end subroutine close_mesh
+
    !> Nodes at lattice points (3, points).
    pure function nodes_of(node_at, lattice) result(node)
       integer, intent(in) :: node_at(0:, 0:, 0:), lattice(:, :)
@@ -361,4 +299,79 @@ contains
       node = [(node_at(lattice(1, a), lattice(2, a), lattice(3, a)), a=1, size(lattice, 2))]
    end function nodes_of
 
+   !> Retain every other lattice point of the surface; the nodes between them hang on their
+   !> neighbours.
+   subroutine coarsen(self)
+      type(builder_type), intent(inout) :: self
+      integer :: i, j, k, step, odd(3), corner(3), offset(3), m, p
+      integer, allocatable :: fine(:, :, :)
+
+      allocate (fine, source=self%node_at)
+      step = self%step
+      do k = 0, ubound(fine, 3), step
+         do j = 0, ubound(fine, 2), step
+            do i = 0, ubound(fine, 1), step
+               if (fine(i, j, k) == 0) cycle
+               odd = merge(step, 0, mod([i, j, k], 2*step) /= 0)
+               if (all(odd == 0)) cycle
+               self%n_hanging = self%n_hanging + 1
+               self%hanging(self%n_hanging) = fine(i, j, k)
+               m = 0
+               do p = 0, 7
+                  offset = [2*iand(p, 1) - 1, iand(p, 2) - 1, iand(p, 4)/2 - 1]
+                  if (any(odd == 0 .and. offset > 0)) cycle
+                  corner = [i, j, k] + offset*odd
+                  m = m + 1
+                  self%master(m, self%n_hanging) = fine(corner(1), corner(2), corner(3))
+               end do
+               self%node_at(i, j, k) = 0
+            end do
+         end do
+      end do
+      self%step = 2*step
+   end subroutine coarsen
+
+   !> Lattice points of the four corners of each facet of the surface, counterclockwise seen from
+   !> outside.
+   subroutine surface_quads(self, quad)
+      type(builder_type), intent(in) :: self
+      integer, allocatable, intent(out) :: quad(:, :, :)
+      integer, parameter :: x(3) = [1, 0, 0], y(3) = [0, 1, 0], z(3) = [0, 0, 1]
+      integer :: nx, nz, step, i, j, k, n
+
+      nx = ubound(self%node_at, 1)
+      nz = ubound(self%node_at, 3)
+      step = self%step
+      allocate (quad(3, 4, surface_facets(nx/step, nz/step)))
+      n = 0
+      do j = 0, nx - step, step
+         do i = 0, nx - step, step
+            call add([i, j, 0], y, x)
+         end do
+      end do
+      do k = 0, nz - step, step
+         do i = 0, nx - step, step
+            call add([i, 0, k], x, z)
+            call add([i, nx, k], z, x)
+            call add([0, i, k], z, y)
+            call add([nx, i, k], y, z)
+         end do
+      end do
+      quad = quad(:, :, :n)
+
+   contains
+
+      !> Add the facet that begins at a corner and extends along two axes, unless it is not on the
+      !> surface.
+      subroutine add(corner, first, second)
+         integer, intent(in) :: corner(3), first(3), second(3)
+         integer :: points(3, 4)
+
+         points = reshape([corner, corner + step*first, corner + step*(first + second), &
+            & corner + step*second], [3, 4])
+         if (any(nodes_of(self%node_at, points) == 0)) return
+         n = n + 1
+         quad(:, :, n) = points
+      end subroutine add
+   end subroutine surface_quads
 end module fe_mesh

@@ -100,16 +100,20 @@ contains
    subroutine add_data(regression, terms, y)
       type(regression_type), intent(inout) :: regression
       real(wp), intent(in) :: terms(:, :), y(:)
-      integer :: j, before
+      real(wp), allocatable :: larger(:, :)
+      integer :: j, n
 
-      before = regression%n_data
-      regression%n_data = before + size(y)
-      regression%terms = reshape(regression%terms, [regression%n_terms, regression%n_data], terms)
+      n = regression%n_data
+      regression%n_data = n + size(y)
       regression%targets = [regression%targets, y]
-      do j = before + 1, regression%n_data
-         regression%terms(:, j) = regression%prior_width*regression%terms(:, j)
-         regression%moment = regression%moment + regression%targets(j)*regression%terms(:, j)
+      ! A function's result would be on the stack, and this array may be large.
+      allocate (larger(regression%n_terms, regression%n_data))
+      larger(:, :n) = regression%terms
+      do j = 1, size(y)
+         larger(:, n + j) = regression%prior_width*terms(:, j)
+         regression%moment = regression%moment + y(j)*larger(:, n + j)
       end do
+      call move_alloc(larger, regression%terms)
    end subroutine add_data
 
    !> ln p(y | alpha, beta) of Eq. 8.
@@ -121,6 +125,15 @@ contains
          & + sum(log(1.0_wp + spectrum%values*(beta/alpha))) &
          & + beta*(sum(spectrum%squares/(1.0_wp + spectrum%values*(beta/alpha))) + spectrum%rest))
    end function log_evidence
+
+   !> Noise precision of largest evidence at a given ratio alpha/beta.
+   pure real(wp) function best_beta(spectrum, ratio, least_noise) result(beta)
+      type(spectrum_type), intent(in) :: spectrum
+      real(wp), intent(in) :: ratio, least_noise
+
+      beta = 1.0_wp/max((sum(spectrum%squares/(1.0_wp + spectrum%values/ratio)) &
+         & + spectrum%rest)/spectrum%n_data, least_noise**2)
+   end function best_beta
 
    !> Set alpha, beta and decay rate of largest evidence, with 1/beta >= least_noise^2. The decay
    !> rate has a prior from experience.
@@ -135,8 +148,7 @@ contains
       real(wp), parameter :: least = -2.1_wp, step = 0.15_wp, typical = -0.9_wp, sd = 0.12_wp
       type(spectrum_type) :: spectrum, best
       !> alpha/beta of largest evidence at a decay rate, and ln evidence there.
-      real(wp) :: ratio, value
-      real(wp) :: log_rate, best_rate, best_ratio
+      real(wp) :: ratio, value, log_rate, best_rate, best_ratio
       logical :: decays
       integer :: n_tried, i
 
@@ -161,7 +173,7 @@ contains
          best = spectrum
       end do
       if (decays) call set_decay_rate(regression, exp(best_rate))
-      regression%beta = best_beta(best, best_ratio)
+      regression%beta = best_beta(best, best_ratio, regression%least_noise)
       regression%alpha = best_ratio*regression%beta
       call compute_posterior(regression, error, best%gram)
 
@@ -242,23 +254,13 @@ contains
          value = profile(log(ratio))
       end subroutine maximise_over_ratio
 
-      !> ln evidence at the best beta.
       pure real(wp) function profile(log_ratio)
          real(wp), intent(in) :: log_ratio
          real(wp) :: beta
 
-         beta = best_beta(spectrum, exp(log_ratio))
+         beta = best_beta(spectrum, exp(log_ratio), regression%least_noise)
          profile = log_evidence(spectrum, exp(log_ratio)*beta, beta)
       end function profile
-
-      !> Noise precision of largest evidence at a given ratio alpha/beta.
-      pure real(wp) function best_beta(spectrum, ratio) result(beta)
-         type(spectrum_type), intent(in) :: spectrum
-         real(wp), intent(in) :: ratio
-
-         beta = 1.0_wp/max((sum(spectrum%squares/(1.0_wp + spectrum%values/ratio)) &
-            & + spectrum%rest)/spectrum%n_data, regression%least_noise**2)
-      end function best_beta
    end subroutine maximise_evidence
 
    !> Compute mean and covariance from all data at the present alpha, beta (Eq. 7).

@@ -109,35 +109,10 @@ contains
          least_nodes = size(field%nodes, 2) + 0.5_wp
       end do
       field%n_grains = size(euler, 2)
-      call set_planes()
+      call set_planes(field)
       call set_mode_map()
 
    contains
-
-      !> Choose two directions perpendicular to each node and compute their products. The last block
-      !> is filled up with its last node.
-      subroutine set_planes()
-         real(wp) :: t(3), m(3), n(3)
-         integer :: n_nodes, n_blocks, block, lane
-
-         n_nodes = size(field%nodes, 2)
-         n_blocks = (n_nodes + lanes - 1)/lanes
-         allocate (field%mn(lanes, 9, n_blocks), field%mm(lanes, 6, n_blocks), &
-            & field%nn(lanes, 6, n_blocks))
-         do block = 1, n_blocks
-            do lane = 1, lanes
-               t = field%nodes(:, min(n_nodes, lanes*(block - 1) + lane))
-               ! Start from the coordinate axis that is farthest from t.
-               m = 0.0_wp
-               m(minloc(abs(t), 1)) = 1.0_wp
-               m = m - dot_product(m, t)*t
-               m = m/norm2(m)
-               n = [t(2)*m(3) - t(3)*m(2), t(3)*m(1) - t(1)*m(3), t(1)*m(2) - t(2)*m(1)]
-               call plane_products(m, n, field%mn(lane, :, block), field%mm(lane, :, block), &
-                  & field%nn(lane, :, block))
-            end do
-         end do
-      end subroutine set_planes
 
       !> Least squares: the matrix from values at all images of the nodes to coefficients of the
       !> harmonics.
@@ -215,6 +190,32 @@ contains
          end do
       end subroutine set_mode_map
    end subroutine new_field
+
+   !> Choose two directions perpendicular to each node and compute their products. The last block
+   !> is filled up with its last node.
+   pure subroutine set_planes(field)
+      type(field_type), intent(inout) :: field
+      real(wp) :: t(3), m(3), n(3)
+      integer :: n_nodes, n_blocks, block, lane
+
+      n_nodes = size(field%nodes, 2)
+      n_blocks = (n_nodes + lanes - 1)/lanes
+      allocate (field%mn(lanes, 9, n_blocks), field%mm(lanes, 6, n_blocks), &
+         & field%nn(lanes, 6, n_blocks))
+      do block = 1, n_blocks
+         do lane = 1, lanes
+            t = field%nodes(:, min(n_nodes, lanes*(block - 1) + lane))
+            ! Start from the coordinate axis that is farthest from t.
+            m = 0.0_wp
+            m(minloc(abs(t), 1)) = 1.0_wp
+            m = m - dot_product(m, t)*t
+            m = m/norm2(m)
+            n = [t(2)*m(3) - t(3)*m(2), t(3)*m(1) - t(1)*m(3), t(1)*m(2) - t(2)*m(1)]
+            call plane_products(m, n, field%mn(lane, :, block), field%mm(lane, :, block), &
+               & field%nn(lane, :, block))
+         end do
+      end do
+   end subroutine set_planes
 
    !> Directions spread evenly over the area of a region. A region that is an arc has them at equal
    !> angles, with none at its ends.

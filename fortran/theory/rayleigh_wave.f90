@@ -168,11 +168,10 @@ contains
       real(wp), parameter :: guesses(2) = [0.35_wp, 0.45_wp]
       integer, parameter :: most_steps = 60
       real(wp), dimension(lanes) :: low, high, s, previous, value, previous_value, next, limiting
-      real(wp) :: a(lanes, 9), d(lanes, 6), e(lanes, 6), mn_nm(lanes, 6), rise
+      real(wp) :: a(lanes, 9), d(lanes, 6), e(lanes, 6), rise
       integer :: i, step
 
-      mn_nm = mn(:, [1, 5, 9, 6, 3, 2]) + mn(:, [1, 5, 9, 8, 7, 4])
-      call bulk_moduli(limiting, waves%bulk)
+      call bulk_moduli(mm, mn, nn, limiting, waves%bulk)
       call invert(nn, d)
       call multiply(d, mn(:, transposed), a)
       call multiply_transposed(a, mn(:, transposed), e)
@@ -255,56 +254,61 @@ contains
          along = sum(matrix(:, :3)*x**2, 2) + 2.0_wp*(matrix(:, 4)*x(:, 2)*x(:, 3) &
             & + matrix(:, 5)*x(:, 1)*x(:, 3) + matrix(:, 6)*x(:, 1)*x(:, 2))
       end function along
+   end subroutine find_waves
 
-      !> Moduli of bulk waves, GPa: that of the slowest along m, and the limiting one. The limiting
-      !> modulus is the minimum, over directions of slope p to m in the plane of m and n, of the
-      !> least eigenvalue of the acoustic tensor times 1 + p^2.
-      pure subroutine bulk_moduli(limiting, along)
-         real(wp), intent(out) :: limiting(lanes), along(lanes)
-         !> Number of angles that are tried. Each minimum among them is refined by parabolas of
-         !> falling width.
-         integer, parameter :: n = 30, refinements = 4
-         real(wp), parameter :: step = pi/n, shrink = 0.1_wp
-         integer :: i, k, start(lanes)
-         real(wp), parameter :: slopes(0:n - 1) = [(tan(step*(k + 0.5_wp) - 0.5_wp*pi), k=0, n - 1)]
-         real(wp) :: values(lanes, -1:n)
-         real(wp), dimension(lanes) :: p, width, lowest, left, right, bend
-         logical :: minima(0:n - 1, lanes)
+   !> Moduli of bulk waves, GPa: that of the slowest along m, and the limiting one. The limiting
+   !> modulus is the minimum, over directions of slope p to m in the plane of m and n, of the least
+   !> eigenvalue of the acoustic tensor times 1 + p^2.
+   pure subroutine bulk_moduli(mm, mn, nn, limiting, along)
+      !> As in `find_waves`.
+      real(wp), intent(in) :: mm(lanes, 6), mn(lanes, 9), nn(lanes, 6)
+      real(wp), intent(out) :: limiting(lanes), along(lanes)
+      !> Number of angles that are tried. Each minimum among them is refined by parabolas of falling
+      !> width.
+      integer, parameter :: n = 30, refinements = 4
+      real(wp), parameter :: step = pi/n, shrink = 0.1_wp
+      integer :: i, k, start(lanes)
+      real(wp), parameter :: slopes(0:n - 1) = [(tan(step*(k + 0.5_wp) - 0.5_wp*pi), k=0, n - 1)]
+      real(wp) :: values(lanes, -1:n), mn_nm(lanes, 6)
+      real(wp), dimension(lanes) :: p, width, value, left, right, bend
+      logical :: minima(0:n - 1, lanes)
 
-         values = huge(1.0_wp)
-         p = 0.0_wp
-         along = least_eigenvalues(p)
-         limiting = along
-         do k = 0, n - 1
-            p = slopes(k)
-            values(:, k) = least_eigenvalues(p)
-            limiting = min(limiting, values(:, k))
+      mn_nm = mn(:, [1, 5, 9, 6, 3, 2]) + mn(:, [1, 5, 9, 8, 7, 4])
+      values = huge(1.0_wp)
+      p = 0.0_wp
+      along = least_eigenvalues(p)
+      limiting = along
+      do k = 0, n - 1
+         p = slopes(k)
+         values(:, k) = least_eigenvalues(p)
+         limiting = min(limiting, values(:, k))
+      end do
+      do k = 0, n - 1
+         minima(k, :) = .not. values(:, k) > min(values(:, k - 1), values(:, k + 1))
+      end do
+      ! Refine the first minima of all lanes, then the second ones, and so on. A lane without
+      ! another minimum repeats its last one.
+      do while (any(minima))
+         do i = 1, lanes
+            k = findloc(minima(:, i), .true., dim=1) - 1
+            if (k >= 0) start(i) = k
+            minima(start(i), i) = .false.
+            p(i) = slopes(start(i))
+            value(i) = values(i, start(i))
          end do
-         do k = 0, n - 1
-            minima(k, :) = .not. values(:, k) > min(values(:, k - 1), values(:, k + 1))
+         width = step*(1.0_wp + p**2)
+         do i = 1, refinements
+            left = least_eigenvalues(p - width)
+            right = least_eigenvalues(p + width)
+            bend = max(left + right - 2.0_wp*value, tiny(1.0_wp))
+            p = p - width*max(-1.0_wp, min(1.0_wp, 0.5_wp*(right - left)/bend))
+            value = least_eigenvalues(p)
+            limiting = min(limiting, value, left, right)
+            width = shrink*width
          end do
-         ! Refine the first minima of all lanes, then the second ones, and so on. A lane without
-         ! another minimum repeats its last one.
-         do while (any(minima))
-            do i = 1, lanes
-               k = findloc(minima(:, i), .true., dim=1) - 1
-               if (k >= 0) start(i) = k
-               minima(start(i), i) = .false.
-               p(i) = slopes(start(i))
-               lowest(i) = values(i, start(i))
-            end do
-            width = step*(1.0_wp + p**2)
-            do i = 1, refinements
-               left = least_eigenvalues(p - width)
-               right = least_eigenvalues(p + width)
-               bend = max(left + right - 2.0_wp*lowest, tiny(1.0_wp))
-               p = p - width*max(-1.0_wp, min(1.0_wp, 0.5_wp*(right - left)/bend))
-               lowest = least_eigenvalues(p)
-               limiting = min(limiting, lowest, left, right)
-               width = shrink*width
-            end do
-         end do
-      end subroutine bulk_moduli
+      end do
+
+   contains
 
       !> Least eigenvalues of (mm) + p ((mn) + (nm)) + p^2 (nn).
       pure function least_eigenvalues(p)
@@ -317,7 +321,7 @@ contains
          end do
          least_eigenvalues = eigenvalues(matrix, 1)
       end function least_eigenvalues
-   end subroutine find_waves
+   end subroutine bulk_moduli
 
    !> The greatest (0), the least (1) or the middle (2) eigenvalues of symmetric matrices, in the
    !> order of `wave_names`. The greatest is mean + 2 r cos(alpha/3). Here r is the length of the
