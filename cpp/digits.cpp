@@ -1,6 +1,7 @@
 // Conversion between numbers and text, independent of the locale. A C interface for Fortran.
 #include <algorithm>
 #include <charconv>
+#include <clocale>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -60,19 +61,6 @@ char *write(double magnitude, int form, int n, char *out) {
   return std::copy_n(end, std::strlen(end), out);
 }
 
-// Whether the digits with their exponent are a number of 1 or more.
-bool is_large(const std::string &digits) {
-  const std::size_t mark = std::min(digits.find_first_of("eE"), digits.size()),
-                    point = std::min(digits.find('.'), mark);
-  const double exponent =
-      mark < digits.size()
-          ? static_cast<double>(std::strtol(digits.c_str() + mark + 1, nullptr, 10))
-          : 0.0;
-  return static_cast<double>(point) - static_cast<double>(digits.find_first_of("123456789")) +
-             exponent >
-         0.0;
-}
-
 } // namespace
 
 extern "C" {
@@ -107,14 +95,16 @@ void bayesindent_read_real(const char *text, std::int32_t length, double *value,
   std::replace(digits.begin(), digits.end(), 'd', 'e');
   std::replace(digits.begin(), digits.end(), 'D', 'e');
   const char *const last = digits.data() + digits.size();
+  static const locale_t neutral = newlocale(LC_ALL_MASK, "C", nullptr);
   double magnitude = 0.0;
   const auto done = std::from_chars(digits.data(), last, magnitude);
   // A second sign is not allowed.
   if (done.ec == std::errc::invalid_argument || done.ptr != last || digits[0] == '-')
     return;
-  // Numbers that are too small are also reported as out of range; they are allowed.
-  *outcome =
-      std::isfinite(magnitude) && (done.ec == std::errc() || !is_large(digits)) ? ok : not_finite;
+  // Out of range are large numbers, which become infinite, and small ones, which become zero.
+  if (done.ec != std::errc())
+    magnitude = strtod_l(digits.c_str(), nullptr, neutral);
+  *outcome = std::isfinite(magnitude) ? ok : not_finite;
   if (*outcome == ok)
     *value = text[0] == '-' ? -magnitude : magnitude;
 }

@@ -165,8 +165,7 @@ workspace *bayesindent_cholesky_acquire(analysis *self, double free_bytes) {
       work->arena = std::make_unique<real[]>(self->arena_size);
       work->stack = std::make_unique<real[]>(self->stack_size);
       work->column = std::make_unique<real[]>(self->column_size);
-      ++in_use;
-      return work.release();
+      self->pool.push_back(std::move(work));
     } catch (const std::bad_alloc &) {
       return nullptr;
     }

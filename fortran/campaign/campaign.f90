@@ -14,7 +14,7 @@ module campaign
    use errors, only: error_type, warning_type
    use kinds, only: i8, wp
    use simulate, only: outcome_done, outcome_failed, outcome_type
-   use text, only: number_text, quoted, read_integer, read_real, split_list, to_text
+   use text, only: newline, number_text, quoted, read_integer, read_real, split_list, to_text
    implicit none
    private
    public :: campaign_type, row_type, campaign_name
@@ -74,9 +74,6 @@ module campaign
    !> Values of the columns origin and status.
    character(len=*), parameter :: simulated = 'simulated', imported = 'told', done = 'done', &
       & failed = 'failed'
-
-   !> Separates the texts of a row in its checksum.
-   character, parameter :: separator = achar(10)
 
    !> Greatest number of rows that wait, and seconds after which they are written. Simulations of
    !> less than `quick_seconds` are written together.
@@ -196,15 +193,14 @@ contains
       type(row_type), intent(in) :: row
       type(error_type), allocatable, intent(out) :: error
       integer(i8) :: now, rate
-      logical :: full
 
       if (.not. allocated(self%waiting)) allocate (self%waiting(most_waiting))
       call system_clock(now, rate)
       if (self%n_waiting == 0) self%waiting_since = now
       self%n_waiting = self%n_waiting + 1
       self%waiting(self%n_waiting) = row
-      full = self%n_waiting == most_waiting .or. now - self%waiting_since > interval*rate
-      if (full .or. row%outcome%seconds > quick_seconds .or. row%outcome%elements > 0) then
+      if (self%n_waiting == most_waiting .or. now - self%waiting_since > interval*rate &
+         & .or. row%outcome%seconds > quick_seconds .or. row%outcome%elements > 0) then
          call self%flush(error)
       end if
    end subroutine add_soon
@@ -314,11 +310,11 @@ contains
 
       content = identity
       do i = 1, size(texts)
-         content = content//separator//texts(i)%text
+         content = content//newline//texts(i)%text
       end do
-      digits = checksum(content//separator//to_text(transfer(outcome%modulus, 1_i8)) &
-         & //separator//to_text(max(0, outcome%elements)) &
-         & //separator//to_text(transfer(max(0.0_wp, outcome%seconds), 1_i8)))
+      digits = checksum(content//newline//to_text(transfer(outcome%modulus, 1_i8)) &
+         & //newline//to_text(max(0, outcome%elements)) &
+         & //newline//to_text(transfer(max(0.0_wp, outcome%seconds), 1_i8)))
    end function row_checksum
 
    !> Numbers as a JSON list with all their digits; empty if there are none.

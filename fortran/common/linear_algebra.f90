@@ -6,7 +6,7 @@ module linear_algebra
    use text, only: to_text
    implicit none
    private
-   public :: cholesky_factor, cholesky_solve, cholesky_inverse, symmetric_eigen, add_gram, &
+   public :: cholesky_factor, cholesky_solve, cholesky_inverse, symmetric_eigen, gram_of, &
       & multiply, multiply_by_factor, orthonormalize, dot, exp_all, transposed_product
 
    !> Procedures of LAPACK and BLAS. The callers in this module check the sizes.
@@ -95,21 +95,30 @@ contains
       end if
    end subroutine symmetric_eigen
 
-   !> Add factor a aᵀ to gram, or factor aᵀ a if `transposed`; gram is the full symmetric matrix.
-   subroutine add_gram(a, factor, gram, transposed)
+   !> The full symmetric matrix a aᵀ, or aᵀ a if `transposed`, times a factor.
+   function gram_of(a, transposed, factor) result(gram)
       !> (n, m).
       real(wp), intent(in), contiguous :: a(:, :)
-      real(wp), intent(in) :: factor
-      real(wp), intent(inout), contiguous :: gram(:, :)
-      logical, intent(in) :: transposed
-      integer :: j
+      logical, intent(in), optional :: transposed
+      !> 1 if it is left out.
+      real(wp), intent(in), optional :: factor
+      real(wp), allocatable :: gram(:, :)
+      real(wp) :: scale
+      character :: form
+      integer :: j, n
 
-      call dsyrk('L', merge('T', 'N', transposed), size(gram, 2), size(a, merge(1, 2, &
-         & transposed)), factor, a, max(1, size(a, 1)), 1.0_wp, gram, max(1, size(gram, 1)))
-      do j = 2, size(gram, 2)
+      form = 'N'
+      if (present(transposed)) form = merge('T', 'N', transposed)
+      scale = 1.0_wp
+      if (present(factor)) scale = factor
+      n = size(a, merge(2, 1, form == 'T'))
+      allocate (gram(n, n), source=0.0_wp)
+      call dsyrk('L', form, n, size(a, merge(1, 2, form == 'T')), scale, a, max(1, size(a, 1)), &
+         & 1.0_wp, gram, max(1, n))
+      do j = 2, n
          gram(:j - 1, j) = gram(j, :j - 1)
       end do
-   end subroutine add_gram
+   end function gram_of
 
    !> product = a b, or aᵀ b if `transposed`.
    pure subroutine multiply(a, b, product, transposed)
@@ -191,20 +200,21 @@ contains
 
    !> y(m) = `a`(n, m)ᵀ x(n) for matrices too small for BLAS. Four columns at a time keep the adders
    !> busy.
-   pure subroutine transposed_product(n, m, a, x, y)
-      integer, intent(in) :: n, m
-      real(wp), intent(in) :: a(n, m), x(n)
-      real(wp), intent(out) :: y(m)
+   pure subroutine transposed_product(a, x, y)
+      real(wp), intent(in), contiguous :: a(:, :)
+      real(wp), intent(in) :: x(size(a, 1))
+      real(wp), intent(out) :: y(size(a, 2))
       real(wp) :: t1, t2, t3, t4
-      integer :: i, j
+      integer :: i, j, m
 
+      m = size(y)
       do j = 1, m - 3, 4
          t1 = 0.0_wp
          t2 = 0.0_wp
          t3 = 0.0_wp
          t4 = 0.0_wp
          !$omp simd reduction(+:t1, t2, t3, t4)
-         do i = 1, n
+         do i = 1, size(x)
             t1 = t1 + a(i, j)*x(i)
             t2 = t2 + a(i, j + 1)*x(i)
             t3 = t3 + a(i, j + 2)*x(i)

@@ -103,8 +103,8 @@ contains
       if (i > size(table) .or. len_trim(name) == 0) then
          call refuse(error, ''''//trim(name)//''' is no crystal class; allowed ' &
             & //crystal_class_names())
+         return
       end if
-      if (allocated(error)) return
       class%name = table(i)%names(:scan(table(i)%names, ', ') - 1)
       class%cell = trim(table(i)%cell)
       class%n_constants = (len_trim(table(i)%constants) + 1)/4
@@ -308,8 +308,8 @@ contains
       if (size(values) /= size(names)) then
          call refuse(error, 'the number of values is '//to_text(size(values))//'; a '//class%name &
             & //' crystal needs '//needed)
+         return
       end if
-      if (allocated(error)) return
       cell = 1.0_wp
       do i = 1, 6
          k = findloc(names, fields(i), dim=1)

@@ -41,6 +41,7 @@ contains
    subroutine new_region(class, region)
       type(crystal_class_type), intent(in) :: class
       type(region_type), intent(out) :: region
+      !> Unit vectors (3, n), in order around a polygon.
       real(wp), allocatable :: corners(:, :)
       integer :: i, n
 
@@ -59,12 +60,51 @@ contains
          ! An octant of the sphere, cut to the region.
          corners = real(reshape([0, 0, 1 - 2*ibits(i, 2, 1), 1 - 2*ibits(i, 1, 1), 0, 0, 0, &
             & 1 - 2*ibits(i, 0, 1), 0], [3, 3]), wp)
-         call cut_to_region(region%group, corners)
+         call cut_to_region()
          do n = 3, size(corners, 2)
             region%triangles = reshape(region%triangles, [3, 3, size(region%triangles, 3) + 1], &
                & reshape(corners(:, [1, n - 1, n]), [9]))
          end do
       end do
+
+   contains
+
+      !> Cut a convex spherical polygon to the points v that are not smaller than their images: v.n
+      !> >= 0 for every element g of the group, where n = z - gz, or x - gx if that is zero, or else
+      !> y - gy. Its `corners` become empty if nothing remains.
+      subroutine cut_to_region()
+         real(wp) :: normal(3), cut(3, most_corners), height(most_corners), unit(3)
+         integer :: g, i, j, n, m
+
+         do g = 1, size(region%group, 3)
+            do i = 1, 3
+               unit = 0.0_wp
+               unit(order(i)) = 1.0_wp
+               normal = unit - region%group(:, order(i), g)
+               if (norm2(normal) > same) exit
+            end do
+            if (i > 3) cycle
+            n = size(corners, 2)
+            height(:n) = matmul(normal, corners)
+            where (abs(height(:n)) < same) height(:n) = 0.0_wp
+            m = 0
+            do i = 1, n
+               j = mod(i, n) + 1
+               if (height(i) >= 0.0_wp) then
+                  m = m + 1
+                  cut(:, m) = corners(:, i)
+               end if
+               if (height(i)*height(j) < 0.0_wp) then
+                  m = m + 1
+                  cut(:, m) = corners(:, i)*abs(height(j)) + corners(:, j)*abs(height(i))
+                  cut(:, m) = cut(:, m)/norm2(cut(:, m))
+               end if
+            end do
+            if (m < 3 .or. all(height(:n) <= 0.0_wp)) m = 0
+            corners = cut(:, :m)
+            if (m == 0) return
+         end do
+      end subroutine cut_to_region
    end subroutine new_region
 
    !> Proper rotations of a class's group, (3, 3, n). An axis of infinite order is replaced by one
@@ -109,46 +149,6 @@ contains
 
       axis = [r(3, 2) - r(2, 3), r(1, 3) - r(3, 1), r(2, 1) - r(1, 2)]
    end function axis_of
-
-   !> Cut a convex spherical polygon to the points v that are not smaller than their images: v.n >=
-   !> 0 for every element g of the group, where n = z - gz, or x - gx if that is zero, or else y -
-   !> gy.
-   pure subroutine cut_to_region(group, corners)
-      real(wp), intent(in) :: group(:, :, :)
-      !> Unit vectors (3, n), in order around the polygon; empty if nothing remains.
-      real(wp), allocatable, intent(inout) :: corners(:, :)
-      real(wp) :: normal(3), cut(3, most_corners), height(most_corners), unit(3)
-      integer :: g, i, j, n, m
-
-      do g = 1, size(group, 3)
-         do i = 1, 3
-            unit = 0.0_wp
-            unit(order(i)) = 1.0_wp
-            normal = unit - group(:, order(i), g)
-            if (norm2(normal) > same) exit
-         end do
-         if (i > 3) cycle
-         n = size(corners, 2)
-         height(:n) = matmul(normal, corners)
-         where (abs(height(:n)) < same) height(:n) = 0.0_wp
-         m = 0
-         do i = 1, n
-            j = mod(i, n) + 1
-            if (height(i) >= 0.0_wp) then
-               m = m + 1
-               cut(:, m) = corners(:, i)
-            end if
-            if (height(i)*height(j) < 0.0_wp) then
-               m = m + 1
-               cut(:, m) = corners(:, i)*abs(height(j)) + corners(:, j)*abs(height(i))
-               cut(:, m) = cut(:, m)/norm2(cut(:, m))
-            end if
-         end do
-         if (m < 3 .or. all(height(:n) <= 0.0_wp)) m = 0
-         corners = cut(:, :m)
-         if (m == 0) return
-      end do
-   end subroutine cut_to_region
 
    !> The direction of the region that is equivalent to a direction.
    pure function representative(region, direction) result(best)

@@ -215,7 +215,7 @@ contains
          & q(6) = [h, h, o, o, o, o], w1(6) = [o, o, o, ih, h, o], &
          & w2(6) = [(0.5_wp, 0.0_wp), (-0.5_wp, 0.0_wp), o, o, o, ih]
       complex(wp) :: waves(n_waves)
-      real(wp) :: order_0(5), trace
+      real(wp) :: order_0(5)
       integer :: i
 
       order_0 = [between(p, p), between(q, q), root_2*between(p, q), &
@@ -223,8 +223,8 @@ contains
       waves(:3) = 2.0_wp*[between(p, w1), between(q, w1), between(conjg(w1), w2)]
       waves(4:6) = [2.0_wp*between(p, w2), 2.0_wp*between(q, w2), root_2*between(w1, w1)]
       waves(7:) = [2.0_wp*between(w1, w2), root_2*between(w2, w2)]
-      trace = sum([(matrix(i, i), i=1, 6)])
-      x = [matmul(order_0, directions), real(waves, wp), aimag(waves), trace/sqrt(6.0_wp)]
+      x = [matmul(order_0, directions), real(waves, wp), aimag(waves), &
+         & sum([(matrix(i, i), i=1, 6)])/sqrt(6.0_wp)]
 
    contains
 

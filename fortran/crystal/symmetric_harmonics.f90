@@ -68,43 +68,41 @@ contains
          invariant = matmul(invariant, transpose(invariant))
          call symmetric_eigen(invariant, values(:2*l + 1), error)
          if (allocated(error)) return
-         call append_degree(invariant(:, :count(values(:2*l + 1) < 1.0e-8_wp)), l, harmonics)
+         invariant = invariant(:, :count(values(:2*l + 1) < 1.0e-8_wp))
+         call append_degree()
       end do
       harmonics%n = size(harmonics%degrees)
-   end subroutine new_harmonics
 
-   !> Append the harmonics of one degree: the Gram-Schmidt vectors of the columns of the projector
-   !> onto the span of `invariant`.
-   pure subroutine append_degree(invariant, l, harmonics)
-      !> Orthonormal columns, (2 l + 1, n).
-      real(wp), intent(in) :: invariant(:, :)
-      !> The degree.
-      integer, intent(in) :: l
-      type(harmonics_type), intent(inout) :: harmonics
-      real(wp) :: vector(size(harmonics%combination, 1)), norm
-      integer :: pivot, j, sweep, before
+   contains
 
-      before = size(harmonics%degrees)
-      do pivot = 1, size(invariant, 1)
-         vector = 0.0_wp
-         vector(:size(invariant, 1)) = matmul(invariant, invariant(pivot, :))
-         do sweep = 1, 2
-            do j = before + 1, size(harmonics%degrees)
-               associate (unit => harmonics%combination(:, j))
-                  vector = vector - dot_product(unit, vector)*unit
-               end associate
+      !> Append the harmonics of degree l: the Gram-Schmidt vectors of the columns of the projector
+      !> onto the span of the orthonormal columns of `invariant`, (2 l + 1, n).
+      subroutine append_degree()
+         real(wp) :: vector(size(harmonics%combination, 1)), norm
+         integer :: pivot, j, sweep, before
+
+         before = size(harmonics%degrees)
+         do pivot = 1, size(invariant, 1)
+            vector = 0.0_wp
+            vector(:size(invariant, 1)) = matmul(invariant, invariant(pivot, :))
+            do sweep = 1, 2
+               do j = before + 1, size(harmonics%degrees)
+                  associate (unit => harmonics%combination(:, j))
+                     vector = vector - dot_product(unit, vector)*unit
+                  end associate
+               end do
             end do
+            norm = norm2(vector)
+            ! The squared norms of the remainders of all columns sum to the number of missing
+            ! vectors, so at least one of them is as long as this.
+            if (norm**2 < 0.5_wp/size(invariant, 1)) cycle
+            where (abs(vector) < 1.0e-12_wp*norm) vector = 0.0_wp
+            harmonics%degrees = [harmonics%degrees, l]
+            harmonics%combination = reshape(harmonics%combination, &
+               & [size(vector), size(harmonics%degrees)], vector/norm)
          end do
-         norm = norm2(vector)
-         ! The squared norms of the remainders of all columns sum to the number of missing vectors,
-         ! so at least one of them is as long as this.
-         if (norm**2 < 0.5_wp/size(invariant, 1)) cycle
-         where (abs(vector) < 1.0e-12_wp*norm) vector = 0.0_wp
-         harmonics%degrees = [harmonics%degrees, l]
-         harmonics%combination = reshape(harmonics%combination, &
-            & [size(vector), size(harmonics%degrees)], vector/norm)
-      end do
-   end subroutine append_degree
+      end subroutine append_degree
+   end subroutine new_harmonics
 
    !> All real harmonics of even degree, degree by degree, m = 0, cos 1, sin 1, .., by the
    !> recurrence in the degree of the normalised Legendre functions over sin^m.

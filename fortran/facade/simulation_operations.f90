@@ -76,7 +76,7 @@ contains
          call x%out%put('seconds', result%seconds)
          call x%out%put('seconds_factor', result%seconds_factor)
          call x%out%put('modulus_slope_gpa', result%modulus_slope)
-         call x%out%put('modulus_last_gpa', result%modulus_last)
+         call x%out%put('modulus_last_gpa', result%modulus_by_depth(size(result%depth)))
          call x%out%put_array('modulus_of_mesh_gpa', result%modulus_of_mesh, &
             & shape(result%modulus_of_mesh))
          call x%out%put('contact_residual', result%contact_residual)

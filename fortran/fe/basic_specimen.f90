@@ -218,8 +218,8 @@ contains
             if (.not. (stage%growth > 1.0_wp .and. stage%growth < 10.0_wp)) then
                call refuse(error, to_text(stage%layers)//' layers growing by ' &
                   & //to_text(stage%growth)//' cannot be made; allowed: at least none, and 1 to 10')
+               return
             end if
-            if (allocated(error)) return
             if (stage%coarsen) then
                nx = nx/2
                nz = nz/2
@@ -277,7 +277,6 @@ contains
       real(wp) :: fineness, instability, contrast
       type(averages_type) :: averages
 
-      fineness = refine*self%contact_radius/self%element_size
       instability = merge(worst_incompatible, worst_plain, self%element == 'c3d8i')
       instability = instability*log_anisotropy(stiffness)**power_of_anisotropy
       contrast = self%contrast(1)
@@ -289,6 +288,7 @@ contains
          instability = extrapolated*instability
          contrast = extrapolated_contrast*contrast
       end if
+      fineness = refine*self%contact_radius/self%element_size
       mesh_error = max(instability, contrast)*(studied_fineness/fineness)**order
    end function mesh_error
 

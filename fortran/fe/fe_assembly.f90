@@ -70,71 +70,57 @@ contains
          groups = groups + 1
          assembly%group(assembly%unknown(:, i)) = groups
       end do
-      call list_dofs(mesh, hanging_index, assembly)
+      call list_dofs()
       call build_pattern(assembly)
-   end subroutine new_assembly
-
-   !> List the unknowns of each element. Bricks with hanging nodes are expanded to the nodes on
-   !> which these depend.
-   subroutine list_dofs(mesh, hanging_index, assembly)
-      type(mesh_type), intent(in) :: mesh
-      integer, intent(in) :: hanging_index(:)
-      type(assembly_type), intent(inout) :: assembly
-      logical, allocatable :: has_hanging(:)
-      integer, allocatable :: masters(:)
-      integer :: e, a, m, h, n_bricks, n, node(most_nodes)
-
-      n_bricks = size(mesh%brick, 2)
-      has_hanging = [(any(hanging_index(mesh%brick(:, e)) > 0), e=1, n_bricks)]
-      assembly%constrained = unpack([(e, e=1, count(has_hanging))], has_hanging, 0)
-      allocate (assembly%weight(8, most_nodes, count(has_hanging)), source=0.0_wp)
-      allocate (assembly%dof_start(n_bricks + size(mesh%facet, 2) + 1))
-      allocate (assembly%dof(24*n_bricks + 12*size(mesh%facet, 2) &
-         & + 3*(most_nodes - 8)*count(has_hanging)))
-      assembly%dof_start(1) = 1
-      do e = 1, size(assembly%dof_start) - 1
-         n = 0
-         if (e > n_bricks) then
-            n = 4
-            node(:4) = mesh%facet(:, e - n_bricks)
-         else if (.not. has_hanging(e)) then
-            n = 8
-            node(:8) = mesh%brick(:, e)
-         else
-            do a = 1, 8
-               h = hanging_index(mesh%brick(a, e))
-               if (h == 0) then
-                  call add(mesh%brick(a, e), 1.0_wp)
-               else
-                  masters = pack(mesh%master(:, h), mesh%master(:, h) > 0)
-                  do m = 1, size(masters)
-                     call add(masters(m), 1.0_wp/size(masters))
-                  end do
-               end if
-            end do
-         end if
-         assembly%dof_start(e + 1) = assembly%dof_start(e) + 3*n
-         m = assembly%dof_start(e)
-         assembly%dof(m:m + 3*n - 1) = reshape(assembly%unknown(:, node(:n)), [3*n])
-      end do
 
    contains
 
-      subroutine add(master, weight)
-         integer, intent(in) :: master
-         real(wp), intent(in) :: weight
-         integer :: k
+      !> List the unknowns of each element. Bricks with hanging nodes are expanded to the nodes on
+      !> which these depend.
+      subroutine list_dofs()
+         logical, allocatable :: has_hanging(:)
+         integer, allocatable :: masters(:)
+         integer :: e, a, m, k, h, n_bricks, n, node(most_nodes)
 
-         do k = 1, n
-            if (node(k) == master) exit
+         n_bricks = size(mesh%brick, 2)
+         has_hanging = [(any(hanging_index(mesh%brick(:, e)) > 0), e=1, n_bricks)]
+         assembly%constrained = unpack([(e, e=1, count(has_hanging))], has_hanging, 0)
+         allocate (assembly%weight(8, most_nodes, count(has_hanging)), source=0.0_wp)
+         allocate (assembly%dof_start(n_bricks + size(mesh%facet, 2) + 1))
+         allocate (assembly%dof(24*n_bricks + 12*size(mesh%facet, 2) &
+            & + 3*(most_nodes - 8)*count(has_hanging)))
+         assembly%dof_start(1) = 1
+         do e = 1, size(assembly%dof_start) - 1
+            n = 0
+            if (e > n_bricks) then
+               n = 4
+               node(:4) = mesh%facet(:, e - n_bricks)
+            else if (.not. has_hanging(e)) then
+               n = 8
+               node(:8) = mesh%brick(:, e)
+            else
+               do a = 1, 8
+                  masters = mesh%brick(a:a, e)
+                  h = hanging_index(mesh%brick(a, e))
+                  if (h > 0) masters = pack(mesh%master(:, h), mesh%master(:, h) > 0)
+                  do m = 1, size(masters)
+                     do k = 1, n
+                        if (node(k) == masters(m)) exit
+                     end do
+                     n = max(n, k)
+                     node(k) = masters(m)
+                     associate (weight => assembly%weight(a, k, assembly%constrained(e)))
+                        weight = weight + 1.0_wp/size(masters)
+                     end associate
+                  end do
+               end do
+            end if
+            assembly%dof_start(e + 1) = assembly%dof_start(e) + 3*n
+            m = assembly%dof_start(e)
+            assembly%dof(m:m + 3*n - 1) = reshape(assembly%unknown(:, node(:n)), [3*n])
          end do
-         n = max(n, k)
-         node(k) = master
-         associate (total => assembly%weight(a, k, assembly%constrained(e)))
-            total = total + weight
-         end associate
-      end subroutine add
-   end subroutine list_dofs
+      end subroutine list_dofs
+   end subroutine new_assembly
 
    !> Find the rows of each column, and the places of the elements' entries.
    subroutine build_pattern(assembly)
@@ -142,8 +128,8 @@ contains
       !> The last place of each unknown in the list of dofs; for each place, the one before it of
       !> the same unknown (0: none); the element of each place.
       integer, allocatable :: last(:), previous(:), owner(:)
-      !> Number of entries before those of each element; the entry of each row in the latest column
-      !> that has one; rows of the entries.
+      !> Number of entries before those of each element; the entry of each row in the latest
+      !> column that has one; rows of the entries.
       integer, allocatable :: entry_start(:), position(:), rows(:)
       integer :: elements, e, i, j, n, column, next, p, t
 
@@ -203,10 +189,11 @@ contains
       !> In the order of `assembly%row`.
       real(wp), intent(out) :: values(:)
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: class_stiffness(:, :)
-      real(wp) :: k(24, 24), small(12, 12)
+      !> Lower triangles, packed, of the bricks that represent a class, and of an element.
+      real(wp), allocatable :: class_stiffness(:, :), packed(:)
+      real(wp) :: k(24, 24), small(12, 12), scale
       logical :: valid
-      integer :: e, i, m, n, p, n_bricks
+      integer :: e, i, n, p, n_bricks
 
       values = 0.0_wp
       allocate (class_stiffness(300, size(mesh%representative)))
@@ -216,43 +203,37 @@ contains
             & mesh%growth(e), k, valid)
          if (.not. valid) then
             call raise(error, 'element '//to_text(e)//' of the mesh is turned inside out')
+            return
          end if
-         if (allocated(error)) return
          class_stiffness(:, i) = pack(k, lower(:24, :24))
       end do
       n_bricks = size(mesh%brick, 2)
       p = 0
       do e = 1, n_bricks + size(mesh%facet, 2)
          n = assembly%dof_start(e + 1) - assembly%dof_start(e)
-         m = (n*(n + 1))/2
+         scale = 1.0_wp
          if (e > n_bricks) then
             i = e - n_bricks
             call infinite_stiffness(mesh%x(:, mesh%facet(:, i)), &
                & c(:, :, mesh%facet_material(i)), small)
-            call scatter(pack(small, lower(:12, :12)), 1.0_wp, assembly%place(p + 1:p + m), values)
+            packed = pack(small, lower(:12, :12))
          else if (assembly%constrained(e) == 0) then
-            call scatter(class_stiffness(:, mesh%class(e)), mesh%scale(e), &
-               & assembly%place(p + 1:p + m), values)
+            packed = class_stiffness(:, mesh%class(e))
+            scale = mesh%scale(e)
          else
             call brick_stiffness(mesh%x(:, mesh%brick(:, e)), c(:, :, mesh%material(e)), &
                & formulation, mesh%growth(e), k, valid)
-            call scatter(pack(expanded(k, assembly%weight(:, :n/3, assembly%constrained(e))), &
-               & lower(:n, :n)), 1.0_wp, assembly%place(p + 1:p + m), values)
+            packed = pack(expanded(k, assembly%weight(:, :n/3, assembly%constrained(e))), &
+               & lower(:n, :n))
          end if
-         p = p + m
+         do i = 1, size(packed)
+            p = p + 1
+            associate (place => assembly%place(p))
+               if (place > 0) values(place) = values(place) + scale*packed(i)
+            end associate
+         end do
       end do
    end subroutine assemble
-
-   pure subroutine scatter(packed, scale, place, values)
-      real(wp), intent(in) :: packed(:), scale
-      integer, intent(in) :: place(:)
-      real(wp), intent(inout) :: values(:)
-      integer :: i
-
-      do i = 1, size(place)
-         if (place(i) > 0) values(place(i)) = values(place(i)) + scale*packed(i)
-      end do
-   end subroutine scatter
 
    !> Tᵀ k T, where T expresses each node of the brick as a weighted mean of the m nodes of the
    !> expanded element.

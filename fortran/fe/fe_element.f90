@@ -94,13 +94,15 @@ contains
       real(wp) :: natural(3, 8), jacobian(3, 3), inverse(3, 3), determinant, centre_inverse(3, 3), &
          & centre_determinant
       real(wp) :: gradient(3, 8, 8), mean(24), mode(3), xi(3), weight, rho
+      logical :: decays
       integer :: a, i, q
 
       b = 0.0_wp
+      decays = formulation == brick_incompatible .and. growth > 1.0_wp
       do q = 1, 8
          xi = gauss*corner(:, q)
          weight = 1.0_wp
-         if (formulation == brick_incompatible .and. growth > 1.0_wp) then
+         if (decays) then
             ! Integration points in 1/rho, which are exact for the energy of decaying displacements.
             rho = 2.0_wp*growth/(growth + 1.0_wp - (growth - 1.0_wp)*xi(3))
             xi(3) = 2.0_wp*(rho - 1.0_wp)/(growth - 1.0_wp) - 1.0_wp
@@ -110,9 +112,7 @@ contains
          jacobian = matmul(x, transpose(natural))
          call invert(jacobian, inverse, determinant)
          volume(q) = weight*determinant
-         if (formulation == brick_incompatible .and. growth > 1.0_wp) then
-            natural = natural_gradient(xi, growth)
-         end if
+         if (decays) natural = natural_gradient(xi, growth)
          gradient(:, :, q) = matmul(transpose(inverse), natural)
          do a = 1, 8
             b(:, 3*a - 2:3*a, q) = strain_of(gradient(:, a, q))

@@ -140,7 +140,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(c_ptr) :: factor
       !> Normal displacements of the contact nodes by unit normal forces, um/mN; nodal forces into
-      !> the material, mN (contact nodes, depths).
+      !> the material, mN (contact nodes, depths); values of the matrix, mN/um; displacement of
+      !> every node, um (3, nodes).
       real(wp), allocatable :: compliance(:, :), forces(:, :), values(:), u(:, :)
       real(wp) :: reaction_force(3), total, start
       integer :: n, depths
@@ -167,12 +168,10 @@ contains
          call solve_depths()
          if (allocated(error)) exit solve
          if (field_step > 0) then
-            call solve_displacement(grid, factor, values, forces(:, field_step), u)
+            call solve_displacement(forces(:, field_step))
             curve%displacement = u
          end if
-         if (field_step /= depths) then
-            call solve_displacement(grid, factor, values, forces(:, depths), u)
-         end if
+         if (field_step /= depths) call solve_displacement(forces(:, depths))
          call reaction(grid%mesh, formulation, c, u, reaction_force)
          total = sum(forces(:, depths))
          curve%equilibrium_residual = maxval(abs(reaction_force - [0.0_wp, 0.0_wp, total]))/total
@@ -208,34 +207,30 @@ contains
                & contact_residual(compliance, grid%gap, curve%depth(i), forces(:, i)))
          end do
       end subroutine solve_depths
+
+      !> Displacement of every node under the forces of the contact nodes. The factor is of single
+      !> precision; the solution is refined until the residual is a small share of the largest
+      !> force.
+      subroutine solve_displacement(force)
+         !> Forces into the material, mN (contact nodes).
+         real(wp), intent(in) :: force(:)
+         integer, parameter :: most_refinements = 3
+         real(wp), parameter :: small_share = 1.0e-9_wp
+         real(wp), allocatable :: x(:), residual(:)
+         integer :: i
+
+         allocate (x(grid%assembly%unknowns), residual(grid%assembly%unknowns), source=0.0_wp)
+         do i = 0, most_refinements
+            if (i > 0) residual = -product_with(grid%assembly, values, x)
+            associate (normal => residual(size(x) - n + 1:))
+               normal = normal - force
+            end associate
+            if (maxval(abs(residual)) <= small_share*maxval(abs(force))) exit
+            call solve_factored(grid%cholesky%handle, factor, residual)
+            x = x + residual
+         end do
+         call expand_displacement(grid%mesh, grid%assembly, x, u)
+      end subroutine solve_displacement
    end subroutine indent_grid
-
-   !> Displacement of every node under the forces of the contact nodes. The factor is of single
-   !> precision; the solution is refined until the residual is a small share of the largest force.
-   subroutine solve_displacement(grid, factor, values, force, u)
-      type(grid_type), intent(in) :: grid
-      type(c_ptr), intent(in) :: factor
-      !> Values of the matrix, mN/um; forces into the material, mN (contact nodes).
-      real(wp), intent(in) :: values(:), force(:)
-      !> um (3, nodes).
-      real(wp), intent(out) :: u(:, :)
-      integer, parameter :: most_refinements = 3
-      real(wp), parameter :: small_share = 1.0e-9_wp
-      real(wp), allocatable :: x(:), residual(:)
-      integer :: i, n
-
-      n = grid%assembly%unknowns
-      allocate (x(n), residual(n), source=0.0_wp)
-      do i = 0, most_refinements
-         if (i > 0) residual = -product_with(grid%assembly, values, x)
-         associate (normal => residual(n - grid%assembly%n_contact + 1:))
-            normal = normal - force
-         end associate
-         if (maxval(abs(residual)) <= small_share*maxval(abs(force))) exit
-         call solve_factored(grid%cholesky%handle, factor, residual)
-         x = x + residual
-      end do
-      call expand_displacement(grid%mesh, grid%assembly, x, u)
-   end subroutine solve_displacement
 
 end module fe_grid

@@ -52,9 +52,9 @@ module fe_indentation
    !> The curve of the finest mesh, its force extrapolated if there are two meshes, and the moduli.
    !> While it is computed, the curve includes the depths of the window.
    type, extends(curve_type) :: indentation_result_type
-      !> The estimate of the indentation modulus, GPa, and two diagnostics: from the slope of a line
-      !> with intercept, and from the last point.
-      real(wp) :: modulus = 0.0_wp, modulus_slope = 0.0_wp, modulus_last = 0.0_wp
+      !> The estimate of the indentation modulus, GPa, and a diagnostic: from the slope of a line
+      !> with intercept.
+      real(wp) :: modulus = 0.0_wp, modulus_slope = 0.0_wp
       !> Modulus from each depth alone, GPa; estimate from each mesh alone, GPa, the finest first.
       real(wp), allocatable :: modulus_by_depth(:), modulus_of_mesh(:)
       !> Elements of all solves.
@@ -201,7 +201,7 @@ contains
       integer, intent(in), optional :: field_step
       type(indentation_model_type) :: wider
       type(error_type), allocatable :: obstacle
-      real(wp) :: c(6, 6), zone, moduli(3), start
+      real(wp) :: c(6, 6), zone, moduli(2), start
       integer :: elements, step
       logical :: two_meshes
 
@@ -253,7 +253,6 @@ contains
       result%contact_radius = result%contact_radius(:size(model%depth))
       moduli = moduli_of(model, result%force)
       result%modulus_slope = moduli(2)
-      result%modulus_last = moduli(3)
       result%modulus_by_depth = result%force/model%indenter%unit_force(model%depth)
       result%elements = elements
       result%zone = zone
@@ -319,7 +318,7 @@ contains
       type(indentation_model_type), intent(in) :: model
       type(curve_type), intent(in) :: curve
       real(wp), dimension(window_depths) :: u, linear, square, weight, area
-      real(wp) :: moduli(3), mixed
+      real(wp) :: moduli(2), mixed
       integer :: n
 
       n = size(model%depth)
@@ -345,20 +344,19 @@ contains
          & - sum(weight*u)*sum(weight*linear*area)/sum(weight*linear**2))
    end function modulus_of
 
-   !> Moduli of a curve, GPa: from least squares through the origin over the resolved depths, from
-   !> the slope of a line with intercept, and from the last point.
+   !> Moduli of a curve, GPa: from least squares through the origin over the resolved depths, and
+   !> from the slope of a line with intercept.
    pure function moduli_of(model, force) result(moduli)
       type(indentation_model_type), intent(in) :: model
       !> mN (depths).
       real(wp), intent(in) :: force(:)
-      real(wp) :: moduli(3)
+      real(wp) :: moduli(2)
       real(wp), dimension(size(force)) :: unit_force, x, y
       logical :: resolved(size(force))
 
       unit_force = model%indenter%unit_force(model%depth)
       resolved = is_resolved(model)
-      moduli(1:2) = sum(force*unit_force, mask=resolved)/sum(unit_force**2, mask=resolved)
-      moduli(3) = force(size(force))/unit_force(size(force))
+      moduli = sum(force*unit_force, mask=resolved)/sum(unit_force**2, mask=resolved)
       if (count(resolved) < 2) return
       x = unit_force - sum(unit_force, mask=resolved)/count(resolved)
       y = force - sum(force, mask=resolved)/count(resolved)

@@ -34,14 +34,14 @@ module indenters
       !> Height over r**exponent, and depth over (contact radius)**exponent; um**(1 - exponent).
       real(wp), private :: steepness = 0.0_wp, sinking = 0.0_wp
    contains
-      procedure :: set_up, gap, unit_force, depth_of, contact_radius_of
+      procedure :: gap, unit_force, depth_of, contact_radius_of
       procedure, non_overridable :: check_length
    end type indenter_type
 
    !> A sphere, not approximated by a paraboloid.
    type, extends(indenter_type) :: sphere_indenter_type
    contains
-      procedure :: set_up => sphere_set_up, gap => sphere_gap, unit_force => sphere_unit_force, &
+      procedure :: gap => sphere_gap, unit_force => sphere_unit_force, &
          & depth_of => sphere_depth_of, contact_radius_of => sphere_contact_radius_of
    end type sphere_indenter_type
 
@@ -55,15 +55,24 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       select case (settings%shape)
-      case (paraboloid_name, cone_name)
+      case (paraboloid_name)
          allocate (indenter)
+         indenter%steepness = 0.5_wp/settings%radius_um
+         indenter%sinking = 2.0_wp*indenter%steepness
+      case (cone_name)
+         allocate (indenter)
+         indenter%exponent = 1
+         indenter%steepness = 1.0_wp/tan(settings%half_angle_deg*degree)
+         indenter%sinking = 0.5_wp*pi*indenter%steepness
       case (sphere_name)
          allocate (sphere_indenter_type :: indenter)
+         indenter%radius = settings%radius_um
       case default
          call refuse(error, 'shape: '''//settings%shape//''' is unknown; allowed: '//indenter_names)
          return
       end select
-      call indenter%set_up(settings)
+      indenter%variables = 'radius_um'
+      if (settings%shape == cone_name) indenter%variables = 'half_angle_deg'
       if (allocated(settings%depth_um)) then
          call indenter%check_length('depth_um', settings%depth_um, error)
          if (allocated(error)) return
@@ -76,24 +85,6 @@ contains
          indenter%depth = indenter%depth_of(indenter%contact_radius)
       end if
    end subroutine new_indenter
-
-   !> Set the shape.
-   subroutine set_up(self, settings)
-      class(indenter_type), intent(inout) :: self
-      type(indenter_settings_type), intent(in) :: settings
-
-      if (settings%shape == cone_name) then
-         self%variables = 'half_angle_deg'
-         self%exponent = 1
-         self%steepness = 1.0_wp/tan(settings%half_angle_deg*degree)
-         self%sinking = 0.5_wp*pi*self%steepness
-      else
-         self%variables = 'radius_um'
-         self%exponent = 2
-         self%steepness = 0.5_wp/settings%radius_um
-         self%sinking = 2.0_wp*self%steepness
-      end if
-   end subroutine set_up
 
    !> Height of the indenter above the surface at zero depth, um, at a distance from the axis.
    elemental real(wp) function gap(self, length)
@@ -146,14 +137,6 @@ contains
             & //'below its radius_um of '//to_text(self%radius)//' um')
       end if
    end subroutine check_length
-
-   subroutine sphere_set_up(self, settings)
-      class(sphere_indenter_type), intent(inout) :: self
-      type(indenter_settings_type), intent(in) :: settings
-
-      self%variables = 'radius_um'
-      self%radius = settings%radius_um
-   end subroutine sphere_set_up
 
    !> Very large at distances beyond the radius of the sphere.
    elemental real(wp) function sphere_gap(self, length) result(gap)

@@ -356,12 +356,10 @@ contains
       real(wp), allocatable :: c(:, :, :)
       type(averages_type) :: matrix
 
-      matrix = polycrystal_averages(crystal)
-      if (self%young > 0.0_wp) then
-         matrix%young = self%young
-         matrix%poisson = self%poisson
-      end if
       c = spread(crystal, 3, 2)
+      c(:, :, 2) = self%own_stiffness()
+      if (self%young > 0.0_wp) return
+      matrix = polycrystal_averages(crystal)
       c(:, :, 2) = isotropic_stiffness(matrix%young, matrix%poisson)
    end function grain_materials
 end module specimens

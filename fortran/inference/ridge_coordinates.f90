@@ -3,7 +3,7 @@
 module ridge_coordinates
    use errors, only: error_type
    use kinds, only: wp
-   use linear_algebra, only: add_gram, cholesky_factor, symmetric_eigen
+   use linear_algebra, only: cholesky_factor, gram_of, symmetric_eigen
    use small_matrices, only: solve_lower, solve_upper
    implicit none
    private
@@ -137,8 +137,7 @@ contains
       do i = 1, n_points
          call evaluate_features(whitening, z(:n - 1, i), 2, f(:, i), tangent)
       end do
-      allocate (gram(m, m), source=0.0_wp)
-      call add_gram(f, 1.0_wp, gram, transposed=.false.)
+      gram = gram_of(f)
       do i = 1, size(gram, 1)
          gram(i, i) = gram(i, i)*(1.0_wp + 1.0e-6_wp) + 1.0e-6_wp*n_points
       end do

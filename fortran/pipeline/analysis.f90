@@ -186,8 +186,7 @@ contains
          integer :: n
 
          if (self%simulations == 0 .or. .not. self%posterior%grains%has_theory) return
-         call new_theory_surrogate(theory, error)
-         if (allocated(error)) return
+         call new_theory_surrogate(theory)
          call draw_aside(self%problem, self%problem%settings%measurements, theory, theory_run, &
             & posterior, draws, error)
          if (allocated(error)) return

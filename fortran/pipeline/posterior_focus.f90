@@ -90,8 +90,7 @@ contains
       type(surrogate_type) :: theory
       type(posterior_type) :: posterior
 
-      call new_theory_surrogate(theory, error)
-      if (allocated(error)) return
+      call new_theory_surrogate(theory)
       call new_problem_posterior(problem, theory, posterior, error)
    end subroutine check_focus
 
@@ -160,8 +159,7 @@ contains
          loose = problem%settings%measurements
          loose%calibration_sd = max(common_error, loose%calibration_sd)
          loose%scatter_sd = max(grain_error, loose%scatter_sd)
-         call new_theory_surrogate(theory, error)
-         if (allocated(error)) return
+         call new_theory_surrogate(theory)
          call draw_aside(problem, loose, theory, focus_run, posterior, draws, error)
          if (allocated(error)) return
          focus%theory_crystals = problem%class%stiffnesses(draws)

@@ -182,6 +182,9 @@ contains
       real(wp), parameter :: limit = 0.01_wp
       class(specimen_type), allocatable :: specimen
       logical :: two_meshes
+      integer, parameter :: most_listed = 10
+      integer, allocatable :: large(:)
+      character(len=:), allocatable :: list
       integer :: i, percent(2)
 
       largest = 0.0_wp
@@ -196,35 +199,25 @@ contains
             largest(i) = specimen%mesh_error(simulation%refine, stiffness(:, :, i), two_meshes)
          end do
       end associate
-      if (.not. any(largest > limit)) return
-      percent = nint(100.0_wp*[minval(largest, largest > limit), maxval(largest)])
+      large = pack([(i, i=1, size(largest))], largest > limit)
+      if (size(large) == 0) return
+      percent = nint(100.0_wp*[minval(largest(large)), maxval(largest(large))])
       warning = 'the crystal is'
       if (size(largest) > 1) then
-         warning = to_text(count(largest > limit))//' of '//to_text(size(largest))//' crystals are'
+         warning = to_text(size(large))//' of '//to_text(size(largest))//' crystals are'
       end if
       warning = warning//' so near instability that the error of the mesh may reach about ' &
          & //to_text(percent(1))
       if (percent(2) > percent(1)) warning = warning//' to '//to_text(percent(2))
-      warning = warning//' %'//rows_of(largest > limit)
-   end subroutine simulation_error
-
-   !> ' (rows 1, 4)': the numbers of the chosen crystals; empty if there is only one crystal.
-   pure function rows_of(chosen) result(list)
-      logical, intent(in) :: chosen(:)
-      character(len=:), allocatable :: list
-      integer, parameter :: most_listed = 10
-      integer, allocatable :: number(:)
-      integer :: i
-
+      warning = warning//' %'
+      if (size(largest) == 1) return
       list = ''
-      if (size(chosen) == 1) return
-      number = pack([(i, i=1, size(chosen))], chosen)
-      do i = 1, min(size(number), most_listed)
-         list = list//', '//to_text(number(i))
+      do i = 1, min(size(large), most_listed)
+         list = list//', '//to_text(large(i))
       end do
-      if (size(number) > most_listed) list = list//', ..'
-      list = ' (rows '//list(3:)//')'
-   end function rows_of
+      if (size(large) > most_listed) list = list//', ..'
+      warning = warning//' (rows '//list(3:)//')'
+   end subroutine simulation_error
 
    !> The identity of the physics of a problem.
    function identity_text(settings) result(identity)

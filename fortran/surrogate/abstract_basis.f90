@@ -10,7 +10,6 @@ module abstract_basis
    use crystal_elasticity, only: log_anisotropy
    use errors, only: error_type
    use kinds, only: degree, wp
-   use labelled_values, only: labelled_values_type
    use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: domain_type
    implicit none
@@ -41,7 +40,6 @@ module abstract_basis
       integer, allocatable :: prior_degrees(:)
    contains
       procedure(set_up_interface), deferred :: set_up
-      procedure(exchange_interface), deferred :: exchange
       procedure(evaluate_many_interface), deferred :: evaluate_many
       procedure(new_grain_model_interface), deferred :: new_grain_model
       procedure :: evaluate_crystals, to_y, to_modulus
@@ -77,13 +75,6 @@ module abstract_basis
          class(basis_type), intent(inout) :: self
          type(error_type), allocatable, intent(out) :: error
       end subroutine set_up_interface
-
-      !> Write or read the settings that the family has.
-      subroutine exchange_interface(self, file)
-         import :: basis_type, labelled_values_type
-         class(basis_type), intent(inout) :: self
-         type(labelled_values_type), intent(inout) :: file
-      end subroutine exchange_interface
 
       !> Terms of many crystals. The last bits may differ from those of each crystal alone.
       subroutine evaluate_many_interface(self, c, euler, terms, scale, spread)

@@ -18,8 +18,7 @@ module axial_polynomials
    integer, parameter :: greatest_degree = 4
    !> Factors, numbered as the coordinates: numbers of order 0, waves, conjugate waves in place of
    !> the imaginary parts, the scale.
-   integer, parameter :: n_factors = n_coordinates
-   integer, parameter :: orders(n_factors) = [[0, 0, 0, 0], wave_orders, -wave_orders, 0]
+   integer, parameter :: orders(n_coordinates) = [[0, 0, 0, 0], wave_orders, -wave_orders, 0]
 
    type :: axial_polynomials_type
       integer :: n = 0
@@ -44,13 +43,11 @@ contains
       !> Value from which the last coordinate, the scale, is counted. Without it they do not depend
       !> on the scale.
       real(wp), intent(in), optional :: centre
-      integer :: chosen(greatest_degree), d, k, last
+      integer :: chosen(greatest_degree), d, k
 
       self%n_coordinates = n_coordinates - 1
-      last = n_factors - 1
       if (present(centre)) then
          self%n_coordinates = n_coordinates
-         last = n_factors
          self%centre = centre
       end if
       allocate (self%degrees(1), self%factors(greatest_degree, 1), source=0)
@@ -63,7 +60,7 @@ contains
             if (sum(orders(chosen(:d))) == 0) call append_if_first(chosen, d)
             k = d
             do while (k > 0)
-               if (chosen(k) < last) exit
+               if (chosen(k) < self%n_coordinates) exit
                k = k - 1
             end do
             if (k == 0) exit
@@ -117,7 +114,7 @@ contains
       real(wp), intent(in), contiguous :: x(:, :)
       !> (point, n).
       real(wp), intent(out), contiguous :: values(:, :)
-      complex(wp) :: factors(size(x, 1), n_factors), product(size(x, 1), 0:greatest_degree)
+      complex(wp) :: factors(size(x, 1), n_coordinates), product(size(x, 1), 0:greatest_degree)
       integer, parameter :: last_wave = n_axial + n_waves
       integer :: chosen(greatest_degree), i, k
 

@@ -1,4 +1,5 @@
-!> The bases of surrogates. A new one needs a module and a case in `allocate_basis`.
+!> The bases of surrogates. A new one needs a module, a case in `allocate_basis` and its settings in
+!> `exchange_settings`.
 module bases
    use abstract_basis, only: basis_type
    use correction_basis, only: correction_basis_type
@@ -10,7 +11,7 @@ module bases
    use surrogate_domain, only: domain_type, exchange_domain
    implicit none
    private
-   public :: basis_names, new_basis, allocate_basis, describe_basis
+   public :: basis_names, new_basis, allocate_basis, exchange_settings, describe_basis
 
    !> Names that &surrogate may state.
    character(len=*), parameter :: basis_names = 'correction, paper'
@@ -50,6 +51,16 @@ contains
       basis%settings%model = model
    end subroutine allocate_basis
 
+   !> Write or read the settings that the model has.
+   subroutine exchange_settings(settings, file)
+      type(surrogate_settings_type), intent(inout) :: settings
+      type(labelled_values_type), intent(inout) :: file
+
+      if (settings%model == 'paper') call file%text('truncation', settings%truncation)
+      if (settings%model /= 'halfspace') call file%integer('degree', settings%degree)
+      if (settings%model == 'paper') call file%integer('bandlimit', settings%bandlimit)
+   end subroutine exchange_settings
+
    !> Store the parameters of a basis and its terms as named values.
    subroutine describe_basis(basis, description)
       class(basis_type), intent(inout) :: basis
@@ -58,7 +69,7 @@ contains
 
       labels%described => description
       call exchange_domain(basis%domain, labels)
-      call basis%exchange(labels)
+      call exchange_settings(basis%settings, labels)
       call description%put('model', basis%settings%model)
       call description%put('n_terms', basis%n_terms)
       call description%put('least_noise', basis%least_noise)

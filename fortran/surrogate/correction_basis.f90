@@ -21,10 +21,9 @@ module correction_basis
    use errors, only: error_type, refuse
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: wp
-   use labelled_values, only: labelled_values_type
    use legendre_products, only: count_products, evaluate_products, legendre_products_type, &
       & new_legendre_products
-   use linear_algebra, only: add_gram, cholesky_factor, cholesky_solve, multiply, symmetric_eigen, &
+   use linear_algebra, only: cholesky_factor, cholesky_solve, gram_of, multiply, symmetric_eigen, &
       & transposed_product
    use logarithmic_coordinates, only: axial_coordinates_of, kelvin_rotation, log_coordinates_type, &
       & logarithm_of, n_coordinates, new_log_coordinates
@@ -34,11 +33,6 @@ module correction_basis
    implicit none
    private
    public :: correction_basis_type, correction_grain_model_type
-
-   !> Least sd of the noise, and sds of a coefficient of degree 1 and of the noise before the first
-   !> regression, all relative. The sd of degree 1 is that of 1900 simulations of a block
-   !> (docs/verification/surrogate.md); docs/surrogate.md states the least noise.
-   real(wp), parameter :: least_noise = 1.7e-4_wp, first_sds(2) = [0.017_wp, 1.0e-3_wp]
 
    !> Noise of a crystal at the greatest log-anisotropy of the domain relative to a nearly isotropic
    !> one, less 1; chosen on 390 crystals (docs/verification/surrogate.md).
@@ -55,7 +49,7 @@ module correction_basis
       !> Polynomials of y; the model 'halfspace' has none.
       type(axial_polynomials_type) :: polynomials
    contains
-      procedure :: set_up, exchange, evaluate_many, new_grain_model
+      procedure :: set_up, evaluate_many, new_grain_model
    end type correction_basis_type
 
    type, extends(grain_model_type) :: correction_grain_model_type
@@ -90,6 +84,8 @@ contains
    subroutine set_up(self, error)
       class(correction_basis_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
+      !> Of the scale, if y depends on it.
+      real(wp), allocatable :: centre
 
       self%logarithmic = .true.
       if (self%settings%model == 'halfspace') return
@@ -97,33 +93,23 @@ contains
          if (degree < 1 .or. degree > greatest_degree) then
             call refuse(error, 'degree = '//to_text(degree)//' is outside 1 .. ' &
                & //to_text(greatest_degree))
+            return
          end if
-         if (allocated(error)) return
-         if (domain%has_scale()) then
-            ! The trace of log K over sqrt 6 is sqrt 6 times the logarithm of the geometric mean of
-            ! the eigenvalues.
-            self%polynomials = new_axial_polynomials(degree, &
-               & sqrt(6.0_wp)*0.5_wp*sum(log(domain%stiffness)))
-         else
-            self%polynomials = new_axial_polynomials(degree)
-         end if
+         ! The trace of log K over sqrt 6 is sqrt 6 times the logarithm of the geometric mean of the
+         ! eigenvalues.
+         if (domain%has_scale()) centre = sqrt(6.0_wp)*0.5_wp*sum(log(domain%stiffness))
+         self%polynomials = new_axial_polynomials(degree, centre)
       end associate
       self%n_terms = self%polynomials%n
       self%prior_degrees = self%polynomials%degrees
-      self%least_noise = least_noise
-      self%noise_growth = 0.0_wp
+      ! Both are relative. The sd of a coefficient of degree 1 is that of 1900 simulations of a
+      ! block (docs/verification/surrogate.md); docs/surrogate.md states the least noise.
+      self%least_noise = 1.7e-4_wp
+      self%first_sds = [0.017_wp, 1.0e-3_wp]
       if (self%domain%log_anisotropy_max < huge(1.0_wp)) then
          self%noise_growth = spread_at_end/self%domain%log_anisotropy_max**growth_power
       end if
-      self%first_sds = first_sds
    end subroutine set_up
-
-   subroutine exchange(self, file)
-      class(correction_basis_type), intent(inout) :: self
-      type(labelled_values_type), intent(inout) :: file
-
-      if (self%settings%model /= 'halfspace') call file%integer('degree', self%settings%degree)
-   end subroutine exchange
 
    !> The polynomials of many crystals are evaluated together.
    subroutine evaluate_many(self, c, euler, terms, scale, spread)
@@ -177,52 +163,51 @@ contains
       new%logarithms = new_log_coordinates(class)
       new%coefficients = coefficients
       if (size(covariance) > 0) then
-         call factor_covariance(self, class, covariance, new%factor, error)
+         call factor_covariance()
          if (allocated(error)) return
          new%n_columns = size(new%factor, 2)
       end if
       call move_alloc(new, model)
+
+   contains
+
+      !> F with F Fᵀ the covariance, less 0.2 % of the variance of y in the mean over crystals of
+      !> the class in the domain: most directions of the coefficients hardly change y in any of
+      !> them.
+      subroutine factor_covariance()
+         integer, parameter :: n_crystals = 500, seed = 1
+         real(wp), parameter :: variance_left_out = 2.0e-3_wp
+         real(wp), allocatable, dimension(:, :) :: constants, euler_deg, terms, root, projected, &
+            & gram
+         real(wp), allocatable :: scale(:), spread(:), values(:)
+         type(domain_type) :: domain
+         integer :: i, j, n
+
+         domain = self%domain
+         domain%members = class%name
+         call spread_crystals(domain, n_crystals, seed, constants, euler_deg, error)
+         if (allocated(error)) return
+         n = self%n_terms
+         allocate (projected(n, n_crystals), values(n))
+         call self%evaluate_crystals(constants, euler_deg, terms, scale, spread)
+         root = covariance
+         call cholesky_factor(root, error)
+         if (allocated(error)) return
+         do j = 2, n
+            root(:j - 1, j) = 0.0_wp
+         end do
+         call multiply(transpose(root), terms, projected)
+         gram = gram_of(projected)
+         call symmetric_eigen(gram, values, error)
+         if (allocated(error)) return
+         ! The eigenvalues are in ascending order.
+         i = 1
+         do while (i < n .and. sum(values(:i)) <= variance_left_out*sum(values))
+            i = i + 1
+         end do
+         new%factor = matmul(root, gram(:, i:))
+      end subroutine factor_covariance
    end subroutine new_grain_model
-
-   !> F with F Fᵀ the covariance, less 0.2 % of the variance of y in the mean over crystals of the
-   !> class in the domain: most directions of the coefficients hardly change y in any of them.
-   subroutine factor_covariance(self, class, covariance, factor, error)
-      class(correction_basis_type), intent(in) :: self
-      type(crystal_class_type), intent(in) :: class
-      real(wp), intent(in) :: covariance(:, :)
-      real(wp), allocatable, intent(out) :: factor(:, :)
-      type(error_type), allocatable, intent(out) :: error
-      integer, parameter :: n_crystals = 500, seed = 1
-      real(wp), parameter :: variance_left_out = 2.0e-3_wp
-      real(wp), allocatable, dimension(:, :) :: constants, euler_deg, terms, root, projected, gram
-      real(wp), allocatable :: scale(:), spread(:), values(:)
-      type(domain_type) :: domain
-      integer :: i, j, n
-
-      domain = self%domain
-      domain%members = class%name
-      call spread_crystals(domain, n_crystals, seed, constants, euler_deg, error)
-      if (allocated(error)) return
-      n = self%n_terms
-      allocate (projected(n, n_crystals), gram(n, n), values(n), source=0.0_wp)
-      call self%evaluate_crystals(constants, euler_deg, terms, scale, spread)
-      root = covariance
-      call cholesky_factor(root, error)
-      if (allocated(error)) return
-      do j = 2, n
-         root(:j - 1, j) = 0.0_wp
-      end do
-      call multiply(transpose(root), terms, projected)
-      call add_gram(projected, 1.0_wp, gram, transposed=.false.)
-      call symmetric_eigen(gram, values, error)
-      if (allocated(error)) return
-      ! The eigenvalues are in ascending order.
-      i = 1
-      do while (i < n .and. sum(values(:i)) <= variance_left_out*sum(values))
-         i = i + 1
-      end do
-      factor = matmul(root, gram(:, i:))
-   end subroutine factor_covariance
 
    subroutine set_grains(self, euler, error)
       class(correction_grain_model_type), intent(inout) :: self
@@ -254,43 +239,45 @@ contains
             self%maps(i, :, k) = x(:self%polynomials%n_coordinates)
          end do
       end do
-      call expand_in_class(self, error)
+      call expand_in_class()
+
+   contains
+
+      !> Set `own` and `expanded`, if that is cheaper: least squares over random points, which is
+      !> exact for polynomials.
+      subroutine expand_in_class()
+         type(random_stream_type) :: stream
+         real(wp), allocatable :: products(:, :), values(:, :), gram(:, :), terms(:, :)
+         real(wp) :: w(self%logarithms%n)
+         integer :: j, n
+
+         self%own%n_products = 0
+         if (self%polynomials%n == 0) return
+         k = self%logarithms%n - merge(0, 1, self%polynomials%n_coordinates == n_coordinates)
+         n = maxval(self%polynomials%degrees)
+         if (count_products(k, n, .true.) > self%polynomials%n) return
+         self%own = new_legendre_products(k, n, .true.)
+         n = self%own%n_products
+         allocate (products(n, 2*n), values(self%n_independent*(1 + self%n_columns), 2*n))
+         stream = new_random_stream(1, 1)
+         do j = 1, 2*n
+            call stream%normals(w)
+            ! An isotropic stiffness of the middle scale has these two coordinates.
+            w(:2) = w(:2) + self%polynomials%centre*sqrt([1.0_wp, 5.0_wp]/6.0_wp)
+            terms = terms_of_grains(self, w)
+            values(:self%n_independent, j) = matmul(terms, self%coefficients)
+            if (self%n_columns > 0) then
+               values(self%n_independent + 1:, j) = [matmul(terms, self%factor)]
+            end if
+            products(:, j) = own_products(self, w)
+         end do
+         gram = gram_of(products)
+         call cholesky_factor(gram, error)
+         self%expanded = matmul(products, transpose(values))
+         if (allocated(error)) return
+         call cholesky_solve(gram, self%expanded)
+      end subroutine expand_in_class
    end subroutine set_grains
-
-   !> Set `own` and `expanded`, if that is cheaper: least squares over random points, which is exact
-   !> for polynomials.
-   subroutine expand_in_class(self, error)
-      class(correction_grain_model_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-      type(random_stream_type) :: stream
-      real(wp), allocatable :: products(:, :), values(:, :), gram(:, :), terms(:, :)
-      real(wp) :: w(self%logarithms%n)
-      integer :: j, k, n
-
-      self%own%n_products = 0
-      if (self%polynomials%n == 0) return
-      k = self%logarithms%n - merge(0, 1, self%polynomials%n_coordinates == n_coordinates)
-      if (count_products(k, maxval(self%polynomials%degrees), .true.) > self%polynomials%n) return
-      self%own = new_legendre_products(k, maxval(self%polynomials%degrees), .true.)
-      n = self%own%n_products
-      allocate (products(n, 2*n), values(self%n_independent*(1 + self%n_columns), 2*n), &
-         & gram(n, n), source=0.0_wp)
-      stream = new_random_stream(1, 1)
-      do j = 1, 2*n
-         call stream%normals(w)
-         ! An isotropic stiffness of the middle scale has these two coordinates.
-         w(:2) = w(:2) + self%polynomials%centre*sqrt([1.0_wp, 5.0_wp]/6.0_wp)
-         terms = terms_of_grains(self, w)
-         values(:self%n_independent, j) = matmul(terms, self%coefficients)
-         if (self%n_columns > 0) values(self%n_independent + 1:, j) = [matmul(terms, self%factor)]
-         products(:, j) = own_products(self, w)
-      end do
-      call add_gram(products, 1.0_wp, gram, transposed=.false.)
-      call cholesky_factor(gram, error)
-      self%expanded = matmul(products, transpose(values))
-      if (allocated(error)) return
-      call cholesky_solve(gram, self%expanded)
-   end subroutine expand_in_class
 
    !> Products of polynomials of log(3K/2G), of the anisotropic coordinates and, if y depends on it,
    !> of the scale.
@@ -348,8 +335,7 @@ contains
          if (self%polynomials%n == 0) exit
          w = self%logarithms%to_logarithms(c(:, :, i))
          if (self%own%n_products > 0) then
-            call transposed_product(self%own%n_products, size(y), self%expanded, &
-               & own_products(self, w), y)
+            call transposed_product(self%expanded(:, :size(y)), own_products(self, w), y)
          else
             y = matmul(terms_of_grains(self, w), self%coefficients)
          end if
@@ -367,8 +353,7 @@ contains
 
       allocate (independent(self%n_independent, self%n_columns))
       if (self%own%n_products > 0) then
-         call transposed_product(self%own%n_products, size(independent), &
-            & self%expanded(:, self%n_independent + 1:), &
+         call transposed_product(self%expanded(:, self%n_independent + 1:), &
             & own_products(self, self%logarithms%to_logarithms(c)), independent)
       else
          call multiply(terms_of_grains(self, self%logarithms%to_logarithms(c)), self%factor, &

@@ -8,8 +8,8 @@
 module evidence_regression
    use errors, only: error_type
    use kinds, only: pi, wp
-   use linear_algebra, only: add_gram, cholesky_factor, cholesky_inverse, cholesky_solve, &
-      & multiply, multiply_by_factor, symmetric_eigen
+   use linear_algebra, only: cholesky_factor, cholesky_inverse, cholesky_solve, gram_of, multiply, &
+      & multiply_by_factor, symmetric_eigen
    implicit none
    private
    public :: regression_type, new_regression, add_data, maximise_evidence, compute_posterior
@@ -24,7 +24,7 @@ module evidence_regression
       !> near the centre of its prior.
       real(wp), allocatable :: prior_width(:)
       real(wp) :: decay_rate = 0.4_wp
-      !> Whitened terms (n_terms, capacity), and y.
+      !> Whitened terms (n_terms, n_data), and y.
       real(wp), allocatable :: terms(:, :), targets(:)
       !> Smallest standard deviation of the noise, in units of y.
       real(wp) :: least_noise = 0.0_wp
@@ -57,12 +57,10 @@ contains
       type(regression_type), intent(out) :: regression
       type(error_type), allocatable, intent(out) :: error
 
-      associate (n => size(degrees))
-         regression%n_terms = n
-         allocate (regression%terms(n, 64), regression%targets(64), regression%mean(n), &
-            & regression%covariance(n, n), regression%moment(n), source=0.0_wp)
-         regression%prior_width = spread(1.0_wp, 1, n)
-      end associate
+      regression%n_terms = size(degrees)
+      allocate (regression%terms(size(degrees), 0), regression%targets(0))
+      regression%moment = spread(0.0_wp, 1, size(degrees))
+      regression%prior_width = regression%moment + 1.0_wp
       regression%degrees = degrees
       regression%least_noise = least_noise
       call set_decay_rate(regression, regression%decay_rate)
@@ -84,7 +82,7 @@ contains
       regression%decay_rate = decay_rate
       regression%prior_width = regression%prior_width*ratio
       regression%moment = regression%moment*ratio
-      call scale_columns(ratio, regression%terms(:, :regression%n_data))
+      call scale_columns(ratio, regression%terms)
    end subroutine set_decay_rate
 
    !> Multiply each column of a matrix (n, m) by factors (n), such as the prior's widths.
@@ -102,65 +100,21 @@ contains
    subroutine add_data(regression, terms, y)
       type(regression_type), intent(inout) :: regression
       real(wp), intent(in) :: terms(:, :), y(:)
-      real(wp), allocatable :: larger(:, :), longer(:)
-      integer :: j, capacity, n
+      real(wp), allocatable :: larger(:, :)
+      integer :: j, n
 
       n = regression%n_data
-      if (n + size(y) > size(regression%targets)) then
-         capacity = max(n + size(y), 2*size(regression%targets))
-         allocate (larger(regression%n_terms, capacity), longer(capacity))
-         larger(:, :n) = regression%terms(:, :n)
-         longer(:n) = regression%targets(:n)
-         call move_alloc(larger, regression%terms)
-         call move_alloc(longer, regression%targets)
-      end if
-      do j = 1, size(y)
-         regression%terms(:, n + j) = regression%prior_width*terms(:, j)
-         regression%targets(n + j) = y(j)
-         regression%moment = regression%moment &
-            & + regression%targets(n + j)*regression%terms(:, n + j)
-      end do
       regression%n_data = n + size(y)
+      regression%targets = [regression%targets, y]
+      ! A function's result would be on the stack, and this array may be large.
+      allocate (larger(regression%n_terms, regression%n_data))
+      larger(:, :n) = regression%terms
+      do j = 1, size(y)
+         larger(:, n + j) = regression%prior_width*terms(:, j)
+         regression%moment = regression%moment + y(j)*larger(:, n + j)
+      end do
+      call move_alloc(larger, regression%terms)
    end subroutine add_data
-
-   !> Compute the eigenvalues of the Gram matrix of the data, over data or over terms, whichever are
-   !> fewer.
-   subroutine compute_spectrum(regression, spectrum, error)
-      type(regression_type), intent(in) :: regression
-      type(spectrum_type), intent(out) :: spectrum
-      type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: gram(:, :), projection(:)
-      integer :: n, m, i
-
-      n = regression%n_data
-      m = min(n, regression%n_terms)
-      spectrum%n_data = n
-      allocate (spectrum%values(m), spectrum%squares(m))
-      if (n == 0) return
-      allocate (gram(m, m), source=0.0_wp)
-      call add_gram(regression%terms(:, :n), 1.0_wp, gram, transposed=n <= regression%n_terms)
-      if (n > regression%n_terms) spectrum%gram = gram
-      call symmetric_eigen(gram, spectrum%values, error)
-      if (allocated(error)) return
-      if (n <= regression%n_terms) then
-         spectrum%values = max(0.0_wp, spectrum%values)
-         spectrum%squares = [(dot_product(gram(:, i), regression%targets(:n)), i=1, m)]**2
-         return
-      end if
-      ! The rest after projection is computed as a vector: the difference of squares would cancel
-      ! for a good fit.
-      projection = [(dot_product(gram(:, i), regression%moment), i=1, m)]
-      where (spectrum%values > m*epsilon(1.0_wp)*maxval(spectrum%values))
-         projection = projection/spectrum%values
-      else where
-         projection = 0.0_wp
-         spectrum%values = 0.0_wp
-      end where
-      spectrum%squares = projection**2*spectrum%values
-      projection = matmul(gram, projection)
-      spectrum%rest = sum([(regression%targets(i) &
-         & - dot_product(regression%terms(:, i), projection), i=1, n)]**2)
-   end subroutine compute_spectrum
 
    !> ln p(y | alpha, beta) of Eq. 8.
    pure elemental real(wp) function log_evidence(spectrum, alpha, beta) result(value)
@@ -176,11 +130,9 @@ contains
    pure real(wp) function best_beta(spectrum, ratio, least_noise) result(beta)
       type(spectrum_type), intent(in) :: spectrum
       real(wp), intent(in) :: ratio, least_noise
-      real(wp) :: variance
 
-      variance = (sum(spectrum%squares/(1.0_wp + spectrum%values/ratio)) + spectrum%rest) &
-         & /spectrum%n_data
-      beta = 1.0_wp/max(variance, least_noise**2)
+      beta = 1.0_wp/max((sum(spectrum%squares/(1.0_wp + spectrum%values/ratio)) &
+         & + spectrum%rest)/spectrum%n_data, least_noise**2)
    end function best_beta
 
    !> Set alpha, beta and decay rate of largest evidence, with 1/beta >= least_noise^2. The decay
@@ -195,7 +147,8 @@ contains
       integer, parameter :: n_rates = 14
       real(wp), parameter :: least = -2.1_wp, step = 0.15_wp, typical = -0.9_wp, sd = 0.12_wp
       type(spectrum_type) :: spectrum, best
-      real(wp) :: log_rate, ratio, value, best_rate, best_ratio
+      !> alpha/beta of largest evidence at a decay rate, and ln evidence there.
+      real(wp) :: ratio, value, log_rate, best_rate, best_ratio
       logical :: decays
       integer :: n_tried, i
 
@@ -209,9 +162,9 @@ contains
       do i = 1, n_tried
          log_rate = least + step*(i - 1)
          if (decays) call set_decay_rate(regression, exp(log_rate))
-         call compute_spectrum(regression, spectrum, error)
+         call compute_spectrum()
          if (allocated(error)) return
-         call maximise_over_ratio(spectrum, regression%least_noise, ratio, value)
+         call maximise_over_ratio()
          if (decays) value = value - 0.5_wp*((log_rate - typical)/sd)**2
          if (value <= evidence) cycle
          evidence = value
@@ -223,61 +176,92 @@ contains
       regression%beta = best_beta(best, best_ratio, regression%least_noise)
       regression%alpha = best_ratio*regression%beta
       call compute_posterior(regression, error, best%gram)
-   end subroutine maximise_evidence
-
-   !> alpha/beta of largest evidence. For a given ratio of the two the best beta has a closed form.
-   !> So one search along the logarithm of the ratio, each step O(terms), finds the global maximum.
-   pure subroutine maximise_over_ratio(spectrum, least_noise, ratio, evidence)
-      type(spectrum_type), intent(in) :: spectrum
-      real(wp), intent(in) :: least_noise
-      !> alpha/beta, and ln evidence there.
-      real(wp), intent(out) :: ratio, evidence
-      integer, parameter :: n_grid = 240
-      real(wp), parameter :: golden = 0.6180339887498949_wp
-      real(wp) :: scale, low, high, x(n_grid), a, b, c, d, fc, fd
-      integer :: i, best
-
-      ! The grid goes from a prior that constrains only what the data do not determine to one that
-      ! the data cannot move.
-      scale = log(max(maxval(spectrum%values), tiny(1.0_wp)))
-      low = scale + log(1.0e-15_wp)
-      high = scale + log(1.0e5_wp)
-      x = [(low + (high - low)*(i - 1)/(n_grid - 1), i=1, n_grid)]
-      best = maxloc([(profile(x(i)), i=1, n_grid)], 1)
-      a = x(max(1, best - 1))
-      b = x(min(n_grid, best + 1))
-      c = b - golden*(b - a)
-      d = a + golden*(b - a)
-      fc = profile(c)
-      fd = profile(d)
-      do while (b - a > 1.0e-9_wp)
-         if (fc >= fd) then
-            b = d
-            d = c
-            fd = fc
-            c = b - golden*(b - a)
-            fc = profile(c)
-         else
-            a = c
-            c = d
-            fc = fd
-            d = a + golden*(b - a)
-            fd = profile(d)
-         end if
-      end do
-      ratio = exp(0.5_wp*(a + b))
-      evidence = profile(log(ratio))
 
    contains
+
+      !> Compute the eigenvalues of the Gram matrix of the data, over data or over terms, whichever
+      !> are fewer.
+      subroutine compute_spectrum()
+         real(wp), allocatable :: gram(:, :), projection(:)
+         integer :: n, m, i
+
+         n = regression%n_data
+         m = min(n, regression%n_terms)
+         spectrum = spectrum_type(n_data=n)
+         allocate (spectrum%values(m))
+         gram = gram_of(regression%terms, transposed=n <= regression%n_terms)
+         if (n > regression%n_terms) spectrum%gram = gram
+         call symmetric_eigen(gram, spectrum%values, error)
+         if (allocated(error)) return
+         if (n <= regression%n_terms) then
+            spectrum%values = max(0.0_wp, spectrum%values)
+            spectrum%squares = [(dot_product(gram(:, i), regression%targets), i=1, m)]**2
+            return
+         end if
+         ! The rest after projection is computed as a vector: the difference of squares would cancel
+         ! for a good fit.
+         projection = [(dot_product(gram(:, i), regression%moment), i=1, m)]
+         where (spectrum%values > m*epsilon(1.0_wp)*maxval(spectrum%values))
+            projection = projection/spectrum%values
+         else where
+            projection = 0.0_wp
+            spectrum%values = 0.0_wp
+         end where
+         spectrum%squares = projection**2*spectrum%values
+         projection = matmul(gram, projection)
+         spectrum%rest = sum([(regression%targets(i) &
+            & - dot_product(regression%terms(:, i), projection), i=1, n)]**2)
+      end subroutine compute_spectrum
+
+      !> alpha/beta of largest evidence. For a given ratio of the two the best beta has a closed
+      !> form. So one search along the logarithm of the ratio, each step O(terms), finds the global
+      !> maximum.
+      subroutine maximise_over_ratio()
+         integer, parameter :: n_grid = 240
+         real(wp), parameter :: golden = 0.6180339887498949_wp
+         real(wp) :: scale, low, high, x(n_grid), a, b, c, d, fc, fd
+         integer :: j, middle
+
+         ! The grid goes from a prior that constrains only what the data do not determine to one
+         ! that the data cannot move.
+         scale = log(max(maxval(spectrum%values), tiny(1.0_wp)))
+         low = scale + log(1.0e-15_wp)
+         high = scale + log(1.0e5_wp)
+         x = [(low + (high - low)*(j - 1)/(n_grid - 1), j=1, n_grid)]
+         middle = maxloc([(profile(x(j)), j=1, n_grid)], 1)
+         a = x(max(1, middle - 1))
+         b = x(min(n_grid, middle + 1))
+         c = b - golden*(b - a)
+         d = a + golden*(b - a)
+         fc = profile(c)
+         fd = profile(d)
+         do while (b - a > 1.0e-9_wp)
+            if (fc >= fd) then
+               b = d
+               d = c
+               fd = fc
+               c = b - golden*(b - a)
+               fc = profile(c)
+            else
+               a = c
+               c = d
+               fc = fd
+               d = a + golden*(b - a)
+               fd = profile(d)
+            end if
+         end do
+         ratio = exp(0.5_wp*(a + b))
+         value = profile(log(ratio))
+      end subroutine maximise_over_ratio
 
       pure real(wp) function profile(log_ratio)
          real(wp), intent(in) :: log_ratio
          real(wp) :: beta
 
-         beta = best_beta(spectrum, exp(log_ratio), least_noise)
+         beta = best_beta(spectrum, exp(log_ratio), regression%least_noise)
          profile = log_evidence(spectrum, exp(log_ratio)*beta, beta)
       end function profile
-   end subroutine maximise_over_ratio
+   end subroutine maximise_evidence
 
    !> Compute mean and covariance from all data at the present alpha, beta (Eq. 7).
    subroutine compute_posterior(regression, error, gram)
@@ -288,12 +272,10 @@ contains
       real(wp), allocatable :: solution(:, :)
       integer :: i
 
-      regression%covariance = 0.0_wp
       if (present(gram)) then
          regression%covariance = regression%beta*gram
-      else if (regression%n_data > 0) then
-         call add_gram(regression%terms(:, :regression%n_data), regression%beta, &
-            & regression%covariance, transposed=.false.)
+      else
+         regression%covariance = gram_of(regression%terms, factor=regression%beta)
       end if
       do i = 1, regression%n_terms
          regression%covariance(i, i) = regression%covariance(i, i) + regression%alpha
@@ -325,8 +307,7 @@ contains
       integer :: n, i, j
 
       n = regression%n_data
-      associate (terms => regression%terms(:, :n), targets => regression%targets(:n), &
-         & beta => regression%beta)
+      associate (terms => regression%terms, targets => regression%targets, beta => regression%beta)
          over_data = n <= regression%n_terms
          if (.not. over_data) then
             allocate (projected(regression%n_terms, n))
@@ -337,8 +318,7 @@ contains
          end if
          if (over_data) then
             ! Q = (I + beta/alpha Φ Φᵀ)^-1, and r = Q y.
-            allocate (q(n, n), source=0.0_wp)
-            call add_gram(terms, beta/regression%alpha, q, transposed=.true.)
+            q = gram_of(terms, transposed=.true., factor=beta/regression%alpha)
             do i = 1, n
                q(i, i) = q(i, i) + 1.0_wp
             end do
@@ -401,8 +381,7 @@ contains
       type(regression_type), intent(in) :: regression
       real(wp), allocatable, intent(out) :: covariance(:, :)
 
-      associate (width => regression%prior_width, n => regression%n_terms)
-         covariance = spread(width, 1, n)*spread(width, 2, n)*regression%covariance
-      end associate
+      covariance = spread(regression%prior_width, 1, regression%n_terms) &
+                  & *spread(regression%prior_width, 2, regression%n_terms)*regression%covariance
    end subroutine coefficient_covariance
 end module evidence_regression

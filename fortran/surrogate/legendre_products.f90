@@ -18,10 +18,10 @@ module legendre_products
       integer :: degree = 0
       integer, allocatable :: degrees(:, :)
       logical, private :: total = .false.
-      !> Product q is product parent(q) times the polynomial of degree factor_degree(q) in
+      !> Product q > 1 is product parent(q) times the polynomial of degree factor_degree(q) in
       !> coordinate factor(q).
       integer, allocatable, private :: parent(:), factor(:), factor_degree(:)
-      !> p_(n+1) = a_n x p_n - b_n p_(n-1) for p_n = sqrt(2n+1) P_n.
+      !> p_(n+1) = a_n x p_n - b_n p_(n-1) for p_n = sqrt(2n+1) P_n, n = 0, 1, ..
       real(wp), allocatable, private :: a(:), b(:)
    end type legendre_products_type
 
@@ -70,9 +70,6 @@ contains
             call fill_last(counter(i + 1:), sum_of_degrees - sum(counter(:i)), degree)
          end do
       end do
-      self%parent = 0
-      self%factor = 1
-      self%factor_degree = 0
       do q = 2, self%n_products
          counter = self%degrees(:, q)
          i = findloc(counter > 0, .true., 1, back=.true.)
@@ -81,7 +78,6 @@ contains
          counter(i) = 0
          self%parent(q) = place_of(self, counter)
       end do
-      allocate (self%a(0:degree), self%b(0:degree))
       self%a = [(sqrt((2.0_wp*m + 3.0_wp)*(2.0_wp*m + 1.0_wp))/(m + 1), m=0, degree)]
       self%b = [(m*sqrt((2.0_wp*m + 3.0_wp)/max(1.0_wp, 2.0_wp*m - 1.0_wp))/(m + 1), m=0, degree)]
    end function new_legendre_products
@@ -137,7 +133,7 @@ contains
       do i = 1, self%n_coordinates
          factors(:0, i) = [0.0_wp, 1.0_wp]
          do n = 0, self%degree - 1
-            factors(n + 1, i) = self%a(n)*x(i)*factors(n, i) - self%b(n)*factors(n - 1, i)
+            factors(n + 1, i) = self%a(n + 1)*x(i)*factors(n, i) - self%b(n + 1)*factors(n - 1, i)
          end do
       end do
       p(1) = 1.0_wp
@@ -162,8 +158,8 @@ contains
          & c(self%n_coordinates)
       real(wp) :: weight
 
-      allocate (table(0:self%degree, 0:self%degree, 0:2*self%degree))
-      call linearisation_table(self%degree, table)
+      allocate (table(0:self%degree, 0:self%degree, 0:2*self%degree), source=0.0_wp)
+      call linearisation_table()
       squares = new_legendre_products(self%n_coordinates, 2*self%degree, self%total)
       allocate (sums(n*(n + 1)/2, squares%n_products), pair(n*(n + 1)/2), source=0.0_wp)
       do q = 1, self%n_products
@@ -194,29 +190,29 @@ contains
          end do
       end do
       coefficients = transpose(sums)
-   end subroutine covariance_polynomial
 
-   !> p_a p_b = sum of table(a, b, c) p_c over c.
-   pure subroutine linearisation_table(d, table)
-      integer, intent(in) :: d
-      real(wp), intent(out) :: table(0:, 0:, 0:)
-      real(wp) :: half(0:2*d)
-      integer :: a, b, r, c
+   contains
 
-      ! half(r) = (2r-1)!!/r!
-      half(0) = 1.0_wp
-      do r = 1, 2*d
-         half(r) = half(r - 1)*(2*r - 1)/r
-      end do
-      table = 0.0_wp
-      do b = 0, d
-         do a = 0, d
-            do r = 0, min(a, b)
-               c = a + b - 2*r
-               table(a, b, c) = half(r)*half(a - r)*half(b - r)/half(a + b - r)*(2*c + 1) &
-                  & /real(2*(a + b - r) + 1, wp)*sqrt((2*a + 1)*(2*b + 1)/real(2*c + 1, wp))
+      !> p_a p_b = sum of table(a, b, c) p_c over c.
+      subroutine linearisation_table()
+         real(wp) :: half(0:2*self%degree)
+         integer :: a, b, r, c
+
+         ! half(r) = (2r-1)!!/r!
+         half(0) = 1.0_wp
+         do r = 1, 2*self%degree
+            half(r) = half(r - 1)*(2*r - 1)/r
+         end do
+         do b = 0, self%degree
+            do a = 0, self%degree
+               do r = 0, min(a, b)
+                  c = a + b - 2*r
+                  table(a, b, c) = half(r)*half(a - r)*half(b - r)/half(a + b - r)*(2*c + 1) &
+                     & /real(2*(a + b - r) + 1, wp)*sqrt((2*a + 1)*(2*b + 1)/real(2*c + 1, wp))
+               end do
             end do
          end do
-      end do
-   end subroutine linearisation_table
+      end subroutine linearisation_table
+   end subroutine covariance_polynomial
+
 end module legendre_products

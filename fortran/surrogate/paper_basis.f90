@@ -10,7 +10,6 @@ module paper_basis
    use crystal_elasticity, only: rotation_matrix
    use errors, only: error_type, raise, refuse
    use kinds, only: wp
-   use labelled_values, only: labelled_values_type
    use legendre_products, only: count_products, covariance_polynomial, evaluate_products, &
       & legendre_products_type, new_legendre_products
    use small_matrices, only: factor_definite
@@ -25,18 +24,13 @@ module paper_basis
    integer, parameter :: largest_degree = 12, largest_bandlimit = 20
    character(len=*), parameter :: truncation_names = 'tensor, total'
 
-   !> Least sd of the noise, GPa.
-   real(wp), parameter :: least_noise = 0.05_wp
-   !> sds of a coefficient and of the noise before the first regression, GPa.
-   real(wp), parameter :: first_sds(2) = [100.0_wp, 1.0_wp]
-
    type, extends(basis_type) :: paper_basis_type
       !> K_h, a function of the indentation direction in crystal axes.
       type(harmonics_type) :: harmonics
       !> P_q.
       type(legendre_products_type) :: polynomials
    contains
-      procedure :: set_up, exchange, evaluate_many, new_grain_model
+      procedure :: set_up, evaluate_many, new_grain_model
    end type paper_basis_type
 
    type, extends(grain_model_type) :: paper_grain_model_type
@@ -87,23 +81,15 @@ contains
             call refuse(error, 'degree = '//to_text(degree)//' and bandlimit = ' &
                & //to_text(bandlimit)//' make '//to_text(terms, 4)//' terms; at most ' &
                & //to_text(nint(most_terms))//' are possible')
+            return
          end if
-         if (allocated(error)) return
          self%polynomials = new_legendre_products(n, degree, truncation == 'total')
       end associate
       self%n_terms = nint(terms)
-      self%least_noise = least_noise
-      self%first_sds = first_sds
+      ! GPa.
+      self%least_noise = 0.05_wp
+      self%first_sds = [100.0_wp, 1.0_wp]
    end subroutine set_up
-
-   subroutine exchange(self, file)
-      class(paper_basis_type), intent(inout) :: self
-      type(labelled_values_type), intent(inout) :: file
-
-      call file%text('truncation', self%settings%truncation)
-      call file%integer('degree', self%settings%degree)
-      call file%integer('bandlimit', self%settings%bandlimit)
-   end subroutine exchange
 
    subroutine evaluate_many(self, c, euler, terms, scale, spread)
       class(paper_basis_type), intent(in) :: self
@@ -138,8 +124,8 @@ contains
 
       if (class%name /= self%domain%class%name) then
          call raise(error, 'this basis has no model of '//class%name//' grains')
+         return
       end if
-      if (allocated(error)) return
       allocate (new)
       new%domain = self%domain
       new%harmonics = self%harmonics
@@ -179,7 +165,7 @@ contains
 
       do i = 1, size(c, 3)
          call evaluate_products(self%polynomials, self%domain%coordinates_of(c(:, :, i)), p)
-         call transposed_product(size(p), size(y, 1), self%coefficients, p, y(:, i))
+         call transposed_product(self%coefficients, p, y(:, i))
       end do
       call multiply(self%k, y, modulus)
    end subroutine evaluate_crystals
@@ -194,7 +180,7 @@ contains
       integer :: g, h, first
 
       call evaluate_products(self%squares, self%domain%coordinates_of(c), p)
-      call transposed_product(size(p), size(pairs), self%covariance, p, pairs)
+      call transposed_product(self%covariance, p, pairs)
       factor = 0.0_wp
       first = 1
       do g = 1, self%n_columns

@@ -165,7 +165,7 @@ contains
                candidates%euler_deg = table%euler_deg(:, rows)
             end associate
          else if (design%candidates == 'factorial') then
-            call factorial(basis%domain, design, seed, candidates, error)
+            call factorial()
          else
             ! The initial set is a Latin hypercube of its own.
             first = merge(min(design%initial, design%n_candidates), 0, &
@@ -188,36 +188,34 @@ contains
             end if
          end if
       end associate
-   end subroutine new_candidates
 
-   !> Crystals of a Latin hypercube, all in the same directions.
-   subroutine factorial(domain, design, seed, candidates, error)
-      type(domain_type), intent(in) :: domain
-      type(design_settings_type), intent(in) :: design
-      integer, intent(in) :: seed
-      type(candidates_type), intent(out) :: candidates
-      type(error_type), allocatable, intent(out) :: error
-      type(region_type) :: region
-      real(wp), allocatable :: crystals(:, :), random(:, :), directions(:, :)
-      integer :: i, j, k, m
+   contains
 
-      m = design%n_directions
-      call spread_crystals(domain, max(1, design%n_candidates/m), seed, crystals, random, error)
-      if (allocated(error)) return
-      call new_region(domain%class, region)
-      call spread_of_directions(region, m, directions)
-      allocate (candidates%constants(size(crystals, 1), size(crystals, 2)*m), &
-         & candidates%euler_deg(3, size(crystals, 2)*m))
-      do i = 1, size(crystals, 2)
-         do j = 1, m
-            k = (i - 1)*m + j
-            candidates%constants(:, k) = crystals(:, i)
-            candidates%euler_deg(:, k) = [0.0_wp, &
-               & acos(min(1.0_wp, max(-1.0_wp, directions(3, j))))/degree, &
-               & modulo(atan2(directions(1, j), directions(2, j))/degree, 360.0_wp)]
+      !> Crystals of a Latin hypercube, all in the same directions.
+      subroutine factorial()
+         type(region_type) :: region
+         real(wp), allocatable :: directions(:, :)
+         integer :: i, j, k, m
+
+         m = problem%settings%design%n_directions
+         call spread_crystals(basis%domain, max(1, problem%settings%design%n_candidates/m), seed, &
+            & constants, euler_deg, error)
+         if (allocated(error)) return
+         call new_region(basis%domain%class, region)
+         call spread_of_directions(region, m, directions)
+         allocate (candidates%constants(size(constants, 1), size(constants, 2)*m), &
+            & candidates%euler_deg(3, size(constants, 2)*m))
+         do i = 1, size(constants, 2)
+            do j = 1, m
+               k = (i - 1)*m + j
+               candidates%constants(:, k) = constants(:, i)
+               candidates%euler_deg(:, k) = [0.0_wp, &
+                  & acos(min(1.0_wp, max(-1.0_wp, directions(3, j))))/degree, &
+                  & modulo(atan2(directions(1, j), directions(2, j))/degree, 360.0_wp)]
+            end do
          end do
-      end do
-   end subroutine factorial
+      end subroutine factorial
+   end subroutine new_candidates
 
    !> Candidates that are simulated before the variance chooses. 'latin': the first ones.
    !> 'boundary': those farthest out in the domain, each crystal once, in alternating directions.
@@ -236,10 +234,8 @@ contains
       if (design%initial_set == 'latin') numbers = [(i, i=1, wanted)]
       if (design%initial_set /= 'boundary') return
       allocate (order(n))
-      associate (domain => basis%domain, constants => candidates%constants)
-         call sort_order([(-domain%normalised_distance(domain%class%stiffness(constants(:, i))), &
-            & i=1, n)], order)
-      end associate
+      call sort_order([(-basis%domain%normalised_distance( &
+         & basis%domain%class%stiffness(candidates%constants(:, i))), i=1, n)], order)
       crystal = number_equal(candidates%constants(:, order))
       firsts = pack(crystal, crystal == [(i, i=1, n)])
       round = 0

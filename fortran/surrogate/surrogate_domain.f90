@@ -64,8 +64,8 @@ contains
             call refuse(error, 'the domain of '//domain%class%name &
                & //' crystals has bounds for each of '//to_text(n)//' constants, not ' &
                & //to_text(size(lower))//' and '//to_text(size(upper)))
+            return
          end if
-         if (allocated(error)) return
          i = findloc(upper - lower > 0.0_wp .and. upper - lower < huge(1.0_wp), .false., 1)
          if (i > 0) then
             call refuse(error, 'the bounds of '//domain%class%constants(i) &
@@ -114,11 +114,9 @@ contains
       character(len=:), allocatable :: name
       real(wp), allocatable :: poisson(:), scale(:)
 
-      if (.not. file%reading) then
-         name = domain%class%name
-         poisson = domain%poisson
-         scale = domain%stiffness
-      end if
+      if (.not. file%reading) name = domain%class%name
+      poisson = domain%poisson
+      scale = domain%stiffness
       call file%text('symmetry', name)
       call file%text('classes', domain%members)
       call file%reals('c_min', domain%lower)
@@ -212,130 +210,122 @@ contains
       !> Constants (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
       real(wp), allocatable, intent(out) :: constants(:, :), euler_deg(:, :)
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: unit(:, :), angles(:, :)
+      !> Points of a Latin hypercube, (coordinate, point); the unit interval's numbers that become
+      !> angles, (3, n).
+      real(wp), allocatable :: points(:, :), angles(:, :)
 
       allocate (euler_deg(3, n))
       if (size(domain%lower) > 0) then
-         call spread_in_box(domain, n, seed, constants, angles, error)
+         call spread_in_box()
          if (allocated(error)) return
       else
-         call latin_hypercube(merge(6, 5, domain%has_scale()), n, seed, unit)
-         call spread_logarithms(domain, unit, seed, constants, error)
-         angles = unit(3:5, :)
+         call latin_hypercube(merge(6, 5, domain%has_scale()), n)
+         call spread_logarithms()
+         angles = points(3:5, :)
       end if
       ! Phi within 0..90: a direction and its opposite are the same indentation.
       euler_deg(1, :) = 360.0_wp*angles(1, :)
       euler_deg(2, :) = acos(1.0_wp - angles(2, :))*180.0_wp/pi
       euler_deg(3, :) = 360.0_wp*angles(3, :)
+
+   contains
+
+      !> The first n points of a Latin hypercube whose crystals are in the domain: constants between
+      !> their bounds, and three numbers of the unit interval.
+      subroutine spread_in_box()
+         integer, parameter :: most_points = 4000000
+         integer :: k, i, n_admitted, points_needed
+
+         k = domain%class%n_constants
+         points_needed = n
+         allocate (constants(k, 0), angles(3, 0))
+         if (n == 0) return
+         do while (points_needed <= most_points)
+            call latin_hypercube(k + 3, points_needed)
+            ! Array constructors would be on the stack, and these arrays are large.
+            n_admitted = 0
+            do i = 1, size(points, 2)
+               points(:k, i) = domain%lower + points(:k, i)*(domain%upper - domain%lower)
+               if (.not. domain%admits(domain%class%stiffness(points(:k, i)))) cycle
+               n_admitted = n_admitted + 1
+               points(:, n_admitted) = points(:, i)
+               if (n_admitted < n) cycle
+               constants = points(:k, :n)
+               angles = points(k + 1:, :n)
+               return
+            end do
+            points_needed = ceiling(min(4.0_wp*points_needed, &
+               & 1.02_wp*points_needed*n/max(1, n_admitted) + 8.0_wp))
+         end do
+         call refuse(error, 'the domain holds (almost) no stable crystal below its anisotropy ' &
+            & //'cap of '//to_text(domain%anisotropy_cap))
+      end subroutine spread_in_box
+
+      !> Crystals whose log(3K/2G) and log-anisotropy follow the first two rows of `points` (5 or 6,
+      !> n) over their ranges. The directions of the anisotropy are random, and the classes of the
+      !> domain alternate. The logarithm of their scale follows row 6, or is that of 100 GPa.
+      subroutine spread_logarithms()
+         real(wp), parameter :: typical_scale = 100.0_wp
+         type(crystal_class_type) :: member
+         type(log_coordinates_type), allocatable :: coordinates(:)
+         type(random_stream_type) :: stream
+         character(len=:), allocatable :: names(:)
+         real(wp) :: contrast(2), between, mean, w(21)
+         integer :: i, k
+
+         allocate (names, source=split_list(domain%members))
+         allocate (coordinates(size(names)), constants(domain%class%n_constants, n))
+         do i = 1, size(names)
+            call new_crystal_class(trim(names(i)), member, error)
+            if (allocated(error)) return
+            coordinates(i) = new_log_coordinates(member)
+         end do
+         contrast = log((1.0_wp + domain%poisson)/(1.0_wp - 2.0_wp*domain%poisson))
+         stream = new_random_stream(seed, 1)
+         do i = 1, n
+            associate (space => coordinates(1 + mod(i - 1, size(names))))
+               between = contrast(1) + points(1, i)*(contrast(2) - contrast(1))
+               mean = log(typical_scale)
+               if (domain%has_scale()) then
+                  mean = (1.0_wp - points(6, i))*log(domain%stiffness(1)) &
+                     & + points(6, i)*log(domain%stiffness(2))
+               end if
+               w(1) = mean + 5.0_wp/6.0_wp*between
+               w(2) = sqrt(5.0_wp)*(mean - between/6.0_wp)
+               k = space%n
+               call stream%normals(w(3:k))
+               if (k > 2) w(3:k) = domain%log_anisotropy_max*points(2, i)*w(3:k)/norm2(w(3:k))
+               constants(:, i) = domain%class%constants_of(space%from_logarithms(w(:k)))
+            end associate
+         end do
+      end subroutine spread_logarithms
+
+      !> A Latin hypercube: points of m coordinates in the unit interval, `total` of them. In each
+      !> coordinate, each of as many equal parts has one point.
+      subroutine latin_hypercube(m, total)
+         integer, intent(in) :: m, total
+         type(random_stream_type) :: stream
+         integer, allocatable :: order(:)
+         real(wp) :: u
+         integer :: i, j, k
+
+         if (allocated(points)) deallocate (points)
+         allocate (points(m, total), order(total))
+         stream = new_random_stream(seed, 0)
+         do j = 1, m
+            do i = 1, total
+               order(i) = i
+            end do
+            do i = total, 2, -1
+               call stream%pick(i, k)
+               order([k, i]) = order([i, k])
+            end do
+            do i = 1, total
+               call stream%uniform(u)
+               points(j, i) = (order(i) - u)/total
+            end do
+         end do
+      end subroutine latin_hypercube
    end subroutine spread_crystals
 
-   !> The first n points of a Latin hypercube whose crystals are in the domain: constants between
-   !> their bounds, and three numbers of the unit interval, (3, n).
-   subroutine spread_in_box(domain, n, seed, constants, unit, error)
-      type(domain_type), intent(in) :: domain
-      integer, intent(in) :: n, seed
-      !> Constants (n_constants, n), GPa.
-      real(wp), allocatable, intent(out) :: constants(:, :), unit(:, :)
-      type(error_type), allocatable, intent(out) :: error
-      integer, parameter :: most_points = 4000000
-      real(wp), allocatable :: points(:, :)
-      integer :: k, i, n_admitted, points_needed
-
-      k = domain%class%n_constants
-      points_needed = n
-      allocate (constants(k, 0), unit(3, 0))
-      if (n == 0) return
-      do while (points_needed <= most_points)
-         call latin_hypercube(k + 3, points_needed, seed, points)
-         ! Array constructors would be on the stack, and these arrays are large.
-         n_admitted = 0
-         do i = 1, size(points, 2)
-            points(:k, i) = domain%lower + points(:k, i)*(domain%upper - domain%lower)
-            if (.not. domain%admits(domain%class%stiffness(points(:k, i)))) cycle
-            n_admitted = n_admitted + 1
-            points(:, n_admitted) = points(:, i)
-            if (n_admitted < n) cycle
-            constants = points(:k, :n)
-            unit = points(k + 1:, :n)
-            return
-         end do
-         points_needed = ceiling(min(4.0_wp*points_needed, &
-            & 1.02_wp*points_needed*n/max(1, n_admitted) + 8.0_wp))
-      end do
-      call refuse(error, 'the domain holds (almost) no stable crystal below its anisotropy ' &
-         & //'cap of '//to_text(domain%anisotropy_cap))
-   end subroutine spread_in_box
-
-   !> Crystals whose log(3K/2G) and log-anisotropy follow the first two rows of `unit` (5 or 6, n)
-   !> over their ranges. The directions of the anisotropy are random, and the classes of the domain
-   !> alternate. The logarithm of their scale follows row 6, or is that of 100 GPa.
-   subroutine spread_logarithms(domain, unit, seed, constants, error)
-      type(domain_type), intent(in) :: domain
-      real(wp), intent(in) :: unit(:, :)
-      integer, intent(in) :: seed
-      !> Constants (n_constants, n), GPa.
-      real(wp), allocatable, intent(out) :: constants(:, :)
-      type(error_type), allocatable, intent(out) :: error
-      real(wp), parameter :: typical_scale = 100.0_wp
-      type(crystal_class_type) :: member
-      type(log_coordinates_type), allocatable :: coordinates(:)
-      type(random_stream_type) :: stream
-      character(len=:), allocatable :: names(:)
-      real(wp) :: contrast(2), between, mean, w(21)
-      integer :: i, k
-
-      allocate (names, source=split_list(domain%members))
-      allocate (coordinates(size(names)), constants(domain%class%n_constants, size(unit, 2)))
-      do i = 1, size(names)
-         call new_crystal_class(trim(names(i)), member, error)
-         if (allocated(error)) return
-         coordinates(i) = new_log_coordinates(member)
-      end do
-      contrast = log((1.0_wp + domain%poisson)/(1.0_wp - 2.0_wp*domain%poisson))
-      stream = new_random_stream(seed, 1)
-      do i = 1, size(unit, 2)
-         associate (space => coordinates(1 + mod(i - 1, size(names))))
-            between = contrast(1) + unit(1, i)*(contrast(2) - contrast(1))
-            mean = log(typical_scale)
-            if (domain%has_scale()) then
-               mean = (1.0_wp - unit(6, i))*log(domain%stiffness(1)) &
-                  & + unit(6, i)*log(domain%stiffness(2))
-            end if
-            w(1) = mean + 5.0_wp/6.0_wp*between
-            w(2) = sqrt(5.0_wp)*(mean - between/6.0_wp)
-            k = space%n
-            call stream%normals(w(3:k))
-            if (k > 2) w(3:k) = domain%log_anisotropy_max*unit(2, i)*w(3:k)/norm2(w(3:k))
-            constants(:, i) = domain%class%constants_of(space%from_logarithms(w(:k)))
-         end associate
-      end do
-   end subroutine spread_logarithms
-
-   !> A Latin hypercube: n points of m coordinates in the unit interval. In each coordinate, each of
-   !> n equal parts has one point.
-   subroutine latin_hypercube(m, n, seed, points)
-      integer, intent(in) :: m, n, seed
-      !> (m, n).
-      real(wp), allocatable, intent(out) :: points(:, :)
-      type(random_stream_type) :: stream
-      integer, allocatable :: order(:)
-      real(wp) :: u
-      integer :: i, j, k
-
-      allocate (points(m, n), order(n))
-      stream = new_random_stream(seed, 0)
-      do j = 1, m
-         do i = 1, n
-            order(i) = i
-         end do
-         do i = n, 2, -1
-            call stream%pick(i, k)
-            order([k, i]) = order([i, k])
-         end do
-         do i = 1, n
-            call stream%uniform(u)
-            points(j, i) = (order(i) - u)/n
-         end do
-      end do
-   end subroutine latin_hypercube
 end module surrogate_domain

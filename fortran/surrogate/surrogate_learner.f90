@@ -25,7 +25,7 @@ module surrogate_learner
    type :: learner_type
       class(basis_type), allocatable :: basis
       type(design_type) :: design
-      class(acquisition_type), allocatable :: rule
+      type(acquisition_type) :: rule
       !> Data of the regression.
       type(simulations_type) :: simulations
       !> ln evidence at the last maximisation.
@@ -151,7 +151,7 @@ contains
          call maximise_evidence(regression, error, learner%log_evidence)
          if (allocated(error)) return
          ratio = ratio*regression%prior_width
-         if (any(abs(ratio - 1.0_wp) > 0.0_wp)) call scale_columns(ratio, design%candidates)
+         call scale_columns(ratio, design%candidates)
          call compute_variances(design)
       end associate
    end subroutine fit_learner
@@ -184,8 +184,8 @@ contains
       if (n < 2) then
          call refuse(error, &
             & 'there are '//to_text(n)//' training simulations; at least 2 are needed')
+         return
       end if
-      if (allocated(error)) return
       allocate (surrogate%basis, source=learner%basis)
       associate (regression => learner%design%regression)
          surrogate%alpha = regression%alpha
@@ -330,7 +330,7 @@ contains
       if (allocated(error)) return
       call fit_learner(learner, error)
       if (allocated(error)) return
-      call move_alloc(learning%learner%rule, learner%rule)
+      learner%rule = learning%learner%rule
       learning%learner = learner
       learning%last_mean = coefficient_mean(learner%design%regression)
    end subroutine change_basis
@@ -353,7 +353,7 @@ contains
       call leave_groups_out(learner%design%regression, groups, residual, sd, error)
       if (allocated(error)) return
       associate (basis => learner%basis, known => learner%simulations, &
-         & y => learner%design%regression%targets(:size(groups)))
+         & y => learner%design%regression%targets)
          spread = [(spread_of(basis%noise_growth, &
             & basis%domain%class%stiffness(known%constants(:, i))), i=1, size(groups))]
          predicted = basis%to_modulus(y - residual, 1.0_wp, spread) &

@@ -9,12 +9,13 @@
 !> module also finds named surrogates and checks the names of new ones, for both programs.
 module surrogate_model
    use abstract_basis, only: basis_type, grain_model_type
-   use bases, only: allocate_basis, new_basis
+   use bases, only: allocate_basis, exchange_settings, new_basis
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
-   use crystal_elasticity, only: check_stiffness, is_stable
+   use crystal_elasticity, only: check_stiffness
    use errors, only: error_type, prefix_error, raise, refuse
    use evidence_regression, only: factored_forms
-   use files, only: file_exists, is_folder, printable, read_text_file, replace_file, resolve_path
+   use files, only: file_exists, is_folder, printable, read_bytes, read_text_file, replace_file, &
+      & resolve_path
    use kinds, only: wp
    use labelled_values, only: labelled_values_type
    use linear_algebra, only: cholesky_factor
@@ -72,16 +73,17 @@ module surrogate_model
 contains
 
    !> The exact theory of the half-space, which needs no simulation.
-   subroutine new_theory_surrogate(surrogate, error)
+   subroutine new_theory_surrogate(surrogate)
       type(surrogate_type), intent(out) :: surrogate
-      type(error_type), allocatable, intent(out) :: error
+      !> Never allocated: the class exists, and the model has no settings.
+      type(error_type), allocatable :: error
       type(domain_type) :: domain
       type(surrogate_settings_type) :: settings
 
       settings%model = 'halfspace'
       domain%poisson = [-0.999_wp, 0.499_wp]
       call complete_domain(general_class, domain, error)
-      if (.not. allocated(error)) call new_basis(domain, settings, surrogate%basis, error)
+      call new_basis(domain, settings, surrogate%basis, error)
       allocate (surrogate%coefficients(0), surrogate%covariance(0, 0), &
          & surrogate%simulations%constants(21, 0), surrogate%simulations%euler_deg(3, 0), &
          & surrogate%simulations%modulus(0))
@@ -101,63 +103,54 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer, parameter :: block_size = 64
       type(error_type), allocatable :: singular
+      !> Lower factor of the covariance, if it has one.
       real(wp), allocatable :: factor(:, :)
-      integer :: first_invalid, last, i
+      integer :: i
 
-      first_invalid = huge(first_invalid)
-      !$omp parallel do num_threads(threads) schedule(static) reduction(min: first_invalid)
-      do i = 1, size(stiffness, 3)
-         if (is_stable(stiffness(:, :, i)) &
-            & .and. surrogate%basis%domain%is_of_class(stiffness(:, :, i))) then
-            cycle
-         end if
-         first_invalid = min(first_invalid, i)
-      end do
-      !$omp end parallel do
-      if (first_invalid < huge(first_invalid)) then
-         call check_stiffness(stiffness(:, :, first_invalid), error)
-         if (.not. allocated(error)) then
-            call refuse(error, &
-               & 'the stiffness is not that of a '//surrogate%basis%domain%class%name &
-               & //' crystal in its axes, for which the surrogate is')
-         end if
-         error%message = 'crystal '//to_text(first_invalid)//': '//error%message
-         return
-      end if
+      associate (domain => surrogate%basis%domain)
+         do i = 1, size(stiffness, 3)
+            call check_stiffness(stiffness(:, :, i), error)
+            if (.not. (allocated(error) .or. domain%is_of_class(stiffness(:, :, i)))) then
+               call refuse(error, 'the stiffness is not that of a '//domain%class%name &
+                  & //' crystal in its axes, for which the surrogate is')
+            end if
+            call prefix_error(error, 'crystal '//to_text(i)//': ')
+            if (allocated(error)) return
+         end do
+      end associate
       factor = surrogate%covariance
       call cholesky_factor(factor, singular)
       if (allocated(singular)) deallocate (factor)
-      !$omp parallel do num_threads(threads) schedule(static) private(last)
+      !$omp parallel do num_threads(threads) schedule(static)
       do i = 1, size(stiffness, 3), block_size
-         last = min(i + block_size - 1, size(stiffness, 3))
-         call predict_block(surrogate, stiffness(:, :, i:last), euler(:, i:last), &
-            & modulus(i:last), sd(i:last), factor)
+         call predict_block(i, min(i + block_size - 1, size(stiffness, 3)))
       end do
       !$omp end parallel do
+
+   contains
+
+      !> Mean and sd of the crystals `first` to `last`, whose variances follow from one product of
+      !> matrices.
+      subroutine predict_block(first, last)
+         integer, intent(in) :: first, last
+         real(wp) :: terms(surrogate%basis%n_terms, first:last)
+         real(wp), dimension(first:last) :: scale, spread, variance
+         integer :: k
+
+         associate (basis => surrogate%basis)
+            call basis%evaluate_many(stiffness(:, :, first:last), euler(:, first:last), terms, &
+               & scale, spread)
+            do k = first, last
+               modulus(k) = basis%to_modulus(dot_product(surrogate%coefficients, terms(:, k)), &
+                  & scale(k), spread(k))
+            end do
+            call factored_forms(surrogate%covariance, factor, terms, variance)
+            if (basis%logarithmic) scale = spread*modulus(first:last)
+         end associate
+         if (surrogate%beta < huge(1.0_wp)) variance = variance + 1.0_wp/surrogate%beta
+         sd(first:last) = scale*sqrt(variance)
+      end subroutine predict_block
    end subroutine predict_crystals
-
-   !> Mean and sd of some crystals, whose variances follow from one product of matrices.
-   subroutine predict_block(surrogate, c, euler, modulus, sd, factor)
-      type(surrogate_type), intent(in) :: surrogate
-      real(wp), intent(in) :: c(:, :, :), euler(:, :)
-      real(wp), intent(out) :: modulus(:), sd(:)
-      !> Lower factor of the covariance, if it has one.
-      real(wp), intent(in), allocatable :: factor(:, :)
-      real(wp) :: terms(surrogate%basis%n_terms, size(modulus))
-      real(wp), dimension(size(modulus)) :: scale, spread, variance
-      integer :: i
-
-      call surrogate%basis%evaluate_many(c, euler, terms, scale, spread)
-      do i = 1, size(modulus)
-         modulus(i) = surrogate%basis%to_modulus(dot_product(surrogate%coefficients, terms(:, i)), &
-            & scale(i), spread(i))
-      end do
-      call factored_forms(surrogate%covariance, factor, terms, variance)
-      sd = scale
-      if (surrogate%basis%logarithmic) sd = spread*modulus
-      if (surrogate%beta < huge(1.0_wp)) variance = variance + 1.0_wp/surrogate%beta
-      sd = sd*sqrt(variance)
-   end subroutine predict_block
 
    !> Moduli of certain grains as a function of the crystal, and their covariance on request.
    subroutine new_grain_model(surrogate, class, euler, with_covariance, model, error)
@@ -210,7 +203,7 @@ contains
       call read_text_file(path, file%content, error)
       if (allocated(error)) then
          error%message = path//': '//error%message
-      else if (.not. is_surrogate(path)) then
+      else if (index(file%content, label//' ') /= 1) then
          call refuse(error, path//': is not a surrogate of bayesindent')
       else
          call exchange_surrogate(surrogate, file)
@@ -248,16 +241,11 @@ contains
    !> Whether a file begins as a surrogate does.
    logical function is_surrogate(path)
       character(len=*), intent(in) :: path
-      character(len=len(label) + 1) :: start
-      integer :: unit, status
+      character(len=:), allocatable :: content
+      type(error_type), allocatable :: error
 
-      is_surrogate = .false.
-      open (newunit=unit, file=path, access='stream', form='unformatted', status='old', &
-         & action='read', iostat=status)
-      if (status /= 0) return
-      read (unit, iostat=status) start
-      is_surrogate = status == 0 .and. start == label//' '
-      close (unit)
+      call read_bytes(path, content, error)
+      is_surrogate = index(content, label//' ') == 1
    end function is_surrogate
 
    !> Write a surrogate in the order of the file, or read and check it.
@@ -283,7 +271,7 @@ contains
       if (allocated(file%error)) return
       call exchange_domain(surrogate%basis%domain, file)
       if (allocated(file%error)) return
-      call surrogate%basis%exchange(file)
+      call exchange_settings(surrogate%basis%settings, file)
       if (file%reading .and. .not. allocated(file%error)) then
          call surrogate%basis%set_up(error)
          if (allocated(error)) call file%fail(error%message)
@@ -294,94 +282,93 @@ contains
       call file%real('fall', surrogate%decay_rate)
       call file%real('contact_radius_um', surrogate%contact_radius)
       call file%reals('coefficients', surrogate%coefficients)
-      call exchange_covariance(surrogate, file)
-      call exchange_simulations(surrogate%simulations, &
-         & surrogate%basis%domain%class%n_constants, file)
+      call exchange_covariance()
+      call exchange_simulations(surrogate%simulations)
       call file%lines('provenance', surrogate%provenance)
-      if (file%reading .and. .not. allocated(file%error)) call check_values(surrogate, file%error)
+      if (file%reading .and. .not. allocated(file%error)) call check_values(file%error)
+
+   contains
+
+      !> Write or read the lower triangle of the covariance, column by column.
+      subroutine exchange_covariance()
+         real(wp), allocatable :: packed(:)
+         logical, allocatable :: lower(:, :)
+         integer :: n, i, j
+
+         n = surrogate%basis%n_terms
+         allocate (lower(n, n))
+         do j = 1, n
+            lower(:, j) = [(i >= j, i=1, n)]
+         end do
+         if (.not. file%reading) packed = pack(surrogate%covariance, lower)
+         call file%reals('covariance', packed)
+         if (allocated(file%error) .or. .not. file%reading) return
+         if (size(packed) /= n*(n + 1)/2 .or. size(surrogate%coefficients) /= n) then
+            call file%fail('there are '//to_text(size(surrogate%coefficients)) &
+               & //' coefficients and '//to_text(size(packed))//' covariances; '//to_text(n) &
+               & //' and '//to_text(n*(n + 1)/2)//' are needed')
+            return
+         end if
+         surrogate%covariance = unpack(packed, lower, 0.0_wp)
+         surrogate%covariance = merge(surrogate%covariance, transpose(surrogate%covariance), lower)
+      end subroutine exchange_covariance
+
+      subroutine exchange_simulations(simulations)
+         type(simulations_type), intent(inout) :: simulations
+         real(wp), allocatable :: constants(:), euler_deg(:)
+         integer :: n, n_constants
+
+         if (.not. file%reading) then
+            constants = reshape(simulations%constants, [size(simulations%constants)])
+            euler_deg = reshape(simulations%euler_deg, [size(simulations%euler_deg)])
+         end if
+         call file%reals('simulated_constants', constants)
+         call file%reals('simulated_euler_deg', euler_deg)
+         call file%reals('simulated_modulus_gpa', simulations%modulus)
+         if (allocated(file%error) .or. .not. file%reading) return
+         n = size(simulations%modulus)
+         n_constants = surrogate%basis%domain%class%n_constants
+         if (any([size(constants), size(euler_deg)] /= [n_constants, 3]*n)) then
+            call file%fail('the simulations have '//to_text(size(constants))//' constants, ' &
+               & //to_text(size(euler_deg))//' angles and '//to_text(n)//' moduli')
+            return
+         end if
+         simulations%constants = reshape(constants, [n_constants, n])
+         simulations%euler_deg = reshape(euler_deg, [3, n])
+         if (any(simulations%modulus <= 0.0_wp)) then
+            call file%fail('a simulated modulus is not positive')
+         end if
+      end subroutine exchange_simulations
+
+      !> Refuse precisions that are not positive and a covariance that is not positive definite.
+      subroutine check_values(error)
+         type(error_type), allocatable, intent(out) :: error
+         real(wp), parameter :: rounding = 1.0e-6_wp
+         real(wp), allocatable :: correlation(:, :), sd(:)
+         integer :: i, j, n
+
+         n = surrogate%basis%n_terms
+         sd = [(surrogate%covariance(i, i), i=1, n)]
+         if (.not. (surrogate%alpha > 0.0_wp .and. surrogate%beta > 0.0_wp &
+            & .and. surrogate%decay_rate > 0.0_wp)) then
+            call refuse(error, 'alpha = '//to_text(surrogate%alpha)//', beta = ' &
+               & //to_text(surrogate%beta)//' and fall = '//to_text(surrogate%decay_rate) &
+               & //' must be positive')
+         else if (.not. all(sd > 0.0_wp)) then
+            call refuse(error, 'the variance of coefficient ' &
+               & //to_text(findloc(sd > 0.0_wp, .false., dim=1))//' is not positive')
+         end if
+         if (allocated(error)) return
+         sd = sqrt(sd)
+         allocate (correlation(n, n))
+         do j = 1, n
+            correlation(:, j) = surrogate%covariance(:, j)/(sd*sd(j))
+            correlation(j, j) = correlation(j, j) + rounding
+         end do
+         call cholesky_factor(correlation, error)
+         call prefix_error(error, 'the covariance is not one: ')
+      end subroutine check_values
    end subroutine exchange_surrogate
-
-   !> Write or read the lower triangle of the covariance, column by column.
-   subroutine exchange_covariance(surrogate, file)
-      type(surrogate_type), intent(inout) :: surrogate
-      type(labelled_values_type), intent(inout) :: file
-      real(wp), allocatable :: packed(:)
-      logical, allocatable :: lower(:, :)
-      integer :: n, i, j
-
-      n = surrogate%basis%n_terms
-      allocate (lower(n, n))
-      do j = 1, n
-         lower(:, j) = [(i >= j, i=1, n)]
-      end do
-      if (.not. file%reading) packed = pack(surrogate%covariance, lower)
-      call file%reals('covariance', packed)
-      if (allocated(file%error) .or. .not. file%reading) return
-      if (size(packed) /= n*(n + 1)/2 .or. size(surrogate%coefficients) /= n) then
-         call file%fail('there are '//to_text(size(surrogate%coefficients))//' coefficients and ' &
-            & //to_text(size(packed))//' covariances; '//to_text(n)//' and '//to_text(n*(n + 1)/2) &
-            & //' are needed')
-         return
-      end if
-      surrogate%covariance = unpack(packed, lower, 0.0_wp)
-      surrogate%covariance = merge(surrogate%covariance, transpose(surrogate%covariance), lower)
-   end subroutine exchange_covariance
-
-   subroutine exchange_simulations(simulations, n_constants, file)
-      type(simulations_type), intent(inout) :: simulations
-      integer, intent(in) :: n_constants
-      type(labelled_values_type), intent(inout) :: file
-      real(wp), allocatable :: constants(:), euler_deg(:)
-      integer :: n
-
-      if (.not. file%reading) then
-         constants = reshape(simulations%constants, [size(simulations%constants)])
-         euler_deg = reshape(simulations%euler_deg, [size(simulations%euler_deg)])
-      end if
-      call file%reals('simulated_constants', constants)
-      call file%reals('simulated_euler_deg', euler_deg)
-      call file%reals('simulated_modulus_gpa', simulations%modulus)
-      if (allocated(file%error) .or. .not. file%reading) return
-      n = size(simulations%modulus)
-      if (any([size(constants), size(euler_deg)] /= [n_constants, 3]*n)) then
-         call file%fail('the simulations have '//to_text(size(constants))//' constants, ' &
-            & //to_text(size(euler_deg))//' angles and '//to_text(n)//' moduli')
-         return
-      end if
-      simulations%constants = reshape(constants, [n_constants, n])
-      simulations%euler_deg = reshape(euler_deg, [3, n])
-      if (any(simulations%modulus <= 0.0_wp)) call file%fail('a simulated modulus is not positive')
-   end subroutine exchange_simulations
-
-   !> Refuse precisions that are not positive and a covariance that is not positive definite.
-   subroutine check_values(surrogate, error)
-      type(surrogate_type), intent(in) :: surrogate
-      type(error_type), allocatable, intent(out) :: error
-      real(wp), parameter :: rounding = 1.0e-6_wp
-      real(wp), allocatable :: correlation(:, :), sd(:)
-      integer :: i, j, n
-
-      n = surrogate%basis%n_terms
-      sd = [(surrogate%covariance(i, i), i=1, n)]
-      if (.not. (surrogate%alpha > 0.0_wp .and. surrogate%beta > 0.0_wp &
-         & .and. surrogate%decay_rate > 0.0_wp)) then
-         call refuse(error, 'alpha = '//to_text(surrogate%alpha)//', beta = ' &
-            & //to_text(surrogate%beta)//' and fall = '//to_text(surrogate%decay_rate) &
-            & //' must be positive')
-      else if (.not. all(sd > 0.0_wp)) then
-         call refuse(error, 'the variance of coefficient ' &
-            & //to_text(findloc(sd > 0.0_wp, .false., dim=1))//' is not positive')
-      end if
-      if (allocated(error)) return
-      sd = sqrt(sd)
-      allocate (correlation(n, n))
-      do j = 1, n
-         correlation(:, j) = surrogate%covariance(:, j)/(sd*sd(j))
-         correlation(j, j) = correlation(j, j) + rounding
-      end do
-      call cholesky_factor(correlation, error)
-      call prefix_error(error, 'the covariance is not one: ')
-   end subroutine check_values
 
    !> Find the path of a surrogate, '' for the theory: a file of the output folder, of the
    !> namelist's folder, or one that comes with the package.
@@ -418,7 +405,7 @@ contains
       type(crystal_class_type) :: crystal
 
       if (name == theory_name) then
-         call new_theory_surrogate(surrogate, error)
+         call new_theory_surrogate(surrogate)
          return
       end if
       call find_surrogate(name, places, path, error)

@@ -26,7 +26,7 @@ module compliance_field
       & spread_of_directions
    use errors, only: error_type
    use kinds, only: pi, wp
-   use linear_algebra, only: add_gram, cholesky_factor, cholesky_solve, multiply, &
+   use linear_algebra, only: cholesky_factor, cholesky_solve, gram_of, multiply, &
       & multiply_by_factor, transposed_product
    use small_matrices, only: solve_lower
    use symmetric_harmonics, only: evaluate_harmonics, harmonics_type, largest_degree, new_harmonics
@@ -89,8 +89,11 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(harmonics_type) :: harmonics
       type(region_type) :: region
+      !> Rotations of the group, (3, 3, m); the matrix from values at all images of the nodes to
+      !> coefficients of the harmonics, (harmonics, images), the images of a node one after another.
       real(wp), allocatable :: rotations(:, :, :), fit(:, :)
       real(wp) :: least_nodes
+      !> Whether the coefficients are well determined, see `well_determined`.
       logical :: is_good
 
       call new_region(class, region)
@@ -100,15 +103,119 @@ contains
       least_nodes = oversampling*harmonics%n/size(rotations, 3)
       do
          call even_directions(region, degree/2 + 3, least_nodes, field%nodes)
-         call fit_images(harmonics, rotations, field%nodes, fit, is_good, error)
+         call fit_images()
          if (allocated(error)) return
          if (is_good) exit
          least_nodes = size(field%nodes, 2) + 0.5_wp
       end do
       field%n_grains = size(euler, 2)
       call set_planes(field)
-      call set_mode_map(harmonics, rotations, fit, euler, field)
+      call set_mode_map()
+
+   contains
+
+      !> Least squares: the matrix from values at all images of the nodes to coefficients of the
+      !> harmonics.
+      subroutine fit_images()
+         type(error_type), allocatable :: indefinite
+         real(wp), allocatable :: gram(:, :), shifted(:, :)
+         integer :: g, i, image
+
+         if (allocated(fit)) deallocate (fit)
+         allocate (fit(harmonics%n, size(field%nodes, 2)*size(rotations, 3)))
+         image = 0
+         do i = 1, size(field%nodes, 2)
+            do g = 1, size(rotations, 3)
+               image = image + 1
+               call evaluate_harmonics(harmonics, matmul(rotations(:, :, g), field%nodes(:, i)), &
+                  & fit(:, image))
+            end do
+         end do
+         gram = gram_of(fit)
+         ! The shifted matrix is positive definite if the least eigenvalue is above the limit.
+         shifted = gram/image
+         do i = 1, harmonics%n
+            shifted(i, i) = shifted(i, i) - well_determined
+         end do
+         call cholesky_factor(shifted, indefinite)
+         is_good = .not. allocated(indefinite)
+         if (.not. is_good) return
+         call cholesky_factor(gram, error)
+         if (allocated(error)) return
+         call cholesky_solve(gram, fit)
+      end subroutine fit_images
+
+      !> Set the map from F at the nodes to the modes of each grain: the harmonics of n.F(t).n along
+      !> its great circle.
+      subroutine set_mode_map()
+         real(wp), allocatable :: circle(:, :), waves(:, :), weight(:, :)
+         real(wp) :: g(3, 3), theta(maxval(harmonics%degrees)/2 + 4), turned(3), square(6)
+         integer :: grain, i, k, r, image, n_points, m, row, n_retained, first, last
+
+         n_retained = 1 + 2*max(2, min(highest_mode, maxval(harmonics%degrees)/8))
+         ! On a circle a polynomial of degree L has L/2 harmonics of 2 theta. This number of points
+         ! integrates the modes exactly.
+         n_points = size(theta)
+         theta = [(pi*(k - 1)/n_points, k=1, n_points)]
+         allocate (field%to_modes(size(field%mm), field%n_grains*n_retained), source=0.0_wp)
+         allocate (circle(harmonics%n, n_points), waves(n_points, most_modes))
+         do k = 1, n_points
+            waves(k, :) = [0.5_wp, (cos(2.0_wp*m*theta(k)), sin(2.0_wp*m*theta(k)), &
+               & m=1, highest_mode)]*2.0_wp/n_points
+         end do
+         do grain = 1, field%n_grains
+            g = rotation_matrix(euler(:, grain))
+            do k = 1, n_points
+               call evaluate_harmonics(harmonics, g(:, 1)*cos(theta(k)) + g(:, 2)*sin(theta(k)), &
+                  & circle(:, k))
+            end do
+            weight = matmul(transpose(matmul(circle, waves)), fit)
+            image = 0
+            do i = 1, size(field%nodes, 2)
+               first = 1 + mod(i - 1, lanes) + 6*lanes*((i - 1)/lanes)
+               last = first + 5*lanes
+               do r = 1, size(rotations, 3)
+                  image = image + 1
+                  ! F at an image is R F R^T, so n.(R F R^T).n = (R^T n).F.(R^T n).
+                  turned = matmul(g(:, 3), rotations(:, :, r))
+                  square = [turned**2, 2.0_wp*turned(2)*turned(3), 2.0_wp*turned(1)*turned(3), &
+                     & 2.0_wp*turned(1)*turned(2)]
+                  do m = 1, n_retained
+                     row = grain + field%n_grains*(m - 1)
+                     field%to_modes(first:last:lanes, row) = field%to_modes(first:last:lanes, &
+                        & row) + weight(m, image)*square
+                  end do
+               end do
+            end do
+         end do
+      end subroutine set_mode_map
    end subroutine new_field
+
+   !> Choose two directions perpendicular to each node and compute their products. The last block
+   !> is filled up with its last node.
+   pure subroutine set_planes(field)
+      type(field_type), intent(inout) :: field
+      real(wp) :: t(3), m(3), n(3)
+      integer :: n_nodes, n_blocks, block, lane
+
+      n_nodes = size(field%nodes, 2)
+      n_blocks = (n_nodes + lanes - 1)/lanes
+      allocate (field%mn(lanes, 9, n_blocks), field%mm(lanes, 6, n_blocks), &
+         & field%nn(lanes, 6, n_blocks))
+      do block = 1, n_blocks
+         do lane = 1, lanes
+            t = field%nodes(:, min(n_nodes, lanes*(block - 1) + lane))
+            ! Start from the coordinate axis that is farthest from t.
+            m = 0.0_wp
+            m(minloc(abs(t), 1)) = 1.0_wp
+            m = m - dot_product(m, t)*t
+            m = m/norm2(m)
+            n = [t(2)*m(3) - t(3)*m(2), t(3)*m(1) - t(1)*m(3), t(1)*m(2) - t(2)*m(1)]
+            call plane_products(m, n, field%mn(lane, :, block), field%mm(lane, :, block), &
+               & field%nn(lane, :, block))
+         end do
+      end do
+   end subroutine set_planes
 
    !> Directions spread evenly over the area of a region. A region that is an arc has them at equal
    !> angles, with none at its ends.
@@ -150,122 +257,6 @@ contains
       nodes = nodes(:, :n)
    end subroutine even_directions
 
-   !> Choose two directions perpendicular to each node and compute their products. The last block is
-   !> filled up with its last node.
-   pure subroutine set_planes(field)
-      type(field_type), intent(inout) :: field
-      real(wp) :: t(3), m(3), n(3)
-      integer :: n_nodes, n_blocks, block, lane
-
-      n_nodes = size(field%nodes, 2)
-      n_blocks = (n_nodes + lanes - 1)/lanes
-      allocate (field%mn(lanes, 9, n_blocks), field%mm(lanes, 6, n_blocks), &
-         & field%nn(lanes, 6, n_blocks))
-      do block = 1, n_blocks
-         do lane = 1, lanes
-            t = field%nodes(:, min(n_nodes, lanes*(block - 1) + lane))
-            ! Start from the coordinate axis that is farthest from t.
-            m = 0.0_wp
-            m(minloc(abs(t), 1)) = 1.0_wp
-            m = m - dot_product(m, t)*t
-            m = m/norm2(m)
-            n = [t(2)*m(3) - t(3)*m(2), t(3)*m(1) - t(1)*m(3), t(1)*m(2) - t(2)*m(1)]
-            call plane_products(m, n, field%mn(lane, :, block), field%mm(lane, :, block), &
-               & field%nn(lane, :, block))
-         end do
-      end do
-   end subroutine set_planes
-
-   !> Least squares: the matrix from values at all images of the nodes to coefficients of the
-   !> harmonics.
-   subroutine fit_images(harmonics, rotations, nodes, fit, is_good, error)
-      type(harmonics_type), intent(in) :: harmonics
-      !> Rotations of the group, (3, 3, m), and nodes, unit vectors in crystal axes, (3, n).
-      real(wp), intent(in) :: rotations(:, :, :), nodes(:, :)
-      !> (harmonics, images); the images of a node follow each other. It is only set if `is_good`.
-      real(wp), allocatable, intent(out) :: fit(:, :)
-      !> Whether the coefficients are well determined, see `well_determined`.
-      logical, intent(out) :: is_good
-      type(error_type), allocatable, intent(out) :: error
-      type(error_type), allocatable :: indefinite
-      real(wp), allocatable :: gram(:, :), shifted(:, :)
-      integer :: g, i, image
-
-      allocate (fit(harmonics%n, size(nodes, 2)*size(rotations, 3)), gram(harmonics%n, harmonics%n))
-      image = 0
-      do i = 1, size(nodes, 2)
-         do g = 1, size(rotations, 3)
-            image = image + 1
-            call evaluate_harmonics(harmonics, matmul(rotations(:, :, g), nodes(:, i)), &
-               & fit(:, image))
-         end do
-      end do
-      gram = 0.0_wp
-      call add_gram(fit, 1.0_wp, gram, transposed=.false.)
-      ! The shifted matrix is positive definite if the least eigenvalue is above the limit.
-      shifted = gram/image
-      do i = 1, harmonics%n
-         shifted(i, i) = shifted(i, i) - well_determined
-      end do
-      call cholesky_factor(shifted, indefinite)
-      is_good = .not. allocated(indefinite)
-      if (.not. is_good) return
-      call cholesky_factor(gram, error)
-      if (allocated(error)) return
-      call cholesky_solve(gram, fit)
-   end subroutine fit_images
-
-   !> Set the map from F at the nodes to the modes of each grain: the harmonics of n.F(t).n along
-   !> its great circle.
-   subroutine set_mode_map(harmonics, rotations, fit, euler, field)
-      type(harmonics_type), intent(in) :: harmonics
-      real(wp), intent(in) :: rotations(:, :, :), fit(:, :), euler(:, :)
-      type(field_type), intent(inout) :: field
-      real(wp), allocatable :: circle(:, :), waves(:, :), weight(:, :)
-      real(wp) :: g(3, 3), theta(maxval(harmonics%degrees)/2 + 4), turned(3), square(6)
-      integer :: grain, i, k, r, image, n_points, n_rotations, m, n_grains, row, &
-         & n_retained, first, last
-
-      n_grains = size(euler, 2)
-      n_retained = 1 + 2*max(2, min(highest_mode, maxval(harmonics%degrees)/8))
-      n_rotations = size(rotations, 3)
-      ! On a circle a polynomial of degree L has L/2 harmonics of 2 theta. This number of points
-      ! integrates the modes exactly.
-      n_points = size(theta)
-      theta = [(pi*(k - 1)/n_points, k=1, n_points)]
-      allocate (field%to_modes(size(field%mm), n_grains*n_retained), source=0.0_wp)
-      allocate (circle(harmonics%n, n_points), waves(n_points, most_modes))
-      do k = 1, n_points
-         waves(k, :) = [0.5_wp, &
-            & (cos(2.0_wp*m*theta(k)), sin(2.0_wp*m*theta(k)), m=1, highest_mode)]*2.0_wp/n_points
-      end do
-      do grain = 1, n_grains
-         g = rotation_matrix(euler(:, grain))
-         do k = 1, n_points
-            call evaluate_harmonics(harmonics, g(:, 1)*cos(theta(k)) + g(:, 2)*sin(theta(k)), &
-               & circle(:, k))
-         end do
-         weight = matmul(transpose(matmul(circle, waves)), fit)
-         image = 0
-         do i = 1, size(field%nodes, 2)
-            first = 1 + mod(i - 1, lanes) + 6*lanes*((i - 1)/lanes)
-            last = first + 5*lanes
-            do r = 1, n_rotations
-               image = image + 1
-               ! F at an image is R F R^T, so n.(R F R^T).n = (R^T n).F.(R^T n).
-               turned = matmul(g(:, 3), rotations(:, :, r))
-               square = [turned**2, 2.0_wp*turned(2)*turned(3), 2.0_wp*turned(1)*turned(3), &
-                  & 2.0_wp*turned(1)*turned(2)]
-               do m = 1, n_retained
-                  row = grain + n_grains*(m - 1)
-                  field%to_modes(first:last:lanes, row) = field%to_modes(first:last:lanes, &
-                     & row) + weight(m, image)*square
-               end do
-            end do
-         end do
-      end do
-   end subroutine set_mode_map
-
    !> Indentation moduli (GPa) of all grains, for stable crystals c.
    pure subroutine field_moduli(field, c, moduli)
       type(field_type), intent(in) :: field
@@ -289,8 +280,7 @@ contains
          end do
          if (n > 1) call multiply(field%to_modes, f(:, :n), modes(:, :n), transposed=.true.)
          if (n == 1) then
-            call transposed_product(size(f, 1), size(modes, 1), field%to_modes, f(:, 1), &
-               & modes(:, 1))
+            call transposed_product(field%to_modes, f(:, 1), modes(:, 1))
          end if
          do i = 1, n
             call minimise_compliance(field%n_grains, n_retained, modes(:, i), &
@@ -360,8 +350,7 @@ contains
       expansion%is_used = n > 2*size(directions, 2)
       if (.not. expansion%is_used) return
       allocate (expansion%euler(3, size(directions, 2)), source=0.0_wp)
-      allocate (values(harmonics%n, size(directions, 2)), gram(harmonics%n, harmonics%n), &
-         & source=0.0_wp)
+      allocate (values(harmonics%n, size(directions, 2)))
       do i = 1, size(directions, 2)
          ! phi1 stays 0: the indented direction, the third column of g, is (sin phi2 sin Phi, cos
          ! phi2 sin Phi, cos Phi).
@@ -369,7 +358,7 @@ contains
          expansion%euler(3, i) = modulo(atan2(directions(1, i), directions(2, i)), 2.0_wp*pi)
          call evaluate_harmonics(harmonics, directions(:, i), values(:, i))
       end do
-      call add_gram(values, 1.0_wp, gram, transposed=.false.)
+      gram = gram_of(values)
       call cholesky_factor(gram, error)
       if (allocated(error)) return
       call cholesky_solve(gram, values)
@@ -400,8 +389,7 @@ contains
       if (.not. self%is_used) return
       n = size(self%to_grains, 2)
       weighted = self%to_grains*spread(weights, 2, n)
-      allocate (gram(n, n), source=0.0_wp)
-      call add_gram(weighted, 1.0_wp, gram, transposed=.true.)
+      gram = gram_of(weighted, transposed=.true.)
       call cholesky_factor(gram, error)
       if (allocated(error)) return
       condensed = matmul(values, weighted)

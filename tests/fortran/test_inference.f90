@@ -60,7 +60,7 @@ contains
       do i = 1, 6
          a(:, i) = sin(x*i)
       end do
-      call transposed_product(37, 6, a, x, z)
+      call transposed_product(a, x, z)
       call check('transposed_product', maxval(abs(z - matmul(transpose(a), x))) < 1.0e-11_wp)
    end subroutine test_kernels
 

@@ -44,7 +44,7 @@ contains
          & 2) = reshape([0.1_wp, 0.4_wp, 0.7_wp, 2.0_wp, 1.3_wp, 0.0_wp], [3, 2])
       real(wp) :: modulus(2), sd(2)
 
-      call new_theory_surrogate(surrogate, error)
+      call new_theory_surrogate(surrogate)
       call predict_crystals(surrogate, spread(isotropic_stiffness(210.0_wp, 0.3_wp), 3, 2), euler, &
          & 1, modulus, sd, error)
       call check_success('theory alone', error)
