@@ -465,7 +465,7 @@ contains
             & self%settings%problem%lattice, error)
       end if
       if (.not. allocated(error)) then
-         call find_column(self%grains%table, 'grain', self%grains%named_by, error)
+         call find_column(self%grains%table, 'grain', self%grains%named_by, error, .false.)
       end if
       if (.not. allocated(error) .and. self%grains%n > most_grains) then
          call refuse(error, to_text(self%grains%n)//' grains; allowed up to '//to_text(most_grains))

@@ -25,7 +25,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: source
       logical, allocatable :: chosen(:)
-      integer :: i, j
+      real(wp), allocatable :: values(:, :)
+      integer :: j
 
       source = table
       if (allocated(path)) call read_table(path, source, error)
@@ -37,17 +38,8 @@ contains
       chosen = [(index(source%name(j), 'shared_') == 1 &
          & .or. (allocated(path) .and. source%name(j) /= 'grain'), j=1, source%columns)]
       if (any(chosen)) then
-         if (allocated(shared_errors)) deallocate (shared_errors)
-         allocate (shared_errors(source%rows, count(chosen)))
-         associate (columns => pack([(j, j=1, source%columns)], chosen))
-            do i = 1, source%rows
-               do j = 1, size(columns)
-                  if (.not. allocated(error)) then
-                     call source%number(columns(j), i, shared_errors(i, j), error)
-                  end if
-               end do
-            end do
-         end associate
+         call source%numbers(pack([(j, j=1, source%columns)], chosen), values, error)
+         shared_errors = transpose(values)
          digest = source%digest()
       end if
       if (allocated(path)) call prefix_error(error, 'shared_errors: '//printable(path)//': ')

@@ -3,10 +3,9 @@ module curve_tables
    use errors, only: error_type, prefix_error, refuse
    use files, only: checksum, printable
    use kinds, only: wp
-   use point_tables, only: read_column
-   use table_columns, only: find_column
-   use tables, only: longest_name, parse_table, read_table, table_type
-   use text, only: split_list, to_text
+   use table_columns, only: find_columns, read_column
+   use tables, only: parse_table, read_table, table_type
+   use text, only: to_text
    implicit none
    private
    public :: curve_type, curve_set_type, read_curves
@@ -58,25 +57,6 @@ contains
       if (.not. allocated(error)) call take_points(table, set%curves, error)
       call prefix_error(error, prefix)
    end subroutine read_curves
-
-   !> Find the columns of these names, 0 for a name that is missing.
-   subroutine find_columns(table, names, needed, columns, error)
-      type(table_type), intent(in) :: table
-      !> Names separated by ', '; the first `needed` of them must occur.
-      character(len=*), intent(in) :: names
-      integer, intent(in) :: needed
-      integer, allocatable, intent(out) :: columns(:)
-      type(error_type), allocatable, intent(out) :: error
-      character(len=longest_name), allocatable :: each(:)
-      integer :: j
-
-      each = split_list(names)
-      allocate (columns(size(each)))
-      do j = 1, size(each)
-         call find_column(table, trim(each(j)), columns(j), error, needed=j <= needed)
-         if (allocated(error)) return
-      end do
-   end subroutine find_columns
 
    !> Read the rows of the table of tests.
    subroutine read_tests(set, error)

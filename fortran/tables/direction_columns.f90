@@ -67,19 +67,18 @@ contains
       real(wp), intent(out) :: euler_deg(:, :)
       type(error_type), allocatable, intent(out) :: error
       type(lattice_type) :: lattice
-      real(wp) :: row(4), v(3)
-      integer :: i, j
+      real(wp), allocatable :: indices(:, :), row(:)
+      real(wp) :: v(3)
+      integer :: i
 
       if (way /= quaternions) then
          call find_lattice()
          if (allocated(error)) return
       end if
+      call table%numbers(columns, indices, error)
+      if (allocated(error)) return
       do i = 1, table%rows
-         row = 0.0_wp
-         do j = 1, size(columns)
-            call table%number(columns(j), i, row(j), error)
-            if (allocated(error)) return
-         end do
+         row = indices(:, i)
          if (way == quaternions) then
             if (abs(norm2(row) - 1.0_wp) > rounding) then
                call table%refuse(columns(1), i, ' is of no unit quaternion: q0^2 + q1^2 + q2^2 + ' &

@@ -9,13 +9,14 @@ module point_tables
    use statistics, only: number_equal
    use settings_schema, only: measurements_settings_type
    use direction_columns, only: find_ways, read_directions
-   use table_columns, only: find_column, find_modulus, known_columns
+   use table_columns, only: angle_columns, column_type, find_column, find_columns, find_modulus, &
+      & read_column, read_numbers
    use tables, only: longest_name, read_table, table_type
    use text, only: join, lower, to_text
    implicit none
    private
    public :: points_type, read_crystals, read_measurements, read_orientations, first_rows, &
-      & angles_look_like_radians, read_angles, read_groups, read_column
+      & angles_look_like_radians, read_angles, read_groups
 
    !> Points, one for each row of a table. Values that the table does not have are NaN.
    type :: points_type
@@ -60,10 +61,11 @@ module point_tables
       procedure :: name, directions
    end type points_type
 
-   character(len=*), &
-      & parameter :: angle_names(3) = [character(len=8) :: 'phi1_deg', 'Phi_deg', 'phi2_deg']
    !> Largest plausible stiffness, GPa.
    real(wp), parameter, public :: stiffness_most = 5000.0_wp
+   !> What the columns of elastic constants may have.
+   type(column_type), parameter :: constant_column = column_type('', &
+      & [-stiffness_most, stiffness_most], ' GPa', ' looks like MPa; allowed up to 5000.0 GPa')
 
 contains
 
@@ -77,28 +79,20 @@ contains
       real(wp), allocatable :: along(:)
       integer :: column, i
 
-      call read_all()
+      column = 0
+      call read_table(path, points%table, error)
+      if (.not. allocated(error)) call read_angles(points, .false., error)
+      if (.not. allocated(error)) call read_constants(points, default_class, error)
+      if (.not. allocated(error)) then
+         call find_column(points%table, 'propagation_deg', column, error, .false.)
+      end if
+      call read_column(points%table, trim(merge('modulus_gpa            ', &
+         & 'indentation_modulus_gpa', points%table%find('modulus_gpa') > 0)), .true., &
+         & points%modulus_gpa, error)
+      call read_column(points%table, 'propagation_deg', column == 0, along, error)
       call prefix_error(error, prefix)
-
-   contains
-
-      subroutine read_all()
-         call read_table(path, points%table, error)
-         if (allocated(error)) return
-         call read_angles(points, .false., error)
-         if (allocated(error)) return
-         call read_constants(points, default_class, error)
-         if (allocated(error)) return
-         call read_column(points%table, trim(merge('modulus_gpa            ', &
-            & 'indentation_modulus_gpa', points%table%find('modulus_gpa') > 0)), .true., &
-            & points%modulus_gpa, error)
-         if (allocated(error)) return
-         call find_column(points%table, 'propagation_deg', column, error)
-         if (column == 0 .or. allocated(error)) return
-         call read_column(points%table, 'propagation_deg', .false., along, error)
-         if (allocated(error)) return
-         points%paths = [(path_type(rayleigh, along(i)), i=1, points%n)]
-      end subroutine read_all
+      if (allocated(error) .or. column == 0) return
+      points%paths = [(path_type(rayleigh, along(i)), i=1, points%n)]
    end subroutine read_crystals
 
    !> The name of point `i`, or its number.
@@ -142,34 +136,35 @@ contains
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
       !> Ten tests for each of the grains that Step 2 accepts.
-      integer, parameter :: most_rows = 200000
+      integer, parameter :: most_rows = 200000, most_lines = 10**9
       character(len=:), allocatable :: name
+      real(wp), allocatable :: line(:)
 
       if (table%rows > most_rows) then
          call refuse(error, to_text(table%rows)//' rows; allowed up to '//to_text(most_rows))
          return
       end if
       points%table = table
-      call read_lines(points%table, error)
+      ! The numbers of the lines are those in the file of the laboratory, if the table has them.
+      call read_column(table, 'row', table%find('row') == 0, line, error)
       if (allocated(error)) return
+      where (line >= 0.0_wp .and. line <= most_lines) points%table%line = nint(line)
       if (settings%orientations == 'unknown') then
          call set_size(points)
          points%euler_deg = 0.0_wp
          points%has_angles = .false.
       else
          call read_orientations(points, radians, crystal, parameters, error)
-         if (allocated(error)) return
       end if
+      if (allocated(error)) return
       call find_modulus(points%table, settings%modulus_kind, name, points%modulus_kind, error)
       if (allocated(error)) return
       call read_column(points%table, name, .false., points%modulus_gpa, error)
-      if (allocated(error)) return
-      if (points%table%find('sd_gpa') > 0) then
-         call read_column(points%table, 'sd_gpa', .false., points%sd_gpa, error)
-      else if (settings%scale /= 'inferred') then
+      if (table%find('sd_gpa') == 0 .and. settings%scale /= 'inferred') then
          call refuse(error, 'the column sd_gpa is missing; it may be absent only with scale = ' &
-            & //'''inferred''; the columns are '//points%table%names())
+            & //'''inferred''; the columns are '//table%names())
       end if
+      call read_column(points%table, 'sd_gpa', table%find('sd_gpa') == 0, points%sd_gpa, error)
       call read_column(points%table, 'orientation_sd_deg', .true., points%orientation_sd_deg, error)
       call read_column(points%table, 'depth_um', .true., points%depth_um, error)
       call read_column(points%table, 'contact_radius_um', .true., points%contact_radius_um, error)
@@ -178,23 +173,6 @@ contains
       if (.not. allocated(error)) call read_groups(points)
 
    contains
-
-      !> Set the numbers of the lines to those in the column `row`: the lines in the file of the
-      !> laboratory.
-      subroutine read_lines(table, error)
-         type(table_type), intent(inout) :: table
-         type(error_type), allocatable, intent(out) :: error
-         integer, parameter :: most_lines = 10**9
-         real(wp) :: line
-         integer :: column, i
-
-         column = table%find('row')
-         do i = 1, merge(table%rows, 0, column > 0)
-            call table%number(column, i, line, error)
-            if (allocated(error)) return
-            if (line >= 0.0_wp .and. line <= most_lines) table%line(i) = nint(line)
-         end do
-      end subroutine read_lines
 
       !> Add the error of the modulus by an uncertain zero of the depth to the sds; the modulus is
       !> proportional to P/(sqrt(R) h^1.5).
@@ -229,14 +207,12 @@ contains
       !> See `read_measurements`.
       real(wp), allocatable, intent(in) :: parameters(:)
       type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: columns(:)
-      integer :: way, angles(3), j
+      integer, allocatable :: columns(:), angles(:)
+      integer :: way
 
       call find_ways(points%table, way, columns, error)
-      do j = 1, 3
-         if (allocated(error)) return
-         call find_column(points%table, trim(angle_names(j)), angles(j), error)
-      end do
+      if (allocated(error)) return
+      call find_columns(points%table, join(angle_columns%name, ', '), 0, angles, error)
       if (allocated(error)) return
       if (way == 0) then
          call read_angles(points, radians, error)
@@ -275,29 +251,28 @@ contains
       logical, intent(in) :: radians
       type(error_type), allocatable, intent(out) :: error
       ! In radians half a turn may be rounded up.
-      real(wp), parameter :: largest_turn = 36000.0_wp, rounding = 1.0e-4_wp
-      character(len=:), allocatable :: refusal
+      real(wp), parameter :: rounding = 1.0e-4_wp
+      type(column_type) :: known
       real(wp), allocatable :: values(:)
-      real(wp) :: allowed(2), unit
+      real(wp) :: unit
       integer :: column, j
 
       call set_size(points)
       unit = merge(degree, 1.0_wp, radians)
       do j = 1, 3
-         call find_column(points%table, trim(angle_names(j)), column, error, needed=.true.)
+         known = angle_columns(j)
+         call find_column(points%table, trim(known%name), column, error, .true.)
          if (allocated(error)) return
-         if (.not. radians .and. index(lower(points%table%name(column)), 'rad') > 0) then
+         if (radians) then
+            known = column_type('', known%allowed*degree + [0.0_wp, rounding], ' radians')
+         else if (index(lower(points%table%name(column)), 'rad') > 0) then
             call refuse(error, 'column '//points%table%name(column) &
                & //' is in radians; degrees are needed, or &measurements angles = ''radians''')
             return
          end if
-         allowed = merge([0.0_wp, 180.0_wp], [-largest_turn, largest_turn], j == 2)*unit
-         refusal = '; allowed '//to_text(allowed(1))//' to '//to_text(allowed(2))
-         call read_numbers(points%table, column, allowed + [0.0_wp, merge(rounding, 0.0_wp, &
-            & radians .and. j == 2)], .false., merge(' radians', ' degrees', radians), refusal, &
-            & values, error)
+         call read_numbers(points%table, column, known, .false., values, error)
          if (allocated(error)) return
-         points%euler_deg(j, :) = min(values, allowed(2))/unit
+         points%euler_deg(j, :) = min(values/unit, angle_columns(j)%allowed(2))
       end do
    end subroutine read_angles
 
@@ -318,9 +293,7 @@ contains
       do j = 1, 21
          column(j) = points%table%find(general%constants(j))
          if (column(j) == 0) cycle
-         call read_numbers(points%table, column(j), [-stiffness_most, stiffness_most], .true., &
-            & ' GPa', ' looks like MPa; allowed up to '//to_text(stiffness_most)//' GPa', &
-            & values, error)
+         call read_numbers(points%table, column(j), constant_column, .true., values, error)
          if (allocated(error)) return
          points%constants(j, :) = values
       end do
@@ -402,57 +375,6 @@ contains
          end do
       end subroutine read_classes
    end subroutine read_constants
-
-   !> Read the `values` of one of `known_columns`. An `optional` column may be absent and may have
-   !> empty cells, which give NaN. Nothing is done after an error.
-   subroutine read_column(table, name, optional, values, error)
-      type(table_type), intent(in) :: table
-      character(len=*), intent(in) :: name
-      logical, intent(in) :: optional
-      real(wp), allocatable, intent(out) :: values(:)
-      type(error_type), allocatable, intent(inout) :: error
-      integer :: column
-
-      if (allocated(error)) return
-      call find_column(table, name, column, error, needed=.not. optional)
-      if (allocated(error)) return
-      associate (known => known_columns(findloc(known_columns%name, name, 1)))
-         call read_numbers(table, column, known%allowed, optional, trim(known%unit), &
-            & trim(known%refusal), values, error)
-      end associate
-   end subroutine read_column
-
-   !> Read the `values` of a `column`. They are NaN if the column is 0, and in empty cells, if these
-   !> are allowed by `may_be_empty`.
-   subroutine read_numbers(table, column, allowed, may_be_empty, unit, refusal, values, error)
-      type(table_type), intent(in) :: table
-      integer, intent(in) :: column
-      !> Least and greatest number.
-      real(wp), intent(in) :: allowed(2)
-      logical, intent(in) :: may_be_empty
-      !> Words that follow a number which is not allowed: the unit, after a blank, and the reason.
-      !> The range is added to a reason without a semicolon.
-      character(len=*), intent(in) :: unit, refusal
-      real(wp), allocatable, intent(out) :: values(:)
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: words
-      integer :: i
-
-      allocate (values(table%rows), source=nan)
-      do i = 1, merge(table%rows, 0, column > 0)
-         if (may_be_empty .and. table%is_empty(column, i)) cycle
-         call table%number(column, i, values(i), error)
-         if (allocated(error)) return
-         if (values(i) >= allowed(1) .and. values(i) <= allowed(2)) cycle
-         words = refusal
-         if (index(words, ';') == 0) then
-            if (unit == ' GPa' .and. values(i) > allowed(2)) words = ' looks like MPa'
-            words = words//'; allowed '//to_text(allowed(1))//' to '//to_text(allowed(2))//unit
-         end if
-         call table%refuse(column, i, unit//words, error)
-         return
-      end do
-   end subroutine read_numbers
 
    !> Number the groups in the order in which their names occur.
    subroutine read_groups(points)

@@ -33,7 +33,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       character(len=4), dimension(class%n_constants + 1) :: headers, labels
       integer, dimension(class%n_constants + 1) :: column, row
-      real(wp) :: values(class%n_constants, class%n_constants + 1)
+      real(wp), allocatable :: values(:, :)
       integer :: i, j
 
       self%table = table
@@ -72,15 +72,11 @@ contains
          call refuse(error, to_text(table%rows)//' rows; '//to_text(size(row))//' are needed: ' &
             & //join(labels, ', '))
       end if
-      do i = 1, size(row)
-         do j = 1, class%n_constants
-            if (allocated(error)) return
-            call table%number(column(j + 1), row(i), values(j, i), error)
-         end do
-      end do
       if (allocated(error)) return
-      self%mean = values(:, 1)
-      self%covariance = transpose(values(:, 2:))
+      call table%numbers(column(2:), values, error)
+      if (allocated(error)) return
+      self%mean = values(:, row(1))
+      self%covariance = transpose(values(:, row(2:)))
       j = findloc(abs(self%mean) <= stiffness_most, .false., dim=1)
       if (j > 0) then
          call refuse(error, 'the mean of '//class%constants(j)//', '//to_text(self%mean(j)) &

@@ -4,8 +4,8 @@ module velocity_tables
    use crystal_elasticity, only: no_wave, path_type, rayleigh, wave_names
    use errors, only: error_type
    use kinds, only: wp
-   use point_tables, only: points_type, read_angles, read_column, read_groups
-   use table_columns, only: find_column
+   use point_tables, only: points_type, read_angles, read_groups
+   use table_columns, only: find_column, read_column
    use tables, only: longest_name, table_type
    use text, only: join, lower
    implicit none
@@ -33,7 +33,7 @@ contains
       call read_column(table, 'sd_m_s', .false., points%sd_gpa, error)
       call read_column(table, 'orientation_sd_deg', .true., points%orientation_sd_deg, error)
       if (allocated(error)) return
-      call find_column(table, 'grain', points%named_by, error)
+      call find_column(table, 'grain', points%named_by, error, .false.)
       if (allocated(error)) return
       call read_groups(points)
       points%paths = [(path_type(rayleigh, along(i)), i=1, points%n)]
