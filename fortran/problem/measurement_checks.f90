@@ -22,13 +22,11 @@ module measurement_checks
 contains
 
    !> Warn of unusual measurements, and refuse angles in radians unless the settings declare them.
-   subroutine check_measurements(path, settings, class, are_radians, measurements, warnings, error)
+   subroutine check_measurements(path, settings, class, measurements, warnings, error)
       !> The namelist, or the origin of keywords.
       character(len=*), intent(in) :: path
       type(settings_type), intent(in) :: settings
       type(crystal_class_type), intent(in) :: class
-      !> Whether the angles of the table were in radians.
-      logical, intent(in) :: are_radians
       type(points_type), intent(in) :: measurements
       type(warning_type), allocatable, intent(inout) :: warnings(:)
       type(error_type), allocatable, intent(out) :: error
@@ -44,7 +42,8 @@ contains
          prefix = printable(settings%measurements%file)
       end if
       prefix = place(path, 'measurements', 'file')//prefix
-      radians = .not. are_radians .and. angles_look_like_radians(measurements)
+      radians = settings%measurements%angles == 'degrees' &
+         & .and. angles_look_like_radians(measurements)
       if (radians) call refuse_radians(measurements, error)
       call prefix_error(error, prefix//': ')
       if (allocated(error)) return

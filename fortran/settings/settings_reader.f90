@@ -76,32 +76,27 @@ contains
       character(len=:), allocatable :: names, hint
       integer :: i, j
 
+      names = ''
+      do j = 1, size(schema%groups)
+         names = names//', &'//schema%groups(j)%name
+      end do
       do i = 1, size(file)
-         names = ''
-         do j = 1, size(schema%groups)
-            if (schema%groups(j)%name == file(i)%group) exit
-            names = names//', &'//schema%groups(j)%name
-         end do
-         if (j <= size(schema%groups)) cycle
+         if (index(names//',', ', &'//file(i)%group//',') > 0) cycle
          call refuse(error, place(path, file(i)%group, '')//'unknown group' &
             & //suggestion('&'//file(i)%group, names(3:))//'; allowed: '//names(3:))
          return
       end do
       do i = 1, size(file)
          associate (entry => file(i))
-            if (len(entry%name) == 0) cycle
             names = ''
             hint = ''
-            do j = 1, size(schema%variables)
+            do j = size(schema%variables), 1, -1
                associate (v => schema%variables(j))
-                  if (v%group == entry%group .and. v%name == entry%name) exit
-                  if (v%group == entry%group) names = names//', '//v%name
-                  if (v%name == entry%name .and. len(hint) == 0) then
-                     hint = ', did you mean '//v%name//' of &'//v%group//'?'
-                  end if
+                  if (v%group == entry%group) names = ', '//v%name//names
+                  if (v%name == entry%name) hint = ', did you mean '//v%name//' of &'//v%group//'?'
                end associate
             end do
-            if (j <= size(schema%variables)) cycle
+            if (len(entry%name) == 0 .or. index(names//',', ', '//entry%name//',') > 0) cycle
             if (len(suggestion(entry%name, names(3:))) > 0) hint = suggestion(entry%name, names(3:))
             call refuse(error, place(path, entry%group, entry%name)//'unknown variable'//hint &
                & //'; allowed: '//names(3:))

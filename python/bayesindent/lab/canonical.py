@@ -19,6 +19,7 @@ from .columns import (
     DIRECTIONS,
     KINDS,
     MODULI,
+    NAME_COLUMNS,
     RADIANS,
     SHARED,
     UNIT_WORDS,
@@ -131,12 +132,11 @@ def resolve(table: LaboratoryTable, given: Mapping[str, str], kind: str | None) 
             meanings[j] = given[name]
     for meaning in {*meanings} - {""}:
         columns = [j for j, own in enumerate(meanings) if own == meaning]
-        chosen = (
-            [j for j in columns if names[j] in given]
-            or [j for j in columns if names[j] == meaning]
-            or [j for j in columns if names[j].lower() == meaning.lower()]
-            or columns
-        )
+        ranks = [
+            (names[j] in given, names[j] == meaning, names[j].lower() == meaning.lower())
+            for j in columns
+        ]
+        chosen = [j for j, rank in zip(columns, ranks) if rank == max(ranks)]
         if len(chosen) > 1:
             if names[chosen[0]] == names[chosen[1]]:
                 raise InputError(
@@ -318,17 +318,15 @@ def convert_radians(table: LaboratoryTable) -> None:
     for name in ANGLES:
         if (j := table.column(name)) < 0:
             continue
-        values = [value_of(cell) for cell in table.cells[j]]
+        values = table.cells[j].map(value_of)
         least, most = (0.0, math.pi) if name == "Phi_deg" else (-200 * math.pi, 200 * math.pi)
-        for line, value in zip(table.cells.index, values):
-            if not least <= value <= most + 1e-4:
-                raise InputError(
-                    f"{table.place}line {line}, column {table.names[j]}: {value} radians; "
-                    f"allowed {least:.6} to {most:.6}"
-                )
-        if name == "Phi_deg":
-            values = [min(value, math.pi) for value in values]
-        table.cells[j] = [repr(value / (math.pi / 180.0)) for value in values]
+        for line, value in values[~values.between(least, most + 1e-4)].items():
+            raise InputError(
+                f"{table.place}line {line}, column {table.names[j]}: {value} radians; "
+                f"allowed {least:.6} to {most:.6}"
+            )
+        degrees = values.clip(upper=most) / (math.pi / 180.0)
+        table.cells[j] = list(map(repr, degrees.tolist()))
 
 
 def convert_depths(table: LaboratoryTable) -> None:
@@ -373,6 +371,6 @@ def page_of(table: LaboratoryTable, source: Path | Mapping, kind: str | None) ->
     for meaning in (*ORDER, *shared):
         if (j := table.column(meaning)) >= 0:
             cells = table.cells[j].tolist()
-            is_number = meaning not in ("grain", "test", "group", "reference", "session")
-            columns[meaning] = ["" if is_number and is_missing(cell) else cell for cell in cells]
+            are_numbers = meaning not in NAME_COLUMNS
+            columns[meaning] = ["" if are_numbers and is_missing(cell) else cell for cell in cells]
     return "\n".join(comments) + "\n" + as_csv(list(columns), zip(*columns.values()))

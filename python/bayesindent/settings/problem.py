@@ -20,6 +20,13 @@ if TYPE_CHECKING:
     from ..lab.table import LaboratoryTable
 
 
+#: Tables whose cells semicolons or tabs may separate, and the variables that name them.
+CONVERTED = {
+    "velocities": "measurements.velocities",
+    "stiffness": "knowledge.stiffness_file",
+    "candidates": "next.candidates",
+    "texture": "measurements.texture",
+}
 #: Functions that convert texts of a namelist, by kind of variable.
 CONVERSIONS: dict[str, Callable] = {"logical": ".true.".__eq__, "integer": int, "real": float}
 
@@ -199,6 +206,11 @@ class Problem(NativeObject):
             begin = f"{path}: &curves files: "
             removed = facts["curves.drift_removed"]
             pages["curves"] = columns_as_csv(curves_of_files(begin, path.parent, names, removed))
+        for name, variable in CONVERTED.items():
+            if file := facts.get(variable):
+                from ..lab.reading import text_with_commas
+
+                pages[name] = text_with_commas(path.parent / file)
         #: The table of a laboratory and the canonical one, if one was read, or None; and the
         #: orientation map with the indents, or None.
         self.table: LaboratoryTable | None = None
