@@ -140,31 +140,32 @@ contains
       type(named_values_reader_type), intent(inout) :: given
       type(error_type), allocatable, intent(out) :: error
 
+      integer :: i
+
       associate (s => self%settings)
          if (allocated(s%crystals%points)) then
-            call load_crystals(self, 'crystals', 'points', s%crystals%points, self%crystals, error)
+            call load_crystals('crystals', 'points', s%crystals%points, self%crystals)
             if (allocated(error)) return
             if (angles_look_like_radians(self%crystals)) then
                call warn(self%warnings, place(self%path, 'crystals', 'points') &
                   & //printable(s%crystals%points)//like_radians)
             end if
          end if
-         if (s%curves%given) call load_curves(self, given, error)
+         if (s%curves%given) call load_curves()
          if (allocated(error)) return
          if (allocated(s%references%crystals)) then
-            call load_crystals(self, 'references', 'crystals', s%references%crystals, &
-               & self%references, error)
+            call load_crystals('references', 'crystals', s%references%crystals, self%references)
             if (allocated(error)) return
             call find_column(self%references%table, 'reference', self%references%named_by, &
                & error, .true.)
             if (allocated(error)) return
          end if
-         call load_velocities(self, given, error)
+         call load_velocities()
          if (allocated(error)) return
          if (allocated(s%measurements%shared_errors) .and. .not. given%has('measurements')) then
             self%shared_file = resolve_path(self%folder, s%measurements%shared_errors)
          end if
-         call find_text(self, given, 'measurements', s%measurements%file, self%table_text, error)
+         call find_text('measurements', s%measurements%file, self%table_text)
          call prefix_error(error, prefix_of_table(self))
          if (allocated(error)) return
          if (allocated(self%table_text)) then
@@ -173,36 +174,144 @@ contains
             call append_velocities(self%measurements, self%velocities)
             s%measurements%modulus_kind = self%measurements%modulus_kind
          end if
-         if (.not. allocated(error)) call load_stiffness(self, given, error)
-         if (.not. allocated(error) .and. allocated(s%measurements%texture)) then
-            call load_grains(self, given, 'measurements', 'texture', s%measurements%texture, &
-               & self%texture, error)
-         end if
-         if (.not. allocated(error) .and. allocated(s%next%candidates)) then
-            call load_grains(self, given, 'next', 'candidates', s%next%candidates, &
-               & self%grains, error)
-         end if
+         if (allocated(error)) return
+         call load_stiffness()
+         if (allocated(error)) return
+         call load_grains('measurements', 'texture', s%measurements%texture, self%texture)
+         if (allocated(error)) return
+         call load_grains('next', 'candidates', s%next%candidates, self%grains)
          if (allocated(error) .or. any(['latin    ', 'factorial'] == s%design%candidates)) return
-         call load_candidates(self, s%design%candidates, error)
+         call load_crystals('design', 'candidates', s%design%candidates, self%candidates)
+         if (allocated(error) .or. .not. allocated(self%class%name)) return
+         associate (points => self%candidates)
+            i = findloc([(points%classes(points%class(i))%name == self%class%name, &
+               & i=1, points%n)], .false., 1)
+            if (i > 0) then
+               call refuse(error, place(self%path, 'design', 'candidates') &
+                  & //printable(s%design%candidates)//': line '//to_text(points%table%line(i)) &
+                  & //': the crystal is not of the symmetry of &problem')
+            end if
+         end associate
       end associate
+
+   contains
+
+      !> Find the text of a table: as given, or of a file; unallocated if there is neither.
+      subroutine find_text(name, file, text)
+         character(len=*), intent(in) :: name
+         character(len=:), allocatable, intent(in) :: file
+         character(len=:), allocatable, intent(out) :: text
+
+         if (given%has(name)) then
+            text = given%text(name)
+         else if (allocated(file)) then
+            call read_text_file(resolve_path(self%folder, file), text, error)
+         end if
+      end subroutine find_text
+
+      !> Find the table of a variable, without columns if there is none. `prefix` begins messages.
+      subroutine find_table(name, file, prefix, table)
+         character(len=*), intent(in) :: name, prefix
+         character(len=:), allocatable, intent(in) :: file
+         type(table_type), intent(out) :: table
+         character(len=:), allocatable :: text
+
+         call find_text(name, file, text)
+         if (allocated(text) .and. .not. allocated(error)) call parse_table(text, table, error)
+         call prefix_error(error, prefix)
+      end subroutine find_table
+
+      !> Read crystals from the file of a variable.
+      subroutine load_crystals(group, name, file, points)
+         character(len=*), intent(in) :: group, name, file
+         type(points_type), allocatable, intent(out) :: points
+
+         allocate (points)
+         call read_crystals(resolve_path(self%folder, file), &
+            & place(self%path, group, name)//printable(file)//': ', self%class, points, error)
+      end subroutine load_crystals
+
+      !> Read curves, and the table of tests that the namelist names.
+      subroutine load_curves()
+         character(len=:), allocatable :: content
+
+         associate (stated => self%settings%curves, measured => self%settings%measurements)
+            call find_text('curves', stated%file, content)
+            call prefix_error(error, self%curves_place())
+            if (allocated(error)) return
+            if (allocated(content)) then
+               allocate (self%curves)
+               call read_curves(content, resolve_path(self%folder, stated%tests), &
+                  & self%curves_place(), place(self%path, 'curves', 'tests') &
+                  & //printable(stated%tests)//': ', self%curves, error)
+            end if
+            if (allocated(error) .or. allocated(measured%file)) return
+            measured%modulus_kind = 'effective_modulus'
+            measured%indenter_modulus_gpa = stated%indenter_modulus_gpa
+            measured%indenter_nu = stated%indenter_nu
+         end associate
+      end subroutine load_curves
+
+      !> Set the known stiffness.
+      subroutine load_stiffness()
+         character(len=:), allocatable :: prefix
+         type(table_type) :: table
+
+         associate (stated => self%settings%knowledge)
+            prefix = place_of(self, 'knowledge', 'stiffness_file', stated%stiffness_file, &
+               & 'stiffness')
+            call find_table('stiffness', stated%stiffness_file, prefix, table)
+         end associate
+         if (allocated(error) .or. table%columns == 0) return
+         allocate (self%stiffness)
+         call new_stiffness_table(table, self%class, self%stiffness, error)
+         call prefix_error(error, prefix)
+      end subroutine load_stiffness
+
+      !> Set the speeds.
+      subroutine load_velocities()
+         character(len=:), allocatable :: prefix
+         type(table_type) :: table
+         logical :: radians
+
+         prefix = place(self%path, 'measurements', 'velocities')
+         radians = self%settings%measurements%angles == 'radians'
+         call find_table('velocities', self%settings%measurements%velocities, prefix, table)
+         if (allocated(error) .or. table%columns == 0) return
+         allocate (self%velocities)
+         call read_velocities(table, radians, self%velocities, error)
+         if (.not. (allocated(error) .or. radians)) call refuse_radians(self%velocities, error)
+         call prefix_error(error, prefix)
+      end subroutine load_velocities
+
+      !> Read the grains of a variable, if it is stated.
+      subroutine load_grains(group, name, file, grains)
+         character(len=*), intent(in) :: group, name
+         character(len=:), allocatable, intent(in) :: file
+         type(points_type), allocatable, intent(out) :: grains
+         !> Bound of the memory for the moduli of each grain at 2000 draws.
+         integer, parameter :: most_grains = 2000
+         character(len=:), allocatable :: prefix
+         logical :: radians
+
+         if (.not. allocated(file)) return
+         allocate (grains)
+         prefix = place_of(self, group, name, file, '')
+         radians = self%settings%measurements%angles == 'radians'
+         call find_table(name, file, prefix, grains%table)
+         if (allocated(error)) return
+         call read_orientations(grains, radians, self%class, self%settings%problem%lattice, error)
+         if (.not. allocated(error)) then
+            call find_column(grains%table, 'grain', grains%named_by, error, .false.)
+         end if
+         if (.not. allocated(error) .and. grains%n > most_grains) then
+            call refuse(error, to_text(grains%n)//' grains; allowed up to '//to_text(most_grains))
+         else if (.not. (allocated(error) .or. radians)) then
+            call refuse_radians(grains, error)
+         end if
+         call prefix_error(error, prefix)
+      end subroutine load_grains
    end subroutine load_tables
-
-   !> Find the text of a table: as given, or of a file; unallocated if there is neither.
-   subroutine find_text(self, given, name, file, text, error)
-      type(problem_type), intent(in) :: self
-      !> See `load_tables`.
-      type(named_values_reader_type), intent(inout) :: given
-      character(len=*), intent(in) :: name
-      character(len=:), allocatable, intent(in) :: file
-      character(len=:), allocatable, intent(out) :: text
-      type(error_type), allocatable, intent(out) :: error
-
-      if (given%has(name)) then
-         text = given%text(name)
-      else if (allocated(file)) then
-         call read_text_file(resolve_path(self%folder, file), text, error)
-      end if
-   end subroutine find_text
 
    !> Beginning of the messages on a table: group, variable and file, or, if no file is stated, the
    !> variable `instead`.
@@ -218,45 +327,6 @@ contains
          prefix = place(self%path, group, instead)
       end if
    end function place_of
-
-   !> Read crystals from the file of a variable.
-   subroutine load_crystals(self, group, name, file, points, error)
-      type(problem_type), intent(in) :: self
-      character(len=*), intent(in) :: group, name
-      character(len=:), allocatable, intent(in) :: file
-      type(points_type), allocatable, intent(out) :: points
-      type(error_type), allocatable, intent(out) :: error
-
-      allocate (points)
-      call read_crystals(resolve_path(self%folder, file), place_of(self, group, name, file, ''), &
-         & self%class, points, error)
-   end subroutine load_crystals
-
-   !> Read curves, and the table of tests that the namelist names.
-   subroutine load_curves(self, given, error)
-      type(problem_type), intent(inout) :: self
-      !> See `load_tables`.
-      type(named_values_reader_type), intent(inout) :: given
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: content
-
-      associate (stated => self%settings%curves, measured => self%settings%measurements)
-         call find_text(self, given, 'curves', stated%file, content, error)
-         call prefix_error(error, self%curves_place())
-         if (allocated(error)) return
-         if (allocated(content)) then
-            allocate (self%curves)
-            call read_curves(content, resolve_path(self%folder, stated%tests), &
-               & self%curves_place(), place_of(self, 'curves', 'tests', stated%tests, ''), &
-               & self%curves, error)
-            if (allocated(error)) return
-         end if
-         if (allocated(measured%file)) return
-         measured%modulus_kind = 'effective_modulus'
-         measured%indenter_modulus_gpa = stated%indenter_modulus_gpa
-         measured%indenter_nu = stated%indenter_nu
-      end associate
-   end subroutine load_curves
 
    !> The number of threads that &execution allows.
    integer function threads(self)
@@ -323,52 +393,6 @@ contains
       call prefix_error(error, prefix_of_table(self))
       if (.not. allocated(error)) call take_measurements(self, content, error)
    end subroutine take_curve_results
-
-   !> Set the known stiffness.
-   subroutine load_stiffness(self, given, error)
-      type(problem_type), intent(inout) :: self
-      !> See `load_tables`.
-      type(named_values_reader_type), intent(inout) :: given
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: content
-      type(table_type) :: table
-
-      associate (stated => self%settings%knowledge)
-         call find_text(self, given, 'stiffness', stated%stiffness_file, content, error)
-         if (.not. (allocated(content) .or. allocated(error))) return
-         if (.not. allocated(error)) call parse_table(content, table, error)
-         if (.not. allocated(error)) then
-            allocate (self%stiffness)
-            call new_stiffness_table(table, self%class, self%stiffness, error)
-         end if
-         call prefix_error(error, place_of(self, 'knowledge', 'stiffness_file', &
-            & stated%stiffness_file, 'stiffness'))
-      end associate
-   end subroutine load_stiffness
-
-   !> Set the speeds.
-   subroutine load_velocities(self, given, error)
-      type(problem_type), intent(inout) :: self
-      !> See `load_tables`.
-      type(named_values_reader_type), intent(inout) :: given
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: content
-      type(table_type) :: table
-
-      associate (stated => self%settings%measurements)
-         call find_text(self, given, 'velocities', stated%velocities, content, error)
-         if (.not. (allocated(content) .or. allocated(error))) return
-         allocate (self%velocities)
-         if (.not. allocated(error)) call parse_table(content, table, error)
-         if (.not. allocated(error)) then
-            call read_velocities(table, stated%angles == 'radians', self%velocities, error)
-         end if
-         if (.not. allocated(error) .and. stated%angles == 'degrees') then
-            call refuse_radians(self%velocities, error)
-         end if
-      end associate
-      call prefix_error(error, place(self%path, 'measurements', 'velocities'))
-   end subroutine load_velocities
 
    !> Set the measurements. The tests of a grain become one measurement.
    subroutine take_measurements(self, content, error)
@@ -444,57 +468,6 @@ contains
 
       prefix = place_of(self, 'measurements', 'file', self%settings%measurements%file, '')
    end function prefix_of_table
-
-   !> Read the candidates of &design, which must be of the symmetry of &problem.
-   subroutine load_candidates(self, name, error)
-      type(problem_type), intent(inout) :: self
-      character(len=:), allocatable, intent(in) :: name
-      type(error_type), allocatable, intent(out) :: error
-      integer :: i
-
-      call load_crystals(self, 'design', 'candidates', name, self%candidates, error)
-      if (allocated(error) .or. .not. allocated(self%class%name)) return
-      associate (points => self%candidates)
-         i = findloc([(points%classes(points%class(i))%name == self%class%name, i=1, points%n)], &
-            & .false., 1)
-         if (i > 0) then
-            call refuse(error, place_of(self, 'design', 'candidates', name, '')//'line ' &
-               & //to_text(points%table%line(i))//': the crystal is not of the symmetry of &problem')
-         end if
-      end associate
-   end subroutine load_candidates
-
-   !> Read grains from the file of a variable, or from a text.
-   subroutine load_grains(self, given, group, name, file, grains, error)
-      type(problem_type), intent(in) :: self
-      !> See `load_tables`.
-      type(named_values_reader_type), intent(inout) :: given
-      character(len=*), intent(in) :: group, name
-      character(len=:), allocatable, intent(in) :: file
-      type(points_type), allocatable, intent(out) :: grains
-      type(error_type), allocatable, intent(out) :: error
-      !> Bound of the memory for the moduli of each grain at 2000 draws.
-      integer, parameter :: most_grains = 2000
-      character(len=:), allocatable :: content
-      logical :: radians
-
-      radians = self%settings%measurements%angles == 'radians'
-      allocate (grains)
-      call find_text(self, given, name, file, content, error)
-      if (.not. allocated(error)) call parse_table(content, grains%table, error)
-      if (.not. allocated(error)) then
-         call read_orientations(grains, radians, self%class, self%settings%problem%lattice, error)
-      end if
-      if (.not. allocated(error)) then
-         call find_column(grains%table, 'grain', grains%named_by, error, .false.)
-      end if
-      if (.not. allocated(error) .and. grains%n > most_grains) then
-         call refuse(error, to_text(grains%n)//' grains; allowed up to '//to_text(most_grains))
-      else if (.not. (allocated(error) .or. radians)) then
-         call refuse_radians(grains, error)
-      end if
-      call prefix_error(error, place_of(self, group, name, file, ''))
-   end subroutine load_grains
 
    !> Text of the resolved namelist for the folder of results: stated and needed groups, every
    !> variable with its value. The table of the measurements is the one in that folder.

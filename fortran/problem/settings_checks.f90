@@ -20,7 +20,6 @@ contains
       type(settings_type), intent(in) :: settings
       type(crystal_class_type), intent(in) :: class
       type(error_type), allocatable, intent(out) :: error
-      type(settings_list_type) :: list
       !> Variables that need computed speeds, and their groups; the last is none.
       character(len=*), parameter :: names(4) = [character(len=14) :: 'velocities', &
          & 'velocity_cost', 'velocity_noise', ''], &
@@ -33,41 +32,30 @@ contains
       integer :: k
       logical :: has_speeds, is_bulk, needs_symmetry
 
-      call check_bounds(path, 'domain', class, settings%domain%c_min, settings%domain%c_max, error)
-      if (allocated(error)) return
-      call check_bounds(path, 'prior', class, settings%prior%c_min, settings%prior%c_max, error)
-      if (allocated(error)) return
-      call check_count(place(path, 'problem', 'reference_gpa'), class, &
-         & settings%problem%reference_gpa, error)
-      if (allocated(error)) return
+      call check_bounds('domain', settings%domain%c_min, settings%domain%c_max)
+      call check_bounds('prior', settings%prior%c_min, settings%prior%c_max)
+      call check_count('problem', 'reference_gpa', settings%problem%reference_gpa)
       ! Only a surrogate for all crystal classes needs no symmetry.
       needs_symmetry = settings%measurements%given .or. settings%prior%given &
          & .or. settings%plan%given .or. (settings%surrogate%model == 'paper' &
          & .and. (settings%design%given .or. settings%domain%given))
       call check(needs_symmetry .and. .not. allocated(settings%problem%symmetry), 'problem', &
          & 'symmetry', 'the variable is missing; allowed '//crystal_class_names())
-      if (allocated(error)) return
       if (settings%plan%given) then
-         call check_count(place(path, 'plan', 'constants'), class, settings%plan%constants, error)
+         call check_count('plan', 'constants', settings%plan%constants)
          if (allocated(error)) return
          call check(any(abs(settings%plan%grains - anint(settings%plan%grains)) > 0.0_wp), 'plan', &
             & 'grains', 'a number of grains is not an integer; allowed 1 to 10000')
          call check(.not. is_stable(class%stiffness(settings%plan%constants)), 'plan', &
             & 'constants', 'the crystal is not elastically stable; the stiffness must be ' &
             & //'positive definite')
-         if (allocated(error)) return
       end if
-      list = list_settings(settings)
-      call check_lists(path, list, 'knowledge', &
-         & [character(len=8) :: 'quantity', 'mean', 'sd'], error)
-      if (allocated(settings%knowledge%source) .and. .not. allocated(error)) then
-         call check_lists(path, list, 'knowledge', &
-            & [character(len=8) :: 'quantity', 'source'], error)
+      call check_lists('knowledge', [character(len=8) :: 'quantity', 'mean', 'sd'])
+      if (allocated(settings%knowledge%source)) then
+         call check_lists('knowledge', [character(len=8) :: 'quantity', 'source'])
       end if
-      if (allocated(error)) return
-      call check_lists(path, list, 'references', &
-         & [character(len=12) :: 'name', 'young_gpa', 'young_sd_gpa', 'nu'], error)
-      if (allocated(error)) return
+      call check_lists('references', &
+         & [character(len=12) :: 'name', 'young_gpa', 'young_sd_gpa', 'nu'])
       associate (curves => settings%curves, design => settings%design, &
          & geometry => settings%specimen%geometry, indenter => settings%indenter, &
          & measured => settings%measurements)
@@ -131,86 +119,77 @@ contains
          logical, intent(in) :: wrong
          character(len=*), intent(in) :: group, name, message
 
-         if (wrong .and. .not. allocated(error)) call refuse(error, place(path, group, name)//message)
+         if (allocated(error) .or. .not. wrong) return
+         call refuse(error, place(path, group, name)//message)
       end subroutine check
-   end subroutine check_settings
 
-   !> Refuse bounds unless c_min is below c_max, or equal to it in &prior, and some crystal between
-   !> them is stable. Either bound may be absent.
-   subroutine check_bounds(path, group, class, low, high, error)
-      character(len=*), intent(in) :: path, group
-      type(crystal_class_type), intent(in) :: class
-      !> Bounds of each constant, GPa.
-      real(wp), allocatable, intent(in) :: low(:), high(:)
-      type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: best(:)
-      integer :: i
+      !> Refuse bounds unless c_min is below c_max, or equal to it in &prior, and some crystal
+      !> between them is stable. Either bound may be absent.
+      subroutine check_bounds(group, low, high)
+         character(len=*), intent(in) :: group
+         !> Bounds of each constant, GPa.
+         real(wp), allocatable, intent(in) :: low(:), high(:)
+         real(wp), allocatable :: best(:)
+         integer :: i
 
-      call check_count(place(path, group, 'c_min'), class, low, error)
-      if (.not. allocated(error)) call check_count(place(path, group, 'c_max'), class, high, error)
-      if (allocated(error) .or. .not. (allocated(low) .and. allocated(high))) return
-      ! A prior whose bounds are equal fixes a constant.
-      i = findloc(low > high .or. (group == 'domain' .and. .not. low < high), .true., dim=1)
-      if (i > 0) then
-         call refuse(error, place(path, group, 'c_min')//'the lower bound of '//class%constants(i) &
-            & //', '//to_text(low(i))//' GPa, is not below the upper one, ' &
-            & //to_text(high(i))//' GPa')
-      end if
-      if (allocated(error)) return
-      ! The most stable crystal: large constants on the diagonal, small ones off it.
-      best = merge(high, max(low, min(high, 0.0_wp)), &
-         & class%constants(:)(2:2) == class%constants(:)(3:3))
-      if (.not. is_stable(class%stiffness(best))) then
-         call refuse(error, place(path, group, 'c_max')//'no crystal between c_min and c_max is ' &
-            & //'elastically stable; the stiffness must be positive definite')
-      end if
-   end subroutine check_bounds
+         call check_count(group, 'c_min', low)
+         call check_count(group, 'c_max', high)
+         if (allocated(error) .or. .not. (allocated(low) .and. allocated(high))) return
+         ! A prior whose bounds are equal fixes a constant.
+         i = findloc(low > high .or. (group == 'domain' .and. .not. low < high), .true., dim=1)
+         if (i > 0) then
+            call check(.true., group, 'c_min', 'the lower bound of '//class%constants(i)//', ' &
+               & //to_text(low(i))//' GPa, is not below the upper one, '//to_text(high(i))//' GPa')
+            return
+         end if
+         ! The most stable crystal: large constants on the diagonal, small ones off it.
+         best = merge(high, max(low, min(high, 0.0_wp)), &
+            & class%constants(:)(2:2) == class%constants(:)(3:3))
+         call check(.not. is_stable(class%stiffness(best)), group, 'c_max', 'no crystal between ' &
+            & //'c_min and c_max is elastically stable; the stiffness must be positive definite')
+      end subroutine check_bounds
 
-   !> Refuse values unless there is one for each constant, or none at all.
-   subroutine check_count(prefix, class, values, error)
-      character(len=*), intent(in) :: prefix
-      type(crystal_class_type), intent(in) :: class
-      real(wp), allocatable, intent(in) :: values(:)
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: found
+      !> Refuse values unless there is one for each constant, or none at all.
+      subroutine check_count(group, name, values)
+         character(len=*), intent(in) :: group, name
+         real(wp), allocatable, intent(in) :: values(:)
+         character(len=:), allocatable :: found
 
-      if (.not. allocated(values)) return
-      if (class%n_constants == 0) then
-         call refuse(error, prefix//'a value for each constant is needed, and so &problem symmetry')
-      else if (size(values) /= size(class%constants)) then
+         if (.not. allocated(values)) return
          found = to_text(size(values))//' values'
          if (size(values) == 1) found = 'one value'
-         call refuse(error, prefix//found//'; '//to_text(class%n_constants)//' are needed: ' &
-            & //join(class%constants, ', '))
-      end if
-   end subroutine check_count
+         if (class%n_constants == 0) then
+            call check(.true., group, name, &
+               & 'a value for each constant is needed, and so &problem symmetry')
+         else
+            call check(size(values) /= class%n_constants, group, name, found//'; ' &
+               & //to_text(class%n_constants)//' are needed: '//join(class%constants, ', '))
+         end if
+      end subroutine check_count
 
-   !> Refuse lists of a group unless all have the same length, or all are absent.
-   subroutine check_lists(path, list, group, names, error)
-      character(len=*), intent(in) :: path
-      type(settings_list_type), intent(in) :: list
-      !> Names of the group and of its variables.
-      character(len=*), intent(in) :: group, names(:)
-      type(error_type), allocatable, intent(out) :: error
-      integer :: sizes(size(names)), i, j
+      !> Refuse lists of a group unless all have the same length, or all are absent.
+      subroutine check_lists(group, names)
+         !> Names of the group and of its variables.
+         character(len=*), intent(in) :: group, names(:)
+         type(settings_list_type) :: list
+         integer :: sizes(size(names)), i, j
 
-      sizes = 0
-      do i = 1, size(list%variables)
-         associate (v => list%variables(i))
-            if (v%group /= group .or. .not. allocated(v%values)) cycle
-            where (names == v%name) sizes = size(v%values)
-         end associate
-      end do
-      i = maxloc(sizes, dim=1)
-      j = findloc(sizes == sizes(i), .false., dim=1)
-      if (j == 0) return
-      if (sizes(j) == 0) then
-         call refuse(error, place(path, group, trim(names(j)))//'the variable is missing; ' &
+         sizes = 0
+         list = list_settings(settings)
+         do i = 1, size(list%variables)
+            associate (v => list%variables(i))
+               if (v%group /= group .or. .not. allocated(v%values)) cycle
+               where (names == v%name) sizes = size(v%values)
+            end associate
+         end do
+         i = maxloc(sizes, dim=1)
+         j = findloc(sizes == sizes(i), .false., dim=1)
+         if (j == 0) return
+         call check(sizes(j) == 0, group, trim(names(j)), 'the variable is missing; ' &
             & //trim(names(i))//' needs it')
-      else
-         call refuse(error, place(path, group, trim(names(j)))//'the number of values is ' &
+         call check(.true., group, trim(names(j)), 'the number of values is ' &
             & //to_text(sizes(j))//', that of '//trim(names(i))//' is '//to_text(sizes(i)) &
             & //'; each '//trim(names(1))//' needs '//join(names(2:), ', '))
-      end if
-   end subroutine check_lists
+      end subroutine check_lists
+   end subroutine check_settings
 end module settings_checks

@@ -29,7 +29,8 @@ module tables
       character(len=:), allocatable, private :: buffer
       integer, allocatable, private :: bounds(:, :, :)
    contains
-      procedure :: cell, is_empty, name, names, find, number, numbers, place, refuse => refuse_cell, digest
+      procedure :: cell, is_empty, name, names, find, number, numbers, place, &
+         & refuse => refuse_cell, digest
    end type table_type
 
 contains
@@ -53,24 +54,26 @@ contains
       !> First and last byte of each cell, row by row from the header; line on which each row
       !> begins, that of the header first.
       integer, allocatable :: bounds(:, :), line(:)
-      character(len=:), allocatable :: words
-      integer :: cells, above, rows, number, last, i
+      character(len=:), allocatable :: buffer, words
+      !> Number of the line at byte `i` of the buffer.
+      integer :: number, i
+      integer :: cells, above, rows, last
 
-      table%buffer = content//newline
+      buffer = content//newline
       cells = 0
-      do i = 1, len(table%buffer)
-         if (scan(table%buffer(i:i), ','//newline) > 0) cells = cells + 1
+      do i = 1, len(buffer)
+         if (scan(buffer(i:i), ','//newline) > 0) cells = cells + 1
       end do
       allocate (bounds(2, cells), line(cells))
       cells = 0
       rows = 0
       number = 1
       i = 1
-      do while (i <= len(table%buffer))
+      do while (i <= len(buffer))
          ! Skip comments, whose first sign that is not blank is #, and blank lines, for which both
          ! positions are 0.
-         last = i - 2 + index(table%buffer(i:), newline)
-         if (index(table%buffer(i:last), '#') == verify(table%buffer(i:last), blanks)) then
+         last = i - 2 + index(buffer(i:), newline)
+         if (index(buffer(i:last), '#') == verify(buffer(i:last), blanks)) then
             i = last + 2
             number = number + 1
             cycle
@@ -80,11 +83,11 @@ contains
          above = cells
          do
             cells = cells + 1
-            call take_cell(table%buffer, i, number, bounds(:, cells), error)
+            call take_cell(bounds(:, cells))
             call prefix_error(error, 'line '//to_text(line(rows))//': ')
             if (allocated(error)) return
             i = i + 1
-            if (table%buffer(i - 1:i - 1) == newline) exit
+            if (buffer(i - 1:i - 1) == newline) exit
          end do
          number = number + 1
          ! Drop empty cells beyond the header, and rows of empty cells.
@@ -109,6 +112,7 @@ contains
       end do
       if (rows == 0) call refuse(error, 'the table has no header row')
       if (allocated(error)) return
+      call move_alloc(buffer, table%buffer)
       table%rows = rows - 1
       table%line = line(2:rows)
       allocate (table%bounds(2, table%columns, 0:table%rows))
@@ -142,44 +146,39 @@ contains
             end if
          end do
       end subroutine check_header
-   end subroutine parse_table
 
-   !> Find the cell at byte `i`, and move `i` to the comma or the end of the line after it. The text
-   !> of a quoted cell replaces its quotes.
-   subroutine take_cell(buffer, i, line, bounds, error)
-      ! allow(C072)
-      character(len=*), intent(inout) :: buffer
-      !> Position in the buffer, and number of the line there.
-      integer, intent(inout) :: i, line
-      !> First and last byte of the cell.
-      integer, intent(out) :: bounds(2)
-      type(error_type), allocatable, intent(out) :: error
+      !> Find the cell at byte `i`, and move `i` to the comma or the end of the line after it. The
+      !> text of a quoted cell replaces its quotes.
+      subroutine take_cell(own)
+         !> First and last byte of the cell.
+         integer, intent(out) :: own(2)
 
-      i = i - 1 + verify(buffer(i:), ' '//tab)
-      if (buffer(i:i) /= '"') then
-         bounds(1) = i
-         i = i - 1 + scan(buffer(i:), ','//newline)
-         bounds(2) = bounds(1) - 1 + verify(buffer(bounds(1):i - 1), blanks, back=.true.)
-         return
-      end if
-      bounds = [i, i - 1]
-      do
-         i = i + 1
-         if (i > len(buffer)) call refuse(error, 'a double quote is not closed')
-         if (allocated(error)) return
-         if (buffer(i:i) == '"') then
-            i = i + 1
-            if (buffer(i:i) /= '"') exit
+         i = i - 1 + verify(buffer(i:), ' '//tab)
+         if (buffer(i:i) /= '"') then
+            own(1) = i
+            i = i - 1 + scan(buffer(i:), ','//newline)
+            own(2) = own(1) - 1 + verify(buffer(own(1):i - 1), blanks, back=.true.)
+            return
          end if
-         if (buffer(i:i) == newline) line = line + 1
-         bounds(2) = bounds(2) + 1
-         buffer(bounds(2):bounds(2)) = buffer(i:i)
-      end do
-      i = i - 1 + verify(buffer(i:), blanks)
-      if (scan(buffer(i:i), ','//newline) == 0) then
-         call refuse(error, 'text follows a closing double quote')
-      end if
-   end subroutine take_cell
+         own = [i, i - 1]
+         do
+            i = i + 1
+            if (i > len(buffer)) call refuse(error, 'a double quote is not closed')
+            if (allocated(error)) return
+            if (buffer(i:i) == '"') then
+               i = i + 1
+               if (buffer(i:i) /= '"') exit
+            end if
+            if (buffer(i:i) == newline) number = number + 1
+            own(2) = own(2) + 1
+            buffer(own(2):own(2)) = buffer(i:i)
+         end do
+         i = i - 1 + verify(buffer(i:), blanks)
+         if (scan(buffer(i:i), ','//newline) == 0) then
+            call refuse(error, 'text follows a closing double quote')
+         end if
+      end subroutine take_cell
+   end subroutine parse_table
 
    !> The text of the cell in a `column` and `row`.
    pure function cell(self, column, row) result(string)

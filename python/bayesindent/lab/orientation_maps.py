@@ -135,6 +135,8 @@ def registered(
         known = rows[POINT_COLUMNS].to_numpy(float)
     except OSError as error:
         raise InputError(f"{place}{error.strerror}") from None
+    except pd.errors.EmptyDataError:
+        known = np.empty((0, 4))
     except (ValueError, KeyError):
         known = np.full((1, 4), np.nan)
     if not (np.abs(known) < FARTHEST_UM).all():
