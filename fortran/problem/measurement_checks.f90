@@ -1,25 +1,41 @@
-!> Warnings on measurements that are unusual but may be intended.
+!> Checks of the orientations of measurements, and warnings on what is unusual but may be intended.
 module measurement_checks
    use crystal_class, only: crystal_class_type
-   use errors, only: error_type, prefix_error, warn, warning_type
+   use distinct_directions, only: all_alike, angle_between, new_region, region_type
+   use errors, only: error_type, prefix_error, refuse, warn, warning_type
    use files, only: printable
-   use kinds, only: wp
+   use kinds, only: degree, wp
    use namelist_file, only: place
-   use direction_checks, only: check_directions, refuse_radians
    use point_tables, only: angles_look_like_radians, points_type
    use repeated_tests, only: check_scatter
    use settings_schema, only: settings_type
    use statistics, only: median
+   use symmetric_harmonics, only: harmonics_type, new_harmonics
    use text, only: to_text
    implicit none
    private
-   public :: check_measurements
+   public :: check_measurements, refuse_radians
 
    !> Warning on Euler angles that look like radians; the name of their table precedes it.
    character(len=*), parameter, public :: like_radians = &
       & ': no angle is above 2 pi; angles are in degrees, and these look like radians'
 
 contains
+
+   !> Refuse angles that are probably in radians: all are below 2 pi, and some are not integers.
+   subroutine refuse_radians(points, error)
+      type(points_type), intent(in) :: points
+      type(error_type), allocatable, intent(out) :: error
+      !> Angles of at least this number of grains are not below 2 pi by chance.
+      integer, parameter :: least_grains = 3
+
+      if (points%n < least_grains .or. .not. angles_look_like_radians(points)) return
+      if (any(abs(points%euler_deg - anint(points%euler_deg)) > 0.0_wp)) then
+         call refuse(error, &
+            & 'no angle is above 2 pi, so these look like radians, and degrees are needed; if ' &
+            & //'they are radians say angles = ''radians'', if degrees add 360 to a phi1')
+      end if
+   end subroutine refuse_radians
 
    !> Warn of unusual measurements, and refuse angles in radians unless the settings declare them.
    subroutine check_measurements(path, settings, class, measurements, warnings, error)
@@ -30,7 +46,7 @@ contains
       type(points_type), intent(in) :: measurements
       type(warning_type), allocatable, intent(inout) :: warnings(:)
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: prefix, hint
+      character(len=:), allocatable :: prefix
       !> Smallest plausible standard deviation of indentation, relative to the modulus.
       real(wp), parameter :: least_relative_sd = 0.003_wp
       logical :: radians
@@ -53,12 +69,7 @@ contains
             & prefix//' has one grain; one modulus cannot determine the constants')
       else if (allocated(class%name) .and. .not. radians &
          & .and. settings%measurements%orientations == 'known') then
-         hint = ''
-         if (allocated(settings%measurements%ebsd)) then
-            hint = '. If the positions all lie in one grain of the map, check the unit and the ' &
-               & //'origin of x_um and y_um'
-         end if
-         call check_directions(measurements, class, prefix, hint, warnings, error)
+         call check_directions()
          if (allocated(error)) return
       end if
       if (radians) call warn(warnings, prefix//like_radians)
@@ -73,6 +84,51 @@ contains
             & //to_text(100.0_wp*least_relative_sd, 1) &
             & //' %. sd_gpa is in GPa: if these are fractions, multiply them by the moduli')
       end if
+
+   contains
+
+      !> Warn if all grains have about the same direction, or if they have fewer different
+      !> directions than there are combinations of the constants that indentation determines.
+      subroutine check_directions()
+         !> Angle below which two directions count as the same.
+         real(wp), parameter :: least_angle = 5.0_wp*degree
+         !> Highest degree of the harmonics of a modulus, to first order in the anisotropy.
+         integer, parameter :: highest_degree = 4
+         type(region_type) :: region
+         type(harmonics_type) :: harmonics
+         character(len=:), allocatable :: hint
+         real(wp) :: directions(3, measurements%n)
+         integer :: distinct(measurements%n), n, i, j
+
+         call new_region(class, region)
+         if (region%dimension == 0) return
+         directions = measurements%directions()
+         if (all_alike(region, directions, least_angle)) then
+            hint = ''
+            if (allocated(settings%measurements%ebsd)) then
+               hint = '. If the positions all lie in one grain of the map, check the unit and ' &
+                  & //'the origin of x_um and y_um'
+            end if
+            call warn(warnings, prefix//': the orientations are all alike (within 5 degrees of ' &
+               & //'one): how the modulus depends on orientation is not determined'//hint)
+            return
+         end if
+         call new_harmonics(class%generators, highest_degree, harmonics, error)
+         if (allocated(error)) return
+         n = 0
+         do i = 1, size(directions, 2)
+            if (any([(angle_between(region, directions(:, i), directions(:, distinct(j))) &
+               & < least_angle, j=1, n)])) then
+               cycle
+            end if
+            n = n + 1
+            distinct(n) = i
+            if (n == harmonics%n) return
+         end do
+         call warn(warnings, prefix//': grains in '//to_text(n)//' different directions; at ' &
+            & //'least '//to_text(harmonics%n)//' are needed for the combinations of the ' &
+            & //to_text(class%n_constants)//' constants that indentation determines')
+      end subroutine check_directions
    end subroutine check_measurements
 
 end module measurement_checks

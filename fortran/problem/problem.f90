@@ -11,8 +11,7 @@ module problem
    use machine, only: thread_count
    use named_values, only: named_values_reader_type
    use namelist_file, only: entry_type, place
-   use measurement_checks, only: like_radians, check_measurements
-   use direction_checks, only: refuse_radians
+   use measurement_checks, only: check_measurements, like_radians, refuse_radians
    use point_tables, only: angles_look_like_radians, points_type, read_crystals, &
       & read_measurements, read_orientations
    use repeated_tests, only: combine_tests, refuse_copied_rows
@@ -20,10 +19,9 @@ module problem
    use settings_schema, only: list_settings, set_settings, settings_type
    use settings_checks, only: check_settings
    use settings_reader, only: read_settings, settings_namelist
-   use shared_error_tables, only: read_shared_errors
    use stiffness_table, only: new_stiffness_table, stiffness_table_type
    use table_columns, only: find_column, foreign_column
-   use tables, only: parse_table, table_type
+   use tables, only: parse_table, read_table, table_type
    use velocity_tables, only: append_velocities, read_velocities
    use text, only: newline, to_text
    implicit none
@@ -452,13 +450,40 @@ contains
                return
             end if
          end associate
-         call read_shared_errors(measurements%table, self%shared_file, self%shared_errors, &
-            & self%shared_digest, error)
+         call read_shared_errors()
          if (.not. allocated(error)) call refuse_copied_rows(measurements, error)
          if (allocated(error)) return
          weight = 1.0_wp/measurements%sd_gpa**2
          call combine_tests(self%class, measurements, error)
       end subroutine read_tests
+
+      !> Read the relative errors that the rows share, such as the calibration of the instrument:
+      !> from the file of shared errors, which has one row for each row of the table, or from the
+      !> columns shared_1, shared_2, .. of the table itself.
+      subroutine read_shared_errors()
+         type(table_type) :: source
+         real(wp), allocatable :: values(:, :)
+         logical, allocatable :: chosen(:)
+         integer :: j
+
+         source = table
+         if (allocated(self%shared_file)) call read_table(self%shared_file, source, error)
+         if (.not. allocated(error) .and. source%rows /= table%rows) then
+            call refuse(error, to_text(source%rows)//' rows for '//to_text(table%rows) &
+               & //' of the measurements; each row has the errors of one of them')
+         end if
+         if (allocated(error)) source%columns = 0
+         chosen = [(index(source%name(j), 'shared_') == 1 .or. (allocated(self%shared_file) &
+            & .and. source%name(j) /= 'grain'), j=1, source%columns)]
+         if (any(chosen)) then
+            call source%numbers(pack([(j, j=1, source%columns)], chosen), values, error)
+            self%shared_errors = transpose(values)
+            self%shared_digest = source%digest()
+         end if
+         if (allocated(self%shared_file)) then
+            call prefix_error(error, 'shared_errors: '//printable(self%shared_file)//': ')
+         end if
+      end subroutine read_shared_errors
    end subroutine take_measurements
 
    !> Beginning of the messages on the measurements.

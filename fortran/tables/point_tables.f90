@@ -77,22 +77,119 @@ contains
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: along(:)
-      integer :: column, i
+      !> The class whose constants are all entries, and their columns.
+      type(crystal_class_type) :: general
+      integer :: column(21), along_column, i
 
-      column = 0
+      along_column = 0
       call read_table(path, points%table, error)
       if (.not. allocated(error)) call read_angles(points, .false., error)
-      if (.not. allocated(error)) call read_constants(points, default_class, error)
+      if (.not. allocated(error)) call read_constants()
       if (.not. allocated(error)) then
-         call find_column(points%table, 'propagation_deg', column, error, .false.)
+         call find_column(points%table, 'propagation_deg', along_column, error, .false.)
       end if
       call read_column(points%table, trim(merge('modulus_gpa            ', &
          & 'indentation_modulus_gpa', points%table%find('modulus_gpa') > 0)), .true., &
          & points%modulus_gpa, error)
-      call read_column(points%table, 'propagation_deg', column == 0, along, error)
+      call read_column(points%table, 'propagation_deg', along_column == 0, along, error)
       call prefix_error(error, prefix)
-      if (allocated(error) .or. column == 0) return
+      if (allocated(error) .or. along_column == 0) return
       points%paths = [(path_type(rayleigh, along(i)), i=1, points%n)]
+
+   contains
+
+      !> Read the independent constants of each row, and set the stiffness.
+      subroutine read_constants()
+         real(wp), allocatable :: values(:)
+         integer :: i, j
+
+         call new_crystal_class(general_class, general, error)
+         if (allocated(error)) return
+         allocate (points%constants(21, points%n))
+         allocate (points%stiffness(6, 6, points%n))
+         do j = 1, 21
+            column(j) = points%table%find(general%constants(j))
+            call read_numbers(points%table, column(j), constant_column, .true., values, error)
+            if (allocated(error)) return
+            points%constants(j, :) = values
+         end do
+         call read_classes()
+         if (allocated(error)) return
+         do i = 1, points%n
+            call take_constants(i)
+            if (allocated(error)) return
+         end do
+      end subroutine read_constants
+
+      !> Take the constants of the class from the entries of row i, and set the stiffness.
+      subroutine take_constants(i)
+         integer, intent(in) :: i
+         real(wp) :: entries(21), implied(21)
+         integer :: j, k
+
+         entries = points%constants(:, i)
+         points%constants(:, i) = nan
+         associate (class => points%classes(points%class(i)), table => points%table)
+            do k = 1, class%n_constants
+               j = findloc(general%constants, class%constants(k), dim=1)
+               if (column(j) == 0) then
+                  call refuse(error, 'the column '//class%constants(k)//' is missing; a ' &
+                     & //class%name//' crystal has '//join(class%constants, ', '))
+               else if (.not. abs(entries(j)) <= stiffness_most) then
+                  call table%number(column(j), i, entries(j), error)
+               end if
+               if (allocated(error)) return
+               points%constants(k, i) = entries(j)
+            end do
+            points%stiffness(:, :, i) = class%stiffness(points%constants(:class%n_constants, i))
+            ! The cell of a dependent constant is empty, or has the value that follows by symmetry.
+            implied = general%constants_of(points%stiffness(:, :, i))
+            do j = 1, 21
+               if (.not. abs(entries(j) - implied(j)) > 1.0e-3_wp*abs(implied(j)) + 1.0e-3_wp) cycle
+               call table%refuse(column(j), i, ' GPa does not apply to a '//class%name &
+                  & //' crystal, whose '//general%constants(j)//' is '//to_text(implied(j)) &
+                  & //' GPa; leave the cell empty', error)
+               return
+            end do
+         end associate
+         call check_stiffness(points%stiffness(:, :, i), error)
+         call prefix_error(error, 'line '//to_text(points%table%line(i))//': ')
+      end subroutine take_constants
+
+      !> Set the class of each row, from the column `symmetry` if there is one.
+      subroutine read_classes()
+         type(crystal_class_type) :: class
+         integer, allocatable :: first(:)
+         character(len=:), allocatable :: cell
+         integer :: named, i, j
+
+         named = points%table%find('symmetry')
+         first = first_rows(points%table, named)
+         allocate (points%classes(0), points%class(points%n))
+         do i = 1, points%n
+            if (first(i) < i) then
+               points%class(i) = points%class(first(i))
+               cycle
+            end if
+            cell = ''
+            if (named > 0) cell = points%table%cell(named, i)
+            class = default_class
+            ! A table of all 21 constants without a class has triclinic crystals.
+            if (all(column > 0) .and. named == 0) class = general
+            if (len(cell) > 0) call new_crystal_class(cell, class, error)
+            call prefix_error(error, points%table%place(named, i))
+            if (allocated(error)) return
+            if (class%n_constants == 0) then
+               call refuse(error, 'the class of the crystals is missing; state &problem ' &
+                  & //'symmetry, or add a column symmetry')
+               return
+            end if
+            j = findloc([(points%classes(j)%name == class%name, j=1, size(points%classes))], &
+               & .true., dim=1)
+            if (j == 0) points%classes = [points%classes, class]
+            points%class(i) = merge(size(points%classes), j, j == 0)
+         end do
+      end subroutine read_classes
    end subroutine read_crystals
 
    !> The name of point `i`, or its number.
@@ -275,106 +372,6 @@ contains
          points%euler_deg(j, :) = min(values/unit, angle_columns(j)%allowed(2))
       end do
    end subroutine read_angles
-
-   !> Read the independent constants of each row, and set the stiffness.
-   subroutine read_constants(points, default_class, error)
-      type(points_type), intent(inout) :: points
-      type(crystal_class_type), intent(in) :: default_class
-      type(error_type), allocatable, intent(out) :: error
-      !> The class whose constants are all entries.
-      type(crystal_class_type) :: general
-      real(wp), allocatable :: values(:)
-      integer :: column(21), i, j
-
-      call new_crystal_class(general_class, general, error)
-      if (allocated(error)) return
-      allocate (points%constants(21, points%n), source=nan)
-      allocate (points%stiffness(6, 6, points%n))
-      do j = 1, 21
-         column(j) = points%table%find(general%constants(j))
-         if (column(j) == 0) cycle
-         call read_numbers(points%table, column(j), constant_column, .true., values, error)
-         if (allocated(error)) return
-         points%constants(j, :) = values
-      end do
-      call read_classes()
-      if (allocated(error)) return
-      do i = 1, points%n
-         call take_constants()
-         if (allocated(error)) return
-      end do
-
-   contains
-
-      !> Take the constants of the class from the entries of row i, and set the stiffness.
-      subroutine take_constants()
-         real(wp) :: entries(21), implied(21)
-         integer :: k
-
-         entries = points%constants(:, i)
-         points%constants(:, i) = nan
-         associate (class => points%classes(points%class(i)), table => points%table)
-            do k = 1, class%n_constants
-               j = findloc(general%constants, class%constants(k), dim=1)
-               if (column(j) == 0) then
-                  call refuse(error, 'the column '//class%constants(k)//' is missing; a ' &
-                     & //class%name//' crystal has '//join(class%constants, ', '))
-               else if (.not. abs(entries(j)) <= stiffness_most) then
-                  call table%number(column(j), i, entries(j), error)
-               end if
-               if (allocated(error)) return
-               points%constants(k, i) = entries(j)
-            end do
-            points%stiffness(:, :, i) = class%stiffness(points%constants(:class%n_constants, i))
-            ! The cell of a dependent constant is empty, or has the value that follows by symmetry.
-            implied = general%constants_of(points%stiffness(:, :, i))
-            do j = 1, 21
-               if (.not. abs(entries(j) - implied(j)) > 1.0e-3_wp*abs(implied(j)) + 1.0e-3_wp) cycle
-               call table%refuse(column(j), i, ' GPa does not apply to a '//class%name &
-                  & //' crystal, whose '//general%constants(j)//' is '//to_text(implied(j)) &
-                  & //' GPa; leave the cell empty', error)
-               return
-            end do
-         end associate
-         call check_stiffness(points%stiffness(:, :, i), error)
-         call prefix_error(error, 'line '//to_text(points%table%line(i))//': ')
-      end subroutine take_constants
-
-      !> Set the class of each row, from the column `symmetry` if there is one.
-      subroutine read_classes()
-         type(crystal_class_type) :: class
-         integer, allocatable :: first(:)
-         character(len=:), allocatable :: cell
-         integer :: named, i, j
-
-         named = points%table%find('symmetry')
-         first = first_rows(points%table, named)
-         allocate (points%classes(0), points%class(points%n))
-         do i = 1, points%n
-            if (first(i) < i) then
-               points%class(i) = points%class(first(i))
-               cycle
-            end if
-            cell = ''
-            if (named > 0) cell = points%table%cell(named, i)
-            class = default_class
-            ! A table of all 21 constants without a class has triclinic crystals.
-            if (all(column > 0) .and. named == 0) class = general
-            if (len(cell) > 0) call new_crystal_class(cell, class, error)
-            call prefix_error(error, points%table%place(named, i))
-            if (allocated(error)) return
-            if (class%n_constants == 0) then
-               call refuse(error, 'the class of the crystals is missing; state &problem ' &
-                  & //'symmetry, or add a column symmetry')
-               return
-            end if
-            j = findloc([(points%classes(j)%name == class%name, j=1, size(points%classes))], &
-               & .true., dim=1)
-            if (j == 0) points%classes = [points%classes, class]
-            points%class(i) = merge(size(points%classes), j, j == 0)
-         end do
-      end subroutine read_classes
-   end subroutine read_constants
 
    !> Number the groups in the order in which their names occur.
    subroutine read_groups(points)

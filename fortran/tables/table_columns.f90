@@ -90,7 +90,7 @@ contains
       if (column == 0 .and. i > 0) then
          allocate (others, source=split_list(known_columns(i)%others))
          do j = 1, table%columns
-            call split_name(table%name(j), word, unit)
+            call split_name(table%name(j))
             if (all(others /= word)) cycle
             if (column > 0) then
                call refuse(error, 'the columns '//printable(table%name(column))//' and ' &
@@ -108,6 +108,34 @@ contains
       names = table%names()
       call refuse(error, 'the column '//name//' is missing; the columns are '//names &
          & //suggestion(name, names))
+
+   contains
+
+      !> Word and unit of a header: 'saw_velocity' and 'm/s' of 'SAW velocity (m/s)', 'phi1' and
+      !> 'deg' of 'phi1_deg'.
+      subroutine split_name(header)
+         character(len=*), intent(in) :: header
+         character(len=*), parameter :: endings(3) = ['_deg', '_rad', '_m_s']
+         integer :: k
+
+         word = lower(header)
+         unit = ''
+         k = scan(word, '([/')
+         if (k > 1) then
+            unit = word(k + 1:)
+            if (scan(unit, ')]') > 0) unit = unit(:scan(unit, ')]') - 1)
+            unit = trim(adjustl(unit))
+            word = trim(word(:k - 1))
+         end if
+         do k = 1, len(word)
+            if (scan(word(k:k), ' -.') == 1) word(k:k) = '_'
+         end do
+         k = len(word) - len(endings)
+         if (k < 1 .or. len(unit) > 0) return
+         if (all(endings /= word(k + 1:))) return
+         unit = word(k + 2:)
+         word = word(:k)
+      end subroutine split_name
    end subroutine find_column
 
    !> Find the columns of several names, 0 for a name that is missing.
@@ -176,33 +204,6 @@ contains
          return
       end do
    end subroutine read_numbers
-
-   !> Word and unit of a name: 'saw_velocity' and 'm/s' of 'SAW velocity (m/s)', 'phi1' and 'deg'
-   !> of 'phi1_deg'.
-   pure subroutine split_name(name, word, unit)
-      character(len=*), intent(in) :: name
-      character(len=:), allocatable, intent(out) :: word, unit
-      character(len=*), parameter :: endings(3) = ['_deg', '_rad', '_m_s']
-      integer :: k
-
-      word = lower(name)
-      unit = ''
-      k = scan(word, '([/')
-      if (k > 1) then
-         unit = word(k + 1:)
-         if (scan(unit, ')]') > 0) unit = unit(:scan(unit, ')]') - 1)
-         unit = trim(adjustl(unit))
-         word = trim(word(:k - 1))
-      end if
-      do k = 1, len(word)
-         if (scan(word(k:k), ' -.') == 1) word(k:k) = '_'
-      end do
-      k = len(word) - len(endings)
-      if (k < 1 .or. len(unit) > 0) return
-      if (all(endings /= word(k + 1:))) return
-      unit = word(k + 2:)
-      word = word(:k)
-   end subroutine split_name
 
    !> Find the column of the moduli, and their kind, from its name or as it is stated.
    subroutine find_modulus(table, stated, name, kind, error)

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 from ..core import InputError
 
@@ -172,19 +173,8 @@ def abridged(words: Iterable, most: int = 10, mark: str = ", ") -> str:
 
 def near(written: str, allowed: Iterable[str]) -> str:
     """', did you mean X?' for the allowed name that is nearest to a written one, if it is near."""
-    pairs = [(distance(name, written), name) for name in allowed]
-    least, name = min(pairs, default=(1, ""), key=lambda pair: pair[0])
-    return f", did you mean {name}?" if least <= max(1, len(name) // 3) else ""
-
-
-def distance(a: str, b: str) -> int:
-    """Levenshtein's distance between two texts."""
-    row = list(range(len(b) + 1))
-    for i, letter in enumerate(a, 1):
-        before, row[0] = row[0], i
-        for j, other in enumerate(b, 1):
-            before, row[j] = row[j], min(row[j] + 1, row[j - 1] + 1, before + (letter != other))
-    return row[-1]
+    found = get_close_matches(written, [*allowed], 1, 0.7)
+    return f", did you mean {found[0]}?" if found else ""
 
 
 def hint_of(header: str, allowed: Iterable[str] = BY_NAME) -> str:
