@@ -8,7 +8,7 @@ module point_tables
    use kinds, only: degree, i8, nan, pi, wp
    use statistics, only: number_equal
    use settings_schema, only: measurements_settings_type
-   use direction_columns, only: find_ways, read_directions
+   use direction_columns, only: read_directions
    use table_columns, only: angle_columns, column_type, find_column, find_columns, find_modulus, &
       & read_column, read_numbers
    use tables, only: longest_name, read_table, table_type
@@ -304,28 +304,23 @@ contains
       !> See `read_measurements`.
       real(wp), allocatable, intent(in) :: parameters(:)
       type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: columns(:), angles(:)
-      integer :: way
+      integer, allocatable :: angles(:)
+      real(wp), allocatable :: euler_deg(:, :)
 
-      call find_ways(points%table, way, columns, error)
-      if (allocated(error)) return
       call find_columns(points%table, join(angle_columns%name, ', '), 0, angles, error)
       if (allocated(error)) return
-      if (way == 0) then
-         call read_angles(points, radians, error)
-         if (allocated(error) .and. all(angles == 0)) then
-            error%message = error%message//'; instead of angles q0, q1, q2, q3, or u, v, w, or ' &
-               & //'h, k, l; if no orientation is known state orientations = ''unknown'''
-         end if
-      else if (all(angles > 0)) then
-         call refuse(error, 'orientations are stated twice, by angles and by ' &
-            & //points%table%name(columns(1))//', '//points%table%name(columns(2)) &
-            & //', ..; one of them is allowed')
-      else
+      call read_directions(points%table, all(angles > 0), crystal, parameters, euler_deg, error)
+      if (allocated(error)) return
+      if (allocated(euler_deg)) then
          call set_size(points)
          points%has_angles = .false.
-         call read_directions(points%table, way, columns, crystal, parameters, &
-            & points%euler_deg, error)
+         points%euler_deg = euler_deg
+         return
+      end if
+      call read_angles(points, radians, error)
+      if (allocated(error) .and. all(angles == 0)) then
+         error%message = error%message//'; instead of angles q0, q1, q2, q3, or u, v, w, or ' &
+            & //'h, k, l; if no orientation is known state orientations = ''unknown'''
       end if
    end subroutine read_orientations
 

@@ -23,6 +23,7 @@ contains
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: along(:)
+      logical :: has_direction
       integer :: column, i
 
       column = table%find('wave')
@@ -40,12 +41,13 @@ contains
       do i = 1, merge(points%n, 0, column > 0)
          associate (path => points%paths(i))
             path%wave = findloc(wave_names, lower(table%cell(column, i)), dim=1)
+            has_direction = abs(along(i)) <= huge(1.0_wp)
             if (path%wave == no_wave) then
                call table%refuse(column, i, ' is no wave; allowed '//join(wave_names, ', '), error)
-            else if (path%wave == rayleigh .and. .not. abs(along(i)) <= huge(1.0_wp)) then
+            else if (path%wave == rayleigh .and. .not. has_direction) then
                call table%refuse(column, i, &
                   & ': propagation_deg is missing, the direction of the wave in the surface', error)
-            else if (.not. abs(along(i)) <= huge(1.0_wp)) then
+            else if (.not. has_direction) then
                path = path_type(path%wave, inclination_deg=90.0_wp)
             end if
          end associate

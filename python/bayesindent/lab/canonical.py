@@ -238,9 +238,14 @@ def check_orientations(table: LaboratoryTable, facts: Mapping[str, Any]) -> None
         "; instead of angles q0, q1, q2, q3, or u, v, w, or h, k, l; if no orientation is known "
         "state orientations = 'unknown'"
     )
-    raise InputError(
-        f"{table.place}the column {missing[0]} is missing; the columns are {listed(table.names)}"
-        f"{nearest_to(missing[:1], table.names)}{instead if len(missing) == 3 else ''}"
+    raise missing_column(table, missing[0], instead if len(missing) == 3 else "")
+
+
+def missing_column(table: LaboratoryTable, name: str, remedy: str = "") -> InputError:
+    """The refusal of a table without a column."""
+    return InputError(
+        f"{table.place}the column {name} is missing; the columns are {listed(table.names)}"
+        f"{nearest_to([name], table.names)}{remedy}"
     )
 
 
@@ -251,28 +256,23 @@ def add_orientations(
     # The packages that read maps take time to import.
     from .orientation_maps import indented_map
 
+    stage = []
     for name in ("x_um", "y_um"):
         if name not in table.meanings:
+            raise missing_column(table, name)
+        cells = table.cells[table.column(name)]
+        for line in cells.index[cells.map(is_missing)]:
             raise InputError(
-                f"{table.place}the column {name} is missing; the columns are {listed(table.names)}"
-                f"{nearest_to([name], table.names)}"
+                f"{table.place}line {line}, column {name}: the cell is empty; a number is needed"
             )
-    cells = [table.cells[table.column(name)] for name in ("x_um", "y_um")]
-    for name, column in zip(("x_um", "y_um"), cells):
-        for line, cell in column.items():
-            if is_missing(cell):
-                raise InputError(
-                    f"{table.place}line {line}, column {name}: the cell is empty; a number is "
-                    "needed"
-                )
-    stage = np.column_stack([list(map(value_of, column)) for column in cells])
+        stage.append(cells.map(value_of))
     folder = Path(facts["folder"])
     ebsd, points = facts["measurements.ebsd"], facts.get("measurements.ebsd_points")
     found = indented_map(
         f"{origin}: &measurements ebsd: {ebsd}: ",
         folder / ebsd,
         (f"{origin}: &measurements ebsd_points: {points}: ", folder / points) if points else None,
-        stage,
+        np.column_stack(stage),
         [own if name in table.stated else name for name, own in zip(table.names, table.meanings)],
         facts.get("problem.symmetry"),
         facts.get("measurements.crystal_axes"),

@@ -4,8 +4,9 @@ resolves them.
 
 import os
 import re
+from collections import namedtuple
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, make_dataclass
+from dataclasses import dataclass, fields
 from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -341,7 +342,7 @@ def batched(values: list, n: int) -> Iterator[list]:
 
 
 #: Make a frozen class from a name and fields.
-_frozen_type = cache(partial(make_dataclass, frozen=True, eq=False))
+_frozen_type = cache(namedtuple)
 
 
 def _settings(values: dict) -> Any:
