@@ -13,10 +13,11 @@ import numpy as np
 
 #: Cells that mean that there is no value: words, errors of spreadsheets, and the largest double,
 #: which some instruments write.
-MISSING = set(
+MISSING_TEXTS = (
     ". n/a na nan none null nil missing #n/a #div/0! #value! #ref! #num! "
-    "1.797e308 1.797e+308 1.797693e+308".split()
+    "1.797e308 1.797e+308 1.797693e+308"
 )
+MISSING = {*MISSING_TEXTS.split()}
 #: A number with a decimal point and perhaps an exponent, such as "1.05d2".
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?"
 is_plain_number = re.compile(NUMBER).fullmatch

@@ -1,5 +1,6 @@
 """Orientation maps (EBSD): the grain at each indent, its orientation and its size."""
 
+import csv
 import re
 from dataclasses import dataclass
 from functools import cache, reduce
@@ -7,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -25,7 +25,7 @@ BOUNDARY_DEG = 5.0
 #: Grains of fewer points are noise; they do not count as neighbours.
 LEAST_PIXELS = 4
 #: Columns of homologous points: positions on the stage, and in the map.
-POINT_COLUMNS = ["x_um", "y_um", "map_x_um", "map_y_um"]
+POINT_COLUMNS = ("x_um", "y_um", "map_x_um", "map_y_um")
 #: Number of errors of registration that are drawn, and the least probability of an indent's grain.
 SAMPLE, LEAST_SHARE = 400, 0.95
 #: The largest coordinate that is accepted; every sample is smaller.
@@ -93,9 +93,9 @@ def indented_map(
     retained = np.flatnonzero(share >= LEAST_SHARE).tolist()
     if doubtful := [f"{row + 1} ({share[row]:.0%})" for row in np.flatnonzero(share < LEAST_SHARE)]:
         warnings.append(
-            f"{place}the indents of rows {abridged(doubtful)} are left out: their grain is uncertain. In "
-            f"brackets: the probability of the grain, with a registration of ± {sd.max():.2g} um; "
-            f"{LEAST_SHARE:.0%} is needed. State more ebsd_points"
+            f"{place}the indents of rows {abridged(doubtful)} are left out: their grain is "
+            f"uncertain. In brackets: the probability of the grain, with a registration of "
+            f"± {sd.max():.2g} um; {LEAST_SHARE:.0%} is needed. State more ebsd_points"
         )
     if not retained:
         raise InputError(warnings[-1])
@@ -124,20 +124,14 @@ def registered(
     if the sd is unknown. `place` begins the message of a refusal.
     """
     try:
-        rows = pd.read_csv(
-            path,
-            comment="#",
-            skipinitialspace=True,
-            index_col=False,
-            encoding="utf-8-sig",
-            float_precision="round_trip",
-        )
-        known = rows[POINT_COLUMNS].to_numpy(float)
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        stated = (line for line in lines if not line.startswith("#"))
+        rows = csv.DictReader(stated, skipinitialspace=True)
+        cells = [float(row[name]) for row in rows for name in POINT_COLUMNS]
+        known = np.array(cells).reshape(-1, 4)
     except OSError as error:
         raise InputError(f"{place}{error.strerror}") from None
-    except pd.errors.EmptyDataError:
-        known = np.empty((0, 4))
-    except (ValueError, KeyError):
+    except (ValueError, KeyError, TypeError, csv.Error):
         known = np.full((1, 4), np.nan)
     if not (np.abs(known) < FARTHEST_UM).all():
         raise InputError(
@@ -245,7 +239,8 @@ class Grid:
         if len(others := np.flatnonzero(phases != number)):
             raise InputError(
                 f"{self.place}the indent of row 1 is on the phase {name}, those of "
-                f"rows {abridged(others + 1)} are on {self.names[int(phases[others[0]])]}; leave one "
+                f"rows {abridged(others + 1)} are on "
+                f"{self.names[int(phases[others[0]])]}; leave one "
                 "of them out: the constants are those of one phase"
             )
         if not symmetry:
