@@ -177,7 +177,7 @@ contains
       end if
       test%correlation = correlations(chosen)
       test%noise = test%sigma(chosen)
-      call sum_windows()
+      call sum_windows(test, s, linear, first, variances, weight)
       distance = abs(test%curve%depth(1) - test%fit(1))
       depth = maxval(linear%depth, test%elastic >= 0.5_wp*maxval(test%elastic))
       if (distance > farthest*depth) then
@@ -213,60 +213,6 @@ contains
             linear%residual = linear%residual - test%zero
          end associate
       end subroutine linearise
-
-      !> Average over the windows, and compute the modulus given the shared unknowns.
-      subroutine sum_windows()
-         !> The unknowns that are reported: modulus and drift.
-         integer, parameter :: reported(2) = [1, own + 2]
-         type(window_type) :: windows(size(linear%load)), best
-         real(wp) :: slope(n_shared), unknowns(n_columns), squares(2), loads(2), share, &
-            & drift_variance
-         real(wp), dimension(size(linear%load)) :: score, r
-         integer :: i, k
-
-         unknowns = 0.0_wp
-         squares = 0.0_wp
-         loads = 0.0_wp
-         test%slope = 0.0_wp
-         test%drift_share = 0.0_wp
-         test%elastic = 0.0_wp*linear%load
-         do k = 1, size(first)
-            if (all(weight(:, k) <= negligible)) cycle
-            linear%variances = variances(:, k)
-            call score_windows(linear, test%correlation, test%noise, first(k), 0.0_wp*linear%load, &
-               & score, best, windows)
-            do i = 1, size(linear%load)
-               if (weight(i, k) <= negligible) cycle
-               share = weight(i, k)/sum(weight, weight > negligible)
-               associate (mean => windows(i)%mean, c => windows(i)%covariance)
-                  ! Before conditioning: the drift is correlated with the shared unknowns, above all
-                  ! with the compliance.
-                  drift_variance = c(reported(2), reported(2))
-                  call give_shared(mean, c, slope)
-                  if (size(test%curve%stiffness) > 0) call add_stiffness(test, s, windows(i), slope)
-                  test%slope = test%slope + share*slope
-                  unknowns = unknowns + share*mean
-                  squares = squares + share*([c(1, 1), drift_variance] + mean(reported)**2)
-                  loads = loads + share*linear%load([first(k), i])
-                  test%drift_share = test%drift_share + share*c(1, &
-                     & reported(2))**2/(c(1, 1)*c(reported(2), reported(2)))
-               end associate
-               test%elastic(first(k):i) = test%elastic(first(k):i) + share
-            end do
-         end do
-         test%shift = unknowns(1)
-         test%variance = squares(1) - test%shift**2
-         test%from_load = loads(1)
-         test%to_load = loads(2)
-         test%drift = unknowns(reported(2))
-         test%drift_sd = sqrt(squares(2) - test%drift**2)
-         ! A random walk does not determine the zero; use the mean residual in the window.
-         r = linear%residual - matmul(unknowns, linear%columns)
-         r = r - sum(r*test%elastic)/sum(test%elastic)
-         test%fit = test%curve%depth - r
-         test%zero = test%zero + linear%residual(1) - r(1) - sum(unknowns*linear%columns(:, 1)) &
-            & + unknowns(own + 1)
-      end subroutine sum_windows
    end subroutine score_test
 
    !> Exclude a test, for this `reason`.
@@ -365,6 +311,66 @@ contains
          end associate
       end subroutine update
    end subroutine score_windows
+
+   !> Average over the windows, and compute the modulus given the shared unknowns.
+   subroutine sum_windows(test, s, linear, first, variances, weight)
+      type(test_type), intent(inout) :: test
+      real(wp), intent(in) :: s(n_shared)
+      type(linear_type), intent(inout) :: linear
+      integer, intent(in) :: first(:)
+      !> Variances of the unknowns, (unknown, beginning); weights of the windows, (last point,
+      !> beginning).
+      real(wp), intent(in) :: variances(:, :), weight(:, :)
+      !> The unknowns that are reported: modulus and drift.
+      integer, parameter :: reported(2) = [1, own + 2]
+      type(window_type) :: windows(size(linear%load)), best
+      real(wp) :: slope(n_shared), unknowns(n_columns), squares(2), loads(2), share, drift_variance
+      real(wp), dimension(size(linear%load)) :: score, r
+      integer :: i, k
+
+      unknowns = 0.0_wp
+      squares = 0.0_wp
+      loads = 0.0_wp
+      test%slope = 0.0_wp
+      test%drift_share = 0.0_wp
+      test%elastic = 0.0_wp*linear%load
+      do k = 1, size(first)
+         if (all(weight(:, k) <= negligible)) cycle
+         linear%variances = variances(:, k)
+         call score_windows(linear, test%correlation, test%noise, first(k), 0.0_wp*linear%load, &
+            & score, best, windows)
+         do i = 1, size(linear%load)
+            if (weight(i, k) <= negligible) cycle
+            share = weight(i, k)/sum(weight, weight > negligible)
+            associate (mean => windows(i)%mean, c => windows(i)%covariance)
+               ! Before conditioning: the drift is correlated with the shared unknowns, above all
+               ! with the compliance.
+               drift_variance = c(reported(2), reported(2))
+               call give_shared(mean, c, slope)
+               if (size(test%curve%stiffness) > 0) call add_stiffness(test, s, windows(i), slope)
+               test%slope = test%slope + share*slope
+               unknowns = unknowns + share*mean
+               squares = squares + share*([c(1, 1), drift_variance] + mean(reported)**2)
+               loads = loads + share*linear%load([first(k), i])
+               test%drift_share = test%drift_share + share*c(1, &
+                  & reported(2))**2/(c(1, 1)*c(reported(2), reported(2)))
+            end associate
+            test%elastic(first(k):i) = test%elastic(first(k):i) + share
+         end do
+      end do
+      test%shift = unknowns(1)
+      test%variance = squares(1) - test%shift**2
+      test%from_load = loads(1)
+      test%to_load = loads(2)
+      test%drift = unknowns(reported(2))
+      test%drift_sd = sqrt(squares(2) - test%drift**2)
+      ! A random walk does not determine the zero; use the mean residual in the window.
+      r = linear%residual - matmul(unknowns, linear%columns)
+      r = r - sum(r*test%elastic)/sum(test%elastic)
+      test%fit = test%curve%depth - r
+      test%zero = test%zero + linear%residual(1) - r(1) - sum(unknowns*linear%columns(:, 1)) &
+         & + unknowns(own + 1)
+   end subroutine sum_windows
 
    !> Condition mean and covariance of the unknowns on the shared ones, and give the slope of the
    !> modulus with respect to these.

@@ -133,32 +133,17 @@ contains
    !> Read the tables that the groups name, or those that are given as texts.
    subroutine load_tables(self, given, error)
       class(problem_type), intent(inout) :: self
-      !> Texts of tables that the Python program read: measurements, curves, velocities, stiffness,
-      !> texture, candidates.
+      !> Texts of tables that the Python program read, by their names below.
       type(named_values_reader_type), intent(inout) :: given
       type(error_type), allocatable, intent(out) :: error
+      logical :: radians
 
-      integer :: i
-
+      radians = self%settings%measurements%angles == 'radians'
       associate (s => self%settings)
-         if (allocated(s%crystals%points)) then
-            call load_crystals('crystals', 'points', s%crystals%points, self%crystals)
-            if (allocated(error)) return
-            if (angles_look_like_radians(self%crystals)) then
-               call warn(self%warnings, place(self%path, 'crystals', 'points') &
-                  & //printable(s%crystals%points)//like_radians)
-            end if
-         end if
-         if (s%curves%given) call load_curves()
+         call load_crystals(self, error)
          if (allocated(error)) return
-         if (allocated(s%references%crystals)) then
-            call load_crystals('references', 'crystals', s%references%crystals, self%references)
-            if (allocated(error)) return
-            call find_column(self%references%table, 'reference', self%references%named_by, &
-               & error, .true.)
-            if (allocated(error)) return
-         end if
-         call load_velocities()
+         if (s%curves%given) call load_curves()
+         if (.not. allocated(error)) call load_velocities()
          if (allocated(error)) return
          if (allocated(s%measurements%shared_errors) .and. .not. given%has('measurements')) then
             self%shared_file = resolve_path(self%folder, s%measurements%shared_errors)
@@ -172,24 +157,11 @@ contains
             call append_velocities(self%measurements, self%velocities)
             s%measurements%modulus_kind = self%measurements%modulus_kind
          end if
-         if (allocated(error)) return
-         call load_stiffness()
+         if (.not. allocated(error)) call load_stiffness()
          if (allocated(error)) return
          call load_grains('measurements', 'texture', s%measurements%texture, self%texture)
          if (allocated(error)) return
          call load_grains('next', 'candidates', s%next%candidates, self%grains)
-         if (allocated(error) .or. any(['latin    ', 'factorial'] == s%design%candidates)) return
-         call load_crystals('design', 'candidates', s%design%candidates, self%candidates)
-         if (allocated(error) .or. .not. allocated(self%class%name)) return
-         associate (points => self%candidates)
-            i = findloc([(points%classes(points%class(i))%name == self%class%name, &
-               & i=1, points%n)], .false., 1)
-            if (i > 0) then
-               call refuse(error, place(self%path, 'design', 'candidates') &
-                  & //printable(s%design%candidates)//': line '//to_text(points%table%line(i)) &
-                  & //': the crystal is not of the symmetry of &problem')
-            end if
-         end associate
       end associate
 
    contains
@@ -219,16 +191,6 @@ contains
          call prefix_error(error, prefix)
       end subroutine find_table
 
-      !> Read crystals from the file of a variable.
-      subroutine load_crystals(group, name, file, points)
-         character(len=*), intent(in) :: group, name, file
-         type(points_type), allocatable, intent(out) :: points
-
-         allocate (points)
-         call read_crystals(resolve_path(self%folder, file), &
-            & place(self%path, group, name)//printable(file)//': ', self%class, points, error)
-      end subroutine load_crystals
-
       !> Read curves, and the table of tests that the namelist names.
       subroutine load_curves()
          character(len=:), allocatable :: content
@@ -255,11 +217,9 @@ contains
          character(len=:), allocatable :: prefix
          type(table_type) :: table
 
-         associate (stated => self%settings%knowledge)
-            prefix = place_of(self, 'knowledge', 'stiffness_file', stated%stiffness_file, &
-               & 'stiffness')
-            call find_table('stiffness', stated%stiffness_file, prefix, table)
-         end associate
+         prefix = place_of(self, 'knowledge', 'stiffness_file', &
+            & self%settings%knowledge%stiffness_file, 'stiffness')
+         call find_table('stiffness', self%settings%knowledge%stiffness_file, prefix, table)
          if (allocated(error) .or. table%columns == 0) return
          allocate (self%stiffness)
          call new_stiffness_table(table, self%class, self%stiffness, error)
@@ -270,10 +230,8 @@ contains
       subroutine load_velocities()
          character(len=:), allocatable :: prefix
          type(table_type) :: table
-         logical :: radians
 
          prefix = place(self%path, 'measurements', 'velocities')
-         radians = self%settings%measurements%angles == 'radians'
          call find_table('velocities', self%settings%measurements%velocities, prefix, table)
          if (allocated(error) .or. table%columns == 0) return
          allocate (self%velocities)
@@ -287,29 +245,89 @@ contains
          character(len=*), intent(in) :: group, name
          character(len=:), allocatable, intent(in) :: file
          type(points_type), allocatable, intent(out) :: grains
-         !> Bound of the memory for the moduli of each grain at 2000 draws.
-         integer, parameter :: most_grains = 2000
          character(len=:), allocatable :: prefix
-         logical :: radians
 
          if (.not. allocated(file)) return
          allocate (grains)
-         prefix = place_of(self, group, name, file, '')
-         radians = self%settings%measurements%angles == 'radians'
+         prefix = place(self%path, group, name)//printable(file)//': '
          call find_table(name, file, prefix, grains%table)
          if (allocated(error)) return
-         call read_orientations(grains, radians, self%class, self%settings%problem%lattice, error)
-         if (.not. allocated(error)) then
-            call find_column(grains%table, 'grain', grains%named_by, error, .false.)
-         end if
-         if (.not. allocated(error) .and. grains%n > most_grains) then
-            call refuse(error, to_text(grains%n)//' grains; allowed up to '//to_text(most_grains))
-         else if (.not. (allocated(error) .or. radians)) then
-            call refuse_radians(grains, error)
-         end if
+         call read_grains(self, radians, grains, error)
          call prefix_error(error, prefix)
       end subroutine load_grains
    end subroutine load_tables
+
+   !> Read the tables of crystals: those to simulate, references, and the candidates of &design,
+   !> which must be of the symmetry of &problem.
+   subroutine load_crystals(self, error)
+      type(problem_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+      integer :: i
+
+      associate (s => self%settings)
+         if (allocated(s%crystals%points)) then
+            call read_file('crystals', 'points', s%crystals%points, self%crystals)
+            if (allocated(error)) return
+            if (angles_look_like_radians(self%crystals)) then
+               call warn(self%warnings, place(self%path, 'crystals', 'points') &
+                  & //printable(s%crystals%points)//like_radians)
+            end if
+         end if
+         if (allocated(s%references%crystals)) then
+            call read_file('references', 'crystals', s%references%crystals, self%references)
+            if (allocated(error)) return
+            call find_column(self%references%table, 'reference', self%references%named_by, &
+               & error, .true.)
+            if (allocated(error)) return
+         end if
+         if (any(['latin    ', 'factorial'] == s%design%candidates)) return
+         call read_file('design', 'candidates', s%design%candidates, self%candidates)
+      end associate
+      if (allocated(error) .or. .not. allocated(self%class%name)) return
+      associate (points => self%candidates)
+         i = findloc([(points%classes(points%class(i))%name == self%class%name, i=1, points%n)], &
+            & .false., 1)
+         if (i > 0) then
+            call refuse(error, place(self%path, 'design', 'candidates') &
+               & //printable(self%settings%design%candidates)//': line ' &
+               & //to_text(points%table%line(i)) &
+               & //': the crystal is not of the symmetry of &problem')
+         end if
+      end associate
+
+   contains
+
+      !> Read crystals from the file of a variable.
+      subroutine read_file(group, name, file, crystals)
+         character(len=*), intent(in) :: group, name, file
+         type(points_type), allocatable, intent(out) :: crystals
+
+         allocate (crystals)
+         call read_crystals(resolve_path(self%folder, file), &
+            & place(self%path, group, name)//printable(file)//': ', self%class, crystals, error)
+      end subroutine read_file
+   end subroutine load_crystals
+
+   !> Read the orientations and names of grains from their table.
+   subroutine read_grains(self, radians, grains, error)
+      type(problem_type), intent(in) :: self
+      !> The unit of the angles in the table.
+      logical, intent(in) :: radians
+      type(points_type), intent(inout) :: grains
+      type(error_type), allocatable, intent(out) :: error
+      !> Bound of the memory for the moduli of each grain at 2000 draws.
+      integer, parameter :: most_grains = 2000
+
+      call read_orientations(grains, radians, self%class, self%settings%problem%lattice, error)
+      if (allocated(error)) return
+      call find_column(grains%table, 'grain', grains%named_by, error, .false.)
+      if (allocated(error)) return
+      if (grains%n > most_grains) then
+         call refuse(error, to_text(grains%n)//' grains; allowed up to '//to_text(most_grains))
+      else if (.not. radians) then
+         call refuse_radians(grains, error)
+      end if
+   end subroutine read_grains
 
    !> Beginning of the messages on a table: group, variable and file, or, if no file is stated, the
    !> variable `instead`.

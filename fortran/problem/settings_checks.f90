@@ -20,17 +20,7 @@ contains
       type(settings_type), intent(in) :: settings
       type(crystal_class_type), intent(in) :: class
       type(error_type), allocatable, intent(out) :: error
-      !> Variables that need computed speeds, and their groups; the last is none.
-      character(len=*), parameter :: names(4) = [character(len=14) :: 'velocities', &
-         & 'velocity_cost', 'velocity_noise', ''], &
-         & groups(4) = [character(len=12) :: 'measurements', 'next', 'plan', '']
-      !> Settings that exclude orientations = 'unknown': they need orientations, or have errors that
-      !> are not integrated over the orientations; the last is none.
-      character(len=*), parameter :: needs_known(7) = [character(len=20) :: 'ebsd', &
-         & 'velocities', 'misalignment_sd_deg', 'orientation_sd_deg', 'likelihood', &
-         & 'scale = ''inferred''', '']
-      integer :: k
-      logical :: has_speeds, is_bulk, needs_symmetry
+      logical :: needs_symmetry
 
       call check_bounds('domain', settings%domain%c_min, settings%domain%c_max)
       call check_bounds('prior', settings%prior%c_min, settings%prior%c_max)
@@ -56,61 +46,7 @@ contains
       end if
       call check_lists('references', &
          & [character(len=12) :: 'name', 'young_gpa', 'young_sd_gpa', 'nu'])
-      associate (curves => settings%curves, design => settings%design, &
-         & geometry => settings%specimen%geometry, indenter => settings%indenter, &
-         & measured => settings%measurements)
-         is_bulk = geometry /= 'film' .and. geometry /= 'grain'
-         call check(curves%given .and. (allocated(curves%file) .eqv. allocated(curves%files)), &
-            & 'curves', 'file', &
-            & 'one of file, a CSV of curves, and files, those of an instrument, is needed')
-         call check(allocated(measured%ebsd_points) .and. .not. allocated(measured%ebsd), &
-            & 'measurements', 'ebsd', 'the variable is missing; ebsd_points needs it')
-         call check(allocated(measured%crystal_axes) .and. .not. allocated(measured%ebsd), &
-            & 'measurements', 'crystal_axes', 'is only for ebsd, an orientation map; remove it. ' &
-            & //'docs/measurements.md has the axes that the angles of a table refer to')
-         call check(allocated(measured%texture) .and. measured%orientations /= 'unknown', &
-            & 'measurements', 'texture', 'is only for grains of unknown orientation; state ' &
-            & //'orientations = ''unknown'', or remove it')
-         call check(abs(measured%student_dof - 4.0_wp) > 0.0_wp &
-            & .and. measured%likelihood /= 'student', 'measurements', 'student_dof', &
-            & 'is only for likelihood = ''student''; state that, or remove it')
-         ! The first stated variable that needs orientations.
-         k = findloc([allocated(measured%ebsd), allocated(measured%velocities), &
-            & measured%misalignment_sd_deg > 0.0_wp, measured%orientation_sd_deg > 0.0_wp, &
-            & measured%likelihood /= 'normal', measured%scale == 'inferred', .true.], .true., 1)
-         call check(measured%orientations == 'unknown' .and. k < size(needs_known), &
-            & 'measurements', 'orientations', '''unknown'' cannot be combined with ' &
-            & //trim(needs_known(k))//'; remove one of them')
-         ! The first stated variable that needs computed speeds.
-         k = findloc([allocated(measured%velocities), allocated(settings%next%velocity_cost), &
-            & allocated(settings%plan%velocity_noise), .true.], .true., 1)
-         has_speeds = k < size(names)
-         call check(has_speeds .and. .not. is_bulk, trim(groups(k)), trim(names(k)), &
-            & 'speeds are computed for a bulk sample, but geometry is '''//geometry &
-            & //'''; remove '//trim(names(k)) &
-            & //', or infer the constants from speeds and moduli of a bulk sample')
-         call check(has_speeds .and. .not. allocated(settings%problem%density_kg_m3), 'problem', &
-            & 'density_kg_m3', 'the variable is missing; &'//trim(groups(k))//' '//trim(names(k)) &
-            & //' needs it (allowed 10 to 1e5 kg/m3)')
-         call check(allocated(indenter%depth_um) .and. allocated(indenter%contact_radius_um), &
-            & 'indenter', 'depth_um', 'the last point is stated twice, by depth_um and by ' &
-            & //'contact_radius_um; one of them is allowed')
-         call check(len(settings%specimen%estimator) == 0 .and. measured%given &
-            & .and. .not. is_bulk, 'specimen', 'estimator', 'the variable is missing; how does ' &
-            & //'the instrument compute the modulus? Allowed: ''curve'' (fit of force against ' &
-            & //'depth^1.5), ''stiffness'' (S/(2 a), S the contact stiffness dP/dh, a the ' &
-            & //'true contact radius), ''stiffness_hertz'' (S/(2 a), a = sqrt(R h))')
-         call check(settings%surrogate%file == 'halfspace' &
-            & .and. (measured%given .or. settings%plan%given) .and. geometry /= 'halfspace', &
-            & 'surrogate', 'file', '''halfspace'' is the theory of a bulk sample, but geometry ' &
-            & //'is '''//geometry &
-            & //'''; state &design to train a surrogate of it, or the name of one')
-         call check(design%initial > design%budget, 'design', 'initial', to_text(design%initial) &
-            & //' is more than the budget; allowed 0 to '//to_text(design%budget))
-         call check(design%candidates == 'latin' .and. design%n_candidates < design%budget, &
-            & 'design', 'budget', to_text(design%budget) &
-            & //' is more than n_candidates; allowed 1 to '//to_text(design%n_candidates))
-      end associate
+      if (.not. allocated(error)) call check_combinations(path, settings, error)
 
    contains
 
@@ -162,7 +98,7 @@ contains
             call check(.true., group, name, &
                & 'a value for each constant is needed, and so &problem symmetry')
          else
-            call check(size(values) /= class%n_constants, group, name, found//'; ' &
+            call check(size(values) /= size(class%constants), group, name, found//'; ' &
                & //to_text(class%n_constants)//' are needed: '//join(class%constants, ', '))
          end if
       end subroutine check_count
@@ -192,4 +128,91 @@ contains
             & //'; each '//trim(names(1))//' needs '//join(names(2:), ', '))
       end subroutine check_lists
    end subroutine check_settings
+
+   !> Refuse variables that contradict each other; `path` begins the message.
+   subroutine check_combinations(path, settings, error)
+      character(len=*), intent(in) :: path
+      type(settings_type), intent(in) :: settings
+      type(error_type), allocatable, intent(out) :: error
+      !> Variables that need computed speeds, and their groups; the last is none.
+      character(len=*), parameter :: names(4) = [character(len=14) :: 'velocities', &
+         & 'velocity_cost', 'velocity_noise', ''], &
+         & groups(4) = [character(len=12) :: 'measurements', 'next', 'plan', '']
+      !> Settings that exclude orientations = 'unknown': they need orientations, or have errors that
+      !> are not integrated over the orientations; the last is none.
+      character(len=*), parameter :: needs_known(7) = [character(len=20) :: 'ebsd', &
+         & 'velocities', 'misalignment_sd_deg', 'orientation_sd_deg', 'likelihood', &
+         & 'scale = ''inferred''', '']
+      integer :: k
+      logical :: has_speeds, is_bulk, is_stated(size(needs_known))
+
+      associate (curves => settings%curves, design => settings%design, &
+         & geometry => settings%specimen%geometry, indenter => settings%indenter, &
+         & measured => settings%measurements)
+         is_bulk = geometry /= 'film' .and. geometry /= 'grain'
+         call check(curves%given .and. (allocated(curves%file) .eqv. allocated(curves%files)), &
+            & 'curves', 'file', &
+            & 'one of file, a CSV of curves, and files, those of an instrument, is needed')
+         call check(allocated(measured%ebsd_points) .and. .not. allocated(measured%ebsd), &
+            & 'measurements', 'ebsd', 'the variable is missing; ebsd_points needs it')
+         call check(allocated(measured%crystal_axes) .and. .not. allocated(measured%ebsd), &
+            & 'measurements', 'crystal_axes', 'is only for ebsd, an orientation map; remove it. ' &
+            & //'docs/measurements.md has the axes that the angles of a table refer to')
+         call check(allocated(measured%texture) .and. measured%orientations /= 'unknown', &
+            & 'measurements', 'texture', 'is only for grains of unknown orientation; state ' &
+            & //'orientations = ''unknown'', or remove it')
+         call check(abs(measured%student_dof - 4.0_wp) > 0.0_wp &
+            & .and. measured%likelihood /= 'student', 'measurements', 'student_dof', &
+            & 'is only for likelihood = ''student''; state that, or remove it')
+         ! The first stated variable that needs orientations.
+         is_stated(:2) = [allocated(measured%ebsd), allocated(measured%velocities)]
+         is_stated(3:) = [measured%misalignment_sd_deg > 0.0_wp, &
+            & measured%orientation_sd_deg > 0.0_wp, measured%likelihood /= 'normal', &
+            & measured%scale == 'inferred', .true.]
+         k = findloc(is_stated, .true., 1)
+         call check(measured%orientations == 'unknown' .and. k < size(needs_known), &
+            & 'measurements', 'orientations', '''unknown'' cannot be combined with ' &
+            & //trim(needs_known(k))//'; remove one of them')
+         ! The first stated variable that needs computed speeds.
+         k = findloc([allocated(measured%velocities), allocated(settings%next%velocity_cost), &
+            & allocated(settings%plan%velocity_noise), .true.], .true., 1)
+         has_speeds = k < size(names)
+         call check(has_speeds .and. .not. is_bulk, trim(groups(k)), trim(names(k)), &
+            & 'speeds are computed for a bulk sample, but geometry is '''//geometry &
+            & //'''; remove '//trim(names(k)) &
+            & //', or infer the constants from speeds and moduli of a bulk sample')
+         call check(has_speeds .and. .not. allocated(settings%problem%density_kg_m3), 'problem', &
+            & 'density_kg_m3', 'the variable is missing; &'//trim(groups(k))//' '//trim(names(k)) &
+            & //' needs it (allowed 10 to 1e5 kg/m3)')
+         call check(allocated(indenter%depth_um) .and. allocated(indenter%contact_radius_um), &
+            & 'indenter', 'depth_um', 'the last point is stated twice, by depth_um and by ' &
+            & //'contact_radius_um; one of them is allowed')
+         call check(len(settings%specimen%estimator) == 0 .and. measured%given &
+            & .and. .not. is_bulk, 'specimen', 'estimator', 'the variable is missing; how does ' &
+            & //'the instrument compute the modulus? Allowed: ''curve'' (fit of force against ' &
+            & //'depth^1.5), ''stiffness'' (S/(2 a), S the contact stiffness dP/dh, a the ' &
+            & //'true contact radius), ''stiffness_hertz'' (S/(2 a), a = sqrt(R h))')
+         call check(settings%surrogate%file == 'halfspace' &
+            & .and. (measured%given .or. settings%plan%given) .and. geometry /= 'halfspace', &
+            & 'surrogate', 'file', '''halfspace'' is the theory of a bulk sample, but geometry ' &
+            & //'is '''//geometry &
+            & //'''; state &design to train a surrogate of it, or the name of one')
+         call check(design%initial > design%budget, 'design', 'initial', to_text(design%initial) &
+            & //' is more than the budget; allowed 0 to '//to_text(design%budget))
+         call check(design%candidates == 'latin' .and. design%n_candidates < design%budget, &
+            & 'design', 'budget', to_text(design%budget) &
+            & //' is more than n_candidates; allowed 1 to '//to_text(design%n_candidates))
+      end associate
+
+   contains
+
+      !> Refuse the value of a variable if it is `wrong`, unless another one was refused.
+      subroutine check(wrong, group, name, message)
+         logical, intent(in) :: wrong
+         character(len=*), intent(in) :: group, name, message
+
+         if (allocated(error) .or. .not. wrong) return
+         call refuse(error, place(path, group, name)//message)
+      end subroutine check
+   end subroutine check_combinations
 end module settings_checks

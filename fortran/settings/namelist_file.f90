@@ -26,6 +26,15 @@ module namelist_file
       type(value_type), allocatable :: values(:)
    end type entry_type
 
+   !> The entries that have been read, the position of the parser, and its group and variable ('':
+   !> none).
+   type :: parser_type
+      type(entry_type), allocatable :: file(:)
+      character(len=:), allocatable :: path, text, group, name
+      integer :: position = 1, line = 1
+      type(error_type), allocatable :: error
+   end type parser_type
+
    character(len=*), parameter :: blanks = ' '//achar(9)//achar(13)
    character(len=*), parameter :: letters = 'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_'
    !> Upper bounds, checked before memory is allocated: more repetitions and values than any array
@@ -87,282 +96,294 @@ contains
       character(len=*), intent(in) :: path, content
       type(entry_type), allocatable, intent(out) :: file(:)
       type(error_type), allocatable, intent(out) :: error
-      !> The content with a newline at its end; the present group and variable, '' for none.
-      character(len=:), allocatable :: text, group, variable
-      integer :: position, line
+      type(parser_type) :: parser
 
-      text = content//newline
-      group = ''
-      variable = ''
-      position = 1
-      line = 1
-      allocate (file(0))
+      parser%path = path
+      parser%text = content//newline
+      parser%group = ''
+      parser%name = ''
+      allocate (parser%file(0))
       do
-         call skip_blanks()
-         if (allocated(error) .or. peek() == '') exit
-         call parse_group()
+         call skip_blanks(parser)
+         if (allocated(parser%error) .or. peek(parser) == '') exit
+         call parse_group(parser)
       end do
+      call move_alloc(parser%file, file)
+      call move_alloc(parser%error, error)
       if (.not. allocated(error) .and. size(file) == 0) then
          call raise(error, path//': the file holds no namelist group, only comments', &
             & exit_bad_input)
       end if
-
-   contains
-
-      subroutine parse_group()
-         character(len=:), allocatable :: name, reason
-         type(entry_type) :: entry
-         integer :: begin
-
-         begin = line
-         if (peek() /= '&') then
-            ! The message does not quote the text: the file may be no namelist, and confidential.
-            reason = 'text stands before the first group; a group begins with &name'
-            if (len(group) > 0) then
-               reason = rest_of_line()//' follows the / that ends the group; &name begins the ' &
-                  & //'next one (a text that holds / must be in quotes)'
-            end if
-            call refuse(reason, begin)
-            return
-         end if
-         position = position + 1
-         group = ''
-         call read_name(name)
-         if (len(name) == 0) call refuse('& is not followed by the name of a group', begin)
-         if (name == 'end') call refuse('&end without a group to end', begin)
-         if (allocated(error)) return
-         group = name
-         entry%group = name
-         entry%name = ''
-         entry%line = begin
-         call add_entry(entry)
-         if (allocated(error)) return
-         if (index(blanks//newline//'/!', peek()) == 0) then
-            call refuse('a blank must follow the name of a group, not '//rest_of_line(), begin)
-         end if
-         do while (.not. allocated(error))
-            call skip_blanks()
-            select case (peek())
-            case ('/')
-               position = position + 1
-               return
-            case ('&', '')
-               position = position + 1
-               call read_name(name)
-               if (name == 'end') return
-               call refuse('the / that ends the group is missing (the group begins on line ' &
-                  & //to_text(begin)//')')
-            case (',')
-               call refuse('a comma where a name must be', line)
-            case default
-               call parse_entry()
-            end select
-         end do
-      end subroutine parse_group
-
-      !> Parse `name = value, value ...`
-      subroutine parse_entry()
-         type(entry_type) :: entry
-         character(len=:), allocatable :: rest
-
-         entry%group = group
-         entry%line = line
-         rest = rest_of_line()
-         call read_name(entry%name)
-         variable = entry%name
-         call skip_blanks()
-         if (len(entry%name) == 0) then
-            call refuse(rest//' is not understood; name = value is needed', entry%line)
-         else if (scan(peek(), '(%') > 0) then
-            call refuse('parts of a variable cannot be set; give all its values: ' &
-               & //printable(entry%name)//' = a, b, c', entry%line)
-         else if (peek() /= '=') then
-            call refuse('no = after the name in '//rest//'; name = value is needed', entry%line)
-         end if
-         if (allocated(error)) return
-         position = position + 1
-         call parse_values(entry)
-         call add_entry(entry)
-         variable = ''
-      end subroutine parse_entry
-
-      !> Append a group or a variable; refuse one that is there already.
-      subroutine add_entry(entry)
-         type(entry_type), intent(in) :: entry
-         integer :: i
-
-         i = find_entry(file, entry%group, entry%name)
-         if (i > 0) then
-            call refuse('the '//trim(merge('group   ', 'variable', len(entry%name) == 0)) &
-               & //' is there twice, on lines '//to_text(file(i)%line)//' and ' &
-               & //to_text(entry%line)//'; once is allowed')
-         end if
-         if (size(file) == most_names) then
-            call refuse('more than '//to_text(most_names)//' groups and variables')
-         end if
-         file = [file, entry]
-      end subroutine add_entry
-
-      subroutine parse_values(entry)
-         type(entry_type), intent(inout) :: entry
-         type(value_type) :: value
-         character :: mark
-         integer :: length, repeats, start(2), i
-         logical :: needs_value
-
-         allocate (entry%values(0))
-         needs_value = .true.
-         do while (.not. allocated(error))
-            call skip_blanks()
-            mark = peek()
-            start = [position, line]
-            select case (mark)
-            case ('', '/', '&')
-               exit
-            case (',')
-               if (needs_value) call refuse('a comma without a value before it', line)
-               needs_value = .true.
-               position = position + 1
-               cycle
-            case ('=')
-               call refuse('= where a value must be', line)
-            case ('''', '"')
-               repeats = 1
-               call read_quoted(value)
-            case default
-               length = scan(text(position:), blanks//newline//',/!&=''"') - 1
-               value%text = text(position:position + length - 1)
-               position = position + length
-               ! The word is the name of the next variable if = or a subscript follows it.
-               if (index(letters, mark) > 0) call skip_blanks()
-               if (index(letters, mark) > 0 .and. index('=(', peek()) > 0) then
-                  position = start(1)
-                  line = start(2)
-                  exit
-               end if
-               call split_repeats(value, repeats)
-            end select
-            if (allocated(error)) return
-            if (size(entry%values) + repeats > most_values) then
-               call refuse('more than '//to_text(most_values)//' values')
-            end if
-            if (allocated(error)) return
-            entry%values = [entry%values, (value, i=1, repeats)]
-            needs_value = .false.
-         end do
-         if (size(entry%values) == 0) call refuse('no value follows the =', entry%line)
-      end subroutine parse_values
-
-      !> Remove the count of `3*1.0` or `2*'a'` from a value.
-      subroutine split_repeats(value, repeats)
-         type(value_type), intent(inout) :: value
-         integer, intent(out) :: repeats
-         character(len=:), allocatable :: count
-         integer :: star, outcome
-
-         value%quoted = .false.
-         repeats = 1
-         star = index(value%text, '*')
-         count = value%text(:star - 1)
-         if (star < 2 .or. verify(count, '0123456789') > 0) return
-         call read_integer(count, repeats, outcome)
-         if (repeats < 1 .or. repeats > most_repeats) then
-            call refuse('the repeat count of '//printable(value%text) &
-               & //' is out of range; allowed 1 to '//to_text(most_repeats))
-         end if
-         if (allocated(error)) return
-         value%text = value%text(star + 1:)
-         if (len(value%text) > 0) return
-         if (scan(peek(), '''"') > 0) then
-            call read_quoted(value)
-         else
-            call refuse('no value follows the repeat count '//count//'*')
-         end if
-      end subroutine split_repeats
-
-      !> Read a text in quotes of either kind. A doubled quote inside stands for one.
-      subroutine read_quoted(value)
-         type(value_type), intent(inout) :: value
-         character :: quote
-         integer :: n, i
-
-         quote = peek()
-         value%quoted = .true.
-         n = position
-         i = position + 1
-         ! The text is moved to the front, over the quotes.
-         do while (text(i:i) /= newline)
-            if (text(i:i) == quote) then
-               i = i + 1
-               if (text(i:i) /= quote) then
-                  value%text = text(position + 1:n)
-                  position = i
-                  return
-               end if
-            end if
-            n = n + 1
-            text(n:n) = text(i:i)
-            i = i + 1
-         end do
-         call refuse('the closing quote is missing', line)
-      end subroutine read_quoted
-
-      !> Read a name in lower case: a letter, then letters, digits and underscores; '' if there is
-      !> none.
-      subroutine read_name(name)
-         character(len=:), allocatable, intent(out) :: name
-
-         name = ''
-         if (index(letters, peek()) == 0) return
-         name = lower(text(position:position - 2 + verify(text(position:), letters//'0123456789')))
-         position = position + len(name)
-      end subroutine read_name
-
-      !> Move past blanks, newlines and comments.
-      subroutine skip_blanks()
-
-         do
-            position = position - 1 + max(1, verify(text(position:), blanks))
-            select case (peek())
-            case (newline)
-               line = line + 1
-               position = position + 1
-            case ('!')
-               position = position + index(text(position:), newline) - 1
-            case default
-               return
-            end select
-         end do
-      end subroutine skip_blanks
-
-      !> The present character; a blank at the end of the text.
-      pure character function peek() result(here)
-
-         here = ' '
-         if (position <= len(text)) here = text(position:position)
-      end function peek
-
-      !> The rest of the line in quotes, for a message.
-      pure function rest_of_line() result(rest)
-         character(len=:), allocatable :: rest
-         integer :: last
-
-         last = position + index(text(position:), newline) - 2
-         rest = trim(text(position:last))
-         if (index(rest, achar(13), back=.true.) == len(rest)) rest = trim(rest(:len(rest) - 1))
-         rest = ''''//printable(rest)//''''
-      end function rest_of_line
-
-      !> Record a refusal, unless there is one already.
-      subroutine refuse(message, line)
-         character(len=*), intent(in) :: message
-         integer, intent(in), optional :: line
-         character(len=:), allocatable :: prefix
-
-         if (allocated(error)) return
-         prefix = place(path, group, variable)
-         if (present(line)) prefix = prefix//'line '//to_text(line)//': '
-         call raise(error, prefix//message, exit_bad_input)
-      end subroutine refuse
    end subroutine parse_namelist
+
+   subroutine parse_group(parser)
+      type(parser_type), intent(inout) :: parser
+      character(len=:), allocatable :: name, reason
+      type(entry_type) :: entry
+      integer :: line
+
+      line = parser%line
+      if (peek(parser) /= '&') then
+         ! The message does not quote the text: the file may be no namelist, and confidential.
+         reason = 'text stands before the first group; a group begins with &name'
+         if (len(parser%group) > 0) then
+            reason = rest_of_line(parser)//' follows the / that ends the group; &name begins the ' &
+               & //'next one (a text that holds / must be in quotes)'
+         end if
+         call refuse(parser, reason, line)
+         return
+      end if
+      parser%position = parser%position + 1
+      parser%group = ''
+      call read_name(parser, name)
+      if (len(name) == 0) call refuse(parser, '& is not followed by the name of a group', line)
+      if (name == 'end') call refuse(parser, '&end without a group to end', line)
+      if (allocated(parser%error)) return
+      parser%group = name
+      entry%group = name
+      entry%name = ''
+      entry%line = line
+      call add_entry(parser, entry)
+      if (allocated(parser%error)) return
+      if (index(blanks//newline//'/!', peek(parser)) == 0) then
+         call refuse(parser, 'a blank must follow the name of a group, not ' &
+            & //rest_of_line(parser), line)
+      end if
+      do while (.not. allocated(parser%error))
+         call skip_blanks(parser)
+         select case (peek(parser))
+         case ('/')
+            parser%position = parser%position + 1
+            return
+         case ('&', '')
+            parser%position = parser%position + 1
+            call read_name(parser, name)
+            if (name == 'end') return
+            call refuse(parser, 'the / that ends the group is missing (the group begins on line ' &
+               & //to_text(line)//')')
+         case (',')
+            call refuse(parser, 'a comma where a name must be', parser%line)
+         case default
+            call parse_entry(parser)
+         end select
+      end do
+   end subroutine parse_group
+
+   !> Parse `name = value, value ...`
+   subroutine parse_entry(parser)
+      type(parser_type), intent(inout) :: parser
+      type(entry_type) :: entry
+      character(len=:), allocatable :: rest
+
+      entry%group = parser%group
+      entry%line = parser%line
+      rest = rest_of_line(parser)
+      call read_name(parser, entry%name)
+      parser%name = entry%name
+      call skip_blanks(parser)
+      if (len(entry%name) == 0) then
+         call refuse(parser, rest//' is not understood; name = value is needed', entry%line)
+      else if (scan(peek(parser), '(%') > 0) then
+         call refuse(parser, 'parts of a variable cannot be set; give all its values: ' &
+            & //printable(entry%name)//' = a, b, c', entry%line)
+      else if (peek(parser) /= '=') then
+         call refuse(parser, &
+            & 'no = after the name in '//rest//'; name = value is needed', entry%line)
+      end if
+      if (allocated(parser%error)) return
+      parser%position = parser%position + 1
+      call parse_values(parser, entry)
+      call add_entry(parser, entry)
+      parser%name = ''
+   end subroutine parse_entry
+
+   !> Append a group or a variable; refuse one that is there already.
+   subroutine add_entry(parser, entry)
+      type(parser_type), intent(inout) :: parser
+      type(entry_type), intent(in) :: entry
+      integer :: i
+
+      i = find_entry(parser%file, entry%group, entry%name)
+      if (i > 0) then
+         call refuse(parser, 'the '//trim(merge('group   ', 'variable', len(entry%name) == 0)) &
+            & //' is there twice, on lines '//to_text(parser%file(i)%line)//' and ' &
+            & //to_text(entry%line)//'; once is allowed')
+      end if
+      if (size(parser%file) == most_names) then
+         call refuse(parser, 'more than '//to_text(most_names)//' groups and variables')
+      end if
+      parser%file = [parser%file, entry]
+   end subroutine add_entry
+
+   subroutine parse_values(parser, entry)
+      type(parser_type), intent(inout) :: parser
+      type(entry_type), intent(inout) :: entry
+      type(value_type) :: value
+      character :: mark
+      integer :: length, repeats, start(2), i
+      logical :: needs_value
+
+      allocate (entry%values(0))
+      needs_value = .true.
+      do while (.not. allocated(parser%error))
+         call skip_blanks(parser)
+         mark = peek(parser)
+         start = [parser%position, parser%line]
+         select case (mark)
+         case ('', '/', '&')
+            exit
+         case (',')
+            if (needs_value) call refuse(parser, 'a comma without a value before it', parser%line)
+            needs_value = .true.
+            parser%position = parser%position + 1
+            cycle
+         case ('=')
+            call refuse(parser, '= where a value must be', parser%line)
+         case ('''', '"')
+            repeats = 1
+            call read_quoted(parser, value)
+         case default
+            length = scan(parser%text(parser%position:), blanks//newline//',/!&=''"') - 1
+            value%text = parser%text(parser%position:parser%position + length - 1)
+            parser%position = parser%position + length
+            ! The word is the name of the next variable if = or a subscript follows it.
+            if (index(letters, mark) > 0) call skip_blanks(parser)
+            if (index(letters, mark) > 0 .and. index('=(', peek(parser)) > 0) then
+               parser%position = start(1)
+               parser%line = start(2)
+               exit
+            end if
+            call split_repeats(parser, value, repeats)
+         end select
+         if (allocated(parser%error)) return
+         if (size(entry%values) + repeats > most_values) then
+            call refuse(parser, 'more than '//to_text(most_values)//' values')
+         end if
+         if (allocated(parser%error)) return
+         entry%values = [entry%values, (value, i=1, repeats)]
+         needs_value = .false.
+      end do
+      if (size(entry%values) == 0) call refuse(parser, 'no value follows the =', entry%line)
+   end subroutine parse_values
+
+   !> Remove the count of `3*1.0` or `2*'a'` from a value.
+   subroutine split_repeats(parser, value, repeats)
+      type(parser_type), intent(inout) :: parser
+      type(value_type), intent(inout) :: value
+      integer, intent(out) :: repeats
+      character(len=:), allocatable :: count
+      integer :: star, outcome
+
+      value%quoted = .false.
+      repeats = 1
+      star = index(value%text, '*')
+      count = value%text(:star - 1)
+      if (star < 2 .or. verify(count, '0123456789') > 0) return
+      call read_integer(count, repeats, outcome)
+      if (repeats < 1 .or. repeats > most_repeats) then
+         call refuse(parser, 'the repeat count of '//printable(value%text) &
+            & //' is out of range; allowed 1 to '//to_text(most_repeats))
+      end if
+      if (allocated(parser%error)) return
+      value%text = value%text(star + 1:)
+      if (len(value%text) > 0) return
+      if (scan(peek(parser), '''"') > 0) then
+         call read_quoted(parser, value)
+      else
+         call refuse(parser, 'no value follows the repeat count '//count//'*')
+      end if
+   end subroutine split_repeats
+
+   !> Read a text in quotes of either kind. A doubled quote inside stands for one.
+   subroutine read_quoted(parser, value)
+      type(parser_type), intent(inout) :: parser
+      type(value_type), intent(inout) :: value
+      character :: quote
+      integer :: n, i
+
+      quote = peek(parser)
+      value%quoted = .true.
+      n = parser%position
+      i = parser%position + 1
+      ! The text is moved to the front, over the quotes.
+      do while (parser%text(i:i) /= newline)
+         if (parser%text(i:i) == quote) then
+            i = i + 1
+            if (parser%text(i:i) /= quote) then
+               value%text = parser%text(parser%position + 1:n)
+               parser%position = i
+               return
+            end if
+         end if
+         n = n + 1
+         parser%text(n:n) = parser%text(i:i)
+         i = i + 1
+      end do
+      call refuse(parser, 'the closing quote is missing', parser%line)
+   end subroutine read_quoted
+
+   !> Read a name in lower case: a letter, then letters, digits and underscores; '' if there is
+   !> none.
+   subroutine read_name(parser, name)
+      type(parser_type), intent(inout) :: parser
+      character(len=:), allocatable, intent(out) :: name
+
+      name = ''
+      if (index(letters, peek(parser)) == 0) return
+      name = lower(parser%text(parser%position:parser%position &
+         & + verify(parser%text(parser%position:), letters//'0123456789') - 2))
+      parser%position = parser%position + len(name)
+   end subroutine read_name
+
+   !> Move past blanks, newlines and comments.
+   subroutine skip_blanks(parser)
+      type(parser_type), intent(inout) :: parser
+
+      do
+         parser%position = parser%position - 1 &
+            & + max(1, verify(parser%text(parser%position:), blanks))
+         select case (peek(parser))
+         case (newline)
+            parser%line = parser%line + 1
+            parser%position = parser%position + 1
+         case ('!')
+            parser%position = parser%position + index(parser%text(parser%position:), newline) - 1
+         case default
+            return
+         end select
+      end do
+   end subroutine skip_blanks
+
+   !> The present character; a blank at the end of the text.
+   pure character function peek(parser) result(here)
+      type(parser_type), intent(in) :: parser
+
+      here = ' '
+      if (parser%position <= len(parser%text)) here = parser%text(parser%position:parser%position)
+   end function peek
+
+   !> The rest of the line in quotes, for a message.
+   pure function rest_of_line(parser) result(rest)
+      type(parser_type), intent(in) :: parser
+      character(len=:), allocatable :: rest
+      integer :: last
+
+      last = parser%position + index(parser%text(parser%position:), newline) - 2
+      rest = trim(parser%text(parser%position:last))
+      if (index(rest, achar(13), back=.true.) == len(rest)) rest = trim(rest(:len(rest) - 1))
+      rest = ''''//printable(rest)//''''
+   end function rest_of_line
+
+   !> Record a refusal, unless there is one already.
+   subroutine refuse(parser, message, line)
+      type(parser_type), intent(inout) :: parser
+      character(len=*), intent(in) :: message
+      integer, intent(in), optional :: line
+      character(len=:), allocatable :: prefix
+
+      if (allocated(parser%error)) return
+      prefix = place(parser%path, parser%group, parser%name)
+      if (present(line)) prefix = prefix//'line '//to_text(line)//': '
+      call raise(parser%error, prefix//message, exit_bad_input)
+   end subroutine refuse
 end module namelist_file

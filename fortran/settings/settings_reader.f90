@@ -31,8 +31,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(settings_list_type) :: list
       type(error_type), allocatable :: missing
-      !> What is wrong with a value, '' for nothing.
-      character(len=:), allocatable :: message
+      character(len=:), allocatable :: reason
       integer :: i
 
       list = list_settings(settings)
@@ -41,7 +40,7 @@ contains
       list%groups%given = [(find_entry(file, list%groups(i)%name, '') > 0, i=1, size(list%groups))]
       do i = 1, size(list%variables)
          associate (v => list%variables(i))
-            call read_variable(v)
+            call read_variable(path, file, v, error)
             if (allocated(error)) return
             ! Report wrong values before missing ones.
             if (allocated(v%values) .or. allocated(missing) .or. v%default /= '*') cycle
@@ -56,10 +55,10 @@ contains
                call refuse(missing, place(path, v%group, v%name)//'the variable is missing; ' &
                   & //v%meaning//allowed_part(v))
             else if (index(' '//needed//' ', ' '//v%group//' ') > 0) then
-               message = command
-               if (v%group == 'problem') message = 'every file'
+               reason = command
+               if (v%group == 'problem') reason = 'every file'
                call refuse(missing, &
-                  & place(path, v%group, '')//'the group is missing; '//message//' needs it')
+                  & place(path, v%group, '')//'the group is missing; '//reason//' needs it')
             end if
          end associate
       end do
@@ -104,38 +103,46 @@ contains
             end associate
          end do
       end subroutine check_names
+   end subroutine read_settings
 
-      !> Take the values of the file, checked, or the default; unallocated if the variable is unset.
-      subroutine read_variable(variable)
-         type(variable_type), intent(inout) :: variable
-         integer :: i, j
+   !> Take the values of the file, checked, or the default; unallocated if the variable is unset.
+   subroutine read_variable(path, file, variable, error)
+      !> For messages.
+      character(len=*), intent(in) :: path
+      type(entry_type), intent(in) :: file(:)
+      type(variable_type), intent(inout) :: variable
+      type(error_type), allocatable, intent(out) :: error
+      !> What is wrong, '' for nothing.
+      character(len=:), allocatable :: message
+      integer :: i, j
 
-         if (allocated(variable%values)) deallocate (variable%values)
-         i = find_entry(file, variable%group, variable%name)
-         if (i == 0) then
-            if (variable%default /= '*' .and. variable%default /= 'unset') then
-               variable%values = text_values([variable%default])
-            end if
-            return
+      if (allocated(variable%values)) deallocate (variable%values)
+      i = find_entry(file, variable%group, variable%name)
+      if (i == 0) then
+         if (variable%default /= '*' .and. variable%default /= 'unset') then
+            variable%values = text_values([variable%default])
          end if
-         variable%values = file(i)%values
-         message = ''
-         if (index(variable%kind, 'list') + index(variable%kind, 'each') == 0 &
-            & .and. size(variable%values) > 1) then
-            message = to_text(size(variable%values))//' values; one is needed' &
-               & //allowed_part(variable)
+         return
+      end if
+      variable%values = file(i)%values
+      message = ''
+      if (index(variable%kind, 'list') + index(variable%kind, 'each') == 0 &
+         & .and. size(variable%values) > 1) then
+         message = to_text(size(variable%values))//' values; one is needed' &
+            & //allowed_part(variable)
+      end if
+      do j = 1, size(variable%values)
+         if (len(message) > 0) exit
+         if (is_text(variable)) then
+            call check_text(variable, variable%values(j))
+         else
+            call check_number(variable, variable%values(j))
          end if
-         do j = 1, size(variable%values)
-            if (len(message) > 0) exit
-            if (is_text(variable)) then
-               call check_text(variable, variable%values(j))
-            else
-               call check_number(variable, variable%values(j))
-            end if
-         end do
-         if (len(message) == 0) return
-         call refuse(error, place(path, variable%group, variable%name)//message)
-      end subroutine read_variable
+      end do
+      if (len(message) == 0) return
+      call refuse(error, place(path, variable%group, variable%name)//message)
+
+   contains
 
       !> Check a text in quotes; the words of a choice become lower case.
       subroutine check_text(v, value)
@@ -181,34 +188,32 @@ contains
          noun = trim(merge('an integer', merge('a logical ', 'a number  ', v%kind == 'logical'), &
             & v%kind == 'integer'))
          if (value%quoted) then
-            message = 'the text '''//printable(value%text)//''' stands where '//noun//' is needed' &
-               & //allowed_part(v)
-         end if
-         if (value%quoted) return
-         if (v%kind == 'logical') then
+            message = 'the text '''//printable(value%text)//''' stands where '//noun//' is needed'
+         else if (v%kind == 'logical') then
             select case (lower(value%text))
             case ('.true.', '.t.', 'true', 't')
                value%text = '.true.'
             case ('.false.', '.f.', 'false', 'f')
                value%text = '.false.'
             case default
-               message = printable(value%text)//' is not '//noun//allowed_part(v)
+               message = printable(value%text)//' is not '//noun
             end select
-            return
+         else
+            call read_real(value%text, number, outcome)
+            if (outcome == number_malformed &
+               & .or. (v%kind == 'integer' .and. abs(number - anint(number)) > 0.0_wp)) then
+               message = printable(value%text)//' is not '//noun
+            else if (outcome /= number_ok .and. verify(value%text, '+-0123456789') > 0) then
+               message = printable(value%text)//' is not a finite number'
+            else if (outcome /= number_ok .or. .not. in_range(number, v%allowed)) then
+               message = printable(value%text)//' is out of range'
+            else if (v%kind == 'integer') then
+               value%text = to_text(nint(number))
+            end if
          end if
-         call read_real(value%text, number, outcome)
-         if (outcome == number_malformed &
-            & .or. (v%kind == 'integer' .and. abs(number - anint(number)) > 0.0_wp)) then
-            message = printable(value%text)//' is not '//noun//allowed_part(v)
-         else if (outcome /= number_ok .and. verify(value%text, '+-0123456789') > 0) then
-            message = printable(value%text)//' is not a finite number'//allowed_part(v)
-         else if (outcome /= number_ok .or. .not. in_range(number, v%allowed)) then
-            message = printable(value%text)//' is out of range'//allowed_part(v)
-         else if (v%kind == 'integer') then
-            value%text = to_text(nint(number))
-         end if
+         if (len(message) > 0) message = message//allowed_part(v)
       end subroutine check_number
-   end subroutine read_settings
+   end subroutine read_variable
 
    pure function allowed_part(v) result(allowed)
       type(variable_type), intent(in) :: v

@@ -76,50 +76,63 @@ contains
       type(crystal_class_type), intent(in) :: default_class
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: along(:)
-      !> The class whose constants are all entries, and their columns.
-      type(crystal_class_type) :: general
-      integer :: column(21), along_column, i
 
-      along_column = 0
-      call read_table(path, points%table, error)
-      if (.not. allocated(error)) call read_angles(points, .false., error)
-      if (.not. allocated(error)) call read_constants()
-      if (.not. allocated(error)) then
-         call find_column(points%table, 'propagation_deg', along_column, error, .false.)
-      end if
-      call read_column(points%table, trim(merge('modulus_gpa            ', &
-         & 'indentation_modulus_gpa', points%table%find('modulus_gpa') > 0)), .true., &
-         & points%modulus_gpa, error)
-      call read_column(points%table, 'propagation_deg', along_column == 0, along, error)
+      call read_all()
       call prefix_error(error, prefix)
-      if (allocated(error) .or. along_column == 0) return
-      points%paths = [(path_type(rayleigh, along(i)), i=1, points%n)]
 
    contains
 
-      !> Read the independent constants of each row, and set the stiffness.
-      subroutine read_constants()
-         real(wp), allocatable :: values(:)
-         integer :: i, j
+      subroutine read_all()
+         real(wp), allocatable :: along(:)
+         integer :: along_column, i
 
-         call new_crystal_class(general_class, general, error)
+         call read_table(path, points%table, error)
          if (allocated(error)) return
-         allocate (points%constants(21, points%n))
-         allocate (points%stiffness(6, 6, points%n))
-         do j = 1, 21
-            column(j) = points%table%find(general%constants(j))
-            call read_numbers(points%table, column(j), constant_column, .true., values, error)
-            if (allocated(error)) return
-            points%constants(j, :) = values
-         end do
-         call read_classes()
+         call read_angles(points, .false., error)
          if (allocated(error)) return
-         do i = 1, points%n
-            call take_constants(i)
-            if (allocated(error)) return
-         end do
-      end subroutine read_constants
+         call read_constants(points, default_class, error)
+         if (allocated(error)) return
+         call read_column(points%table, trim(merge('modulus_gpa            ', &
+            & 'indentation_modulus_gpa', points%table%find('modulus_gpa') > 0)), .true., &
+            & points%modulus_gpa, error)
+         if (allocated(error)) return
+         call find_column(points%table, 'propagation_deg', along_column, error, .false.)
+         if (allocated(error) .or. along_column == 0) return
+         call read_column(points%table, 'propagation_deg', .false., along, error)
+         if (allocated(error)) return
+         points%paths = [(path_type(rayleigh, along(i)), i=1, points%n)]
+      end subroutine read_all
+   end subroutine read_crystals
+
+   !> Read the independent constants of each row, and set the stiffness.
+   subroutine read_constants(points, default_class, error)
+      type(points_type), intent(inout) :: points
+      type(crystal_class_type), intent(in) :: default_class
+      type(error_type), allocatable, intent(out) :: error
+      !> The class whose constants are all entries, and their columns.
+      type(crystal_class_type) :: general
+      integer :: column(21)
+      real(wp), allocatable :: values(:)
+      integer :: i, j
+
+      call new_crystal_class(general_class, general, error)
+      if (allocated(error)) return
+      allocate (points%constants(21, points%n))
+      allocate (points%stiffness(6, 6, points%n))
+      do j = 1, 21
+         column(j) = points%table%find(general%constants(j))
+         call read_numbers(points%table, column(j), constant_column, .true., values, error)
+         if (allocated(error)) return
+         points%constants(j, :) = values
+      end do
+      call read_classes()
+      if (allocated(error)) return
+      do i = 1, points%n
+         call take_constants(i)
+         if (allocated(error)) return
+      end do
+
+   contains
 
       !> Take the constants of the class from the entries of row i, and set the stiffness.
       subroutine take_constants(i)
@@ -176,9 +189,11 @@ contains
             class = default_class
             ! A table of all 21 constants without a class has triclinic crystals.
             if (all(column > 0) .and. named == 0) class = general
-            if (len(cell) > 0) call new_crystal_class(cell, class, error)
-            call prefix_error(error, points%table%place(named, i))
-            if (allocated(error)) return
+            if (len(cell) > 0) then
+               call new_crystal_class(cell, class, error)
+               call prefix_error(error, points%table%place(named, i))
+               if (allocated(error)) return
+            end if
             if (class%n_constants == 0) then
                call refuse(error, 'the class of the crystals is missing; state &problem ' &
                   & //'symmetry, or add a column symmetry')
@@ -190,7 +205,7 @@ contains
             points%class(i) = merge(size(points%classes), j, j == 0)
          end do
       end subroutine read_classes
-   end subroutine read_crystals
+   end subroutine read_constants
 
    !> The name of point `i`, or its number.
    function name(self, i)

@@ -27,8 +27,9 @@ module table_columns
    !> directions, degrees.
    real(wp), parameter :: moduli(2) = [1.0_wp, 2000.0_wp], lengths(2) = [1.0e-6_wp, 1.0e6_wp], &
       & speeds(2) = [100.0_wp, 30000.0_wp], turns(2) = [-360.0_wp, 360.0_wp], no_less = tiny(1.0_wp)
+   real(wp), parameter :: many_turns(2) = 100.0_wp*turns, half_turn(2) = [0.0_wp, 180.0_wp]
    character(len=*), parameter :: degrees = ' deg degrees degree ° ', &
-      & angle_units = degrees//'rad radians ', speed = ' m/s m_s '
+      & angles = degrees//'rad radians ', speed = ' m/s m_s '
    character(len=*), parameter :: no_modulus = ' is no modulus of a metal'
    !> Kinds of modulus; the column of a kind is named 'KIND_gpa'.
    character(len=*), parameter :: kinds(3) = [character(len=19) :: 'indentation_modulus', &
@@ -54,14 +55,14 @@ module table_columns
       & '; a standard deviation is above 0, up to 30000.0 m/s', &
       & 'sd, std, stdev, error, uncertainty, standard_deviation', speed)]
    type(column_type), parameter :: angle_columns(3) = [ &
-      & column_type('phi1_deg', [-36000.0_wp, 36000.0_wp], ' degrees', &
+      & column_type('phi1_deg', many_turns, ' degrees', &
       & '; allowed -36000.0 to 36000.0', 'phi1, phi_1, φ1, euler1, euler_1, euler_angle_1', &
-      & angle_units), &
-      & column_type('Phi_deg', [0.0_wp, 180.0_wp], ' degrees', '; allowed 0.0 to 180.0', &
-      & 'phi, φ, Φ, euler2, euler_2, euler_angle_2', angle_units), &
-      & column_type('phi2_deg', [-36000.0_wp, 36000.0_wp], ' degrees', &
+      & angles), &
+      & column_type('Phi_deg', half_turn, ' degrees', '; allowed 0.0 to 180.0', &
+      & 'phi, φ, Φ, euler2, euler_2, euler_angle_2', angles), &
+      & column_type('phi2_deg', many_turns, ' degrees', &
       & '; allowed -36000.0 to 36000.0', 'phi2, phi_2, φ2, euler3, euler_3, euler_angle_3', &
-      & angle_units)]
+      & angles)]
    type(column_type), parameter :: label_columns(3) = [ &
       & column_type('grain', others='grain_id, grain_number, grain_no'), column_type('test'), &
       & column_type('row')]
@@ -141,8 +142,9 @@ contains
    !> Find the columns of several names, 0 for a name that is missing.
    subroutine find_columns(table, names, needed, columns, error)
       type(table_type), intent(in) :: table
-      !> Names separated by ', '; the first `needed` of them must occur.
+      !> Names separated by ', '.
       character(len=*), intent(in) :: names
+      !> Number of the first names that must occur.
       integer, intent(in) :: needed
       integer, allocatable, intent(out) :: columns(:)
       type(error_type), allocatable, intent(out) :: error

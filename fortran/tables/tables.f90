@@ -104,7 +104,8 @@ contains
          if (cells - above == table%columns) cycle
          words = ''
          if (table%columns == 1) then
-            words = '; if line '//to_text(line(1))//' is a title, put # before it'
+            words = '; commas must separate the cells; if line '//to_text(line(1)) &
+               & //' is a title, put # before it'
          end if
          call refuse(error, 'line '//to_text(line(rows))//': '//to_text(cells - above) &
             & //' cells where the header has '//to_text(table%columns)//words)
@@ -117,35 +118,11 @@ contains
       table%line = line(2:rows)
       allocate (table%bounds(2, table%columns, 0:table%rows))
       table%bounds(:, :, :) = reshape(bounds(:, :cells), [2, table%columns, rows])
-      call check_header()
+      call check_header(table, line(1), error)
       if (allocated(error)) return
       if (table%rows == 0) call refuse(error, 'the table is empty: no row follows the header')
 
    contains
-
-      !> Refuse a header of numbers and a name that occurs twice.
-      subroutine check_header()
-         real(wp) :: value
-         integer :: i, j, outcome, numbers
-
-         numbers = 0
-         do j = 1, table%columns
-            call read_real(table%name(j), value, outcome)
-            if (outcome /= number_malformed) numbers = numbers + 1
-         end do
-         if (numbers > table%columns/2) then
-            call refuse(error, 'line '//to_text(line(1)) &
-               & //': numbers where the header row with the names of the columns must be')
-         end if
-         do j = 2, table%columns
-            if (allocated(error)) return
-            if (len(table%name(j)) > 0 &
-               & .and. any([(table%name(i) == table%name(j), i=1, j - 1)])) then
-               call refuse(error, 'line '//to_text(line(1))//': the column ' &
-                  & //printable(table%name(j))//' is there twice')
-            end if
-         end do
-      end subroutine check_header
 
       !> Find the cell at byte `i`, and move `i` to the comma or the end of the line after it. The
       !> text of a quoted cell replaces its quotes.
@@ -179,6 +156,34 @@ contains
          end if
       end subroutine take_cell
    end subroutine parse_table
+
+   !> Refuse a header of numbers and a name that occurs twice.
+   subroutine check_header(table, line, error)
+      type(table_type), intent(in) :: table
+      !> That of the header.
+      integer, intent(in) :: line
+      type(error_type), allocatable, intent(out) :: error
+      real(wp) :: value
+      integer :: i, j, outcome, numbers
+
+      numbers = 0
+      do j = 1, table%columns
+         call read_real(table%name(j), value, outcome)
+         if (outcome /= number_malformed) numbers = numbers + 1
+      end do
+      if (numbers > table%columns/2) then
+         call refuse(error, 'line '//to_text(line) &
+            & //': numbers where the header row with the names of the columns must be')
+      end if
+      do j = 2, table%columns
+         if (allocated(error)) return
+         if (len(table%name(j)) > 0 &
+            & .and. any([(table%name(i) == table%name(j), i=1, j - 1)])) then
+            call refuse(error, 'line '//to_text(line)//': the column ' &
+               & //printable(table%name(j))//' is there twice')
+         end if
+      end do
+   end subroutine check_header
 
    !> The text of the cell in a `column` and `row`.
    pure function cell(self, column, row) result(string)
@@ -259,10 +264,11 @@ contains
       end if
    end subroutine number
 
-   !> The finite numbers in some columns, (column, row).
+   !> The finite numbers in some columns.
    subroutine numbers(self, columns, values, error)
       class(table_type), intent(in) :: self
       integer, intent(in) :: columns(:)
+      !> (column, row).
       real(wp), allocatable, intent(out) :: values(:, :)
       type(error_type), allocatable, intent(out) :: error
       integer :: i, j
