@@ -187,6 +187,7 @@ contains
       integer :: length, i
 
       content => null()
+      if (.not. associated(self%bytes)) return
       position = 0
       do while (position + header_bytes <= size(self%bytes, kind=i8))
          length = transfer(self%bytes(position + 5:position + 8), length)

@@ -19,7 +19,7 @@ module simulation_operations
    use named_values, only: named_values_type
    use namelist_file, only: place
    use point_tables, only: points_type
-   use problem, only: problem_type, table_texts_type
+   use problem, only: problem_type
    use settings_reader, only: put_settings, settings_namelist
    use simulate, only: new_simulator, outcome_type, simulation_error, simulator_type
    use stage_documents, only: begin_results, inputs_of, write_canonical
@@ -335,14 +335,9 @@ contains
    subroutine load_given(self, x)
       type(problem_type), intent(inout) :: self
       type(exchange_type), intent(inout) :: x
-      type(table_texts_type) :: given
       character(len=:), allocatable :: notes
       integer :: blank, last
 
-      if (x%in%has('measurements')) given%measurements = x%in%text('measurements')
-      if (x%in%has('curves')) given%curves = x%in%text('curves')
-      if (x%in%has('velocities')) given%velocities = x%in%text('velocities')
-      if (x%in%has('stiffness')) given%stiffness = x%in%text('stiffness')
       ! Diagnostics of the tables, a line each: code, blank, subject.
       notes = x%in%text('notes')
       do while (len(notes) > 0)
@@ -352,7 +347,7 @@ contains
             & diagnostic(notes(:blank - 1), notes(blank + 1:last - 1))]
          notes = notes(last + 1:)
       end do
-      call load_problem(self, given, x%error)
+      call load_problem(self, x%in, x%error)
       if (allocated(x%error)) return
       if (x%in%has('misread')) then
          self%misread = reshape(x%in%columns('misread', 3), &

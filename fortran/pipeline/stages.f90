@@ -16,7 +16,8 @@ module stages
       & replace_entries
    use next_stage, only: next_stage_type
    use plan_stage, only: plan_stage_type
-   use problem, only: new_problem, problem_type, table_texts_type
+   use named_values, only: named_values_reader_type
+   use problem, only: new_problem, problem_type
    use problem_posterior, only: check_step_2, check_target
    use simulate, only: check_simulation, new_simulator, simulator_type
    use simulate_stage, only: simulate_stage_type
@@ -191,7 +192,8 @@ contains
    !> first simulation or sample.
    subroutine load_problem(self, given, error)
       type(problem_type), intent(inout) :: self
-      type(table_texts_type), intent(in) :: given
+      !> Texts of tables, see `load_tables`.
+      type(named_values_reader_type), intent(inout) :: given
       type(error_type), allocatable, intent(out) :: error
       logical :: has_theory
 

@@ -10,16 +10,16 @@ module problem
    use files, only: file_exists, folder_of, full_path, printable, read_text_file, resolve_path
    use kinds, only: wp
    use machine, only: thread_count
+   use named_values, only: named_values_reader_type
    use namelist_file, only: entry_type, place
-   use measurement_checks, only: check_measurements
-   use direction_checks, only: refuse_radians
+   use measurement_checks, only: check_measurements, refuse_radians
    use point_tables, only: angles_look_like_radians, points_type, read_crystals, &
       & read_measurements, read_orientations
    use repeated_tests, only: combine_tests, refuse_copied_rows
-   use settings_schema, only: settings_type
+   use settings_list, only: settings_list_type
+   use settings_schema, only: list_settings, set_settings, settings_type
    use settings_checks, only: check_settings
    use settings_reader, only: read_settings, settings_namelist
-   use shared_error_tables, only: read_shared_errors
    use stiffness_table, only: new_stiffness_table, stiffness_table_type
    use table_columns, only: find_column, foreign_column
    use tables, only: parse_table, read_table, table_type
@@ -27,7 +27,7 @@ module problem
    use text, only: newline, to_text
    implicit none
    private
-   public :: problem_type, new_problem, table_name, canonical_mark, only_canonical
+   public :: problem_type, new_problem, table_name, canonical_mark
 
    type :: problem_type
       !> Path as the user wrote it, or the Python function of the keywords; folder of the file with
@@ -70,19 +70,10 @@ module problem
       !> are not stored.
       character(len=:), allocatable :: kept_in
    contains
-      procedure :: curves_place, load_tables, locate, refuse => refuse_variable, resolved_text, &
-         & take_curve_results, threads
+      procedure :: curves_place, load_tables, locate, refuse => refuse_variable, refuse_table, &
+         & resolved_text, take_curve_results, threads
    end type problem_type
 
-   !> Texts of tables that the Python program read, each unallocated if the namelist names a file
-   !> that is read here, or none.
-   type, public :: table_texts_type
-      character(len=:), allocatable :: measurements, curves, velocities, stiffness
-   end type table_texts_type
-
-   !> What a message says of other tables than canonical ones, before the name of the table.
-   character(len=*), parameter :: only_canonical = '; the batch program reads canonical tables: ' &
-      & //'run ''bayesindent table '
    !> Name of the canonical table of the measurements in a folder of results.
    character(len=*), parameter :: table_name = 'table.csv'
    !> The beginning of canonical tables that this program wrote.
@@ -143,107 +134,216 @@ contains
    !> Read the tables that the groups name, or those that are given as texts.
    subroutine load_tables(self, given, error)
       class(problem_type), intent(inout) :: self
-      type(table_texts_type), intent(in) :: given
+      !> Texts of tables that the Python program read, by their names below.
+      type(named_values_reader_type), intent(inout) :: given
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: content, prefix
+      logical :: radians
 
+      radians = self%settings%measurements%angles == 'radians'
       associate (s => self%settings)
-         if (allocated(s%crystals%points)) then
-            allocate (self%crystals)
-            prefix = place(self%path, 'crystals', 'points')//printable(s%crystals%points)
-            call read_crystals(resolve_path(self%folder, s%crystals%points), prefix//': ', &
-               & self%class, self%crystals, error)
-            if (allocated(error)) return
-            if (angles_look_like_radians(self%crystals)) then
-               self%warnings = [self%warnings, diagnostic('angles_like_radians', prefix)]
-            end if
-         end if
-         if (s%curves%given) then
-            call find_text(given%curves, s%curves%file, content)
-            call prefix_error(error, self%curves_place())
-            if (allocated(error)) return
-            if (allocated(content)) call take_curves(self, content, error)
-            if (allocated(error)) return
-            if (.not. allocated(s%measurements%file)) then
-               s%measurements%modulus_kind = 'effective_modulus'
-               s%measurements%indenter_modulus_gpa = s%curves%indenter_modulus_gpa
-               s%measurements%indenter_nu = s%curves%indenter_nu
-            end if
-         end if
-         if (allocated(s%references%crystals)) then
-            allocate (self%references)
-            call read_crystals(resolve_path(self%folder, s%references%crystals), &
-               & place(self%path, 'references', 'crystals')//printable(s%references%crystals) &
-               & //': ', self%class, self%references, error)
-            if (allocated(error)) return
-            call find_column(self%references%table, 'reference', self%references%named_by, &
-               & error, .true.)
-            if (allocated(error)) return
-         end if
-         call find_text(given%velocities, s%measurements%velocities, content)
-         if (allocated(content) .and. .not. allocated(error)) then
-            call take_velocities(self, content, allocated(given%measurements), error)
-         end if
-         call prefix_error(error, place(self%path, 'measurements', 'velocities'))
+         call load_crystals(self, error)
          if (allocated(error)) return
-         if (allocated(s%measurements%shared_errors) .and. .not. allocated(given%measurements)) then
+         if (s%curves%given) call load_curves()
+         if (.not. allocated(error)) call load_velocities()
+         if (allocated(error)) return
+         if (allocated(s%measurements%shared_errors) .and. .not. given%has('measurements')) then
             self%shared_file = resolve_path(self%folder, s%measurements%shared_errors)
          end if
-         call find_text(given%measurements, s%measurements%file, self%table_text)
+         call find_text('measurements', s%measurements%file, self%table_text)
          call prefix_error(error, prefix_of_table(self))
          if (allocated(error)) return
-         if (allocated(self%table_text)) call take_measurements(self, self%table_text, error)
+         if (allocated(self%table_text)) then
+            call take_measurements(self, self%table_text, error)
+         else if (allocated(self%velocities) .and. .not. s%curves%given) then
+            call append_velocities(self%measurements, self%velocities)
+            s%measurements%modulus_kind = self%measurements%modulus_kind
+         end if
+         if (.not. allocated(error)) call load_stiffness()
          if (allocated(error)) return
-         prefix = place(self%path, 'knowledge', 'stiffness')
-         if (allocated(s%knowledge%stiffness_file)) then
-            prefix = place(self%path, 'knowledge', 'stiffness_file') &
-               & //printable(s%knowledge%stiffness_file)//': '
-         end if
-         call find_text(given%stiffness, s%knowledge%stiffness_file, content)
-         if (allocated(content) .and. .not. allocated(error)) then
-            call take_stiffness(self, content, error)
-         end if
-         call prefix_error(error, prefix)
-         if (.not. allocated(error) .and. allocated(s%measurements%texture)) then
-            call load_grains(self, place(self%path, 'measurements', 'texture'), &
-               & s%measurements%texture, error)
-            call move_alloc(self%grains, self%texture)
-         end if
-         if (.not. allocated(error) .and. allocated(s%next%candidates)) then
-            call load_grains(self, place(self%path, 'next', 'candidates'), s%next%candidates, error)
-         end if
-         if (allocated(error) .or. any(['latin    ', 'factorial'] == s%design%candidates)) return
-         call load_candidates(self, s%design%candidates, error)
+         call load_grains('measurements', 'texture', s%measurements%texture, self%texture)
+         if (allocated(error)) return
+         call load_grains('next', 'candidates', s%next%candidates, self%grains)
       end associate
 
    contains
 
       !> Find the text of a table: as given, or of a file; unallocated if there is neither.
-      subroutine find_text(stated, name, text)
-         character(len=:), allocatable, intent(in) :: stated, name
+      subroutine find_text(name, file, text)
+         character(len=*), intent(in) :: name
+         character(len=:), allocatable, intent(in) :: file
          character(len=:), allocatable, intent(out) :: text
 
-         if (allocated(stated)) then
-            text = stated
-         else if (allocated(name)) then
-            call read_text_file(resolve_path(self%folder, name), text, error)
+         if (given%has(name)) then
+            text = given%text(name)
+         else if (allocated(file)) then
+            call read_text_file(resolve_path(self%folder, file), text, error)
          end if
       end subroutine find_text
+
+      !> Find the table of a variable, without columns if there is none. `prefix` begins messages.
+      subroutine find_table(name, file, prefix, table)
+         character(len=*), intent(in) :: name, prefix
+         character(len=:), allocatable, intent(in) :: file
+         type(table_type), intent(out) :: table
+         character(len=:), allocatable :: text
+
+         call find_text(name, file, text)
+         if (allocated(text) .and. .not. allocated(error)) call parse_table(text, table, error)
+         call prefix_error(error, prefix)
+      end subroutine find_table
+
+      !> Read curves, and the table of tests that the namelist names.
+      subroutine load_curves()
+         character(len=:), allocatable :: content
+
+         associate (stated => self%settings%curves, measured => self%settings%measurements)
+            call find_text('curves', stated%file, content)
+            call prefix_error(error, self%curves_place())
+            if (allocated(error)) return
+            if (allocated(content)) then
+               allocate (self%curves)
+               call read_curves(content, resolve_path(self%folder, stated%tests), &
+                  & self%curves_place(), place(self%path, 'curves', 'tests') &
+                  & //printable(stated%tests)//': ', self%curves, error)
+            end if
+            if (allocated(error) .or. allocated(measured%file)) return
+            measured%modulus_kind = 'effective_modulus'
+            measured%indenter_modulus_gpa = stated%indenter_modulus_gpa
+            measured%indenter_nu = stated%indenter_nu
+         end associate
+      end subroutine load_curves
+
+      !> Set the known stiffness.
+      subroutine load_stiffness()
+         character(len=:), allocatable :: prefix
+         type(table_type) :: table
+
+         prefix = place_of(self, 'knowledge', 'stiffness_file', &
+            & self%settings%knowledge%stiffness_file, 'stiffness')
+         call find_table('stiffness', self%settings%knowledge%stiffness_file, prefix, table)
+         if (allocated(error) .or. table%columns == 0) return
+         allocate (self%stiffness)
+         call new_stiffness_table(table, self%class, self%stiffness, error)
+         call prefix_error(error, prefix)
+      end subroutine load_stiffness
+
+      !> Set the speeds.
+      subroutine load_velocities()
+         character(len=:), allocatable :: prefix
+         type(table_type) :: table
+
+         prefix = place(self%path, 'measurements', 'velocities')
+         call find_table('velocities', self%settings%measurements%velocities, prefix, table)
+         if (allocated(error) .or. table%columns == 0) return
+         allocate (self%velocities)
+         call read_velocities(table, radians, self%velocities, error)
+         if (.not. (allocated(error) .or. radians)) call refuse_radians(self%velocities, error)
+         call prefix_error(error, prefix)
+      end subroutine load_velocities
+
+      !> Read the grains of a variable, if it is stated.
+      subroutine load_grains(group, name, file, grains)
+         character(len=*), intent(in) :: group, name
+         character(len=:), allocatable, intent(in) :: file
+         type(points_type), allocatable, intent(out) :: grains
+         character(len=:), allocatable :: prefix
+
+         if (.not. allocated(file)) return
+         allocate (grains)
+         prefix = place(self%path, group, name)//printable(file)//': '
+         call find_table(name, file, prefix, grains%table)
+         if (allocated(error)) return
+         call read_grains(self, radians, grains, error)
+         call prefix_error(error, prefix)
+      end subroutine load_grains
    end subroutine load_tables
 
-   !> Read curves, and the table of tests that the namelist names.
-   subroutine take_curves(self, content, error)
+   !> Read the tables of crystals: those to simulate, references, and the candidates of &design,
+   !> which must be of the symmetry of &problem.
+   subroutine load_crystals(self, error)
       type(problem_type), intent(inout) :: self
-      !> CSV of the curves.
-      character(len=*), intent(in) :: content
       type(error_type), allocatable, intent(out) :: error
+      integer :: i
 
-      allocate (self%curves)
-      associate (tests => self%settings%curves%tests)
-         call read_curves(content, resolve_path(self%folder, tests), self%curves_place(), &
-            & place(self%path, 'curves', 'tests')//printable(tests)//': ', self%curves, error)
+      associate (s => self%settings)
+         if (allocated(s%crystals%points)) then
+            call read_file('crystals', 'points', s%crystals%points, self%crystals)
+            if (allocated(error)) return
+            if (angles_look_like_radians(self%crystals)) then
+               self%warnings = [self%warnings, diagnostic('angles_like_radians', &
+                  & place(self%path, 'crystals', 'points')//printable(s%crystals%points))]
+            end if
+         end if
+         if (allocated(s%references%crystals)) then
+            call read_file('references', 'crystals', s%references%crystals, self%references)
+            if (allocated(error)) return
+            call find_column(self%references%table, 'reference', self%references%named_by, &
+               & error, .true.)
+            if (allocated(error)) return
+         end if
+         if (any(['latin    ', 'factorial'] == s%design%candidates)) return
+         call read_file('design', 'candidates', s%design%candidates, self%candidates)
       end associate
-   end subroutine take_curves
+      if (allocated(error) .or. .not. allocated(self%class%name)) return
+      associate (points => self%candidates)
+         i = findloc([(points%classes(points%class(i))%name == self%class%name, i=1, points%n)], &
+            & .false., 1)
+         if (i > 0) then
+            call refuse(error, place(self%path, 'design', 'candidates') &
+               & //printable(self%settings%design%candidates)//': line ' &
+               & //to_text(points%table%line(i)) &
+               & //': the crystal is not of the symmetry of &problem')
+         end if
+      end associate
+
+   contains
+
+      !> Read crystals from the file of a variable.
+      subroutine read_file(group, name, file, crystals)
+         character(len=*), intent(in) :: group, name, file
+         type(points_type), allocatable, intent(out) :: crystals
+
+         allocate (crystals)
+         call read_crystals(resolve_path(self%folder, file), &
+            & place(self%path, group, name)//printable(file)//': ', self%class, crystals, error)
+      end subroutine read_file
+   end subroutine load_crystals
+
+   !> Read the orientations and names of grains from their table.
+   subroutine read_grains(self, radians, grains, error)
+      type(problem_type), intent(in) :: self
+      !> The unit of the angles in the table.
+      logical, intent(in) :: radians
+      type(points_type), intent(inout) :: grains
+      type(error_type), allocatable, intent(out) :: error
+      !> Bound of the memory for the moduli of each grain at 2000 draws.
+      integer, parameter :: most_grains = 2000
+
+      call read_orientations(grains, radians, self%class, self%settings%problem%lattice, error)
+      if (allocated(error)) return
+      call find_column(grains%table, 'grain', grains%named_by, error, .false.)
+      if (allocated(error)) return
+      if (grains%n > most_grains) then
+         call refuse(error, to_text(grains%n)//' grains; allowed up to '//to_text(most_grains))
+      else if (.not. radians) then
+         call refuse_radians(grains, error)
+      end if
+   end subroutine read_grains
+
+   !> Beginning of the messages on a table: group, variable and file, or, if no file is stated, the
+   !> variable `instead`.
+   pure function place_of(self, group, name, file, instead) result(prefix)
+      class(problem_type), intent(in) :: self
+      character(len=*), intent(in) :: group, name, instead
+      character(len=:), allocatable, intent(in) :: file
+      character(len=:), allocatable :: prefix
+
+      if (allocated(file)) then
+         prefix = place(self%path, group, name)//printable(file)//': '
+      else
+         prefix = place(self%path, group, instead)
+      end if
+   end function place_of
 
    !> The number of threads that &execution allows.
    integer function threads(self)
@@ -272,16 +372,25 @@ contains
       call prefix_error(error, place(self%path, group, name))
    end subroutine locate
 
+   !> Refuse the table of the measurements, which is not canonical, for a `reason`.
+   subroutine refuse_table(self, reason, error)
+      class(problem_type), intent(in) :: self
+      character(len=*), intent(in) :: reason
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: file
+
+      file = printable(self%settings%measurements%file)
+      call self%refuse('measurements', 'file', file//reason//'; the batch program reads ' &
+         & //'canonical tables: run ''bayesindent table '//file &
+         & //' --output DIR'' and name DIR/table.csv', error)
+   end subroutine refuse_table
+
    !> Beginning of the messages on curves.
    pure function curves_place(self) result(prefix)
       class(problem_type), intent(in) :: self
       character(len=:), allocatable :: prefix
 
-      if (allocated(self%settings%curves%file)) then
-         prefix = place(self%path, 'curves', 'file')//printable(self%settings%curves%file)//': '
-      else
-         prefix = place(self%path, 'curves', 'files')
-      end if
+      prefix = place_of(self, 'curves', 'file', self%settings%curves%file, 'files')
    end function curves_place
 
    !> Read the measurements that were inferred from curves, unless the file names others.
@@ -302,43 +411,6 @@ contains
       if (.not. allocated(error)) call take_measurements(self, content, error)
    end subroutine take_curve_results
 
-   !> Set the known stiffness.
-   subroutine take_stiffness(self, content, error)
-      type(problem_type), intent(inout) :: self
-      !> CSV.
-      character(len=*), intent(in) :: content
-      type(error_type), allocatable, intent(out) :: error
-      type(table_type) :: table
-
-      call parse_table(content, table, error)
-      if (allocated(error)) return
-      allocate (self%stiffness)
-      call new_stiffness_table(table, self%class, self%stiffness, error)
-   end subroutine take_stiffness
-
-   !> Set the speeds. They are all the measurements if no moduli follow.
-   subroutine take_velocities(self, content, moduli_follow, error)
-      type(problem_type), intent(inout) :: self
-      !> CSV.
-      character(len=*), intent(in) :: content
-      logical, intent(in) :: moduli_follow
-      type(error_type), allocatable, intent(out) :: error
-      type(table_type) :: table
-
-      allocate (self%velocities)
-      associate (stated => self%settings%measurements)
-         call parse_table(content, table, error)
-         if (allocated(error)) return
-         call read_velocities(table, stated%angles == 'radians', self%velocities, error)
-         if (allocated(error)) return
-         if (stated%angles == 'degrees') call refuse_radians(self%velocities, error)
-         if (allocated(error) .or. moduli_follow) return
-         if (allocated(stated%file) .or. self%settings%curves%given) return
-         call append_velocities(self%measurements, self%velocities)
-         stated%modulus_kind = self%measurements%modulus_kind
-      end associate
-   end subroutine take_velocities
-
    !> Set the measurements. The tests of a grain become one measurement.
    subroutine take_measurements(self, content, error)
       type(problem_type), intent(inout) :: self
@@ -352,52 +424,25 @@ contains
       logical :: radians
       integer :: column, i
 
-      associate (stated => self%settings%measurements)
-         ! Tables that this program wrote are in degrees; those of curves have the unit of tests.
-         radians = stated%angles == 'radians' .and. index(content, canonical_mark) /= 1
-         call parse_table(content, table, error)
-         if (.not. allocated(error) .and. allocated(stated%file)) then
-            column = foreign_column(table)
-            if (column > 0 .and. table%columns > 1) then
-               name = printable(table%name(column))
-               if (index(name, 'other_') == 1) then
-                  call refuse(error, prefix_of_table(self)//'the column '//name//' is not ' &
-                     & //'allowed; leave out the rows with other_probability above 0.05, and ' &
-                     & //'the columns other_*')
-               else
-                  call refuse(error, place(self%path, 'measurements', 'file') &
-                     & //printable(stated%file)//' has the column '''//name//''''//only_canonical &
-                     & //printable(stated%file)//' --output DIR'' and name DIR/table.csv')
-               end if
-               return
-            end if
+      ! Tables that this program wrote are in degrees; those of curves have the unit of tests.
+      radians = self%settings%measurements%angles == 'radians' &
+         & .and. index(content, canonical_mark) /= 1
+      call parse_table(content, table, error)
+      if (allocated(self%settings%measurements%file) .and. .not. allocated(error)) then
+         column = foreign_column(table)
+         name = ''
+         if (column > 0) name = printable(table%name(column))
+         if (index(name, 'other_') == 1) then
+            call refuse(error, prefix_of_table(self)//'the column '//name//' is not allowed; ' &
+               & //'leave out the rows with other_probability above 0.05, and the columns other_*')
+         else if (column > 0 .and. table%columns > 1) then
+            call self%refuse_table(' has the column '''//name//'''', error)
+         else if (radians) then
+            call self%refuse_table(' has angles in radians', error)
          end if
-         if (radians .and. allocated(stated%file) .and. .not. allocated(error)) then
-            call refuse(error, place(self%path, 'measurements', 'file')//printable(stated%file) &
-               & //' has angles in radians'//only_canonical//printable(stated%file) &
-               & //' --output DIR'' and name DIR/table.csv')
-            return
-         end if
-         if (.not. allocated(error)) then
-            call read_measurements(table, radians, stated, self%class, &
-               & self%settings%problem%lattice, measurements, error)
-         end if
-         if (.not. (allocated(error) .or. measurements%has_angles) &
-            & .and. stated%misalignment_sd_deg > 0.0_wp) then
-            call refuse(error, 'misalignment_sd_deg = '//to_text(stated%misalignment_sd_deg) &
-               & //' needs Euler angles: directions alone do not say how a turn of the sample ' &
-               & //'moves them. Or state orientation_sd_deg')
-         end if
-      end associate
-      if (.not. allocated(error)) then
-         call read_shared_errors(measurements%table, self%shared_file, self%shared_errors, &
-            & self%shared_digest, error)
+         if (allocated(error)) return
       end if
-      if (.not. allocated(error)) call refuse_copied_rows(measurements, error)
-      if (.not. allocated(error)) then
-         weight = 1.0_wp/measurements%sd_gpa**2
-         call combine_tests(self%class, measurements, error)
-      end if
+      if (.not. allocated(error)) call read_tests()
       call prefix_error(error, prefix_of_table(self))
       if (allocated(error)) return
       self%measurements = measurements
@@ -411,9 +456,59 @@ contains
          end do
       end if
       self%settings%measurements%modulus_kind = measurements%modulus_kind
-      call check_measurements(self%path, self%settings, self%class, radians, &
-         & self%measurements, self%warnings, error)
+      call check_measurements(self%path, self%settings, self%class, self%measurements, &
+         & self%warnings, error)
       if (allocated(self%velocities)) call append_velocities(self%measurements, self%velocities)
+
+   contains
+
+      !> Read the tests of the grains and their shared errors, and combine the tests of a grain.
+      subroutine read_tests()
+         associate (stated => self%settings%measurements)
+            call read_measurements(table, radians, stated, self%class, &
+               & self%settings%problem%lattice, measurements, error)
+            if (allocated(error)) return
+            if (stated%misalignment_sd_deg > 0.0_wp .and. .not. measurements%has_angles) then
+               call refuse(error, 'misalignment_sd_deg = '//to_text(stated%misalignment_sd_deg) &
+                  & //' needs Euler angles: directions alone do not say how a turn of the sample ' &
+                  & //'moves them. Or state orientation_sd_deg')
+               return
+            end if
+         end associate
+         call read_shared_errors()
+         if (.not. allocated(error)) call refuse_copied_rows(measurements, error)
+         if (allocated(error)) return
+         weight = 1.0_wp/measurements%sd_gpa**2
+         call combine_tests(self%class, measurements, error)
+      end subroutine read_tests
+
+      !> Read the relative errors that the rows share, such as the calibration of the instrument:
+      !> from the file of shared errors, which has one row for each row of the table, or from the
+      !> columns shared_1, shared_2, .. of the table itself.
+      subroutine read_shared_errors()
+         type(table_type) :: source
+         real(wp), allocatable :: values(:, :)
+         logical, allocatable :: chosen(:)
+         integer :: j
+
+         source = table
+         if (allocated(self%shared_file)) call read_table(self%shared_file, source, error)
+         if (.not. allocated(error) .and. source%rows /= table%rows) then
+            call refuse(error, to_text(source%rows)//' rows for '//to_text(table%rows) &
+               & //' of the measurements; each row has the errors of one of them')
+         end if
+         if (allocated(error)) source%columns = 0
+         chosen = [(index(source%name(j), 'shared_') == 1 .or. (allocated(self%shared_file) &
+            & .and. source%name(j) /= 'grain'), j=1, source%columns)]
+         if (any(chosen)) then
+            call source%numbers(pack([(j, j=1, source%columns)], chosen), values, error)
+            self%shared_errors = transpose(values)
+            self%shared_digest = source%digest()
+         end if
+         if (allocated(self%shared_file)) then
+            call prefix_error(error, 'shared_errors: '//printable(self%shared_file)//': ')
+         end if
+      end subroutine read_shared_errors
    end subroutine take_measurements
 
    !> Beginning of the messages on the measurements.
@@ -421,69 +516,27 @@ contains
       type(problem_type), intent(in) :: self
       character(len=:), allocatable :: prefix
 
-      prefix = place(self%path, 'measurements', '')
-      if (allocated(self%settings%measurements%file)) then
-         prefix = place(self%path, 'measurements', 'file') &
-            & //printable(self%settings%measurements%file)//': '
-      end if
+      prefix = place_of(self, 'measurements', 'file', self%settings%measurements%file, '')
    end function prefix_of_table
-
-   !> Read the candidates of &design, which must be of the symmetry of &problem.
-   subroutine load_candidates(self, name, error)
-      type(problem_type), intent(inout) :: self
-      character(len=*), intent(in) :: name
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: prefix
-      integer :: i
-
-      prefix = place(self%path, 'design', 'candidates')//printable(name)//': '
-      allocate (self%candidates)
-      call read_crystals(resolve_path(self%folder, name), prefix, self%class, &
-         & self%candidates, error)
-      if (allocated(error) .or. .not. allocated(self%class%name)) return
-      i = findloc([(self%candidates%classes(self%candidates%class(i))%name == self%class%name, &
-         & i=1, self%candidates%n)], .false., 1)
-      if (i > 0) then
-         call refuse(error, prefix//'line '//to_text(self%candidates%table%line(i)) &
-            & //': the crystal is not of the symmetry of &problem')
-      end if
-   end subroutine load_candidates
-
-   !> Read the grains of a file; `prefix` begins the messages.
-   subroutine load_grains(self, prefix, name, error)
-      type(problem_type), intent(inout) :: self
-      character(len=*), intent(in) :: prefix, name
-      type(error_type), allocatable, intent(out) :: error
-      !> Bound of the memory for the moduli of each grain at 2000 draws.
-      integer, parameter :: most_grains = 2000
-      logical :: radians
-
-      radians = self%settings%measurements%angles == 'radians'
-      allocate (self%grains)
-      call read_table(resolve_path(self%folder, name), self%grains%table, error)
-      if (.not. allocated(error)) then
-         call read_orientations(self%grains, radians, self%class, &
-            & self%settings%problem%lattice, error)
-      end if
-      if (.not. allocated(error)) then
-         call find_column(self%grains%table, 'grain', self%grains%named_by, error)
-      end if
-      if (.not. allocated(error) .and. self%grains%n > most_grains) then
-         call refuse(error, to_text(self%grains%n)//' grains; allowed up to '//to_text(most_grains))
-      else if (.not. (allocated(error) .or. radians)) then
-         call refuse_radians(self%grains, error)
-      end if
-      call prefix_error(error, prefix//printable(name)//': ')
-   end subroutine load_grains
 
    !> Text of the resolved namelist for the folder of results: stated and needed groups, every
    !> variable with its value. The table of the measurements is the one in that folder.
    function resolved_text(self) result(page)
       class(problem_type), intent(in) :: self
       character(len=:), allocatable :: page
+      type(settings_list_type) :: list
       type(settings_type) :: settings
+      integer :: i
 
-      settings = self%settings
+      list = list_settings(self%settings)
+      do i = 1, size(list%variables)
+         associate (v => list%variables(i))
+            if (.not. allocated(v%values) .or. index(v%kind, 'file') == 0) cycle
+            call make_absolute(self%folder, v%values(1)%text)
+         end associate
+      end do
+      call set_settings(list, settings)
+      call make_absolute(self%folder, settings%surrogate%file)
       associate (s => settings%measurements)
          if (allocated(self%table_text)) then
             s%file = table_name
@@ -495,18 +548,7 @@ contains
                deallocate (s%shared_errors)
             end if
          end if
-         call make_absolute(self%folder, s%shared_errors)
-         call make_absolute(self%folder, s%velocities)
-         call make_absolute(self%folder, s%texture)
       end associate
-      call make_absolute(self%folder, settings%crystals%points)
-      call make_absolute(self%folder, settings%curves%file)
-      call make_absolute(self%folder, settings%curves%tests)
-      call make_absolute(self%folder, settings%references%crystals)
-      call make_absolute(self%folder, settings%knowledge%stiffness_file)
-      call make_absolute(self%folder, settings%design%candidates)
-      call make_absolute(self%folder, settings%next%candidates)
-      call make_absolute(self%folder, settings%surrogate%file)
       page = '! Every value of '//printable(self%path) &
          & //', defaults included; paths are absolute, or relative to this folder.'//newline &
          & //settings_namelist(settings, self%needed//' '//self%groups)
@@ -517,7 +559,6 @@ contains
       character(len=*), intent(in) :: folder
       character(len=:), allocatable, intent(inout) :: name
 
-      if (.not. allocated(name)) return
       if (file_exists(resolve_path(folder, name))) name = full_path(resolve_path(folder, name))
    end subroutine make_absolute
 end module problem

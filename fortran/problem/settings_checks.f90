@@ -20,201 +20,199 @@ contains
       type(settings_type), intent(in) :: settings
       type(crystal_class_type), intent(in) :: class
       type(error_type), allocatable, intent(out) :: error
-      type(settings_list_type) :: list
-      !> Variables that need computed speeds, and their groups.
-      character(len=*), parameter :: names(3) = [character(len=14) :: 'velocities', &
-         & 'velocity_cost', 'velocity_noise'], &
-         & groups(3) = [character(len=12) :: 'measurements', 'next', 'plan']
-      !> Settings that exclude orientations = 'unknown': they need orientations, or have errors that
-      !> are not integrated over the orientations.
-      character(len=*), &
-         & parameter :: needs_known(6) = [character(len=20) :: 'ebsd', 'velocities', &
-         & 'misalignment_sd_deg', 'orientation_sd_deg', 'likelihood', 'scale = ''inferred''']
-      integer :: k
-      logical :: needs_symmetry, is_stated(size(needs_known))
+      logical :: needs_symmetry
 
-      call check_bounds(path, 'domain', class, settings%domain%c_min, settings%domain%c_max, error)
-      if (allocated(error)) return
-      call check_bounds(path, 'prior', class, settings%prior%c_min, settings%prior%c_max, error)
-      if (allocated(error)) return
-      call check_count(place(path, 'problem', 'reference_gpa'), class, &
-         & settings%problem%reference_gpa, error)
-      if (allocated(error)) return
+      call check_bounds('domain', settings%domain%c_min, settings%domain%c_max)
+      call check_bounds('prior', settings%prior%c_min, settings%prior%c_max)
+      call check_count('problem', 'reference_gpa', settings%problem%reference_gpa)
       ! Only a surrogate for all crystal classes needs no symmetry.
       needs_symmetry = settings%measurements%given .or. settings%prior%given &
          & .or. settings%plan%given .or. (settings%surrogate%model == 'paper' &
          & .and. (settings%design%given .or. settings%domain%given))
-      if (needs_symmetry .and. .not. allocated(settings%problem%symmetry)) then
-         call refuse(error, place(path, 'problem', 'symmetry') &
-            & //'the variable is missing; allowed '//crystal_class_names())
-      end if
-      if (settings%plan%given .and. .not. allocated(error)) then
-         call check_count(place(path, 'plan', 'constants'), class, settings%plan%constants, error)
+      call check(needs_symmetry .and. .not. allocated(settings%problem%symmetry), 'problem', &
+         & 'symmetry', 'the variable is missing; allowed '//crystal_class_names())
+      if (settings%plan%given) then
+         call check_count('plan', 'constants', settings%plan%constants)
          if (allocated(error)) return
-         if (any(abs(settings%plan%grains - anint(settings%plan%grains)) > 0.0_wp)) then
-            call refuse(error, place(path, 'plan', 'grains') &
-               & //'a number of grains is not an integer; allowed 1 to 10000')
-         else if (.not. is_stable(class%stiffness(settings%plan%constants))) then
-            call refuse(error, place(path, 'plan', 'constants') &
-               & //'the crystal is not elastically stable; the stiffness must be positive definite')
+         call check(any(abs(settings%plan%grains - anint(settings%plan%grains)) > 0.0_wp), 'plan', &
+            & 'grains', 'a number of grains is not an integer; allowed 1 to 10000')
+         call check(.not. is_stable(class%stiffness(settings%plan%constants)), 'plan', &
+            & 'constants', 'the crystal is not elastically stable; the stiffness must be ' &
+            & //'positive definite')
+      end if
+      call check_lists('knowledge', [character(len=8) :: 'quantity', 'mean', 'sd'])
+      if (allocated(settings%knowledge%source)) then
+         call check_lists('knowledge', [character(len=8) :: 'quantity', 'source'])
+      end if
+      call check_lists('references', &
+         & [character(len=12) :: 'name', 'young_gpa', 'young_sd_gpa', 'nu'])
+      if (.not. allocated(error)) call check_combinations(path, settings, error)
+
+   contains
+
+      !> Refuse the value of a variable if it is `wrong`, unless another one was refused.
+      subroutine check(wrong, group, name, message)
+         logical, intent(in) :: wrong
+         character(len=*), intent(in) :: group, name, message
+
+         if (allocated(error) .or. .not. wrong) return
+         call refuse(error, place(path, group, name)//message)
+      end subroutine check
+
+      !> Refuse bounds unless c_min is below c_max, or equal to it in &prior, and some crystal
+      !> between them is stable. Either bound may be absent.
+      subroutine check_bounds(group, low, high)
+         character(len=*), intent(in) :: group
+         !> Bounds of each constant, GPa.
+         real(wp), allocatable, intent(in) :: low(:), high(:)
+         real(wp), allocatable :: best(:)
+         integer :: i
+
+         call check_count(group, 'c_min', low)
+         call check_count(group, 'c_max', high)
+         if (allocated(error) .or. .not. (allocated(low) .and. allocated(high))) return
+         ! A prior whose bounds are equal fixes a constant.
+         i = findloc(low > high .or. (group == 'domain' .and. .not. low < high), .true., dim=1)
+         if (i > 0) then
+            call check(.true., group, 'c_min', 'the lower bound of '//class%constants(i)//', ' &
+               & //to_text(low(i))//' GPa, is not below the upper one, '//to_text(high(i))//' GPa')
+            return
          end if
-      end if
-      if (allocated(error)) return
-      list = list_settings(settings)
-      call check_lists(path, list, 'knowledge', &
-         & [character(len=8) :: 'quantity', 'mean', 'sd'], error)
-      if (allocated(settings%knowledge%source) .and. .not. allocated(error)) then
-         call check_lists(path, list, 'knowledge', &
-            & [character(len=8) :: 'quantity', 'source'], error)
-      end if
-      if (allocated(error)) return
-      call check_lists(path, list, 'references', &
-         & [character(len=12) :: 'name', 'young_gpa', 'young_sd_gpa', 'nu'], error)
-      if (allocated(error)) return
-      ! The first stated variable of `names`, or 0.
-      k = findloc([allocated(settings%measurements%velocities), &
-         & allocated(settings%next%velocity_cost), allocated(settings%plan%velocity_noise)], &
-         & .true., dim=1)
-      associate (stated => settings%measurements)
-         is_stated = [allocated(stated%ebsd), allocated(stated%velocities), &
-            & stated%misalignment_sd_deg > 0.0_wp, stated%orientation_sd_deg > 0.0_wp, &
-            & stated%likelihood /= 'normal', stated%scale == 'inferred']
-      end associate
-      associate (design => settings%design, geometry => settings%specimen%geometry, measured => &
-         & settings%measurements, is_bulk => all(['film ', 'grain'] /= settings%specimen%geometry))
-         if (settings%curves%given &
-            & .and. (allocated(settings%curves%file) .eqv. allocated(settings%curves%files))) then
-            call refuse(error, place(path, 'curves', 'file') &
-               & //'one of file, a CSV of curves, and files, those of an instrument, is needed')
-         else if (allocated(measured%ebsd_points) .and. .not. allocated(measured%ebsd)) then
-            call refuse(error, place(path, 'measurements', 'ebsd') &
-               & //'the variable is missing; ebsd_points needs it')
-         else if (allocated(measured%crystal_axes) .and. .not. allocated(measured%ebsd)) then
-            call refuse(error, place(path, 'measurements', 'crystal_axes') &
-               & //'is only for ebsd, an orientation map; remove it. docs/measurements.md has ' &
-               & //'the axes that the angles of a table refer to')
-         else if (allocated(measured%texture) .and. measured%orientations /= 'unknown') then
-            call refuse(error, place(path, 'measurements', 'texture')//'is only for grains of ' &
-               & //'unknown orientation; state orientations = ''unknown'', or remove it')
-         else if (abs(measured%student_dof - 4.0_wp) > 0.0_wp &
-            & .and. measured%likelihood /= 'student') then
-            call refuse(error, place(path, 'measurements', 'student_dof') &
-               & //'is only for likelihood = ''student''; state that, or remove it')
-         else if (measured%orientations == 'unknown' .and. any(is_stated)) then
-            call refuse(error, place(path, 'measurements', 'orientations') &
-               & //'''unknown'' cannot be combined with ' &
-               & //trim(needs_known(findloc(is_stated, .true., dim=1)))//'; remove one of them')
-         else if (k > 0 .and. .not. is_bulk) then
-            call refuse(error, place(path, trim(groups(k)), trim(names(k))) &
-               & //'speeds are computed for a bulk sample, but geometry is ''' &
-               & //geometry//'''; remove '//trim(names(k)) &
-               & //', or infer the constants from speeds and moduli of a bulk sample')
-         else if (k > 0 .and. .not. allocated(settings%problem%density_kg_m3)) then
-            call refuse(error, place(path, 'problem', 'density_kg_m3') &
-               & //'the variable is missing; &'//trim(groups(k))//' '//trim(names(k)) &
-               & //' needs it (allowed 10 to 1e5 kg/m3)')
-         else if (allocated(settings%indenter%depth_um) &
-            & .and. allocated(settings%indenter%contact_radius_um)) then
-            call refuse(error, place(path, 'indenter', 'depth_um')//'the last point is stated ' &
-               & //'twice, by depth_um and by contact_radius_um; one of them is allowed')
-         else if (len(settings%specimen%estimator) == 0 .and. measured%given &
-            & .and. .not. is_bulk) then
-            call refuse(error, &
-               & place(path, 'specimen', 'estimator')//'the variable is missing; how does the ' &
-               & //'instrument compute the modulus? Allowed: ''curve'' (fit of force against ' &
-               & //'depth^1.5), ''stiffness'' (S/(2 a), S the contact stiffness dP/dh, a the ' &
-               & //'true contact radius), ''stiffness_hertz'' (S/(2 a), a = sqrt(R h))')
-         else if (settings%surrogate%file == 'halfspace' &
-            & .and. (measured%given .or. settings%plan%given) .and. geometry/= 'halfspace') then
-            call refuse(error, place(path, 'surrogate', 'file') &
-               & //'''halfspace'' is the theory of a bulk sample, but geometry is '''//geometry &
-               & //'''; state &design to train a surrogate of it, or the name of one')
-         else if (design%initial > design%budget) then
-            call refuse(error, place(path, 'design', 'initial')//to_text(design%initial) &
-               & //' is more than the budget; allowed 0 to '//to_text(design%budget))
-         else if (design%candidates == 'latin' .and. design%n_candidates < design%budget) then
-            call refuse(error, place(path, 'design', 'budget')//to_text(design%budget) &
-               & //' is more than n_candidates; allowed 1 to '//to_text(design%n_candidates))
-         end if
-      end associate
-   end subroutine check_settings
+         ! The most stable crystal: large constants on the diagonal, small ones off it.
+         best = merge(high, max(low, min(high, 0.0_wp)), &
+            & class%constants(:)(2:2) == class%constants(:)(3:3))
+         call check(.not. is_stable(class%stiffness(best)), group, 'c_max', 'no crystal between ' &
+            & //'c_min and c_max is elastically stable; the stiffness must be positive definite')
+      end subroutine check_bounds
 
-   !> Refuse bounds unless c_min is below c_max, or equal to it in &prior, and some crystal between
-   !> them is stable. Either bound may be absent.
-   subroutine check_bounds(path, group, class, low, high, error)
-      character(len=*), intent(in) :: path, group
-      type(crystal_class_type), intent(in) :: class
-      !> Bounds of each constant, GPa.
-      real(wp), allocatable, intent(in) :: low(:), high(:)
-      type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: best(:)
-      integer :: i
+      !> Refuse values unless there is one for each constant, or none at all.
+      subroutine check_count(group, name, values)
+         character(len=*), intent(in) :: group, name
+         real(wp), allocatable, intent(in) :: values(:)
+         character(len=:), allocatable :: found
 
-      call check_count(place(path, group, 'c_min'), class, low, error)
-      if (.not. allocated(error)) call check_count(place(path, group, 'c_max'), class, high, error)
-      if (allocated(error) .or. .not. (allocated(low) .and. allocated(high))) return
-      ! A prior whose bounds are equal fixes a constant.
-      i = findloc(low > high .or. (group == 'domain' .and. .not. low < high), .true., dim=1)
-      if (i > 0) then
-         call refuse(error, place(path, group, 'c_min')//'the lower bound of '//class%constants(i) &
-            & //', '//to_text(low(i))//' GPa, is not below the upper one, ' &
-            & //to_text(high(i))//' GPa')
-      end if
-      if (allocated(error)) return
-      ! The most stable crystal: large constants on the diagonal, small ones off it.
-      best = merge(high, max(low, min(high, 0.0_wp)), &
-         & class%constants(:)(2:2) == class%constants(:)(3:3))
-      if (.not. is_stable(class%stiffness(best))) then
-         call refuse(error, place(path, group, 'c_max')//'no crystal between c_min and c_max is ' &
-            & //'elastically stable; the stiffness must be positive definite')
-      end if
-   end subroutine check_bounds
-
-   !> Refuse values unless there is one for each constant, or none at all.
-   subroutine check_count(prefix, class, values, error)
-      character(len=*), intent(in) :: prefix
-      type(crystal_class_type), intent(in) :: class
-      real(wp), allocatable, intent(in) :: values(:)
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: found
-
-      if (.not. allocated(values)) return
-      if (class%n_constants == 0) then
-         call refuse(error, prefix//'a value for each constant is needed, and so &problem symmetry')
-      else if (size(values) /= size(class%constants)) then
+         if (.not. allocated(values)) return
          found = to_text(size(values))//' values'
          if (size(values) == 1) found = 'one value'
-         call refuse(error, prefix//found//'; '//to_text(class%n_constants)//' are needed: ' &
-            & //join(class%constants, ', '))
-      end if
-   end subroutine check_count
+         if (class%n_constants == 0) then
+            call check(.true., group, name, &
+               & 'a value for each constant is needed, and so &problem symmetry')
+         else
+            call check(size(values) /= size(class%constants), group, name, found//'; ' &
+               & //to_text(class%n_constants)//' are needed: '//join(class%constants, ', '))
+         end if
+      end subroutine check_count
 
-   !> Refuse lists of a group unless all have the same length, or all are absent.
-   subroutine check_lists(path, list, group, names, error)
-      character(len=*), intent(in) :: path
-      type(settings_list_type), intent(in) :: list
-      !> Names of the group and of its variables.
-      character(len=*), intent(in) :: group, names(:)
-      type(error_type), allocatable, intent(out) :: error
-      integer :: sizes(size(names)), i, j
+      !> Refuse lists of a group unless all have the same length, or all are absent.
+      subroutine check_lists(group, names)
+         !> Names of the group and of its variables.
+         character(len=*), intent(in) :: group, names(:)
+         type(settings_list_type) :: list
+         integer :: sizes(size(names)), i, j
 
-      sizes = 0
-      do i = 1, size(list%variables)
-         associate (v => list%variables(i))
-            if (v%group /= group .or. .not. allocated(v%values)) cycle
-            where (names == v%name) sizes = size(v%values)
-         end associate
-      end do
-      i = maxloc(sizes, dim=1)
-      j = findloc(sizes == sizes(i), .false., dim=1)
-      if (j == 0) return
-      if (sizes(j) == 0) then
-         call refuse(error, place(path, group, trim(names(j)))//'the variable is missing; ' &
+         sizes = 0
+         list = list_settings(settings)
+         do i = 1, size(list%variables)
+            associate (v => list%variables(i))
+               if (v%group /= group .or. .not. allocated(v%values)) cycle
+               where (names == v%name) sizes = size(v%values)
+            end associate
+         end do
+         i = maxloc(sizes, dim=1)
+         j = findloc(sizes == sizes(i), .false., dim=1)
+         if (j == 0) return
+         call check(sizes(j) == 0, group, trim(names(j)), 'the variable is missing; ' &
             & //trim(names(i))//' needs it')
-      else
-         call refuse(error, place(path, group, trim(names(j)))//'the number of values is ' &
+         call check(.true., group, trim(names(j)), 'the number of values is ' &
             & //to_text(sizes(j))//', that of '//trim(names(i))//' is '//to_text(sizes(i)) &
             & //'; each '//trim(names(1))//' needs '//join(names(2:), ', '))
-      end if
-   end subroutine check_lists
+      end subroutine check_lists
+   end subroutine check_settings
+
+   !> Refuse variables that contradict each other; `path` begins the message.
+   subroutine check_combinations(path, settings, error)
+      character(len=*), intent(in) :: path
+      type(settings_type), intent(in) :: settings
+      type(error_type), allocatable, intent(out) :: error
+      !> Variables that need computed speeds, and their groups; the last is none.
+      character(len=*), parameter :: names(4) = [character(len=14) :: 'velocities', &
+         & 'velocity_cost', 'velocity_noise', ''], &
+         & groups(4) = [character(len=12) :: 'measurements', 'next', 'plan', '']
+      !> Settings that exclude orientations = 'unknown': they need orientations, or have errors that
+      !> are not integrated over the orientations; the last is none.
+      character(len=*), parameter :: needs_known(7) = [character(len=20) :: 'ebsd', &
+         & 'velocities', 'misalignment_sd_deg', 'orientation_sd_deg', 'likelihood', &
+         & 'scale = ''inferred''', '']
+      integer :: k
+      logical :: has_speeds, is_bulk, is_stated(size(needs_known))
+
+      associate (curves => settings%curves, design => settings%design, &
+         & geometry => settings%specimen%geometry, indenter => settings%indenter, &
+         & measured => settings%measurements)
+         is_bulk = geometry /= 'film' .and. geometry /= 'grain'
+         call check(curves%given .and. (allocated(curves%file) .eqv. allocated(curves%files)), &
+            & 'curves', 'file', &
+            & 'one of file, a CSV of curves, and files, those of an instrument, is needed')
+         call check(allocated(measured%ebsd_points) .and. .not. allocated(measured%ebsd), &
+            & 'measurements', 'ebsd', 'the variable is missing; ebsd_points needs it')
+         call check(allocated(measured%crystal_axes) .and. .not. allocated(measured%ebsd), &
+            & 'measurements', 'crystal_axes', 'is only for ebsd, an orientation map; remove it. ' &
+            & //'docs/measurements.md has the axes that the angles of a table refer to')
+         call check(allocated(measured%texture) .and. measured%orientations /= 'unknown', &
+            & 'measurements', 'texture', 'is only for grains of unknown orientation; state ' &
+            & //'orientations = ''unknown'', or remove it')
+         call check(abs(measured%student_dof - 4.0_wp) > 0.0_wp &
+            & .and. measured%likelihood /= 'student', 'measurements', 'student_dof', &
+            & 'is only for likelihood = ''student''; state that, or remove it')
+         ! The first stated variable that needs orientations.
+         is_stated(:2) = [allocated(measured%ebsd), allocated(measured%velocities)]
+         is_stated(3:) = [measured%misalignment_sd_deg > 0.0_wp, &
+            & measured%orientation_sd_deg > 0.0_wp, measured%likelihood /= 'normal', &
+            & measured%scale == 'inferred', .true.]
+         k = findloc(is_stated, .true., 1)
+         call check(measured%orientations == 'unknown' .and. k < size(needs_known), &
+            & 'measurements', 'orientations', '''unknown'' cannot be combined with ' &
+            & //trim(needs_known(k))//'; remove one of them')
+         ! The first stated variable that needs computed speeds.
+         k = findloc([allocated(measured%velocities), allocated(settings%next%velocity_cost), &
+            & allocated(settings%plan%velocity_noise), .true.], .true., 1)
+         has_speeds = k < size(names)
+         call check(has_speeds .and. .not. is_bulk, trim(groups(k)), trim(names(k)), &
+            & 'speeds are computed for a bulk sample, but geometry is '''//geometry &
+            & //'''; remove '//trim(names(k)) &
+            & //', or infer the constants from speeds and moduli of a bulk sample')
+         call check(has_speeds .and. .not. allocated(settings%problem%density_kg_m3), 'problem', &
+            & 'density_kg_m3', 'the variable is missing; &'//trim(groups(k))//' '//trim(names(k)) &
+            & //' needs it (allowed 10 to 1e5 kg/m3)')
+         call check(allocated(indenter%depth_um) .and. allocated(indenter%contact_radius_um), &
+            & 'indenter', 'depth_um', 'the last point is stated twice, by depth_um and by ' &
+            & //'contact_radius_um; one of them is allowed')
+         call check(len(settings%specimen%estimator) == 0 .and. measured%given &
+            & .and. .not. is_bulk, 'specimen', 'estimator', 'the variable is missing; how does ' &
+            & //'the instrument compute the modulus? Allowed: ''curve'' (fit of force against ' &
+            & //'depth^1.5), ''stiffness'' (S/(2 a), S the contact stiffness dP/dh, a the ' &
+            & //'true contact radius), ''stiffness_hertz'' (S/(2 a), a = sqrt(R h))')
+         call check(settings%surrogate%file == 'halfspace' &
+            & .and. (measured%given .or. settings%plan%given) .and. geometry /= 'halfspace', &
+            & 'surrogate', 'file', '''halfspace'' is the theory of a bulk sample, but geometry ' &
+            & //'is '''//geometry &
+            & //'''; state &design to train a surrogate of it, or the name of one')
+         call check(design%initial > design%budget, 'design', 'initial', to_text(design%initial) &
+            & //' is more than the budget; allowed 0 to '//to_text(design%budget))
+         call check(design%candidates == 'latin' .and. design%n_candidates < design%budget, &
+            & 'design', 'budget', to_text(design%budget) &
+            & //' is more than n_candidates; allowed 1 to '//to_text(design%n_candidates))
+      end associate
+
+   contains
+
+      !> Refuse the value of a variable if it is `wrong`, unless another one was refused.
+      subroutine check(wrong, group, name, message)
+         logical, intent(in) :: wrong
+         character(len=*), intent(in) :: group, name, message
+
+         if (allocated(error) .or. .not. wrong) return
+         call refuse(error, place(path, group, name)//message)
+      end subroutine check
+   end subroutine check_combinations
 end module settings_checks

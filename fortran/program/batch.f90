@@ -5,7 +5,8 @@ program batch
    use diagnostics, only: diagnostic_type, is_usable
    use errors, only: error_type, exit_bad_input, exit_failure, exit_unusable
    use files, only: printable
-   use problem, only: only_canonical, problem_type, table_texts_type
+   use named_values, only: named_values_reader_type
+   use problem, only: problem_type
    use progress, only: show_progress
    use running_command, only: error_stream, output_stream, print_line, take_folder, watch_signals
    use settings_schema, only: schema_page
@@ -98,6 +99,7 @@ contains
 
    subroutine perform()
       type(problem_type), target :: self
+      type(named_values_reader_type) :: no_texts
       type(error_type), allocatable :: error
       type(places_type) :: places
       character(kind=c_char, len=4096) :: folder
@@ -114,9 +116,7 @@ contains
          else if (allocated(stated%file)) then
             if (allocated(stated%columns) .or. len(stated%sheet) > 0 &
                & .or. index(lower(stated%file), '.xls') > 0) then
-               call self%refuse('measurements', 'file', printable(stated%file) &
-                  & //': is a spreadsheet, or its columns are stated'//only_canonical &
-                  & //printable(stated%file)//' --output DIR'' and name DIR/table.csv', error)
+               call self%refuse_table(': is a spreadsheet, or its columns are stated', error)
             end if
          end if
       end associate
@@ -125,7 +125,7 @@ contains
          call self%refuse('curves', 'files', 'files of instruments are read by bayesindent, not ' &
             & //'by bayesindent-batch; state file, a CSV of the curves', error)
       else
-         call load_problem(self, table_texts_type(), error)
+         call load_problem(self, no_texts, error)
       end if
       call stop_on(error)
       call print_diagnostics(self%warnings)

@@ -35,7 +35,7 @@ contains
       integer :: i
 
       list = list_settings(settings)
-      call check_names(path, file, list, error)
+      call check_names()
       if (allocated(error)) return
       list%groups%given = [(find_entry(file, list%groups(i)%name, '') > 0, i=1, size(list%groups))]
       do i = 1, size(list%variables)
@@ -64,51 +64,46 @@ contains
       end do
       call move_alloc(missing, error)
       call set_settings(list, settings)
-   end subroutine read_settings
 
-   !> Refuse unknown groups and variables, and suggest the name that was probably meant.
-   subroutine check_names(path, file, schema, error)
-      !> For messages.
-      character(len=*), intent(in) :: path
-      type(entry_type), intent(in) :: file(:)
-      type(settings_list_type), intent(in) :: schema
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: names, hint
-      integer :: i, j
+   contains
 
-      do i = 1, size(file)
+      !> Refuse unknown groups and variables, and suggest the name that was probably meant.
+      subroutine check_names()
+         character(len=:), allocatable :: names, hint
+         integer :: i, j
+
          names = ''
-         do j = 1, size(schema%groups)
-            if (schema%groups(j)%name == file(i)%group) exit
-            names = names//', &'//schema%groups(j)%name
+         do j = 1, size(list%groups)
+            names = names//', &'//list%groups(j)%name
          end do
-         if (j <= size(schema%groups)) cycle
-         call refuse(error, place(path, file(i)%group, '')//'unknown group' &
-            & //suggestion('&'//file(i)%group, names(3:))//'; allowed: '//names(3:))
-         return
-      end do
-      do i = 1, size(file)
-         associate (entry => file(i))
-            if (len(entry%name) == 0) cycle
-            names = ''
-            hint = ''
-            do j = 1, size(schema%variables)
-               associate (v => schema%variables(j))
-                  if (v%group == entry%group .and. v%name == entry%name) exit
-                  if (v%group == entry%group) names = names//', '//v%name
-                  if (v%name == entry%name .and. len(hint) == 0) then
-                     hint = ', did you mean '//v%name//' of &'//v%group//'?'
-                  end if
-               end associate
-            end do
-            if (j <= size(schema%variables)) cycle
-            if (len(suggestion(entry%name, names(3:))) > 0) hint = suggestion(entry%name, names(3:))
-            call refuse(error, place(path, entry%group, entry%name)//'unknown variable'//hint &
-               & //'; allowed: '//names(3:))
+         do i = 1, size(file)
+            if (index(names//',', ', &'//file(i)%group//',') > 0) cycle
+            call refuse(error, place(path, file(i)%group, '')//'unknown group' &
+               & //suggestion('&'//file(i)%group, names(3:))//'; allowed: '//names(3:))
             return
-         end associate
-      end do
-   end subroutine check_names
+         end do
+         do i = 1, size(file)
+            associate (entry => file(i))
+               names = ''
+               hint = ''
+               do j = size(list%variables), 1, -1
+                  associate (v => list%variables(j))
+                     if (v%group == entry%group) names = ', '//v%name//names
+                     if (v%name /= entry%name) cycle
+                     hint = ', did you mean '//v%name//' of &'//v%group//'?'
+                  end associate
+               end do
+               if (len(entry%name) == 0 .or. index(names//',', ', '//entry%name//',') > 0) cycle
+               if (len(suggestion(entry%name, names(3:))) > 0) then
+                  hint = suggestion(entry%name, names(3:))
+               end if
+               call refuse(error, place(path, entry%group, entry%name)//'unknown variable'//hint &
+                  & //'; allowed: '//names(3:))
+               return
+            end associate
+         end do
+      end subroutine check_names
+   end subroutine read_settings
 
    !> Take the values of the file, checked, or the default; unallocated if the variable is unset.
    subroutine read_variable(path, file, variable, error)
@@ -117,6 +112,7 @@ contains
       type(entry_type), intent(in) :: file(:)
       type(variable_type), intent(inout) :: variable
       type(error_type), allocatable, intent(out) :: error
+      !> What is wrong, '' for nothing.
       character(len=:), allocatable :: message
       integer :: i, j
 
@@ -132,91 +128,92 @@ contains
       message = ''
       if (index(variable%kind, 'list') + index(variable%kind, 'each') == 0 &
          & .and. size(variable%values) > 1) then
-         message = to_text(size(variable%values))//' values; one is needed'//allowed_part(variable)
+         message = to_text(size(variable%values))//' values; one is needed' &
+            & //allowed_part(variable)
       end if
       do j = 1, size(variable%values)
          if (len(message) > 0) exit
          if (is_text(variable)) then
-            call check_text(variable, variable%values(j), message)
+            call check_text(variable, variable%values(j))
          else
-            call check_number(variable, variable%values(j), message)
+            call check_number(variable, variable%values(j))
          end if
       end do
-      if (len(message) > 0) call refuse(error, place(path, variable%group, variable%name)//message)
-   end subroutine read_variable
+      if (len(message) == 0) return
+      call refuse(error, place(path, variable%group, variable%name)//message)
 
-   !> Check a text in quotes; the words of a choice become lower case.
-   subroutine check_text(v, value, message)
-      type(variable_type), intent(in) :: v
-      type(value_type), intent(inout) :: value
-      character(len=:), allocatable, intent(inout) :: message
-      integer :: i, longest
+   contains
 
-      longest = merge(longest_item, longest_text, v%kind == 'list of texts')
-      associate (string => value%text)
-         if (.not. value%quoted) then
-            message = printable(string)//' is not in quotes; a text is needed'//allowed_part(v)
-            ! The first bytes of these signs in UTF-8.
-            if (index(string, char(226)//char(128)) == 1) then
-               message = 'curly quotes stand around '//printable(string) &
-                  & //'; straight quotes are needed, ''..'''
+      !> Check a text in quotes; the words of a choice become lower case.
+      subroutine check_text(v, value)
+         type(variable_type), intent(in) :: v
+         type(value_type), intent(inout) :: value
+         integer :: i, longest
+
+         longest = merge(longest_item, longest_text, v%kind == 'list of texts')
+         associate (string => value%text)
+            if (.not. value%quoted) then
+               message = printable(string)//' is not in quotes; a text is needed'//allowed_part(v)
+               ! The first bytes of these signs in UTF-8.
+               if (index(string, char(226)//char(128)) == 1) then
+                  message = 'curly quotes stand around '//printable(string) &
+                     & //'; straight quotes are needed, ''..'''
+               end if
+            else if (len(string) > longest) then
+               message = 'the text has '//to_text(len(string))//' bytes ('''//printable(string) &
+                  & //'''); at most '//to_text(longest)//' are allowed'
+            else if (any([(iachar(string(i:i)) < 32, i=1, len(string))])) then
+               message = ''''//printable(string)//''' holds a control character; plain text is ' &
+                  & //'allowed'
+            else if (v%kind == 'file' .and. len_trim(string) == 0) then
+               message = 'the name of the file is empty'
+            else if (index(v%kind, 'choice') > 0 .and. string /= v%default) then
+               if (index(v%allowed, ''''//lower(string)//'''') > 0) then
+                  string = lower(string)
+               else if (v%kind == 'choice' .or. index(string, '.') == 0) then
+                  message = ''''//printable(string)//''' is not known'//allowed_part(v)
+               end if
             end if
-         else if (len(string) > longest) then
-            message = 'the text has '//to_text(len(string))//' bytes ('''//printable(string) &
-               & //'''); at most '//to_text(longest)//' are allowed'
-         else if (any([(iachar(string(i:i)) < 32, i=1, len(string))])) then
-            message = ''''//printable(string)//''' holds a control character; plain text is allowed'
-         else if (v%kind == 'file' .and. len_trim(string) == 0) then
-            message = 'the name of the file is empty'
-         else if (index(v%kind, 'choice') > 0 .and. string /= v%default) then
-            if (index(v%allowed, ''''//lower(string)//'''') > 0) then
-               string = lower(string)
-            else if (v%kind == 'choice' .or. index(string, '.') == 0) then
-               message = ''''//printable(string)//''' is not known'//allowed_part(v)
+         end associate
+      end subroutine check_text
+
+      !> Check that a number is finite and in its range; a logical becomes .true. or .false.
+      subroutine check_number(v, value)
+         type(variable_type), intent(in) :: v
+         type(value_type), intent(inout) :: value
+         character(len=:), allocatable :: noun
+         real(wp) :: number
+         integer :: outcome
+
+         noun = trim(merge('an integer', merge('a logical ', 'a number  ', v%kind == 'logical'), &
+            & v%kind == 'integer'))
+         if (value%quoted) then
+            message = 'the text '''//printable(value%text)//''' stands where '//noun//' is needed'
+         else if (v%kind == 'logical') then
+            select case (lower(value%text))
+            case ('.true.', '.t.', 'true', 't')
+               value%text = '.true.'
+            case ('.false.', '.f.', 'false', 'f')
+               value%text = '.false.'
+            case default
+               message = printable(value%text)//' is not '//noun
+            end select
+         else
+            call read_real(value%text, number, outcome)
+            if (outcome == number_malformed &
+               & .or. (v%kind == 'integer' .and. abs(number - anint(number)) > 0.0_wp)) then
+               message = printable(value%text)//' is not '//noun
+            else if (outcome /= number_ok .and. verify(value%text, '+-0123456789') > 0) then
+               message = printable(value%text)//' is not a finite number'
+            else if (outcome /= number_ok .or. .not. in_range(number, v%allowed)) then
+               message = printable(value%text)//' is out of range'
+            else if (v%kind == 'integer') then
+               value%text = to_text(nint(number))
             end if
          end if
-      end associate
-   end subroutine check_text
-
-   !> Check that a number is finite and in its range; a logical becomes .true. or .false.
-   subroutine check_number(v, value, message)
-      type(variable_type), intent(in) :: v
-      type(value_type), intent(inout) :: value
-      character(len=:), allocatable, intent(inout) :: message
-      character(len=:), allocatable :: noun
-      real(wp) :: number
-      integer :: outcome
-
-      noun = trim(merge('an integer', merge('a logical ', 'a number  ', v%kind == 'logical'), &
-         & v%kind == 'integer'))
-      if (value%quoted) then
-         message = 'the text '''//printable(value%text)//''' stands where '//noun//' is needed' &
-            & //allowed_part(v)
-      end if
-      if (value%quoted) return
-      if (v%kind == 'logical') then
-         select case (lower(value%text))
-         case ('.true.', '.t.', 'true', 't')
-            value%text = '.true.'
-         case ('.false.', '.f.', 'false', 'f')
-            value%text = '.false.'
-         case default
-            message = printable(value%text)//' is not '//noun//allowed_part(v)
-         end select
-         return
-      end if
-      call read_real(value%text, number, outcome)
-      if (outcome == number_malformed &
-         & .or. (v%kind == 'integer' .and. abs(number - anint(number)) > 0.0_wp)) then
-         message = printable(value%text)//' is not '//noun//allowed_part(v)
-      else if (outcome /= number_ok .and. verify(value%text, '+-0123456789') > 0) then
-         message = printable(value%text)//' is not a finite number'//allowed_part(v)
-      else if (outcome /= number_ok .or. .not. in_range(number, v%allowed)) then
-         message = printable(value%text)//' is out of range'//allowed_part(v)
-      else if (v%kind == 'integer') then
-         value%text = to_text(nint(number))
-      end if
-   end subroutine check_number
+         if (len(message) > 0) message = message//allowed_part(v)
+      end subroutine check_number
+   end subroutine read_variable
 
    pure function allowed_part(v) result(allowed)
       type(variable_type), intent(in) :: v

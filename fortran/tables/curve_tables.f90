@@ -3,10 +3,9 @@ module curve_tables
    use errors, only: error_type, prefix_error, refuse
    use files, only: checksum, printable
    use kinds, only: wp
-   use point_tables, only: read_column
-   use table_columns, only: find_column
-   use tables, only: longest_name, parse_table, read_table, table_type
-   use text, only: split_list, to_text
+   use table_columns, only: find_columns, read_column
+   use tables, only: parse_table, read_table, table_type
+   use text, only: to_text
    implicit none
    private
    public :: curve_type, curve_set_type, read_curves
@@ -50,131 +49,109 @@ contains
       type(table_type) :: table
 
       call read_table(tests_path, set%tests, error)
-      if (.not. allocated(error)) call read_tests(set, error)
+      if (.not. allocated(error)) call read_tests()
       call prefix_error(error, tests_prefix)
       if (allocated(error)) return
       set%digest = checksum(content)
       call parse_table(content, table, error)
-      if (.not. allocated(error)) call take_points(table, set%curves, error)
+      if (.not. allocated(error)) call take_points()
       call prefix_error(error, prefix)
-   end subroutine read_curves
-
-   !> Find the columns of these names, 0 for a name that is missing.
-   subroutine find_columns(table, names, needed, columns, error)
-      type(table_type), intent(in) :: table
-      !> Names separated by ', '; the first `needed` of them must occur.
-      character(len=*), intent(in) :: names
-      integer, intent(in) :: needed
-      integer, allocatable, intent(out) :: columns(:)
-      type(error_type), allocatable, intent(out) :: error
-      character(len=longest_name), allocatable :: each(:)
-      integer :: j
-
-      each = split_list(names)
-      allocate (columns(size(each)))
-      do j = 1, size(each)
-         call find_column(table, trim(each(j)), columns(j), error, needed=j <= needed)
-         if (allocated(error)) return
-      end do
-   end subroutine find_columns
-
-   !> Read the rows of the table of tests.
-   subroutine read_tests(set, error)
-      type(curve_set_type), intent(inout) :: set
-      type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: column(:)
-      real(wp), allocatable :: drift(:)
-      character(len=:), allocatable :: reference, place
-      integer :: i, j
-
-      call find_columns(set%tests, of_tests, 1, column, error)
-      if (allocated(error)) return
-      allocate (set%curves(set%tests%rows))
-      do i = 1, size(set%curves)
-         associate (c => set%curves(i))
-            c%name = text_of(column(1))
-            c%material = text_of(column(2))
-            reference = text_of(column(3))
-            c%session = text_of(column(4))
-            c%reference = len(reference) > 0
-            place = 'line '//to_text(set%tests%line(i))//': test '//printable(c%name)
-            if (c%reference .eqv. len(c%material) > 0) then
-               call refuse(error, place//' has '//trim(merge('both', 'none', c%reference)) &
-                  & //' of grain and reference; one of the two columns is needed')
-            end if
-            if (any([(set%curves(j)%name == c%name, j=1, i - 1)])) then
-               call refuse(error, place//' is there twice; each test has one row')
-            end if
-            if (allocated(error)) return
-            if (c%reference) c%material = reference
-         end associate
-      end do
-      call read_column(set%tests, 'drift_nm_s', .true., drift, error)
-      if (.not. allocated(error)) set%curves%drift = merge(drift, 0.0_wp, abs(drift) >= 0.0_wp)
 
    contains
 
-      function text_of(column)
-         integer, intent(in) :: column
+      !> Read the rows of the table of tests.
+      subroutine read_tests()
+         integer, allocatable :: column(:)
+         real(wp), allocatable :: drift(:)
+         character(len=:), allocatable :: reference, place
+         integer :: i, j
+
+         call find_columns(set%tests, of_tests, 1, column, error)
+         if (allocated(error)) return
+         allocate (set%curves(set%tests%rows))
+         do i = 1, size(set%curves)
+            associate (c => set%curves(i))
+               c%name = text_of(i, column(1))
+               c%material = text_of(i, column(2))
+               reference = text_of(i, column(3))
+               c%session = text_of(i, column(4))
+               c%reference = len(reference) > 0
+               place = 'line '//to_text(set%tests%line(i))//': test '//printable(c%name)
+               if (c%reference .eqv. len(c%material) > 0) then
+                  call refuse(error, place//' has '//trim(merge('both', 'none', c%reference)) &
+                     & //' of grain and reference; one of the two columns is needed')
+               end if
+               if (any([(set%curves(j)%name == c%name, j=1, i - 1)])) then
+                  call refuse(error, place//' is there twice; each test has one row')
+               end if
+               if (allocated(error)) return
+               if (c%reference) c%material = reference
+            end associate
+         end do
+         call read_column(set%tests, 'drift_nm_s', .true., drift, error)
+         if (.not. allocated(error)) set%curves%drift = merge(drift, 0.0_wp, abs(drift) >= 0.0_wp)
+      end subroutine read_tests
+
+      !> Set the points of each test; rows with missing values are left out.
+      subroutine take_points()
+         integer, allocatable :: column(:), rows(:)
+         integer :: owner(table%rows), i, j, k
+         real(wp), allocatable :: values(:, :)
+
+         call find_columns(table, of_curves, 4, column, error)
+         if (allocated(error)) return
+         column = pack(column, column > 0)
+         allocate (values(size(column) - 1, table%rows))
+         k = 1
+         do i = 1, table%rows
+            if (set%curves(k)%name /= table%cell(column(1), i)) then
+               k = findloc([(set%curves(j)%name == table%cell(column(1), i), &
+                  & j=1, size(set%curves))], .true., 1)
+            end if
+            if (k == 0) then
+               call table%refuse(column(1), i, &
+                  & ' is no test of the table of tests; each test needs a row there', error)
+            end if
+            if (allocated(error)) return
+            owner(i) = k
+            do j = 2, size(column)
+               call table%number(column(j), i, values(j - 1, i), error)
+               if (.not. allocated(error)) cycle
+               error%message = 'test '//printable(set%curves(k)%name)//', '//error%message
+               ! Rounded by an instrument, the largest number may be too large to be read.
+               if (index(table%cell(column(j), i), '1.797') == 0) return
+               deallocate (error)
+               values(j - 1, i) = huge(1.0_wp)
+            end do
+         end do
+         do k = 1, size(set%curves)
+            associate (c => set%curves(k), place => 'test '//printable(set%curves(k)%name))
+               c%line = table%line(max(1, findloc(owner, k, 1)))
+               rows = pack([(i, i=1, table%rows)], owner == k .and. all(abs(values) < no_value, 1))
+               c%points = values(:, rows)
+               if (size(rows) == 0) then
+                  call refuse(error, place//' of the table of tests has no points; give them, or ' &
+                     & //'leave its row out')
+               end if
+               i = findloc(c%points(1, 2:) < c%points(1, :size(rows) - 1), .true., 1)
+               if (i > 0) then
+                  call refuse(error, place//', line '//to_text(table%line(rows(i + 1))) &
+                     & //': the time runs backwards, '//to_text(c%points(1, i + 1))//' s after ' &
+                     & //to_text(c%points(1, i))//' s; the points of a test are in the order of ' &
+                     & //'time')
+               end if
+               if (allocated(error)) return
+            end associate
+         end do
+      end subroutine take_points
+
+      !> The text of a cell of the table of tests; '' if the column is 0.
+      function text_of(row, column)
+         integer, intent(in) :: row, column
          character(len=:), allocatable :: text_of
 
          text_of = ''
-         if (column > 0) text_of = set%tests%cell(column, i)
+         if (column > 0) text_of = set%tests%cell(column, row)
       end function text_of
-   end subroutine read_tests
-
-   !> Set the points of each test; rows with missing values are left out.
-   subroutine take_points(table, curves, error)
-      type(table_type), intent(in) :: table
-      type(curve_type), intent(inout) :: curves(:)
-      type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: column(:), rows(:)
-      integer :: owner(table%rows), i, j, k
-      real(wp), allocatable :: values(:, :)
-
-      call find_columns(table, of_curves, 4, column, error)
-      if (allocated(error)) return
-      column = pack(column, column > 0)
-      allocate (values(size(column) - 1, table%rows))
-      k = 1
-      do i = 1, table%rows
-         if (curves(k)%name /= table%cell(column(1), i)) then
-            k = findloc([(curves(j)%name == table%cell(column(1), i), j=1, size(curves))], .true., &
-               & 1)
-         end if
-         if (k == 0) then
-            call table%refuse(column(1), i, &
-               & ' is no test of the table of tests; each test needs a row there', error)
-         end if
-         if (allocated(error)) return
-         owner(i) = k
-         do j = 2, size(column)
-            call table%number(column(j), i, values(j - 1, i), error)
-            if (.not. allocated(error)) cycle
-            error%message = 'test '//printable(curves(k)%name)//', '//error%message
-            ! Rounded by an instrument, the largest number may be too large to be read.
-            if (index(table%cell(column(j), i), '1.797') == 0) return
-            deallocate (error)
-            values(j - 1, i) = huge(1.0_wp)
-         end do
-      end do
-      do k = 1, size(curves)
-         associate (c => curves(k), place => 'test '//printable(curves(k)%name))
-            c%line = table%line(max(1, findloc(owner, k, 1)))
-            rows = pack([(i, i=1, table%rows)], owner == k .and. all(abs(values) < no_value, 1))
-            c%points = values(:, rows)
-            if (size(rows) == 0) then
-               call refuse(error, &
-                  & place//' of the table of tests has no points; give them, or leave its row out')
-            end if
-            i = findloc(c%points(1, 2:) < c%points(1, :size(rows) - 1), .true., 1)
-            if (i > 0) then
-               call refuse(error, place//', line '//to_text(table%line(rows(i + 1))) &
-                  & //': the time runs backwards, '//to_text(c%points(1, i + 1))//' s after ' &
-                  & //to_text(c%points(1, i))//' s; the points of a test are in the order of time')
-            end if
-            if (allocated(error)) return
-         end associate
-      end do
-   end subroutine take_points
+   end subroutine read_curves
 end module curve_tables

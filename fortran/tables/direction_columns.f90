@@ -11,7 +11,7 @@ module direction_columns
    use text, only: split_list, to_text
    implicit none
    private
-   public :: ways, find_ways, read_directions, angles_of_direction
+   public :: ways, read_directions, angles_of_direction
 
    !> The columns of each way to state a direction. The first three ways contain all names.
    integer, parameter :: quaternions = 1, four_directions = 2, four_planes = 3, &
@@ -23,63 +23,38 @@ module direction_columns
 
 contains
 
-   !> Find the way in which a table states directions, 0 if it does not, and its columns. Two ways
-   !> are refused.
-   subroutine find_ways(table, way, columns, error)
+   !> Read the directions of all rows as Bunge-Euler angles, degrees, if the table states them.
+   subroutine read_directions(table, has_angles, class, parameters, euler_deg, error)
       type(table_type), intent(in) :: table
-      integer, intent(out) :: way
-      integer, allocatable, intent(out) :: columns(:)
-      type(error_type), allocatable, intent(out) :: error
-      character(len=len(ways)), allocatable :: names(:)
-      integer, allocatable :: own(:)
-      integer :: i, j
-
-      way = 0
-      allocate (columns(0))
-      do i = 1, size(ways)
-         names = split_list(ways(i))
-         own = [(table%find(trim(names(j))), j=1, size(names))]
-         if (any(own == 0)) cycle
-         ! Three of four indices are not another way.
-         if ((way == four_directions .and. i == directions) &
-            & .or. (way == four_planes .and. i == planes)) then
-            cycle
-         end if
-         if (way > 0) then
-            call refuse(error, 'orientations are stated twice, by '//trim(ways(way))//' and by ' &
-               & //trim(ways(i))//'; one of them is allowed')
-         end if
-         if (allocated(error)) return
-         way = i
-         columns = own
-      end do
-   end subroutine find_ways
-
-   !> Read the directions of all rows as Bunge-Euler angles, degrees.
-   subroutine read_directions(table, way, columns, class, parameters, euler_deg, error)
-      type(table_type), intent(in) :: table
-      !> Results of `find_ways`.
-      integer, intent(in) :: way, columns(:)
+      !> Whether the table has Euler angles; directions beside them are refused.
+      logical, intent(in) :: has_angles
       type(crystal_class_type), intent(in) :: class
       !> Parameters of the unit cell; may be unallocated.
       real(wp), allocatable, intent(in) :: parameters(:)
-      !> (3, n).
-      real(wp), intent(out) :: euler_deg(:, :)
+      !> (3, n); unallocated if the table states no directions.
+      real(wp), allocatable, intent(out) :: euler_deg(:, :)
       type(error_type), allocatable, intent(out) :: error
       type(lattice_type) :: lattice
-      real(wp) :: row(4), v(3)
-      integer :: i, j
+      real(wp), allocatable :: indices(:, :), row(:)
+      real(wp) :: v(3)
+      integer, allocatable :: columns(:)
+      integer :: way, i
 
-      if (way /= quaternions) then
+      call find_way()
+      if (allocated(error) .or. way == 0) return
+      if (has_angles) then
+         call refuse(error, 'orientations are stated twice, by angles and by ' &
+            & //table%name(columns(1))//', '//table%name(columns(2)) &
+            & //', ..; one of them is allowed')
+      else if (way /= quaternions) then
          call find_lattice()
-         if (allocated(error)) return
       end if
+      if (allocated(error)) return
+      call table%numbers(columns, indices, error)
+      if (allocated(error)) return
+      allocate (euler_deg(3, table%rows))
       do i = 1, table%rows
-         row = 0.0_wp
-         do j = 1, size(columns)
-            call table%number(columns(j), i, row(j), error)
-            if (allocated(error)) return
-         end do
+         row = indices(:, i)
          if (way == quaternions) then
             if (abs(norm2(row) - 1.0_wp) > rounding) then
                call table%refuse(columns(1), i, ' is of no unit quaternion: q0^2 + q1^2 + q2^2 + ' &
@@ -111,6 +86,34 @@ contains
       end do
 
    contains
+
+      !> Find the way in which the table states directions, 0 if it does not, and its columns. Two
+      !> ways are refused.
+      subroutine find_way()
+         character(len=len(ways)), allocatable :: names(:)
+         integer, allocatable :: own(:)
+         integer :: i, j
+
+         way = 0
+         allocate (columns(0))
+         do i = 1, size(ways)
+            names = split_list(ways(i))
+            own = [(table%find(trim(names(j))), j=1, size(names))]
+            if (any(own == 0)) cycle
+            ! Three of four indices are not another way.
+            if ((way == four_directions .and. i == directions) &
+               & .or. (way == four_planes .and. i == planes)) then
+               cycle
+            end if
+            if (way > 0) then
+               call refuse(error, 'orientations are stated twice, by '//trim(ways(way)) &
+                  & //' and by '//trim(ways(i))//'; one of them is allowed')
+               return
+            end if
+            way = i
+            columns = own
+         end do
+      end subroutine find_way
 
       !> Find the unit cell to which indices refer.
       subroutine find_lattice()

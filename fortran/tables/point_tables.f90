@@ -8,14 +8,15 @@ module point_tables
    use kinds, only: degree, i8, nan, pi, wp
    use statistics, only: number_equal
    use settings_schema, only: measurements_settings_type
-   use direction_columns, only: find_ways, read_directions
-   use table_columns, only: find_column, find_modulus, known_columns
+   use direction_columns, only: read_directions
+   use table_columns, only: angle_columns, column_type, find_column, find_columns, find_modulus, &
+      & read_column, read_numbers
    use tables, only: longest_name, read_table, table_type
    use text, only: join, lower, to_text
    implicit none
    private
    public :: points_type, read_crystals, read_measurements, read_orientations, first_rows, &
-      & angles_look_like_radians, read_angles, read_groups, read_column
+      & angles_look_like_radians, read_angles, read_groups
 
    !> Points, one for each row of a table. Values that the table does not have are NaN.
    type :: points_type
@@ -60,10 +61,11 @@ module point_tables
       procedure :: name, directions
    end type points_type
 
-   character(len=*), &
-      & parameter :: angle_names(3) = [character(len=8) :: 'phi1_deg', 'Phi_deg', 'phi2_deg']
    !> Largest plausible stiffness, GPa.
    real(wp), parameter, public :: stiffness_most = 5000.0_wp
+   !> What the columns of elastic constants may have.
+   type(column_type), parameter :: constant_column = column_type('', &
+      & [-stiffness_most, stiffness_most], ' GPa', ' looks like MPa; allowed up to 5000.0 GPa')
 
 contains
 
@@ -74,8 +76,6 @@ contains
       type(crystal_class_type), intent(in) :: default_class
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: along(:)
-      integer :: column, i
 
       call read_all()
       call prefix_error(error, prefix)
@@ -83,6 +83,9 @@ contains
    contains
 
       subroutine read_all()
+         real(wp), allocatable :: along(:)
+         integer :: along_column, i
+
          call read_table(path, points%table, error)
          if (allocated(error)) return
          call read_angles(points, .false., error)
@@ -93,250 +96,49 @@ contains
             & 'indentation_modulus_gpa', points%table%find('modulus_gpa') > 0)), .true., &
             & points%modulus_gpa, error)
          if (allocated(error)) return
-         call find_column(points%table, 'propagation_deg', column, error)
-         if (column == 0 .or. allocated(error)) return
+         call find_column(points%table, 'propagation_deg', along_column, error, .false.)
+         if (allocated(error) .or. along_column == 0) return
          call read_column(points%table, 'propagation_deg', .false., along, error)
          if (allocated(error)) return
          points%paths = [(path_type(rayleigh, along(i)), i=1, points%n)]
       end subroutine read_all
    end subroutine read_crystals
 
-   !> The name of point `i`, or its number.
-   function name(self, i)
-      class(points_type), intent(in) :: self
-      !> 1, 2, ..
-      integer, intent(in) :: i
-      character(len=:), allocatable :: name
-
-      if (allocated(self%names)) then
-         name = trim(self%names(i))
-      else if (self%named_by > 0) then
-         name = self%table%cell(self%named_by, self%row(i))
-      else
-         name = to_text(i)
-      end if
-   end function name
-
-   !> The indented direction of each point in crystal axes, (3, n).
-   pure function directions(self)
-      class(points_type), intent(in) :: self
-      real(wp) :: directions(3, self%n), g(3, 3)
-      integer :: i
-
-      do i = 1, self%n
-         g = rotation_matrix(self%euler_deg(:, i)*degree)
-         directions(:, i) = g(:, 3)
-      end do
-   end function directions
-
-   !> Read orientations and moduli with the settings of `&measurements`.
-   subroutine read_measurements(table, radians, settings, crystal, parameters, points, error)
-      type(table_type), intent(in) :: table
-      !> The unit of the angles in the table.
-      logical, intent(in) :: radians
-      type(measurements_settings_type), intent(in) :: settings
-      !> Class of the grains.
-      type(crystal_class_type), intent(in) :: crystal
-      !> Parameters of the unit cell, see `new_lattice`; may be unallocated.
-      real(wp), allocatable, intent(in) :: parameters(:)
-      type(points_type), intent(out) :: points
-      type(error_type), allocatable, intent(out) :: error
-      !> Ten tests for each of the grains that Step 2 accepts.
-      integer, parameter :: most_rows = 200000
-      character(len=:), allocatable :: name
-
-      if (table%rows > most_rows) then
-         call refuse(error, to_text(table%rows)//' rows; allowed up to '//to_text(most_rows))
-         return
-      end if
-      points%table = table
-      call read_lines(points%table, error)
-      if (allocated(error)) return
-      if (settings%orientations == 'unknown') then
-         call set_size(points)
-         points%euler_deg = 0.0_wp
-         points%has_angles = .false.
-      else
-         call read_orientations(points, radians, crystal, parameters, error)
-         if (allocated(error)) return
-      end if
-      call find_modulus(points%table, settings%modulus_kind, name, points%modulus_kind, error)
-      if (allocated(error)) return
-      call read_column(points%table, name, .false., points%modulus_gpa, error)
-      if (allocated(error)) return
-      if (points%table%find('sd_gpa') > 0) then
-         call read_column(points%table, 'sd_gpa', .false., points%sd_gpa, error)
-      else if (settings%scale /= 'inferred') then
-         call refuse(error, 'the column sd_gpa is missing; it may be absent only with scale = ' &
-            & //'''inferred''; the columns are '//points%table%names())
-      end if
-      call read_column(points%table, 'orientation_sd_deg', .true., points%orientation_sd_deg, error)
-      call read_column(points%table, 'depth_um', .true., points%depth_um, error)
-      call read_column(points%table, 'contact_radius_um', .true., points%contact_radius_um, error)
-      call add_zero_error()
-      call read_column(points%table, 'grain_radius_um', .true., points%grain_radius_um, error)
-      if (.not. allocated(error)) call read_groups(points)
-
-   contains
-
-      !> Set the numbers of the lines to those in the column `row`: the lines in the file of the
-      !> laboratory.
-      subroutine read_lines(table, error)
-         type(table_type), intent(inout) :: table
-         type(error_type), allocatable, intent(out) :: error
-         integer, parameter :: most_lines = 10**9
-         real(wp) :: line
-         integer :: column, i
-
-         column = table%find('row')
-         do i = 1, merge(table%rows, 0, column > 0)
-            call table%number(column, i, line, error)
-            if (allocated(error)) return
-            if (line >= 0.0_wp .and. line <= most_lines) table%line(i) = nint(line)
-         end do
-      end subroutine read_lines
-
-      !> Add the error of the modulus by an uncertain zero of the depth to the sds; the modulus is
-      !> proportional to P/(sqrt(R) h^1.5).
-      subroutine add_zero_error()
-         real(wp), parameter :: power = 1.5_wp
-         real(wp), allocatable :: zero_sd_nm(:)
-         integer :: i
-
-         call read_column(points%table, 'zero_sd_nm', .true., zero_sd_nm, error)
-         if (allocated(error)) return
-         zero_sd_nm = merge(zero_sd_nm, settings%zero_sd_nm, zero_sd_nm >= 0.0_wp)
-         i = findloc(zero_sd_nm > 0.0_wp &
-            & .and. .not. (points%depth_um > 0.0_wp .and. points%sd_gpa > 0.0_wp), .true., dim=1)
-         if (i > 0) then
-            call refuse(error, &
-               & 'line '//to_text(points%table%line(i))//': zero_sd_nm = '//to_text(zero_sd_nm(i)) &
-               & //' nm needs the depth of the test (column depth_um) and its sd_gpa')
-         end if
-         if (allocated(error)) return
-         where (zero_sd_nm > 0.0_wp) points%sd_gpa = sqrt(points%sd_gpa**2 &
-            & + (power*1.0e-3_wp*zero_sd_nm/points%depth_um*points%modulus_gpa)**2)
-      end subroutine add_zero_error
-   end subroutine read_measurements
-
-   !> Set the angles of each row, which follow from the direction if the table states that.
-   subroutine read_orientations(points, radians, crystal, parameters, error)
-      !> With their table.
-      type(points_type), intent(inout) :: points
-      !> The unit of the angles in the table.
-      logical, intent(in) :: radians
-      type(crystal_class_type), intent(in) :: crystal
-      !> See `read_measurements`.
-      real(wp), allocatable, intent(in) :: parameters(:)
-      type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: columns(:)
-      integer :: way, angles(3), j
-
-      call find_ways(points%table, way, columns, error)
-      do j = 1, 3
-         if (allocated(error)) return
-         call find_column(points%table, trim(angle_names(j)), angles(j), error)
-      end do
-      if (allocated(error)) return
-      if (way == 0) then
-         call read_angles(points, radians, error)
-         if (allocated(error) .and. all(angles == 0)) then
-            error%message = error%message//'; instead of angles q0, q1, q2, q3, or u, v, w, or ' &
-               & //'h, k, l; if no orientation is known state orientations = ''unknown'''
-         end if
-      else if (all(angles > 0)) then
-         call refuse(error, 'orientations are stated twice, by angles and by ' &
-            & //points%table%name(columns(1))//', '//points%table%name(columns(2)) &
-            & //', ..; one of them is allowed')
-      else
-         call set_size(points)
-         points%has_angles = .false.
-         call read_directions(points%table, way, columns, crystal, parameters, &
-            & points%euler_deg, error)
-      end if
-   end subroutine read_orientations
-
-   !> Make a point for each row, with NaN for the values that are not read yet.
-   subroutine set_size(points)
-      type(points_type), intent(inout) :: points
-      integer :: i
-
-      points%n = points%table%rows
-      points%row = [(i, i=1, points%n)]
-      points%of_row = points%row
-      allocate (points%euler_deg(3, points%n), points%paths(points%n))
-      allocate (points%modulus_gpa(points%n), points%sd_gpa(points%n), source=nan)
-   end subroutine set_size
-
-   !> Read the angles of each row.
-   subroutine read_angles(points, radians, error)
-      type(points_type), intent(inout) :: points
-      !> The unit of the angles in the table.
-      logical, intent(in) :: radians
-      type(error_type), allocatable, intent(out) :: error
-      ! In radians half a turn may be rounded up.
-      real(wp), parameter :: largest_turn = 36000.0_wp, rounding = 1.0e-4_wp
-      character(len=:), allocatable :: refusal
-      real(wp), allocatable :: values(:)
-      real(wp) :: allowed(2), unit
-      integer :: column, j
-
-      call set_size(points)
-      unit = merge(degree, 1.0_wp, radians)
-      do j = 1, 3
-         call find_column(points%table, trim(angle_names(j)), column, error, needed=.true.)
-         if (allocated(error)) return
-         if (.not. radians .and. index(lower(points%table%name(column)), 'rad') > 0) then
-            call refuse(error, 'column '//points%table%name(column) &
-               & //' is in radians; degrees are needed, or &measurements angles = ''radians''')
-            return
-         end if
-         allowed = merge([0.0_wp, 180.0_wp], [-largest_turn, largest_turn], j == 2)*unit
-         refusal = '; allowed '//to_text(allowed(1))//' to '//to_text(allowed(2))
-         call read_numbers(points%table, column, allowed + [0.0_wp, merge(rounding, 0.0_wp, &
-            & radians .and. j == 2)], .false., merge(' radians', ' degrees', radians), refusal, &
-            & values, error)
-         if (allocated(error)) return
-         points%euler_deg(j, :) = min(values, allowed(2))/unit
-      end do
-   end subroutine read_angles
-
    !> Read the independent constants of each row, and set the stiffness.
    subroutine read_constants(points, default_class, error)
       type(points_type), intent(inout) :: points
       type(crystal_class_type), intent(in) :: default_class
       type(error_type), allocatable, intent(out) :: error
-      !> The class whose constants are all entries.
+      !> The class whose constants are all entries, and their columns.
       type(crystal_class_type) :: general
+      integer :: column(21)
       real(wp), allocatable :: values(:)
-      integer :: column(21), i, j
+      integer :: i, j
 
       call new_crystal_class(general_class, general, error)
       if (allocated(error)) return
-      allocate (points%constants(21, points%n), source=nan)
+      allocate (points%constants(21, points%n))
       allocate (points%stiffness(6, 6, points%n))
       do j = 1, 21
          column(j) = points%table%find(general%constants(j))
-         if (column(j) == 0) cycle
-         call read_numbers(points%table, column(j), [-stiffness_most, stiffness_most], .true., &
-            & ' GPa', ' looks like MPa; allowed up to '//to_text(stiffness_most)//' GPa', &
-            & values, error)
+         call read_numbers(points%table, column(j), constant_column, .true., values, error)
          if (allocated(error)) return
          points%constants(j, :) = values
       end do
       call read_classes()
       if (allocated(error)) return
       do i = 1, points%n
-         call take_constants()
+         call take_constants(i)
          if (allocated(error)) return
       end do
 
    contains
 
       !> Take the constants of the class from the entries of row i, and set the stiffness.
-      subroutine take_constants()
+      subroutine take_constants(i)
+         integer, intent(in) :: i
          real(wp) :: entries(21), implied(21)
-         integer :: k
+         integer :: j, k
 
          entries = points%constants(:, i)
          points%constants(:, i) = nan
@@ -387,9 +189,11 @@ contains
             class = default_class
             ! A table of all 21 constants without a class has triclinic crystals.
             if (all(column > 0) .and. named == 0) class = general
-            if (len(cell) > 0) call new_crystal_class(cell, class, error)
-            call prefix_error(error, points%table%place(named, i))
-            if (allocated(error)) return
+            if (len(cell) > 0) then
+               call new_crystal_class(cell, class, error)
+               call prefix_error(error, points%table%place(named, i))
+               if (allocated(error)) return
+            end if
             if (class%n_constants == 0) then
                call refuse(error, 'the class of the crystals is missing; state &problem ' &
                   & //'symmetry, or add a column symmetry')
@@ -403,56 +207,181 @@ contains
       end subroutine read_classes
    end subroutine read_constants
 
-   !> Read the `values` of one of `known_columns`. An `optional` column may be absent and may have
-   !> empty cells, which give NaN. Nothing is done after an error.
-   subroutine read_column(table, name, optional, values, error)
-      type(table_type), intent(in) :: table
-      character(len=*), intent(in) :: name
-      logical, intent(in) :: optional
-      real(wp), allocatable, intent(out) :: values(:)
-      type(error_type), allocatable, intent(inout) :: error
-      integer :: column
+   !> The name of point `i`, or its number.
+   function name(self, i)
+      class(points_type), intent(in) :: self
+      !> 1, 2, ..
+      integer, intent(in) :: i
+      character(len=:), allocatable :: name
 
-      if (allocated(error)) return
-      call find_column(table, name, column, error, needed=.not. optional)
-      if (allocated(error)) return
-      associate (known => known_columns(findloc(known_columns%name, name, 1)))
-         call read_numbers(table, column, known%allowed, optional, trim(known%unit), &
-            & trim(known%refusal), values, error)
-      end associate
-   end subroutine read_column
+      if (allocated(self%names)) then
+         name = trim(self%names(i))
+      else if (self%named_by > 0) then
+         name = self%table%cell(self%named_by, self%row(i))
+      else
+         name = to_text(i)
+      end if
+   end function name
 
-   !> Read the `values` of a `column`. They are NaN if the column is 0, and in empty cells, if these
-   !> are allowed by `may_be_empty`.
-   subroutine read_numbers(table, column, allowed, may_be_empty, unit, refusal, values, error)
-      type(table_type), intent(in) :: table
-      integer, intent(in) :: column
-      !> Least and greatest number.
-      real(wp), intent(in) :: allowed(2)
-      logical, intent(in) :: may_be_empty
-      !> Words that follow a number which is not allowed: the unit, after a blank, and the reason.
-      !> The range is added to a reason without a semicolon.
-      character(len=*), intent(in) :: unit, refusal
-      real(wp), allocatable, intent(out) :: values(:)
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: words
+   !> The indented direction of each point in crystal axes, (3, n).
+   pure function directions(self)
+      class(points_type), intent(in) :: self
+      real(wp) :: directions(3, self%n), g(3, 3)
       integer :: i
 
-      allocate (values(table%rows), source=nan)
-      do i = 1, merge(table%rows, 0, column > 0)
-         if (may_be_empty .and. table%is_empty(column, i)) cycle
-         call table%number(column, i, values(i), error)
-         if (allocated(error)) return
-         if (values(i) >= allowed(1) .and. values(i) <= allowed(2)) cycle
-         words = refusal
-         if (index(words, ';') == 0) then
-            if (unit == ' GPa' .and. values(i) > allowed(2)) words = ' looks like MPa'
-            words = words//'; allowed '//to_text(allowed(1))//' to '//to_text(allowed(2))//unit
-         end if
-         call table%refuse(column, i, unit//words, error)
-         return
+      do i = 1, self%n
+         g = rotation_matrix(self%euler_deg(:, i)*degree)
+         directions(:, i) = g(:, 3)
       end do
-   end subroutine read_numbers
+   end function directions
+
+   !> Read orientations and moduli with the settings of `&measurements`.
+   subroutine read_measurements(table, radians, settings, crystal, parameters, points, error)
+      type(table_type), intent(in) :: table
+      !> The unit of the angles in the table.
+      logical, intent(in) :: radians
+      type(measurements_settings_type), intent(in) :: settings
+      !> Class of the grains.
+      type(crystal_class_type), intent(in) :: crystal
+      !> Parameters of the unit cell, see `new_lattice`; may be unallocated.
+      real(wp), allocatable, intent(in) :: parameters(:)
+      type(points_type), intent(out) :: points
+      type(error_type), allocatable, intent(out) :: error
+      !> Ten tests for each of the grains that Step 2 accepts.
+      integer, parameter :: most_rows = 200000, most_lines = 10**9
+      character(len=:), allocatable :: name
+      real(wp), allocatable :: line(:)
+
+      if (table%rows > most_rows) then
+         call refuse(error, to_text(table%rows)//' rows; allowed up to '//to_text(most_rows))
+         return
+      end if
+      points%table = table
+      ! The numbers of the lines are those in the file of the laboratory, if the table has them.
+      call read_column(table, 'row', table%find('row') == 0, line, error)
+      if (allocated(error)) return
+      where (line >= 0.0_wp .and. line <= most_lines) points%table%line = nint(line)
+      if (settings%orientations == 'unknown') then
+         call set_size(points)
+         points%euler_deg = 0.0_wp
+         points%has_angles = .false.
+      else
+         call read_orientations(points, radians, crystal, parameters, error)
+      end if
+      if (allocated(error)) return
+      call find_modulus(points%table, settings%modulus_kind, name, points%modulus_kind, error)
+      if (allocated(error)) return
+      call read_column(points%table, name, .false., points%modulus_gpa, error)
+      if (table%find('sd_gpa') == 0 .and. settings%scale /= 'inferred') then
+         call refuse(error, 'the column sd_gpa is missing; it may be absent only with scale = ' &
+            & //'''inferred''; the columns are '//table%names())
+      end if
+      call read_column(points%table, 'sd_gpa', table%find('sd_gpa') == 0, points%sd_gpa, error)
+      call read_column(points%table, 'orientation_sd_deg', .true., points%orientation_sd_deg, error)
+      call read_column(points%table, 'depth_um', .true., points%depth_um, error)
+      call read_column(points%table, 'contact_radius_um', .true., points%contact_radius_um, error)
+      call add_zero_error()
+      call read_column(points%table, 'grain_radius_um', .true., points%grain_radius_um, error)
+      if (.not. allocated(error)) call read_groups(points)
+
+   contains
+
+      !> Add the error of the modulus by an uncertain zero of the depth to the sds; the modulus is
+      !> proportional to P/(sqrt(R) h^1.5).
+      subroutine add_zero_error()
+         real(wp), parameter :: power = 1.5_wp
+         real(wp), allocatable :: zero_sd_nm(:)
+         integer :: i
+
+         call read_column(points%table, 'zero_sd_nm', .true., zero_sd_nm, error)
+         if (allocated(error)) return
+         zero_sd_nm = merge(zero_sd_nm, settings%zero_sd_nm, zero_sd_nm >= 0.0_wp)
+         i = findloc(zero_sd_nm > 0.0_wp &
+            & .and. .not. (points%depth_um > 0.0_wp .and. points%sd_gpa > 0.0_wp), .true., dim=1)
+         if (i > 0) then
+            call refuse(error, &
+               & 'line '//to_text(points%table%line(i))//': zero_sd_nm = '//to_text(zero_sd_nm(i)) &
+               & //' nm needs the depth of the test (column depth_um) and its sd_gpa')
+         end if
+         if (allocated(error)) return
+         where (zero_sd_nm > 0.0_wp) points%sd_gpa = sqrt(points%sd_gpa**2 &
+            & + (power*1.0e-3_wp*zero_sd_nm/points%depth_um*points%modulus_gpa)**2)
+      end subroutine add_zero_error
+   end subroutine read_measurements
+
+   !> Set the angles of each row, which follow from the direction if the table states that.
+   subroutine read_orientations(points, radians, crystal, parameters, error)
+      !> With their table.
+      type(points_type), intent(inout) :: points
+      !> The unit of the angles in the table.
+      logical, intent(in) :: radians
+      type(crystal_class_type), intent(in) :: crystal
+      !> See `read_measurements`.
+      real(wp), allocatable, intent(in) :: parameters(:)
+      type(error_type), allocatable, intent(out) :: error
+      integer, allocatable :: angles(:)
+      real(wp), allocatable :: euler_deg(:, :)
+
+      call find_columns(points%table, join(angle_columns%name, ', '), 0, angles, error)
+      if (allocated(error)) return
+      call read_directions(points%table, all(angles > 0), crystal, parameters, euler_deg, error)
+      if (allocated(error)) return
+      if (allocated(euler_deg)) then
+         call set_size(points)
+         points%has_angles = .false.
+         points%euler_deg = euler_deg
+         return
+      end if
+      call read_angles(points, radians, error)
+      if (allocated(error) .and. all(angles == 0)) then
+         error%message = error%message//'; instead of angles q0, q1, q2, q3, or u, v, w, or ' &
+            & //'h, k, l; if no orientation is known state orientations = ''unknown'''
+      end if
+   end subroutine read_orientations
+
+   !> Make a point for each row, with NaN for the values that are not read yet.
+   subroutine set_size(points)
+      type(points_type), intent(inout) :: points
+      integer :: i
+
+      points%n = points%table%rows
+      points%row = [(i, i=1, points%n)]
+      points%of_row = points%row
+      allocate (points%euler_deg(3, points%n), points%paths(points%n))
+      allocate (points%modulus_gpa(points%n), points%sd_gpa(points%n), source=nan)
+   end subroutine set_size
+
+   !> Read the angles of each row.
+   subroutine read_angles(points, radians, error)
+      type(points_type), intent(inout) :: points
+      !> The unit of the angles in the table.
+      logical, intent(in) :: radians
+      type(error_type), allocatable, intent(out) :: error
+      ! In radians half a turn may be rounded up.
+      real(wp), parameter :: rounding = 1.0e-4_wp
+      type(column_type) :: known
+      real(wp), allocatable :: values(:)
+      real(wp) :: unit
+      integer :: column, j
+
+      call set_size(points)
+      unit = merge(degree, 1.0_wp, radians)
+      do j = 1, 3
+         known = angle_columns(j)
+         call find_column(points%table, trim(known%name), column, error, .true.)
+         if (allocated(error)) return
+         if (radians) then
+            known = column_type('', known%allowed*degree + [0.0_wp, rounding], ' radians')
+         else if (index(lower(points%table%name(column)), 'rad') > 0) then
+            call refuse(error, 'column '//points%table%name(column) &
+               & //' is in radians; degrees are needed, or &measurements angles = ''radians''')
+            return
+         end if
+         call read_numbers(points%table, column, known, .false., values, error)
+         if (allocated(error)) return
+         points%euler_deg(j, :) = min(values/unit, angle_columns(j)%allowed(2))
+      end do
+   end subroutine read_angles
 
    !> Number the groups in the order in which their names occur.
    subroutine read_groups(points)

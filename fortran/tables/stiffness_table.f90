@@ -33,59 +33,46 @@ contains
       type(error_type), allocatable, intent(out) :: error
       character(len=4), dimension(class%n_constants + 1) :: headers, labels
       integer, dimension(class%n_constants + 1) :: column, row
-      real(wp) :: values(class%n_constants, class%n_constants + 1)
+      real(wp), allocatable :: values(:, :)
       integer :: i, j
 
       self%table = table
       headers = [character(len=4) :: 'row', class%constants]
       labels = [character(len=4) :: 'mean', class%constants]
       column = [(table%find(trim(headers(j))), j=1, size(column))]
-      j = findloc(column, 0, dim=1)
-      if (j > 0) then
-         call refuse(error, 'the column '//trim(headers(j))//' is missing; a '//class%name &
+      do j = 1, size(column)
+         call check(column(j) > 0, 'the column '//trim(headers(j))//' is missing; a '//class%name &
             & //' crystal needs '//join(headers, ', '))
-      end if
-      if (allocated(error)) return
-      do j = 1, table%columns
-         if (all(column /= j)) then
-            call refuse(error, 'the column '//printable(table%name(j))//' is none of ' &
-               & //join(headers, ', ')//', the constants of a '//class%name//' crystal')
-         end if
-         if (allocated(error)) return
       end do
+      do j = 1, table%columns
+         call check(any(column == j), 'the column '//printable(table%name(j))//' is none of ' &
+            & //join(headers, ', ')//', the constants of a '//class%name//' crystal')
+      end do
+      if (allocated(error)) return
       row = 0
       do i = 1, table%rows
          j = findloc(labels == table%cell(column(1), i), .true., dim=1)
          if (j == 0) cycle
-         if (row(j) > 0) then
-            call refuse(error, 'line '//to_text(table%line(i))//': the row '//trim(labels(j)) &
-               & //' is there twice')
-         end if
-         if (allocated(error)) return
+         call check(row(j) == 0, 'line '//to_text(table%line(i))//': the row '//trim(labels(j)) &
+            & //' is there twice')
          row(j) = i
       end do
-      j = findloc(row, 0, dim=1)
-      if (j > 0) then
-         call refuse(error, 'the row '//trim(labels(j))//' is missing; the rows are mean (GPa) ' &
-            & //'and those of the covariance (GPa^2), '//join(class%constants, ', '))
-      else if (table%rows /= size(row)) then
-         call refuse(error, to_text(table%rows)//' rows; '//to_text(size(row))//' are needed: ' &
-            & //join(labels, ', '))
-      end if
-      do i = 1, size(row)
-         do j = 1, class%n_constants
-            if (allocated(error)) return
-            call table%number(column(j + 1), row(i), values(j, i), error)
-         end do
+      do j = 1, size(row)
+         call check(row(j) > 0, 'the row '//trim(labels(j))//' is missing; the rows are mean ' &
+            & //'(GPa) and those of the covariance (GPa^2), '//join(class%constants, ', '))
       end do
+      call check(table%rows == size(row), to_text(table%rows)//' rows; '//to_text(size(row)) &
+         & //' are needed: '//join(labels, ', '))
       if (allocated(error)) return
-      self%mean = values(:, 1)
-      self%covariance = transpose(values(:, 2:))
-      j = findloc(abs(self%mean) <= stiffness_most, .false., dim=1)
-      if (j > 0) then
-         call refuse(error, 'the mean of '//class%constants(j)//', '//to_text(self%mean(j)) &
-            & //' GPa, looks like MPa; allowed up to '//to_text(stiffness_most)//' GPa')
-      end if
+      call table%numbers(column(2:), values, error)
+      if (allocated(error)) return
+      self%mean = values(:, row(1))
+      self%covariance = transpose(values(:, row(2:)))
+      do j = 1, class%n_constants
+         call check(abs(self%mean(j)) <= stiffness_most, 'the mean of '//class%constants(j)//', ' &
+            & //to_text(self%mean(j))//' GPa, looks like MPa; allowed up to ' &
+            & //to_text(stiffness_most)//' GPa')
+      end do
       if (allocated(error)) return
       call check_stiffness(class%stiffness(self%mean), error)
       call prefix_error(error, 'the mean: ')
@@ -93,28 +80,35 @@ contains
 
    contains
 
+      !> Refuse the table unless something is `right`, or it was refused before.
+      subroutine check(right, message)
+         logical, intent(in) :: right
+         character(len=*), intent(in) :: message
+
+         if (.not. (right .or. allocated(error))) call refuse(error, message)
+      end subroutine check
+
       !> Refuse a covariance that is not symmetric, apart from rounding, or not positive definite.
       subroutine check_covariance()
          real(wp), parameter :: tolerance = 1.0e-3_wp
          real(wp) :: correlation(class%n_constants, class%n_constants)
 
          associate (c => self%covariance, names => class%constants)
-            i = findloc([(c(i, i) > 0.0_wp, i=1, class%n_constants)], .false., dim=1)
-            if (i > 0) then
-               call refuse(error, 'the variance of '//names(i)//' is '//to_text(c(i, i)) &
-                  & //' GPa^2; above 0 is allowed')
-            end if
+            do i = 1, class%n_constants
+               call check(c(i, i) > 0.0_wp, 'the variance of '//names(i)//' is ' &
+                  & //to_text(c(i, i))//' GPa^2; above 0 is allowed')
+            end do
             if (allocated(error)) return
             do j = 1, class%n_constants
                do i = 1, class%n_constants
                   correlation(i, j) = c(i, j)/sqrt(c(i, i))/sqrt(c(j, j))
-                  if (abs(c(i, j) - c(j, i)) <= tolerance*sqrt(c(i, i))*sqrt(c(j, j))) cycle
-                  call refuse(error, 'the covariance is not symmetric: '//to_text(c(i, j)) &
-                     & //' GPa^2 in row '//names(i)//', column '//names(j)//', but ' &
-                     & //to_text(c(j, i))//' GPa^2 in row '//names(j)//', column '//names(i))
-                  return
+                  call check(abs(c(i, j) - c(j, i)) <= tolerance*sqrt(c(i, i))*sqrt(c(j, j)), &
+                     & 'the covariance is not symmetric: '//to_text(c(i, j))//' GPa^2 in row ' &
+                     & //names(i)//', column '//names(j)//', but '//to_text(c(j, i)) &
+                     & //' GPa^2 in row '//names(j)//', column '//names(i))
                end do
             end do
+            if (allocated(error)) return
             correlation = 0.5_wp*(correlation + transpose(correlation))
             c = 0.5_wp*(c + transpose(c))
          end associate

@@ -4,12 +4,13 @@ module table_columns
    use direction_columns, only: ways
    use errors, only: error_type, refuse, suggestion
    use files, only: printable
-   use kinds, only: wp
+   use kinds, only: nan, wp
    use tables, only: longest_name, table_type
-   use text, only: join, lower, split_list
+   use text, only: join, lower, split_list, to_text
    implicit none
    private
-   public :: column_type, known_columns, find_column, find_modulus, foreign_column
+   public :: column_type, angle_columns, find_column, find_columns, read_column, read_numbers, &
+      & find_modulus, foreign_column
 
    type :: column_type
       character(len=longest_name) :: name
@@ -26,8 +27,9 @@ module table_columns
    !> directions, degrees.
    real(wp), parameter :: moduli(2) = [1.0_wp, 2000.0_wp], lengths(2) = [1.0e-6_wp, 1.0e6_wp], &
       & speeds(2) = [100.0_wp, 30000.0_wp], turns(2) = [-360.0_wp, 360.0_wp], no_less = tiny(1.0_wp)
+   real(wp), parameter :: many_turns(2) = 100.0_wp*turns, half_turn(2) = [0.0_wp, 180.0_wp]
    character(len=*), parameter :: degrees = ' deg degrees degree ° ', &
-      & angle_units = degrees//'rad radians ', speed = ' m/s m_s '
+      & angles = degrees//'rad radians ', speed = ' m/s m_s '
    character(len=*), parameter :: no_modulus = ' is no modulus of a metal'
    !> Kinds of modulus; the column of a kind is named 'KIND_gpa'.
    character(len=*), parameter :: kinds(3) = [character(len=19) :: 'indentation_modulus', &
@@ -53,21 +55,23 @@ module table_columns
       & '; a standard deviation is above 0, up to 30000.0 m/s', &
       & 'sd, std, stdev, error, uncertainty, standard_deviation', speed)]
    type(column_type), parameter :: angle_columns(3) = [ &
-      & column_type('phi1_deg', others='phi1, phi_1, φ1, euler1, euler_1, euler_angle_1', &
-      & units=angle_units), &
-      & column_type('Phi_deg', others='phi, φ, Φ, euler2, euler_2, euler_angle_2', &
-      & units=angle_units), &
-      & column_type('phi2_deg', others='phi2, phi_2, φ2, euler3, euler_3, euler_angle_3', &
-      & units=angle_units)]
-   type(column_type), parameter :: label_columns(2) = [ &
-      & column_type('grain', others='grain_id, grain_number, grain_no'), &
-      & column_type('test', others='test_id, test_number')]
+      & column_type('phi1_deg', many_turns, ' degrees', &
+      & '; allowed -36000.0 to 36000.0', 'phi1, phi_1, φ1, euler1, euler_1, euler_angle_1', &
+      & angles), &
+      & column_type('Phi_deg', half_turn, ' degrees', '; allowed 0.0 to 180.0', &
+      & 'phi, φ, Φ, euler2, euler_2, euler_angle_2', angles), &
+      & column_type('phi2_deg', many_turns, ' degrees', &
+      & '; allowed -36000.0 to 36000.0', 'phi2, phi_2, φ2, euler3, euler_3, euler_angle_3', &
+      & angles)]
+   type(column_type), parameter :: label_columns(3) = [ &
+      & column_type('grain', others='grain_id, grain_number, grain_no'), column_type('test'), &
+      & column_type('row')]
    type(column_type), parameter :: drift_column = column_type('drift_nm_s', [-5.0_wp, 5.0_wp], &
       & ' nm/s', ' is no drift of an instrument')
    type(column_type), parameter :: known_columns(*) = [modulus_columns, grain_columns, &
       & propagation_column, speed_columns, angle_columns, label_columns, drift_column]
    !> Further columns of a canonical table of measurements.
-   character(len=*), parameter :: further = 'x_um, y_um, group, reference, session, time_s, row'
+   character(len=*), parameter :: further = 'x_um, y_um, group, reference, session, time_s'
 
 contains
 
@@ -78,75 +82,130 @@ contains
       integer, intent(out) :: column
       type(error_type), allocatable, intent(out) :: error
       !> Whether a table without the column is refused.
-      logical, intent(in), optional :: needed
+      logical, intent(in) :: needed
       character(len=:), allocatable :: names, others(:), word, unit
-      integer, allocatable :: found(:)
       integer :: i, j
 
       column = table%find(name)
       i = findloc(known_columns%name, name, dim=1)
       if (column == 0 .and. i > 0) then
          allocate (others, source=split_list(known_columns(i)%others))
-         found = pack([(j, j=1, table%columns)], &
-            & [(any(others == word_of(table%name(j))), j=1, table%columns)])
-         if (size(found) > 1) then
-            call refuse(error, 'the columns '//printable(table%name(found(1)))//' and ' &
-               & //printable(table%name(found(2)))//' are both '//name//'; one of them is ' &
-               & //'allowed, or one that is named '//name)
-            return
-         end if
-         if (size(found) == 1) column = found(1)
+         do j = 1, table%columns
+            call split_name(table%name(j))
+            if (all(others /= word)) cycle
+            if (column > 0) then
+               call refuse(error, 'the columns '//printable(table%name(column))//' and ' &
+                  & //printable(table%name(j))//' are both '//name//'; one of them is allowed, ' &
+                  & //'or one that is named '//name)
+            else if (len(unit) > 0 .and. index(known_columns(i)%units, ' '//unit//' ') == 0) then
+               call refuse(error, 'column '//printable(table%name(j))//': the unit ' &
+                  & //printable(unit)//' is not read; allowed'//trim(known_columns(i)%units))
+            end if
+            if (allocated(error)) return
+            column = j
+         end do
       end if
-      if (column > 0 .and. i > 0) then
-         call split_name(table%name(column), word, unit)
-         if (len(unit) > 0 .and. index(known_columns(i)%units, ' '//unit//' ') == 0 &
-            & .and. table%find(name) /= column) then
-            call refuse(error, 'column '//printable(table%name(column))//': the unit ' &
-               & //printable(unit)//' is not read; allowed'//trim(known_columns(i)%units))
-         end if
-      end if
-      if (column > 0 .or. .not. present(needed)) return
+      if (column > 0 .or. .not. needed) return
       names = table%names()
-      if (needed) then
-         call refuse(error, 'the column '//name//' is missing; the columns are '//names &
-            & //suggestion(name, names))
-      end if
+      call refuse(error, 'the column '//name//' is missing; the columns are '//names &
+         & //suggestion(name, names))
+
+   contains
+
+      !> Word and unit of a header: 'saw_velocity' and 'm/s' of 'SAW velocity (m/s)', 'phi1' and
+      !> 'deg' of 'phi1_deg'.
+      subroutine split_name(header)
+         character(len=*), intent(in) :: header
+         character(len=*), parameter :: endings(3) = ['_deg', '_rad', '_m_s']
+         integer :: k
+
+         word = lower(header)
+         unit = ''
+         k = scan(word, '([/')
+         if (k > 1) then
+            unit = word(k + 1:)
+            if (scan(unit, ')]') > 0) unit = unit(:scan(unit, ')]') - 1)
+            unit = trim(adjustl(unit))
+            word = trim(word(:k - 1))
+         end if
+         do k = 1, len(word)
+            if (scan(word(k:k), ' -.') == 1) word(k:k) = '_'
+         end do
+         k = len(word) - len(endings)
+         if (k < 1 .or. len(unit) > 0) return
+         if (all(endings /= word(k + 1:))) return
+         unit = word(k + 2:)
+         word = word(:k)
+      end subroutine split_name
    end subroutine find_column
 
-   !> Word and unit of a name: 'saw_velocity' and 'm/s' of 'SAW velocity (m/s)', 'phi1' and 'deg'
-   !> of 'phi1_deg'.
-   pure subroutine split_name(name, word, unit)
-      character(len=*), intent(in) :: name
-      character(len=:), allocatable, intent(out) :: word, unit
-      character(len=*), parameter :: endings(3) = ['_deg', '_rad', '_m_s']
-      integer :: k
+   !> Find the columns of several names, 0 for a name that is missing.
+   subroutine find_columns(table, names, needed, columns, error)
+      type(table_type), intent(in) :: table
+      !> Names separated by ', '.
+      character(len=*), intent(in) :: names
+      !> Number of the first names that must occur.
+      integer, intent(in) :: needed
+      integer, allocatable, intent(out) :: columns(:)
+      type(error_type), allocatable, intent(out) :: error
+      character(len=longest_name), allocatable :: each(:)
+      integer :: j
 
-      word = lower(name)
-      unit = ''
-      k = scan(word, '([/')
-      if (k > 1) then
-         unit = word(k + 1:)
-         if (scan(unit, ')]') > 0) unit = unit(:scan(unit, ')]') - 1)
-         unit = trim(adjustl(unit))
-         word = trim(word(:k - 1))
-      end if
-      do k = 1, len(word)
-         if (scan(word(k:k), ' -.') == 1) word(k:k) = '_'
+      each = split_list(names)
+      allocate (columns(size(each)))
+      do j = 1, size(each)
+         call find_column(table, trim(each(j)), columns(j), error, j <= needed)
+         if (allocated(error)) return
       end do
-      k = len(word) - len(endings)
-      if (k < 1 .or. len(unit) > 0) return
-      if (all(endings /= word(k + 1:))) return
-      unit = word(k + 2:)
-      word = word(:k)
-   end subroutine split_name
+   end subroutine find_columns
 
-   !> The word of a name without its unit.
-   pure function word_of(name) result(word)
+   !> Read the `values` of one of `known_columns`. An `optional` column may be absent and may have
+   !> empty cells, which give NaN. Nothing is done after an error.
+   subroutine read_column(table, name, optional, values, error)
+      type(table_type), intent(in) :: table
       character(len=*), intent(in) :: name
-      character(len=:), allocatable :: word, unit
+      logical, intent(in) :: optional
+      real(wp), allocatable, intent(out) :: values(:)
+      type(error_type), allocatable, intent(inout) :: error
+      integer :: column
 
-      call split_name(name, word, unit)
-   end function word_of
+      if (allocated(error)) return
+      call find_column(table, name, column, error, .not. optional)
+      if (allocated(error)) return
+      call read_numbers(table, column, known_columns(findloc(known_columns%name, name, 1)), &
+         & optional, values, error)
+   end subroutine read_column
+
+   !> Read the `values` of a `column`. They are NaN if the column is 0, and in empty cells, if these
+   !> are allowed by `may_be_empty`.
+   subroutine read_numbers(table, column, known, may_be_empty, values, error)
+      type(table_type), intent(in) :: table
+      integer, intent(in) :: column
+      !> The numbers that it may have. The range is added to a refusal without a semicolon.
+      type(column_type), intent(in) :: known
+      logical, intent(in) :: may_be_empty
+      real(wp), allocatable, intent(out) :: values(:)
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: words
+      integer :: i
+
+      allocate (values(table%rows), source=nan)
+      do i = 1, merge(table%rows, 0, column > 0)
+         if (may_be_empty .and. table%is_empty(column, i)) cycle
+         call table%number(column, i, values(i), error)
+         if (allocated(error)) return
+         associate (least => known%allowed(1), most => known%allowed(2))
+            if (values(i) >= least .and. values(i) <= most) cycle
+            words = trim(known%refusal)
+            if (index(words, ';') == 0) then
+               if (known%unit == ' GPa' .and. values(i) > most) words = ' looks like MPa'
+               words = words//'; allowed '//to_text(least)//' to '//to_text(most)//trim(known%unit)
+            end if
+         end associate
+         call table%refuse(column, i, trim(known%unit)//words, error)
+         return
+      end do
+   end subroutine read_numbers
 
    !> Find the column of the moduli, and their kind, from its name or as it is stated.
    subroutine find_modulus(table, stated, name, kind, error)

@@ -1,12 +1,11 @@
 !> Tables of text cells, read from CSV and written: a header, then rows. Lines that start with # are
 !> comments.
 !>
-!> Cells are separated by commas, semicolons or tabs, whichever the header has most of; if not by
-!> commas, numbers may have decimal ones. Cells may be in double quotes (RFC 4180). Blank lines,
-!> rows of empty cells and empty cells beyond the header are skipped; CRLF and a byte order mark are
-!> accepted.
+!> Commas separate cells, and numbers have decimal points. Cells may be in double quotes (RFC 4180).
+!> Blank lines, rows of empty cells and empty cells beyond the header are skipped; CRLF and a byte
+!> order mark are accepted.
 module tables
-   use errors, only: error_type, refuse
+   use errors, only: error_type, prefix_error, refuse
    use files, only: checksum, new_file_type, printable, read_text_file
    use text, only: append, lower, newline, number_malformed, number_ok, quoted, read_real, &
       & short_text, split_list, to_text
@@ -17,9 +16,8 @@ module tables
 
    !> Bytes of the longest name of a column.
    integer, parameter :: longest_name = 32
-   character, parameter :: return = achar(13), tab = achar(9)
-
-   character(len=*), parameter :: delimiters = ',;'//tab
+   character, parameter :: tab = achar(9)
+   character(len=*), parameter :: blanks = ' '//tab//achar(13)
 
    type :: table_type
       !> Numbers of rows and columns, without the header.
@@ -30,9 +28,9 @@ module tables
       !> row); row 0 is the header.
       character(len=:), allocatable, private :: buffer
       integer, allocatable, private :: bounds(:, :, :)
-      logical, private :: decimal_comma = .false.
    contains
-      procedure :: cell, is_empty, name, names, find, number, place, refuse => refuse_cell, digest
+      procedure :: cell, is_empty, name, names, find, number, numbers, place, &
+         & refuse => refuse_cell, digest
    end type table_type
 
 contains
@@ -45,128 +43,51 @@ contains
       character(len=:), allocatable :: content
 
       call read_text_file(path, content, error)
-      if (allocated(error)) return
-      call parse_table(content, table, error)
+      if (.not. allocated(error)) call parse_table(content, table, error)
    end subroutine read_table
 
-   !> The table of the text `content` of a CSV file.
+   !> The table of the text `content` of a CSV file. Each row must have as many cells as the header.
    subroutine parse_table(content, table, error)
       character(len=*), intent(in) :: content
       type(table_type), intent(out) :: table
       type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: bounds(:, :), line(:)
-      integer :: rows, above
-
-      call split(content, table, bounds, line, rows, error)
-      if (allocated(error)) return
-      if (rows == 0) call refuse(error, 'the table has no header row')
-      if (allocated(error)) return
-      table%rows = rows - 1
-      table%line = line(2:rows)
-      allocate (table%bounds(2, table%columns, 0:table%rows))
-      table%bounds(:, :, 0) = bounds(:, :table%columns)
-      table%bounds(:, :, 1:) = reshape(bounds(:, table%columns + 1:rows*table%columns), &
-         & [2, table%columns, table%rows])
-      call check_header()
-      if (allocated(error)) return
-      if (table%rows == 0) call refuse(error, 'the table is empty: no row follows the header')
-
-   contains
-
-      !> Refuse a header of numbers and a name that occurs twice.
-      subroutine check_header()
-         real(wp) :: value
-         integer :: i, j, outcome, numbers
-
-         numbers = 0
-         do j = 1, table%columns
-            call read_real(table%name(j), value, outcome)
-            if (outcome /= number_malformed) numbers = numbers + 1
-         end do
-         if (numbers > table%columns/2) then
-            call refuse(error, 'line '//to_text(line(1)) &
-               & //': numbers where the header row with the names of the columns must be')
-         end if
-         do j = 2, table%columns
-            if (allocated(error)) return
-            if (len(table%name(j)) > 0 &
-               & .and. any([(table%name(i) == table%name(j), i=1, j - 1)])) then
-               call refuse(error, 'line '//to_text(line(1))//': the column ' &
-                  & //printable(table%name(j))//' is there twice')
-            end if
-         end do
-      end subroutine check_header
-   end subroutine parse_table
-
-   !> The delimiter of the cells: the one of comma, semicolon and tab that occurs most often in the
-   !> header, outside quotes.
-   pure character function delimiter_of(header)
-      character(len=*), intent(in) :: header
-      integer :: counts(len(delimiters)), i, k
-      logical :: quoted
-
-      counts = 0
-      quoted = .false.
-      do i = 1, len(header)
-         if (header(i:i) == '"') quoted = .not. quoted
-         k = index(delimiters, header(i:i))
-         if (k > 0 .and. .not. quoted) counts(k) = counts(k) + 1
-      end do
-      k = maxloc(counts, dim=1)
-      delimiter_of = delimiters(k:k)
-   end function delimiter_of
-
-   !> Split the text into cells. Each row must have as many cells as the header.
-   subroutine split(content, table, bounds, line, rows, error)
-      character(len=*), intent(in) :: content
-      type(table_type), intent(inout) :: table
       !> First and last byte of each cell, row by row from the header; line on which each row
-      !> begins; number of rows with the header.
-      integer, allocatable, intent(out) :: bounds(:, :), line(:)
-      integer, intent(out) :: rows
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: words
-      character :: delimiter
-      integer :: cells, above, number, last, lines, separators, i
+      !> begins, that of the header first.
+      integer, allocatable :: bounds(:, :), line(:)
+      character(len=:), allocatable :: buffer, words
+      !> Number of the line at byte `i` of the buffer.
+      integer :: number, i
+      integer :: cells, above, rows, last
 
-      allocate (character(len=len(content) + 1) :: table%buffer)
-      table%buffer(:len(content)) = content
-      table%buffer(len(content) + 1:) = newline
-      lines = 0
-      separators = 0
-      do i = 1, len(table%buffer)
-         if (table%buffer(i:i) == newline) lines = lines + 1
-         if (index(delimiters, table%buffer(i:i)) > 0) separators = separators + 1
+      buffer = content//newline
+      cells = 0
+      do i = 1, len(buffer)
+         if (scan(buffer(i:i), ','//newline) > 0) cells = cells + 1
       end do
-      allocate (bounds(2, separators + lines), line(lines))
+      allocate (bounds(2, cells), line(cells))
       cells = 0
       rows = 0
       number = 1
       i = 1
-      do while (i <= len(table%buffer))
+      do while (i <= len(buffer))
          ! Skip comments, whose first sign that is not blank is #, and blank lines, for which both
          ! positions are 0.
-         last = i - 2 + index(table%buffer(i:), newline)
-         if (index(table%buffer(i:last), '#') == verify(table%buffer(i:last), &
-            & ' '//tab//return)) then
+         last = i - 2 + index(buffer(i:), newline)
+         if (index(buffer(i:last), '#') == verify(buffer(i:last), blanks)) then
             i = last + 2
             number = number + 1
             cycle
          end if
          rows = rows + 1
-         if (rows == 1) delimiter = delimiter_of(table%buffer(i:last))
-         table%decimal_comma = delimiter /= ','
          line(rows) = number
          above = cells
          do
             cells = cells + 1
-            call take_cell(table%buffer, delimiter, i, number, bounds(:, cells), error)
-            if (allocated(error)) then
-               error%message = 'line '//to_text(line(rows))//': '//error%message
-               return
-            end if
+            call take_cell(bounds(:, cells))
+            call prefix_error(error, 'line '//to_text(line(rows))//': ')
+            if (allocated(error)) return
             i = i + 1
-            if (table%buffer(i - 1:i - 1) == newline) exit
+            if (buffer(i - 1:i - 1) == newline) exit
          end do
          number = number + 1
          ! Drop empty cells beyond the header, and rows of empty cells.
@@ -182,59 +103,87 @@ contains
          if (rows == 1) table%columns = cells
          if (cells - above == table%columns) cycle
          words = ''
-         if (delimiter == ',' .and. cells - above > table%columns) then
-            words = '; if commas are decimal, separate the cells by semicolons'
-         end if
          if (table%columns == 1) then
-            words = '; if line '//to_text(line(1))//' is a title, put # before it'
+            words = '; commas must separate the cells; if line '//to_text(line(1)) &
+               & //' is a title, put # before it'
          end if
          call refuse(error, 'line '//to_text(line(rows))//': '//to_text(cells - above) &
             & //' cells where the header has '//to_text(table%columns)//words)
          return
       end do
-   end subroutine split
+      if (rows == 0) call refuse(error, 'the table has no header row')
+      if (allocated(error)) return
+      call move_alloc(buffer, table%buffer)
+      table%rows = rows - 1
+      table%line = line(2:rows)
+      allocate (table%bounds(2, table%columns, 0:table%rows))
+      table%bounds(:, :, :) = reshape(bounds(:, :cells), [2, table%columns, rows])
+      call check_header(table, line(1), error)
+      if (allocated(error)) return
+      if (table%rows == 0) call refuse(error, 'the table is empty: no row follows the header')
 
-   !> Find the cell at byte `i`, and move `i` to the delimiter or the end of the line after it. The
-   !> text of a quoted cell replaces its quotes.
-   subroutine take_cell(buffer, delimiter, i, line, bounds, error)
-      ! allow(C072)
-      character(len=*), intent(inout) :: buffer
-      character, intent(in) :: delimiter
-      !> Position in the buffer, and number of the line there.
-      integer, intent(inout) :: i, line
-      !> First and last byte of the cell.
-      integer, intent(out) :: bounds(2)
-      type(error_type), allocatable, intent(out) :: error
+   contains
 
-      do while (buffer(i:i) == ' ' .or. (buffer(i:i) == tab .and. delimiter /= tab))
-         i = i + 1
-      end do
-      if (buffer(i:i) /= '"') then
-         bounds(1) = i
-         i = i - 1 + scan(buffer(i:), delimiter//newline)
-         bounds(2) = bounds(1) - 1 + verify(buffer(bounds(1):i - 1), ' '//tab//return, back=.true.)
-         return
-      end if
-      bounds = [i, i - 1]
-      do
-         i = i + 1
-         if (i > len(buffer)) call refuse(error, 'a double quote is not closed')
-         if (allocated(error)) return
-         if (buffer(i:i) == '"') then
-            i = i + 1
-            if (buffer(i:i) /= '"') exit
+      !> Find the cell at byte `i`, and move `i` to the comma or the end of the line after it. The
+      !> text of a quoted cell replaces its quotes.
+      subroutine take_cell(own)
+         !> First and last byte of the cell.
+         integer, intent(out) :: own(2)
+
+         i = i - 1 + verify(buffer(i:), ' '//tab)
+         if (buffer(i:i) /= '"') then
+            own(1) = i
+            i = i - 1 + scan(buffer(i:), ','//newline)
+            own(2) = own(1) - 1 + verify(buffer(own(1):i - 1), blanks, back=.true.)
+            return
          end if
-         if (buffer(i:i) == newline) line = line + 1
-         bounds(2) = bounds(2) + 1
-         buffer(bounds(2):bounds(2)) = buffer(i:i)
+         own = [i, i - 1]
+         do
+            i = i + 1
+            if (i > len(buffer)) call refuse(error, 'a double quote is not closed')
+            if (allocated(error)) return
+            if (buffer(i:i) == '"') then
+               i = i + 1
+               if (buffer(i:i) /= '"') exit
+            end if
+            if (buffer(i:i) == newline) number = number + 1
+            own(2) = own(2) + 1
+            buffer(own(2):own(2)) = buffer(i:i)
+         end do
+         i = i - 1 + verify(buffer(i:), blanks)
+         if (scan(buffer(i:i), ','//newline) == 0) then
+            call refuse(error, 'text follows a closing double quote')
+         end if
+      end subroutine take_cell
+   end subroutine parse_table
+
+   !> Refuse a header of numbers and a name that occurs twice.
+   subroutine check_header(table, line, error)
+      type(table_type), intent(in) :: table
+      !> That of the header.
+      integer, intent(in) :: line
+      type(error_type), allocatable, intent(out) :: error
+      real(wp) :: value
+      integer :: i, j, outcome, numbers
+
+      numbers = 0
+      do j = 1, table%columns
+         call read_real(table%name(j), value, outcome)
+         if (outcome /= number_malformed) numbers = numbers + 1
       end do
-      do while (index(' '//tab//return, buffer(i:i)) > 0 .and. buffer(i:i) /= delimiter)
-         i = i + 1
-      end do
-      if (index(delimiter//newline, buffer(i:i)) == 0) then
-         call refuse(error, 'text follows a closing double quote')
+      if (numbers > table%columns/2) then
+         call refuse(error, 'line '//to_text(line) &
+            & //': numbers where the header row with the names of the columns must be')
       end if
-   end subroutine take_cell
+      do j = 2, table%columns
+         if (allocated(error)) return
+         if (len(table%name(j)) > 0 &
+            & .and. any([(table%name(i) == table%name(j), i=1, j - 1)])) then
+            call refuse(error, 'line '//to_text(line)//': the column ' &
+               & //printable(table%name(j))//' is there twice')
+         end if
+      end do
+   end subroutine check_header
 
    !> The text of the cell in a `column` and `row`.
    pure function cell(self, column, row) result(string)
@@ -277,7 +226,7 @@ contains
       end do
       list = list(3:)
       ! The file may be none of a table.
-      if (self%columns == 1) list = 'one, without a comma, semicolon or tab'
+      if (self%columns == 1) list = 'one, without a comma; commas must separate the cells'
       if (self%columns > most) list = list//', ...'
    end function names
 
@@ -300,33 +249,38 @@ contains
       integer, intent(in) :: column, row
       real(wp), intent(out) :: value
       type(error_type), allocatable, intent(out) :: error
-      integer :: outcome, comma
-      character(len=:), allocatable :: string, words
+      integer :: outcome
 
       call read_real(self%buffer(self%bounds(1, column, row):self%bounds(2, column, row)), &
          & value, outcome)
       if (outcome == number_ok) return
-      words = ''
-      string = self%cell(column, row)
-      comma = index(string, ',')
-      if (.not. self%decimal_comma .and. comma > 0) then
-         words = '; decimal commas are read where semicolons or tabs separate the cells'
-      end if
-      if (self%decimal_comma .and. index(string, '.') == 0 &
-         & .and. index(string, ',', back=.true.) == comma) then
-         if (comma > 0) string(comma:comma) = '.'
-      end if
-      call read_real(string, value, outcome)
-      if (len(string) == 0) then
+      if (self%is_empty(column, row)) then
          call refuse(error, self%place(column, row)//'the cell is empty; a number is needed')
       else if (outcome == number_malformed) then
-         call refuse(error, self%place(column, row)//''''//printable(string) &
-            & //''' is not a number'//words)
-      else if (outcome /= number_ok) then
-         call refuse(error, self%place(column, row)//printable(string) &
-            & //' is not finite; a finite number is needed')
+         call refuse(error, self%place(column, row)//''''//printable(self%cell(column, row)) &
+            & //''' is not a number')
+      else
+         call self%refuse(column, row, ' is not finite; a finite number is needed', error)
       end if
    end subroutine number
+
+   !> The finite numbers in some columns.
+   subroutine numbers(self, columns, values, error)
+      class(table_type), intent(in) :: self
+      integer, intent(in) :: columns(:)
+      !> (column, row).
+      real(wp), allocatable, intent(out) :: values(:, :)
+      type(error_type), allocatable, intent(out) :: error
+      integer :: i, j
+
+      allocate (values(size(columns), self%rows))
+      do i = 1, self%rows
+         do j = 1, size(columns)
+            call self%number(columns(j), i, values(j, i), error)
+            if (allocated(error)) return
+         end do
+      end do
+   end subroutine numbers
 
    !> 'line 2, column phi1: ', the beginning of a message about a cell.
    pure function place(self, column, row)
@@ -402,7 +356,7 @@ contains
       filled = 0
       do i = 0, self%rows
          do j = 1, self%columns
-            call append(joined, filled, self%buffer(self%bounds(1, j, i):self%bounds(2, j, i))//tab)
+            call append(joined, filled, self%cell(j, i)//tab)
          end do
       end do
       digest = checksum(joined(:filled))

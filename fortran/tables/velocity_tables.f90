@@ -4,8 +4,8 @@ module velocity_tables
    use crystal_elasticity, only: no_wave, path_type, rayleigh, wave_names
    use errors, only: error_type
    use kinds, only: wp
-   use point_tables, only: points_type, read_angles, read_column, read_groups
-   use table_columns, only: find_column
+   use point_tables, only: points_type, read_angles, read_groups
+   use table_columns, only: find_column, read_column
    use tables, only: longest_name, table_type
    use text, only: join, lower
    implicit none
@@ -23,6 +23,7 @@ contains
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: along(:)
+      logical :: has_direction
       integer :: column, i
 
       column = table%find('wave')
@@ -33,19 +34,20 @@ contains
       call read_column(table, 'sd_m_s', .false., points%sd_gpa, error)
       call read_column(table, 'orientation_sd_deg', .true., points%orientation_sd_deg, error)
       if (allocated(error)) return
-      call find_column(table, 'grain', points%named_by, error)
+      call find_column(table, 'grain', points%named_by, error, .false.)
       if (allocated(error)) return
       call read_groups(points)
       points%paths = [(path_type(rayleigh, along(i)), i=1, points%n)]
       do i = 1, merge(points%n, 0, column > 0)
          associate (path => points%paths(i))
             path%wave = findloc(wave_names, lower(table%cell(column, i)), dim=1)
+            has_direction = abs(along(i)) <= huge(1.0_wp)
             if (path%wave == no_wave) then
                call table%refuse(column, i, ' is no wave; allowed '//join(wave_names, ', '), error)
-            else if (path%wave == rayleigh .and. .not. abs(along(i)) <= huge(1.0_wp)) then
+            else if (path%wave == rayleigh .and. .not. has_direction) then
                call table%refuse(column, i, &
                   & ': propagation_deg is missing, the direction of the wave in the surface', error)
-            else if (.not. abs(along(i)) <= huge(1.0_wp)) then
+            else if (.not. has_direction) then
                path = path_type(path%wave, inclination_deg=90.0_wp)
             end if
          end associate

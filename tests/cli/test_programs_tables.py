@@ -5,6 +5,7 @@ import subprocess
 
 import pytest
 
+import bayesindent as bi
 from bayesindent.settings.problem import Problem
 from support.programs import BATCH
 from support.tree import SOURCE
@@ -112,6 +113,26 @@ def test_units_of_speeds_are_those_that_are_read(tmp_path, name):
         [BATCH, "a.nml", "--check"], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert refused.returncode == 2 and words in refused.stderr, refused.stderr
+
+
+def test_semicolons_are_read_by_python_alone(tmp_path):
+    """Speeds between semicolons keep their lines and values; the batch program needs commas."""
+    text = "# speeds\n\n" + SPEEDS.format("", "", "").replace(",", ";")
+    (tmp_path / "v.csv").write_text(text.replace("3000", "3000,5"))
+    (tmp_path / "a.nml").write_text(
+        "&problem symmetry = 'cubic', density_kg_m3 = 8900 /\n"
+        "&measurements velocities = 'v.csv' /\n"
+    )
+    points = Problem(tmp_path / "a.nml", "extract").measurements
+    assert points.modulus_gpa.tolist() == [3000.5, 3100]
+    refused = subprocess.run(
+        [BATCH, "a.nml", "--check"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    said = "a.nml: &measurements velocities: line 4: 2 cells where the header has 1; commas must "
+    assert refused.returncode == 2 and refused.stderr.startswith(said), refused.stderr
+    (tmp_path / "v.csv").write_text(text.replace("3000", "fast"))
+    with pytest.raises(bi.InputError, match="line 4, column velocity: 'fast' is not a number"):
+        Problem(tmp_path / "a.nml", "extract")
 
 
 #: Tables of laboratories, and the moduli and sds that they have.

@@ -1,7 +1,7 @@
 """Orientations as directions and quaternions: the direction along the indenter, in the crystal axes
 of the core.
 
-Modules: direction_checks.f90.
+Modules: measurement_checks.f90.
 """
 
 import re

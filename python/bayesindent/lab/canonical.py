@@ -19,6 +19,7 @@ from .columns import (
     DIRECTIONS,
     KINDS,
     MODULI,
+    NAME_COLUMNS,
     RADIANS,
     SHARED,
     UNIT_WORDS,
@@ -131,12 +132,11 @@ def resolve(table: LaboratoryTable, given: Mapping[str, str], kind: str | None) 
             meanings[j] = given[name]
     for meaning in {*meanings} - {""}:
         columns = [j for j, own in enumerate(meanings) if own == meaning]
-        chosen = (
-            [j for j in columns if names[j] in given]
-            or [j for j in columns if names[j] == meaning]
-            or [j for j in columns if names[j].lower() == meaning.lower()]
-            or columns
-        )
+        ranks = [
+            (names[j] in given, names[j] == meaning, names[j].lower() == meaning.lower())
+            for j in columns
+        ]
+        chosen = [j for j, rank in zip(columns, ranks) if rank == max(ranks)]
         if len(chosen) > 1:
             if names[chosen[0]] == names[chosen[1]]:
                 raise InputError(
@@ -238,9 +238,14 @@ def check_orientations(table: LaboratoryTable, facts: Mapping[str, Any]) -> None
         "; instead of angles q0, q1, q2, q3, or u, v, w, or h, k, l; if no orientation is known "
         "state orientations = 'unknown'"
     )
-    raise InputError(
-        f"{table.place}the column {missing[0]} is missing; the columns are {listed(table.names)}"
-        f"{nearest_to(missing[:1], table.names)}{instead if len(missing) == 3 else ''}"
+    raise missing_column(table, missing[0], instead if len(missing) == 3 else "")
+
+
+def missing_column(table: LaboratoryTable, name: str, remedy: str = "") -> InputError:
+    """The refusal of a table without a column."""
+    return InputError(
+        f"{table.place}the column {name} is missing; the columns are {listed(table.names)}"
+        f"{nearest_to([name], table.names)}{remedy}"
     )
 
 
@@ -251,28 +256,23 @@ def add_orientations(
     # The packages that read maps take time to import.
     from .orientation_maps import indented_map
 
+    stage = []
     for name in ("x_um", "y_um"):
         if name not in table.meanings:
+            raise missing_column(table, name)
+        cells = table.cells[table.column(name)]
+        for line in cells.index[cells.map(is_missing)]:
             raise InputError(
-                f"{table.place}the column {name} is missing; the columns are {listed(table.names)}"
-                f"{nearest_to([name], table.names)}"
+                f"{table.place}line {line}, column {name}: the cell is empty; a number is needed"
             )
-    cells = [table.cells[table.column(name)] for name in ("x_um", "y_um")]
-    for name, column in zip(("x_um", "y_um"), cells):
-        for line, cell in column.items():
-            if is_missing(cell):
-                raise InputError(
-                    f"{table.place}line {line}, column {name}: the cell is empty; a number is "
-                    "needed"
-                )
-    stage = np.column_stack([list(map(value_of, column)) for column in cells])
+        stage.append(cells.map(value_of))
     folder = Path(facts["folder"])
     ebsd, points = facts["measurements.ebsd"], facts.get("measurements.ebsd_points")
     found = indented_map(
         f"{origin}: &measurements ebsd: {ebsd}: ",
         folder / ebsd,
         (f"{origin}: &measurements ebsd_points: {points}: ", folder / points) if points else None,
-        stage,
+        np.column_stack(stage),
         [own if name in table.stated else name for name, own in zip(table.names, table.meanings)],
         facts.get("problem.symmetry"),
         facts.get("measurements.crystal_axes"),
@@ -318,17 +318,15 @@ def convert_radians(table: LaboratoryTable) -> None:
     for name in ANGLES:
         if (j := table.column(name)) < 0:
             continue
-        values = [value_of(cell) for cell in table.cells[j]]
+        values = table.cells[j].map(value_of)
         least, most = (0.0, math.pi) if name == "Phi_deg" else (-200 * math.pi, 200 * math.pi)
-        for line, value in zip(table.cells.index, values):
-            if not least <= value <= most + 1e-4:
-                raise InputError(
-                    f"{table.place}line {line}, column {table.names[j]}: {value} radians; "
-                    f"allowed {least:.6} to {most:.6}"
-                )
-        if name == "Phi_deg":
-            values = [min(value, math.pi) for value in values]
-        table.cells[j] = [repr(value / (math.pi / 180.0)) for value in values]
+        for line, value in values[~values.between(least, most + 1e-4)].items():
+            raise InputError(
+                f"{table.place}line {line}, column {table.names[j]}: {value} radians; "
+                f"allowed {least:.6} to {most:.6}"
+            )
+        degrees = values.clip(upper=most) / (math.pi / 180.0)
+        table.cells[j] = list(map(repr, degrees.tolist()))
 
 
 def convert_depths(table: LaboratoryTable) -> None:
@@ -373,6 +371,6 @@ def page_of(table: LaboratoryTable, source: Path | Mapping, kind: str | None) ->
     for meaning in (*ORDER, *shared):
         if (j := table.column(meaning)) >= 0:
             cells = table.cells[j].tolist()
-            is_number = meaning not in ("grain", "test", "group", "reference", "session")
-            columns[meaning] = ["" if is_number and is_missing(cell) else cell for cell in cells]
+            are_numbers = meaning not in NAME_COLUMNS
+            columns[meaning] = ["" if are_numbers and is_missing(cell) else cell for cell in cells]
     return "\n".join(comments) + "\n" + as_csv(list(columns), zip(*columns.values()))

@@ -18,8 +18,8 @@ MISSING_TEXTS = (
     "1.797e308 1.797e+308 1.797693e+308"
 )
 MISSING = {*MISSING_TEXTS.split()}
-#: A number with a decimal point or comma and perhaps an exponent, such as "1,05d2".
-NUMBER = r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eEdD][+-]?\d+)?"
+#: A number with a decimal point and perhaps an exponent, such as "1.05d2".
+NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?"
 is_plain_number = re.compile(NUMBER).fullmatch
 #: A value with its sd, such as "109.7 ± 3.0 GPa".
 PLUS_MINUS = re.compile(rf"\(?({NUMBER})\s*(?:GPa)?\s*(?:±|\+/-|\+-)\s*({NUMBER})\)?\s*(GPa|%|)$")
@@ -48,16 +48,15 @@ def plain_numbers(cells: list[str]) -> bool:
 
 
 def value_of(number: str) -> float:
-    """The value of a number, which may be written as 3,5 or 1d5."""
-    return float(number.lower().replace(",", ".").replace("d", "e"))
+    """The value of a number, which may be written as 1d5."""
+    return float(number.lower().replace("d", "e"))
 
 
 def tidy(value: Any, decimal_commas: bool) -> str:
     """The text of a cell on one line; a decimal comma in a number becomes a point."""
     cell = "" if value is None else re.sub(r" *[\n\r\t\f\v]\s*", " ", str(value)).strip()
-    if decimal_commas and "," in cell and is_number(cell):
-        return re.sub(r"(?<=\d),(?=\d)", ".", cell)
-    return cell
+    with_points = cell.replace(",", ".")
+    return with_points if decimal_commas and is_number(with_points) else cell
 
 
 def usual(text: str) -> str:

@@ -14,7 +14,7 @@ from .cells import (
     plain_numbers,
     value_of,
 )
-from .columns import ANGLES, DIRECTIONS, MODULI, NAME_COLUMNS
+from .columns import ANGLES, DIRECTIONS, MODULI, NAME_COLUMNS, abridged
 from .header import HARDNESS
 from .table import LaboratoryTable
 
@@ -137,7 +137,7 @@ def statistics_of(values: np.ndarray) -> list[tuple[str, float]]:
 
 def is_rounded(cell: str, values: list[float]) -> bool:
     """Whether a cell is one of the values, rounded or cut."""
-    number, decimals = number_of(cell), re.search(r"[.,](\d*)", cell)
+    number, decimals = number_of(cell), re.search(r"\.(\d*)", cell)
     last_place = 10.0 ** -len(decimals[1]) if decimals else 1.0
     return any(abs(number - value) <= 1.001 * last_place for value in values)
 
@@ -274,21 +274,20 @@ def indices_of(cell: str) -> list[str]:
 
 def refuse_words(table: LaboratoryTable) -> None:
     """Refuse cells that are not numbers where numbers are needed; one message names them all."""
-    found = (
+    found = sorted(
         (line, j, cell)
         for j in dressed_columns(table)
         for line, cell in table.cells[j].items()
         if not is_missing(cell) and not is_plain_number(cell)
     )
-    wrong = [
-        f"line {line}, column {table.names[j]}: {cell[:30]!r}" for line, j, cell in sorted(found)
-    ]
+    wrong = [f"line {line}, column {table.names[j]}: {cell[:30]!r}" for line, j, cell in found]
     if len(wrong) == 1:
-        raise InputError(f"{table.place}{wrong[0]} is not a number")
+        commas = "; decimal commas are read where semicolons or tabs separate the cells"
+        hint = commas if is_plain_number(found[0][2].replace(",", ".")) else ""
+        raise InputError(f"{table.place}{wrong[0]} is not a number{hint}")
     if wrong:
         raise InputError(
-            f"{table.place}{len(wrong)} cells are no numbers: "
-            f"{'; '.join(wrong[:12])}{'; ..' if len(wrong) > 12 else ''}"
+            f"{table.place}{len(wrong)} cells are no numbers: {abridged(wrong, 12, '; ')}"
         )
 
 

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 from ..core import InputError
 
@@ -23,52 +24,50 @@ NAME_COLUMNS = ("grain", "group", "test", "reference", "session")
 
 @dataclass(frozen=True)
 class Column:
-    """A canonical column, its other names without their units, and the units that it may have."""
+    """A canonical column its other names without their units separated by blanks and the units
+    that it may have.
+    """
 
     name: str
-    others: tuple[str, ...] = ()
-    units: tuple[str, ...] = ()
-
-
-def _column(name: str, others: str = "", units: Sequence[str] = ()) -> Column:
-    return Column(name, tuple(filter(None, others.split(", "))), tuple(units))
+    others: str = ""
+    units: Sequence[str] = ()
 
 
 #: An earlier column takes a name that several have.
 COLUMNS = (
-    _column("phi1_deg", "phi1, phi_1, φ1, euler1, euler_1, euler_angle_1", DEGREES + RADIANS),
-    _column("Phi_deg", "phi, φ, euler2, euler_2, euler_angle_2", DEGREES + RADIANS),
-    _column("phi2_deg", "phi2, phi_2, φ2, euler3, euler_3, euler_angle_3", DEGREES + RADIANS),
-    _column("modulus_gpa", "modulus, e, youngs_modulus, young_modulus, elastic_modulus", ["gpa"]),
-    _column("indentation_modulus_gpa", "indentation_modulus, plane_strain_modulus, m", ["gpa"]),
-    _column(
+    Column("phi1_deg", "phi1 phi_1 φ1 euler1 euler_1 euler_angle_1", DEGREES + RADIANS),
+    Column("Phi_deg", "phi φ euler2 euler_2 euler_angle_2", DEGREES + RADIANS),
+    Column("phi2_deg", "phi2 phi_2 φ2 euler3 euler_3 euler_angle_3", DEGREES + RADIANS),
+    Column("modulus_gpa", "modulus e youngs_modulus young_modulus elastic_modulus", ["gpa"]),
+    Column("indentation_modulus_gpa", "indentation_modulus plane_strain_modulus m", ["gpa"]),
+    Column(
         "effective_modulus_gpa",
-        "effective_modulus, reduced_modulus, er, e_r, eeff, e_eff, e*, ereduced, e_reduced",
+        "effective_modulus reduced_modulus er e_r eeff e_eff e* ereduced e_reduced",
         ["gpa"],
     ),
-    _column("sample_modulus_gpa", "sample_modulus, es, e_s, eit, e_it", ["gpa"]),
-    _column(
+    Column("sample_modulus_gpa", "sample_modulus es e_s eit e_it", ["gpa"]),
+    Column(
         "sd_gpa",
-        "sd, std, stdev, st_dev, std_dev, stddev, standard_deviation, sigma, error, err, "
-        "uncertainty, standard_error, std_error, std_err, se, sem, ±",
+        "sd std stdev st_dev std_dev stddev standard_deviation sigma error err "
+        "uncertainty standard_error std_error std_err se sem ±",
         ["gpa"],
     ),
-    _column("orientation_sd_deg", "orientation_sd", DEGREES),
-    _column("other_probability", "other_phi1, other_phi, other_phi2", DEGREES),
-    _column("depth_um", "depth", MICROMETRES),
-    _column("depth_nm", "depth", ["nm"]),
-    _column("contact_radius_um", "", MICROMETRES),
-    _column("zero_sd_nm", "", ["nm"]),
-    _column("grain_radius_um", "", MICROMETRES),
-    _column("x_um", "x", MICROMETRES),
-    _column("y_um", "y", MICROMETRES),
-    _column("group"),
-    _column("grain", "grain_id, grain_number, grain_no"),
-    _column("test", "test_id, test_number"),
-    _column("reference"),
-    _column("session"),
-    _column("time_s", "time", ["s"]),
-    _column("row"),
+    Column("orientation_sd_deg", "orientation_sd", DEGREES),
+    Column("other_probability", "other_phi1 other_phi other_phi2", DEGREES),
+    Column("depth_um", "depth", MICROMETRES),
+    Column("depth_nm", "depth", ["nm"]),
+    Column("contact_radius_um", "", MICROMETRES),
+    Column("zero_sd_nm", "", ["nm"]),
+    Column("grain_radius_um", "", MICROMETRES),
+    Column("x_um", "x", MICROMETRES),
+    Column("y_um", "y", MICROMETRES),
+    Column("group"),
+    Column("grain", "grain_id grain_number grain_no"),
+    Column("test", "test_id test_number"),
+    Column("reference"),
+    Column("session"),
+    Column("time_s", "time", ["s"]),
+    Column("row"),
 )
 BY_NAME = {column.name: column for column in COLUMNS}
 #: Words that are units at the end of a name.
@@ -102,7 +101,7 @@ def split_name(header: str) -> tuple[str, str]:
 def deviation_word(header: str) -> str:
     """The word of a header without the name of a modulus before it: 'sd' of 'Er sd (GPa)'."""
     word = split_name(header)[0]
-    names = (name for kind in MODULI for name in BY_NAME[kind].others)
+    names = (name for kind in MODULI for name in BY_NAME[kind].others.split())
     before = next((name for name in names if word.startswith(f"{name}_")), "")
     return word.removeprefix(f"{before}_") if before else word
 
@@ -116,7 +115,7 @@ def meaning_of(header: str) -> str:
     for column in COLUMNS:
         named = deviation_word(header) if column.name == "sd_gpa" else word
         if lowered == column.name.lower() or (
-            named in column.others and (word != "depth" or unit in column.units)
+            named in column.others.split() and (word != "depth" or unit in column.units)
         ):
             return column.name
     return ""
@@ -163,24 +162,19 @@ def listed(names: Sequence[str]) -> str:
     """Names of columns for a message. A file with one may be no table, and is not quoted."""
     if len(names) == 1:
         return "one, without a comma, semicolon or tab"
-    return ", ".join(names[:MOST_NAMES]) + (", .." if len(names) > MOST_NAMES else "")
+    return abridged(names, MOST_NAMES)
+
+
+def abridged(words: Iterable, most: int = 10, mark: str = ", ") -> str:
+    """The first words of a list with a `mark` between them; '..' stands for the others."""
+    words = list(map(str, words))
+    return mark.join(words[:most] + [".."] * (len(words) > most))
 
 
 def near(written: str, allowed: Iterable[str]) -> str:
     """', did you mean X?' for the allowed name that is nearest to a written one, if it is near."""
-    pairs = [(distance(name, written), name) for name in allowed]
-    least, name = min(pairs, default=(1, ""), key=lambda pair: pair[0])
-    return f", did you mean {name}?" if least <= max(1, len(name) // 3) else ""
-
-
-def distance(a: str, b: str) -> int:
-    """Levenshtein's distance between two texts."""
-    row = list(range(len(b) + 1))
-    for i, letter in enumerate(a, 1):
-        before, row[0] = row[0], i
-        for j, other in enumerate(b, 1):
-            before, row[j] = row[j], min(row[j] + 1, row[j - 1] + 1, before + (letter != other))
-    return row[-1]
+    found = get_close_matches(written, [*allowed], 1, 0.7)
+    return f", did you mean {found[0]}?" if found else ""
 
 
 def hint_of(header: str, allowed: Iterable[str] = BY_NAME) -> str:
@@ -194,7 +188,7 @@ def nearest_to(names: Iterable[str], headers: Iterable[str]) -> str:
     other names; '' if none is.
     """
     names = list(names)
-    allowed = [*names, *(other for name in names for other in BY_NAME[name].others)]
+    allowed = [*names, *(other for name in names for other in BY_NAME[name].others.split())]
     for header in headers:
         if hint := hint_of(header, allowed):
             return f"; {header}:{hint[1:]}"

@@ -42,7 +42,7 @@ def divide_by_root_of_tests(table: LaboratoryTable, sd: int) -> None:
     if number < 0 or table.meanings[number]:
         return
     counts, name = table.cells[number].tolist(), table.names[sd]
-    if len(counts) > 2 and counts == [str(1 + i) for i in range(len(counts))]:
+    if len(counts) > 2 and counts == list(map(str, range(1, len(counts) + 1))):
         table.note(
             f"column {table.names[number]}: numbers the rows; not taken for numbers of tests"
         )

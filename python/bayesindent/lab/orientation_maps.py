@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from ..core import InputError
 from ..crystal.directions import representative
 from ..crystal.elasticity import class_name
+from .columns import abridged
 from .map_files import axes_of_file, from_standard, load_map, turn_of_axes
 from .other_files import reading
 
@@ -92,11 +93,10 @@ def indented_map(
     share = np.mean(grid.grain[nearest] == grains, axis=0)
     retained = np.flatnonzero(share >= LEAST_SHARE).tolist()
     if doubtful := [f"{row + 1} ({share[row]:.0%})" for row in np.flatnonzero(share < LEAST_SHARE)]:
-        named = f"{', '.join(doubtful[:10])}{', ..' if len(doubtful) > 10 else ''}"
         warnings.append(
-            f"indents_left_out {place}the indents of rows {named} are left out: their grain is "
-            "uncertain. In brackets: the probability of the grain, with a registration of "
-            f"± {sd.max():.2g} um; {LEAST_SHARE:.0%} is needed"
+            f"indents_left_out {place}the indents of rows {abridged(doubtful)} are left out: "
+            "their grain is uncertain. In brackets: the probability of the grain, with a "
+            f"registration of ± {sd.max():.2g} um; {LEAST_SHARE:.0%} is needed"
         )
     if not retained:
         raise InputError(warnings[-1].partition(" ")[2])
@@ -238,12 +238,10 @@ class Grid:
         number = int(phases[0])
         name = self.names[number]
         if len(others := np.flatnonzero(phases != number)):
-            rows = ", ".join(str(row + 1) for row in others[:10]) + (
-                ", .." if len(others) > 10 else ""
-            )
             raise InputError(
                 f"{self.place}the indent of row 1 is on the phase {name}, those of "
-                f"rows {rows} are on {self.names[int(phases[others[0]])]}; leave one "
+                f"rows {abridged(others + 1)} are on "
+                f"{self.names[int(phases[others[0]])]}; leave one "
                 "of them out: the constants are those of one phase"
             )
         if not symmetry:

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import ModuleType
 
 from ..core import InputError
+from .columns import abridged
 
 
 def reader_of(place: str, path: Path, kind: str, module: str, otherwise: str = "") -> ModuleType:
@@ -68,6 +69,6 @@ def refuse_formulas(place: str, openpyxl: ModuleType, path: Path, sheet: str, va
     if found:
         raise InputError(
             f"{place}the sheet {sheet} has formulas without a stored value "
-            f"({', '.join(found[:10])}{', ..' if len(found) > 10 else ''}): "
+            f"({abridged(found)}): "
             "open it in a spreadsheet program and save it, or write the values"
         )

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
 
+from ..common.result_files import as_csv
 from ..core import InputError
 from .cells import is_number, rows_of, tabbed, tidy, usual
 from .columns import MODULI, NAME_COLUMNS, meaning_of
@@ -67,6 +68,22 @@ def rows_of_file(place: str, path: Path, sheet: str, stated: Iterable[str]) -> R
         if header_row(rows, stated)[1] < 2 and sum(map(is_number, first)) >= len(first) / 2:
             return None
     return Rows(rows, blank, text=text, notes=(f"read as {encoding}",) if encoding else ())
+
+
+def text_with_commas(path: Path) -> str | None:
+    """The text of a table whose header has semicolons or tabs but no comma, with commas between the
+    cells and decimal points; each row keeps its line. None for other files.
+    """
+    try:
+        text = decoded(path.read_bytes())[0]
+    except OSError:
+        return None
+    header = next((line for line in text.splitlines() if line.strip() and line[0] != "#"), "")
+    if "," in header or not re.search("[;\t]", header):
+        return None
+    rows = dict(rows_of(text)[0])
+    first, *others = [rows.get(number, []) for number in range(1, max(rows) + 1)]
+    return as_csv(first, others)
 
 
 def refuse_open_quote(place: str, text: str) -> None:

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 
 import pandas as pd
 
+from .columns import abridged
+
 
 @dataclass
 class LaboratoryTable:
@@ -80,5 +82,4 @@ class LaboratoryTable:
 def lines_in_words(lines: Iterable[int]) -> str:
     """Line numbers as 'lines 3, 5, 9'; at most the first ten."""
     lines = list(lines)
-    more = ", .." if len(lines) > 10 else ""
-    return f"line{'s' * (len(lines) > 1)} {', '.join(map(str, lines[:10]))}{more}"
+    return f"line{'s' * (len(lines) > 1)} {abridged(lines)}"

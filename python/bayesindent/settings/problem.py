@@ -5,8 +5,9 @@ resolves them.
 import json
 import os
 import re
+from collections import namedtuple
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, make_dataclass
+from dataclasses import dataclass, fields
 from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +22,13 @@ if TYPE_CHECKING:
     from ..lab.table import LaboratoryTable
 
 
+#: Tables whose cells semicolons or tabs may separate, and the variables that name them.
+CONVERTED = {
+    "velocities": "measurements.velocities",
+    "stiffness": "knowledge.stiffness_file",
+    "candidates": "next.candidates",
+    "texture": "measurements.texture",
+}
 #: Functions that convert texts of a namelist, by kind of variable.
 CONVERSIONS: dict[str, Callable] = {"logical": ".true.".__eq__, "integer": int, "real": float}
 
@@ -200,6 +208,11 @@ class Problem(NativeObject):
             begin = f"{path}: &curves files: "
             removed = facts["curves.drift_removed"]
             pages["curves"] = columns_as_csv(curves_of_files(begin, path.parent, names, removed))
+        for name, variable in CONVERTED.items():
+            if file := facts.get(variable):
+                from ..lab.reading import text_with_commas
+
+                pages[name] = text_with_commas(path.parent / file)
         #: The table of a laboratory and the canonical one, if one was read, or None; and the
         #: orientation map with the indents, or None.
         self.table: LaboratoryTable | None = None
@@ -330,7 +343,7 @@ def batched(values: list, n: int) -> Iterator[list]:
 
 
 #: Make a frozen class from a name and fields.
-_frozen_type = cache(partial(make_dataclass, frozen=True, eq=False))
+_frozen_type = cache(namedtuple)
 
 
 def _settings(values: dict) -> Any:
