@@ -10,7 +10,6 @@ module curves_stage
    use json, only: json_type
    use kinds, only: wp
    use loading_segment, only: take_loading
-   use problem, only: problem_type
    use shared_posterior, only: curves_posterior_type, material_type
    use statistics, only: median
    use text, only: join, to_text

@@ -4,7 +4,6 @@ module problem_posterior
    use constants_posterior, only: new_posterior, posterior_type
    use constants_prior, only: knowledge_type, new_prior, prior_type
    use compliance_field, only: even_directions
-   use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: no_wave, path_type
    use distinct_directions, only: new_region, region_type
    use errors, only: error_type, exit_bad_input

@@ -16,7 +16,7 @@ module sequential_design
    use problem, only: problem_type
    use settings_schema, only: design_settings_type
    use statistics, only: number_equal, sort_order
-   use surrogate_domain, only: domain_type, spread_crystals
+   use surrogate_domain, only: spread_crystals
    implicit none
    private
    public :: design_type, set_candidates, compute_variances, quadratic_forms, condition_on, &

@@ -301,7 +301,7 @@ def build_without_sentences(folder: Path) -> Path:
         if option["name"] in ("optimization", "native", "b_ndebug")
     ]
     run("meson", "setup", str(folder / "build"), *stated)
-    run("ninja", "-C", str(folder / "build"), "fortran/bayesindent-batch")
+    run("ninja", "-C", str(folder / "build"), "fortran/bayesindent-batch", "package-copies")
     return folder / "build" / "fortran" / "bayesindent-batch"
 
 
