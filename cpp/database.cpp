@@ -8,9 +8,13 @@
 
 namespace {
 
+// Most millions of steps of SQLite's machine for a query, about a minute: a file of someone else
+// may ask for more.
+constexpr int most_steps = 2000;
+
 struct database {
   sqlite3 *handle;
-  int opened;
+  int opened, steps;
   // Cells of the last result, each ended by a zero byte; or the reason of the failure.
   std::string cells;
 };
@@ -41,6 +45,9 @@ int bind(sqlite3_stmt *statement, int i, const char *value) {
   return sqlite3_bind_double(statement, i, number);
 }
 
+// Interrupts a query that takes too many steps.
+int count_steps(void *self) { return ++static_cast<database *>(self)->steps > most_steps; }
+
 int run(database &self, const char *sql, const char *values, const char *end) {
   int code = self.opened;
   while (code == SQLITE_OK && *sql != '\0') {
@@ -66,6 +73,11 @@ extern "C" {
 database *bayesindent_open_database(const char *path) {
   auto *const self = new database();
   self->opened = sqlite3_open(path, &self->handle);
+  // The file may be a stranger's: what its schema says is not run.
+  sqlite3_db_config(self->handle, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
+  sqlite3_db_config(self->handle, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
+  sqlite3_db_config(self->handle, SQLITE_DBCONFIG_ENABLE_VIEW, 0, nullptr);
+  sqlite3_progress_handler(self->handle, 1000000, count_steps, self);
   return self;
 }
 
@@ -81,6 +93,7 @@ void bayesindent_close_database(database *self) {
 const char *bayesindent_query(database *self, const char *sql, const char *values,
                               std::int32_t length, std::int32_t *bytes, std::int32_t *code) {
   self->cells.clear();
+  self->steps = 0;
   *code = run(*self, sql, values, values + length);
   if (*code != SQLITE_OK)
     self->cells = sqlite3_errmsg(self->handle);

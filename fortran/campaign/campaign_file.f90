@@ -6,7 +6,8 @@ module campaign_file
    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_int, c_null_char, &
       & c_null_ptr, c_ptr
    use errors, only: error_type, machine_failure, prefix_error, raise, refuse
-   use files, only: file_exists, folder_of, make_folder, name_beside, place_new_file, replace_file
+   use files, only: file_exists, folder_of, make_folder, name_beside, place_new_file, printable, &
+      & replace_file
    use text, only: newline
    implicit none
    private
@@ -51,6 +52,10 @@ module campaign_file
    character(len=*), parameter :: application_id = '1650555241', layout_version = '2'
    !> Statement that begins a transaction. `end_transaction` keeps all of its changes, or none.
    character(len=*), parameter :: begin_transaction = 'BEGIN IMMEDIATE'
+
+   !> What the layout has.
+   character(len=*), parameter :: tables = 'index simulation_by_position, table physics, ' &
+      & //'table simulation, trigger simulation_is_not_changed, trigger simulation_is_not_deleted'
 
    character(len=*), parameter :: layout = 'CREATE TABLE physics ('//newline &
       & //'    id INTEGER PRIMARY KEY,'//newline//'    identity TEXT NOT NULL UNIQUE           ' &
@@ -191,10 +196,11 @@ contains
 
       !> Refuse a file that is not an undamaged campaign of the present format.
       subroutine verify()
-         character(len=:), allocatable :: found
+         character(len=:), allocatable :: found, schema
 
-         call file%value('SELECT COUNT(*) FROM sqlite_master', found, error)
-         if (found == '0' .and. .not. allocated(error)) then
+         call file%value('SELECT group_concat(type || '' '' || name, '', '') FROM (SELECT * FROM ' &
+            & //'sqlite_schema WHERE name NOT LIKE ''sqlite_%'' ORDER BY type, name)', schema, error)
+         if (len(schema) == 0 .and. .not. allocated(error)) then
             call raise_damaged(path, 'it is empty', error)
          end if
          if (allocated(error)) return
@@ -208,6 +214,9 @@ contains
          if (found /= layout_version .and. .not. allocated(error)) then
             call refuse(error, path//': is a campaign of format '//found//', not '//layout_version &
                & //'; move it away to start a new one')
+         end if
+         if (schema /= tables .and. .not. allocated(error)) then
+            call raise_damaged(path, 'it has '//printable(schema)//' in place of '//tables, error)
          end if
          if (.not. allocated(error)) call file%value('PRAGMA integrity_check(1)', found, error)
          ! The first line of a message of the check is a heading.

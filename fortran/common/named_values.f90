@@ -33,7 +33,7 @@ module named_values
       character(kind=c_char), pointer :: bytes(:) => null()
       type(error_type), allocatable :: error
    contains
-      procedure :: look_at, has, text => text_of, integer => integer_of, logical => logical_of, &
+      procedure :: look_at, is_whole, has, text => text_of, integer => integer_of, logical => logical_of, &
          & real => real_of, reals => reals_of, columns => columns_of, matrices => matrices_of
    end type named_values_reader_type
 
@@ -176,6 +176,38 @@ contains
 
       call c_f_pointer(c_loc(content), self%bytes, [len(content)])
    end subroutine look_at
+
+   !> Whether the bytes are named values to their end, of known kinds, with shapes that fit their
+   !> lengths. Bytes of a file may be anybody's.
+   logical function is_whole(self)
+      class(named_values_reader_type), intent(in) :: self
+      integer(i8) :: position, n_bytes, n, shape(most_axes)
+      integer :: length, rank, i
+
+      is_whole = .false.
+      position = 0
+      do while (position < size(self%bytes, kind=i8))
+         n = size(self%bytes, kind=i8) - position - header_bytes
+         if (n < 0) return
+         rank = ichar(self%bytes(position + 2))
+         length = transfer(self%bytes(position + 5:position + 8), length)
+         n_bytes = transfer(self%bytes(position + 9:position + 16), n_bytes)
+         shape = transfer(self%bytes(position + 17:position + header_bytes), shape)
+         if (scan(self%bytes(position + 1), 'tlibr') == 0 .or. rank > most_axes) return
+         if (length < 1 .or. length > n .or. n_bytes < 0 .or. n_bytes > n) return
+         if (padded(int(length, i8)) + padded(n_bytes) > n) return
+         if (self%bytes(position + 1) == 'r' .or. self%bytes(position + 1) == 'i') then
+            n = unit_bytes
+            do i = 1, rank
+               if (shape(i) < 0 .or. shape(i) > n_bytes) return
+               n = min(n*shape(i), n_bytes + 1)
+            end do
+            if (n /= n_bytes) return
+         end if
+         position = position + header_bytes + padded(int(length, i8)) + padded(n_bytes)
+      end do
+      is_whole = .true.
+   end function is_whole
 
    !> The bytes of a named value; not associated if the name is missing or its kind is not in
    !> `kinds`.

@@ -24,6 +24,12 @@ module analysis_document
 
    character(len=*), parameter :: posterior_file = '/posterior.bin'
    integer, parameter :: checksum_length = 16
+   !> The values of the file that others read.
+   character(len=14), parameter :: stored(24) = [character(len=14) :: 'inputs', 'document', &
+      & 'resolved', 'symmetry', 'title', 'modulus_kind', 'euler_deg', 'modulus_gpa', 'sd_gpa', &
+      & 'n_moduli', 'draws', 'log_density', 'acceptance', 'prior_draws', 'predicted', 'factor', &
+      & 'quantities', 'stride', 'log_likelihood', 'replicated', 'log_prior', 'most_probable', &
+      & 'lower', 'upper']
 
 contains
 
@@ -479,21 +485,30 @@ contains
    end subroutine save_posterior
 
    !> Read the `content` of posterior.bin in a folder, without the checksum. A file that was changed
-   !> is refused.
+   !> is refused, and one that lacks some of the values.
    subroutine read_posterior(folder, content, error)
       character(len=*), intent(in) :: folder
-      character(len=:), allocatable, intent(out) :: content
+      character(kind=c_char, len=:), allocatable, target, intent(out) :: content
       type(error_type), allocatable, intent(out) :: error
-      integer :: n
+      type(named_values_reader_type) :: values
+      logical :: is_complete
+      integer :: i, n
 
       call read_bytes(folder//posterior_file, content, error)
       if (allocated(error)) return
       n = max(0, len(content) - checksum_length)
-      if (content(n + 1:) == checksum(content(:n))) then
+      is_complete = content(n + 1:) == checksum(content(:n)) .and. n > 0
+      if (is_complete) then
          content = content(:n)
-      else
+         call values%look_at(content)
+         is_complete = values%is_whole()
+      end if
+      if (is_complete) then
+         is_complete = all([(values%has(trim(stored(i))), i=1, size(stored))])
+      end if
+      if (.not. is_complete) then
          call refuse(error, folder//posterior_file//': is damaged, or was changed since it was ' &
-            & //'written; run the command that wrote it again')
+            & //'written, or is of another version; run the command that wrote it again')
       end if
    end subroutine read_posterior
 
@@ -514,6 +529,9 @@ contains
       call values%look_at(content)
       if (values%text('inputs') /= inputs) return
       draws = values%columns('draws', dimension)
+      if (size(draws) > 0 .and. all(abs(draws) <= huge(draws))) return
+      call refuse(error, folder//posterior_file//': there are draws that are not ' &
+         & //'numbers; run the command that wrote it again')
    end subroutine stored_draws
 
 end module analysis_document

@@ -7,6 +7,7 @@ import random
 import re
 import shutil
 import sqlite3
+import struct
 from contextlib import closing
 
 import numpy as np
@@ -14,15 +15,16 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.common.result_files import read_json, whole_file, write_json
-from bayesindent.core import BayesindentError, InputError
+from bayesindent.core import HEADER, BayesindentError, InputError
 from bayesindent.crystal.elasticity import stiffness_rows
 from bayesindent.pipeline.results_folder import read_posterior, read_resolved
 from bayesindent.pipeline.stage import Stage, run_stage
 from bayesindent.program.cli import main
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.surrogate import Surrogate
-from support.campaigns import rows
+from support.campaigns import past_trigger, rows
 from support.csv_tables import numbers, read_rows
+from support.learner import fnv_1a
 from support.tree import REFERENCE, SOURCE
 
 #: Identity of the physics.
@@ -65,6 +67,12 @@ def simulated(folder, count: int = 20, simulator: str = "theory") -> list:
     ]
 
 
+def change_row(file: sqlite3.Connection, change: str) -> None:
+    """Change the row of position 7 of a campaign."""
+    statement = f"UPDATE simulation SET {change} WHERE position = 7"
+    past_trigger(file, "simulation_is_not_changed", statement)
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -82,12 +90,31 @@ def test_a_row_that_was_changed_is_refused(tmp_path, change):
     path = tmp_path / "campaign.sqlite"
     simulated(tmp_path)
     with closing(sqlite3.connect(path)) as file:
-        file.execute("DROP TRIGGER simulation_is_not_changed")
-        file.execute(f"UPDATE simulation SET {change} WHERE position = 7")
-        file.commit()
+        change_row(file, change)
         assert file.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
     with pytest.raises(InputError, match="campaign.sqlite: is .* damaged .the row of position 7"):
         learnt(tmp_path)
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize(
+    "attack",
+    [
+        # A view that never ends, in place of the table.
+        "ALTER TABLE simulation RENAME TO other; CREATE VIEW simulation AS "
+        "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i AS id FROM n",
+        "CREATE VIEW more AS SELECT 1",
+        "CREATE TRIGGER added AFTER INSERT ON simulation BEGIN SELECT 1; END",
+        "DROP TRIGGER simulation_is_not_deleted",
+        "CREATE TABLE other (x)",
+    ],
+)
+def test_another_schema_is_refused(tmp_path, attack):
+    simulated(tmp_path)
+    with closing(sqlite3.connect(tmp_path / "campaign.sqlite")) as file:
+        file.executescript(attack)
+    with pytest.raises(InputError, match="campaign.sqlite: is not a campaign, or is damaged"):
+        simulated(tmp_path)
 
 
 def learnt(folder) -> int:
@@ -149,10 +176,7 @@ def test_other_files_are_no_campaign(tmp_path, content):
 def test_rows_without_a_checksum_are_refused(tmp_path):
     simulated(tmp_path)
     with closing(sqlite3.connect(tmp_path / "campaign.sqlite")) as file:
-        file.executescript(
-            "DROP TRIGGER simulation_is_not_changed; UPDATE simulation SET checksum = NULL "
-            "WHERE position = 7"
-        )
+        change_row(file, "checksum = NULL")
     with pytest.raises(InputError, match="the row of position 7 was changed"):
         simulated(tmp_path)
 
@@ -203,6 +227,51 @@ def sampled(tmp_path_factory):
     )
     assert main(["extract", str(folder / "a.nml"), "--output", str(folder / "out")]) == 0
     return folder / "out"
+
+
+def value_at(content: bytes, name: str) -> int:
+    """The position of the header of a named value."""
+    at = 0
+    while True:
+        _, _, length, size, *_ = HEADER.unpack_from(content, at)
+        start = at + HEADER.size
+        if content[start : start + length].decode() == name:
+            return at
+        at = start + length + -length % 8 + size + -size % 8
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize(
+    ("name", "offset", "change"),
+    [
+        # Sizes of a value that are negative, too large, and not those of its shape.
+        ("inputs", 8, struct.pack("<q", -8)),
+        ("inputs", 8, struct.pack("<q", 2**62)),
+        ("draws", 8, struct.pack("<q", 8)),
+        # Lengths of a name, kinds, ranks, shapes.
+        ("inputs", 4, struct.pack("<i", -(2**31))),
+        ("inputs", 4, struct.pack("<i", 0)),
+        ("draws", 0, b"x"),
+        ("draws", 0, b"t"),
+        ("draws", 1, b"\xff"),
+        ("draws", 16, struct.pack("<3q", -3, -600, 2)),
+        ("draws", 16, struct.pack("<3q", 2**40, 2**40, 2**40)),
+        ("draws", HEADER.size, b"drawn"),
+        ("draws", HEADER.size + 8, struct.pack("<d", float("nan"))),
+    ],
+)
+def test_a_posterior_of_a_stranger(sampled, tmp_path, capsys, name, offset, change):
+    """The checksum is right: lengths, names, kinds, shapes and draws are checked as well."""
+    folder = shutil.copytree(sampled, tmp_path / "out")
+    path = folder / "posterior.bin"
+    content = bytearray(path.read_bytes()[:-16])
+    at = value_at(content, name) + offset
+    content[at : at + len(change)] = change
+    path.write_bytes(content + f"{fnv_1a(content):016X}".encode())
+    capsys.readouterr()
+    assert main(["next", str(sampled.parent / "a.nml"), "--output", str(folder)]) == 2
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last.startswith(f"{path}: "), last
 
 
 def test_bits_of_a_posterior(sampled, tmp_path, capsys):

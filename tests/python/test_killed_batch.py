@@ -8,6 +8,7 @@ from contextlib import closing
 import pytest
 
 from support.build_problems import CORRECTION, PAPER, make_problem, numbers_of, posterior_of, stored
+from support.campaigns import past_trigger
 from support.learner import build
 
 #: Positions that are missing: of the initial set, of the batches that follow (six each), of what
@@ -24,11 +25,12 @@ MISSING = [
 def remove(folder, positions) -> None:
     """Let the campaign never have had the rows of these positions."""
     with closing(sqlite3.connect(folder / "campaign.sqlite")) as file:
-        file.execute("DROP TRIGGER IF EXISTS simulation_is_not_deleted")
-        file.executemany(
-            "DELETE FROM simulation WHERE position = ?", [[position] for position in positions]
+        listed = ", ".join(map(str, positions))
+        past_trigger(
+            file,
+            "simulation_is_not_deleted",
+            f"DELETE FROM simulation WHERE position IN ({listed})",
         )
-        file.commit()
 
 
 @pytest.mark.parametrize("model", [PAPER, CORRECTION], ids=["paper", "correction"])

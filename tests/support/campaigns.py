@@ -11,7 +11,7 @@ from pathlib import Path
 from bayesindent.pipeline.build import tell
 from bayesindent.settings.problem import Problem, read_crystals
 
-__all__ = ["Row", "count_rows", "rows", "table", "told"]
+__all__ = ["Row", "count_rows", "past_trigger", "rows", "table", "told"]
 
 Row = namedtuple(
     "Row",
@@ -24,6 +24,15 @@ SELECT position, symmetry, constants, euler_deg, origin, message, indentation_mo
   seconds, elements, depth_um, force_mn
 FROM simulation JOIN physics ON physics.id = physics_id
 WHERE identity LIKE ? ORDER BY physics_id, position"""
+
+
+def past_trigger(file: sqlite3.Connection, trigger: str, statement: str) -> None:
+    """Perform a statement that a trigger of the campaign forbids, and leave the schema as it is."""
+    made_by = file.execute("SELECT sql FROM sqlite_master WHERE name = ?", [trigger]).fetchone()[0]
+    file.execute(f"DROP TRIGGER {trigger}")
+    file.execute(statement)
+    file.execute(made_by)
+    file.commit()
 
 
 def rows(path: Path, physics: str = "%") -> list[Row]:
