@@ -3,10 +3,6 @@
 !>
 !> The build makes `settings_schema` from docs/namelists.md. It lists each group and variable with
 !> the components of variable_type, and converts between values and texts.
-!>
-!> `settings_schema`, which is made of docs/namelists.md, adds each group and variable, with what
-!> variable_type says of `kind`, `default`, `allowed`, `unit` and `meaning`, and turns components
-!> into texts and back.
 module settings_list
    use kinds, only: wp
    use namelist_file, only: value_type
@@ -26,11 +22,12 @@ module settings_list
    end type group_type
 
    type :: variable_type
-      character(len=:), allocatable :: group, name
-      !> As in docs/namelists.md: 'integer', 'real', 'logical', 'text', 'choice' of some words,
-      !> 'file' that must exist, 'choice or file', or 'real for each constant', 'list of reals',
-      !> 'list of texts'.
+      character(len=:), allocatable :: group, group_meaning, name
+      !> Kind of a value: 'integer', 'real', 'logical', 'text', 'choice' of some words, 'file' that
+      !> must exist, 'choice or file'.
       character(len=:), allocatable :: kind
+      !> 'one' value, one for each of the 'constants', or a 'list'.
+      character(len=:), allocatable :: shape
       !> Text of a namelist; '*' if the variable is required; 'unset' if it has no value.
       character(len=:), allocatable :: default
       !> As in messages: '0 to below 1', 'above 0 to 1'; the words of a choice in quotes.
@@ -48,11 +45,12 @@ module settings_list
 contains
 
    !> A variable of a `group`, without values.
-   pure type(variable_type) function new_variable(group, name, kind, default, allowed, unit, &
-      & meaning) result(v)
-      character(len=*), intent(in) :: group, name, kind, default, allowed, unit, meaning
+   pure type(variable_type) function new_variable(group, group_meaning, name, kind, shape, unit, &
+      & default, allowed, meaning) result(v)
+      character(len=*), intent(in) :: group, group_meaning, name, kind, shape, unit, default, &
+         & allowed, meaning
 
-      v = variable_type(group, name, kind, default, allowed, unit, meaning)
+      v = variable_type(group, group_meaning, name, kind, shape, default, allowed, unit, meaning)
    end function new_variable
 
    !> Values of a variable from the texts `names`, without their trailing blanks.

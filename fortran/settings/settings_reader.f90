@@ -14,7 +14,7 @@ module settings_reader
    use text, only: lower, newline, number_malformed, number_ok, quoted, read_real, to_text
    implicit none
    private
-   public :: read_settings, settings_namelist, put_settings
+   public :: read_settings, settings_namelist, put_settings, put_variables, variables_text
 
    !> Longest text, bytes.
    integer, parameter :: longest_text = 512
@@ -126,8 +126,7 @@ contains
       end if
       variable%values = file(i)%values
       message = ''
-      if (index(variable%kind, 'list') + index(variable%kind, 'each') == 0 &
-         & .and. size(variable%values) > 1) then
+      if (variable%shape == 'one' .and. size(variable%values) > 1) then
          message = to_text(size(variable%values))//' values; one is needed' &
             & //allowed_part(variable)
       end if
@@ -150,7 +149,7 @@ contains
          type(value_type), intent(inout) :: value
          integer :: i, longest
 
-         longest = merge(longest_item, longest_text, v%kind == 'list of texts')
+         longest = merge(longest_item, longest_text, v%shape == 'list')
          associate (string => value%text)
             if (.not. value%quoted) then
                message = printable(string)//' is not in quotes; a text is needed'//allowed_part(v)
@@ -297,5 +296,47 @@ contains
          end associate
       end do
    end subroutine put_settings
+
+   !> Add each property of all variables to named values, as a list of texts, one a variable.
+   subroutine put_variables(values)
+      type(named_values_type), intent(inout) :: values
+      character(len=*), parameter :: properties(*) = [character(len=13) :: 'group', &
+         & 'group_meaning', 'name', 'kind', 'shape', 'unit', 'default', 'allowed', 'meaning']
+      integer, parameter :: longest = 1024
+      character(len=longest), allocatable :: texts(:, :)
+      type(settings_type) :: unset
+      type(settings_list_type) :: list
+      integer :: i
+
+      list = list_settings(unset)
+      allocate (texts(size(list%variables), size(properties)))
+      do i = 1, size(list%variables)
+         associate (v => list%variables(i))
+            texts(i, :) = [character(len=longest) :: v%group, v%group_meaning, v%name, v%kind, &
+               & v%shape, v%unit, v%default, v%allowed, v%meaning]
+         end associate
+      end do
+      do i = 1, size(properties)
+         call values%put(trim(properties(i)), texts(:, i))
+      end do
+   end subroutine put_variables
+
+   !> All variables, a line each: group, name, default, kind and meaning.
+   function variables_text() result(page)
+      character(len=:), allocatable :: page
+      type(settings_type) :: unset
+      type(settings_list_type) :: list
+      integer :: i
+
+      list = list_settings(unset)
+      page = ''
+      do i = 1, size(list%variables)
+         associate (v => list%variables(i))
+            page = page//newline//'&'//v%group//' '//v%name//' = '//v%default//' ('//v%kind &
+               & //'): '//v%meaning
+         end associate
+      end do
+      page = page(2:)
+   end function variables_text
 
 end module settings_reader
