@@ -10,7 +10,7 @@ module settings_list
    implicit none
    private
    public :: settings_list_type, group_type, variable_type, is_text, text_values, real_values, &
-      & real_of, name_of, longest_item, new_variable
+      & real_of, name_of, longest_item
 
    !> Longest text in a list, bytes: the name of a quantity, or of a column with its header.
    integer, parameter :: longest_item = 128
@@ -27,11 +27,11 @@ module settings_list
       !> must exist, 'choice or file'.
       character(len=:), allocatable :: kind
       !> 'one' value, one for each of the 'constants', or a 'list'.
-      character(len=:), allocatable :: shape
+      character(len=:), allocatable :: shape, unit
       !> Text of a namelist; '*' if the variable is required; 'unset' if it has no value.
       character(len=:), allocatable :: default
       !> As in messages: '0 to below 1', 'above 0 to 1'; the words of a choice in quotes.
-      character(len=:), allocatable :: allowed, unit, meaning
+      character(len=:), allocatable :: allowed, meaning
       !> Unallocated if the variable is unset.
       type(value_type), allocatable :: values(:)
    end type variable_type
@@ -43,15 +43,6 @@ module settings_list
    end type settings_list_type
 
 contains
-
-   !> A variable of a `group`, without values.
-   pure type(variable_type) function new_variable(group, group_meaning, name, kind, shape, unit, &
-      & default, allowed, meaning) result(v)
-      character(len=*), intent(in) :: group, group_meaning, name, kind, shape, unit, default, &
-         & allowed, meaning
-
-      v = variable_type(group, group_meaning, name, kind, shape, default, allowed, unit, meaning)
-   end function new_variable
 
    !> Values of a variable from the texts `names`, without their trailing blanks.
    pure function text_values(names) result(values)
@@ -93,6 +84,6 @@ contains
    pure logical function is_text(v)
       type(variable_type), intent(in) :: v
 
-      is_text = index(v%kind, 'text') + index(v%kind, 'choice') + index(v%kind, 'file') > 0
+      is_text = all(v%kind /= ['integer', 'logical', 'real   '])
    end function is_text
 end module settings_list

@@ -93,7 +93,7 @@ def module(page: str) -> str:
             types += [f"      {declared} :: {name}{start}"]
             facts = (group, group_meaning, name, kind, shape, unit, default, allowed, meaning)
             table += [
-                f"      list%variables({n}) = new_variable( &\n         & "
+                f"      list%variables({n}) = variable_type( &\n         & "
                 + ", &\n         & ".join(map(text, facts))
                 + ")"
             ]
