@@ -27,7 +27,7 @@ module further_knowledge
    use samplers, only: chains_type
    use posterior_summary, only: find_maximum
    use small_matrices, only: solve_lower
-   use statistics, only: covariance_of, flattened, moments, thinned
+   use statistics, only: covariance_of, moments, thinned
    use text, only: split_list
    implicit none
    private
@@ -75,7 +75,7 @@ contains
       real(wp), allocatable :: values(:, :), constants(:, :)
       integer :: i, k
 
-      constants = flattened(thinned(draws(:prior%n_constants, :, :), most_draws))
+      constants = thinned(draws(:prior%n_constants, :, :), most_draws)
       allocate (gains(0))
       known = prior%knowledge%quantities
       do k = 1, size(kinds)
@@ -207,7 +207,7 @@ contains
       if (n == 1) conflict%sds = sqrt(conflict%growth)
       associate (knowledge => posterior%prior%knowledge)
          call evaluate_draws(knowledge%quantities, posterior%prior%class, &
-            & flattened(thinned(chains%draws, most_values)), values)
+            & thinned(chains%draws, most_values), values)
          call moments(values, mean, sd)
          mean = (mean - knowledge%mean)/knowledge%sd()
          sd = sd/knowledge%sd()

@@ -125,7 +125,7 @@ contains
       real(wp), dimension(prior%n_constants, prior%n_constants) :: posterior_covariance, &
          & prior_covariance, factor, whitened
       real(wp), dimension(prior%n_constants) :: vector, constants, gradient, ratios
-      real(wp) :: joint(2*prior%n_constants, 2*prior%n_constants)
+      real(wp) :: joint(2*prior%n_constants, 2*prior%n_constants), largest
       integer :: i, j, k
 
       k = prior%n_constants
@@ -158,9 +158,10 @@ contains
          vector = whitened(:, i)
          call solve_upper(factor, vector)
          gradient = logarithmic_gradient(prior, constants, vector)
-         vector = vector/gradient(maxloc(abs(gradient), dim=1))
+         largest = gradient(maxloc(abs(gradient), dim=1))
+         vector = vector/largest
          associate (combination => combinations(i))
-            combination%exponents = gradient/gradient(maxloc(abs(gradient), dim=1))
+            combination%exponents = gradient/largest
             combination%sd = sqrt(max(0.0_wp, sum(vector*matmul(posterior_covariance, vector))))
             combination%correlations = matmul(joint(:k, k + 1:), vector) &
                & /(combination%sd*[(sqrt(joint(j, j)), j=1, k)])
