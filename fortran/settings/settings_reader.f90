@@ -106,46 +106,45 @@ contains
    end subroutine read_settings
 
    !> Take the values of the file, checked, or the default; unallocated if the variable is unset.
-   subroutine read_variable(path, file, variable, error)
+   subroutine read_variable(path, file, v, error)
       !> For messages.
       character(len=*), intent(in) :: path
       type(entry_type), intent(in) :: file(:)
-      type(variable_type), intent(inout) :: variable
+      type(variable_type), intent(inout) :: v
       type(error_type), allocatable, intent(out) :: error
       !> What is wrong, '' for nothing.
       character(len=:), allocatable :: message
       integer :: i, j
 
-      if (allocated(variable%values)) deallocate (variable%values)
-      i = find_entry(file, variable%group, variable%name)
+      if (allocated(v%values)) deallocate (v%values)
+      i = find_entry(file, v%group, v%name)
       if (i == 0) then
-         if (variable%default /= '*' .and. variable%default /= 'unset') then
-            variable%values = text_values([variable%default])
+         if (v%default /= '*' .and. v%default /= 'unset') then
+            v%values = text_values([v%default])
          end if
          return
       end if
-      variable%values = file(i)%values
+      v%values = file(i)%values
       message = ''
-      if (variable%shape == 'one' .and. size(variable%values) > 1) then
-         message = to_text(size(variable%values))//' values; one is needed' &
-            & //allowed_part(variable)
+      if (v%shape == 'one' .and. size(v%values) > 1) then
+         message = to_text(size(v%values))//' values; one is needed' &
+            & //allowed_part(v)
       end if
-      do j = 1, size(variable%values)
+      do j = 1, size(v%values)
          if (len(message) > 0) exit
-         if (is_text(variable)) then
-            call check_text(variable, variable%values(j))
+         if (is_text(v)) then
+            call check_text(v%values(j))
          else
-            call check_number(variable, variable%values(j))
+            call check_number(v%values(j))
          end if
       end do
       if (len(message) == 0) return
-      call refuse(error, place(path, variable%group, variable%name)//message)
+      call refuse(error, place(path, v%group, v%name)//message)
 
    contains
 
       !> Check a text in quotes; the words of a choice become lower case.
-      subroutine check_text(v, value)
-         type(variable_type), intent(in) :: v
+      subroutine check_text(value)
          type(value_type), intent(inout) :: value
          integer :: i, longest
 
@@ -177,8 +176,7 @@ contains
       end subroutine check_text
 
       !> Check that a number is finite and in its range; a logical becomes .true. or .false.
-      subroutine check_number(v, value)
-         type(variable_type), intent(in) :: v
+      subroutine check_number(value)
          type(value_type), intent(inout) :: value
          character(len=:), allocatable :: noun
          real(wp) :: number
