@@ -101,14 +101,15 @@ contains
       flat = reshape(draws, [size(draws, 1), size(draws, 2)*size(draws, 3)])
    end function flattened
 
-   !> Draws that are evenly spaced in each chain, (variable, sample, chain).
+   !> Draws that are evenly spaced in each chain, (variable, draw).
    pure function thinned(draws, most) result(few)
+      !> (variable, sample, chain).
       real(wp), intent(in) :: draws(:, :, :)
       !> Approximate number of draws, of all chains together.
       integer, intent(in) :: most
-      real(wp), allocatable :: few(:, :, :)
+      real(wp), allocatable :: few(:, :)
 
-      few = draws(:, ::max(1, int(size(draws, 2)*real(size(draws, 3), wp)/most)), :)
+      few = flattened(draws(:, ::max(1, int(size(draws, 2)*real(size(draws, 3), wp)/most)), :))
    end function thinned
 
    !> Probability that chi-square with `freedom` degrees of freedom is above `value`. For a whole

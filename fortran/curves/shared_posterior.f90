@@ -71,8 +71,11 @@ contains
       class(curves_posterior_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       real(wp), dimension(size(self%mean) + size(self%materials)) :: mean, total
-      real(wp), dimension(size(mean), size(mean)) :: covariance, squares
-      real(wp) :: density(n_grid, n_grid), sd(2), precision(size(self%mean), size(self%mean))
+      real(wp), dimension(size(self%mean) + size(self%materials), &
+         & size(self%mean) + size(self%materials)) :: covariance, squares
+      !> Standard deviation of references and of grains.
+      real(wp) :: sd(2)
+      real(wp) :: density(n_grid, n_grid), precision(size(self%mean), size(self%mean))
       integer :: i, j, k, n, pass
 
       n = size(self%mean)
@@ -85,7 +88,7 @@ contains
             do i = 1, n_grid
                if (density(i, j) < negligible) cycle
                sd = least*(greatest/least)**(real([i, j] - 1, wp)/(n_grid - 1))
-               call solve_given(self, sd, pass == 2, density(i, j), mean, covariance, error)
+               call solve_given(density(i, j))
                if (allocated(error)) return
                if (pass == 1) cycle
                total = total + density(i, j)*mean
@@ -115,6 +118,54 @@ contains
          self%tests(i)%ln_modulus = self%tests(i)%ln_modulus + self%tests(i)%shift &
             & + sum(self%tests(i)%slope*total(:n_shared))
       end do
+
+   contains
+
+      !> Solve the model for given standard deviations of the tests' deviations: a normal
+      !> distribution of the change of the shared unknowns and of ln E of the materials relative to
+      !> their prior means.
+      subroutine solve_given(density)
+         !> Log density of the standard deviations, computed in the first pass. Mean and covariance
+         !> are computed in the second one.
+         real(wp), intent(inout) :: density
+         real(wp) :: weight, z, x(n_shared + 2), prior_sd(size(mean)), white(size(mean))
+         integer :: i, j, touched(n_shared + 2)
+
+         prior_sd = [self%prior_sd, self%materials%prior_sd]
+         covariance = 0.0_wp
+         do i = 1, size(mean)
+            covariance(i, i) = 1.0_wp/prior_sd(i)**2
+         end do
+         mean = 0.0_wp
+         mean(:n) = (self%prior_mean - self%mean)/self%prior_sd**2
+         if (pass == 1) then
+            density = -0.5_wp*((log(sd(1)/usual_repeat)/repeat_spread)**2 &
+               & + (log(sd(2)/sd(1))/repeat_ratio)**2)
+         end if
+         do i = 1, size(self%tests)
+            associate (t => self%tests(i), m => self%materials(self%tests(i)%material))
+               if (.not. t%used) cycle
+               weight = 1.0_wp/(t%variance + sd(merge(1, 2, m%reference))**2)
+               touched = [(j, j=1, n_shared), n_shared + t%session, n + t%material]
+               x = [-t%slope, 1.0_wp, 1.0_wp]
+               z = t%ln_modulus + t%shift - m%prior_mean - self%mean(n_shared + t%session)
+            end associate
+            if (pass == 1) density = density + 0.5_wp*(log(weight) - weight*z**2)
+            mean(touched) = mean(touched) + weight*z*x
+            covariance(touched, touched) = covariance(touched, touched) + weight*outer(x, x)
+         end do
+         call cholesky_factor(covariance, error)
+         if (allocated(error)) return
+         white = mean
+         if (pass == 2) then
+            call cholesky_inverse(covariance)
+            mean = matmul(covariance, white)
+         else
+            call solve_lower(covariance, white)
+            density = density + 0.5_wp*sum(white**2) &
+               & - sum([(log(covariance(i, i)), i=1, size(mean))])
+         end if
+      end subroutine solve_given
    end subroutine infer_shared
 
    pure function outer(a, b)
@@ -124,55 +175,4 @@ contains
       outer = spread(a, 2, size(b))*spread(b, 1, size(a))
    end function outer
 
-   !> Solve the model for given standard deviations of the tests' deviations: a normal distribution
-   !> of the change of the shared unknowns and of ln E of the materials relative to their prior
-   !> means.
-   subroutine solve_given(self, sd, final, density, mean, covariance, error)
-      type(curves_posterior_type), intent(in) :: self
-      !> Standard deviation of references and of grains.
-      real(wp), intent(in) :: sd(2)
-      !> Whether mean and covariance are computed; otherwise the log density of the standard
-      !> deviations.
-      logical, intent(in) :: final
-      real(wp), intent(inout) :: density
-      real(wp), intent(out) :: mean(:), covariance(:, :)
-      type(error_type), allocatable, intent(out) :: error
-      real(wp) :: weight, z, x(n_shared + 2), prior_sd(size(mean)), white(size(mean))
-      integer :: i, j, touched(n_shared + 2), n
-
-      n = size(self%mean)
-      prior_sd = [self%prior_sd, self%materials%prior_sd]
-      covariance = 0.0_wp
-      do i = 1, size(mean)
-         covariance(i, i) = 1.0_wp/prior_sd(i)**2
-      end do
-      mean = 0.0_wp
-      mean(:n) = (self%prior_mean - self%mean)/self%prior_sd**2
-      if (.not. final) then
-         density = -0.5_wp*((log(sd(1)/usual_repeat)/repeat_spread)**2 &
-            & + (log(sd(2)/sd(1))/repeat_ratio)**2)
-      end if
-      do i = 1, size(self%tests)
-         associate (t => self%tests(i), m => self%materials(self%tests(i)%material))
-            if (.not. t%used) cycle
-            weight = 1.0_wp/(t%variance + sd(merge(1, 2, m%reference))**2)
-            touched = [(j, j=1, n_shared), n_shared + t%session, n + t%material]
-            x = [-t%slope, 1.0_wp, 1.0_wp]
-            z = t%ln_modulus + t%shift - m%prior_mean - self%mean(n_shared + t%session)
-         end associate
-         if (.not. final) density = density + 0.5_wp*(log(weight) - weight*z**2)
-         mean(touched) = mean(touched) + weight*z*x
-         covariance(touched, touched) = covariance(touched, touched) + weight*outer(x, x)
-      end do
-      call cholesky_factor(covariance, error)
-      if (allocated(error)) return
-      if (final) then
-         call cholesky_inverse(covariance)
-         mean = matmul(covariance, mean)
-      else
-         white = mean
-         call solve_lower(covariance, white)
-         density = density + 0.5_wp*sum(white**2) - sum([(log(covariance(i, i)), i=1, size(mean))])
-      end if
-   end subroutine solve_given
 end module shared_posterior

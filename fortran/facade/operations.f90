@@ -19,8 +19,8 @@ module operations
    use kinds, only: i8
    use progress, only: advance_progress, begin_progress, end_progress, show_progress
    use running_command, only: end_command, listen, stop_listening, take_folder, watch_signals
-   use settings_schema, only: schema_page, settings_type
-   use settings_reader, only: put_settings, read_settings
+   use settings_schema, only: settings_type
+   use settings_reader, only: put_settings, put_variables, read_settings
    use simulate, only: simulator_type
    use simulation_operations, only: run_simulator, use_model, use_problem, use_stage
    use stage_documents, only: digest_surrogate, read_document, read_resolved, write_document
@@ -112,8 +112,8 @@ contains
       if (x%in%has('path')) path = x%in%text('path')
       select case (operation)
       case ('settings.list')
-         ! The page of all variables; name, groups and document's file of each stage.
-         call x%out%put('page', schema_page())
+         ! The properties of all variables; name, groups and document's file of each stage.
+         call put_variables(x%out)
          call x%out%put('stages', [character(len=len(rows%groups)) :: (rows(i)%name, &
             & rows(i)%groups, rows(i)%document, i=1, size(rows))])
       case ('settings.diagnostic')

@@ -27,7 +27,7 @@ module further_knowledge
    use samplers, only: chains_type
    use posterior_summary, only: find_maximum
    use small_matrices, only: solve_lower
-   use statistics, only: covariance_of, flattened, moments, thinned
+   use statistics, only: covariance_of, moments, thinned
    use text, only: split_list
    implicit none
    private
@@ -72,10 +72,11 @@ contains
       type(error_type), allocatable :: error
       type(gain_type) :: gain
       type(quantity_type), allocatable :: of_kind(:), known(:), new(:)
+      !> (quantity, draw); (constant, draw), GPa.
       real(wp), allocatable :: values(:, :), constants(:, :)
       integer :: i, k
 
-      constants = flattened(thinned(draws(:prior%n_constants, :, :), most_draws))
+      constants = thinned(draws(:prior%n_constants, :, :), most_draws)
       allocate (gains(0))
       known = prior%knowledge%quantities
       do k = 1, size(kinds)
@@ -93,71 +94,69 @@ contains
          end do
          call evaluate_draws(new, prior%class, constants, values)
          if (new(1)%unit == 'GPa') gain%known_sd = gain%relative_sd*sum(values)/size(values)
-         call expect_sds(constants, values, gain)
+         call expect_sds()
          gains = [gains, gain]
       end do
-   end subroutine expect_gains
 
-   !> Estimate the sds of the constants with knowledge of some quantities.
-   subroutine expect_sds(constants, values, gain)
-      !> (constant, draw), GPa; (quantity, draw).
-      real(wp), intent(in) :: constants(:, :), values(:, :)
-      type(gain_type), intent(inout) :: gain
-      real(wp), dimension(size(constants, 1)) :: variance, mean, sd
-      real(wp) :: weights(size(values, 2)), known_sd
-      integer :: a, i, n, n_used, truth
+   contains
 
-      n = size(values, 2)
-      call moments(constants, mean, sd)
-      gain%sd_now = sd
-      variance = 0.0_wp
-      n_used = 0
-      do a = 1, truths
-         truth = 1 + ((a - 1)*n)/truths
-         weights = 1.0_wp
-         do i = 1, size(values, 1)
-            known_sd = merge(gain%known_sd, gain%relative_sd*values(i, truth), &
-               & gain%known_sd > 0.0_wp)
-            weights = weights*exp(-0.5_wp*((values(i, :) - values(i, truth))/known_sd)**2)
+      !> Estimate the sds of the constants with knowledge of some quantities.
+      subroutine expect_sds()
+         real(wp), dimension(size(constants, 1)) :: variance, mean, sd
+         real(wp) :: weights(size(values, 2)), known_sd
+         integer :: a, i, n, n_used, truth
+
+         n = size(values, 2)
+         call moments(constants, mean, sd)
+         gain%sd_now = sd
+         variance = 0.0_wp
+         n_used = 0
+         do a = 1, truths
+            truth = 1 + ((a - 1)*n)/truths
+            weights = 1.0_wp
+            do i = 1, size(values, 1)
+               known_sd = merge(gain%known_sd, gain%relative_sd*values(i, truth), &
+                  & gain%known_sd > 0.0_wp)
+               weights = weights*exp(-0.5_wp*((values(i, :) - values(i, truth))/known_sd)**2)
+            end do
+            weights = weights/sum(weights)
+            if (1.0_wp/sum(weights**2) < least_effective) cycle
+            n_used = n_used + 1
+            call moments(constants, mean, sd, weights)
+            variance = variance + sd**2
          end do
-         weights = weights/sum(weights)
-         if (1.0_wp/sum(weights**2) < least_effective) cycle
-         n_used = n_used + 1
-         call moments(constants, mean, sd, weights)
-         variance = variance + sd**2
-      end do
-      gain%sd_then = linear_update(constants, values, gain%relative_sd)
-      if (2*n_used >= truths) gain%sd_then = sqrt(variance/n_used)
-   end subroutine expect_sds
+         gain%sd_then = linear_update()
+         if (2*n_used >= truths) gain%sd_then = sqrt(variance/n_used)
+      end subroutine expect_sds
 
-   !> Standard deviations of normal variables with the covariance of the draws after measurements of
-   !> the quantities.
-   function linear_update(constants, values, relative_sd) result(sd)
-      !> See `expect_sds`; relative sd of the measurements.
-      real(wp), intent(in) :: constants(:, :), values(:, :), relative_sd
-      real(wp) :: sd(size(constants, 1))
-      real(wp) :: joint(size(values, 1) + size(sd), size(values, 1) + size(sd)), &
-         & innovation(size(values, 1), size(values, 1))
-      real(wp) :: cross(size(values, 1))
-      type(error_type), allocatable :: error
-      integer :: i, q
+      !> Standard deviations of normal variables with the covariance of the draws after measurements
+      !> of the quantities.
+      function linear_update() result(sd)
+         real(wp) :: sd(size(constants, 1))
+         real(wp) :: joint(size(values, 1) + size(sd), size(values, 1) + size(sd)), &
+            & innovation(size(values, 1), size(values, 1))
+         real(wp) :: cross(size(values, 1))
+         type(error_type), allocatable :: error
+         integer :: i, q
 
-      q = size(values, 1)
-      joint = covariance_of(transpose(reshape([transpose(values), transpose(constants)], &
-         & [size(values, 2), size(joint, 1)])))
-      sd = [(sqrt(joint(q + i, q + i)), i=1, size(sd))]
-      innovation = joint(:q, :q)
-      do i = 1, q
-         innovation(i, i) = innovation(i, i) + (relative_sd*sum(values(i, :))/size(values, 2))**2
-      end do
-      call cholesky_factor(innovation, error)
-      if (allocated(error)) return
-      do i = 1, size(sd)
-         cross = joint(:q, q + i)
-         call solve_lower(innovation, cross)
-         sd(i) = sqrt(max(0.0_wp, sd(i)**2 - sum(cross**2)))
-      end do
-   end function linear_update
+         q = size(values, 1)
+         joint = covariance_of(transpose(reshape([transpose(values), transpose(constants)], &
+            & [size(values, 2), size(joint, 1)])))
+         sd = [(sqrt(joint(q + i, q + i)), i=1, size(sd))]
+         innovation = joint(:q, :q)
+         do i = 1, q
+            innovation(i, i) = innovation(i, i) &
+               & + (gain%relative_sd*sum(values(i, :))/size(values, 2))**2
+         end do
+         call cholesky_factor(innovation, error)
+         if (allocated(error)) return
+         do i = 1, size(sd)
+            cross = joint(:q, q + i)
+            call solve_lower(innovation, cross)
+            sd(i) = sqrt(max(0.0_wp, sd(i)**2 - sum(cross**2)))
+         end do
+      end function linear_update
+   end subroutine expect_gains
 
    !> The posterior without knowledge.
    subroutine without_knowledge(posterior, free, error)
@@ -207,7 +206,7 @@ contains
       if (n == 1) conflict%sds = sqrt(conflict%growth)
       associate (knowledge => posterior%prior%knowledge)
          call evaluate_draws(knowledge%quantities, posterior%prior%class, &
-            & flattened(thinned(chains%draws, most_values)), values)
+            & thinned(chains%draws, most_values), values)
          call moments(values, mean, sd)
          mean = (mean - knowledge%mean)/knowledge%sd()
          sd = sd/knowledge%sd()

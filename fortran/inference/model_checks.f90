@@ -75,19 +75,21 @@ contains
       type(chains_type), intent(in) :: chains
       integer, intent(in) :: threads
       type(checks_type), intent(out) :: checks
+      real(wp), allocatable :: draws(:, :, :)
+      !> Sums over the draws of a chain, (.., chain): residuals of the grains, their sums of
+      !> squares, the number of replicated data sets with a larger sum of squares, and that with a
+      !> larger greatest residual.
       real(wp) :: sums(posterior%n_grains + 3, size(chains%draws, 3)), means(posterior%n_grains + 3)
-      integer :: n, m, c, stride
+      integer :: n, m, c
 
       m = posterior%n_grains
-      stride = thinning(chains, m)
-      n = (size(chains%draws, 2) + stride - 1)/stride
+      draws = chains%draws(:, ::thinning(chains, m), :)
+      n = size(draws, 2)
       allocate (checks%log_likelihood(m, n, size(sums, 2)), &
          & checks%replicated(m, n, size(sums, 2)), checks%log_prior(n, size(sums, 2)))
       !$omp parallel do num_threads(max(1, threads)) schedule(dynamic, 1)
       do c = 1, size(sums, 2)
-         call check_chain(posterior, chains%draws(:, ::stride, c), first_stream + c, &
-            & checks%log_likelihood(:, :, c), checks%replicated(:, :, c), &
-            & checks%log_prior(:, c), sums(:, c))
+         call check_chain(c)
       end do
       !$omp end parallel do
       means = sum(sums, 2)/size(checks%log_prior)
@@ -98,59 +100,52 @@ contains
       if (m == 0) return
       checks%extreme_grain = maxloc(abs(checks%residuals), dim=1)
       checks%extreme_residual = checks%residuals(checks%extreme_grain)
-   end subroutine check_model
 
-   !> Compute the checks for the draws of one chain.
-   subroutine check_chain(posterior, draws, stream_number, log_likelihood, replicated, &
-      & log_prior, sums)
-      type(posterior_type), intent(in) :: posterior
-      !> (parameter, draw).
-      real(wp), intent(in) :: draws(:, :)
-      integer, intent(in) :: stream_number
-      !> As in `checks_type`, (grain, draw), (draw).
-      real(wp), intent(out) :: log_likelihood(:, :), replicated(:, :), log_prior(:)
-      !> Sums over the draws: residuals of the grains, their sums of squares, the number of
-      !> replicated data sets with a larger sum of squares, and that with a larger greatest
-      !> residual.
-      real(wp), intent(out) :: sums(:)
-      type(random_stream_type) :: stream
-      !> Number of crystals that are computed together.
-      integer, parameter :: block = 16
-      real(wp), allocatable :: moduli(:, :), u(:, :), reduced(:, :), mean(:), z(:), precision(:, :)
-      real(wp), dimension(posterior%n_grains) :: model, scales, residuals, shared, noise
-      real(wp) :: c(6, 6), value
-      integer :: i, g
+   contains
 
-      stream = new_random_stream(0, stream_number)
-      sums = 0.0_wp
-      do i = 1, size(draws, 2)
-         c = posterior%stiffness(draws(:, i))
-         log_prior(i) = posterior%log_prior(c)
-         if (mod(i, block) == 1) then
-            moduli = posterior%moduli_at(draws(:, i:min(size(draws, 2), i + block - 1)))
-         end if
-         call posterior%predict_measurements(draws(:, i), c, model, scales, u, &
-            & moduli(:, 1 + mod(i - 1, block)))
-         residuals = (posterior%data%modulus - model)/scales
-         call factor_columns(u, reduced)
-         call posterior%errors%integrate(residuals, reduced, mean, precision, value)
-         call posterior%errors%leave_one_out(residuals, reduced, mean, precision, &
-            & log_likelihood(:, i))
-         log_likelihood(:, i) = log_likelihood(:, i) - log(scales)
-         z = mean
-         call stream%normals(z)
-         call solve_upper(precision, z)
-         shared = matmul(reduced, mean + z)
-         do g = 1, posterior%n_grains
-            call posterior%errors%draw(stream, noise(g))
+      !> Compute the checks for the draws of one chain.
+      subroutine check_chain(c)
+         integer, intent(in) :: c
+         type(random_stream_type) :: stream
+         !> Number of crystals that are computed together.
+         integer, parameter :: block = 16
+         real(wp), allocatable :: moduli(:, :), u(:, :), reduced(:, :), mean(:), z(:), &
+            & precision(:, :)
+         real(wp), dimension(posterior%n_grains) :: model, scales, residuals, shared, noise
+         real(wp) :: stiffness(6, 6), value
+         integer :: i, g
+
+         stream = new_random_stream(0, first_stream + c)
+         sums(:, c) = 0.0_wp
+         do i = 1, n
+            stiffness = posterior%stiffness(draws(:, i, c))
+            checks%log_prior(i, c) = posterior%log_prior(stiffness)
+            if (mod(i, block) == 1) then
+               moduli = posterior%moduli_at(draws(:, i:min(n, i + block - 1), c))
+            end if
+            call posterior%predict_measurements(draws(:, i, c), stiffness, model, scales, u, &
+               & moduli(:, 1 + mod(i - 1, block)))
+            residuals = (posterior%data%modulus - model)/scales
+            call factor_columns(u, reduced)
+            call posterior%errors%integrate(residuals, reduced, mean, precision, value)
+            call posterior%errors%leave_one_out(residuals, reduced, mean, precision, &
+               & checks%log_likelihood(:, i, c))
+            checks%log_likelihood(:, i, c) = checks%log_likelihood(:, i, c) - log(scales)
+            z = mean
+            call stream%normals(z)
+            call solve_upper(precision, z)
+            shared = matmul(reduced, mean + z)
+            do g = 1, posterior%n_grains
+               call posterior%errors%draw(stream, noise(g))
+            end do
+            residuals = residuals - shared
+            checks%replicated(:, i, c) = model + scales*(shared + noise)
+            sums(:, c) = sums(:, c) + [residuals, sum(residuals**2), &
+               & merge(1.0_wp, 0.0_wp, sum(noise**2) > sum(residuals**2)), &
+               & merge(1.0_wp, 0.0_wp, maxval(abs(noise)) > maxval(abs(residuals)))]
          end do
-         residuals = residuals - shared
-         replicated(:, i) = model + scales*(shared + noise)
-         sums = sums + [residuals, sum(residuals**2), &
-            & merge(1.0_wp, 0.0_wp, sum(noise**2) > sum(residuals**2)), &
-            & merge(1.0_wp, 0.0_wp, maxval(abs(noise)) > maxval(abs(residuals)))]
-      end do
-   end subroutine check_chain
+      end subroutine check_chain
+   end subroutine check_model
 
    !> Estimate the evidence from chains of the posterior and of the same density without its data.
    !> The last parameter may be the logarithm of the factor on the sds.
@@ -221,40 +216,38 @@ contains
       allocate (mixture_ratios(blocks*(most_draws/blocks)))
       !$omp parallel do num_threads(max(1, threads)) schedule(dynamic, 1)
       do i = 1, blocks
-         call weigh_block(density, mixture, mean, factor, evidence_stream + stream_offset + i, &
-            & mixture_ratios((i - 1)*(most_draws/blocks) + 1:i*(most_draws/blocks)))
+         call weigh_block(i, mixture_ratios((i - 1)*(most_draws/blocks) + 1:i*(most_draws/blocks)))
       end do
       !$omp end parallel do
       where (mixture_ratios > outside) mixture_ratios = mixture_ratios + log_factor
       call bridge(chain_ratios, mixture_ratios, value, variance)
-   end subroutine log_integral
 
-   !> Draw from the mixture, and compute the logarithm of the density over that of the mixture, up
-   !> to the volume of the coordinates; `outside` if a draw is not in the support.
-   subroutine weigh_block(density, mixture, mean, factor, stream_number, values)
-      type(posterior_type), intent(in) :: density
-      type(mixture_type), intent(in) :: mixture
-      !> Mean of the coordinates, (dimension), and the lower factor of their covariance.
-      real(wp), intent(in) :: mean(:), factor(:, :)
-      integer, intent(in) :: stream_number
-      !> (draw).
-      real(wp), intent(out) :: values(:)
-      type(random_stream_type) :: stream
-      real(wp), dimension(size(mean), size(values)) :: u, w
-      integer :: i, j
+   contains
 
-      stream = new_random_stream(0, stream_number)
-      do i = 1, size(values)
-         call draw_mixture(mixture, stream, u(:, i))
-         do j = 1, size(mean)
-            w(j, i) = mean(j) + sum(factor(j, :j)*u(:j, i))
+      !> Draw from the mixture, and compute the logarithm of the density over that of the mixture,
+      !> up to the volume of the coordinates; `outside` if a draw is not in the support.
+      subroutine weigh_block(number, values)
+         !> Number of the block.
+         integer, intent(in) :: number
+         !> (draw).
+         real(wp), intent(out) :: values(:)
+         type(random_stream_type) :: stream
+         real(wp), dimension(size(mean), size(values)) :: u, w
+         integer :: i, j
+
+         stream = new_random_stream(0, evidence_stream + stream_offset + number)
+         do i = 1, size(values)
+            call draw_mixture(mixture, stream, u(:, i))
+            do j = 1, size(mean)
+               w(j, i) = mean(j) + sum(factor(j, :j)*u(:j, i))
+            end do
          end do
-      end do
-      call density%evaluate_working(w, values)
-      do i = 1, size(values)
-         if (values(i) > outside) values(i) = values(i) - log_mixture(mixture, u(:, i))
-      end do
-   end subroutine weigh_block
+         call density%evaluate_working(w, values)
+         do i = 1, size(values)
+            if (values(i) > outside) values(i) = values(i) - log_mixture(mixture, u(:, i))
+         end do
+      end subroutine weigh_block
+   end subroutine log_integral
 
    !> Logarithm of the integral, from logarithms of the ratio of density and mixture at draws of
    !> both. Its relative variance is that of the two means (Frühwirth-Schnatter, Econom. J. 7, 143,

@@ -125,7 +125,7 @@ contains
       real(wp), dimension(prior%n_constants, prior%n_constants) :: posterior_covariance, &
          & prior_covariance, factor, whitened
       real(wp), dimension(prior%n_constants) :: vector, constants, gradient, ratios
-      real(wp) :: joint(2*prior%n_constants, 2*prior%n_constants)
+      real(wp) :: joint(2*prior%n_constants, 2*prior%n_constants), largest
       integer :: i, j, k
 
       k = prior%n_constants
@@ -157,10 +157,11 @@ contains
       do i = 1, k
          vector = whitened(:, i)
          call solve_upper(factor, vector)
-         gradient = logarithmic_gradient(prior, constants, vector)
-         vector = vector/gradient(maxloc(abs(gradient), dim=1))
+         gradient = logarithmic_gradient()
+         largest = gradient(maxloc(abs(gradient), dim=1))
+         vector = vector/largest
          associate (combination => combinations(i))
-            combination%exponents = gradient/gradient(maxloc(abs(gradient), dim=1))
+            combination%exponents = gradient/largest
             combination%sd = sqrt(max(0.0_wp, sum(vector*matmul(posterior_covariance, vector))))
             combination%correlations = matmul(joint(:k, k + 1:), vector) &
                & /(combination%sd*[(sqrt(joint(j, j)), j=1, k)])
@@ -168,6 +169,26 @@ contains
          end associate
          values(i, :) = matmul(vector, extended(k + 1:, :))
       end do
+
+   contains
+
+      !> Derivatives of the combination `vector` of log K with respect to the logarithms of the
+      !> constants, at `constants`, by central differences.
+      pure function logarithmic_gradient() result(gradient)
+         real(wp) :: gradient(size(constants))
+         real(wp), parameter :: step = 1.0e-4_wp
+         real(wp) :: shifted(size(constants)), above, below
+         integer :: j
+
+         do j = 1, size(constants)
+            shifted = constants
+            shifted(j) = constants(j)*(1.0_wp + step)
+            above = sum(vector*prior%logarithms%to_logarithms(prior%class%stiffness(shifted)))
+            shifted(j) = constants(j)*(1.0_wp - step)
+            below = sum(vector*prior%logarithms%to_logarithms(prior%class%stiffness(shifted)))
+            gradient(j) = (above - below)/(2.0_wp*step)
+         end do
+      end function logarithmic_gradient
    end subroutine find_combinations
 
    !> Constants of the draws, and below them their log K.
@@ -185,27 +206,6 @@ contains
          extended(k + 1:, i) = prior%logarithms%to_logarithms(prior%class%stiffness(draws(:k, i)))
       end do
    end function with_logarithms
-
-   !> Derivatives of a combination of log K with respect to the logarithms of the constants, at a
-   !> crystal, by central differences.
-   pure function logarithmic_gradient(prior, constants, vector) result(gradient)
-      type(prior_type), intent(in) :: prior
-      !> Constants of the crystal, GPa; coefficients of log K; (n_constants).
-      real(wp), intent(in) :: constants(:), vector(:)
-      real(wp) :: gradient(size(constants))
-      real(wp), parameter :: step = 1.0e-4_wp
-      real(wp) :: shifted(size(constants)), above, below
-      integer :: j
-
-      do j = 1, size(constants)
-         shifted = constants
-         shifted(j) = constants(j)*(1.0_wp + step)
-         above = sum(vector*prior%logarithms%to_logarithms(prior%class%stiffness(shifted)))
-         shifted(j) = constants(j)*(1.0_wp - step)
-         below = sum(vector*prior%logarithms%to_logarithms(prior%class%stiffness(shifted)))
-         gradient(j) = (above - below)/(2.0_wp*step)
-      end do
-   end function logarithmic_gradient
 
    !> Stride of the draws for results that have a number for each grain: it leaves enough draws for
    !> accurate results, and few enough for the memory.

@@ -175,7 +175,7 @@ contains
       !> Distances from the limit in steps, (draw).
       real(wp), intent(in) :: t(:)
       integer, parameter :: bins_per_unit = 4, bins = 3*bins_per_unit, least = 5
-      integer :: i, k
+      integer :: k
       real(wp), parameter :: place(bins) = [((k - 0.5_wp)/bins_per_unit, k=1, bins)]
       !> Terms of the parabola: 1, the place of a bin and its square.
       real(wp), parameter :: terms(bins, 3) = reshape([spread(1.0_wp, 1, bins), place, &
@@ -183,11 +183,7 @@ contains
       real(wp) :: counts(bins), weighted(bins, 3), normal(3, 3), right(3, 1)
       type(error_type), allocatable :: error
 
-      counts = 0.0_wp
-      do i = 1, size(t)
-         k = 1 + int(bins_per_unit*min(3.0_wp, max(0.0_wp, t(i))))
-         if (k <= bins) counts(k) = counts(k) + 1.0_wp
-      end do
+      counts = [(count(int(bins_per_unit*min(3.0_wp, max(0.0_wp, t))) == k - 1), k=1, bins)]
       extrapolated = counts(1)*bins_per_unit
       where (counts < least) counts = 0.0_wp
       weighted = terms*spread(counts, 2, 3)
@@ -290,7 +286,7 @@ contains
       type(limit_type), intent(inout) :: limit
       integer, parameter :: parts = 20
       real(wp), parameter :: least_density = 1.0_wp/3.0_wp
-      integer :: counts(parts), i, k, side
+      integer :: counts(parts), k, side
       real(wp) :: inwards, low, width
       real(wp), allocatable :: x(:)
 
@@ -300,11 +296,7 @@ contains
          low = minval(x)
          width = (maxval(x) - low)/parts
          if (abs(limit%range(side)) >= absent .or. .not. width > 0.0_wp) cycle
-         counts = 0
-         do i = 1, size(x)
-            k = min(parts, 1 + int((x(i) - low)/width))
-            counts(k) = counts(k) + 1
-         end do
+         counts = [(count(min(parts, 1 + int((x - low)/width)) == k), k=1, parts)]
          limit%share(side) = real(counts(1), wp)/size(x)
          limit%truncates(side) = low - inwards*limit%range(side) < width &
             & .and. counts(1) > least_density*maxval(counts)

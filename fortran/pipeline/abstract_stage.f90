@@ -16,7 +16,7 @@
 !> is an error.
 module abstract_stage
    use campaign, only: campaign_type, row_type
-   use diagnostics, only: diagnostic, diagnostic_type, put_diagnostics
+   use diagnostics, only: diagnostic, diagnostic_type, diagnostics_text
    use errors, only: error_type, machine_failure, raise, refuse, warning_type
    use json, only: json_type
    use kinds, only: wp
@@ -231,7 +231,7 @@ contains
       call page%begin_object()
       call self%finish(page, error)
       if (allocated(error)) return
-      call put_diagnostics(page, [self%problem%warnings, self%warnings])
+      call page%put_json('warnings', diagnostics_text([self%problem%warnings, self%warnings]))
       call page%put_json('inputs', '{'//inputs_of(self%problem, self%groups, self%places)//'}')
       call page%end_object()
       document = page%text()

@@ -219,7 +219,7 @@ contains
          if (allocated(error)) return
          call sample_posterior(self%problem, self%posterior, self%chains, error)
          if (allocated(error)) return
-         new_draws = flattened(thinned(self%chains%draws, checked_draws))
+         new_draws = thinned(self%chains%draws, checked_draws)
          call find_field_error(self%posterior, new_draws, threads, self%field_error, error)
          if (allocated(error)) return
          if (self%field_error < allowed_error) exit
@@ -307,8 +307,8 @@ contains
             & .or. allocated(self%posterior%unknown)) then
             effective = 0.0_wp
          end if
-         parameter_draws = flattened(thinned(self%chains%draws, &
-            & max(size(draws, 2), most_predictions/self%posterior%n_grains)))
+         parameter_draws = thinned(self%chains%draws, &
+            & max(size(draws, 2), most_predictions/self%posterior%n_grains))
          parameter_values = parameter_draws
          if (self%posterior%infers_scale) parameter_draws(n, :) = log(parameter_draws(n, :))
          call find_shares(self%posterior, parameter_draws, parameter_values, &

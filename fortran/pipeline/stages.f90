@@ -12,8 +12,7 @@ module stages
    use extract_stage, only: extract_stage_type
    use files, only: printable
    use machine, only: raise_no_memory, reserve_blas
-   use namelist_file, only: entry_type, find_entry, parse_namelist, read_namelist_file, &
-      & replace_entries
+   use namelist_file, only: entry_type, find_entry, parse_namelist, read_namelist_file
    use next_stage, only: next_stage_type
    use plan_stage, only: plan_stage_type
    use named_values, only: named_values_reader_type
@@ -153,7 +152,8 @@ contains
       if (len(changes) > 0) then
          call parse_namelist(path, changes, stated, error)
          if (allocated(error)) return
-         call replace_entries(namelist, stated)
+         ! The last of two entries applies.
+         namelist = [namelist, stated]
       end if
       asked = all_stages%name == command
       if (command == 'run') then

@@ -9,7 +9,7 @@ program batch
    use problem, only: problem_type
    use progress, only: show_progress
    use running_command, only: error_stream, output_stream, print_line, take_folder, watch_signals
-   use settings_schema, only: schema_page
+   use settings_reader, only: variables_text
    use simulation_loop, only: simulate_all
    use stage_documents, only: begin_results
    use stages, only: check_stages, groups_of, load_problem, new_stage, read_problem
@@ -70,8 +70,7 @@ contains
             call print_line(output_stream, 'bayesindent-batch '//package_version)
             call end_process(0)
          case ('--schema')
-            word = schema_page()
-            call print_line(output_stream, word(:len(word) - 1))
+            call print_line(output_stream, variables_text())
             call end_process(0)
          case ('--check')
             check_only = .true.
@@ -231,7 +230,7 @@ contains
          & '  --stage NAME  only simulate, theory, build, plan, curves, extract or next', &
          & '  --output DIR  folder of the results (default runs/<stem of the file>)', &
          & '  --check       only say whether the file, and what it names, is right', &
-         & '  --schema      print the page of all groups and variables', &
+         & '  --schema      list all variables: group, name, default, kind and meaning', &
          & '  --version     print the version', '', 'exit status: 0 done, perhaps with warnings; ' &
          & //'2 bad input; 3 done, but the result cannot be used; 1 anything else; ', &
          & '128 + N stopped by signal N (run it again to go on).']

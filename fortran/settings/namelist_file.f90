@@ -10,8 +10,8 @@ module namelist_file
    use text, only: lower, newline, read_integer, to_text
    implicit none
    private
-   public :: entry_type, value_type, read_namelist_file, replace_entries, parse_namelist, &
-      & find_entry, place
+   public :: entry_type, value_type, read_namelist_file, parse_namelist, find_entry, &
+      & place
 
    !> One value as written: a quoted text without its quotes, or an unquoted word.
    type, extends(warning_type) :: value_type
@@ -68,20 +68,7 @@ contains
       call parse_namelist(path, content, file, error)
    end subroutine read_namelist_file
 
-   !> Put the `stated` groups and variables into a file; they replace its own.
-   subroutine replace_entries(file, stated)
-      type(entry_type), allocatable, intent(inout) :: file(:)
-      type(entry_type), intent(in) :: stated(:)
-      integer :: i, k
-
-      do i = 1, size(stated)
-         k = find_entry(file, stated(i)%group, stated(i)%name)
-         if (k > 0) file(k) = stated(i)
-         if (k == 0) file = [file, stated(i)]
-      end do
-   end subroutine replace_entries
-
-   !> The index of a variable among entries, or of a group if `name` is ''; 0 if it is missing.
+   !> The last index of a variable among entries, or of a group if `name` is ''; 0 if it is missing.
    pure integer function find_entry(entries, group, name) result(i)
       type(entry_type), intent(in) :: entries(:)
       character(len=*), intent(in) :: group, name

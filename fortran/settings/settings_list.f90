@@ -3,10 +3,6 @@
 !>
 !> The build makes `settings_schema` from docs/namelists.md. It lists each group and variable with
 !> the components of variable_type, and converts between values and texts.
-!>
-!> `settings_schema`, which is made of docs/namelists.md, adds each group and variable, with what
-!> variable_type says of `kind`, `default`, `allowed`, `unit` and `meaning`, and turns components
-!> into texts and back.
 module settings_list
    use kinds, only: wp
    use namelist_file, only: value_type
@@ -14,7 +10,7 @@ module settings_list
    implicit none
    private
    public :: settings_list_type, group_type, variable_type, is_text, text_values, real_values, &
-      & real_of, name_of, longest_item, new_variable
+      & real_of, name_of, longest_item
 
    !> Longest text in a list, bytes: the name of a quantity, or of a column with its header.
    integer, parameter :: longest_item = 128
@@ -26,15 +22,16 @@ module settings_list
    end type group_type
 
    type :: variable_type
-      character(len=:), allocatable :: group, name
-      !> As in docs/namelists.md: 'integer', 'real', 'logical', 'text', 'choice' of some words,
-      !> 'file' that must exist, 'choice or file', or 'real for each constant', 'list of reals',
-      !> 'list of texts'.
+      character(len=:), allocatable :: group, group_meaning, name
+      !> Kind of a value: 'integer', 'real', 'logical', 'text', 'choice' of some words, 'file' that
+      !> must exist, 'choice or file'.
       character(len=:), allocatable :: kind
+      !> 'one' value, one for each of the 'constants', or a 'list'.
+      character(len=:), allocatable :: shape, unit
       !> Text of a namelist; '*' if the variable is required; 'unset' if it has no value.
       character(len=:), allocatable :: default
       !> As in messages: '0 to below 1', 'above 0 to 1'; the words of a choice in quotes.
-      character(len=:), allocatable :: allowed, unit, meaning
+      character(len=:), allocatable :: allowed, meaning
       !> Unallocated if the variable is unset.
       type(value_type), allocatable :: values(:)
    end type variable_type
@@ -46,14 +43,6 @@ module settings_list
    end type settings_list_type
 
 contains
-
-   !> A variable of a `group`, without values.
-   pure type(variable_type) function new_variable(group, name, kind, default, allowed, unit, &
-      & meaning) result(v)
-      character(len=*), intent(in) :: group, name, kind, default, allowed, unit, meaning
-
-      v = variable_type(group, name, kind, default, allowed, unit, meaning)
-   end function new_variable
 
    !> Values of a variable from the texts `names`, without their trailing blanks.
    pure function text_values(names) result(values)
@@ -95,6 +84,6 @@ contains
    pure logical function is_text(v)
       type(variable_type), intent(in) :: v
 
-      is_text = index(v%kind, 'text') + index(v%kind, 'choice') + index(v%kind, 'file') > 0
+      is_text = all(v%kind /= ['integer', 'logical', 'real   '])
    end function is_text
 end module settings_list

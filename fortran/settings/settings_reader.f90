@@ -14,7 +14,7 @@ module settings_reader
    use text, only: lower, newline, number_malformed, number_ok, quoted, read_real, to_text
    implicit none
    private
-   public :: read_settings, settings_namelist, put_settings
+   public :: read_settings, settings_namelist, put_settings, put_variables, variables_text
 
    !> Longest text, bytes.
    integer, parameter :: longest_text = 512
@@ -106,51 +106,49 @@ contains
    end subroutine read_settings
 
    !> Take the values of the file, checked, or the default; unallocated if the variable is unset.
-   subroutine read_variable(path, file, variable, error)
+   subroutine read_variable(path, file, v, error)
       !> For messages.
       character(len=*), intent(in) :: path
       type(entry_type), intent(in) :: file(:)
-      type(variable_type), intent(inout) :: variable
+      type(variable_type), intent(inout) :: v
       type(error_type), allocatable, intent(out) :: error
       !> What is wrong, '' for nothing.
       character(len=:), allocatable :: message
       integer :: i, j
 
-      if (allocated(variable%values)) deallocate (variable%values)
-      i = find_entry(file, variable%group, variable%name)
+      if (allocated(v%values)) deallocate (v%values)
+      i = find_entry(file, v%group, v%name)
       if (i == 0) then
-         if (variable%default /= '*' .and. variable%default /= 'unset') then
-            variable%values = text_values([variable%default])
+         if (v%default /= '*' .and. v%default /= 'unset') then
+            v%values = text_values([v%default])
          end if
          return
       end if
-      variable%values = file(i)%values
+      v%values = file(i)%values
       message = ''
-      if (index(variable%kind, 'list') + index(variable%kind, 'each') == 0 &
-         & .and. size(variable%values) > 1) then
-         message = to_text(size(variable%values))//' values; one is needed' &
-            & //allowed_part(variable)
+      if (v%shape == 'one' .and. size(v%values) > 1) then
+         message = to_text(size(v%values))//' values; one is needed' &
+            & //allowed_part(v)
       end if
-      do j = 1, size(variable%values)
+      do j = 1, size(v%values)
          if (len(message) > 0) exit
-         if (is_text(variable)) then
-            call check_text(variable, variable%values(j))
+         if (is_text(v)) then
+            call check_text(v%values(j))
          else
-            call check_number(variable, variable%values(j))
+            call check_number(v%values(j))
          end if
       end do
       if (len(message) == 0) return
-      call refuse(error, place(path, variable%group, variable%name)//message)
+      call refuse(error, place(path, v%group, v%name)//message)
 
    contains
 
       !> Check a text in quotes; the words of a choice become lower case.
-      subroutine check_text(v, value)
-         type(variable_type), intent(in) :: v
+      subroutine check_text(value)
          type(value_type), intent(inout) :: value
          integer :: i, longest
 
-         longest = merge(longest_item, longest_text, v%kind == 'list of texts')
+         longest = merge(longest_item, longest_text, v%shape == 'list')
          associate (string => value%text)
             if (.not. value%quoted) then
                message = printable(string)//' is not in quotes; a text is needed'//allowed_part(v)
@@ -178,8 +176,7 @@ contains
       end subroutine check_text
 
       !> Check that a number is finite and in its range; a logical becomes .true. or .false.
-      subroutine check_number(v, value)
-         type(variable_type), intent(in) :: v
+      subroutine check_number(value)
          type(value_type), intent(inout) :: value
          character(len=:), allocatable :: noun
          real(wp) :: number
@@ -297,5 +294,47 @@ contains
          end associate
       end do
    end subroutine put_settings
+
+   !> Add each property of all variables to named values, as a list of texts, one a variable.
+   subroutine put_variables(values)
+      type(named_values_type), intent(inout) :: values
+      character(len=*), parameter :: properties(*) = [character(len=13) :: 'group', &
+         & 'group_meaning', 'name', 'kind', 'shape', 'unit', 'default', 'allowed', 'meaning']
+      integer, parameter :: longest = 1024
+      character(len=longest), allocatable :: texts(:, :)
+      type(settings_type) :: unset
+      type(settings_list_type) :: list
+      integer :: i
+
+      list = list_settings(unset)
+      allocate (texts(size(list%variables), size(properties)))
+      do i = 1, size(list%variables)
+         associate (v => list%variables(i))
+            texts(i, :) = [character(len=longest) :: v%group, v%group_meaning, v%name, v%kind, &
+               & v%shape, v%unit, v%default, v%allowed, v%meaning]
+         end associate
+      end do
+      do i = 1, size(properties)
+         call values%put(trim(properties(i)), texts(:, i))
+      end do
+   end subroutine put_variables
+
+   !> All variables, a line each: group, name, default, kind and meaning.
+   function variables_text() result(page)
+      character(len=:), allocatable :: page
+      type(settings_type) :: unset
+      type(settings_list_type) :: list
+      integer :: i
+
+      list = list_settings(unset)
+      page = ''
+      do i = 1, size(list%variables)
+         associate (v => list%variables(i))
+            page = page//newline//'&'//v%group//' '//v%name//' = '//v%default//' ('//v%kind &
+               & //'): '//v%meaning
+         end associate
+      end do
+      page = page(2:)
+   end function variables_text
 
 end module settings_reader

@@ -5,8 +5,11 @@ A type for each group has a component for each variable, named as the variable; 
 until they are read, and an allocatable component that is not allocated is unset.
 """
 
+import re
 import sys
 from pathlib import Path
+
+from page_rows import text
 
 TEXT, TEXTS, REAL, REALS = (
     "character(len=:), allocatable",
@@ -24,15 +27,9 @@ COMPONENTS = {
     TEXTS: ("(:)", "text_values({})", "name_of({})"),
     TEXT: ("", "text_values([{}])", "{}(1)%text"),
 }
-#: The Fortran type by the second column of the page.
-TYPES = {
-    "integer": "integer",
-    "logical": "logical",
-    "real": REAL,
-    "list of texts": TEXTS,
-    **dict.fromkeys(("real for each constant", "list of reals"), REALS),
-    **dict.fromkeys(("text", "choice", "file", "choice or file"), TEXT),
-}
+#: The Fortran type of one value of a kind, and of several; other kinds are texts.
+TYPES = {"integer": "integer", "logical": "logical", "real": REAL}
+LIST_TYPES = {"real": REALS, "text": TEXTS}
 
 MODULE = """\
 !> Made of docs/namelists.md by settings_schema.py.
@@ -42,7 +39,7 @@ module settings_schema
    use text, only: to_text
    implicit none
    private
-   public :: list_settings, set_settings, schema_page
+   public :: list_settings, set_settings
 
 {types}
 contains
@@ -67,58 +64,44 @@ contains
 {given}
       end associate
    end subroutine set_settings
-
-   !> The page itself.
-   function schema_page() result(page)
-      character(len=:), allocatable :: page
-
-      page = ''
-{page}
-   end function schema_page
 end module settings_schema
 """
 
 
-def text(words: str) -> str:
-    """A constant of Fortran, on as many lines as it needs."""
-    pieces = [words[i : i + 80].replace("'", "''") for i in range(0, len(words), 80)] or [""]
-    return "' &\n         & //'".join(pieces).join("''")
-
-
 def module(page: str) -> str:
     """The module of a page: groups in its headings, variables in its tables."""
-    types, table, taken, given, group, n = [], [], [], [], "", 0
-    lines = page.splitlines()
-    for number, line in enumerate(lines):
-        if line.startswith("## `&"):
-            group = line[5:-1]
-            types += [
-                f"   type, public :: {group}_settings_type",
-                "      logical :: given = .false.",
-            ]
-            place = len(table) - n + 1
-            table += [f"      list%groups({place})%name = {text(group)}"]
-            taken += [f"         g({place})%given = s%{group}%given"]
-            given += [f"         s%{group}%given = g({place})%given"]
-        elif line.startswith("| `"):
-            name, kind, unit, default, allowed, meaning = line[2:-2].split(" | ")
-            n, name, declared = n + 1, name.strip("`"), TYPES[kind]
+    types, table, taken, given, groups, n = [], [], [], [], [], 0
+    for section in page.split("\n## `&")[1:]:
+        heading, _, group_meaning, *lines = section.splitlines()
+        group = heading.strip("`")
+        groups += [group]
+        place = len(groups)
+        types += [f"   type, public :: {group}_settings_type", "      logical :: given = .false."]
+        table += [f"      list%groups({place})%name = {text(group)}"]
+        taken += [f"         g({place})%given = s%{group}%given"]
+        given += [f"         s%{group}%given = g({place})%given"]
+        for line in (line for line in lines if line.startswith("| `")):
+            name, words, unit, default, allowed, meaning = line[2:-2].split(" | ")
+            n, name = n + 1, name.strip("`")
+            kind = re.sub("list of | for each constant|s$", "", words)
+            shape = "constants" if words.endswith(" constant") else "one"
+            shape = "list" if words.startswith("list") else shape
+            declared = TYPES.get(kind, TEXT) if shape == "one" else LIST_TYPES[kind]
             start, texts, value = COMPONENTS[declared]
             if default == "unset" and start.startswith(" ="):
                 declared, start = f"{declared}, allocatable", ""
             types += [f"      {declared} :: {name}{start}"]
-            words = ", &\n         & ".join(map(text, (default, allowed, unit, meaning)))
+            facts = (group, group_meaning, name, kind, shape, unit, default, allowed, meaning)
             table += [
-                f"      list%variables({n}) = new_variable({text(group)}, {text(name)}, "
-                f"{text(kind)}, &\n         & {words})"
+                f"      list%variables({n}) = variable_type( &\n         & "
+                + ", &\n         & ".join(map(text, facts))
+                + ")"
             ]
             component, values = f"s%{group}%{name}", f"v({n})%values"
             known = f"if (allocated({component})) " if "allocatable" in declared else ""
             taken += [f"         {known}{values} = {texts.format(component)}"]
             given += [f"         if (allocated({values})) {component} = {value.format(values)}"]
-            if not lines[number + 1]:
-                types += [f"   end type {group}_settings_type", ""]
-    groups = [line[5:-1] for line in lines if line.startswith("## `&")]
+        types += [f"   end type {group}_settings_type", ""]
     types += [
         "   type, public :: settings_type",
         *(f"      type({name}_settings_type) :: {name}" for name in groups),
@@ -132,11 +115,10 @@ def module(page: str) -> str:
         table="\n".join(table),
         taken="\n".join(taken),
         given="\n".join(given),
-        page="\n".join(f"      page = page//{text(line)}//achar(10)" for line in lines[:-1]),
     )
 
 
 if __name__ == "__main__":
     Path(sys.argv[2]).write_text(
-        module(Path(sys.argv[1]).read_text(encoding="utf-8") + "\n"), encoding="utf-8"
+        module(Path(sys.argv[1]).read_text(encoding="utf-8")), encoding="utf-8"
     )

@@ -1,7 +1,9 @@
 """One settings layer: keywords and files give the same words."""
 
 import copy
+import dataclasses
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ import bayesindent as bi
 from bayesindent.settings.problem import schema, stages
 from support.diagnostics import notes
 from support.paper_domains import DOMAIN
+from support.tree import SOURCE
 
 #: What is wrong with a group.
 WRONG = {
@@ -223,3 +226,18 @@ def test_stages_are_one_table():
     assert {"simulate", "theory", "curves", "build", "plan", "extract", "next"} == set(names[1:])
     known = {variable.group for variable in schema()}
     assert all(set(stage.groups) <= known for stage in stages())
+
+
+def test_the_variables_are_those_of_the_page():
+    sections = (SOURCE / "docs" / "namelists.md").read_text().split("\n## `&")[1:]
+    rows = []
+    for section in sections:
+        heading, _, meaning, *lines = section.splitlines()
+        for line in (line for line in lines if line.startswith("| `")):
+            name, words, *more = line[2:-2].split(" | ")
+            kind = re.sub("list of | for each constant|s$", "", words)
+            shape = {"list": "list", "real for each constant": "constants"}.get(
+                "list" if words.startswith("list of ") else words, "one"
+            )
+            rows.append((heading.strip("`"), meaning, name.strip("`"), kind, shape, *more))
+    assert [dataclasses.astuple(variable) for variable in schema()] == rows

@@ -37,16 +37,13 @@ def takes(*groups: str, without: Collection[str] = ()) -> Callable[[Any], Any]:
     several groups have belongs to the first of them. Other names are refused, and messages name
     keywords.
     """
-    variables = {
-        variable.name: variable
+    of_groups = [
+        variable
         for variable in schema()
         if variable.group in groups and variable.name not in without
-    }
-    variables |= {
-        name: variable
-        for variable in schema()
-        if (name := variable.name) in variables and variable.group == groups[0]
-    }
+    ]
+    variables = {variable.name: variable for variable in of_groups}
+    variables |= {variable.name: variable for variable in of_groups if variable.group == groups[0]}
 
     def decorate(function: Callable) -> Callable:
         own = inspect.signature(function)

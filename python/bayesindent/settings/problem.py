@@ -4,7 +4,6 @@ resolves them.
 
 import json
 import os
-import re
 from collections import namedtuple
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
@@ -296,17 +295,8 @@ def read_crystals(path: str | os.PathLike, symmetry: str) -> Points:
 @cache
 def schema() -> tuple[Variable, ...]:
     """Every variable that a namelist may set, in order."""
-    found = []
-    for section in call("settings.list")["page"].split("## `&")[1:]:
-        heading, _, meaning, *lines = section.splitlines()
-        for name, words, *more in (
-            line[3:-2].split(" | ") for line in lines if line.startswith("| `")
-        ):
-            shape = "list" if words.startswith("list") else "one"
-            shape = "constants" if words.endswith(" constant") else shape
-            kind = re.sub("list of | for each constant|s$", "", words)
-            found.append(Variable(heading.strip("`"), meaning, name.strip("`"), kind, shape, *more))
-    return tuple(found)
+    listed = call("settings.list")
+    return tuple(map(Variable, *(listed[field.name] for field in fields(Variable))))
 
 
 @cache
