@@ -6,7 +6,6 @@ module analysis_operations
    use analysis, only: analysis_type
    use analysis_document, only: put_analysis, write_analysis
    use crystal_elasticity, only: path_type
-   use diagnostics, only: diagnostic_type
    use exchange, only: exchange_type
    use field_reading, only: choose_field_degree
    use further_measurements, only: suggest_measurements
@@ -28,10 +27,8 @@ contains
       type(analysis_type), intent(inout) :: self
       type(exchange_type), intent(inout), target :: x
       type(json_type) :: page
-      type(diagnostic_type), allocatable :: warnings(:)
       real(wp), pointer :: points(:, :)
 
-      allocate (warnings(0))
       if (verb == 'next') call self%prepare(x%error)
       if (allocated(x%error)) return
       if (x%in%has('points')) points => x%in%columns('points', self%posterior%dimension)
@@ -47,13 +44,13 @@ contains
          call self%infer(x%error)
          if (allocated(x%error)) return
          call page%begin_object()
-         call write_analysis(self, page, warnings)
-         call put_analysis(self, end_document(page, [self%problem%warnings, warnings]), x%out)
+         call write_analysis(self, page)
+         call put_analysis(self, end_document(page, [self%problem%warnings, self%warnings]), x%out)
       case ('next')
          ! The points are draws, which have the factor on the sds itself, not its logarithm.
          call page%begin_object()
-         call suggest_measurements(self, points, page, warnings, x%error)
-         x%text = end_document(page, [self%problem%warnings, warnings])
+         call suggest_measurements(self, points, page, x%error)
+         x%text = end_document(page, [self%problem%warnings, self%warnings])
       case ('plan')
          call page%begin_object()
          call plan_measurements(self, page, x%error)

@@ -4,7 +4,7 @@ module analysis_document
    use, intrinsic :: iso_c_binding, only: c_char
    use constants_prior, only: prior_type
    use crystal_elasticity, only: no_wave, rayleigh, wave_names
-   use diagnostics, only: diagnostic_type, is_usable
+   use diagnostics, only: is_usable
    use errors, only: error_type, refuse, warn, warning_type
    use analysis, only: analysis_type
    use files, only: checksum, file_exists, read_bytes, replace_file
@@ -27,18 +27,19 @@ module analysis_document
 
 contains
 
-   !> Write the document into the object of a `page`, and find the `warnings`.
-   subroutine write_analysis(found, page, warnings)
-      type(analysis_type), intent(in) :: found
+   !> Find the warnings, and write the document into the object of a `page`.
+   subroutine write_analysis(found, page)
+      type(analysis_type), intent(inout) :: found
       type(json_type), intent(inout) :: page
-      type(diagnostic_type), allocatable, intent(out) :: warnings(:)
       integer :: i
 
-      warnings = check_analysis(found)
-      call page%put('usable', is_usable(warnings))
+      call check_analysis(found)
+      call page%put('usable', is_usable(found%warnings))
       call page%begin_array('reasons')
-      do i = 1, size(warnings)
-         if (warnings(i)%severity() == 'unusable') call page%put('', warnings(i)%message())
+      do i = 1, size(found%warnings)
+         associate (warning => found%warnings(i))
+            if (warning%severity() == 'unusable') call page%put('', warning%message())
+         end associate
       end do
       call page%end_array()
       call write_parameters(page, found)
@@ -396,16 +397,21 @@ contains
       type(analysis_type), intent(in) :: found
       character(len=:), allocatable :: line
 
+      integer :: simulations
+
       line = ''
+      simulations = size(found%surrogate%simulations%modulus)
       if (found%field_degree > 0) then
          line = 'the exact theory of the half-space, harmonics to degree ' &
             & //to_text(found%field_degree)//', the worst grain off by ' &
             & //fixed(100.0_wp*found%field_error, 1)//' % of its sd'
       end if
-      if (found%simulations == 0) return
+      if (simulations == 0) return
       if (len(line) > 0) line = line//'; times a correction trained on '
-      line = line//to_text(found%simulations)//' simulations'
-      if (len_trim(found%checksum) > 0) line = line//', checksum '//found%checksum
+      line = line//to_text(simulations)//' simulations'
+      associate (checksum => found%surrogate%checksum)
+         if (len_trim(checksum) > 0) line = line//', checksum '//checksum
+      end associate
       line = line//', sd '//fixed(found%surrogate_sd, 2) &
          & //' GPa in the mean grain; it is valid for ' &
          & //fixed(100.0_wp*found%posterior%prior%share_inside, 0)//' % of the prior'

@@ -27,7 +27,7 @@ module problem_posterior
    implicit none
    private
    public :: are_detected, check_step_2, check_target, new_measured_posterior, &
-      & new_problem_posterior, omit_weak_waves, sample_aside, draw_aside, sample_posterior, &
+      & new_table_posterior, omit_weak_waves, sample_aside, draw_aside, sample_posterior, &
       & shared_errors
 
    !> Lengths of chains.
@@ -127,19 +127,8 @@ contains
       end associate
    end subroutine read_knowledge
 
-   !> The density of the constants given the problem's measurements, with &prior and &knowledge, cut
-   !> to what the surrogate is valid for.
-   subroutine new_problem_posterior(problem, surrogate, posterior, error)
-      type(problem_type), intent(in) :: problem
-      type(surrogate_type), intent(in) :: surrogate
-      type(posterior_type), intent(out) :: posterior
-      type(error_type), allocatable, intent(out) :: error
-
-      call new_table_posterior(problem, problem%settings%measurements, problem%measurements, &
-         & surrogate, posterior, error)
-   end subroutine new_problem_posterior
-
-   !> The posterior of a table, with a model of the errors.
+   !> The density of the constants given the measurements of a table, with a model of their errors,
+   !> and with &prior and &knowledge, cut to what the surrogate is valid for.
    subroutine new_table_posterior(problem, model, table, surrogate, posterior, error)
       type(problem_type), intent(in) :: problem
       type(measurements_settings_type), intent(in) :: model
