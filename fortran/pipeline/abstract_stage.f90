@@ -17,14 +17,14 @@
 module abstract_stage
    use campaign, only: campaign_type, row_type
    use diagnostics, only: diagnosed_type, put_diagnostics
-   use errors, only: error_type, machine_failure, raise, refuse, warning_type
+   use errors, only: error_type, machine_failure, raise, refuse
    use json, only: json_type
    use kinds, only: wp
    use problem, only: problem_type
    use simulate, only: outcome_done, outcome_failed, outcome_type, outcome_waiting
    use stage_documents, only: begin_results, inputs_of, write_document
    use surrogate_model, only: places_type
-   use text, only: lower, to_text
+   use text, only: line_type, lower, to_text
    implicit none
    private
    public :: stage_type, job_type
@@ -52,7 +52,7 @@ module abstract_stage
       integer :: n_new = 0, n_failed = 0, n_expected = 0
       !> One line on what was done, and further lines.
       character(len=:), allocatable :: done
-      type(warning_type), allocatable :: more(:)
+      type(line_type), allocatable :: more(:)
       !> The simulations of the present batch; each as a row of the campaign, with its outcome; and
       !> the state of each, see below. The campaign may have had a row before.
       type(job_type), allocatable :: batch(:)
