@@ -9,8 +9,7 @@ module diagnostics
    use text, only: fixed, split_list, to_text
    implicit none
    private
-   public :: diagnosed_type, diagnostic_type, diagnostic, is_usable, put_diagnostics, &
-      & diagnostics_text
+   public :: diagnosed_type, diagnostic_type, diagnostic, is_usable, diagnostics_text
 
    type :: diagnostic_type
       character(len=:), allocatable :: code
@@ -131,14 +130,6 @@ contains
 
       is_usable = all([(list(i)%severity() /= 'unusable', i=1, size(list))])
    end function is_usable
-
-   !> Write diagnostics as the array `warnings` of a document.
-   pure subroutine put_diagnostics(page, list)
-      type(json_type), intent(inout) :: page
-      type(diagnostic_type), intent(in) :: list(:)
-
-      call page%put_json('warnings', diagnostics_text(list))
-   end subroutine put_diagnostics
 
    !> Diagnostics as a JSON array.
    pure function diagnostics_text(list) result(text)

@@ -10,14 +10,12 @@ module simulation_operations
    use campaign_import, only: import_table
    use crystal_elasticity, only: rotate_stiffness, rotation_matrix
    use diagnostics, only: diagnostic, diagnostics_text
-   use errors, only: prefix_error
    use exchange, only: exchange_type
    use fe_element, only: brick_stress, infinite_stiffness
    use fe_indentation, only: indentation_model_type, indentation_result_type, &
       & new_indentation_model, new_wider_model, simulate_indentation
    use kinds, only: degree, wp
    use named_values, only: named_values_type
-   use namelist_file, only: place
    use point_tables, only: points_type
    use problem, only: problem_type
    use settings_reader, only: put_settings, settings_namelist
@@ -258,12 +256,12 @@ contains
          allocate (model)
          call x%give(model, 'indentation')
          call new_indentation_model(self%settings, model, x%error)
-         call prefix_error(x%error, place(self%path, 'simulation', ''))
+         call self%locate('simulation', '', x%error)
       case ('simulator')
          allocate (simulator)
          call x%give(simulator, 'simulator')
          call new_simulator(self%settings, simulator, x%error)
-         call prefix_error(x%error, place(self%path, 'simulation', ''))
+         call self%locate('simulation', '', x%error)
       case ('basis')
          call basis_of_problem(self, basis, x%error)
          if (.not. allocated(x%error)) call give_basis(basis, x)
@@ -295,6 +293,7 @@ contains
          & 'measurements', 'candidates', 'grains']
       type(points_type), pointer :: points
       type(line_type), allocatable :: lines(:)
+      character(len=:), allocatable :: name
       integer :: i, j
 
       if (allocated(self%path)) then
@@ -308,9 +307,10 @@ contains
       do i = 1, size(tables)
          points => points_of(self, tables(i))
          if (.not. associated(points)) cycle
-         call out%put(trim(tables(i))//'.n', points%n)
+         name = trim(tables(i))
+         call out%put(name//'.n', points%n)
          if (allocated(points%modulus_kind)) then
-            call out%put(trim(tables(i))//'.kind', points%modulus_kind)
+            call out%put(name//'.kind', points%modulus_kind)
          end if
          lines = [line_type ::]
          if (allocated(points%class)) then
@@ -318,14 +318,14 @@ contains
                call add_line(lines, points%classes(j)%name)
             end do
          end if
-         call out%put(trim(tables(i))//'.classes', lines)
+         call out%put(name//'.classes', lines)
          if (points%named_by == 0) cycle
          deallocate (lines)
          allocate (lines(points%n))
          do j = 1, points%n
             lines(j)%text = points%name(j)
          end do
-         call out%put(trim(tables(i))//'.names', lines)
+         call out%put(name//'.names', lines)
       end do
    end subroutine describe_problem
 

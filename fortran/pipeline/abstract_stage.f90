@@ -16,7 +16,7 @@
 !> is an error.
 module abstract_stage
    use campaign, only: campaign_type, row_type
-   use diagnostics, only: diagnosed_type, put_diagnostics
+   use diagnostics, only: diagnosed_type, diagnostics_text
    use errors, only: error_type, machine_failure, raise, refuse
    use json, only: json_type
    use kinds, only: wp
@@ -38,9 +38,9 @@ module abstract_stage
    end type job_type
 
    type, abstract, extends(diagnosed_type) :: stage_type
-      !> Names of the command and of the file of its document; the groups of the namelist that
-      !> determine its results, and those that determine a posterior; separated by blanks.
-      character(len=:), allocatable :: name, document_file, groups, groups_of_posterior
+      !> Name of the file of its document; the groups of the namelist that determine its results,
+      !> and those that determine a posterior; separated by blanks.
+      character(len=:), allocatable :: document_file, groups, groups_of_posterior
       type(problem_type), pointer :: problem => null()
       !> Folder of the results, without a slash at its end.
       character(len=:), allocatable :: output
@@ -217,7 +217,7 @@ contains
       call page%begin_object()
       call self%finish(page, error)
       if (allocated(error)) return
-      call put_diagnostics(page, [self%problem%warnings, self%warnings])
+      call page%put_json('warnings', diagnostics_text([self%problem%warnings, self%warnings]))
       call page%put_json('inputs', '{'//inputs_of(self%problem, self%groups, self%places)//'}')
       call page%end_object()
       document = page%text()

@@ -88,8 +88,8 @@ contains
       type(posterior_type) :: posterior
 
       call new_theory_surrogate(theory)
-      call new_table_posterior(problem, problem%settings%measurements, problem%measurements, theory, &
-         & posterior, error)
+      call new_table_posterior(problem, problem%settings%measurements, problem%measurements, &
+         & theory, posterior, error)
    end subroutine check_focus
 
    !> Begin a round.

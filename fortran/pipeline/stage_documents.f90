@@ -8,7 +8,7 @@
 !>
 !> The module also writes the tables of moduli of `simulate` and `theory`, and their crystals.
 module stage_documents
-   use diagnostics, only: diagnostic_type, put_diagnostics
+   use diagnostics, only: diagnostic_type, diagnostics_text
    use errors, only: error_type, refuse
    use files, only: checksum, file_exists, full_path, read_bytes, replace_file
    use json, only: json_type, quoted
@@ -126,7 +126,7 @@ contains
       type(json_type) :: whole
 
       whole = page
-      call put_diagnostics(whole, warnings)
+      call whole%put_json('warnings', diagnostics_text(warnings))
       call whole%end_object()
       document = whole%text()
    end function end_document

@@ -1,6 +1,6 @@
 !> Operations that tests alone need: the training of a surrogate step by step, the density of a
-!> posterior point by point, and a diagnostic with its numbers. They are those of a core of its own, beside the one that is tested; see
-!> tests/support/testing_core.py.
+!> posterior point by point, and a diagnostic with its numbers. They are those of a core of its
+!> own, beside the one that is tested; see tests/support/testing_core.py.
 module test_operations
    use, intrinsic :: ieee_arithmetic, only: ieee_negative_inf, ieee_value
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_loc
