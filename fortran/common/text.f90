@@ -9,9 +9,9 @@ module text
    use kinds, only: i8, wp
    implicit none
    private
-   public :: line_type, add_line, newline, to_text, fixed, real_text, lower, join, split_list, &
-      & quoted, append, number_text, short_text, read_integer, read_real, number_ok, &
-      & number_not_finite, number_malformed
+   public :: line_type, add_line, newline, lower, join, split_list, quoted, append
+   public :: to_text, fixed, real_text, number_text, short_text, read_integer, read_real, &
+      & number_ok, number_not_finite, number_malformed
 
    !> Ends a line of a text.
    character, parameter :: newline = achar(10)
