@@ -11,10 +11,11 @@ module campaign
    use, intrinsic :: iso_c_binding, only: c_null_char
    use campaign_file, only: begin_transaction, database_type, end_transaction, open_campaign_file, &
       & raise_damaged, text_value
-   use errors, only: error_type, warning_type
+   use errors, only: error_type
    use kinds, only: i8, wp
    use simulate, only: outcome_done, outcome_failed, outcome_type
-   use text, only: newline, number_text, quoted, read_integer, read_real, split_list, to_text
+   use text, only: line_type, newline, number_text, quoted, read_integer, read_real, split_list, &
+      & to_text
    implicit none
    private
    public :: campaign_type, row_type, campaign_name
@@ -155,7 +156,7 @@ contains
       class(campaign_type), intent(inout) :: self
       type(row_type), intent(in) :: row
       type(error_type), allocatable, intent(out) :: error
-      type(warning_type) :: texts(n_texts)
+      type(line_type) :: texts(n_texts)
       type(outcome_type) :: outcome
       character(len=:), allocatable :: values, cells
       integer :: i
@@ -254,7 +255,7 @@ contains
       integer, intent(inout) :: at
       type(row_type), intent(out) :: row
       type(error_type), allocatable, intent(out) :: error
-      type(warning_type) :: cell(n_columns)
+      type(line_type) :: cell(n_columns)
       integer :: length, status, i
 
       do i = 1, n_columns
@@ -301,7 +302,7 @@ contains
    !> Checksum of a row: of the identity of its physics, its texts, and all bits of its numbers.
    pure function row_checksum(identity, texts, outcome) result(digits)
       character(len=*), intent(in) :: identity
-      type(warning_type), intent(in) :: texts(:)
+      type(line_type), intent(in) :: texts(:)
       !> The modulus is 0 if there is none.
       type(outcome_type), intent(in) :: outcome
       character(len=16) :: digits

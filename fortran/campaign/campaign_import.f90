@@ -3,14 +3,14 @@ module campaign_import
    use campaign, only: campaign_name, campaign_type, row_type
    use campaign_file, only: begin_transaction, end_transaction
    use crystal_class, only: crystal_class_type
-   use errors, only: error_type, prefix_error, refuse, warning_type
+   use errors, only: error_type, prefix_error, refuse
    use json, only: json_type
    use kinds, only: wp
    use point_tables, only: points_type
    use problem, only: problem_type
    use simulate, only: identity_text, outcome_done, outcome_failed
    use surrogate_model, only: places_type
-   use text, only: to_text
+   use text, only: line_type, to_text
    implicit none
    private
    public :: import_table, import_points
@@ -61,7 +61,7 @@ contains
       call page%begin_object()
       call page%put('imported', n_new)
       call page%put('simulations', n_simulations)
-      call page%put('warnings', [warning_type ::])
+      call page%put('warnings', [line_type ::])
       call page%end_object()
       document = page%text()
    end subroutine import_table

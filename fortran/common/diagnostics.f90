@@ -9,7 +9,7 @@ module diagnostics
    use text, only: fixed, split_list, to_text
    implicit none
    private
-   public :: diagnostic_type, diagnostic, is_usable, diagnostics_text
+   public :: diagnosed_type, diagnostic_type, diagnostic, is_usable, diagnostics_text
 
    type :: diagnostic_type
       character(len=:), allocatable :: code
@@ -23,6 +23,13 @@ module diagnostics
       procedure :: severity, message
       procedure, private :: filled, value_of
    end type diagnostic_type
+
+   !> What has diagnostics.
+   type :: diagnosed_type
+      type(diagnostic_type), allocatable :: warnings(:)
+   contains
+      procedure :: warn
+   end type diagnosed_type
 
 contains
 
@@ -45,6 +52,17 @@ contains
       ! findloc(code_column, code) is always 0 with gfortran 12.
       list(1)%row = findloc([(code_column(i) == code, i=1, size(code_column))], .true., dim=1)
    end function diagnostic
+
+   !> Append a diagnostic to the warnings.
+   pure subroutine warn(self, code, subject, numbers)
+      class(diagnosed_type), intent(inout) :: self
+      !> See `diagnostic`.
+      character(len=*), intent(in) :: code
+      character(len=*), intent(in), optional :: subject
+      real(wp), intent(in), optional :: numbers(:)
+
+      self%warnings = [self%warnings, diagnostic(code, subject, numbers)]
+   end subroutine warn
 
    !> 'unusable', 'warning' or 'note'.
    pure function severity(self)

@@ -2,13 +2,12 @@
 !>
 !> The last argument is `type(error_type), allocatable, intent(out) :: error`; unallocated means
 !> success. The caller returns at once if it is allocated. Nothing in the library stops the process.
-!> A warning reports input that is allowed but unusual; warnings are a list of lines.
 module errors
    use text, only: split_list
    implicit none
    private
    public :: error_type, prefix_error, raise, refuse, exit_failure, exit_bad_input, exit_unusable, &
-      & machine_failure, warning_type, warn, suggestion
+      & machine_failure, suggestion
 
    !> Exit statuses of the programs (see the README). With `exit_unusable` the program finished, but
    !> its result cannot be used.
@@ -25,10 +24,6 @@ module errors
       !> One line: what is wrong, the value, what is allowed.
       character(len=:), allocatable :: message
    end type error_type
-
-   type :: warning_type
-      character(len=:), allocatable :: text
-   end type warning_type
 
 contains
 
@@ -58,17 +53,6 @@ contains
 
       if (allocated(error)) error%message = place//error%message
    end subroutine prefix_error
-
-   !> Append a line to the warnings.
-   pure subroutine warn(warnings, text)
-      type(warning_type), allocatable, intent(inout) :: warnings(:)
-      character(len=*), intent(in) :: text
-      type(warning_type) :: last
-
-      last%text = text
-      if (.not. allocated(warnings)) allocate (warnings(0))
-      warnings = [warnings, last]
-   end subroutine warn
 
    !> ', did you mean X?' with the nearest of the allowed names; empty if no name is near.
    pure function suggestion(written, allowed) result(hint)

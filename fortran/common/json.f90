@@ -11,8 +11,7 @@
 !> null. Other numbers are written with all digits, so that reading them restores every bit.
 module json
    use kinds, only: wp
-   use text, only: append, newline, number_text, split_list, to_text
-   use errors, only: warning_type
+   use text, only: append, line_type, newline, number_text, split_list, to_text
    implicit none
    private
    public :: json_type, quoted
@@ -152,7 +151,7 @@ contains
    pure subroutine put_lines(self, key, lines)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in) :: key
-      type(warning_type), intent(in) :: lines(:)
+      type(line_type), intent(in) :: lines(:)
       integer :: i
 
       call self%begin_array(key)

@@ -144,7 +144,7 @@ contains
       integer :: n, i, length
 
       if (associated(self%described)) then
-         call self%described%put_array(label, values, shape(values))
+         call self%described%put(label, values)
          return
       end if
       if (.not. self%reading) n = size(values)

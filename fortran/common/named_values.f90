@@ -8,8 +8,9 @@
 !> named `value`, `values` for an array, or `words`.
 module named_values
    use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_loc, c_ptr
-   use errors, only: error_type, refuse, warning_type
+   use errors, only: error_type, refuse
    use kinds, only: i8, wp
+   use text, only: line_type
    implicit none
    private
    public :: named_values_type, named_values_reader_type
@@ -22,8 +23,10 @@ module named_values
       character(kind=c_char, len=:), allocatable :: bytes
       integer(i8) :: filled = 0
    contains
-      procedure, private :: put_text, put_texts, put_words, put_integer, put_logical, put_real
-      generic :: put => put_text, put_texts, put_words, put_integer, put_logical, put_real
+      procedure, private :: put_text, put_texts, put_words, put_integer, put_logical, put_real, &
+         & put_reals, put_matrix, put_matrices
+      generic :: put => put_text, put_texts, put_words, put_integer, put_logical, put_real, &
+         & put_reals, put_matrix, put_matrices
       procedure :: put_array, put_integers
    end type named_values_type
 
@@ -94,7 +97,7 @@ contains
    subroutine put_texts(self, name, value)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
-      type(warning_type), intent(in) :: value(:)
+      type(line_type), intent(in) :: value(:)
       character(len=:), allocatable, target :: joined
       integer :: i, position
 
@@ -111,7 +114,7 @@ contains
    subroutine put_words(self, name, words)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name, words(:)
-      type(warning_type) :: list(size(words))
+      type(line_type) :: list(size(words))
       integer :: i
 
       do i = 1, size(words)
@@ -168,6 +171,30 @@ contains
 
       call append(self, name, 'r', shape, size(values, kind=i8)*8, c_loc(values))
    end subroutine put_array
+
+   subroutine put_reals(self, name, values)
+      class(named_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      real(wp), intent(in) :: values(:)
+
+      call self%put_array(name, values, shape(values))
+   end subroutine put_reals
+
+   subroutine put_matrix(self, name, values)
+      class(named_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      real(wp), intent(in) :: values(:, :)
+
+      call self%put_array(name, values, shape(values))
+   end subroutine put_matrix
+
+   subroutine put_matrices(self, name, values)
+      class(named_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      real(wp), intent(in) :: values(:, :, :)
+
+      call self%put_array(name, values, shape(values))
+   end subroutine put_matrices
 
    !> Read from the bytes of `content`, which must stay where it is.
    subroutine look_at(self, content)

@@ -9,9 +9,9 @@ module text
    use kinds, only: i8, wp
    implicit none
    private
-   public :: newline, to_text, fixed, real_text, lower, join, split_list, quoted, append, &
-      & number_text, short_text, read_integer, read_real, number_ok, number_not_finite, &
-      & number_malformed
+   public :: line_type, add_line, newline, lower, join, split_list, quoted, append
+   public :: to_text, fixed, real_text, number_text, short_text, read_integer, read_real, &
+      & number_ok, number_not_finite, number_malformed
 
    !> Ends a line of a text.
    character, parameter :: newline = achar(10)
@@ -22,6 +22,11 @@ module text
 
    !> Outcomes of reading: a finite number; NaN, Infinity or an overflow; not a number.
    integer, parameter :: number_ok = 0, number_not_finite = 1, number_malformed = 2
+
+   !> A text in a list.
+   type :: line_type
+      character(len=:), allocatable :: text
+   end type line_type
 
    interface to_text
       module procedure integer_to_text, long_to_text, real_to_text, digits_to_text, logical_to_text
@@ -126,6 +131,17 @@ contains
          if (code >= iachar('A') .and. code <= iachar('Z')) lowered(i:i) = achar(code + 32)
       end do
    end function lower
+
+   !> Append a text to the `lines`.
+   pure subroutine add_line(lines, text)
+      type(line_type), allocatable, intent(inout) :: lines(:)
+      character(len=*), intent(in) :: text
+      type(line_type) :: last
+
+      last%text = text
+      if (.not. allocated(lines)) allocate (lines(0))
+      lines = [lines, last]
+   end subroutine add_line
 
    !> The trimmed items with `separator` between them.
    pure function join(items, separator) result(string)

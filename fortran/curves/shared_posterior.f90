@@ -10,8 +10,9 @@ module shared_posterior
    use elastic_window, only: n_shared, test_type
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor, cholesky_inverse
-   use errors, only: error_type, warning_type
+   use errors, only: error_type
    use small_matrices, only: solve_lower
+   use text, only: line_type
    implicit none
    private
    public :: material_type, curves_posterior_type
@@ -34,7 +35,7 @@ module shared_posterior
       type(test_type), allocatable :: tests(:)
       type(material_type), allocatable :: materials(:)
       !> Names of the sessions.
-      type(warning_type), allocatable :: sessions(:)
+      type(line_type), allocatable :: sessions(:)
       !> Shared unknowns: ln R, beta, compliance, then the logarithm of each session's factor.
       real(wp), allocatable :: prior_mean(:), prior_sd(:), mean(:), covariance(:, :)
       !> Relative standard deviations from test to test, of references and of grains; prior standard

@@ -13,8 +13,7 @@ module crystal_operations
    use rayleigh_wave, only: rayleigh_waves, wave_speed, wave_type
    use quantities, only: evaluate_quantities, new_quantity, quantity_type, reported_quantities
    use settings_schema, only: measurements_settings_type
-   use text, only: split_list
-   use errors, only: warn, warning_type
+   use text, only: add_line, line_type, split_list
    implicit none
    private
    public :: perform_crystal
@@ -28,7 +27,7 @@ contains
       type(crystal_class_type) :: class
       type(region_type) :: region
       type(averages_type) :: averages
-      type(warning_type), allocatable :: names(:), units(:)
+      type(line_type), allocatable :: names(:), units(:)
       type(quantity_type), allocatable :: quantities(:)
       real(wp), pointer :: columns(:, :), c(:, :, :)
       type(measurements_settings_type) :: settings
@@ -52,7 +51,7 @@ contains
       case ('stiffness')
          ! Stiffnesses of constants (k, n).
          stiffness = class%stiffnesses(x%in%columns('constants', class%n_constants))
-         call x%out%put_array('stiffness', stiffness, shape(stiffness))
+         call x%out%put('stiffness', stiffness)
       case ('averages')
          ! Anisotropy index (Eq. 14) and log-anisotropy, NaN if the crystal is not stable; bulk and
          ! shear modulus of Voigt, then of Reuss (GPa).
@@ -101,8 +100,8 @@ contains
          call reported_quantities(class, quantities, x%error)
          if (allocated(x%error)) return
          do i = 1, size(quantities)
-            call warn(names, quantities(i)%name)
-            call warn(units, quantities(i)%unit)
+            call add_line(names, quantities(i)%name)
+            call add_line(units, quantities(i)%unit)
          end do
          call x%out%put('names', names)
          call x%out%put('units', units)

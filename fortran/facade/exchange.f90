@@ -176,7 +176,7 @@ contains
          call self%out%put('handle', int(handle))
       end if
       if (allocated(self%text)) call self%out%put('text', self%text)
-      if (allocated(self%values)) call self%out%put_array('values', self%values, shape(self%values))
+      if (allocated(self%values)) call self%out%put('values', self%values)
    end subroutine close
 
    !> Folders in which surrogates are searched.

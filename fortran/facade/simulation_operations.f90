@@ -10,14 +10,12 @@ module simulation_operations
    use campaign_import, only: import_table
    use crystal_elasticity, only: rotate_stiffness, rotation_matrix
    use diagnostics, only: diagnostic, diagnostics_text
-   use errors, only: prefix_error, warn, warning_type
    use exchange, only: exchange_type
    use fe_element, only: brick_stress, infinite_stiffness
    use fe_indentation, only: indentation_model_type, indentation_result_type, &
       & new_indentation_model, new_wider_model, simulate_indentation
    use kinds, only: degree, wp
    use named_values, only: named_values_type
-   use namelist_file, only: place
    use point_tables, only: points_type
    use problem, only: problem_type
    use settings_reader, only: put_settings, settings_namelist
@@ -26,7 +24,7 @@ module simulation_operations
    use stages, only: check_stages, load_problem, new_stage
    use surrogate_operations, only: give_basis
    use tables, only: write_table
-   use text, only: join, newline
+   use text, only: add_line, join, line_type, newline
    implicit none
    private
    public :: run_simulator, use_model, use_stage, use_problem
@@ -46,8 +44,8 @@ contains
       call x%out%put('modulus_gpa', outcome%modulus)
       call x%out%put('seconds', outcome%seconds)
       call x%out%put('elements', outcome%elements)
-      call x%out%put_array('depth_um', outcome%depth, shape(outcome%depth))
-      call x%out%put_array('force_mn', outcome%force, shape(outcome%force))
+      call x%out%put('depth_um', outcome%depth)
+      call x%out%put('force_mn', outcome%force)
       call x%out%put('message', outcome%message)
    end subroutine run_simulator
 
@@ -68,17 +66,16 @@ contains
             & degree*x%in%reals('euler_deg'), result, x%error)
          if (allocated(x%error)) return
          call x%out%put('indentation_modulus_gpa', result%modulus)
-         call x%out%put_array('depth_um', result%depth, shape(result%depth))
-         call x%out%put_array('force_mn', result%force, shape(result%depth))
-         call x%out%put_array('modulus_by_depth_gpa', result%modulus_by_depth, shape(result%depth))
-         call x%out%put_array('contact_radius_um', result%contact_radius, shape(result%depth))
+         call x%out%put('depth_um', result%depth)
+         call x%out%put('force_mn', result%force)
+         call x%out%put('modulus_by_depth_gpa', result%modulus_by_depth)
+         call x%out%put('contact_radius_um', result%contact_radius)
          call x%out%put('elements', result%elements)
          call x%out%put('seconds', result%seconds)
          call x%out%put('seconds_factor', result%seconds_factor)
          call x%out%put('modulus_slope_gpa', result%modulus_slope)
          call x%out%put('modulus_last_gpa', result%modulus_by_depth(size(result%depth)))
-         call x%out%put_array('modulus_of_mesh_gpa', result%modulus_of_mesh, &
-            & shape(result%modulus_of_mesh))
+         call x%out%put('modulus_of_mesh_gpa', result%modulus_of_mesh)
          call x%out%put('contact_residual', result%contact_residual)
          call x%out%put('equilibrium_residual', result%equilibrium_residual)
       case ('fields')
@@ -121,10 +118,10 @@ contains
                & infinite(:, :, i))
          end do
       end associate
-      call x%out%put_array('displacement_um', result%displacement, shape(result%displacement))
-      call x%out%put_array('materials', c, shape(c))
-      call x%out%put_array('infinite', infinite, shape(infinite))
-      call x%out%put_array('depth_um', result%depth, shape(result%depth))
+      call x%out%put('displacement_um', result%displacement)
+      call x%out%put('materials', c)
+      call x%out%put('infinite', infinite)
+      call x%out%put('depth_um', result%depth)
    end subroutine put_fields
 
    !> Put sizes and costs, summed over the meshes, and numbers of nodes and elements of the finest.
@@ -157,7 +154,7 @@ contains
       type(named_values_type), intent(inout) :: out
 
       associate (mesh => model%grid(1)%mesh)
-         call out%put_array('x', mesh%x, shape(mesh%x))
+         call out%put('x', mesh%x)
          call out%put_array('gap', model%grid(1)%gap, shape(mesh%contact))
          call out%put_integers('brick', mesh%brick - 1, shape(mesh%brick))
          call out%put_integers('material', mesh%material - 1, shape(mesh%material))
@@ -259,12 +256,12 @@ contains
          allocate (model)
          call x%give(model, 'indentation')
          call new_indentation_model(self%settings, model, x%error)
-         call prefix_error(x%error, place(self%path, 'simulation', ''))
+         call self%locate('simulation', '', x%error)
       case ('simulator')
          allocate (simulator)
          call x%give(simulator, 'simulator')
          call new_simulator(self%settings, simulator, x%error)
-         call prefix_error(x%error, place(self%path, 'simulation', ''))
+         call self%locate('simulation', '', x%error)
       case ('basis')
          call basis_of_problem(self, basis, x%error)
          if (.not. allocated(x%error)) call give_basis(basis, x)
@@ -295,7 +292,8 @@ contains
       character(len=12), parameter :: tables(4) = [character(len=12) :: 'crystals', &
          & 'measurements', 'candidates', 'grains']
       type(points_type), pointer :: points
-      type(warning_type), allocatable :: lines(:)
+      type(line_type), allocatable :: lines(:)
+      character(len=:), allocatable :: name
       integer :: i, j
 
       if (allocated(self%path)) then
@@ -309,24 +307,25 @@ contains
       do i = 1, size(tables)
          points => points_of(self, tables(i))
          if (.not. associated(points)) cycle
-         call out%put(trim(tables(i))//'.n', points%n)
+         name = trim(tables(i))
+         call out%put(name//'.n', points%n)
          if (allocated(points%modulus_kind)) then
-            call out%put(trim(tables(i))//'.kind', points%modulus_kind)
+            call out%put(name//'.kind', points%modulus_kind)
          end if
-         lines = [warning_type ::]
+         lines = [line_type ::]
          if (allocated(points%class)) then
             do j = 1, size(points%classes)
-               call warn(lines, points%classes(j)%name)
+               call add_line(lines, points%classes(j)%name)
             end do
          end if
-         call out%put(trim(tables(i))//'.classes', lines)
+         call out%put(name//'.classes', lines)
          if (points%named_by == 0) cycle
          deallocate (lines)
          allocate (lines(points%n))
          do j = 1, points%n
             lines(j)%text = points%name(j)
          end do
-         call out%put(trim(tables(i))//'.names', lines)
+         call out%put(name//'.names', lines)
       end do
    end subroutine describe_problem
 
@@ -380,7 +379,7 @@ contains
       type(points_type), intent(in) :: points
       character(len=*), intent(in) :: name
       type(named_values_type), intent(inout) :: out
-      type(warning_type), allocatable :: cells(:)
+      type(line_type), allocatable :: cells(:)
       integer :: i, j
 
       select case (name)
@@ -395,15 +394,15 @@ contains
          call out%put('cells', cells)
          call out%put('cells.columns', points%table%columns)
       case ('stiffness')
-         call out%put_array('stiffness', points%stiffness, shape(points%stiffness))
+         call out%put('stiffness', points%stiffness)
       case default
-         call out%put_array('euler_deg', points%euler_deg, shape(points%euler_deg))
+         call out%put('euler_deg', points%euler_deg)
          if (allocated(points%modulus_gpa)) then
-            call out%put_array('modulus_gpa', points%modulus_gpa, [points%n])
+            call out%put('modulus_gpa', points%modulus_gpa)
          end if
-         if (allocated(points%sd_gpa)) call out%put_array('sd_gpa', points%sd_gpa, [points%n])
+         if (allocated(points%sd_gpa)) call out%put('sd_gpa', points%sd_gpa)
          if (.not. allocated(points%class)) return
-         call out%put_array('constants', points%constants, shape(points%constants))
+         call out%put('constants', points%constants)
          call out%put_integers('class', points%class, [points%n])
       end select
    end subroutine give_column

@@ -16,15 +16,15 @@
 !> is an error.
 module abstract_stage
    use campaign, only: campaign_type, row_type
-   use diagnostics, only: diagnostic, diagnostic_type, diagnostics_text
-   use errors, only: error_type, machine_failure, raise, refuse, warning_type
+   use diagnostics, only: diagnosed_type, diagnostics_text
+   use errors, only: error_type, machine_failure, raise, refuse
    use json, only: json_type
    use kinds, only: wp
    use problem, only: problem_type
    use simulate, only: outcome_done, outcome_failed, outcome_type, outcome_waiting
    use stage_documents, only: begin_results, inputs_of, write_document
    use surrogate_model, only: places_type
-   use text, only: lower, to_text
+   use text, only: line_type, lower, to_text
    implicit none
    private
    public :: stage_type, job_type
@@ -37,23 +37,22 @@ module abstract_stage
       integer :: number = 0
    end type job_type
 
-   type, abstract :: stage_type
-      !> Names of the command and of the file of its document; the groups of the namelist that
-      !> determine its results, and those that determine a posterior; separated by blanks.
-      character(len=:), allocatable :: name, document_file, groups, groups_of_posterior
+   type, abstract, extends(diagnosed_type) :: stage_type
+      !> Name of the file of its document; the groups of the namelist that determine its results,
+      !> and those that determine a posterior; separated by blanks.
+      character(len=:), allocatable :: document_file, groups, groups_of_posterior
       type(problem_type), pointer :: problem => null()
       !> Folder of the results, without a slash at its end.
       character(len=:), allocatable :: output
       !> Folders in which a surrogate is searched.
       type(places_type) :: places
-      type(diagnostic_type), allocatable :: warnings(:)
       !> The simulations to make now.
       type(job_type), allocatable :: jobs(:)
       !> Numbers of simulations: made in this run, failed, and still expected.
       integer :: n_new = 0, n_failed = 0, n_expected = 0
       !> One line on what was done, and further lines.
       character(len=:), allocatable :: done
-      type(warning_type), allocatable :: more(:)
+      type(line_type), allocatable :: more(:)
       !> The simulations of the present batch; each as a row of the campaign, with its outcome; and
       !> the state of each, see below. The campaign may have had a row before.
       type(job_type), allocatable :: batch(:)
@@ -62,7 +61,7 @@ module abstract_stage
       !> Open only in stages that simulate.
       type(campaign_type) :: campaign
    contains
-      procedure, non_overridable :: open, want, take, close, look_up, warn
+      procedure, non_overridable :: open, want, take, close, look_up
       !> Read the results in the folder, refuse what is impossible, and choose the first batch.
       procedure :: begin
       !> Use the batch that was simulated and choose the next one; an empty batch ends the stage.
@@ -103,19 +102,6 @@ contains
       if (.not. allocated(self%rows)) allocate (self%rows(size(self%batch)))
       call begin_batch(self)
    end subroutine open
-
-   !> Append a diagnostic to the warnings.
-   subroutine warn(self, code, subject, numbers)
-      class(stage_type), intent(inout) :: self
-      !> Code of the page; see `diagnostic`.
-      character(len=*), intent(in) :: code
-      !> What it concerns; absent if that is clear.
-      character(len=*), intent(in), optional :: subject
-      !> In the order of the page; absent if there are none.
-      real(wp), intent(in), optional :: numbers(:)
-
-      self%warnings = [self%warnings, diagnostic(code, subject, numbers)]
-   end subroutine warn
 
    !> Mark the rows of the batch that the campaign does not have as waiting.
    subroutine begin_batch(self)

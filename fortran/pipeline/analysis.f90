@@ -4,6 +4,7 @@
 module analysis
    use constants_posterior, only: posterior_type
    use crystal_elasticity, only: averages_type, polycrystal_averages
+   use diagnostics, only: diagnosed_type
    use errors, only: error_type
    use further_knowledge, only: conflict_type, expect_gains, find_conflict, gain_type, &
       & without_knowledge
@@ -17,7 +18,7 @@ module analysis
    use prior_sensitivity, only: change_type, limit_type, list_limits, measure_sensitivity
    use problem, only: problem_type
    use field_reading, only: allowed_error, choose_field_degree, find_field_error
-   use problem_posterior, only: draw_aside, free_run, new_problem_posterior, omit_weak_waves, &
+   use problem_posterior, only: draw_aside, free_run, new_table_posterior, omit_weak_waves, &
       & pilot_run, prior_run, sample_aside, sample_posterior, theory_run
    use quantities, only: evaluate_draws, quantity_type, reported_quantities
    use samplers, only: chains_type
@@ -32,7 +33,7 @@ module analysis
    !> Above this R-hat the chains are not draws of one distribution.
    real(wp), parameter :: unmixed = 1.05_wp
 
-   type :: analysis_type
+   type, extends(diagnosed_type) :: analysis_type
       !> Speeds that cannot be used are removed from it.
       type(problem_type), pointer :: problem => null()
       type(surrogate_type) :: surrogate
@@ -68,14 +69,9 @@ module analysis
       !> and the error of the worst grain from this, in its sds.
       integer :: field_degree = 0
       real(wp) :: field_error = 0.0_wp
-      !> Of the surrogate: number of training simulations, checksum of its file ('' without a file),
-      !> and its mean sd for the grains of the mean crystal, GPa.
-      integer :: simulations = 0
-      character(len=16) :: checksum = ''
-      real(wp) :: surrogate_sd = 0.0_wp
-      !> Contact radius of its simulations, um, see `surrogate_model`; and their mean relative
-      !> distance from the half-space theory.
-      real(wp) :: surrogate_contact_radius = 0.0_wp, surrogate_correction = 0.0_wp
+      !> Mean sd of the surrogate for the grains of the mean crystal, GPa, and mean relative
+      !> distance of its simulations from the half-space theory.
+      real(wp) :: surrogate_sd = 0.0_wp, surrogate_correction = 0.0_wp
       !> Mean and sd of the constants by the half-space theory alone, GPa, if the surrogate has a
       !> correction.
       real(wp), allocatable :: theory_mean(:), theory_sd(:)
@@ -109,7 +105,8 @@ contains
       class(analysis_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
 
-      call new_problem_posterior(self%problem, self%surrogate, self%posterior, error)
+      call new_table_posterior(self%problem, self%problem%settings%measurements, &
+         & self%problem%measurements, self%surrogate, self%posterior, error)
    end subroutine prepare
 
    !> Sample the posterior and the prior, and summarise the chains.
@@ -147,20 +144,17 @@ contains
       end if
       call summarise(self, error)
       if (allocated(error)) return
-      call describe_surrogate()
+      if (size(self%surrogate%simulations%modulus) == 0) return
+      call test_surrogate()
       if (.not. allocated(error)) call compare_theory()
 
    contains
 
-      !> Set the properties of the surrogate, and its errors.
-      subroutine describe_surrogate()
+      !> Set the error of the surrogate, and its distance from the theory.
+      subroutine test_surrogate()
          real(wp), dimension(size(self%surrogate%simulations%modulus)) :: theory, circular
          real(wp), allocatable :: modulus(:), sd(:)
 
-         self%simulations = size(theory)
-         self%checksum = self%surrogate%checksum
-         self%surrogate_contact_radius = self%surrogate%contact_radius
-         if (self%simulations == 0) return
          associate (posterior => self%posterior, n => self%posterior%n_moduli, &
             & known => self%surrogate%simulations)
             if (self%surrogate%contact_radius > 0.0_wp) then
@@ -168,7 +162,7 @@ contains
                   & self%surrogate%basis%domain%class%stiffnesses(known%constants), &
                   & known%euler_deg, 1, theory, circular, error)
                if (allocated(error)) return
-               self%surrogate_correction = sum(abs(known%modulus/theory - 1.0_wp))/self%simulations
+               self%surrogate_correction = sum(abs(known%modulus/theory - 1.0_wp))/size(theory)
             end if
             allocate (modulus(n), sd(n))
             call predict_crystals(self%surrogate, &
@@ -176,7 +170,7 @@ contains
                & 1, modulus, sd, error)
             if (.not. allocated(error)) self%surrogate_sd = sum(sd)/max(1, n)
          end associate
-      end subroutine describe_surrogate
+      end subroutine test_surrogate
 
       !> Infer the constants by the half-space theory without the specimen correction.
       subroutine compare_theory()
@@ -185,7 +179,7 @@ contains
          real(wp), allocatable :: draws(:, :)
          integer :: n
 
-         if (self%simulations == 0 .or. .not. self%posterior%grains%has_theory) return
+         if (.not. self%posterior%grains%has_theory) return
          call new_theory_surrogate(theory)
          call draw_aside(self%problem, self%problem%settings%measurements, theory, theory_run, &
             & posterior, draws, error)

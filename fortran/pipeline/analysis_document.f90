@@ -4,8 +4,8 @@ module analysis_document
    use, intrinsic :: iso_c_binding, only: c_char
    use constants_prior, only: prior_type
    use crystal_elasticity, only: no_wave, rayleigh, wave_names
-   use diagnostics, only: diagnostic_type, is_usable
-   use errors, only: error_type, refuse, warn, warning_type
+   use diagnostics, only: is_usable
+   use errors, only: error_type, refuse
    use analysis, only: analysis_type
    use files, only: checksum, file_exists, read_bytes, replace_file
    use json, only: json_type
@@ -15,7 +15,7 @@ module analysis_document
    use posterior_diagnostics, only: check_analysis, known_text, powers_text
    use posterior_summary, only: correlate
    use statistics, only: flattened, moments
-   use text, only: fixed, join, to_text
+   use text, only: add_line, fixed, join, line_type, to_text
    use variance_shares, only: error_sources, shares_type, verdict_of
    implicit none
    private
@@ -33,18 +33,19 @@ module analysis_document
 
 contains
 
-   !> Write the document into the object of a `page`, and find the `warnings`.
-   subroutine write_analysis(found, page, warnings)
-      type(analysis_type), intent(in) :: found
+   !> Find the warnings, and write the document into the object of a `page`.
+   subroutine write_analysis(found, page)
+      type(analysis_type), intent(inout) :: found
       type(json_type), intent(inout) :: page
-      type(diagnostic_type), allocatable, intent(out) :: warnings(:)
       integer :: i
 
-      warnings = check_analysis(found)
-      call page%put('usable', is_usable(warnings))
+      call check_analysis(found)
+      call page%put('usable', is_usable(found%warnings))
       call page%begin_array('reasons')
-      do i = 1, size(warnings)
-         if (warnings(i)%severity() == 'unusable') call page%put('', warnings(i)%message())
+      do i = 1, size(found%warnings)
+         associate (warning => found%warnings(i))
+            if (warning%severity() == 'unusable') call page%put('', warning%message())
+         end associate
       end do
       call page%end_array()
       call write_parameters(page, found)
@@ -292,7 +293,7 @@ contains
    subroutine write_prior(page, found)
       type(json_type), intent(inout) :: page
       type(analysis_type), intent(in) :: found
-      type(warning_type), allocatable :: lines(:)
+      type(line_type), allocatable :: lines(:)
       real(wp) :: sd(size(found%conflict%of_quantity))
       integer :: j
 
@@ -333,7 +334,7 @@ contains
    !> the prior; bounds; knowledge; the surrogate; the evidence, which depends on all of these.
    subroutine describe_prior(found, lines)
       type(analysis_type), intent(in) :: found
-      type(warning_type), allocatable, intent(out) :: lines(:)
+      type(line_type), allocatable, intent(out) :: lines(:)
       character(len=:), allocatable :: line
       integer :: j
 
@@ -344,11 +345,11 @@ contains
             line = ' of unknown orientation: their distribution determines the constants'
          end if
          if (posterior%n_moduli > 0) then
-            call warn(lines, 'measured: '//posterior%observable%name//' of ' &
+            call add_line(lines, 'measured: '//posterior%observable%name//' of ' &
                & //to_text(posterior%n_moduli)//' grains'//line)
          end if
          if (posterior%n_moduli < posterior%n_grains) then
-            call warn(lines, 'measured: speeds of waves in ' &
+            call add_line(lines, 'measured: speeds of waves in ' &
                & //to_text(posterior%n_grains - posterior%n_moduli)//' directions')
          end if
          lines = [lines, density_lines(prior)]
@@ -356,11 +357,11 @@ contains
          do j = 1, size(prior%knowledge%mean)
             line = line//', '//known_text(prior%knowledge, j)
          end do
-         if (len(line) > 0) call warn(lines, 'known: '//line(3:))
+         if (len(line) > 0) call add_line(lines, 'known: '//line(3:))
       end associate
-      call warn(lines, 'surrogate: '//surrogate_text(found))
+      call add_line(lines, 'surrogate: '//surrogate_text(found))
       if (allocated(found%evidence)) then
-         call warn(lines, 'evidence: log Z = '//fixed(found%evidence%log_z, 2)//' ± ' &
+         call add_line(lines, 'evidence: log Z = '//fixed(found%evidence%log_z, 2)//' ± ' &
             & //fixed(found%evidence%sd, 2)//', to compare with other models of the same data. ' &
             & //'It depends on the limits above: where the measurements determine the constants, ' &
             & //'a prior twice as wide has a log Z that is lower by 0.69')
@@ -370,7 +371,7 @@ contains
    !> The density of the prior with its limits, and its bounds, if it has any.
    function density_lines(prior) result(lines)
       type(prior_type), intent(in) :: prior
-      type(warning_type), allocatable :: lines(:)
+      type(line_type), allocatable :: lines(:)
       character(len=:), allocatable :: line
       integer :: j
 
@@ -386,7 +387,7 @@ contains
          line = line//', anisotropy index (Eq. 14) up to '//to_text(prior%anisotropy_cap)
       end if
       allocate (lines(0))
-      call warn(lines, line)
+      call add_line(lines, line)
       line = ''
       do j = 1, prior%n_constants
          if (prior%has_bound(j)) then
@@ -394,7 +395,7 @@ contains
                & //to_text(prior%upper(j))
          end if
       end do
-      if (len(line) > 0) call warn(lines, 'bounds in GPa: '//line(3:))
+      if (len(line) > 0) call add_line(lines, 'bounds in GPa: '//line(3:))
    end function density_lines
 
    !> The theory and the simulations on which the predictions are based.
@@ -402,16 +403,21 @@ contains
       type(analysis_type), intent(in) :: found
       character(len=:), allocatable :: line
 
+      integer :: simulations
+
       line = ''
+      simulations = size(found%surrogate%simulations%modulus)
       if (found%field_degree > 0) then
          line = 'the exact theory of the half-space, harmonics to degree ' &
             & //to_text(found%field_degree)//', the worst grain off by ' &
             & //fixed(100.0_wp*found%field_error, 1)//' % of its sd'
       end if
-      if (found%simulations == 0) return
+      if (simulations == 0) return
       if (len(line) > 0) line = line//'; times a correction trained on '
-      line = line//to_text(found%simulations)//' simulations'
-      if (len_trim(found%checksum) > 0) line = line//', checksum '//found%checksum
+      line = line//to_text(simulations)//' simulations'
+      associate (checksum => found%surrogate%checksum)
+         if (len_trim(checksum) > 0) line = line//', checksum '//checksum
+      end associate
       line = line//', sd '//fixed(found%surrogate_sd, 2) &
          & //' GPa in the mean grain; it is valid for ' &
          & //fixed(100.0_wp*found%posterior%prior%share_inside, 0)//' % of the prior'
@@ -434,41 +440,31 @@ contains
       call out%put('title', found%problem%settings%problem%title)
       call out%put('modulus_kind', found%problem%settings%measurements%modulus_kind)
       associate (measured => found%problem%measurements)
-         call out%put_array('euler_deg', merge(nan, measured%euler_deg, &
-            & allocated(found%posterior%unknown)), shape(measured%euler_deg))
-         call out%put_array('modulus_gpa', measured%modulus_gpa, [measured%n])
-         call out%put_array('sd_gpa', measured%sd_gpa, [measured%n])
+         call out%put('euler_deg', merge(nan, measured%euler_deg, &
+            & allocated(found%posterior%unknown)))
+         call out%put('modulus_gpa', measured%modulus_gpa)
+         call out%put('sd_gpa', measured%sd_gpa)
          call out%put('n_moduli', found%posterior%n_moduli)
       end associate
       associate (chains => found%chains, checks => found%checks, predictions => found%predictions, &
          & prior => found%posterior%prior)
-         call put_draws('draws', chains%draws)
-         call out%put_array('log_density', chains%log_density, shape(chains%log_density))
-         call out%put_array('acceptance', chains%acceptance, shape(chains%acceptance))
-         call put_draws('prior_draws', found%prior_chains%draws)
-         call put_draws('predicted', predictions%moduli)
-         call put_draws('factor', predictions%factor)
-         call put_draws('quantities', predictions%quantities)
+         call out%put('draws', chains%draws)
+         call out%put('log_density', chains%log_density)
+         call out%put('acceptance', chains%acceptance)
+         call out%put('prior_draws', found%prior_chains%draws)
+         call out%put('predicted', predictions%moduli)
+         call out%put('factor', predictions%factor)
+         call out%put('quantities', predictions%quantities)
          call out%put('stride', predictions%stride)
-         call put_draws('log_likelihood', checks%log_likelihood)
-         call put_draws('replicated', checks%replicated)
-         call out%put_array('log_prior', checks%log_prior, shape(checks%log_prior))
-         call out%put_array('most_probable', found%most_probable, shape(found%most_probable))
-         call out%put_array('lower', prior%lower, shape(prior%lower))
-         call out%put_array('upper', prior%upper, shape(prior%upper))
+         call out%put('log_likelihood', checks%log_likelihood)
+         call out%put('replicated', checks%replicated)
+         call out%put('log_prior', checks%log_prior)
+         call out%put('most_probable', found%most_probable)
+         call out%put('lower', prior%lower)
+         call out%put('upper', prior%upper)
          call out%put('anisotropy_cap', prior%anisotropy_cap)
          call out%put('share_inside', prior%share_inside)
       end associate
-
-   contains
-
-      subroutine put_draws(name, values)
-         character(len=*), intent(in) :: name
-         !> (variable, draw, chain).
-         real(wp), intent(in) :: values(:, :, :)
-
-         call out%put_array(name, values, shape(values))
-      end subroutine put_draws
    end subroutine put_analysis
 
    !> Write posterior.bin into a `folder`, with the `inputs` of which the results were computed.

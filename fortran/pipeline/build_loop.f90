@@ -329,7 +329,6 @@ contains
          if (allocated(error)) return
          call find_focus(build%problem, surrogate, build%candidates, focus, error)
          if (allocated(error)) return
-         build%candidates = focus%candidates
          call new_basis(focus%domain, build%problem%settings%surrogate, surrogate%basis, error)
          if (allocated(error)) return
          call change_basis(learning, surrogate%basis, error)

@@ -4,7 +4,7 @@ module curves_stage
    use abstract_stage, only: stage_type
    use curves_document, only: write_curve_files, write_document
    use elastic_window, only: begin_test, leave_out, n_shared, score_test
-   use errors, only: error_type, refuse, warn, warning_type
+   use errors, only: error_type, refuse
    use files, only: printable
    use halfspace_theory, only: halfspace_moduli
    use json, only: json_type
@@ -12,7 +12,7 @@ module curves_stage
    use loading_segment, only: take_loading
    use shared_posterior, only: curves_posterior_type, material_type
    use statistics, only: median
-   use text, only: join, to_text
+   use text, only: add_line, join, line_type, to_text
    implicit none
    private
    public :: curves_stage_type
@@ -68,7 +68,7 @@ contains
 
       !> Find the materials of the curves, in the order of their first tests, and the sessions.
       subroutine find_materials()
-         type(warning_type), allocatable :: names(:)
+         type(line_type), allocatable :: names(:)
          integer :: i, k
 
          allocate (names(0), self%found%sessions(0))
@@ -93,13 +93,13 @@ contains
       !> The number of a name among the `names`; a new name is appended to them.
       subroutine number_name(name, names, number)
          character(len=*), intent(in) :: name
-         type(warning_type), allocatable, intent(inout) :: names(:)
+         type(line_type), allocatable, intent(inout) :: names(:)
          integer, intent(out) :: number
 
          do number = 1, size(names)
             if (names(number)%text == name) return
          end do
-         call warn(names, name)
+         call add_line(names, name)
       end subroutine number_name
 
       !> Set the prior of a material's modulus to the value that &references states.

@@ -44,7 +44,8 @@ contains
       self%problem%kept_in = self%output
       call self%analysis%infer(error)
       if (allocated(error)) return
-      call write_analysis(self%analysis, page, self%warnings)
+      call write_analysis(self%analysis, page)
+      self%warnings = self%analysis%warnings
       call save_posterior(self%analysis, end_document(page, [self%problem%warnings, &
          & self%warnings]), self%output, inputs_of(self%problem, self%groups, self%places), error)
       if (allocated(error)) return

@@ -6,7 +6,7 @@ module further_measurements
    use constants_posterior, only: posterior_type
    use crystal_class, only: crystal_class_type, lattice_type, new_lattice
    use crystal_elasticity, only: no_wave, path_type, rayleigh, rotation_matrix
-   use diagnostics, only: diagnostic, diagnostic_type
+   use diagnostics, only: diagnostic_type
    use distinct_directions, only: angle_between, lattice_of_directions, new_region, region_type
    use errors, only: error_type, refuse
    use json, only: json_type
@@ -43,14 +43,12 @@ contains
 
    !> Write the document of `next` from `draws` of the posterior into the object of a `page`:
    !> suggestions, each given those before it, and the gain of every candidate as the first one.
-   subroutine suggest_measurements(analysis, draws, page, warnings, error)
+   subroutine suggest_measurements(analysis, draws, page, error)
       !> The degree of the harmonics of its posterior is chosen anew for these draws.
       type(analysis_type), intent(inout) :: analysis
       !> Draws of the posterior, (parameter, draw); the last parameter may be the factor on the sds.
       real(wp), intent(in) :: draws(:, :)
       type(json_type), intent(inout) :: page
-      !> Without those of the problem.
-      type(diagnostic_type), allocatable, intent(out) :: warnings(:)
       type(error_type), allocatable, intent(out) :: error
       type(candidates_type) :: candidates
       type(suggestions_type) :: suggestions
@@ -59,7 +57,7 @@ contains
       real(wp) :: sd(2), factor
       integer :: m, n, threads
 
-      allocate (warnings(0))
+      analysis%warnings = [diagnostic_type ::]
       threads = analysis%problem%threads()
       call check_target(analysis%problem, error)
       if (.not. allocated(error)) then
@@ -116,7 +114,7 @@ contains
             & problem%settings%problem%seed, threads, suggestions)
          associate (found => size(suggestions%chosen))
             if (found < min(wanted%count, size(candidates%cost))) then
-               warnings = diagnostic('few_apart', &
+               call analysis%warn('few_apart', &
                   & numbers=[real(wp) :: found, wanted%count, separation_deg])
             end if
          end associate

@@ -1,9 +1,8 @@
-!> `next`: the grains to measure next.
+!> `next`: the grains to measure next. It begins as `extract` does.
 module next_stage
-   use abstract_stage, only: stage_type
-   use analysis, only: analysis_type, load_analysis
    use analysis_document, only: stored_draws
    use errors, only: error_type
+   use extract_stage, only: extract_stage_type
    use files, only: file_exists
    use further_measurements, only: suggest_measurements
    use json, only: json_type
@@ -16,25 +15,12 @@ module next_stage
    private
    public :: next_stage_type
 
-   type, extends(stage_type) :: next_stage_type
-      type(analysis_type) :: analysis
+   type, extends(extract_stage_type) :: next_stage_type
    contains
-      procedure :: begin, finish
+      procedure :: finish
    end type next_stage_type
 
 contains
-
-   !> Load the surrogate, and check the posterior.
-   subroutine begin(self, error)
-      class(next_stage_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-
-      call self%problem%take_curve_results(self%output, error)
-      if (.not. allocated(error)) then
-         call load_analysis(self%problem, self%places, self%analysis, error)
-      end if
-      if (.not. allocated(error)) call self%analysis%prepare(error)
-   end subroutine begin
 
    !> Write the document from the draws that `extract` stored in the folder, or else from new ones.
    subroutine finish(self, page, error)
@@ -56,7 +42,8 @@ contains
          draws = flattened(self%analysis%chains%draws)
          call remove_files(self%output, chain_prefix)
       end if
-      call suggest_measurements(self%analysis, draws, page, self%warnings, error)
+      call suggest_measurements(self%analysis, draws, page, error)
+      self%warnings = self%analysis%warnings
       if (lost) call self%warn('sampled_anew', self%output//'/posterior.bin')
       self%done = self%output//'/next.json'
    end subroutine finish

@@ -11,7 +11,7 @@ module posterior_focus
    use errors, only: error_type
    use kinds, only: degree, wp
    use problem, only: problem_type
-   use problem_posterior, only: draw_aside, focus_run, new_problem_posterior
+   use problem_posterior, only: draw_aside, focus_run, new_table_posterior
    use prior_sensitivity, only: is_truncated, list_limits
    use random, only: new_random_stream, random_stream_type
    use settings_schema, only: measurements_settings_type
@@ -46,9 +46,6 @@ module posterior_focus
    end type round_type
 
    type :: focus_type
-      !> The first `tempered` crystals are of the posterior by the theory alone, whose errors may be
-      !> large. The others are of the posterior. The directions are those of the grains.
-      type(candidates_type) :: candidates
       !> Contains all candidates.
       type(domain_type) :: domain
       !> The surrogate with which the posterior was sampled.
@@ -91,7 +88,8 @@ contains
       type(posterior_type) :: posterior
 
       call new_theory_surrogate(theory)
-      call new_problem_posterior(problem, theory, posterior, error)
+      call new_table_posterior(problem, problem%settings%measurements, problem%measurements, &
+         & theory, posterior, error)
    end subroutine check_focus
 
    !> Begin a round.
@@ -99,8 +97,10 @@ contains
       type(problem_type), intent(in) :: problem
       !> Trained on all simulations so far.
       type(surrogate_type), intent(in) :: surrogate
-      !> The candidates of these simulations.
-      type(candidates_type), intent(in) :: candidates
+      !> On entry, the candidates of these simulations. On return, the first `tempered` crystals are
+      !> of the posterior by the theory alone, whose errors may be large. The others are of the
+      !> posterior. The directions are those of the grains.
+      type(candidates_type), intent(inout) :: candidates
       !> On entry, the previous round.
       type(focus_type), intent(inout) :: focus
       type(error_type), allocatable, intent(out) :: error
@@ -173,9 +173,9 @@ contains
 
          n = size(stiffness, 3)
          associate (class => focus%domain%class, grains => problem%measurements)
-            focus%candidates%constants = &
+            candidates%constants = &
                & reshape([(class%constants_of(stiffness(:, :, i)), i=1, n)], [class%n_constants, n])
-            focus%candidates%euler_deg = &
+            candidates%euler_deg = &
                & grains%euler_deg(:, [(modulo(i, grains%n) + 1, i=0, n - 1)])
          end associate
       end subroutine make_candidates

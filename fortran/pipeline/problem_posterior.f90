@@ -27,7 +27,7 @@ module problem_posterior
    implicit none
    private
    public :: are_detected, check_step_2, check_target, new_measured_posterior, &
-      & new_problem_posterior, omit_weak_waves, sample_aside, draw_aside, sample_posterior, &
+      & new_table_posterior, omit_weak_waves, sample_aside, draw_aside, sample_posterior, &
       & shared_errors
 
    !> Lengths of chains.
@@ -36,8 +36,6 @@ module problem_posterior
       !> Number of the random stream of the first chain; each further chain has the next one. The
       !> chains that &sampler asks for have the streams from 1.
       integer :: first_stream
-      !> The half-space theory is evaluated with few harmonics: its last digits do not matter.
-      logical :: is_rough = .true.
       !> Finished chains are stored in the folder `kept_in` of the problem.
       logical :: is_stored = .true.
    end type run_type
@@ -46,7 +44,7 @@ module problem_posterior
    !> the posterior at which simulations are chosen.
    type(run_type), parameter, public :: pilot_run = run_type(3000, 400, 2, 2000001)
    type(run_type), parameter :: detection_run = run_type(3000, 400, 2, 2000001, is_stored=.false.)
-   type(run_type), parameter, public :: prior_run = run_type(5000, 2500, 4, 1000001, .false.)
+   type(run_type), parameter, public :: prior_run = run_type(5000, 2500, 4, 1000001)
    type(run_type), parameter, public :: free_run = run_type(2000, 500, 2, 3000001)
    type(run_type), parameter, public :: theory_run = run_type(5000, 1500, 4, 4000001)
    type(run_type), parameter, public :: focus_run = run_type(3000, 600, 2, 5000001)
@@ -127,19 +125,8 @@ contains
       end associate
    end subroutine read_knowledge
 
-   !> The density of the constants given the problem's measurements, with &prior and &knowledge, cut
-   !> to what the surrogate is valid for.
-   subroutine new_problem_posterior(problem, surrogate, posterior, error)
-      type(problem_type), intent(in) :: problem
-      type(surrogate_type), intent(in) :: surrogate
-      type(posterior_type), intent(out) :: posterior
-      type(error_type), allocatable, intent(out) :: error
-
-      call new_table_posterior(problem, problem%settings%measurements, problem%measurements, &
-         & surrogate, posterior, error)
-   end subroutine new_problem_posterior
-
-   !> The posterior of a table, with a model of the errors.
+   !> The density of the constants given the measurements of a table, with a model of their errors,
+   !> and with &prior and &knowledge, cut to what the surrogate is valid for.
    subroutine new_table_posterior(problem, model, table, surrogate, posterior, error)
       type(problem_type), intent(in) :: problem
       type(measurements_settings_type), intent(in) :: model
@@ -375,7 +362,8 @@ contains
    end subroutine sample_posterior
 
    !> Chains that &sampler does not ask for, by the sampler that mixes best, from random streams of
-   !> their own.
+   !> their own. The half-space theory is evaluated with few harmonics: its last digits do not
+   !> matter.
    subroutine sample_aside(problem, density, run, chains, error)
       type(problem_type), intent(in) :: problem
       type(posterior_type), intent(inout) :: density
@@ -384,7 +372,7 @@ contains
       type(chains_type), intent(out) :: chains
       type(error_type), allocatable, intent(out) :: error
 
-      if (run%is_rough .and. density%grains%has_theory) then
+      if (density%grains%has_theory .and. .not. density%prior_only) then
          call density%set_field_degree(merge(degree_of_many, rough_degree, &
             & density%n_grains > many), error)
       end if

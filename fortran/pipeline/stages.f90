@@ -127,7 +127,6 @@ contains
          return
       end select
       i = findloc(all_stages%name, name, 1)
-      stage%name = name
       stage%groups = trim(all_stages(i)%groups)
       stage%groups_of_posterior = groups_of(['extract'])
       stage%document_file = trim(all_stages(i)%document)

@@ -49,8 +49,8 @@ contains
             call begin_crystal(page, points, i)
             call page%put('indentation_modulus_gpa', modulus(i))
             if (allocated(waves)) then
-               call page%put('propagation_deg', points%paths(i)%propagation_deg)
-               call page%put('rayleigh_velocity_m_s', velocity(i))
+               call page%put_numbers('propagation_deg, rayleigh_velocity_m_s', &
+                  & [points%paths(i)%propagation_deg, velocity(i)])
                call page%put('rayleigh_detected', waves(i)%is_detected())
             end if
             call page%end_object()

@@ -5,16 +5,16 @@
 !> of file, and accepts duplicates and NaN silently. This parser handles syntax only;
 !> `settings_schema` defines the meaning of the names.
 module namelist_file
-   use errors, only: error_type, exit_bad_input, prefix_error, raise, warning_type
+   use errors, only: error_type, exit_bad_input, prefix_error, raise
    use files, only: printable, read_text_file
-   use text, only: lower, newline, read_integer, to_text
+   use text, only: line_type, lower, newline, read_integer, to_text
    implicit none
    private
    public :: entry_type, value_type, read_namelist_file, parse_namelist, find_entry, &
       & place
 
    !> One value as written: a quoted text without its quotes, or an unquoted word.
-   type, extends(warning_type) :: value_type
+   type, extends(line_type) :: value_type
       logical :: quoted = .false.
    end type value_type
 

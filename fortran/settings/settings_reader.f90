@@ -290,7 +290,7 @@ contains
       end do
       do i = 1, size(list%variables)
          associate (v => list%variables(i))
-            if (allocated(v%values)) call values%put(v%group//'.'//v%name, v%values%warning_type)
+            if (allocated(v%values)) call values%put(v%group//'.'//v%name, v%values%line_type)
          end associate
       end do
    end subroutine put_settings

@@ -1,17 +1,25 @@
-!> Operations that tests alone need: the training of a surrogate step by step, and a diagnostic with
-!> its numbers. They are those of a core of its own, beside the one that is tested; see
-!> tests/support/testing_core.py.
+!> Operations that tests alone need: the training of a surrogate step by step, the density of a
+!> posterior point by point, and a diagnostic with its numbers. They are those of a core of its
+!> own, beside the one that is tested; see tests/support/testing_core.py.
 module test_operations
+   use, intrinsic :: ieee_arithmetic, only: ieee_negative_inf, ieee_value
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_loc
-   use abstract_basis, only: basis_type
+   use abstract_basis, only: basis_type, grain_model_type
+   use abstract_sampler, only: sampler_type
    use acquisitions, only: new_acquisition
+   use analysis, only: analysis_type
+   use crystal_elasticity, only: path_type
    use diagnostics, only: diagnostic, diagnostics_text
    use evidence_regression, only: coefficient_covariance, coefficient_mean, compute_posterior, &
       & leave_groups_out
    use exchange, only: exchange_type, find_object, register_object, release_object
-   use kinds, only: wp
+   use field_reading, only: choose_field_degree
+   use kinds, only: degree, wp
    use operations, only: perform
+   use random, only: new_random_stream, random_stream_type
+   use samplers, only: chains_type, checkpoint_type, new_sampler, run_settings_type, sample_chains
    use sequential_design, only: compute_variances, set_candidates, update_posterior_mean
+   use shared_errors, only: add_shared
    use surrogate_domain, only: spread_crystals
    use surrogate_learner, only: add_simulations, fit_learner, learner_type, left_out, &
       & new_learner, surrogate_of
@@ -55,6 +63,8 @@ contains
          select type (object)
          class is (basis_type)
             call use_basis(name, object, x, known)
+         type is (analysis_type)
+            call use_analysis(name, object, x, known)
          type is (learner_type)
             call use_learner(name, object, x)
          class default
@@ -80,6 +90,97 @@ contains
 
       call release_object(handle)
    end subroutine test_release
+
+   !> Use the posterior of an analysis point by point.
+   subroutine use_analysis(name, self, x, known)
+      character(len=*), intent(in) :: name
+      type(analysis_type), intent(inout) :: self
+      type(exchange_type), intent(inout), target :: x
+      logical, intent(out) :: known
+      real(wp), pointer :: points(:, :)
+
+      known = .true.
+      if (x%in%has('points')) points => x%in%columns('points', self%posterior%dimension)
+      select case (name)
+      case ('analysis.prepare')
+         ! Set up the posterior, or the prior alone.
+         call self%prepare(x%error)
+         if (allocated(x%error)) return
+         self%posterior%prior_only = x%in%logical('prior_only')
+         call x%out%put('grains', self%posterior%n_grains)
+         call x%out%put('groups', self%posterior%n_groups)
+      case ('analysis.sample')
+         call sample()
+      case ('analysis.evaluate')
+         call evaluate()
+      case ('analysis.read_theory')
+         ! Read the theory from now on as finely as `infer` does for these points.
+         call choose_field_degree(self%posterior, points, x%threads(), x%error)
+      case ('analysis.moduli')
+         call draw_moduli()
+      case default
+         known = .false.
+      end select
+
+   contains
+
+      !> Chains by any sampler.
+      subroutine sample()
+         type(sampler_type) :: sampler
+         type(chains_type) :: chains
+         type(run_settings_type) :: run
+
+         call new_sampler(x%in%text('method'), x%in%integer('burn_in'), sampler, x%error)
+         if (allocated(x%error)) return
+         run = run_settings_type(x%in%integer('samples'), x%in%integer('chains'), x%threads(), &
+            & x%in%integer('seed'))
+         call sample_chains(self%posterior, sampler, run, chains, x%error, checkpoint_type())
+         if (allocated(x%error)) return
+         call x%out%put('draws', chains%draws)
+         call x%out%put('log_density', chains%log_density)
+         call x%out%put('acceptance', chains%acceptance)
+      end subroutine sample
+
+      !> Log density and log likelihood; minus infinity outside the support.
+      subroutine evaluate()
+         integer :: i
+
+         allocate (x%values(size(points, 2), 2))
+         associate (density => self%posterior)
+            call density%evaluate(points, x%values(:, 1))
+            do i = 1, size(points, 2)
+               x%values(i, 2) = x%values(i, 1) - density%log_prior(density%stiffness(points(:, i)))
+            end do
+         end associate
+         where (spread(.not. x%values(:, 1) > -huge(0.0_wp), 2, 2)) x%values = ieee_value(1.0_wp, &
+            & ieee_negative_inf)
+      end subroutine evaluate
+
+      !> Indentation moduli (GPa) of any grains, with the surrogate's error drawn given the data,
+      !> and one plus the calibration error of each group, drawn likewise.
+      subroutine draw_moduli()
+         type(random_stream_type) :: stream
+         class(grain_model_type), allocatable :: grains
+         type(path_type), allocatable :: paths(:)
+         real(wp), allocatable :: factor(:, :)
+         integer :: i
+
+         allocate (paths(size(x%in%columns('euler_deg', 3), 2)))
+         associate (density => self%posterior)
+            call density%new_grains(degree*x%in%columns('euler_deg', 3), paths, grains, x%error)
+            if (allocated(x%error)) return
+            allocate (x%values(size(paths), size(points, 2)), &
+               & factor(density%n_groups, size(points, 2)))
+            stream = new_random_stream(x%in%integer('seed'), 0)
+            do i = 1, size(points, 2)
+               call grains%evaluate_crystals(reshape(density%stiffness(points(:, i)), [6, 6, 1]), &
+                  & x%values(:, i:i))
+               call add_shared(density, points(:, i), grains, stream, x%values(:, i), factor(:, i))
+            end do
+         end associate
+         call x%out%put('factor', factor)
+      end subroutine draw_moduli
+   end subroutine use_analysis
 
    subroutine use_basis(name, basis, x, known)
       character(len=*), intent(in) :: name
