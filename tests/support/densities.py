@@ -32,9 +32,7 @@ class Posterior:
         if what == EXTRACTION:
             self.values = self.analysis._call("infer")
         else:
-            self.values = self.analysis.prepare(what == PRIOR)
-        self.evaluate, self.moduli = self.analysis.log_density, self.analysis.moduli
-        self.sample = self.analysis.sample
+            self.values = self.analysis._call("prepare", prior_only=what == PRIOR)
 
     @classmethod
     def of(
@@ -47,6 +45,35 @@ class Posterior:
     def groups(self) -> int:
         """The number of groups of grains that share an error."""
         return self.values["groups"]
+
+    def evaluate(self, points: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Log density and log likelihood (n,) at points (n, parameters); -inf outside the support.
+        The parameters are the constants in GPa, and the logarithm of the factor on the sds where
+        that is inferred.
+        """
+        density, likelihood = self.analysis._call("evaluate", points=np.atleast_2d(points))[
+            "values"
+        ]
+        return density, likelihood
+
+    def sample(self, method: str = "ensemble", **run: int) -> tuple[np.ndarray, ...]:
+        """Chains by another `&sampler method`, with samples, burn_in, chains, threads and seed:
+        parameters (chains, samples, parameters), log densities (chains, samples), acceptance
+        (chains,).
+        """
+        found = self.analysis._call("sample", method=method, **run)
+        return found["draws"], found["log_density"], found["acceptance"]
+
+    def moduli(
+        self, points: ArrayLike, euler_deg: ArrayLike, seed: int = 0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Indentation moduli (m, n) in GPa of n grains at points (m, parameters), the surrogate's
+        error drawn given the data, and one plus the calibration error of each group (m, groups),
+        drawn likewise.
+        """
+        points, euler_deg = np.atleast_2d(points), np.atleast_2d(euler_deg)
+        found = self.analysis._call("moduli", points=points, euler_deg=euler_deg, seed=seed)
+        return found["values"], found["factor"]
 
     def read_theory(self, x: ArrayLike) -> None:
         """Read the theory from now on as finely as Step 2 does near draws (n, dimension)."""

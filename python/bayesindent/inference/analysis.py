@@ -4,7 +4,6 @@ import json
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..common.progress import show_progress
 from ..core import NativeObject
@@ -40,39 +39,6 @@ class Analysis(NativeObject):
         document = json.loads(self._call(verb, **values)["text"])
         warn_of(document)
         return document
-
-    def prepare(self, prior_only: bool = False) -> dict:
-        """Set up the posterior without sampling it, or the prior alone, and return the numbers of
-        `grains` and of their `groups`.
-        """
-        return self._call("prepare", prior_only=prior_only)
-
-    def log_density(self, points: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Log density and log likelihood (n,) at points (n, parameters); -inf outside the support.
-        The parameters are the constants in GPa, and the logarithm of the factor on the sds where
-        that is inferred.
-        """
-        density, likelihood = self._call("evaluate", points=np.atleast_2d(points))["values"]
-        return density, likelihood
-
-    def sample(self, method: str = "ensemble", **run: int) -> tuple[np.ndarray, ...]:
-        """Chains by another `&sampler method`, with samples, burn_in, chains, threads and seed:
-        parameters (chains, samples, parameters), log densities (chains, samples), acceptance
-        (chains,).
-        """
-        found = self._call("sample", method=method, **run)
-        return found["draws"], found["log_density"], found["acceptance"]
-
-    def moduli(
-        self, points: ArrayLike, euler_deg: ArrayLike, seed: int = 0
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Indentation moduli (m, n) in GPa of n grains at points (m, parameters), the surrogate's
-        error drawn given the data, and one plus the calibration error of each group (m, groups),
-        drawn likewise.
-        """
-        points, euler_deg = np.atleast_2d(points), np.atleast_2d(euler_deg)
-        found = self._call("moduli", points=points, euler_deg=euler_deg, seed=seed)
-        return found["values"], found["factor"]
 
 
 def inference_data(groups: dict[str, tuple[dict, dict]]) -> Any:

@@ -82,11 +82,13 @@ MEASURED, NO_PAPER = ("next", "result", "curves", "diagnostics"), ("next", "diag
 #: Dots per inch of all other files.
 SCREEN = 160
 
-#: Fast compression of runs of equal bytes (Z_RLE of zlib), which suits drawings.
-FAST: dict = {"png": {"pil_kwargs": {"compress_level": 1, "compress_type": 3}}}
-
-#: No dates, so that equal results give equal files.
-UNDATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+#: How files are written: PNG by fast compression of runs of equal bytes (Z_RLE of zlib), which
+#: suits drawings; the others without dates, so that equal results give equal files.
+SAVED: dict[str, dict] = {
+    "png": {"pil_kwargs": {"compress_level": 1, "compress_type": 3}},
+    "svg": {"metadata": {"Date": None}},
+    "pdf": {"metadata": {"CreationDate": None}},
+}
 
 
 def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str, list[dict]]:
@@ -117,11 +119,11 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str,
             lay_out(figure, max((dots for *_, dots in files[width]), default=SCREEN))
             for folder, kind, dots in files[width]:
                 with whole_file(folder / f"{name}.{kind}") as file:
-                    figure.savefig(file, dpi=dots, metadata=UNDATED.get(kind), **FAST.get(kind, {}))
+                    figure.savefig(file, dpi=dots, **SAVED[kind])
             if width == COLUMN:
                 return {}
             buffer = io.BytesIO()
-            figure.savefig(buffer, format="png", **FAST["png"])
+            figure.savefig(buffer, format="png", **SAVED["png"])
         width, height = (72 * inches for inches in figure.get_size_inches())
         return {
             "data": base64.b64encode(buffer.getvalue()).decode(),

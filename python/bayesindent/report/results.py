@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections import defaultdict
 from collections.abc import Callable, Sized
 from functools import cached_property
 from itertools import chain
@@ -64,14 +65,14 @@ class Results:
         else:
             self.resolved = self.result.posterior.attrs["settings"]
             self.documents["extract"] = json.loads(self.result.posterior.attrs["summary"])
-        problem = self.group("problem")
-        self.symmetry = class_name(problem["symmetry"]) if problem.get("symmetry") else ""
-        self.constants = constant_names(self.symmetry) if self.symmetry else ()
-        self.synthetic = bool(problem.get("synthetic", False))
+        problem = self.settings["problem"]
+        symmetry = problem.get("symmetry")
+        self.symmetry = class_name(symmetry) if symmetry else ""
+        self.constants = constant_names(symmetry) if symmetry else ()
+        self.synthetic = problem.get("synthetic", False)
         self.title = problem.get("title") or f"Indentation of {self.symmetry or 'single'} crystals"
-        self.kind = (
-            self.group("measurements").get("modulus_kind", "indentation_modulus").replace("_", " ")
-        )
+        kind = self.settings["measurements"].get("modulus_kind", "indentation_modulus")
+        self.kind = kind.replace("_", " ")
 
     def _read_folder(self) -> None:
         folder = self.folder
@@ -79,7 +80,7 @@ class Results:
             raise InputError(f"{folder}: there is no such folder of results")
         self.manifest = read_json(folder / MANIFEST)
         self.resolved = read_resolved(folder)
-        if name := self.group("surrogate").get("file"):
+        if name := self.settings["surrogate"].get("file"):
             # A killed build may have left a new surrogate beside documents of the last one.
             self.manifest["inputs"] = self.manifest.get("inputs", {}) | surrogate_digest(
                 name, folder, self.namelist_folder
@@ -104,20 +105,17 @@ class Results:
         return Path(self.manifest.get("namelist", ".")).parent
 
     @cached_property
-    def _settings(self) -> dict:
-        """The resolved variables, such as 'problem.title'."""
-        path = self.folder / "resolved.nml"
-        found = call("settings.values", path=path, content=self.resolved) if self.resolved else {}
-        return typed(found)
-
-    def group(self, name: str) -> dict:
-        """The variables of a group of the resolved namelist."""
-        start, given = f"{name}.", f"{name}.given"
-        return {
-            key.removeprefix(start): value
-            for key, value in self._settings.items()
-            if key.startswith(start) and key != given and self._settings[given]
-        }
+    def settings(self) -> dict[str, dict]:
+        """The variables of each group of the resolved namelist; {} for other groups."""
+        groups: dict[str, dict] = defaultdict(dict)
+        if self.resolved:
+            path = self.folder / "resolved.nml"
+            found = typed(call("settings.values", path=path, content=self.resolved))
+            for name, value in found.items():
+                group, _, variable = name.partition(".")
+                if found[f"{group}.given"] and variable != "given":
+                    groups[group][variable] = value
+        return groups
 
     @cached_property
     def reference(self) -> tuple[str, dict[str, float]]:
@@ -125,7 +123,7 @@ class Results:
 
         The problem states them, or its title names a pure metal.
         """
-        if (stated := self.group("problem").get("reference_gpa")) is not None and len(stated):
+        if (stated := self.settings["problem"].get("reference_gpa")) is not None and len(stated):
             values = dict(zip(self.constants, map(float, stated)))
             return "truth" if self.synthetic else "reference", values
         if self.metal:
@@ -151,7 +149,7 @@ class Results:
     @property
     def without_orientations(self) -> bool:
         """Whether the measured grains have unknown orientations."""
-        return self.group("measurements").get("orientations") == "unknown"
+        return self.settings["measurements"].get("orientations") == "unknown"
 
     @property
     def predicted(self) -> list[dict]:
@@ -191,8 +189,13 @@ class Results:
         )
         if not self.simulations or len(simulated) != len(theory):
             return None
-        pairs = [exact for row, exact in zip(simulated, theory) if succeeded(row)]
-        return np.array([exact["indentation_modulus_gpa"] for exact in pairs])
+        return np.array(
+            [
+                exact["indentation_modulus_gpa"]
+                for row, exact in zip(simulated, theory)
+                if succeeded(row)
+            ]
+        )
 
     @cached_property
     def posterior(self) -> dict:
@@ -234,7 +237,7 @@ class Results:
 
     def as_measured(self, modulus: ArrayLike) -> np.ndarray:
         """Convert indentation moduli (GPa) to the measured kind of modulus."""
-        group = self.group("measurements")
+        group = self.settings["measurements"]
         constants = ("indenter_modulus_gpa", "indenter_nu", "sample_nu")
         found = call(
             "crystal.moduli_of_kind",
@@ -254,7 +257,9 @@ class Results:
         if isinstance(held, Surrogate):
             return held
         # Namelists of the library need not state the name of the surrogate.
-        name = held or self.group("surrogate").get("file") or Path(self.built.get("file", "")).name
+        name = (
+            held or self.settings["surrogate"].get("file") or Path(self.built.get("file", "")).name
+        )
         try:
             return Surrogate.load(
                 name, symmetry=self.symmetry, output=self.folder, folder=self.namelist_folder

@@ -249,7 +249,7 @@ def provenance_rows(results: Results) -> list[list]:
         ["bayesindent", __version__],
         ["Python, system", system],
         ["NumPy, SciPy, ArviZ", ", ".join(map(metadata.version, ("numpy", "scipy", "arviz")))],
-        ["seed", results.group("problem").get("seed", "–")],
+        ["seed", results.settings["problem"].get("seed", "–")],
         ["last command", command],
         ["SHA-256 of the resolved input", digest if results.resolved else "–"],
     ]

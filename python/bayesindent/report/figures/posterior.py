@@ -22,7 +22,6 @@ from .style import (
     legend_above,
     panels,
     parity_panels,
-    sd_axes,
 )
 
 #: Samples of normal numbers behind the band of the quantiles.
@@ -150,16 +149,7 @@ def pairs(results: Results) -> Picture:
         if i < j:
             cell.axis("off")
             text = f"{correlation[i, j]:+.2f}".replace("-", "−")
-            cell.text(
-                0.5,
-                0.5,
-                text,
-                ha="center",
-                va="center",
-                size=11,
-                color="#555555",
-                transform=cell.transAxes,
-            )
+            cell.text(0.5, 0.5, text, ha="center", va="center", size=11, color="#555555")
         elif i == j:
             cell.stairs(*np.histogram(table[i], 36), fill=True, color=SKY, alpha=0.7)
             cell.set_yticks([])
@@ -198,21 +188,19 @@ def grain_comparison(results: Results) -> Picture:
 
 def velocities(results: Results) -> Picture:
     """Measured against predicted speeds of waves."""
-    left_out = results.extracted.get("velocities_left_out", 0)
+    left_out = results.extracted.get("velocities_left_out")
     more = f" Left out: {left_out}." if left_out else ""
     return compared(results.velocities, results.speed, "m/s", "directions", more)
-
-
-def numbers_of(item: dict) -> list[float]:
-    """The measured value and its sd, and the predicted mean and sd; 0 for what is not there."""
-    return [item.get(name) or 0.0 for name in ("measured", "measured_sd", "mean", "sd")]
 
 
 def compared(items: list[dict], quantity: str, unit: str, of: str, more: str = "") -> Picture:
     """Measured against predicted values, and the residuals, in units of the stated sd where there
     is one.
     """
-    measured, error, mean, sd = np.array(list(map(numbers_of, present(items)))).T
+    names = ("measured", "measured_sd", "mean", "sd")
+    measured, error, mean, sd = (
+        np.array([item.get(name) or 0.0 for item in present(items)]) for name in names
+    )
     stated = bool(np.all(error > 0))
     residual = (measured - mean) / (error if stated else 1.0)
     labels = (
@@ -221,8 +209,9 @@ def compared(items: list[dict], quantity: str, unit: str, of: str, more: str = "
         f"measured - predicted ({'sd' if stated else unit})",
     )
     small = {"ms": 3, "lw": 0.5} if len(items) > MANY else {}
-    figure, right = parity_panels(mean, measured, residual, labels, yerr=error, xerr=sd, **small)
-    sd_axes(right, stated)
+    figure, right = parity_panels(
+        mean, measured, residual, labels, stated, yerr=error, xerr=sd, **small
+    )
     for index in np.flatnonzero(np.abs(residual) > 2) if stated else ():
         right.annotate(
             str(index + 1), (mean[index], residual[index]), (4, 3), textcoords="offset points"
