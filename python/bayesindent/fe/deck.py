@@ -4,6 +4,7 @@ GPa.
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import count
 from types import SimpleNamespace
 
 import numpy as np
@@ -140,12 +141,11 @@ def springs(facet: np.ndarray, infinite: np.ndarray, offset: int) -> Iterator[st
             ground[(end,)] += matrix[i].sum()
             for j in range(i):
                 pairs[tuple(sorted((end, freedom[j])))] -= matrix[i, j]
-    number = offset
+    numbers = count(offset + 1)
     for name, kind, items in (("G", "SPRING1", ground), ("S", "SPRING2", pairs)):
         for i, (ends, value) in enumerate(items.items()):
-            number += 1
             yield f"*ELEMENT, TYPE={kind}, ELSET={name}{i}"
-            yield f"{number}, " + ", ".join(str(end // 3 + 1) for end in ends)
+            yield f"{next(numbers)}, " + ", ".join(str(end // 3 + 1) for end in ends)
             # CalculiX reads a number without a decimal point as a degree of freedom.
             yield from (
                 f"*SPRING, ELSET={name}{i}",

@@ -35,26 +35,26 @@ def compare(*results: Any, output: Any = None) -> dict:
                 f"{name}: there is no posterior of its latest inputs in it; "
                 f"'bayesindent extract FILE.nml --output {name}' makes one"
             )
-        warnings += [
-            diagnostic("compared_unusable", f"{name} cannot be used: {reason}")
-            for reason in summary["reasons"]
-        ]
+        for reason in summary["reasons"]:
+            warnings.append(diagnostic("compared_unusable", f"{name} cannot be used: {reason}"))
         if found := summary.get("evidence"):
             evidence.append({"run": name} | found)
         for constant in run.constants:
             item = summary["parameters"][constant]
             other = first.setdefault(constant, item)
             low, high = item["hdi_95"]
-            row = {
-                "constant": constant,
-                "run": name,
-                "mean_gpa": item["mean"],
-                "sd_gpa": item["sd"],
-                "low_95_gpa": low,
-                "high_95_gpa": high,
-                "difference_sd": (item["mean"] - other["mean"]) / hypot(item["sd"], other["sd"]),
-            }
-            rows.append(row)
+            rows.append(
+                {
+                    "constant": constant,
+                    "run": name,
+                    "mean_gpa": item["mean"],
+                    "sd_gpa": item["sd"],
+                    "low_95_gpa": low,
+                    "high_95_gpa": high,
+                    "difference_sd": (item["mean"] - other["mean"])
+                    / hypot(item["sd"], other["sd"]),
+                }
+            )
         # The constants of those draws for which the likelihood of each grain is stored.
         axes, stored = ("chain", "draw"), slice(None, None, posterior["stride"])
         chains = {label: (axes, values[:, stored]) for label, values in run.samples.items()}

@@ -91,7 +91,6 @@ def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]
         [*exponent_cells(results, row), *identifiability_cells(row)]
         for row in results.identifiability("combination")
     ]
-    rows["grains"] = rows["predicted"]
     rows["velocities"] = [
         [*grain_cells(row, item), *wave_cells(item)]
         for row, item in enumerate(results.velocities, start=1)

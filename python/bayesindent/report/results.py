@@ -71,8 +71,19 @@ class Results:
         self.constants = constant_names(symmetry) if symmetry else ()
         self.synthetic = problem.get("synthetic", False)
         self.title = problem.get("title") or f"Indentation of {self.symmetry or 'single'} crystals"
-        kind = self.settings["measurements"].get("modulus_kind", "indentation_modulus")
-        self.kind = kind.replace("_", " ")
+        measured = self.settings["measurements"]
+        self.kind = measured.get("modulus_kind", "indentation_modulus").replace("_", " ")
+        #: Whether the measured grains have unknown orientations.
+        self.without_orientations = measured.get("orientations") == "unknown"
+        found = self.extracted.get("predicted", [])
+        #: Moduli of the grains, and speeds of waves, measured and predicted.
+        self.predicted = [item for item in found if "propagation_deg" not in item]
+        self.velocities = [item for item in found if "propagation_deg" in item]
+        wave = "wave" if any("wave" in item for item in self.velocities) else "Rayleigh"
+        #: The name of the measured speeds.
+        self.speed = f"{wave} velocity"
+        #: Simulated crystals that did not fail.
+        self.simulations = list(filter(succeeded, self.documents["simulate"].get("results", [])))
 
     def _read_folder(self) -> None:
         folder = self.folder
@@ -136,9 +147,10 @@ class Results:
         named = (
             metal
             for metal in metals().values()
-            if re.search(rf"\b{metal.name}\b", self.title, re.IGNORECASE)
+            if metal.symmetry == self.symmetry
+            and re.search(rf"\b{metal.name}\b", self.title, re.IGNORECASE)
         )
-        return next((metal for metal in named if metal.symmetry == self.symmetry), None)
+        return next(named, None)
 
     @property
     def warnings(self) -> list[dict]:
@@ -146,40 +158,9 @@ class Results:
         found = [document.get("warnings", []) for document in self.documents.values()]
         return distinct(chain(self.edited, *found))
 
-    @property
-    def without_orientations(self) -> bool:
-        """Whether the measured grains have unknown orientations."""
-        return self.settings["measurements"].get("orientations") == "unknown"
-
-    @property
-    def predicted(self) -> list[dict]:
-        """Moduli of the grains, measured and predicted."""
-        return self._compared(waves=False)
-
-    @property
-    def velocities(self) -> list[dict]:
-        """Speeds of waves, measured and predicted."""
-        return self._compared(waves=True)
-
-    def _compared(self, waves: bool) -> list[dict]:
-        found = self.extracted.get("predicted", [])
-        return [item for item in found if ("propagation_deg" in item) == waves]
-
-    @property
-    def speed(self) -> str:
-        """The name of the measured speeds."""
-        return (
-            f"{'wave' if any('wave' in item for item in self.velocities) else 'Rayleigh'} velocity"
-        )
-
     def identifiability(self, kind: str) -> list[dict]:
         """Rows of the document of `extract` on each 'combination', 'quantity' or 'knowledge'."""
         return [row for row in self.extracted.get("identifiability", []) if row["kind"] == kind]
-
-    @property
-    def simulations(self) -> list[dict]:
-        """Simulated crystals that did not fail."""
-        return [row for row in self.documents["simulate"].get("results", []) if succeeded(row)]
 
     @property
     def theory_moduli(self) -> np.ndarray | None:

@@ -48,7 +48,7 @@ def report_rows(results: Results) -> dict[str, list[list]]:
         "constants": [
             constant_row(name, item, results.reference[1]) for name, item in parameters.items()
         ],
-        "predicted": [
+        "grains": [
             [*grain_cells(row, item), *compared_cells(item), number(rounded_residual(item))]
             for row, item in enumerate(results.predicted, start=1)
         ],

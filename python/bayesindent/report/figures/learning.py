@@ -90,7 +90,7 @@ def against_simulated(
 ) -> Figure:
     """Predicted against simulated moduli, with one sd, and the errors in units of the sd."""
     labels = ("simulated modulus (GPa)", "predicted modulus (GPa)", "(predicted - simulated) / sd")
-    small = {"ms": 1.5, "lw": 0.4, "ecolor": SKY} if len(simulated) > MANY else {}
+    small: dict = {"ms": 1.5, "lw": 0.4, "ecolor": SKY} if len(simulated) > MANY else {}
     return parity_panels(simulated, predicted, z, labels, yerr=sd, **small)[0]
 
 

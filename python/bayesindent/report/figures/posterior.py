@@ -16,7 +16,6 @@ from .style import (
     RED,
     SKY,
     Picture,
-    density_axes,
     grid_of_constants,
     is_column,
     legend_above,
@@ -105,10 +104,11 @@ def marginals(results: Results) -> Picture:
     samples, parameters = present(results.samples), results.extracted["parameters"]
     label, reference = results.reference
     figure, grid = grid_of_constants(samples, 1.9, 0.3)
+    entries: dict = {}
     for (name, axes), before in zip(
         grid.items(), np.moveaxis(results.posterior["prior_draws"], -1, 0)
     ):
-        after, best = samples[name], parameters[name]["map"]
+        after = samples[name]
         low, high = np.percentile(before, [0.5, 99.5])
         edges = np.linspace(min(low, after.min()), max(high, after.max()), 61)
         for values, colour, words in ((before, "0.7", "prior"), (after, BLUE, "posterior")):
@@ -118,13 +118,23 @@ def marginals(results: Results) -> Picture:
                 counts / counts.max(), edges, color=colour, fill=True, alpha=0.6, label=words
             )
         for value, colour, words in (
-            (best, RED, "most probable"),
+            (parameters[name]["map"], RED, "most probable"),
             (reference.get(name), BLACK, label),
         ):
             if value is not None:
                 axes.axvline(value, color=colour, ls="--", lw=1, label=words)
-        axes.set(ylim=(0, 1.05), title=f"{plus_minus(parameters[name])} GPa")
-    density_axes(figure, grid)
+        # The heights have no meaning.
+        axes.set(
+            xlabel=f"{subscript(name)} (GPa)",
+            ylim=(0, 1.05),
+            yticks=[],
+            title=f"{plus_minus(parameters[name])} GPa",
+        )
+        axes.grid(False)
+        axes.spines["left"].set_visible(False)
+        handles, labels = axes.get_legend_handles_labels()
+        entries |= zip(labels, handles)
+    legend_above(figure, entries.values(), entries.keys())
     return Picture(
         figure,
         "Each constant before the measurements (grey: the prior with what else was known) and "
@@ -208,7 +218,7 @@ def compared(items: list[dict], quantity: str, unit: str, of: str, more: str = "
         f"measured {quantity} ({unit})",
         f"measured - predicted ({'sd' if stated else unit})",
     )
-    small = {"ms": 3, "lw": 0.5} if len(items) > MANY else {}
+    small: dict = {"ms": 3, "lw": 0.5} if len(items) > MANY else {}
     figure, right = parity_panels(
         mean, measured, residual, labels, stated, yerr=error, xerr=sd, **small
     )

@@ -52,13 +52,12 @@ def theory(results: Results) -> Picture:
         raise NothingToShow
     simulated = np.array([row["indentation_modulus_gpa"] for row in rows])
     values = 100 * (simulated / exact - 1)
-    largest = np.abs(values).max()
     labels = ("half-space theory (GPa)", "finite elements (GPa)", "difference (%)")
     figure, right = parity_panels(exact, simulated, values, labels, bands=False, ms=4)
+    largest = np.abs(values).max()
     # Limits that show the line of zero and all values.
-    limit = 1.25 * max(largest, 0.1)
-    low, high = 1.25 * values.min(), 1.25 * values.max()
-    right.set_ylim(min(-0.25 * limit, low), max(0.25 * limit, high))
+    least = max(largest, 0.1) / 4
+    right.set_ylim(1.25 * min(-least, values.min()), 1.25 * max(least, values.max()))
     return Picture(
         figure,
         "Finite elements beside the exact theory of the half-space: they differ by at most "

@@ -14,8 +14,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from ..formatting import subscript
-
 # The palette of Okabe and Ito, which colour-blind readers can distinguish.
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PURPLE = (
     "#000000",
@@ -130,18 +128,6 @@ def grid_of_constants(
     for spare in grid.ravel()[len(names) :]:
         spare.remove()
     return figure, dict(zip(names, grid.ravel()))
-
-
-def density_axes(figure: Figure, grid: dict[str, Any]) -> None:
-    """Label axes of histograms, whose heights have no meaning, and add one legend."""
-    entries: dict = {}
-    for name, axes in grid.items():
-        axes.set(xlabel=f"{subscript(name)} (GPa)", yticks=[])
-        axes.grid(False)
-        axes.spines["left"].set_visible(False)
-        for handle, label in zip(*axes.get_legend_handles_labels()):
-            entries.setdefault(label, handle)
-    legend_above(figure, entries.values(), entries.keys())
 
 
 @contextmanager
