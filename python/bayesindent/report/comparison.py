@@ -35,8 +35,10 @@ def compare(*results: Any, output: Any = None) -> dict:
                 f"{name}: there is no posterior of its latest inputs in it; "
                 f"'bayesindent extract FILE.nml --output {name}' makes one"
             )
-        for reason in summary["reasons"]:
-            warnings.append(diagnostic("compared_unusable", f"{name} cannot be used: {reason}"))
+        warnings += [
+            diagnostic("compared_unusable", f"{name} cannot be used: {reason}")
+            for reason in summary["reasons"]
+        ]
         if found := summary.get("evidence"):
             evidence.append({"run": name} | found)
         for constant in run.constants:
