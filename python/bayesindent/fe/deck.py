@@ -9,6 +9,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from ..settings.problem import batched
+
 #: Voigt indices (order 11,22,33,23,13,12) in the order 11,22,33,12,13,23 of *ELASTIC, TYPE=ANISO.
 ABAQUS_ORDER = (0, 1, 2, 5, 4, 3)
 
@@ -65,9 +67,7 @@ def write_deck(
             terms = [f"{node + 1}, {axis}, 1.0"] + [
                 f"{m + 1}, {axis}, {-1.0 / len(masters)!r}" for m in masters
             ]
-            lines += ["*EQUATION", str(len(terms))] + [
-                ", ".join(terms[i : i + 4]) for i in range(0, len(terms), 4)
-            ]
+            lines += ["*EQUATION", str(len(terms)), *map(", ".join, batched(terms, 4))]
     lines += ["*BOUNDARY"] + [f"{n + 1}, 1, 3" for n in mesh.clamped] + [f"{indenter}, 1, 2"]
     for depth in depths:
         lines += ["*STEP, INC=100", "*STATIC", "1.0, 1.0"]
@@ -91,10 +91,7 @@ def elastic_constants(stiffness: np.ndarray) -> list[str]:
     """The 21 constants column by column of the upper triangle, eight a line."""
     order = stiffness[np.ix_(ABAQUS_ORDER, ABAQUS_ORDER)]
     values = [f"{order[i, j]:.10g}" for j in range(6) for i in range(j + 1)]
-    return [
-        ", ".join(values[i : i + 8]) + ("," if i + 8 < len(values) else "")
-        for i in range(0, len(values), 8)
-    ]
+    return ",\n".join(map(", ".join, batched(values, 8))).splitlines()
 
 
 def gaps(mesh: SimpleNamespace, indenter: int, offset: int) -> list[str]:

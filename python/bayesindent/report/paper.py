@@ -41,9 +41,6 @@ def methods(results: Results) -> tuple[str, str]:
 #: Headers of Bunge's angles.
 ANGLES = ("φ₁ (°)", "Φ (°)", "φ₂ (°)")
 
-#: GPa in MPa.
-MPA = 1000.0
-
 #: What the solvers call an anisotropic material.
 SOLVERS = {"abaqus": "ANISOTROPIC", "calculix": "ANISO"}
 
@@ -185,6 +182,6 @@ def card(results: Results, matrix: np.ndarray, solver: str) -> str:
         version=__version__,
         constants=enumeration(constants),
         type=SOLVERS[solver],
-        stiffness="\n".join(elastic_constants(MPA * matrix)),
+        stiffness="\n".join(elastic_constants(1000 * matrix)),
     )
     return text + "\n"

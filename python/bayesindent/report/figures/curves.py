@@ -8,7 +8,6 @@ from ...pipeline.curves import read_columns
 from ..results import NothingToShow, Results, present
 from .style import (
     BLACK,
-    BLUE,
     CYCLE,
     GREEN,
     ORANGE,
@@ -113,7 +112,7 @@ def curve_moduli(results: Results) -> Picture:
     columns = itemgetter("effective_modulus_gpa", "sd_gpa", "own_sd_gpa")
     moduli, sds, own = zip(*map(columns, document["grains"]))
     axes.errorbar(place, moduli, sds, fmt="none", color=SKY, lw=4, label="sd")
-    axes.errorbar(place, moduli, own, fmt="o", color=BLUE, ms=4, label="sd of the grain's own")
+    axes.errorbar(place, moduli, own, fmt="o", ms=4, label="sd of the grain's own")
     crowded = len(grains) > (7 if is_column() else 15)
     axes.set_xticks(place, grains, rotation=90 * crowded)
     low, high = axes.get_ylim()

@@ -15,7 +15,7 @@ from ...crystal.directions import (
 )
 from ..formatting import direction_name, has_four_indices
 from ..results import NothingToShow, Results, present
-from .style import BLACK, BLUE, SKY, Picture, legend_above, panels
+from .style import BLACK, SKY, Picture, legend_above, panels
 
 #: Draws of the posterior for which the surrogate predicts moduli.
 DRAWS = 100
@@ -65,7 +65,7 @@ def orientations(results: Results) -> Picture:
             lw=0,
             label="predicted, ± 2 sd",
         )
-        axes.plot(angle, mean, color=BLUE, label="predicted, mean")
+        axes.plot(angle, mean, label="predicted, mean")
         if grains:
             axes.errorbar(
                 declination(directions),

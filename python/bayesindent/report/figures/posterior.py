@@ -50,7 +50,7 @@ def residuals(results: Results) -> Picture:
         quantiles, low, high, color=SKY, alpha=0.35, lw=0, label="95 % of normal samples"
     )
     axes.plot(quantiles[[0, -1]], quantiles[[0, -1]], color=BLACK, lw=0.8)
-    axes.plot(quantiles, values, "o", color=BLUE, ms=3 if count > MANY else 4)
+    axes.plot(quantiles, values, "o", ms=3 if count > MANY else 4)
     axes.set(xlabel="quantile of a normal distribution", ylabel="residual / sd, in order")
     axes.legend(loc="upper left")
     return Picture(
@@ -166,9 +166,7 @@ def pairs(results: Results) -> Picture:
             if reference:
                 cell.axvline(true[i], color=RED, lw=1)
         else:
-            cell.plot(
-                table[j], table[i], ".", ms=2.2, alpha=0.4, color=BLUE, rasterized=True, mew=0
-            )
+            cell.plot(table[j], table[i], ".", ms=2.2, alpha=0.4, rasterized=True, mew=0)
             if reference:
                 cell.plot(true[j], true[i], "+", color=RED, ms=9, mew=1.6)
         if i == last:
