@@ -201,14 +201,16 @@ def velocities(results: Results) -> Picture:
     return compared(results.velocities, results.speed, "m/s", "directions", more)
 
 
+def numbers_of(item: dict) -> list[float]:
+    """The measured value and its sd, and the predicted mean and sd; 0 for what is not there."""
+    return [item.get(name) or 0.0 for name in ("measured", "measured_sd", "mean", "sd")]
+
+
 def compared(items: list[dict], quantity: str, unit: str, of: str, more: str = "") -> Picture:
     """Measured against predicted values, and the residuals, in units of the stated sd where there
     is one.
     """
-    names = ("measured", "measured_sd", "mean", "sd")
-    measured, error, mean, sd = (
-        np.array([item.get(name) or 0.0 for item in present(items)]) for name in names
-    )
+    measured, error, mean, sd = np.array(list(map(numbers_of, present(items)))).T
     stated = bool(np.all(error > 0))
     residual = (measured - mean) / (error if stated else 1.0)
     labels = (
