@@ -297,7 +297,7 @@ contains
       call check('what is not stated is as needed', .not. any(abs(automatic &
          & - [coarse(1), extrapolated(2)]) > 0.0_wp) .and. extrapolated(1) < coarse(1))
       call check('what remains is warned of', index(warning, '1 of 2 crystals are so near ' &
-         & //'instability') == 1 .and. index(warning, 'with the theory (rows 2)') > 0, warning)
+         & //'instability') == 1 .and. index(warning, ' % (rows 2)') > 0, warning)
       settings%simulation%extrapolate = .false.
       settings%specimen%geometry = 'block'
       call simulation_error(settings, pair, block, warning)

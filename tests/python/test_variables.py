@@ -288,7 +288,7 @@ def reported(folder, groups):
         results.title,
         results.synthetic,
         results.reference,
-        results.group("knowledge").get("source"),
+        results.settings["knowledge"].get("source"),
     )
 
 

@@ -5,9 +5,6 @@ from collections.abc import Iterable
 
 from ..core import call
 
-#: What introduces a severity for people.
-LABELS = {"unusable": "the result cannot be used"}
-
 
 def diagnostic(code: str, subject: str = "") -> dict:
     """A diagnostic without numbers."""
@@ -22,7 +19,8 @@ def message(found: dict) -> str:
 
 def labelled(found: dict) -> str:
     """The message of a diagnostic after its severity."""
-    return f"{LABELS.get(found['severity'], found['severity'])}: {message(found)}"
+    severity = "the result cannot be used" if is_unusable(found) else found["severity"]
+    return f"{severity}: {message(found)}"
 
 
 def is_unusable(found: dict) -> bool:

@@ -118,12 +118,8 @@ def polycrystal_averages(stiffness: ArrayLike) -> dict[str, np.ndarray]:
     """Voigt's and Reuss's bulk and shear moduli (GPa) of `stiffness` (..., 6, 6) in GPa; Reuss's
     NaN where not Born-stable.
     """
-    return dict(
-        zip(
-            ("bulk_voigt", "shear_voigt", "bulk_reuss", "shear_reuss"),
-            _averages(stiffness)[2:],
-        )
-    )
+    names = ("bulk_voigt", "shear_voigt", "bulk_reuss", "shear_reuss")
+    return dict(zip(names, _averages(stiffness)[2:]))
 
 
 def _averages(stiffness: ArrayLike) -> np.ndarray:

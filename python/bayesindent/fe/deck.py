@@ -4,9 +4,12 @@ GPa.
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import count
 from types import SimpleNamespace
 
 import numpy as np
+
+from ..settings.problem import batched
 
 #: Voigt indices (order 11,22,33,23,13,12) in the order 11,22,33,12,13,23 of *ELASTIC, TYPE=ANISO.
 ABAQUS_ORDER = (0, 1, 2, 5, 4, 3)
@@ -64,9 +67,7 @@ def write_deck(
             terms = [f"{node + 1}, {axis}, 1.0"] + [
                 f"{m + 1}, {axis}, {-1.0 / len(masters)!r}" for m in masters
             ]
-            lines += ["*EQUATION", str(len(terms))] + [
-                ", ".join(terms[i : i + 4]) for i in range(0, len(terms), 4)
-            ]
+            lines += ["*EQUATION", str(len(terms)), *map(", ".join, batched(terms, 4))]
     lines += ["*BOUNDARY"] + [f"{n + 1}, 1, 3" for n in mesh.clamped] + [f"{indenter}, 1, 2"]
     for depth in depths:
         lines += ["*STEP, INC=100", "*STATIC", "1.0, 1.0"]
@@ -90,10 +91,7 @@ def elastic_constants(stiffness: np.ndarray) -> list[str]:
     """The 21 constants column by column of the upper triangle, eight a line."""
     order = stiffness[np.ix_(ABAQUS_ORDER, ABAQUS_ORDER)]
     values = [f"{order[i, j]:.10g}" for j in range(6) for i in range(j + 1)]
-    return [
-        ", ".join(values[i : i + 8]) + ("," if i + 8 < len(values) else "")
-        for i in range(0, len(values), 8)
-    ]
+    return ",\n".join(map(", ".join, batched(values, 8))).splitlines()
 
 
 def gaps(mesh: SimpleNamespace, indenter: int, offset: int) -> list[str]:
@@ -140,12 +138,11 @@ def springs(facet: np.ndarray, infinite: np.ndarray, offset: int) -> Iterator[st
             ground[(end,)] += matrix[i].sum()
             for j in range(i):
                 pairs[tuple(sorted((end, freedom[j])))] -= matrix[i, j]
-    number = offset
+    numbers = count(offset + 1)
     for name, kind, items in (("G", "SPRING1", ground), ("S", "SPRING2", pairs)):
         for i, (ends, value) in enumerate(items.items()):
-            number += 1
             yield f"*ELEMENT, TYPE={kind}, ELSET={name}{i}"
-            yield f"{number}, " + ", ".join(str(end // 3 + 1) for end in ends)
+            yield f"{next(numbers)}, " + ", ".join(str(end // 3 + 1) for end in ends)
             # CalculiX reads a number without a decimal point as a degree of freedom.
             yield from (
                 f"*SPRING, ELSET={name}{i}",

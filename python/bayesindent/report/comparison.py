@@ -45,16 +45,18 @@ def compare(*results: Any, output: Any = None) -> dict:
             item = summary["parameters"][constant]
             other = first.setdefault(constant, item)
             low, high = item["hdi_95"]
-            row = {
-                "constant": constant,
-                "run": name,
-                "mean_gpa": item["mean"],
-                "sd_gpa": item["sd"],
-                "low_95_gpa": low,
-                "high_95_gpa": high,
-                "difference_sd": (item["mean"] - other["mean"]) / hypot(item["sd"], other["sd"]),
-            }
-            rows.append(row)
+            rows.append(
+                {
+                    "constant": constant,
+                    "run": name,
+                    "mean_gpa": item["mean"],
+                    "sd_gpa": item["sd"],
+                    "low_95_gpa": low,
+                    "high_95_gpa": high,
+                    "difference_sd": (item["mean"] - other["mean"])
+                    / hypot(item["sd"], other["sd"]),
+                }
+            )
         # The constants of those draws for which the likelihood of each grain is stored.
         axes, stored = ("chain", "draw"), slice(None, None, posterior["stride"])
         chains = {label: (axes, values[:, stored]) for label, values in run.samples.items()}

@@ -2,6 +2,7 @@
 
 import base64
 import io
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from itertools import chain, product
@@ -82,15 +83,17 @@ MEASURED, NO_PAPER = ("next", "result", "curves", "diagnostics"), ("next", "diag
 #: Dots per inch of all other files.
 SCREEN = 160
 
-#: Fast compression of runs of equal bytes (Z_RLE of zlib), which suits drawings.
-FAST: dict = {"png": {"pil_kwargs": {"compress_level": 1, "compress_type": 3}}}
-
-#: No dates, so that equal results give equal files.
-UNDATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+#: How files are written: PNG by fast compression of runs of equal bytes (Z_RLE of zlib), which
+#: suits drawings; the others without dates, so that equal results give equal files.
+SAVED: dict[str, dict] = {
+    "png": {"pil_kwargs": {"compress_level": 1, "compress_type": 3}},
+    "svg": {"metadata": {"Date": None}},
+    "pdf": {"metadata": {"CreationDate": None}},
+}
 
 
 def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str, list[dict]]:
-    """Draw all figures of the results; return for each section their PNG (base 64) and texts.
+    """Draw all figures of the results; return them by section, see `embedded`.
 
     `kind_of_files`: a format in which figures are also written to the folder `figures`. `paper`:
     also write figures as wide as a column, and their numbers as CSV, to `paper/figures`.
@@ -99,51 +102,47 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str,
     files = {WIDTH: [(results.folder / "figures", kind_of_files, SCREEN)] if kind_of_files else []}
     if paper:
         files[COLUMN] = [(paper_folder, kind, dots) for kind, dots in FOR_PAPERS.items()]
-    pictures: dict[tuple[float, str], Picture] = {}
+    pictures: dict[tuple[float, str], tuple[str, Picture]] = {}
     for width, (section, function) in product(files, FIGURES):
         if width == WIDTH or section not in NO_PAPER:
             with house_style(width), suppress(NothingToShow):
-                picture = pictures[width, function.__name__] = function(results)
+                picture = function(results)
+                pictures[width, function.__name__] = section, picture
                 if results.synthetic and section in MEASURED:
                     stamp_synthetic(picture.figure)
-
-    def draw(key: tuple[float, str]) -> dict:
-        (width, name), picture = key, pictures[key]
-        figure = picture.figure
-        with house_style(width):
-            if width == COLUMN:
-                letter_panels(figure)
-                write_csv(paper_folder / f"{name}.csv", *figure_table(picture), picture.caption)
-            lay_out(figure, max((dots for *_, dots in files[width]), default=SCREEN))
-            for folder, kind, dots in files[width]:
-                with whole_file(folder / f"{name}.{kind}") as file:
-                    figure.savefig(file, dpi=dots, metadata=UNDATED.get(kind), **FAST.get(kind, {}))
-            if width == COLUMN:
-                return {}
-            buffer = io.BytesIO()
-            figure.savefig(buffer, format="png", **FAST["png"])
-        width, height = (72 * inches for inches in figure.get_size_inches())
-        return {
-            "data": base64.b64encode(buffer.getvalue()).decode(),
-            "alt": picture.alt,
-            "caption": picture.caption,
-            "width": width,
-            "height": height,
-            "text": text_size(figure),
-        }
-
-    drawn = {}
+    drawn: dict[str, list[dict]] = defaultdict(list)
     with progress_bar("figures", len(pictures)) as counted:
-        for key in pictures:
-            drawn[key] = draw(key)
+        for (width, name), (section, picture) in pictures.items():
+            figure = picture.figure
+            with house_style(width):
+                if width == COLUMN:
+                    letter_panels(figure)
+                    write_csv(paper_folder / f"{name}.csv", *figure_table(picture), picture.caption)
+                lay_out(figure, max((dots for *_, dots in files[width]), default=SCREEN))
+                for folder, kind, dots in files[width]:
+                    with whole_file(folder / f"{name}.{kind}") as file:
+                        figure.savefig(file, dpi=dots, **SAVED[kind])
+                if width == WIDTH:
+                    drawn[section].append(embedded(picture))
             counted()
-    sections: dict[str, list[dict]] = {}
-    for section, function in FIGURES:
-        name = function.__name__
-        if (WIDTH, name) in drawn:
-            sections.setdefault(section, []).append(drawn[WIDTH, name])
-            continue
-        # Remove files of other inputs.
-        for folder, kind, _ in chain(*files.values(), [(paper_folder, "csv", 0)] * paper):
-            (folder / f"{name}.{kind}").unlink(missing_ok=True)
-    return sections
+    for _, function in FIGURES:
+        if (WIDTH, function.__name__) not in pictures:
+            # Remove files of other inputs.
+            for folder, kind, _ in chain(*files.values(), [(paper_folder, "csv", 0)] * paper):
+                (folder / f"{function.__name__}.{kind}").unlink(missing_ok=True)
+    return drawn
+
+
+def embedded(picture: Picture) -> dict:
+    """The PNG of a figure (base 64), its texts, and its sizes in points."""
+    buffer = io.BytesIO()
+    picture.figure.savefig(buffer, format="png", **SAVED["png"])
+    width, height = (72 * inches for inches in picture.figure.get_size_inches())
+    return {
+        "data": base64.b64encode(buffer.getvalue()).decode(),
+        "alt": picture.alt,
+        "caption": picture.caption,
+        "width": width,
+        "height": height,
+        "text": text_size(picture.figure),
+    }

@@ -15,17 +15,12 @@ from ..version import __version__
 from .formatting import SHARE_HEADER, enumeration, latex, number, numbers, share_cells
 from .results import Results
 from .sections import compared_cells, grain_cells, identifiability_cells, report_rows
-from .summary import indenter, measured_ranges, specimen, with_count, with_verdict
 from .templates import read_data, render
 
 
 def methods(results: Results) -> tuple[str, str]:
     """The paragraph in LaTeX, and the works that it cites in BibTeX."""
-    document = results.extracted
-    parameters = document["parameters"]
-    moduli, sds = measured_ranges(results)
-    chains = [item for item in parameters.values() if item["r_hat"] is not None]
-    combinations = results.identifiability("combination")
+    parameters = results.extracted["parameters"]
     constants = [
         rf"${name[0]}_{{{name[1:]}}} = {item['mean']:.1f} \pm {item['sd']:.1f}$~GPa"
         if name in results.constants
@@ -35,21 +30,7 @@ def methods(results: Results) -> tuple[str, str]:
     text = render(
         "methods.tex.j2",
         results=results,
-        document=document,
-        build=results.built,
-        version=__version__,
-        measurements=results.group("measurements"),
-        grains=with_count(len(results.predicted), "grain"),
-        moduli=moduli,
-        sds=sds,
-        specimen=specimen(results),
-        indenter=indenter(results),
-        chains=with_count(document["chains"], "chain"),
-        r_hat=[item["r_hat"] for item in chains],
-        effective=[min(item["ess_bulk"], item["ess_tail"]) for item in chains],
         constants=Markup(enumeration(constants)),
-        combinations=len(combinations),
-        determined=len(with_verdict(combinations, "determined")),
         known=known_of(results.metal) if results.metal else {},
     )
     works = read_data("references.bib").replace("@VERSION@", __version__).rstrip().split("\n\n")
@@ -59,9 +40,6 @@ def methods(results: Results) -> tuple[str, str]:
 
 #: Headers of Bunge's angles.
 ANGLES = ("φ₁ (°)", "Φ (°)", "φ₂ (°)")
-
-#: GPa in MPa.
-MPA = 1000.0
 
 #: What the solvers call an anisotropic material.
 SOLVERS = {"abaqus": "ANISOTROPIC", "calculix": "ANISO"}
@@ -110,7 +88,6 @@ def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]
         [*exponent_cells(results, row), *identifiability_cells(row)]
         for row in results.identifiability("combination")
     ]
-    rows["grains"] = rows["predicted"]
     rows["velocities"] = [
         [*grain_cells(row, item), *wave_cells(item)]
         for row, item in enumerate(results.velocities, start=1)
@@ -205,6 +182,6 @@ def card(results: Results, matrix: np.ndarray, solver: str) -> str:
         version=__version__,
         constants=enumeration(constants),
         type=SOLVERS[solver],
-        stiffness="\n".join(elastic_constants(MPA * matrix)),
+        stiffness="\n".join(elastic_constants(1000 * matrix)),
     )
     return text + "\n"

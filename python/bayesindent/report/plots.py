@@ -1,7 +1,6 @@
 """The figures of the report as functions of a result of `bi.extract`, or of a folder."""
 
 from collections.abc import Callable
-from importlib import import_module
 from typing import Any
 
 from ..core import InputError
@@ -21,15 +20,17 @@ __all__ = [
 ]
 
 
-def plotter(name: str, module: str, figure: str, words: str) -> Callable:
-    """Make the function `name`, which draws a figure of a module; `words` describe it."""
+def plotter(name: str, figure: str, words: str) -> Callable:
+    """Make the function `name`, which draws a figure of the report; `words` describe it."""
 
     def plot(result: Any, ax: Any = None) -> Any:
         # Imported here, since importing matplotlib takes long. Notebooks show figures if pyplot is
         # imported.
         import matplotlib.pyplot  # noqa: F401
 
-        style = import_module(".figures.style", __package__)
+        from .figures import FIGURES, style
+
+        draw = next(function for _, function in FIGURES if function.__name__ == figure)
         place = None
         if ax is not None:
             if ax.get_subplotspec() is None:
@@ -39,9 +40,7 @@ def plotter(name: str, module: str, figure: str, words: str) -> Callable:
         token = style.PLACE.set(place)
         try:
             with style.house_style():
-                return getattr(import_module(f".figures.{module}", __package__), figure)(
-                    Results(result)
-                ).figure
+                return draw(Results(result)).figure
         except NothingToShow:
             raise InputError(f"bi.{name}: the result has no data for this figure") from None
         finally:
@@ -59,43 +58,38 @@ def plotter(name: str, module: str, figure: str, words: str) -> Callable:
 
 
 plot_constants = plotter(
-    "plot_constants", "posterior", "marginals", "Each constant before and after the measurements."
+    "plot_constants", "marginals", "Each constant before and after the measurements."
 )
-plot_pairs = plotter("plot_pairs", "posterior", "pairs", "The constants in pairs.")
+plot_pairs = plotter("plot_pairs", "pairs", "The constants in pairs.")
 plot_grains = plotter(
     "plot_grains",
-    "posterior",
     "grain_comparison",
     "The modulus of each grain, measured and predicted.",
 )
 plot_residuals = plotter(
     "plot_residuals",
-    "posterior",
     "residuals",
     "Residuals of the grains in order beside normal quantiles.",
 )
 plot_orientations = plotter(
     "plot_orientations",
     "orientations",
-    "orientations",
     "The modulus over the directions of the crystal.",
 )
 plot_young = plotter(
-    "plot_young", "young", "young_surface", "Young's modulus over the directions of the crystal."
+    "plot_young", "young_surface", "Young's modulus over the directions of the crystal."
 )
-plot_chains = plotter("plot_chains", "posterior", "traces", "The chains.")
+plot_chains = plotter("plot_chains", "traces", "The chains.")
 plot_shares = plotter(
     "plot_shares",
-    "posterior",
     "shares",
     "Shares of the measurements, of the knowledge and of the prior.",
 )
 plot_error_budget = plotter(
     "plot_error_budget",
-    "posterior",
     "error_budget",
     "Which errors the sd of each constant is due to.",
 )
 plot_knowledge = plotter(
-    "plot_knowledge", "posterior", "knowledge", "What further knowledge would reduce each sd to."
+    "plot_knowledge", "knowledge", "What further knowledge would reduce each sd to."
 )

@@ -9,8 +9,7 @@ from ..common.result_files import write_text
 from .drawing import draw_figures
 from .paper import write_paper
 from .results import Results
-from .sections import LEAST_SHIFT, MOST_ROWS, report_rows
-from .summary import advice, answer, findings, inputs_summary
+from .sections import report_rows
 from .templates import render
 
 
@@ -25,18 +24,11 @@ def write_report(
         results.folder = output or results.folder
     if paper:
         write_paper(results)
-    figures = draw_figures(results, kind_of_files, paper)
     page = render(
         "report.html.j2",
         results=results,
-        figures=figures,
-        least_shift=LEAST_SHIFT,
-        most_rows=MOST_ROWS,
-        inputs=inputs_summary(results),
-        findings=findings(results),
+        figures=draw_figures(results, kind_of_files, paper),
         rows=report_rows(results),
-        advice=advice(results),
-        answer=answer(results),
     )
     file = (output or results.folder) / "report.html"
     write_text(file, page)

@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections import defaultdict
 from collections.abc import Callable, Sized
 from functools import cached_property
 from itertools import chain
@@ -64,14 +65,25 @@ class Results:
         else:
             self.resolved = self.result.posterior.attrs["settings"]
             self.documents["extract"] = json.loads(self.result.posterior.attrs["summary"])
-        problem = self.group("problem")
-        self.symmetry = class_name(problem["symmetry"]) if problem.get("symmetry") else ""
-        self.constants = constant_names(self.symmetry) if self.symmetry else ()
-        self.synthetic = bool(problem.get("synthetic", False))
+        problem = self.settings["problem"]
+        symmetry = problem.get("symmetry")
+        self.symmetry = class_name(symmetry) if symmetry else ""
+        self.constants = constant_names(symmetry) if symmetry else ()
+        self.synthetic = problem.get("synthetic", False)
         self.title = problem.get("title") or f"Indentation of {self.symmetry or 'single'} crystals"
-        self.kind = (
-            self.group("measurements").get("modulus_kind", "indentation_modulus").replace("_", " ")
-        )
+        measured = self.settings["measurements"]
+        self.kind = measured.get("modulus_kind", "indentation_modulus").replace("_", " ")
+        #: Whether the measured grains have unknown orientations.
+        self.without_orientations = measured.get("orientations") == "unknown"
+        found = self.extracted.get("predicted", [])
+        #: Moduli of the grains, and speeds of waves, measured and predicted.
+        self.predicted = [item for item in found if "propagation_deg" not in item]
+        self.velocities = [item for item in found if "propagation_deg" in item]
+        wave = "wave" if any("wave" in item for item in self.velocities) else "Rayleigh"
+        #: The name of the measured speeds.
+        self.speed = f"{wave} velocity"
+        #: Simulated crystals that did not fail.
+        self.simulations = list(filter(succeeded, self.documents["simulate"].get("results", [])))
 
     def _read_folder(self) -> None:
         folder = self.folder
@@ -79,7 +91,7 @@ class Results:
             raise InputError(f"{folder}: there is no such folder of results")
         self.manifest = read_json(folder / MANIFEST)
         self.resolved = read_resolved(folder)
-        if name := self.group("surrogate").get("file"):
+        if name := self.settings["surrogate"].get("file"):
             # A killed build may have left a new surrogate beside documents of the last one.
             self.manifest["inputs"] = self.manifest.get("inputs", {}) | surrogate_digest(
                 name, folder, self.namelist_folder
@@ -104,20 +116,17 @@ class Results:
         return Path(self.manifest.get("namelist", ".")).parent
 
     @cached_property
-    def _settings(self) -> dict:
-        """The resolved variables, such as 'problem.title'."""
-        path = self.folder / "resolved.nml"
-        found = call("settings.values", path=path, content=self.resolved) if self.resolved else {}
-        return typed(found)
-
-    def group(self, name: str) -> dict:
-        """The variables of a group of the resolved namelist."""
-        start, given = f"{name}.", f"{name}.given"
-        return {
-            key.removeprefix(start): value
-            for key, value in self._settings.items()
-            if key.startswith(start) and key != given and self._settings[given]
-        }
+    def settings(self) -> dict[str, dict]:
+        """The variables of each group of the resolved namelist; {} for other groups."""
+        groups: dict[str, dict] = defaultdict(dict)
+        if self.resolved:
+            path = self.folder / "resolved.nml"
+            found = typed(call("settings.values", path=path, content=self.resolved))
+            for name, value in found.items():
+                group, _, variable = name.partition(".")
+                if found[f"{group}.given"] and variable != "given":
+                    groups[group][variable] = value
+        return groups
 
     @cached_property
     def reference(self) -> tuple[str, dict[str, float]]:
@@ -125,7 +134,7 @@ class Results:
 
         The problem states them, or its title names a pure metal.
         """
-        if (stated := self.group("problem").get("reference_gpa")) is not None and len(stated):
+        if (stated := self.settings["problem"].get("reference_gpa")) is not None and len(stated):
             values = dict(zip(self.constants, map(float, stated)))
             return "truth" if self.synthetic else "reference", values
         if self.metal:
@@ -138,9 +147,10 @@ class Results:
         named = (
             metal
             for metal in metals().values()
-            if re.search(rf"\b{metal.name}\b", self.title, re.IGNORECASE)
+            if metal.symmetry == self.symmetry
+            and re.search(rf"\b{metal.name}\b", self.title, re.IGNORECASE)
         )
-        return next((metal for metal in named if metal.symmetry == self.symmetry), None)
+        return next(named, None)
 
     @property
     def warnings(self) -> list[dict]:
@@ -148,40 +158,9 @@ class Results:
         found = [document.get("warnings", []) for document in self.documents.values()]
         return distinct(chain(self.edited, *found))
 
-    @property
-    def without_orientations(self) -> bool:
-        """Whether the measured grains have unknown orientations."""
-        return self.group("measurements").get("orientations") == "unknown"
-
-    @property
-    def predicted(self) -> list[dict]:
-        """Moduli of the grains, measured and predicted."""
-        return self._compared(waves=False)
-
-    @property
-    def velocities(self) -> list[dict]:
-        """Speeds of waves, measured and predicted."""
-        return self._compared(waves=True)
-
-    def _compared(self, waves: bool) -> list[dict]:
-        found = self.extracted.get("predicted", [])
-        return [item for item in found if ("propagation_deg" in item) == waves]
-
-    @property
-    def speed(self) -> str:
-        """The name of the measured speeds."""
-        return (
-            f"{'wave' if any('wave' in item for item in self.velocities) else 'Rayleigh'} velocity"
-        )
-
     def identifiability(self, kind: str) -> list[dict]:
         """Rows of the document of `extract` on each 'combination', 'quantity' or 'knowledge'."""
         return [row for row in self.extracted.get("identifiability", []) if row["kind"] == kind]
-
-    @property
-    def simulations(self) -> list[dict]:
-        """Simulated crystals that did not fail."""
-        return [row for row in self.documents["simulate"].get("results", []) if succeeded(row)]
 
     @property
     def theory_moduli(self) -> np.ndarray | None:
@@ -191,8 +170,13 @@ class Results:
         )
         if not self.simulations or len(simulated) != len(theory):
             return None
-        pairs = [exact for row, exact in zip(simulated, theory) if succeeded(row)]
-        return np.array([exact["indentation_modulus_gpa"] for exact in pairs])
+        return np.array(
+            [
+                exact["indentation_modulus_gpa"]
+                for row, exact in zip(simulated, theory)
+                if succeeded(row)
+            ]
+        )
 
     @cached_property
     def posterior(self) -> dict:
@@ -234,7 +218,7 @@ class Results:
 
     def as_measured(self, modulus: ArrayLike) -> np.ndarray:
         """Convert indentation moduli (GPa) to the measured kind of modulus."""
-        group = self.group("measurements")
+        group = self.settings["measurements"]
         constants = ("indenter_modulus_gpa", "indenter_nu", "sample_nu")
         found = call(
             "crystal.moduli_of_kind",
@@ -254,7 +238,9 @@ class Results:
         if isinstance(held, Surrogate):
             return held
         # Namelists of the library need not state the name of the surrogate.
-        name = held or self.group("surrogate").get("file") or Path(self.built.get("file", "")).name
+        name = (
+            held or self.settings["surrogate"].get("file") or Path(self.built.get("file", "")).name
+        )
         try:
             return Surrogate.load(
                 name, symmetry=self.symmetry, output=self.folder, folder=self.namelist_folder

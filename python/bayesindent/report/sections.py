@@ -48,7 +48,7 @@ def report_rows(results: Results) -> dict[str, list[list]]:
         "constants": [
             constant_row(name, item, results.reference[1]) for name, item in parameters.items()
         ],
-        "predicted": [
+        "grains": [
             [*grain_cells(row, item), *compared_cells(item), number(rounded_residual(item))]
             for row, item in enumerate(results.predicted, start=1)
         ],
@@ -249,7 +249,7 @@ def provenance_rows(results: Results) -> list[list]:
         ["bayesindent", __version__],
         ["Python, system", system],
         ["NumPy, SciPy, ArviZ", ", ".join(map(metadata.version, ("numpy", "scipy", "arviz")))],
-        ["seed", results.group("problem").get("seed", "–")],
+        ["seed", results.settings["problem"].get("seed", "–")],
         ["last command", command],
         ["SHA-256 of the resolved input", digest if results.resolved else "–"],
     ]

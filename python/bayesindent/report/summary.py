@@ -31,10 +31,8 @@ CONSEQUENCES = {
 
 
 def answer(results: Results) -> list[str]:
-    """A line with the constants and their sds, and whether they can be used; [] without them."""
+    """A line with the constants and their sds, and whether they can be used."""
     document = results.extracted
-    if not document:
-        return []
     stated, vague = [], []
     for name in results.constants:
         item = document["parameters"][name]
@@ -127,53 +125,46 @@ def measured_ranges(results: Results) -> list[str]:
 
 def modulus_kind(results: Results) -> str:
     """The kind of modulus, and the constants that define it."""
-    measured = results.group("measurements")
-    signs = {
-        "effective modulus": {
-            "indenter_modulus_gpa": "E = {:g} GPa of the indenter",
-            "indenter_nu": "ν = {:g} of the indenter",
-        },
-        "sample modulus": {"sample_nu": "ν = {:g}"},
-    }
-    stated = [
-        sign.format(measured[name])
-        for name, sign in signs.get(results.kind, {}).items()
-        if name in measured
-    ]
-    return results.kind + (f", with {' and '.join(stated)}" if stated else "")
+    words = {
+        "effective modulus": (
+            ", with E = {indenter_modulus_gpa:g} GPa of the indenter and ν = {indenter_nu:g} of "
+            "the indenter"
+        ),
+        "sample modulus": ", with ν = {sample_nu:g}",
+    }.get(results.kind, "")
+    return results.kind + words.format(**results.settings["measurements"])
 
 
 def indenter(results: Results) -> str:
-    """The shape of the indenter and its last depth; '' if no simulation depends on it."""
-    group = results.group("indenter")
-    if not (group or results.built or results.simulations):
+    """The shape of the indenter and its last depth; '' if it is not known."""
+    group = results.settings["indenter"]
+    if not group:
         return ""
-    shape, depth = group.get("shape", "paraboloid"), group.get("depth_um")
-    size = f"radius {group.get('radius_um', 16.0):g} µm"
-    if shape == "cone":
-        size = f"half angle {group['half_angle_deg']:g}°"
-    last = f"contact radius of {group.get('contact_radius_um', 0.5):g} µm"
-    if depth:
-        last = f"depth of {depth:g} µm"
-    return f"rigid {shape}, {size}, up to a {last}"
+    size = (
+        "half angle {half_angle_deg:g}°" if group["shape"] == "cone" else "radius {radius_um:g} µm"
+    )
+    last = (
+        "depth of {depth_um:g} µm"
+        if "depth_um" in group
+        else "contact radius of {contact_radius_um:g} µm"
+    )
+    return f"rigid {{shape}}, {size}, up to a {last}".format(**group)
 
 
 def specimen(results: Results) -> str:
     """The specimen; '' if no simulation depends on it."""
-    group = results.group("specimen")
+    group = results.settings["specimen"]
     if not (results.built or results.simulations) or not group:
         return ""
-    substrate = ""
-    if young := group.get("substrate_young_gpa"):
-        substrate = f" on a substrate of E = {young:g} GPa"
-    return {
+    words = {
         "halfspace": "half-space",
-        "block": (
-            f"block, {group.get('width_um', 0):g} µm wide and {group.get('height_um', 0):g} µm high"
-        ),
-        "film": f"film of {group.get('thickness_um', 0):g} µm{substrate}",
-        "grain": f"grain of radius {group.get('grain_radius_um') or 0:g} µm among others",
-    }.get(group["geometry"], group["geometry"])
+        "block": "block, {width_um:g} µm wide and {height_um:g} µm high",
+        "film": "film of {thickness_um:g} µm",
+        "grain": "grain of radius {grain_radius_um:g} µm among others",
+    }[group["geometry"]]
+    if group["geometry"] == "film" and "substrate_young_gpa" in group:
+        words += " on a substrate of E = {substrate_young_gpa:g} GPa"
+    return words.format(**group)
 
 
 def findings(results: Results) -> list[str | Markup]:

@@ -6,7 +6,7 @@ from importlib import resources
 from jinja2 import Environment
 from markupsafe import Markup
 
-from . import formatting
+from . import formatting, sections, summary
 
 
 def read_data(name: str) -> str:
@@ -15,7 +15,8 @@ def read_data(name: str) -> str:
 
 
 def render(name: str, **values: object) -> str:
-    """Fill in the template `name` with these values and the functions of `formatting`.
+    """Fill in the template `name` with these values and what `formatting`, `sections` and `summary`
+    define.
 
     Values are escaped in HTML, and unless they are `Markup` in LaTeX.
     """
@@ -27,5 +28,6 @@ def render(name: str, **values: object) -> str:
     environment = Environment(
         autoescape=name.endswith(".html.j2"), finalize=escape, trim_blocks=True, lstrip_blocks=True
     )
-    environment.globals.update(vars(formatting))
+    for module in (formatting, sections, summary):
+        environment.globals.update(vars(module))
     return environment.from_string(read_data(name)).render(values)

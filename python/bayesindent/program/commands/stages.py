@@ -26,7 +26,7 @@ from ...settings.problem import Problem, read_crystals
 from ...surrogate.basis import Basis
 from ...surrogate.surrogate import places
 from ..command import PATIENCE_S, namelist_command, perform, prepare, quoted, report_of, show_table
-from . import report
+from . import SUMMARIES, command_of, report
 
 
 def show_moduli(document: dict) -> None:
@@ -74,7 +74,7 @@ def show_curves(document: dict) -> None:
         f"{' ± '.join(numbers(compliance, mean=4, sd=4))} nm/mN"
     )
     sessions = {f"session {row['session']}".strip(): row["factor"] for row in document["sessions"]}
-    unknowns = {**document["tip"], **document["frame"], **sessions}
+    unknowns = document["tip"] | document["frame"] | sessions
     print(
         "Not determined by the curves:",
         ", ".join(name for name, item in unknowns.items() if item["decided_by"] == "prior")
@@ -188,7 +188,6 @@ def extract(problem: Problem, output: Path) -> dict:
 
 def show_extract(document: dict) -> None:
     """Print what the constants follow from, and their table."""
-    parameters = document["parameters"].items()
     rows = [
         [
             name,
@@ -196,7 +195,7 @@ def show_extract(document: dict) -> None:
             " .. ".join(map(number, item["hdi_95"])),
             *share_cells(item),
         ]
-        for name, item in parameters
+        for name, item in document["parameters"].items()
     ]
     print("Measurements, prior and surrogate:", *document["prior"]["words"], sep="\n  ")
     if beside := document.get("theory_alone"):
@@ -257,11 +256,10 @@ def run(arguments: argparse.Namespace) -> dict:
             sep="\n",
             file=sys.stderr,
         )
-    known = {command.name: command for command in COMMANDS}
     documents: dict[str, dict] = {}
     for name in problem.stages:
         if name != "next" or documents.get("extract", {}).get("usable", True):
-            documents[name] = perform(known[name], problem, output)
+            documents[name] = perform(command_of(name), problem, output)
     documents["report"] = report.make(output, output)
     return documents | {
         "warnings": [
@@ -276,11 +274,9 @@ def show_run(document: dict) -> None:
     if "stages" in document:
         print(f"{document['file']}: right; it asks for {', '.join(document['stages'])}")
     # The constants come last, since a terminal shows the end.
-    for command in sorted(
-        (*COMMANDS, *report.COMMANDS), key=lambda command: command.name == "extract"
-    ):
-        if command.show is not None and command.name in document:
-            command.show(document[command.name])
+    for name in sorted(filter(SUMMARIES.get, document), key="extract".__eq__):
+        if show := command_of(name).show:
+            show(document[name])
 
 
 def after_run(arguments: argparse.Namespace, document: dict) -> str:

@@ -6,7 +6,19 @@ import numpy as np
 
 from ...pipeline.curves import read_columns
 from ..results import NothingToShow, Results, present
-from .style import BLACK, BLUE, CYCLE, GREEN, ORANGE, RED, SKY, Picture, evenly, is_column, panels
+from .style import (
+    BLACK,
+    CYCLE,
+    GREEN,
+    ORANGE,
+    RED,
+    SKY,
+    Picture,
+    evenly,
+    is_column,
+    panels,
+    sd_axes,
+)
 
 #: Most tests that are shown, evenly over those that were used.
 SHOWN = 4
@@ -25,11 +37,11 @@ def curve_fits(results: Results) -> Picture:
         load, depth, fit, elastic = (
             columns[name][own] for name in ("load_mn", "depth_nm", "fit_nm", "elastic")
         )
-        left.plot(depth - row["zero_nm"], load, ".", ms=2, color=BLUE)
+        left.plot(depth - row["zero_nm"], load, ".", ms=2)
         left.plot(fit - row["zero_nm"], load, color=BLACK, lw=0.8)
         left.set_title(f"{row['test']}: {row['effective_modulus_gpa']:.1f} GPa", loc="left")
-        right.plot(load, depth - fit, color=BLUE, lw=1)
-        right.axhline(0, color=BLACK, lw=0.8)
+        right.plot(load, depth - fit, lw=1)
+        sd_axes(right, bands=False)
         spread = 6 * max(np.std((depth - fit)[elastic > 0.5]), row["noise_nm"])
         right.set_ylim(-spread, 2 * spread)
         for span in (left.axhspan, right.axvspan):
@@ -66,7 +78,7 @@ def tip_radius(results: Results) -> Picture:
         axes.fill_between(
             depth, *np.percentile(local, [low, high], axis=0), color=SKY, alpha=alpha, lw=0
         )
-    axes.plot(depth, np.median(local, axis=0), color=BLUE)
+    axes.plot(depth, np.median(local, axis=0))
     axes.set(xlabel="depth (nm)", ylabel="local radius (µm)")
     return Picture(
         figure,
@@ -100,7 +112,7 @@ def curve_moduli(results: Results) -> Picture:
     columns = itemgetter("effective_modulus_gpa", "sd_gpa", "own_sd_gpa")
     moduli, sds, own = zip(*map(columns, document["grains"]))
     axes.errorbar(place, moduli, sds, fmt="none", color=SKY, lw=4, label="sd")
-    axes.errorbar(place, moduli, own, fmt="o", color=BLUE, ms=4, label="sd of the grain's own")
+    axes.errorbar(place, moduli, own, fmt="o", ms=4, label="sd of the grain's own")
     crowded = len(grains) > (7 if is_column() else 15)
     axes.set_xticks(place, grains, rotation=90 * crowded)
     low, high = axes.get_ylim()

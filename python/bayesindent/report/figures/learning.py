@@ -15,7 +15,6 @@ from .style import (
     logarithmic,
     panels,
     parity_panels,
-    sd_axes,
 )
 
 #: Points are drawn small if there are more than this.
@@ -91,10 +90,8 @@ def against_simulated(
 ) -> Figure:
     """Predicted against simulated moduli, with one sd, and the errors in units of the sd."""
     labels = ("simulated modulus (GPa)", "predicted modulus (GPa)", "(predicted - simulated) / sd")
-    small = {"ms": 1.5, "lw": 0.4, "ecolor": SKY} if len(simulated) > MANY else {}
-    figure, right = parity_panels(simulated, predicted, z, labels, yerr=sd, **small)
-    sd_axes(right)
-    return figure
+    small: dict = {"ms": 1.5, "lw": 0.4, "ecolor": SKY} if len(simulated) > MANY else {}
+    return parity_panels(simulated, predicted, z, labels, yerr=sd, **small)[0]
 
 
 def truncations(results: Results) -> Picture:

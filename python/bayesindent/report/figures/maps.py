@@ -21,7 +21,7 @@ PIXELS = 700
 
 def orientation_map(results: Results) -> Picture:
     """The map of the measurements, with the residual of each indent."""
-    if not results.group("measurements").get("ebsd"):
+    if not results.settings["measurements"].get("ebsd"):
         raise NothingToShow
     try:
         problem = Problem(Path(results.manifest["namelist"]), "extract")

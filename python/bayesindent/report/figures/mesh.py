@@ -22,7 +22,7 @@ def mesh(results: Results) -> Picture:
     settings = {
         key: value
         for group in GROUPS
-        for key, value in results.group(group).items()
+        for key, value in results.settings[group].items()
         if key not in NOT_OURS
     }
     indentation = Indentation(**settings)

@@ -4,6 +4,7 @@ import os
 from typing import Any
 
 import numpy as np
+from matplotlib.collections import LineCollection
 from matplotlib.tri import Triangulation
 
 from ...crystal.directions import (
@@ -14,7 +15,7 @@ from ...crystal.directions import (
 )
 from ..formatting import direction_name, has_four_indices
 from ..results import NothingToShow, Results, present
-from .style import BLACK, BLUE, SKY, Picture, legend_above, panels
+from .style import BLACK, SKY, Picture, legend_above, panels
 
 #: Draws of the posterior for which the surrogate predicts moduli.
 DRAWS = 100
@@ -64,7 +65,7 @@ def orientations(results: Results) -> Picture:
             lw=0,
             label="predicted, ± 2 sd",
         )
-        axes.plot(angle, mean, color=BLUE, label="predicted, mean")
+        axes.plot(angle, mean, label="predicted, mean")
         if grains:
             axes.errorbar(
                 declination(directions),
@@ -175,7 +176,7 @@ def is_arc(directions: np.ndarray) -> bool:
 
 def declination(directions: np.ndarray) -> np.ndarray:
     """Angle (n,) to the c axis in degrees."""
-    return np.degrees(np.arccos(np.clip(directions[:, 2], -1, 1)))
+    return euler_of(directions)[:, 1]
 
 
 def stereographic(directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -204,11 +205,10 @@ def draw_map(
     # The outline consists of sides without a neighbour. (Importing SciPy's hull takes half a
     # second.)
     row, side = np.nonzero(triangles.neighbors < 0)
-    following = dict(zip(triangles.triangles[row, side], triangles.triangles[row, (side + 1) % 3]))
-    outline = [next(iter(following))]
-    while (corner := following[outline[-1]]) != outline[0]:
-        outline.append(corner)
-    axes.plot(*places[[*outline, outline[0]]].T, color=BLACK, lw=1)
+    outline = triangles.triangles[row, [side, (side + 1) % 3]].T
+    axes.add_collection(
+        LineCollection(places[outline], colors=BLACK, linewidths=1, capstyle="round")
+    )
     for indices in CORNERS:
         near = np.flatnonzero(directions @ np.array(indices) / np.linalg.norm(indices) > 1 - 1e-9)
         if len(near) and near[0] in outline:

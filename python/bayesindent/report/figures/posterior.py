@@ -16,13 +16,11 @@ from .style import (
     RED,
     SKY,
     Picture,
-    density_axes,
     grid_of_constants,
     is_column,
     legend_above,
     panels,
     parity_panels,
-    sd_axes,
 )
 
 #: Samples of normal numbers behind the band of the quantiles.
@@ -52,7 +50,7 @@ def residuals(results: Results) -> Picture:
         quantiles, low, high, color=SKY, alpha=0.35, lw=0, label="95 % of normal samples"
     )
     axes.plot(quantiles[[0, -1]], quantiles[[0, -1]], color=BLACK, lw=0.8)
-    axes.plot(quantiles, values, "o", color=BLUE, ms=3 if count > MANY else 4)
+    axes.plot(quantiles, values, "o", ms=3 if count > MANY else 4)
     axes.set(xlabel="quantile of a normal distribution", ylabel="residual / sd, in order")
     axes.legend(loc="upper left")
     return Picture(
@@ -106,10 +104,11 @@ def marginals(results: Results) -> Picture:
     samples, parameters = present(results.samples), results.extracted["parameters"]
     label, reference = results.reference
     figure, grid = grid_of_constants(samples, 1.9, 0.3)
+    entries: dict = {}
     for (name, axes), before in zip(
         grid.items(), np.moveaxis(results.posterior["prior_draws"], -1, 0)
     ):
-        after, best = samples[name], parameters[name]["map"]
+        after = samples[name]
         low, high = np.percentile(before, [0.5, 99.5])
         edges = np.linspace(min(low, after.min()), max(high, after.max()), 61)
         for values, colour, words in ((before, "0.7", "prior"), (after, BLUE, "posterior")):
@@ -119,13 +118,23 @@ def marginals(results: Results) -> Picture:
                 counts / counts.max(), edges, color=colour, fill=True, alpha=0.6, label=words
             )
         for value, colour, words in (
-            (best, RED, "most probable"),
+            (parameters[name]["map"], RED, "most probable"),
             (reference.get(name), BLACK, label),
         ):
             if value is not None:
                 axes.axvline(value, color=colour, ls="--", lw=1, label=words)
-        axes.set(ylim=(0, 1.05), title=f"{plus_minus(parameters[name])} GPa")
-    density_axes(figure, grid)
+        # The heights have no meaning.
+        axes.set(
+            xlabel=f"{subscript(name)} (GPa)",
+            ylim=(0, 1.05),
+            yticks=[],
+            title=f"{plus_minus(parameters[name])} GPa",
+        )
+        axes.grid(False)
+        axes.spines["left"].set_visible(False)
+        handles, labels = axes.get_legend_handles_labels()
+        entries |= zip(labels, handles)
+    legend_above(figure, entries.values(), entries.keys())
     return Picture(
         figure,
         "Each constant before the measurements (grey: the prior with what else was known) and "
@@ -150,25 +159,14 @@ def pairs(results: Results) -> Picture:
         if i < j:
             cell.axis("off")
             text = f"{correlation[i, j]:+.2f}".replace("-", "−")
-            cell.text(
-                0.5,
-                0.5,
-                text,
-                ha="center",
-                va="center",
-                size=11,
-                color="#555555",
-                transform=cell.transAxes,
-            )
+            cell.text(0.5, 0.5, text, ha="center", va="center", size=11, color="#555555")
         elif i == j:
             cell.stairs(*np.histogram(table[i], 36), fill=True, color=SKY, alpha=0.7)
             cell.set_yticks([])
             if reference:
                 cell.axvline(true[i], color=RED, lw=1)
         else:
-            cell.plot(
-                table[j], table[i], ".", ms=2.2, alpha=0.4, color=BLUE, rasterized=True, mew=0
-            )
+            cell.plot(table[j], table[i], ".", ms=2.2, alpha=0.4, rasterized=True, mew=0)
             if reference:
                 cell.plot(true[j], true[i], "+", color=RED, ms=9, mew=1.6)
         if i == last:
@@ -198,7 +196,7 @@ def grain_comparison(results: Results) -> Picture:
 
 def velocities(results: Results) -> Picture:
     """Measured against predicted speeds of waves."""
-    left_out = results.extracted.get("velocities_left_out", 0)
+    left_out = results.extracted.get("velocities_left_out")
     more = f" Left out: {left_out}." if left_out else ""
     return compared(results.velocities, results.speed, "m/s", "directions", more)
 
@@ -220,9 +218,10 @@ def compared(items: list[dict], quantity: str, unit: str, of: str, more: str = "
         f"measured {quantity} ({unit})",
         f"measured - predicted ({'sd' if stated else unit})",
     )
-    small = {"ms": 3, "lw": 0.5} if len(items) > MANY else {}
-    figure, right = parity_panels(mean, measured, residual, labels, yerr=error, xerr=sd, **small)
-    sd_axes(right, stated)
+    small: dict = {"ms": 3, "lw": 0.5} if len(items) > MANY else {}
+    figure, right = parity_panels(
+        mean, measured, residual, labels, stated, yerr=error, xerr=sd, **small
+    )
     for index in np.flatnonzero(np.abs(residual) > 2) if stated else ():
         right.annotate(
             str(index + 1), (mean[index], residual[index]), (4, 3), textcoords="offset points"

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..formatting import orientation
 from ..results import NothingToShow, Results, present
-from .style import BLACK, CYCLE, MARKERS, Picture, evenly, panels, parity_panels
+from .style import CYCLE, MARKERS, Picture, evenly, panels, parity_panels
 
 #: Curves that are shown at most.
 SHOWN = 6
@@ -33,7 +33,7 @@ def load_depth(results: Results) -> Picture:
     )
     left.legend(title="(φ₁, Φ, φ₂): modulus", loc="upper left")
     right.set(xlabel="depth h (nm)", ylabel="modulus of each depth alone (GPa)", xlim=(0, None))
-    shape = results.group("indenter").get("shape", "paraboloid")
+    shape = results.settings["indenter"].get("shape", "paraboloid")
     form = " (4/3 √R h^1.5)" if shape == "paraboloid" else ""
     return Picture(
         figure,
@@ -52,19 +52,12 @@ def theory(results: Results) -> Picture:
         raise NothingToShow
     simulated = np.array([row["indentation_modulus_gpa"] for row in rows])
     values = 100 * (simulated / exact - 1)
+    labels = ("half-space theory (GPa)", "finite elements (GPa)", "difference (%)")
+    figure, right = parity_panels(exact, simulated, values, labels, bands=False, ms=4)
     largest = np.abs(values).max()
-    figure, right = parity_panels(
-        exact,
-        simulated,
-        values,
-        ("half-space theory (GPa)", "finite elements (GPa)", "difference (%)"),
-        ms=4,
-    )
-    right.axhline(0, color=BLACK, lw=0.8)
     # Limits that show the line of zero and all values.
-    limit = 1.25 * max(largest, 0.1)
-    low, high = 1.25 * values.min(), 1.25 * values.max()
-    right.set_ylim(min(-0.25 * limit, low), max(0.25 * limit, high))
+    least = max(largest, 0.1) / 4
+    right.set_ylim(1.25 * min(-least, values.min()), 1.25 * max(least, values.max()))
     return Picture(
         figure,
         "Finite elements beside the exact theory of the half-space: they differ by at most "

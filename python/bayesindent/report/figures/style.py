@@ -14,8 +14,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from ..formatting import subscript
-
 # The palette of Okabe and Ito, which colour-blind readers can distinguish.
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PURPLE = (
     "#000000",
@@ -132,18 +130,6 @@ def grid_of_constants(
     return figure, dict(zip(names, grid.ravel()))
 
 
-def density_axes(figure: Figure, grid: dict[str, Any]) -> None:
-    """Label axes of histograms, whose heights have no meaning, and add one legend."""
-    entries: dict = {}
-    for name, axes in grid.items():
-        axes.set(xlabel=f"{subscript(name)} (GPa)", yticks=[])
-        axes.grid(False)
-        axes.spines["left"].set_visible(False)
-        for handle, label in zip(*axes.get_legend_handles_labels()):
-            entries.setdefault(label, handle)
-    legend_above(figure, entries.values(), entries.keys())
-
-
 @contextmanager
 def house_style(width: float = WIDTH) -> Iterator[None]:
     """Draw figures of this width in inches, independent of the user's configuration."""
@@ -189,21 +175,27 @@ def stamp_synthetic(figure: Figure) -> None:
 
 
 def parity_panels(
-    x: np.ndarray, y: np.ndarray, difference: np.ndarray, labels: Sequence[str], **style: Any
+    x: np.ndarray,
+    y: np.ndarray,
+    difference: np.ndarray,
+    labels: Sequence[str],
+    bands: bool = True,
+    **style: Any,
 ) -> tuple[Figure, Any]:
     """A figure of y against x with the line of equality, and beside it of a difference.
 
-    `labels`: those of x, y and the difference. `style`: of the points. Returns figure and right
-    axes.
+    `labels`: those of x, y and the difference. `bands`: see `sd_axes`. `style`: of the points.
+    Returns figure and right axes.
     """
     figure, (left, right) = panels(3.4, 1, 2)
     ends = [min(x.min(), y.min()), max(x.max(), y.max())]
     left.plot(ends, ends, color=BLACK, lw=0.8)
-    points = left.errorbar(x, y, **{"fmt": "o", "color": BLUE, "ms": 3.5, "lw": 0.8} | style)
+    points = left.errorbar(x, y, **{"fmt": "o", "ms": 3.5, "lw": 0.8} | style)
     # Draw the points above the line of zero.
-    right.plot(x, difference, "o", color=BLUE, ms=points.lines[0].get_markersize(), zorder=3)
+    right.plot(x, difference, "o", ms=points.lines[0].get_markersize(), zorder=3)
     for axes, label in zip((left, right), labels[1:]):
         axes.set(xlabel=labels[0], ylabel=label)
+    sd_axes(right, bands)
     return figure, right
 
 
