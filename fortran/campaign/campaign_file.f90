@@ -199,7 +199,8 @@ contains
          character(len=:), allocatable :: found, schema
 
          call file%value('SELECT group_concat(type || '' '' || name, '', '') FROM (SELECT * FROM ' &
-            & //'sqlite_schema WHERE name NOT LIKE ''sqlite_%'' ORDER BY type, name)', schema, error)
+            & //'sqlite_schema WHERE name NOT LIKE ''sqlite_%'' ORDER BY type, name)', schema, &
+            & error)
          if (len(schema) == 0 .and. .not. allocated(error)) then
             call raise_damaged(path, 'it is empty', error)
          end if

@@ -36,8 +36,9 @@ module named_values
       character(kind=c_char), pointer :: bytes(:) => null()
       type(error_type), allocatable :: error
    contains
-      procedure :: look_at, is_whole, has, text => text_of, integer => integer_of, logical => logical_of, &
-         & real => real_of, reals => reals_of, columns => columns_of, matrices => matrices_of
+      procedure :: look_at, is_whole, has, text => text_of, integer => integer_of, &
+         & logical => logical_of, real => real_of, reals => reals_of, columns => columns_of, &
+         & matrices => matrices_of
    end type named_values_reader_type
 
 contains

@@ -20,10 +20,14 @@ def text(words: str) -> str:
     return "' &\n         & //'".join(pieces).join("''")
 
 
+def cells_of(line: str) -> list[str]:
+    """The cells of a row of a table."""
+    return [cell.strip() for cell in line[1:-1].split("|")]
+
+
 def module(page: str, name: str) -> str:
     """The module of a page whose tables all have the same columns."""
-    tables = [line[1:-1].split("|") for line in page.splitlines() if line.startswith("| ")]
-    header, *rows = ([cell.strip() for cell in row] for row in tables)
+    header, *rows = (cells_of(line) for line in page.splitlines() if line.startswith("| "))
     rows = [row for row in rows if row != header]
     columns = []
     for column, cells in zip(header, zip(*rows)):

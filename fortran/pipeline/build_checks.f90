@@ -107,7 +107,8 @@ contains
       if (outside > 0) then
          self%warnings = [self%warnings, diagnostic('candidates_left_out', &
             & place(self%path, 'design', 'candidates') &
-            & //printable(self%settings%design%candidates), [real(wp) :: outside, self%candidates%n])]
+            & //printable(self%settings%design%candidates), &
+            & [real(wp) :: outside, self%candidates%n])]
       end if
    end subroutine question_candidates
 

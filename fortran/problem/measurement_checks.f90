@@ -47,7 +47,6 @@ contains
       real(wp), parameter :: least_relative_sd = 0.003_wp
       logical :: radians
       real(wp) :: relative_sd
-      integer :: i
 
       prefix = 'the table'
       if (allocated(settings%measurements%file)) then
