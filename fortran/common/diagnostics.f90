@@ -53,15 +53,21 @@ contains
       list(1)%row = findloc([(code_column(i) == code, i=1, size(code_column))], .true., dim=1)
    end function diagnostic
 
-   !> Append a diagnostic to the warnings.
+   !> Add a diagnostic to the warnings: at their end, or, if it makes the result unusable, before
+   !> those that do not.
    pure subroutine warn(self, code, subject, numbers)
       class(diagnosed_type), intent(inout) :: self
       !> See `diagnostic`.
       character(len=*), intent(in) :: code
       character(len=*), intent(in), optional :: subject
       real(wp), intent(in), optional :: numbers(:)
+      type(diagnostic_type) :: more(1)
+      integer :: i, n
 
-      self%warnings = [self%warnings, diagnostic(code, subject, numbers)]
+      more = diagnostic(code, subject, numbers)
+      n = size(self%warnings)
+      if (.not. is_usable(more)) n = count([(.not. is_usable(self%warnings(i:i)), i=1, n)])
+      self%warnings = [self%warnings(:n), more, self%warnings(n + 1:)]
    end subroutine warn
 
    !> 'unusable', 'warning' or 'note'.

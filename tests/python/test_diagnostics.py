@@ -228,6 +228,18 @@ def test_the_module_of_a_page_has_its_cells():
     assert f"character(len={longest}), parameter, public :: words_column" in made
 
 
+def test_what_makes_a_result_unusable_comes_first(batch, tmp_path):
+    """Limits that truncate the posterior are found before the knowledge that cannot be right."""
+    table, stated = CASES["wrong"]
+    done = batch(write_case(tmp_path, "wrong", table(), **stated), "--output", "out")
+    document = json.loads((tmp_path / "out" / "summary.json").read_text())
+    first, *others = document["warnings"]
+    assert (done.returncode, first["code"], document["usable"]) == (3, "knowledge_wrong", False)
+    assert document["reasons"] == [diagnostics.message(first)]
+    assert "truncated" in codes(others)
+    assert "unusable" not in [found["severity"] for found in others]
+
+
 #: What depends on the clock, the folder, or on texts of diagnostics.
 LEFT_OUT = {"text", "reasons", "seconds", "checksum", "inputs", "namelist", "resolved"}
 
@@ -301,7 +313,13 @@ def build_without_sentences(folder: Path) -> Path:
         if option["name"] in ("optimization", "native", "b_ndebug")
     ]
     run("meson", "setup", str(folder / "build"), *stated)
-    run("ninja", "-C", str(folder / "build"), "fortran/bayesindent-batch", "package-copies")
+    run(
+        "ninja",
+        "-C",
+        str(folder / "build"),
+        "fortran/bayesindent-batch",
+        "python/bayesindent/py.typed",
+    )
     return folder / "build" / "fortran" / "bayesindent-batch"
 
 
