@@ -57,9 +57,11 @@ contains
    !> those that do not.
    pure subroutine warn(self, code, subject, numbers)
       class(diagnosed_type), intent(inout) :: self
-      !> See `diagnostic`.
+      !> Code of the page; see `diagnostic`.
       character(len=*), intent(in) :: code
+      !> What it concerns; absent if that is clear.
       character(len=*), intent(in), optional :: subject
+      !> In the order of the page; absent if there are none.
       real(wp), intent(in), optional :: numbers(:)
       type(diagnostic_type) :: more(1)
       integer :: i, n
