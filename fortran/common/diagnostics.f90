@@ -128,6 +128,7 @@ contains
          text = fixed(self%numbers(number), digits)
       else
          text = to_text(self%numbers(number), digits)
+         if (scan(text, '.', back=.true.) == len(text)) text = text(:len(text) - 1)
       end if
    end function value_of
 

@@ -10,10 +10,12 @@ import shutil
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 
 from bayesindent.program.cli import main
+from bayesindent.report.results import Results
 from bayesindent.report.templates import render
 from benchmarks.bench_mutations import MAPS, prepare, write
 from support import few_figures as quick
@@ -270,44 +272,26 @@ def test_a_constant_that_its_bounds_fix_is_not_truncated_by_them(folder, bayesin
 
 
 def test_texts_are_escaped_wherever_they_enter_latex():
-    text = render(
-        "methods.tex.j2",
-        document={"reasons": [r"\input{x} 5 % of $a_1$"], "samples": 1, "prior": {"knowledge": []}},
-        results=Nothing(),
-        **dict.fromkeys(
-            (
-                "grains",
-                "moduli",
-                "sds",
-                "version",
-                "build",
-                "surrogate",
-                "specimen",
-                "constants",
-                "chains",
-                "indenter",
-            ),
-            "&",
-        ),
-        prior=["#"],
-        measurements={},
-        r_hat=[],
-        effective=[],
-        combinations=0,
-        determined=0,
-        chi_square=False,
+    known = {"name": "bulk_modulus", "unit": "GPa", "mean": 165.0, "sd": 3.0}
+    document = {
+        "reasons": [r"\input{x} 5 % of $a_1$"],
+        "parameters": {},
+        "predicted": [{"measured": 1.0}],
+        "prior": {"density": ["#"], "knowledge": [known], "surrogate": "&"},
+        "method": "&",
+        "chains": 1,
+        "samples": 1,
+    }
+    settings = (
+        "&problem symmetry = 'cubic', title = '# & %' /\n"
+        "&knowledge quantity = 'bulk_modulus', mean = 165, sd = 3, source = 'A & B #1' /\n"
     )
+    facts = {"settings": settings, "summary": json.dumps(document)}
+    results = Results(SimpleNamespace(posterior=SimpleNamespace(attrs=facts)))
+    text = render("methods.tex.j2", results=results, constants="&", known={})
     assert r"\textbackslash{}input\{x\} 5 \% of \$a\_1\$." in text
+    assert r"A \& B \#1" in text
     assert not re.search(r"(?<!\\)[&#]", text) and r"\cite{bayesindent}" in text
-
-
-class Nothing:
-    """Results with empty texts."""
-
-    synthetic, symmetry, kind, constants, documents = False, "", "", ("C11",), {}
-
-    def group(self, name):
-        return {}
 
 
 def test_init_goes_on_after_a_full_disk(folder, bayesindent):

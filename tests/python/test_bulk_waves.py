@@ -2,7 +2,9 @@
 NumPy.
 """
 
+import json
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -185,10 +187,8 @@ def test_waves_that_are_none(tmp_path, row, words):
     ],
 )
 def test_the_report_calls_only_surface_waves_rayleigh(rows, expected):
-    results = Results.__new__(Results)
-    results.documents = {
-        "extract": {
-            "predicted": [{"mean": 130.0}, *({"propagation_deg": 0.0, **row} for row in rows)]
-        }
-    }
+    waves = ({"propagation_deg": 0.0} | row for row in rows)
+    document = {"predicted": [{"mean": 130.0}, *waves]}
+    facts = {"settings": "", "summary": json.dumps(document)}
+    results = Results(SimpleNamespace(posterior=SimpleNamespace(attrs=facts)))
     assert results.speed == expected
