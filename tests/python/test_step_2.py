@@ -65,8 +65,8 @@ def test_identifiability(results, documents, symmetry):
     space = np.linalg.svd(before - before.mean(axis=0), full_matrices=False)[2][: len(combinations)]
     values = eigh(np.cov(space @ after.T), np.cov(space @ before.T), eigvals_only=True)
     assert ratio == pytest.approx(values, rel=0.02)
-    # The shares of normal errors of known sds, from the exact moduli of the grains. Of so many draws
-    # the noise is 0.01.
+    # The shares of normal errors of known sds, from the exact moduli of the grains. The noise of so
+    # many draws is 0.01.
     euler_deg, _, sds = columns(symmetry)
     names, after = constant_names(symmetry), results[symmetry].posterior
     stride = after["C11"].size // 20000
