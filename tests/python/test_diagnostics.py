@@ -7,10 +7,12 @@ Modules: diagnostics.f90, diagnostics.py, page_rows.py.
 import ast
 import importlib.util
 import json
+import os
 import pickle
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 from string import Formatter
 
@@ -291,8 +293,8 @@ def build_without_sentences(folder: Path) -> Path:
     copy.mkdir()
     for name in ("fortran", "cpp", "python", "tests", "docs"):
         shutil.copytree(SOURCE / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for path in SOURCE.glob("meson*"):
-        shutil.copy(path, copy)
+    for file in SOURCE.glob("meson*"):
+        shutil.copy(file, copy)
     page = copy / "docs" / "diagnostics.md"
     text = page.read_text()
     for code, row in ROWS.items():
@@ -301,8 +303,18 @@ def build_without_sentences(folder: Path) -> Path:
     page.write_text(text)
     assert {row["sentence"] for row in rows_of(text)} == set(ROWS)
 
+    # The tools beside this Python.
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+
     def run(*words) -> str:
-        done = subprocess.run(words, cwd=copy, capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            words,
+            cwd=copy,
+            env=os.environ | {"PATH": path},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         assert done.returncode == 0, (done.stdout + done.stderr)[-3000:]
         return done.stdout
 

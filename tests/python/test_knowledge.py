@@ -191,7 +191,7 @@ def test_knowledge_that_contradicts_measurements_is_told():
     )
     assert min(one.values()) > 8
     assert together > 8
-    assert [line.split(" = ")[0] for line in told] == ["the stated bulk_modulus", "the stated C11"]
+    assert [found["subject"].split(" = ")[0] for found in told] == ["bulk_modulus", "C11"]
 
 
 def test_a_problem_with_a_stiffness_is_made_anew():

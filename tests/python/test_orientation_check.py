@@ -225,13 +225,18 @@ def test_a_nearly_isotropic_crystal_has_no_power():
     assert not suspect and found["power"] < 0.1
 
 
+def warnings_of(document) -> list[dict]:
+    """The warnings without what makes the result of such short chains unusable."""
+    return [found for found in document["warnings"] if found["severity"] != "unusable"]
+
+
 @pytest.mark.long_where("zirconium")
 @pytest.mark.parametrize("name", ["copper", "zirconium"])
 def test_one_bad_value_is_named_first_and_alone(name):
     symmetry, table, _ = measured(name, 20, 4)
     table["modulus_gpa"][6] /= 10
     document = bi.summary(bi.extract(table, symmetry=symmetry, **SHORT))
-    first, *others = document["warnings"]
+    first, *others = warnings_of(document)
     assert (first["code"], first["subject"]) == ("outlier", "7")
     assert not of_code(others, *SUSPECT)
     found = document["checks"]["orientations"]
@@ -253,7 +258,7 @@ def test_a_bad_value_that_bends_the_crystal_is_named_first():
     document = bi.summary(
         bi.extract(table, symmetry=symmetry, knowledge={"bulk_modulus": (180, 4)}, **SHORT)
     )
-    first, *others = document["warnings"]
+    first, *others = warnings_of(document)
     assert (first["code"], first["subject"]) == ("outlier", "8")
     assert not of_code(
         others, "knowledge_wrong", "knowledge_contradicts", "knowledge_conflict", *SUSPECT
