@@ -132,7 +132,11 @@ def test_the_domain_of_a_surrogate_ends_a_posterior(constants, usable):
 
 @pytest.mark.long
 def test_graphite_on_the_half_space():
-    """A log-anisotropy of 5: no limit that nobody stated ends its posterior."""
+    """A log-anisotropy of 5: no limit that nobody stated ends its posterior.
+
+    Nothing determines C11 and C12, whose sds are thousands of GPa. With the default burn-in some
+    runs do not mix; three times as much is what their message advises.
+    """
     c11, c12, c13, c33, c44 = 1060.0, 180.0, 15.0, 36.5, 4.5
     constants = [c11, c12, c44, c33, c13]
     rng = np.random.default_rng(8)
@@ -145,7 +149,7 @@ def test_graphite_on_the_half_space():
     )
     moduli = bi.halfspace_modulus(stiffness_of("hexagonal", constants), euler)
     table = table_of(euler, moduli * (1 + 0.02 * rng.normal(size=16)), 0.02 * moduli)
-    document = bi.summary(bi.extract(table, symmetry="hexagonal", **KIND))
+    document = bi.summary(bi.extract(table, symmetry="hexagonal", burn_in=20000, **KIND))
     assert document["usable"]
     found = document["parameters"]["C44"]
     assert abs(found["mean"] - c44) < 3 * found["sd"]
