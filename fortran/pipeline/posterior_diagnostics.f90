@@ -1,6 +1,5 @@
-!> Diagnostics of a posterior, the most important first. Each check warns of what it
-!> finds; its sentences are in docs/diagnostics.md. A new check is a row there and a call in
-!> `check_analysis`.
+!> Diagnostics of a posterior, the most important first. Each check warns of what it finds; its
+!> sentences are in docs/diagnostics.md. A new check is a row there and a call in `check_analysis`.
 module posterior_diagnostics
    use constants_prior, only: knowledge_type
    use diagnostics, only: diagnostic_type, is_usable

@@ -229,6 +229,25 @@ def sampled(tmp_path_factory):
     return folder / "out"
 
 
+@pytest.mark.parametrize("change", ["warnings", "prior"])
+@pytest.mark.parametrize("command", ["report", "compare"])
+def test_documents_of_an_earlier_version(sampled, tmp_path, capsys, command, change):
+    """They are named, with the command that makes them anew."""
+    folder = shutil.copytree(sampled, tmp_path / "out")
+    path = folder / "summary.json"
+    document = read_json(path)
+    if change == "warnings":
+        document["warnings"] = ["the sds are small"]
+    else:
+        del document["prior"]["density"]
+    write_json(path, document)
+    capsys.readouterr()
+    others = [str(sampled)] if command == "compare" else []
+    assert main([command, str(folder), *others]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"{path}: is of an earlier version") and "bayesindent extract" in line
+
+
 def value_at(content: bytes, name: str) -> int:
     """The position of the header of a named value."""
     at = 0

@@ -98,6 +98,11 @@ class Results:
             )
         for stage, file in DOCUMENTS.items():
             document = read_json(folder / file)
+            if is_older(document):
+                raise InputError(
+                    f"{folder / file}: is of an earlier version of the program; run the command "
+                    f"that wrote it again, bayesindent {stage} or bayesindent run"
+                )
             if belongs(document, self.manifest):
                 self.documents[stage] = document
             elif document:
@@ -247,6 +252,12 @@ class Results:
             )
         except InputError:
             return None
+
+
+def is_older(document: dict) -> bool:
+    """Whether a document is from the time when warnings were lines, and the prior one text."""
+    lines = [found for found in document.get("warnings", []) if isinstance(found, str)]
+    return bool(lines) or "density" not in document.get("prior", ["density"])
 
 
 def residual(item: dict) -> float:
