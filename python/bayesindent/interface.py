@@ -14,8 +14,8 @@ from .crystal.elasticity import (
 from .crystal.elasticity import constant_names as constants
 from .fe.indentation import Indentation, IndentationResult
 from .inference.extract import extract, next_grain, plan, summary
-from .pipeline.build import build_surrogate as build
-from .pipeline.curves import curves
+from .stages.build import build_surrogate as build
+from .stages.curves import curves
 from .report import plots
 from .report.comparison import compare
 from .report.plots import *  # noqa: F403

@@ -28,7 +28,7 @@ from bayesindent.crystal.elasticity import (
     log_anisotropy,
     stiffness_rows,
 )
-from bayesindent.pipeline.stage import run_stage
+from bayesindent.stages.stage import run_stage
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate

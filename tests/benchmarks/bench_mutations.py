@@ -27,7 +27,7 @@ import openpyxl
 import orix.io
 
 from bayesindent.core import BayesindentError
-from bayesindent.pipeline.stage import run_stage
+from bayesindent.stages.stage import run_stage
 from bayesindent.settings.problem import Problem, stages
 from bayesindent.surrogate.surrogate import Surrogate
 from support.programs import BATCH

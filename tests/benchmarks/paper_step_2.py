@@ -15,8 +15,8 @@ from bayesindent.crystal.elasticity import (
     stiffness_rows,
 )
 from bayesindent.inference.extract import extract, summary
-from bayesindent.pipeline.results_folder import read_posterior
-from bayesindent.pipeline.stage import run_stage
+from bayesindent.stages.results_folder import read_posterior
+from bayesindent.stages.stage import run_stage
 from bayesindent.report.figures.style import (
     BLACK,
     BLUE,

@@ -12,7 +12,7 @@ import shutil
 import numpy as np
 import pytest
 
-from bayesindent.pipeline.results_folder import read_posterior
+from bayesindent.stages.results_folder import read_posterior
 from bayesindent.program.cli import main, parser
 from bayesindent.program.commands import HELP
 from support import few_figures as quick

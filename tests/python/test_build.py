@@ -13,8 +13,8 @@ import pytest
 import bayesindent as bi
 from bayesindent.common.result_files import as_csv
 from bayesindent.crystal.elasticity import stiffness_rows
-from bayesindent.pipeline.build import ask, tell
-from bayesindent.pipeline.stage import Simulations
+from bayesindent.stages.build import ask, tell
+from bayesindent.stages.stage import Simulations
 from bayesindent.program.cli import main
 from bayesindent.settings.problem import read_crystals
 from bayesindent.surrogate.basis import Basis

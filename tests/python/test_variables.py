@@ -8,7 +8,7 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.engines import ENGINES
-from bayesindent.pipeline.stage import run_stage
+from bayesindent.stages.stage import run_stage
 from bayesindent.program.cli import main
 from bayesindent.report.results import Results
 from bayesindent.settings.problem import schema

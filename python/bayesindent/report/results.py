@@ -18,7 +18,7 @@ from ..common.result_files import read_json
 from ..core import InputError, call
 from ..crystal.elasticity import class_name, constant_names, stiffness_rows
 from ..crystal.metals import metals
-from ..pipeline.results_folder import (
+from ..stages.results_folder import (
     DOCUMENTS,
     MANIFEST,
     belongs,

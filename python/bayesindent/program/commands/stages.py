@@ -10,9 +10,9 @@ from ...common.progress import progress_bar
 from ...common.result_files import as_csv, whole_file, write_groups, write_text
 from ...fe.indentation import Indentation
 from ...inference.analysis import groups_of
-from ...pipeline.build import ask, tell
-from ...pipeline.results_folder import read_posterior
-from ...pipeline.stage import run_stage
+from ...stages.build import ask, tell
+from ...stages.results_folder import read_posterior
+from ...stages.stage import run_stage
 from ...report.formatting import (
     SHARES,
     cells,
