@@ -2,14 +2,14 @@
 !> quantities, and kinds of modulus.
 module crystal_operations
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
-   use crystal_elasticity, only: anisotropy_index, averages_type, log_anisotropy, path_type, &
-      & polycrystal_averages, rayleigh
+   use crystal_elasticity, only: anisotropy_index, averages_type, log_anisotropy, &
+      & polycrystal_averages
    use distinct_directions, only: lattice_of_directions, new_region, region_type, representative, &
       & spread_of_directions
    use exchange, only: exchange_type
    use halfspace_theory, only: halfspace_moduli
    use kinds, only: wp
-   use observables, only: new_observable, observable_type
+   use observables, only: new_observable, observable_type, path_type, surface_path
    use rayleigh_wave, only: rayleigh_waves, wave_speed, wave_type
    use quantities, only: evaluate_quantities, new_quantity, quantity_type, reported_quantities
    use settings_schema, only: measurements_settings_type
@@ -91,7 +91,7 @@ contains
          columns => x%in%columns('propagation_deg', 1)
          allocate (waves(size(c, 3)))
          call rayleigh_waves(c, x%in%columns('euler_deg', 3), &
-            & [(path_type(rayleigh, columns(1, i)), i=1, size(c, 3))], waves, x%error)
+            & [(path_type(surface_path, columns(1, i)), i=1, size(c, 3))], waves, x%error)
          if (allocated(x%error)) return
          columns => x%in%columns('density_kg_m3', 1)
          x%values = reshape([wave_speed(waves%modulus, columns(1, :)), &
