@@ -21,12 +21,14 @@ contains
 
       select case (verb)
       case ('infer')
+         !> -> ..
          call self%infer(x%error)
          if (allocated(x%error)) return
          call page%begin_object()
          call write_analysis(self, page)
          call put_analysis(self, end_document(page, [self%problem%warnings, self%warnings]), x%out)
       case ('next')
+         !> points -> text
          ! The points are draws, which have the factor on the sds itself, not its logarithm.
          call self%prepare(x%error)
          if (allocated(x%error)) return
@@ -35,6 +37,7 @@ contains
             & x%error)
          x%text = end_document(page, [self%problem%warnings, self%warnings])
       case ('plan')
+         !> -> text
          call page%begin_object()
          call plan_measurements(self, page, x%error)
          x%text = end_document(page, self%problem%warnings)
