@@ -13,7 +13,8 @@ from types import SimpleNamespace
 import pytest
 
 from bayesindent import core
-from support import declared_operations, few_figures as quick
+from support import declared_operations
+from support import few_figures as quick
 from support.programs import BATCH, runner
 
 pytest_plugins = ["support.step_2_cases"]

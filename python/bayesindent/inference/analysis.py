@@ -13,7 +13,7 @@ from ..settings.problem import Problem
 from ..surrogate.surrogate import Surrogate
 
 
-class Analysis(NativeObject):
+class CoreAnalysis(NativeObject):
     """Step 2 of a `problem` with a `surrogate`: `infer` samples the posterior."""
 
     kind = "analysis"

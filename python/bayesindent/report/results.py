@@ -18,6 +18,7 @@ from ..common.result_files import read_json
 from ..core import InputError, call
 from ..crystal.elasticity import class_name, constant_names, stiffness_rows
 from ..crystal.metals import metals
+from ..settings.problem import typed
 from ..stages.results_folder import (
     DOCUMENTS,
     MANIFEST,
@@ -27,7 +28,6 @@ from ..stages.results_folder import (
     read_resolved,
     surrogate_digest,
 )
-from ..settings.problem import typed
 from ..surrogate.surrogate import Surrogate
 
 T = TypeVar("T", bound=Sized)
