@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .. import report
 from ..common.result_files import plain
 from ..core import InputError
 from ..crystal.elasticity import constant_names, stiffness_rows
@@ -210,9 +209,11 @@ class Analysis:
         problem = Problem.from_keywords("Analysis.plan", tables, **groups | {"plan": asked})
         return CoreAnalysis(problem, self.surrogate).document("plan")
 
-    def report(self, output: str | PathLike | None = None, **settings: Any) -> Path:
+    def report(self, output: str | PathLike = ".", figures: str = "", paper: bool = False) -> Path:
         """Write the report of the results, see `bi.report`."""
-        return report(self.posterior, output, **settings)
+        from ..report.report import write_report
+
+        return write_report(self.posterior, Path(output), figures, paper)[1]
 
 
 @takes(*GROUPS, without=LEFT_OUT)
