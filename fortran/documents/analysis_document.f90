@@ -12,7 +12,7 @@ module analysis_document
    use named_values, only: named_values_reader_type, named_values_type
    use orientation_check, only: readings
    use observables, only: path_names, surface_path
-   use posterior_diagnostics, only: check_analysis, known_text, powers_text
+   use posterior_diagnostics, only: known_text, powers_text
    use posterior_summary, only: correlate
    use statistics, only: flattened, moments
    use text, only: add_line, fixed, join, line_type, to_text
@@ -33,13 +33,12 @@ module analysis_document
 
 contains
 
-   !> Find the warnings, and write the document into the object of a `page`.
+   !> Write the document into the object of a `page`.
    subroutine write_analysis(found, page)
       type(analysis_type), intent(inout) :: found
       type(json_type), intent(inout) :: page
       integer :: i
 
-      call check_analysis(found)
       call page%put('usable', is_usable(found%warnings))
       call page%begin_array('reasons')
       do i = 1, size(found%warnings)

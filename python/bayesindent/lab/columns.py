@@ -24,7 +24,7 @@ NAME_COLUMNS = ("grain", "group", "test", "reference", "session")
 
 @dataclass(frozen=True)
 class Column:
-    """A canonical column its other names without their units separated by blanks and the units
+    """A canonical column, its other names without their units, separated by blanks, and the units
     that it may have.
     """
 
