@@ -271,7 +271,8 @@ contains
       allocate (moduli(size(modulus), size(modulus_kinds)))
       names = ''
       do j = 1, size(modulus_kinds)
-         call new_observable(trim(modulus_kinds(j)), problem%settings%measurements, observable, error)
+         call new_observable(trim(modulus_kinds(j)), problem%settings%measurements, observable, &
+            & error)
          if (allocated(error)) return
          names = names//','//trim(modulus_kinds(j))//'_gpa'
          moduli(:, j) = modulus

@@ -222,8 +222,8 @@ contains
       if (size(found) /= 1) then
          call refuse(error, trim(merge('no column is a modulus       ', &
             & 'several columns are a modulus', size(found) == 0))//'; allowed ' &
-            & //join(modulus_kinds, '_gpa, ')//'_gpa, or modulus_gpa with modulus_kind; the columns are ' &
-            & //table%names())
+            & //join(modulus_kinds, '_gpa, ')//'_gpa, or modulus_gpa with modulus_kind; ' &
+            & //'the columns are '//table%names())
          return
       end if
       name = trim(found(1))
