@@ -143,6 +143,8 @@ contains
       character(len=*), parameter :: needs_known(7) = [character(len=20) :: 'ebsd', &
          & 'velocities', 'misalignment_sd_deg', 'orientation_sd_deg', 'likelihood', &
          & 'scale = ''inferred''', '']
+      character(len=*), parameter :: schedulers(3) = [character(len=7) :: 'local', 'slurm', &
+         & 'address']
       integer :: k
       logical :: has_speeds, is_bulk, is_stated(size(needs_known))
 
@@ -197,6 +199,10 @@ contains
             & 'surrogate', 'file', '''halfspace'' is the theory of a bulk sample, but geometry ' &
             & //'is '''//geometry &
             & //'''; state &design to train a surrogate of it, or the name of one')
+         call check(all(settings%execution%scheduler /= schedulers), 'execution', 'scheduler', &
+            & ''''//settings%execution%scheduler//'''; allowed '''//join(schedulers, ''', ''') &
+            & //'''. Who answers at an address can run code here, so a namelist may not state ' &
+            & //'one: use the option --scheduler ADDRESS')
          call check(design%initial > design%budget, 'design', 'initial', to_text(design%initial) &
             & //' is more than the budget; allowed 0 to '//to_text(design%budget))
          call check(design%candidates == 'latin' .and. design%n_candidates < design%budget, &

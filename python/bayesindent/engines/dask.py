@@ -19,9 +19,10 @@ class DaskEngine(AbstractContextManager):
     """`workers` processes with one thread each (0: one for each core, or one job of SLURM), or all
     workers of a scheduler.
 
-    `scheduler` is 'local', 'slurm' (as configured in Dask's `jobqueue.yaml`) or an address such as
-    'tcp://head:8786'. Raises `InputError` if the packages are missing and `MachineError` if no
-    scheduler answers. If a worker dies, another one repeats its simulation.
+    `scheduler` is 'local', 'slurm' (as configured in Dask's `jobqueue.yaml`), an address such as
+    'tcp://head:8786', or 'address': that of Dask's configuration. Raises `InputError` if the
+    packages or the address are missing and `MachineError` if no scheduler answers or it has no
+    worker. If a worker dies, another one repeats its simulation.
     """
 
     def __init__(self, workers: int = 0, scheduler: str = "local"):
@@ -34,7 +35,7 @@ class DaskEngine(AbstractContextManager):
             ) from None
         except (OSError, TimeoutError) as error:
             raise MachineError(
-                f"&execution scheduler: no scheduler answers at {scheduler}: {error}"
+                f"&execution scheduler: no scheduler with workers answers at {scheduler}: {error}"
             ) from None
 
     def __exit__(self, *_: object) -> None:
@@ -73,18 +74,32 @@ def _run(pickled: bytes, item: object) -> object:
 
 def _connect(workers: int, scheduler: str) -> tuple:
     """A client, and its own cluster or None."""
+    import dask
     from distributed import Client, LocalCluster
 
+    # Other users of the machine reach the ports of a cluster, but do not have its certificate.
+    own: dict[str, Any] = {"protocol": "tls://", "security": True}
     cluster: Any
     if scheduler == "local":
         cluster = LocalCluster(
-            n_workers=workers or None, threads_per_worker=1, dashboard_address=None, silence_logs=50
+            n_workers=workers or None,
+            threads_per_worker=1,
+            dashboard_address=None,
+            silence_logs=50,
+            **own,
         )
     elif scheduler == "slurm":
         from dask_jobqueue import SLURMCluster
 
-        cluster = SLURMCluster()
+        cluster = SLURMCluster(**own)
         cluster.scale(workers or 1)
     else:
-        return Client(scheduler, timeout=PATIENCE_S, set_as_default=False), None
+        if scheduler == "address" and not (scheduler := dask.config.get("scheduler-address", "")):
+            raise InputError(
+                "&execution scheduler: 'address' needs the option --scheduler ADDRESS, or "
+                "scheduler-address in Dask's configuration"
+            )
+        client = Client(scheduler, timeout=PATIENCE_S, set_as_default=False)
+        client.wait_for_workers(1, timeout=PATIENCE_S)
+        return client, None
     return Client(cluster, set_as_default=False), cluster

@@ -180,6 +180,13 @@ def parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
                 "--all", action="help", help="show this help with every variable of the namelist"
             )
             sub.add_argument("--seed", metavar="N", type=int, help="in place of &problem seed")
+            if "execution" in command.groups:
+                sub.add_argument(
+                    "--scheduler",
+                    metavar="ADDRESS",
+                    help="simulate on the workers of this scheduler of Dask; who answers there "
+                    "can run code here",
+                )
             if "sampler" in command.groups:
                 sub.add_argument(
                     "--samples", metavar="N", type=int, help="in place of &sampler samples"
