@@ -113,6 +113,6 @@ def test_what_is_no_spreadsheet(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "openpyxl", None)
     with pytest.raises(
         bi.InputError,
-        match=r"needs openpyxl, which is not installed: \S+ -m pip install openpyxl, or save",
+        match=r"needs openpyxl, which is not installed: \./bayesindent setup --with xlsx, or save",
     ):
         read_measurements(book(path), "cubic")

@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager
 from functools import lru_cache, partial
 from typing import Any
 
+from ..common.packages import installation
 from ..core import InputError, MachineError
 from .local import complete
 
@@ -30,8 +31,8 @@ class DaskEngine(AbstractContextManager):
             self._client, self._cluster = _connect(workers, scheduler)
         except ModuleNotFoundError as error:
             raise InputError(
-                f"&execution engine: 'dask' needs the package {error.name}: pip install "
-                "'bayesindent[dask]'"
+                f"&execution engine: 'dask' needs the package {error.name}: "
+                f"{installation(str(error.name))}"
             ) from None
         except (OSError, TimeoutError) as error:
             raise MachineError(

@@ -1,6 +1,5 @@
 """Load the packages that read files of other programs, and refuse files that cannot be read."""
 
-import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -8,6 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
+from ..common.packages import installation
 from ..core import InputError
 from .columns import abridged
 
@@ -22,8 +22,8 @@ def reader_of(place: str, path: Path, kind: str, module: str, otherwise: str = "
         found = import_module(module)
     except ImportError:
         raise InputError(
-            f"{place}reading {kind} needs {package}, which is not installed: {sys.executable} "
-            f"-m pip install {package}{otherwise}"
+            f"{place}reading {kind} needs {package}, which is not installed: "
+            f"{installation(package)}{otherwise}"
         ) from None
     if not path.is_file():
         raise InputError(f"{place}the file does not exist")
