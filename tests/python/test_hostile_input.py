@@ -54,21 +54,6 @@ def test_every_character_of_utf8_is_read(tmp_path):
     assert Problem(path, "extract").settings.problem.title == title
 
 
-def test_a_pipe_is_read_like_a_file(tmp_path):
-    reading, writing = os.pipe()
-    rows = 9000
-    if os.fork() == 0:
-        # More than a pipe holds at once.
-        with open(writing, "w") as stream:
-            stream.write(HEADER + "10.25,20.125,30.0625,200.5,4\n" * rows)
-        os._exit(0)
-    os.close(writing)
-    points = read_measurements(f"/dev/fd/{reading}", "cubic", modulus_kind="indentation_modulus")
-    os.close(reading)
-    os.wait()
-    assert len(points) == rows and points.euler_deg[-1].tolist() == [10.25, 20.125, 30.0625]
-
-
 @pytest.mark.long
 @pytest.mark.parametrize(
     "text",

@@ -57,14 +57,18 @@ def decoded(content: bytes) -> tuple[str, str]:
         return content.decode("cp1252", "replace"), "Windows-1252"
 
 
-def refuse_formulas(place: str, openpyxl: ModuleType, path: Path, sheet: str, values: list) -> None:
-    """Refuse formulas whose values were never computed."""
+def refuse_formulas(place: str, openpyxl: ModuleType, path: Path, sheet: str, rows: list) -> None:
+    """Refuse formulas whose values were never computed; `rows` are the lines and values of rows
+    that have values.
+    """
+    values = dict(rows)
     with closing(openpyxl.load_workbook(path, read_only=True)) as book:
+        book[sheet].reset_dimensions()
         found = [
             cell.coordinate
-            for row, stored in zip(book[sheet].iter_rows(), values)
-            for cell, value in zip(row, stored)
-            if value is None and str(cell.value).startswith("=")
+            for line, row in enumerate(book[sheet].iter_rows(), 1)
+            for column, cell in enumerate(row)
+            if str(cell.value).startswith("=") and not "".join(values.get(line, [])[column:][:1])
         ]
     if found:
         raise InputError(
