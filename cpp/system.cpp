@@ -102,7 +102,7 @@ std::int32_t bayesindent_read_file(const char *path, std::int32_t largest, std::
   *length = 0;
   // A pipe without a writer must not be waited for.
   const int opened = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
-  struct stat facts {};
+  struct stat facts{};
   const bool regular = opened >= 0 && fstat(opened, &facts) == 0 && S_ISREG(facts.st_mode);
   std::FILE *const file = regular ? fdopen(opened, "rb") : nullptr;
   if (file == nullptr) {

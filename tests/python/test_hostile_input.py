@@ -9,7 +9,6 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.settings.problem import Problem
-from support.measured_tables import read_measurements
 
 COPPER = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)
 HEADER = "phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa\n"
