@@ -4,7 +4,6 @@ module settings_checks
    use crystal_elasticity, only: is_stable
    use errors, only: error_type, refuse
    use kinds, only: wp
-   use namelist_file, only: place
    use settings_list, only: settings_list_type
    use settings_schema, only: list_settings, settings_type
    use text, only: join, to_text
@@ -56,7 +55,7 @@ contains
          character(len=*), intent(in) :: group, name, message
 
          if (allocated(error) .or. .not. wrong) return
-         call refuse(error, place(path, group, name)//message)
+         call refuse(error, message, path, group, name)
       end subroutine check
 
       !> Refuse bounds unless c_min is below c_max, or equal to it in &prior, and some crystal
@@ -212,7 +211,7 @@ contains
          character(len=*), intent(in) :: group, name, message
 
          if (allocated(error) .or. .not. wrong) return
-         call refuse(error, place(path, group, name)//message)
+         call refuse(error, message, path, group, name)
       end subroutine check
    end subroutine check_combinations
 end module settings_checks

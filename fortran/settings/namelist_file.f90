@@ -5,13 +5,12 @@
 !> of file, and accepts duplicates and NaN silently. This parser handles syntax only;
 !> `settings_schema` defines the meaning of the names.
 module namelist_file
-   use errors, only: error_type, exit_bad_input, prefix_error, raise
+   use errors, only: error_type, locate_error, prefix_error, refuse_input => refuse
    use files, only: printable, read_text_file
    use text, only: line_type, lower, newline, read_integer, to_text
    implicit none
    private
-   public :: entry_type, value_type, read_namelist_file, parse_namelist, find_entry, &
-      & place
+   public :: entry_type, value_type, read_namelist_file, parse_namelist, find_entry
 
    !> One value as written: a quoted text without its quotes, or an unquoted word.
    type, extends(line_type) :: value_type
@@ -43,19 +42,6 @@ module namelist_file
 
 contains
 
-   !> 'FILE: &group name: ', the beginning of every message about an input. Group and name may be
-   !> ''.
-   pure function place(path, group, name) result(prefix)
-      character(len=*), intent(in) :: path, group, name
-      character(len=:), allocatable :: prefix
-
-      prefix = path//': '
-      if (len(group) == 0) return
-      prefix = prefix//'&'//printable(group)
-      if (len(name) > 0) prefix = prefix//' '//printable(name)
-      prefix = prefix//': '
-   end function place
-
    subroutine read_namelist_file(path, file, error)
       character(len=*), intent(in) :: path
       type(entry_type), allocatable, intent(out) :: file(:)
@@ -63,7 +49,7 @@ contains
       character(len=:), allocatable :: content
 
       call read_text_file(path, content, error)
-      call prefix_error(error, path//': ')
+      call locate_error(error, path)
       if (allocated(error)) return
       call parse_namelist(path, content, file, error)
    end subroutine read_namelist_file
@@ -98,8 +84,7 @@ contains
       call move_alloc(parser%file, file)
       call move_alloc(parser%error, error)
       if (.not. allocated(error) .and. size(file) == 0) then
-         call raise(error, path//': the file holds no namelist group, only comments', &
-            & exit_bad_input)
+         call refuse_input(error, 'the file holds no namelist group, only comments', path)
       end if
    end subroutine parse_namelist
 
@@ -366,11 +351,10 @@ contains
       type(parser_type), intent(inout) :: parser
       character(len=*), intent(in) :: message
       integer, intent(in), optional :: line
-      character(len=:), allocatable :: prefix
 
       if (allocated(parser%error)) return
-      prefix = place(parser%path, parser%group, parser%name)
-      if (present(line)) prefix = prefix//'line '//to_text(line)//': '
-      call raise(parser%error, prefix//message, exit_bad_input)
+      call refuse_input(parser%error, message, parser%path, printable(parser%group), &
+         & printable(parser%name))
+      if (present(line)) call prefix_error(parser%error, 'line '//to_text(line)//': ')
    end subroutine refuse
 end module namelist_file

@@ -8,7 +8,7 @@ module settings_reader
    use files, only: printable
    use kinds, only: wp
    use named_values, only: named_values_type
-   use namelist_file, only: entry_type, find_entry, place, value_type
+   use namelist_file, only: entry_type, find_entry, value_type
    use settings_list, only: is_text, longest_item, settings_list_type, text_values, variable_type
    use settings_schema, only: list_settings, set_settings, settings_type
    use text, only: lower, newline, number_malformed, number_ok, quoted, read_real, to_text
@@ -52,13 +52,12 @@ contains
                cycle
             end if
             if (find_entry(file, v%group, '') > 0) then
-               call refuse(missing, place(path, v%group, v%name)//'the variable is missing; ' &
-                  & //v%meaning//allowed_part(v))
+               call refuse(missing, 'the variable is missing; '//v%meaning//allowed_part(v), &
+                  & path, v%group, v%name)
             else if (index(' '//needed//' ', ' '//v%group//' ') > 0) then
                reason = command
                if (v%group == 'problem') reason = 'every file'
-               call refuse(missing, &
-                  & place(path, v%group, '')//'the group is missing; '//reason//' needs it')
+               call refuse(missing, 'the group is missing; '//reason//' needs it', path, v%group)
             end if
          end associate
       end do
@@ -78,8 +77,8 @@ contains
          end do
          do i = 1, size(file)
             if (index(names//',', ', &'//file(i)%group//',') > 0) cycle
-            call refuse(error, place(path, file(i)%group, '')//'unknown group' &
-               & //suggestion('&'//file(i)%group, names(3:))//'; allowed: '//names(3:))
+            call refuse(error, 'unknown group'//suggestion('&'//file(i)%group, names(3:)) &
+               & //'; allowed: '//names(3:), path, printable(file(i)%group))
             return
          end do
          do i = 1, size(file)
@@ -97,8 +96,8 @@ contains
                if (len(suggestion(entry%name, names(3:))) > 0) then
                   hint = suggestion(entry%name, names(3:))
                end if
-               call refuse(error, place(path, entry%group, entry%name)//'unknown variable'//hint &
-                  & //'; allowed: '//names(3:))
+               call refuse(error, 'unknown variable'//hint//'; allowed: '//names(3:), path, &
+                  & entry%group, printable(entry%name))
                return
             end associate
          end do
@@ -139,7 +138,7 @@ contains
          end if
       end do
       if (len(message) == 0) return
-      call refuse(error, place(path, v%group, v%name)//message)
+      call refuse(error, message, path, v%group, v%name)
 
    contains
 

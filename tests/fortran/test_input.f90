@@ -207,7 +207,7 @@ contains
          call read_settings('f', file, '', '', read, error)
          known = .true.
          ! Another variable of the group may be missing.
-         if (allocated(error)) known = index(error%message, 'the variable is missing') > 0
+         if (allocated(error)) known = index(error%line(), 'the variable is missing') > 0
          call check('the word '//trim(each(i)), known)
       end do
       call parse_namelist('f', '&'//group//' '//name//' = ''no_word'' /', file, error)
