@@ -58,8 +58,8 @@ contains
       if (present(variable)) error%variable = variable
    end subroutine refuse
 
-   !> Say where an input is, if there is an error. A file that is known already is one that this
-   !> input names: it begins the message. A known group or variable stays.
+   !> Say where an input is, if there is an error whose file and group are not both known. A file
+   !> alone is one that this input names: it begins the message.
    pure subroutine locate_error(error, file, group, variable)
       type(error_type), allocatable, intent(inout) :: error
       !> See `error_type`.
@@ -67,6 +67,7 @@ contains
       character(len=*), intent(in), optional :: group, variable
 
       if (.not. allocated(error)) return
+      if (len(error%file) > 0 .and. len(error%group) > 0) return
       if (len(error%file) > 0) call raise(error, error%line(), error%status)
       error%file = file
       if (present(group) .and. len(error%group) == 0) error%group = group

@@ -419,13 +419,11 @@ contains
          if (index(name, 'other_') == 1) then
             call refuse(error, 'the column '//name//' is not allowed; leave out the rows with ' &
                & //'other_probability above 0.05, and the columns other_*')
-            call locate_table(self, error)
          else if (column > 0 .and. table%columns > 1) then
             call self%refuse_table(' has the column '''//name//'''', error)
          else if (radians) then
             call self%refuse_table(' has angles in radians', error)
          end if
-         if (allocated(error)) return
       end if
       if (.not. allocated(error)) call read_tests()
       call locate_table(self, error)

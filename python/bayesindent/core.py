@@ -3,7 +3,8 @@
 import ctypes
 import os
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -41,17 +42,52 @@ native = import_module(_MODULE, __package__)
 
 
 class BayesindentError(RuntimeError):
-    """A computation could not be done; the message says why."""
+    """A computation could not be done; the `message` says why.
+
+    `file` is the file of a wrong input, or the function of this package that it was given to;
+    `group` and `variable` are those of namelists; '' for what is not known. `code` is the kind of
+    the error: 'failure', 'bad_input' or 'machine'.
+    """
+
+    code = "failure"
+    #: The keyword of a function that replaces group and variable in the text; '' for none.
+    keyword = ""
+
+    def __init__(self, message: str, file: str = "", group: str = "", variable: str = ""):
+        super().__init__(message)
+        self.message, self.file, self.group, self.variable = message, file, group, variable
+
+    def __str__(self) -> str:
+        name = f"&{self.group} {self.variable}".strip() if self.group else self.variable
+        return ": ".join(filter(None, [self.file, self.keyword or name, self.message]))
 
 
 class InputError(BayesindentError, ValueError):
-    """The input is wrong; the message names the variable, its value, and the allowed values."""
+    """The input is wrong; the message has the value, and the allowed values."""
+
+    code = "bad_input"
 
 
 class MachineError(BayesindentError):
     """The machine lacks memory or disk space. The input may be right, and a second attempt may
     succeed.
     """
+
+    code = "machine"
+
+
+@contextmanager
+def located(file: object, group: str = "", variable: str = "") -> Iterator[None]:
+    """Say where an input is that is refused; see `locate_error` of fortran/common/errors.f90."""
+    try:
+        yield
+    except InputError as error:
+        if not (error.file and error.group):
+            if error.file:
+                error.message, error.variable = str(error), ""
+            error.file, error.group = str(file), error.group or group
+            error.variable = error.variable or variable
+        raise
 
 
 class BayesindentWarning(UserWarning):
@@ -139,7 +175,7 @@ def call(operation: str, handle: int = 0, /, **values: Any) -> dict:
     found = decode(np.array((ctypes.c_uint8 * (8 * words)).from_address(address)))
     native.core_release(reply)
     if status:
-        raise {2: InputError, 3: MachineError}.get(status, BayesindentError)(found["message"])
+        raise {2: InputError, 3: MachineError}.get(status, BayesindentError)(**found)
     return found
 
 

@@ -29,12 +29,15 @@ class DaskEngine(AbstractContextManager):
             self._client, self._cluster = _connect(workers, scheduler)
         except ModuleNotFoundError as error:
             raise InputError(
-                f"&execution engine: 'dask' needs the package {error.name}: pip install "
-                "'bayesindent[dask]'"
+                f"'dask' needs the package {error.name}: pip install 'bayesindent[dask]'",
+                group="execution",
+                variable="engine",
             ) from None
         except (OSError, TimeoutError) as error:
             raise MachineError(
-                f"&execution scheduler: no scheduler answers at {scheduler}: {error}"
+                f"no scheduler answers at {scheduler}: {error}",
+                group="execution",
+                variable="scheduler",
             ) from None
 
     def __exit__(self, *_: object) -> None:
@@ -59,7 +62,9 @@ class DaskEngine(AbstractContextManager):
             complete(submit, lambda: self.workers, items, collect)
         except KilledWorker as error:
             raise MachineError(
-                f"&execution engine: workers died again and again at the same simulation: {error}"
+                f"workers died again and again at the same simulation: {error}",
+                group="execution",
+                variable="engine",
             ) from None
 
 

@@ -35,14 +35,13 @@ class Rows:
     notes: tuple[str, ...] = ()
 
 
-def rows_of_file(place: str, path: Path, sheet: str, stated: Iterable[str]) -> Rows | None:
+def rows_of_file(path: Path, sheet: str, stated: Iterable[str]) -> Rows | None:
     """The rows of a file; None if it is no table, which the core then refuses.
 
-    `place` begins the message of a refusal, `sheet` names a sheet of a spreadsheet, and `stated`
-    are headers that the user named.
+    `sheet` names a sheet of a spreadsheet, and `stated` are headers that the user named.
     """
     if path.suffix.lower() in (".xlsx", ".xlsm"):
-        return rows_of_sheet(place, path, sheet)
+        return rows_of_sheet(path, sheet)
     try:
         with path.open("rb") as file:
             content = file.read(MOST_BYTES + 1)
@@ -50,16 +49,16 @@ def rows_of_file(place: str, path: Path, sheet: str, stated: Iterable[str]) -> R
         return None
     lines = content.count(b"\n")
     if len(content) > MOST_BYTES or lines > 2 * MOST_ROWS:
-        raise InputError(f"{place}{lines} rows; allowed up to {MOST_ROWS}")
+        raise InputError(f"{lines} rows; allowed up to {MOST_ROWS}")
     if content.startswith(OLD_EXCEL):
-        raise InputError(f"{place}is an old Excel file; save it as .xlsx")
+        raise InputError("is an old Excel file; save it as .xlsx")
     text, encoding = decoded(content)
     if not text:
         return None
-    with reading(place, "is no table that can be read"):
+    with reading("is no table that can be read"):
         # A stated header is looked for as it is written.
         own = tabbed(usual(text) if all(usual(header) == header for header in stated) else text)
-        refuse_open_quote(place, own)
+        refuse_open_quote(own)
         rows, blank = rows_of(own)
         if header_row(rows, stated)[1] < 2:
             own = tabbed(re.sub("(?m)^#+[ \t]*", "", own))
@@ -86,7 +85,7 @@ def text_with_commas(path: Path) -> str | None:
     return as_csv(first, others)
 
 
-def refuse_open_quote(place: str, text: str) -> None:
+def refuse_open_quote(text: str) -> None:
     """Refuse a text in which a double quote that begins a cell is not closed."""
     if '"' not in text:
         return
@@ -97,20 +96,19 @@ def refuse_open_quote(place: str, text: str) -> None:
             begin = reader.line_num + 1
     except csv.Error as error:
         if "end of data" in str(error):
-            raise InputError(f"{place}line {begin}: a double quote is not closed") from None
+            raise InputError(f"line {begin}: a double quote is not closed") from None
 
 
-def rows_of_sheet(place: str, path: Path, sheet: str) -> Rows:
+def rows_of_sheet(path: Path, sheet: str) -> Rows:
     """The rows of a sheet. Without a stated `sheet` it is the first one, or, if that has no moduli,
     the only one with moduli.
     """
-    openpyxl = reader_of(place, path, "a spreadsheet", "openpyxl", ", or save the sheet as CSV")
-    with reading(place, "is no spreadsheet that can be read"):
+    openpyxl = reader_of(path, "a spreadsheet", "openpyxl", ", or save the sheet as CSV")
+    with reading("is no spreadsheet that can be read"):
         with closing(openpyxl.load_workbook(path, read_only=True, data_only=True)) as book:
             if sheet and sheet not in book.sheetnames:
                 raise InputError(
-                    f"{place}there is no sheet {sheet!r}; the sheets are "
-                    f"{', '.join(book.sheetnames)}"
+                    f"there is no sheet {sheet!r}; the sheets are {', '.join(book.sheetnames)}"
                 )
             pages, rows = {}, {}
             for name in [sheet] if sheet else book.sheetnames:
@@ -121,11 +119,10 @@ def rows_of_sheet(place: str, path: Path, sheet: str) -> Rows:
         name = next(iter(rows))
         if len(fit) > 1 and name not in fit:
             raise InputError(
-                f"{place}the sheets {', '.join(fit)} have moduli; "
-                f"state sheet = '{fit[0]}' or another"
+                f"the sheets {', '.join(fit)} have moduli; state sheet = '{fit[0]}' or another"
             )
         name = name if name in fit or not fit else fit[0]
-        refuse_formulas(place, openpyxl, path, name, pages[name])
+        refuse_formulas(openpyxl, path, name, pages[name])
     filled = {line for line, _ in rows[name]}
     return Rows(rows[name], set(range(1, len(pages[name]))) - filled, name)
 
