@@ -21,10 +21,12 @@ module errors
       !> `exit_bad_input` if the user's input is wrong, `machine_failure` if the machine could not
       !> do the work, `exit_failure` otherwise.
       integer :: status = exit_failure
-      !> Where the wrong input is: its file, or the function of Python that it was given to, its
-      !> group and its variable; '' for what is not known. Then what is wrong, the value, what is
-      !> allowed.
-      character(len=:), allocatable :: file, group, variable, message
+      !> Where the input is: group and variable of a namelist, and its file, or the function of
+      !> Python that it was given to; '' for what is not known.
+      character(len=100) :: group = '', variable = ''
+      character(len=:), allocatable :: file
+      !> What is wrong, the value, what is allowed.
+      character(len=:), allocatable :: message
    contains
       procedure :: line
    end type error_type
@@ -40,22 +42,17 @@ contains
       allocate (error)
       error%message = message
       error%file = ''
-      error%group = ''
-      error%variable = ''
       if (present(status)) error%status = status
    end subroutine raise
 
-   !> Set `error` to the refusal of a user's input, with this `message`, and say where the input is;
-   !> see `error_type`.
-   pure subroutine refuse(error, message, file, group, variable)
+   !> Set `error` to the refusal of a user's input, with this `message`; see `error_type`.
+   pure subroutine refuse(error, message, group, variable)
       type(error_type), allocatable, intent(out) :: error
       character(len=*), intent(in) :: message
-      character(len=*), intent(in), optional :: file, group, variable
+      character(len=*), intent(in), optional :: group, variable
 
       call raise(error, message, exit_bad_input)
-      if (present(file)) error%file = file
-      if (present(group)) error%group = group
-      if (present(variable)) error%variable = variable
+      call locate_error(error, '', group, variable)
    end subroutine refuse
 
    !> Say where an input is, if there is an error whose file and group are not both known. A file
@@ -67,11 +64,13 @@ contains
       character(len=*), intent(in), optional :: group, variable
 
       if (.not. allocated(error)) return
-      if (len(error%file) > 0 .and. len(error%group) > 0) return
-      if (len(error%file) > 0) call raise(error, error%line(), error%status)
+      if (len(error%file) > 0) then
+         if (error%group /= '') return
+         error%message = error%file//': '//error%message
+      end if
       error%file = file
-      if (present(group) .and. len(error%group) == 0) error%group = group
-      if (present(variable) .and. len(error%variable) == 0) error%variable = variable
+      if (present(group) .and. error%group == '') error%group = group
+      if (present(variable) .and. error%variable == '') error%variable = variable
    end subroutine locate_error
 
    !> Put a text before the message of an error, if there is one.
@@ -87,11 +86,9 @@ contains
       class(error_type), intent(in) :: self
       character(len=:), allocatable :: line
 
-      line = self%variable
-      if (len(self%group) > 0) line = trim('&'//self%group//' '//line)
-      if (len(line) > 0) line = line//': '
+      line = self%message
+      if (self%group /= '') line = '&'//trim(trim(self%group)//' '//self%variable)//': '//line
       if (len(self%file) > 0) line = self%file//': '//line
-      line = line//self%message
    end function line
 
    !> ', did you mean X?' with the nearest of the allowed names; empty if no name is near.

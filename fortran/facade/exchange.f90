@@ -169,8 +169,8 @@ contains
          self%out%filled = 0
          call self%out%put('message', self%error%message)
          call self%out%put('file', self%error%file)
-         call self%out%put('group', self%error%group)
-         call self%out%put('variable', self%error%variable)
+         call self%out%put('group', trim(self%error%group))
+         call self%out%put('variable', trim(self%error%variable))
          if (associated(self%made)) deallocate (self%made)
          return
       end if

@@ -122,9 +122,10 @@ contains
          x%text = diagnostics_text(diagnostic(x%in%text('code'), x%in%text('subject')))
       case ('settings.values')
          ! Values of a namelist's text. The tables that it names are not read.
-         call parse_namelist(path, x%in%text('content'), namelist, x%error)
-         if (.not. allocated(x%error)) call read_settings(path, namelist, '', '', settings, x%error)
+         call parse_namelist(x%in%text('content'), namelist, x%error)
+         if (.not. allocated(x%error)) call read_settings(namelist, '', '', settings, x%error)
          if (.not. allocated(x%error)) call put_settings(settings, x%out)
+         call locate_error(x%error, path)
       case ('settings.problem')
          allocate (problem)
          call x%give(problem, 'problem')

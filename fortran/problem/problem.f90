@@ -105,7 +105,7 @@ contains
          if (len(namelist(i)%name) == 0) self%groups = self%groups//namelist(i)%group//' '
       end do
       allocate (self%warnings(0))
-      call read_settings(path, namelist, command, needed, self%settings, error)
+      call read_settings(namelist, command, needed, self%settings, error)
       if (allocated(error)) return
       associate (s => self%settings, last => self%settings%indenter)
          if (len(s%surrogate%file) == 0) then
@@ -126,7 +126,7 @@ contains
          end if
       end if
       if (allocated(error)) return
-      call check_settings(path, self%settings, self%class, error)
+      call check_settings(self%settings, self%class, error)
       if (allocated(error)) return
       if (len(self%settings%specimen%estimator) == 0) self%settings%specimen%estimator = 'curve'
    end subroutine new_problem
@@ -337,7 +337,8 @@ contains
       character(len=*), intent(in) :: group, name, message
       type(error_type), allocatable, intent(out) :: error
 
-      call refuse(error, message, self%path, group, name)
+      call refuse(error, message, group, name)
+      call locate_error(error, self%path)
    end subroutine refuse_variable
 
    !> Say of which group and variable of the namelist an error is, if there is one.

@@ -1,16 +1,16 @@
 !> The syntax of namelist files. Text becomes a list of (group, variable, values); messages name
-!> file, group and line.
+!> the line.
 !>
 !> gfortran's own namelist READ reports a missing group, a missing slash and a wrong type all as end
 !> of file, and accepts duplicates and NaN silently. This parser handles syntax only;
 !> `settings_schema` defines the meaning of the names.
 module namelist_file
-   use errors, only: error_type, locate_error, prefix_error, refuse_input => refuse
-   use files, only: printable, read_text_file
+   use errors, only: error_type, prefix_error, refuse_input => refuse
+   use files, only: printable
    use text, only: line_type, lower, newline, read_integer, to_text
    implicit none
    private
-   public :: entry_type, value_type, read_namelist_file, parse_namelist, find_entry
+   public :: entry_type, value_type, parse_namelist, find_entry
 
    !> One value as written: a quoted text without its quotes, or an unquoted word.
    type, extends(line_type) :: value_type
@@ -29,7 +29,7 @@ module namelist_file
    !> none).
    type :: parser_type
       type(entry_type), allocatable :: file(:)
-      character(len=:), allocatable :: path, text, group, name
+      character(len=:), allocatable :: text, group, name
       integer :: position = 1, line = 1
       type(error_type), allocatable :: error
    end type parser_type
@@ -42,18 +42,6 @@ module namelist_file
 
 contains
 
-   subroutine read_namelist_file(path, file, error)
-      character(len=*), intent(in) :: path
-      type(entry_type), allocatable, intent(out) :: file(:)
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: content
-
-      call read_text_file(path, content, error)
-      call locate_error(error, path)
-      if (allocated(error)) return
-      call parse_namelist(path, content, file, error)
-   end subroutine read_namelist_file
-
    !> The last index of a variable among entries, or of a group if `name` is ''; 0 if it is missing.
    pure integer function find_entry(entries, group, name) result(i)
       type(entry_type), intent(in) :: entries(:)
@@ -64,14 +52,13 @@ contains
       end do
    end function find_entry
 
-   !> Parse the content of a file; `path` is for messages.
-   subroutine parse_namelist(path, content, file, error)
-      character(len=*), intent(in) :: path, content
+   !> Parse the content of a file.
+   subroutine parse_namelist(content, file, error)
+      character(len=*), intent(in) :: content
       type(entry_type), allocatable, intent(out) :: file(:)
       type(error_type), allocatable, intent(out) :: error
       type(parser_type) :: parser
 
-      parser%path = path
       parser%text = content//newline
       parser%group = ''
       parser%name = ''
@@ -84,7 +71,7 @@ contains
       call move_alloc(parser%file, file)
       call move_alloc(parser%error, error)
       if (.not. allocated(error) .and. size(file) == 0) then
-         call refuse_input(error, 'the file holds no namelist group, only comments', path)
+         call refuse_input(error, 'the file holds no namelist group, only comments')
       end if
    end subroutine parse_namelist
 
@@ -353,8 +340,7 @@ contains
       integer, intent(in), optional :: line
 
       if (allocated(parser%error)) return
-      call refuse_input(parser%error, message, parser%path, printable(parser%group), &
-         & printable(parser%name))
+      call refuse_input(parser%error, message, parser%group, parser%name)
       if (present(line)) call prefix_error(parser%error, 'line '//to_text(line)//': ')
    end subroutine refuse
 end module namelist_file

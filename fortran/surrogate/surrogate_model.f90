@@ -202,18 +202,19 @@ contains
 
       file%reading = .true.
       call read_text_file(path, file%content, error)
-      if (allocated(error)) then
-         call locate_error(error, path)
-      else if (index(file%content, label//' ') /= 1) then
-         call refuse(error, 'is not a surrogate of bayesindent', path)
-      else
-         call exchange_surrogate(surrogate, file)
-         call file%finish()
-         if (allocated(file%error)) then
-            call refuse(error, 'the surrogate is damaged: '//file%error%message, path)
+      if (.not. allocated(error)) then
+         if (index(file%content, label//' ') /= 1) then
+            call refuse(error, 'is not a surrogate of bayesindent')
+         else
+            call exchange_surrogate(surrogate, file)
+            call file%finish()
+            if (allocated(file%error)) then
+               call refuse(error, 'the surrogate is damaged: '//file%error%message)
+            end if
+            surrogate%checksum = checksum_in(file%content)
          end if
-         surrogate%checksum = checksum_in(file%content)
       end if
+      call locate_error(error, path)
    end subroutine load_surrogate
 
    !> The checksum at the end of a file.
@@ -230,13 +231,14 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       if (is_folder(path)) then
-         call refuse(error, 'is a folder; the surrogate is a file', path)
+         call refuse(error, 'is a folder; the surrogate is a file')
       else if (file_exists(path)) then
          if (.not. is_surrogate(path)) then
             call refuse(error, 'is there and is not a surrogate, so it is not replaced; give the ' &
-               & //'surrogate another name', path)
+               & //'surrogate another name')
          end if
       end if
+      call locate_error(error, path)
    end subroutine check_replaceable
 
    !> Whether a file begins as a surrogate does.

@@ -58,8 +58,8 @@ class BayesindentError(RuntimeError):
         self.message, self.file, self.group, self.variable = message, file, group, variable
 
     def __str__(self) -> str:
-        name = f"&{self.group} {self.variable}".strip() if self.group else self.variable
-        return ": ".join(filter(None, [self.file, self.keyword or name, self.message]))
+        name = self.keyword or (self.group and f"&{self.group} {self.variable}".strip())
+        return ": ".join(filter(None, [self.file, name, self.message]))
 
 
 class InputError(BayesindentError, ValueError):
@@ -82,9 +82,9 @@ def located(file: object, group: str = "", variable: str = "") -> Iterator[None]
     try:
         yield
     except InputError as error:
-        if not (error.file and error.group):
-            if error.file:
-                error.message, error.variable = str(error), ""
+        if error.file and not error.group:
+            error.message, error.file = str(error), ""
+        if not error.file:
             error.file, error.group = str(file), error.group or group
             error.variable = error.variable or variable
         raise

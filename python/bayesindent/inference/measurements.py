@@ -56,16 +56,16 @@ def problem_of(
         elif given is not None or (needed and variable == "file"):
             tables[name] = measurements_of(given)
     if bounds:
-        with located(origin, variable="bounds"):
+        with located(origin, "prior"):
             groups["prior"] |= bounds_of(symmetry, bounds)
     if knowledge:
         if not isinstance(knowledge, Mapping):
             raise InputError(
                 f"{knowledge!r}; allowed a dictionary, such as {{'bulk_modulus': (108, 2)}}",
                 origin,
-                variable="knowledge",
+                "knowledge",
             )
-        with located(origin, variable="knowledge"):
+        with located(origin, "knowledge"):
             said = [
                 (name, *pair_of(name, pair, "(mean, sd)"))
                 for name, pair in knowledge.items()

@@ -108,7 +108,7 @@ def references_of(references: Any, crystal_sd: float | None) -> dict | None:
         raise InputError(
             "each has Young's modulus, its sd and Poisson's ratio: {'quartz': (72, 0.5, 0.17)}",
             "bi.curves",
-            variable="references",
+            "references",
         ) from None
     return {
         "name": list(references),
