@@ -45,7 +45,8 @@ contains
       if (present(status)) error%status = status
    end subroutine raise
 
-   !> Set `error` to the refusal of a user's input, with this `message`; see `error_type`.
+   !> Set `error` to the refusal of a user's input, with this `message` on `group` and
+   !> `variable` of a namelist.
    pure subroutine refuse(error, message, group, variable)
       type(error_type), allocatable, intent(out) :: error
       character(len=*), intent(in) :: message
@@ -61,6 +62,7 @@ contains
       type(error_type), allocatable, intent(inout) :: error
       !> See `error_type`.
       character(len=*), intent(in) :: file
+      !> Likewise.
       character(len=*), intent(in), optional :: group, variable
 
       if (.not. allocated(error)) return

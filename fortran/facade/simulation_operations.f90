@@ -24,7 +24,7 @@ module simulation_operations
    use stages, only: check_stages, load_problem, new_stage
    use surrogate_operations, only: give_basis
    use tables, only: write_table
-   use text, only: add_line, join, line_type, newline
+   use text, only: add_line, join, line_type
    implicit none
    private
    public :: run_simulator, use_model, use_stage, use_problem
@@ -235,6 +235,8 @@ contains
          call describe_problem(self, x%out)
       case ('column')
          call give_column(points_of(self, x%in%text('table')), x%in%text('column'), x%out)
+      case ('warn')
+         self%warnings = [self%warnings, diagnostic(x%in%text('code'), x%in%text('subject'))]
       case ('load')
          call load_given(self, x)
       case ('write_crystals')
@@ -334,18 +336,7 @@ contains
    subroutine load_given(self, x)
       type(problem_type), intent(inout) :: self
       type(exchange_type), intent(inout) :: x
-      character(len=:), allocatable :: notes
-      integer :: blank, last
 
-      ! Diagnostics of the tables, a line each: code, blank, subject.
-      notes = x%in%text('notes')
-      do while (len(notes) > 0)
-         last = index(notes//newline, newline)
-         blank = index(notes, ' ')
-         self%warnings = [self%warnings, &
-            & diagnostic(notes(:blank - 1), notes(blank + 1:last - 1))]
-         notes = notes(last + 1:)
-      end do
       call load_problem(self, x%in, x%error)
       if (allocated(x%error)) return
       if (x%in%has('misread')) then

@@ -45,9 +45,9 @@ contains
       logical :: radians
       real(wp) :: relative_sd
 
-      subject = 'the measurements'
+      subject = 'the table'
       if (allocated(settings%measurements%file)) then
-         subject = printable(settings%measurements%file)
+         subject = subject//' '//printable(settings%measurements%file)
       end if
       radians = settings%measurements%angles == 'degrees' &
          & .and. angles_look_like_radians(measurements)

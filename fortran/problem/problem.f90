@@ -197,7 +197,7 @@ contains
 
          associate (stated => self%settings%curves, measured => self%settings%measurements)
             call find_text('curves', stated%file, content)
-            if (allocated(content)) then
+            if (allocated(content) .and. .not. allocated(error)) then
                allocate (self%curves)
                call read_tests(resolve_path(self%folder, stated%tests), self%curves, error)
                call self%locate('curves', 'tests', error, stated%tests)
@@ -265,7 +265,7 @@ contains
             if (allocated(error)) return
             if (angles_look_like_radians(self%crystals)) then
                self%warnings = [self%warnings, diagnostic('angles_like_radians', &
-                  & printable(s%crystals%points))]
+                  & 'the table '//printable(s%crystals%points))]
             end if
          end if
          if (allocated(s%references%crystals)) then

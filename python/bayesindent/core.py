@@ -5,10 +5,11 @@ import os
 import struct
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 # One thread in each call of BLAS: more would change the last bits of results with the number of
 # cores. Threads are the core's own.
@@ -41,6 +42,7 @@ import numpy as np  # noqa: E402
 native = import_module(_MODULE, __package__)
 
 
+@dataclass(eq=False)
 class BayesindentError(RuntimeError):
     """A computation could not be done; the `message` says why.
 
@@ -49,13 +51,13 @@ class BayesindentError(RuntimeError):
     the error: 'failure', 'bad_input' or 'machine'.
     """
 
-    code = "failure"
+    message: str = ""
+    file: str = ""
+    group: str = ""
+    variable: str = ""
     #: The keyword of a function that replaces group and variable in the text; '' for none.
-    keyword = ""
-
-    def __init__(self, message: str, file: str = "", group: str = "", variable: str = ""):
-        super().__init__(message)
-        self.message, self.file, self.group, self.variable = message, file, group, variable
+    keyword: str = ""
+    code: ClassVar[str] = "failure"
 
     def __str__(self) -> str:
         name = self.keyword or (self.group and f"&{self.group} {self.variable}".strip())
@@ -95,12 +97,7 @@ class BayesindentWarning(UserWarning):
     subject and numbers, see docs/diagnostics.md.
     """
 
-    def __init__(self, text: str, diagnostic: Mapping | None = None):
-        super().__init__(text, diagnostic)
-        self.diagnostic = diagnostic or {}
-
-    def __str__(self) -> str:
-        return self.args[0]
+    diagnostic: Mapping = {}
 
 
 #: Kind, rank, length of the name, bytes of the value, shape; see fortran/common/named_values.f90.

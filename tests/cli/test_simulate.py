@@ -126,8 +126,7 @@ def test_a_crystal_near_instability_is_warned_of(bayesindent, tmp_path):
     (warning,) = json.loads(done.stdout)["warnings"]
     assert warning["code"] == "mesh_error"
     assert warning["subject"].startswith(
-        "a.nml: &simulation: 1 of 2 crystals are so near instability that the error of the mesh "
-        "may reach about"
+        "1 of 2 crystals are so near instability that the error of the mesh may reach about"
     )
     assert warning["subject"].endswith("(rows 2)")
     # Stored results are warned of like new ones, and by the batch program in the same words.

@@ -206,7 +206,9 @@ def test_severities_and_repetitions():
 
 def test_a_warning_of_python_keeps_its_diagnostic():
     found = diagnostics.diagnostic("compared_classes")
-    warning = pickle.loads(pickle.dumps(bi.BayesindentWarning("why", found)))
+    warning = bi.BayesindentWarning("why")
+    warning.diagnostic = found
+    warning = pickle.loads(pickle.dumps(warning))
     assert (str(warning), warning.diagnostic) == ("why", found)
     assert bi.BayesindentWarning("why").diagnostic == {}
 

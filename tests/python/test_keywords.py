@@ -158,7 +158,11 @@ def test_errors_are_in_pythons_words(keywords, words):
 @pytest.mark.parametrize(
     ("refused", "code", "place"),
     [
-        (lambda: bi.extract(IRON, "cubic", samples=3), "bad_input", ("bi.extract", "sampler", "samples")),
+        (
+            lambda: bi.extract(IRON, "cubic", samples=3),
+            "bad_input",
+            ("bi.extract", "sampler", "samples"),
+        ),
         (
             lambda: bi.extract(IRON, "cubic", bounds={"C11": 3}),
             "bad_input",

@@ -94,8 +94,7 @@ def test_a_phase_whose_equivalents_are_none_is_refused(tmp_path, point_group, sy
     with pytest.raises(
         bi.InputError,
         match=(
-            "map.h5: the phase iron is .+, symmetry is "
-            f"{symmetry}: orientations that are equiv"
+            f"map.h5: the phase iron is .+, symmetry is {symmetry}: orientations that are equiv"
         ),
     ):
         measured(path, [(2.1, 5.2), (12.3, 4.9)], symmetry)

@@ -37,8 +37,8 @@ def problem_of(
     symmetry = symmetry or (surrogate.symmetry if len(surrogate.basis.c_min) else None)
     if symmetry is None:
         raise InputError(
-            "symmetry is missing: this surrogate serves crystals of every class; state one, such as "
-            "'cubic'",
+            "symmetry is missing: this surrogate serves crystals of every class; state one, "
+            "such as 'cubic'",
             origin,
         )
     groups = grouped(
@@ -98,7 +98,8 @@ def stiffness_table(symmetry: str, mean: ArrayLike, covariance: ArrayLike) -> di
     mean, covariance = np.asarray(mean, dtype=float), np.asarray(covariance, dtype=float)
     if mean.shape != (len(names),) or covariance.shape != 2 * mean.shape:
         raise InputError(
-            f"means and covariance have shapes {mean.shape} and {covariance.shape}; allowed ({len(names)},) and {2 * (len(names),)} for {', '.join(names)}"
+            f"means and covariance have shapes {mean.shape} and {covariance.shape}; "
+            f"allowed ({len(names)},) and {2 * (len(names),)} for {', '.join(names)}"
         )
     return {"row": ["mean", *names]} | dict(zip(names, np.vstack([mean, covariance]).T.tolist()))
 

@@ -41,7 +41,7 @@ def curves_of_files(folder: Path, names: Iterable[str], drift_removed: bool) -> 
             if drift_removed and not settings.get("drift_removed", True):
                 raise InputError(
                     f"the drift of {settings.get('drift_nm_s')} nm/s is still in the depths; state "
-                    "&curves drift_removed = .false., and drift_nm_s in the table of tests",
+                    "drift_removed = .false., and drift_nm_s in the table of tests",
                     f"{shown} ({beside.name})",
                 )
     names = COLUMNS[: min(len(curve) for _, curve in found)]

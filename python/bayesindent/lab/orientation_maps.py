@@ -50,8 +50,8 @@ class IndentedMap:
     positions: np.ndarray
     grains: list[int]
     columns: dict[str, list]
-    #: Codes of diagnostics, each with a blank and its subject.
-    warnings: list[str]
+    #: Codes and subjects of diagnostics.
+    warnings: list[tuple[str, str]]
 
 
 def indented_map(
@@ -62,8 +62,9 @@ def indented_map(
     symmetry: str | None,
     axes: str | None,
 ) -> IndentedMap:
-    """The map of a file with `indents` at positions (n, 2), whose registration has the `sd` (n,) per
-    coordinate, in um. `columns` are those of the measurements; for `axes` see `AXES` of map_files.
+    """The map of a file with `indents` at positions (n, 2), whose registration has the `sd` (n,)
+    per coordinate, in um. `columns` are those of the measurements; for `axes` see `AXES` of
+    map_files.
     """
     for name in columns:
         if name.lower().startswith(("phi", "φ", "euler")):
@@ -95,7 +96,7 @@ def indented_map(
         )
         if not retained:
             raise InputError(reason)
-        warnings.append(f"indents_left_out {reason}")
+        warnings.append(("indents_left_out", reason))
     stated = {
         re.sub("[ -]", "_", name.lower()).removesuffix("_id").removesuffix("_number")
         for name in columns
@@ -113,7 +114,7 @@ def indented_map(
     return IndentedMap(grid, retained, indents, grains, of_indents, warnings)
 
 
-def registered(path: Path, stage: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[str]]:
+def registered(path: Path, stage: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[tuple]]:
     """Transform positions of the stage to the map by the affine map that fits homologous points by
     least squares. Returns the positions (n, 2), their sd per coordinate (n,) in um, and a warning
     if the sd is unknown.
@@ -144,11 +145,12 @@ def registered(path: Path, stage: np.ndarray) -> tuple[np.ndarray, np.ndarray, l
     at = np.column_stack([np.ones(len(stage)), stage - centre])
     leverage = np.einsum("ij,jk,ik->i", at, np.linalg.inv(design.T @ design), at)
     residual = np.linalg.norm(known[:, 2:] - design @ affine) / np.sqrt(max(1, 2 * (n - 3)))
-    unknown = (
-        "registration_unknown three points leave no residual, so that the error of the "
-        "registration is unknown"
+    unknown = "three points leave no residual, so that the error of the registration is unknown"
+    return (
+        at @ affine,
+        residual * np.sqrt(1 + leverage),
+        [("registration_unknown", unknown)] * (n == 3),
     )
-    return at @ affine, residual * np.sqrt(1 + leverage), [unknown] * (n == 3)
 
 
 class Grid:
@@ -220,7 +222,7 @@ class Grid:
             coo_array((alike[alike], (first[alike], second[alike])), shape=(n, n)), directed=False
         )[1]
 
-    def compare_phase(self, phases: np.ndarray, symmetry: str | None) -> list[str]:
+    def compare_phase(self, phases: np.ndarray, symmetry: str | None) -> list[tuple]:
         """Compare the phase at each indent (n,) with the stated `symmetry`, and return the
         warnings. Several phases are refused, and a symmetry in which equivalent orientations of the
         phase are not equivalent.
@@ -249,7 +251,7 @@ class Grid:
                 "the phase, or the orientations in columns"
             )
         warning = f"{differs}, which takes the crystal for more symmetric than the map does"
-        return [] if own == symmetry else [f"phase_differs {warning}"]
+        return [] if own == symmetry else [("phase_differs", warning)]
 
     def misread(self, positions: np.ndarray) -> np.ndarray:
         """The indented directions (7, n, 3) in crystal axes for positions (n, 2) whose axes are

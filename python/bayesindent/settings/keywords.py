@@ -133,4 +133,6 @@ def warn_of(document: dict) -> None:
         level, frame = level + 1, frame.f_back
     for found in document["warnings"]:
         line = message(found) if found["severity"] == "warning" else labelled(found)
-        warnings.warn(BayesindentWarning(line, found), stacklevel=level)
+        warning = BayesindentWarning(line)
+        warning.diagnostic = found
+        warnings.warn(warning, stacklevel=level)

@@ -216,7 +216,8 @@ class Problem(NativeObject):
         #: orientation map with the indents, or None.
         self.table: LaboratoryTable | None = None
         self.map: Any = None
-        notes: list[str] = []
+        #: Diagnostics of tables: codes and subjects.
+        notes: list[tuple[str, str]] = []
         if file := facts.get("measurements.file"):
             source = path.parent / file
         if source is not None:
@@ -226,12 +227,14 @@ class Problem(NativeObject):
                 found = canonical_table(source, facts, path)
             if found:
                 self.table, self.map, pages["measurements"] = found.table, found.map, found.page
-                name = file or "the measurements"
-                notes = [f"table_changed {name}: {note}" for note in found.table.notes]
+                subject = f"the table {file or ''}".strip()
+                notes = [("table_changed", f"{subject}: {note}") for note in found.table.notes]
         if self.map is not None:
             pages["misread"] = self.map.grid.misread(self.map.positions)
             notes += self.map.warnings
-        facts = typed(self._call("load", notes="\n".join(notes), **pages))
+        for code, subject in notes:
+            self._call("warn", code=code, subject=subject)
+        facts = typed(self._call("load", **pages))
         self.path, self.folder = path, path.parent
         self.resolved, self.warnings = facts["resolved"], json.loads(facts["warnings"])
         self.stages = facts["stages"].split()
