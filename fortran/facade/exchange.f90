@@ -155,8 +155,8 @@ contains
       self%kind = kind
    end subroutine give
 
-   !> Put all results into `out`, or after an error only where and what it is, and set the `status` of the
-   !> operation.
+   !> Put all results into `out`, or after an error only where and what it is, and set the `status`
+   !> of the operation.
    subroutine close(self, status)
       class(exchange_type), intent(inout) :: self
       integer, intent(out) :: status

@@ -105,7 +105,8 @@ contains
          & self%candidates%n)])
       if (outside > 0) then
          self%warnings = [self%warnings, diagnostic('candidates_left_out', &
-            & 'the table '//printable(self%settings%design%candidates), [real(wp) :: outside, self%candidates%n])]
+            & 'the table '//printable(self%settings%design%candidates), &
+            & [real(wp) :: outside, self%candidates%n])]
       end if
    end subroutine question_candidates
 
