@@ -88,8 +88,10 @@ contains
       class(error_type), intent(in) :: self
       character(len=:), allocatable :: line
 
-      line = self%message
-      if (self%group /= '') line = '&'//trim(trim(self%group)//' '//self%variable)//': '//line
+      line = trim(self%variable)
+      if (self%group /= '') line = trim('&'//trim(self%group)//' '//line)
+      if (len(line) > 0) line = line//': '
+      line = line//self%message
       if (len(self%file) > 0) line = self%file//': '//line
    end function line
 

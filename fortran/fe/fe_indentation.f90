@@ -240,7 +240,7 @@ contains
          if (zone > widest) exit
          call new_wider_model(model, zone, wider, obstacle)
          if (allocated(obstacle)) then
-            error%message = error%message//', and no wider zone can be made: '//obstacle%message
+            error%message = error%message//', and no wider zone can be made: '//obstacle%line()
             if (obstacle%status == machine_failure) error%status = machine_failure
             exit
          end if

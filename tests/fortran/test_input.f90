@@ -131,7 +131,7 @@ contains
       type(error_type), allocatable :: error
 
       call parse_namelist('&A x = 2*1.5, ''it''''s'' y = .true. & END &b/', file, error)
-      call check_refused('a blank after &', error, 'f: &a: the / that ends the group is missing')
+      call check_refused('a blank after &', error, '&a: the / that ends the group is missing')
       call parse_namelist('&A x = 2*1.5, ''it''''s'' y = .true. &END &b/', file, error)
       call check_success('two groups on one line', error)
       call check('names in lower case', file(1)%group == 'a' .and. file(3)%name == 'y')
@@ -142,7 +142,7 @@ contains
       call parse_namelist('&a x = 10001*1 /', file, error)
       call check_refused('too many repetitions', error, 'repeat count')
       call parse_namelist('&a x = 1 y (2) = 3 /', file, error)
-      call check_refused('a subscript', error, 'f: &a y: line 1: parts of a variable')
+      call check_refused('a subscript', error, '&a y: line 1: parts of a variable')
    end subroutine test_syntax
 
    !> Every row of the table can be used as the reader uses it.
@@ -244,7 +244,7 @@ contains
          & .and. .not. s%design%given)
       call read_settings(file, 'extract', 'problem measurements', s, error)
       call check_refused('a group that is needed', error, &
-         & 'f: &measurements: the group is missing; extract needs it')
+         & '&measurements: the group is missing; extract needs it')
       call parse_namelist('&prior c_max = 3*250 /', file, error)
       call read_settings(file, '', '', s, error)
       call check_settings(s, class, error)
