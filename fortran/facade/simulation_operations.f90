@@ -236,9 +236,17 @@ contains
       case ('column')
          call give_column(points_of(self, x%in%text('table')), x%in%text('column'), x%out)
       case ('warn')
+         ! Add a diagnostic of a table that was read in Python.
          self%warnings = [self%warnings, diagnostic(x%in%text('code'), x%in%text('subject'))]
       case ('load')
-         call load_given(self, x)
+         ! Read the tables that are given as texts, and the files that the namelist names.
+         call load_problem(self, x%in, x%error)
+         if (allocated(x%error)) return
+         if (x%in%has('misread')) then
+            self%misread = reshape(x%in%columns('misread', 3), &
+               & [3, self%measurements%table%rows, 7])
+         end if
+         call describe_problem(self, x%out)
       case ('write_crystals')
          ! Write the table of the crystals with additional columns of numbers (n, m).
          call write_table(self%crystals%table, x%in%text('path'), x%in%text('names'), &
@@ -330,21 +338,6 @@ contains
          call out%put(name//'.names', lines)
       end do
    end subroutine describe_problem
-
-   !> Read the tables of a problem: those that are given as texts, and the files that the namelist
-   !> names. Then describe the problem.
-   subroutine load_given(self, x)
-      type(problem_type), intent(inout) :: self
-      type(exchange_type), intent(inout) :: x
-
-      call load_problem(self, x%in, x%error)
-      if (allocated(x%error)) return
-      if (x%in%has('misread')) then
-         self%misread = reshape(x%in%columns('misread', 3), &
-            & [3, self%measurements%table%rows, 7])
-      end if
-      call describe_problem(self, x%out)
-   end subroutine load_given
 
    !> Table of a problem by its name; not associated if the problem does not have it.
    function points_of(self, name) result(points)

@@ -264,7 +264,8 @@ def add_orientations(
         stage.append(cells.map(value_of))
     folder = Path(facts["folder"])
     ebsd, points = facts["measurements.ebsd"], facts.get("measurements.ebsd_points")
-    at, sd, warnings = np.column_stack(stage), np.zeros(len(table.cells)), []
+    warnings: list[tuple] = []
+    at, sd = np.column_stack(stage), np.zeros(len(table.cells))
     if points:
         with located(origin, "measurements", "ebsd_points"), located(points):
             at, sd, warnings = registered(folder / points, at)

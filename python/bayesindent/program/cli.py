@@ -157,7 +157,7 @@ class Parser(argparse.ArgumentParser):
         self.error(message + (f". Did you mean '{near[0]}'?" if near else ""))
 
 
-def parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
+def parser(words: Sequence[str] | None = None) -> Parser:
     """The parser of all commands. Only commands among `words` (default: all) get their arguments;
     with '--all' among them the help lists every variable.
     """
