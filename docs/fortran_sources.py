@@ -1,10 +1,11 @@
-"""The directive `fortran-folder NAME`: the modules of fortran/NAME with what they make public, from
-the comments `!>` of the sources.
+"""Directives from the comments `!>` of the sources. `fortran-folder NAME`: the modules of
+fortran/NAME with what they make public. `operations`: the operations of the facade.
 """
 
 from pathlib import Path
 
 import arguments
+import operations
 from docutils import nodes
 from docutils.parsers.rst import Directive
 
@@ -21,6 +22,24 @@ class FortranFolder(Directive):
         return [
             module_section(path) for path in sorted((FORTRAN / self.arguments[0]).glob("*.f90"))
         ]
+
+
+class Operations(Directive):
+    """One item an operation: the names of its values, and what it does."""
+
+    def run(self) -> list[nodes.Node]:
+        """A definition list."""
+        listed = nodes.definition_list()
+        for name, operation in operations.operations(FORTRAN.parent).items():
+            item = nodes.definition_list_item()
+            item += nodes.term("", "", nodes.literal(text=name))
+            values = f"{', '.join(operation.given) or '-'} → {', '.join(operation.result) or '-'}"
+            body = nodes.definition("", nodes.paragraph(text=values))
+            if operation.meaning:
+                body += nodes.paragraph(text=plain(operation.meaning))
+            item += body
+            listed += item
+        return [listed]
 
 
 def module_section(path: Path) -> nodes.section:
@@ -72,4 +91,5 @@ def plain(comment: str) -> str:
 def setup(app) -> dict:
     """Called by Sphinx."""
     app.add_directive("fortran-folder", FortranFolder)
+    app.add_directive("operations", Operations)
     return {"version": "1", "parallel_read_safe": True}

@@ -12,10 +12,20 @@ from types import SimpleNamespace
 
 import pytest
 
+from bayesindent import core
+from support import declared_operations
 from support import few_figures as quick
 from support.programs import BATCH, runner
 
 pytest_plugins = ["support.step_2_cases"]
+
+
+@pytest.fixture(autouse=True, scope="session")
+def declared_values():
+    """All calls of the core are compared with the declarations of its operations."""
+    native, core.native = core.native, declared_operations.checked(core)
+    yield
+    core.native = native
 
 
 @pytest.fixture

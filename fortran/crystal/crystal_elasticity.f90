@@ -1,8 +1,5 @@
 !> Elasticity of one crystal of any class: rotation, stability, polycrystal averages and anisotropy
-!> of a general stiffness; paths of waves.
-!>
-!> Stiffness in GPa, Voigt order 11,22,33,23,13,12 without factors of two. Bunge-Euler angles (phi1,
-!> Phi, phi2) in radians; g maps sample to crystal axes, v_crystal = g v_sample.
+!> of a general stiffness.
 !>
 !> Stiffness in GPa, Voigt order 11,22,33,23,13,12 without factors of two. Bunge-Euler angles (phi1,
 !> Phi, phi2) in radians; g maps sample to crystal axes, v_crystal = g v_sample.
@@ -17,26 +14,12 @@ module crystal_elasticity
    public :: is_stable, check_stiffness, compliance, averages_type, polycrystal_averages, &
       & anisotropy_index, log_anisotropy, logarithmic_mean
    public :: kelvin_form, stiffness_of_kelvin, diagonalise, isotropic_stiffness
-   public :: path_type, wave_names, no_wave, rayleigh, longitudinal
 
    !> Smallest pivot of a stable crystal's stiffness, relative to its diagonal entry; below are
    !> rounding errors.
    real(wp), parameter :: resolution = 1.0e-12_wp
    !> Voigt index of a pair of Cartesian indices.
    integer, parameter :: voigt_index(3, 3) = reshape([1, 6, 5, 6, 2, 4, 5, 4, 3], [3, 3])
-
-   !> Kinds of waves by number: the surface wave, then the bulk waves.
-   character(len=*), parameter :: wave_names(4) = [character(len=12) :: 'rayleigh', &
-      & 'longitudinal', 'shear_slow', 'shear_fast']
-   integer, parameter :: no_wave = 0, rayleigh = 1, longitudinal = 2
-
-   !> Kind and direction of the wave whose speed is measured; by default an indentation, without a
-   !> wave.
-   type :: path_type
-      integer :: wave = no_wave
-      !> Direction in the surface, from x towards y, and inclination towards the normal; degrees.
-      real(wp) :: propagation_deg = 0.0_wp, inclination_deg = 0.0_wp
-   end type path_type
 
    !> Polycrystal bounds for a uniform texture, GPa (Hill, Proc. Phys. Soc. A 65, 349, 1952).
    type :: averages_type

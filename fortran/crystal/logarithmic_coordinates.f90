@@ -23,8 +23,8 @@ module logarithmic_coordinates
    use kinds, only: wp
    implicit none
    private
-   public :: log_coordinates_type, new_log_coordinates, logarithm_of, n_axial, n_waves, &
-      & wave_orders, n_coordinates, axial_coordinates_of, kelvin_rotation
+   public :: log_coordinates_type, new_log_coordinates, logarithm_of, n_axial, n_pairs, &
+      & pair_orders, n_coordinates, axial_coordinates_of, kelvin_rotation
 
    type :: log_coordinates_type
       !> Number of coordinates, which is that of the constants.
@@ -37,11 +37,11 @@ module logarithmic_coordinates
       procedure :: to_logarithms, from_logarithms, log_volume
    end type log_coordinates_type
 
-   integer, parameter :: n_axial = 4, n_waves = 8
-   integer, parameter :: wave_orders(n_waves) = [1, 1, 1, 2, 2, 2, 3, 4]
-   !> Number of coordinates: those of order 0, the real parts of the waves, their imaginary parts,
+   integer, parameter :: n_axial = 4, n_pairs = 8
+   integer, parameter :: pair_orders(n_pairs) = [1, 1, 1, 2, 2, 2, 3, 4]
+   !> Number of coordinates: those of order 0, the real parts of the pairs, their imaginary parts,
    !> and the trace over sqrt 6.
-   integer, parameter :: n_coordinates = n_axial + 2*n_waves + 1
+   integer, parameter :: n_coordinates = n_axial + 2*n_pairs + 1
 
    real(wp), parameter :: root_2 = sqrt(2.0_wp), root_half = sqrt(0.5_wp)
    !> The directions, orthogonal to the trace, in the space of pp, qq, sqrt 2 pq, sqrt 2 w1*w1, sqrt
@@ -214,16 +214,16 @@ contains
       complex(wp), parameter :: p(6) = [o, o, (1.0_wp, 0.0_wp), o, o, o], &
          & q(6) = [h, h, o, o, o, o], w1(6) = [o, o, o, ih, h, o], &
          & w2(6) = [(0.5_wp, 0.0_wp), (-0.5_wp, 0.0_wp), o, o, o, ih]
-      complex(wp) :: waves(n_waves)
+      complex(wp) :: pairs(n_pairs)
       real(wp) :: order_0(5)
       integer :: i
 
       order_0 = [between(p, p), between(q, q), root_2*between(p, q), &
          & root_2*between(conjg(w1), w1), root_2*between(conjg(w2), w2)]
-      waves(:3) = 2.0_wp*[between(p, w1), between(q, w1), between(conjg(w1), w2)]
-      waves(4:6) = [2.0_wp*between(p, w2), 2.0_wp*between(q, w2), root_2*between(w1, w1)]
-      waves(7:) = [2.0_wp*between(w1, w2), root_2*between(w2, w2)]
-      x = [matmul(order_0, directions), real(waves, wp), aimag(waves), &
+      pairs(:3) = 2.0_wp*[between(p, w1), between(q, w1), between(conjg(w1), w2)]
+      pairs(4:6) = [2.0_wp*between(p, w2), 2.0_wp*between(q, w2), root_2*between(w1, w1)]
+      pairs(7:) = [2.0_wp*between(w1, w2), root_2*between(w2, w2)]
+      x = [matmul(order_0, directions), real(pairs, wp), aimag(pairs), &
          & sum([(matrix(i, i), i=1, 6)])/sqrt(6.0_wp)]
 
    contains

@@ -113,19 +113,19 @@ contains
       !> ((bandlimit + 1) (bandlimit + 2)/2).
       real(wp), intent(out) :: values(:)
       real(wp) :: legendre, before, ratio
-      complex(wp) :: wave
+      complex(wp) :: turning
       integer :: l, m, place
 
       ! (x + i y)^m = sin^m exp(i m phi), normalised.
-      wave = 1.0_wp
+      turning = 1.0_wp
       do m = 0, bandlimit
          before = 0.0_wp
          legendre = 1.0_wp
          do l = m, bandlimit
             if (mod(l, 2) == 0) then
                place = l*(l - 1)/2 + max(1, 2*m)
-               values(place) = legendre*real(wave, wp)
-               if (m > 0) values(place + 1) = legendre*aimag(wave)
+               values(place) = legendre*real(turning, wp)
+               if (m > 0) values(place + 1) = legendre*aimag(turning)
             end if
             ratio = sqrt((2.0_wp*l + 1.0_wp)*(2.0_wp*l + 3.0_wp)/((l + 1.0_wp)**2 - m**2))
             associate (next => ratio*(direction(3)*legendre - before))
@@ -133,8 +133,8 @@ contains
                legendre = next
             end associate
          end do
-         wave = wave*cmplx(direction(1), direction(2), wp) &
-               & *sqrt((2.0_wp*m + 3.0_wp)/merge(2.0_wp*m + 2.0_wp, 1.0_wp, m > 0))
+         turning = turning*cmplx(direction(1), direction(2), wp) &
+                  & *sqrt((2.0_wp*m + 3.0_wp)/merge(2.0_wp*m + 2.0_wp, 1.0_wp, m > 0))
       end do
    end subroutine evaluate_real
 

@@ -5,6 +5,7 @@ module analysis_operations
    use exchange, only: exchange_type
    use further_measurements, only: suggest_measurements
    use json, only: json_type
+   use posterior_diagnostics, only: check_analysis
    use planned_measurements, only: plan_measurements
    use stage_documents, only: end_document
    implicit none
@@ -21,12 +22,15 @@ contains
 
       select case (verb)
       case ('infer')
+         !> -> ..
          call self%infer(x%error)
          if (allocated(x%error)) return
+         call check_analysis(self)
          call page%begin_object()
          call write_analysis(self, page)
          call put_analysis(self, end_document(page, [self%problem%warnings, self%warnings]), x%out)
       case ('next')
+         !> points -> text
          ! The points are draws, which have the factor on the sds itself, not its logarithm.
          call self%prepare(x%error)
          if (allocated(x%error)) return
@@ -35,6 +39,7 @@ contains
             & x%error)
          x%text = end_document(page, [self%problem%warnings, self%warnings])
       case ('plan')
+         !> -> text
          call page%begin_object()
          call plan_measurements(self, page, x%error)
          x%text = end_document(page, self%problem%warnings)

@@ -2,14 +2,14 @@
 !> quantities, and kinds of modulus.
 module crystal_operations
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
-   use crystal_elasticity, only: anisotropy_index, averages_type, log_anisotropy, path_type, &
-      & polycrystal_averages, rayleigh
+   use crystal_elasticity, only: anisotropy_index, averages_type, log_anisotropy, &
+      & polycrystal_averages
    use distinct_directions, only: lattice_of_directions, new_region, region_type, representative, &
       & spread_of_directions
    use exchange, only: exchange_type
    use halfspace_theory, only: halfspace_moduli
    use kinds, only: wp
-   use observables, only: new_observable, observable_type
+   use observables, only: new_observable, observable_type, path_type, surface_path
    use rayleigh_wave, only: rayleigh_waves, wave_speed, wave_type
    use quantities, only: evaluate_quantities, new_quantity, quantity_type, reported_quantities
    use settings_schema, only: measurements_settings_type
@@ -46,13 +46,16 @@ contains
       if (x%in%has('stiffness')) c => x%in%matrices('stiffness')
       select case (verb)
       case ('class')
+         !> symmetry -> name, constants
          call x%out%put('name', class%name)
          call x%out%put('constants', class%constants)
       case ('stiffness')
+         !> symmetry, constants -> stiffness
          ! Stiffnesses of constants (k, n).
          stiffness = class%stiffnesses(x%in%columns('constants', class%n_constants))
          call x%out%put('stiffness', stiffness)
       case ('averages')
+         !> stiffness -> values
          ! Anisotropy index (Eq. 14) and log-anisotropy, NaN if the crystal is not stable; bulk and
          ! shear modulus of Voigt, then of Reuss (GPa).
          allocate (x%values(6, size(c, 3)))
@@ -63,6 +66,7 @@ contains
                & averages%shear_reuss]
          end do
       case ('directions')
+         !> symmetry, count -> values
          ! Directions within the region of distinct directions of the class: `count` that are far
          ! apart, or an even lattice if it is 0.
          call new_region(class, region)
@@ -72,6 +76,7 @@ contains
             call lattice_of_directions(region, x%values)
          end if
       case ('representatives')
+         !> symmetry, directions -> values
          ! Equivalents of directions (3, n) in that region.
          call new_region(class, region)
          columns => x%in%columns('directions', 3)
@@ -80,23 +85,26 @@ contains
             x%values(:, i) = representative(region, columns(:, i))
          end do
       case ('theory')
+         !> stiffness, euler_deg, threads -> values
          ! Indentation modulus (GPa) of crystals at angles (degrees), exact and for a circular
          ! contact.
          allocate (x%values(size(c, 3), 2))
          call halfspace_moduli(c, x%in%columns('euler_deg', 3), x%threads(), x%values(:, 1), &
             & x%values(:, 2), x%error)
       case ('waves')
+         !> stiffness, euler_deg, propagation_deg, density_kg_m3 -> values
          ! Speeds of the surface wave and of the slowest bulk wave (m/s), and the normal share of
          ! the displacement, for crystals of a density (kg/m3) at angles, in directions (degrees).
          columns => x%in%columns('propagation_deg', 1)
          allocate (waves(size(c, 3)))
          call rayleigh_waves(c, x%in%columns('euler_deg', 3), &
-            & [(path_type(rayleigh, columns(1, i)), i=1, size(c, 3))], waves, x%error)
+            & [(path_type(surface_path, columns(1, i)), i=1, size(c, 3))], waves, x%error)
          if (allocated(x%error)) return
          columns => x%in%columns('density_kg_m3', 1)
          x%values = reshape([wave_speed(waves%modulus, columns(1, :)), &
             & wave_speed(waves%bulk, columns(1, :)), waves%normal_share], [size(waves), 3])
       case ('reported_quantities')
+         !> symmetry -> names, units
          call reported_quantities(class, quantities, x%error)
          if (allocated(x%error)) return
          do i = 1, size(quantities)
@@ -106,6 +114,7 @@ contains
          call x%out%put('names', names)
          call x%out%put('units', units)
       case ('quantities')
+         !> names, stiffness -> values
          wanted = split_list(x%in%text('names'))
          allocate (quantities(size(wanted)), x%values(size(wanted), size(c, 3)))
          do i = 1, size(wanted)
@@ -116,6 +125,7 @@ contains
             call evaluate_quantities(quantities, c(:, :, i), x%values(:, i))
          end do
       case ('moduli_of_kind')
+         !> kind, moduli, indenter_modulus_gpa, indenter_nu, sample_nu -> values
          ! Convert indentation moduli (GPa) to another kind.
          settings%indenter_modulus_gpa = x%in%real('indenter_modulus_gpa')
          settings%indenter_nu = x%in%real('indenter_nu')

@@ -23,7 +23,7 @@ module operations
    use settings_schema, only: settings_type
    use settings_reader, only: put_settings, put_variables, read_settings
    use simulate, only: simulator_type
-   use simulation_operations, only: run_simulator, use_model, use_problem, use_stage
+   use simulation_operations, only: run_simulator, use_indentation, use_problem, use_stage
    use stage_documents, only: digest_surrogate, read_document, read_resolved, write_document
    use stages, only: all_stages, problem_of_text, read_problem, run_command, stage_row_type
    use surrogate_model, only: load_named_surrogate, surrogate_type
@@ -81,7 +81,7 @@ contains
       type is (problem_type)
          call use_problem(verb, object, x)
       type is (indentation_model_type)
-         call use_model(verb, object, x)
+         call use_indentation(verb, object, x)
       type is (simulator_type)
          call run_simulator(object, x)
       class is (basis_type)
@@ -113,29 +113,35 @@ contains
       if (x%in%has('path')) path = x%in%text('path')
       select case (operation)
       case ('settings.list')
+         !> -> group, group_meaning, name, kind, shape, unit, default, allowed, meaning, stages
          ! The properties of all variables; name, groups and document's file of each stage.
          call put_variables(x%out)
          call x%out%put('stages', [character(len=len(rows%groups)) :: (rows(i)%name, &
             & rows(i)%groups, rows(i)%document, i=1, size(rows))])
       case ('settings.diagnostic')
+         !> code, subject -> text
          ! A diagnostic without numbers, JSON.
          x%text = diagnostics_text(diagnostic(x%in%text('code'), x%in%text('subject')))
       case ('settings.values')
+         !> path, content -> ..
          ! Values of a namelist's text. The tables that it names are not read.
          call parse_namelist(x%in%text('content'), namelist, x%error)
          if (.not. allocated(x%error)) call read_settings(namelist, '', '', settings, x%error)
          if (.not. allocated(x%error)) call put_settings(settings, x%out)
          call locate_error(x%error, path)
       case ('settings.problem')
+         !> path, content -> handle
          allocate (problem)
          call x%give(problem, 'problem')
          call problem_of_text(path, x%in%text('content'), problem, x%error)
       case ('file.problem')
+         !> path, command, changes -> handle
          allocate (problem)
          call x%give(problem, 'problem')
          call read_problem(path, x%in%text('command'), x%in%text('changes'), problem, &
             & x%error)
       case ('file.crystals')
+         !> path, symmetry -> handle
          ! A problem that has only a table of crystals. `symmetry` applies to rows without one.
          allocate (problem)
          call x%give(problem, 'problem')
@@ -145,36 +151,50 @@ contains
          call read_crystals(path, class, problem%crystals, x%error)
          call locate_error(x%error, path)
       case ('file.surrogate')
+         !> name, symmetry, output, folder, data_folder, shipped -> handle
          allocate (surrogate)
          call x%give(surrogate, 'surrogate')
          call load_named_surrogate(x%in%text('name'), x%in%text('symmetry'), x%places(), &
             & surrogate, x%error)
       case ('file.check_memory')
+         !> bytes, what ->
          call check_memory(x%in%real('bytes'), x%in%text('what'), x%error)
       case ('file.watch_signals')
+         !> ->
          call watch_signals()
       case ('file.take_folder')
+         !> folder, patience, resumes ->
          call take_folder(x%in%text('folder'), x%in%integer('patience'), &
             & x%in%logical('resumes'), x%error)
       case ('file.show_progress')
+         !> wanted ->
          call show_progress(x%in%logical('wanted'))
       case ('file.begin_progress')
+         !> name, steps ->
          call begin_progress(x%in%text('name'), int(x%in%integer('steps'), i8))
       case ('file.advance_progress')
+         !> steps ->
          call advance_progress(int(x%in%integer('steps'), i8))
       case ('file.end_progress')
+         !> ->
          call end_progress()
       case ('file.end_command')
+         !> ->
          call end_command()
       case ('file.digest_surrogate')
+         !> name, output, folder, data_folder, shipped -> text
          call digest_surrogate(x%in%text('name'), x%places(), x%text, x%error)
       case ('file.read_resolved')
+         !> folder -> text
          call read_resolved(x%in%text('folder'), x%text, x%error)
       case ('file.write_document')
+         !> path, document ->
          call write_document(path, x%in%text('document'), x%error)
       case ('file.read_document')
+         !> path -> text
          call read_document(path, x%text, x%error)
       case ('file.read_posterior')
+         !> folder -> ..
          ! The result is the content of the file.
          call read_posterior(x%in%text('folder'), x%out%bytes, x%error)
          if (allocated(x%out%bytes)) x%out%filled = len(x%out%bytes)

@@ -27,7 +27,7 @@ module simulation_operations
    use text, only: add_line, join, line_type
    implicit none
    private
-   public :: run_simulator, use_model, use_stage, use_problem
+   public :: run_simulator, use_indentation, use_stage, use_problem
 
 contains
 
@@ -37,6 +37,8 @@ contains
       type(exchange_type), intent(inout) :: x
       type(outcome_type) :: outcome
 
+      !> simulator.run: stiffness, euler_deg -> status, modulus_gpa, seconds, elements, depth_um,
+      !> force_mn, message
       call simulator%run(x%in%columns('stiffness', 6), degree*x%in%reals('euler_deg'), &
          & outcome, x%error)
       if (allocated(x%error)) return
@@ -49,7 +51,7 @@ contains
       call x%out%put('message', outcome%message)
    end subroutine run_simulator
 
-   subroutine use_model(verb, model, x)
+   subroutine use_indentation(verb, model, x)
       character(len=*), intent(in) :: verb
       type(indentation_model_type), intent(in) :: model
       type(exchange_type), intent(inout) :: x
@@ -58,10 +60,18 @@ contains
 
       select case (verb)
       case ('describe')
+         !> -> element, parts, elements, depths, depth_max_um, contact_radius_max_um, meshes,
+         !> factor_entries, factor_operations, workspace_bytes, unknowns, nodes, bricks,
+         !> infinite_elements
          call describe_model(model, x%out)
       case ('mesh')
+         !> -> x, gap, brick, material, facet, contact, clamped, hanging, master
          call put_mesh(model, x%out)
       case ('run')
+         !> stiffness, euler_deg -> indentation_modulus_gpa, depth_um, force_mn,
+         !> modulus_by_depth_gpa, contact_radius_um, elements, seconds, seconds_factor,
+         !> modulus_slope_gpa, modulus_last_gpa, modulus_of_mesh_gpa, contact_residual,
+         !> equilibrium_residual
          call simulate_indentation(model, x%in%columns('stiffness', 6), &
             & degree*x%in%reals('euler_deg'), result, x%error)
          if (allocated(x%error)) return
@@ -79,6 +89,8 @@ contains
          call x%out%put('contact_residual', result%contact_residual)
          call x%out%put('equilibrium_residual', result%equilibrium_residual)
       case ('fields')
+         !> stiffness, euler_deg, step -> x, gap, brick, material, facet, contact, clamped, hanging,
+         !> master, displacement_um, materials, infinite, depth_um, values
          call simulate_indentation(model, x%in%columns('stiffness', 6), &
             & degree*x%in%reals('euler_deg'), result, x%error, x%in%integer('step'))
          if (allocated(x%error)) return
@@ -91,7 +103,7 @@ contains
       case default
          call x%refuse(verb)
       end select
-   end subroutine use_model
+   end subroutine use_indentation
 
    !> Put the finest mesh of a simulation, and its fields: displacement of the nodes (um), mean
    !> stress of the bricks (GPa, order 11,22,33,23,13,12), stiffness of the materials in the axes of
@@ -176,6 +188,7 @@ contains
 
       select case (verb)
       case ('want')
+         !> -> number, stiffness, euler_deg
          ! Numbers, stiffnesses (GPa, crystal axes) and angles (degrees) of the simulations to make.
          call stage%want(x%error)
          if (allocated(x%error)) return
@@ -187,6 +200,7 @@ contains
                & [3, size(jobs)])
          end associate
       case ('take')
+         !> number, status, modulus_gpa, seconds, elements, depth_um, force_mn, message ->
          outcome%status = x%in%integer('status')
          outcome%modulus = x%in%real('modulus_gpa')
          outcome%seconds = x%in%real('seconds')
@@ -196,10 +210,13 @@ contains
          outcome%message = x%in%text('message')
          call stage%take(x%in%integer('number'), outcome, x%error)
       case ('leave')
+         !> ->
          call stage%campaign%flush(x%error)
       case ('close')
+         !> -> text
          call stage%close(x%text, x%error)
       case ('look_ahead')
+         !> count -> constants, values, warnings
          ! Next candidates of a build: names of the constants, and rows of their values (GPa) and
          ! of angles (degrees).
          select type (stage)
@@ -232,13 +249,18 @@ contains
 
       select case (verb)
       case ('describe')
+         !> -> ..
          call describe_problem(self, x%out)
       case ('column')
+         !> table, column -> cells, cells.columns, stiffness, euler_deg, modulus_gpa, sd_gpa,
+         !> constants, class
          call give_column(points_of(self, x%in%text('table')), x%in%text('column'), x%out)
       case ('warn')
+         !> code, subject ->
          ! Add a diagnostic of a table that was read in Python.
          self%warnings = [self%warnings, diagnostic(x%in%text('code'), x%in%text('subject'))]
       case ('load')
+         !> misread, .. -> ..
          ! Read the tables that are given as texts, and the files that the namelist names.
          call load_problem(self, x%in, x%error)
          if (allocated(x%error)) return
@@ -248,34 +270,44 @@ contains
          end if
          call describe_problem(self, x%out)
       case ('write_crystals')
+         !> path, names, values ->
          ! Write the table of the crystals with additional columns of numbers (n, m).
          call write_table(self%crystals%table, x%in%text('path'), x%in%text('names'), &
             & x%in%columns('values', self%crystals%n), x%error)
       case ('import')
+         !> problem, name, output, folder, data_folder, shipped -> text
          ! Import their moduli into the campaign of another problem.
          call import_table(x%problem, x%places(), self%crystals, x%in%text('name'), x%text, x%error)
       case ('begin_results')
+         !> groups, output, folder, data_folder, shipped ->
          call begin_results(self, x%in%text('groups'), x%places(), x%error)
       case ('write_table')
+         !> path ->
          call write_canonical(x%in%text('path'), self%table_text, x%error)
       case ('inputs')
+         !> output, folder, data_folder, shipped -> text
          x%text = '{'//inputs_of(self, self%groups, x%places())//'}'
       case ('check_stages')
+         !> output, folder, data_folder, shipped ->
          call check_stages(self, x%places(), .true., x%error)
       case ('indentation')
+         !> -> handle
          allocate (model)
          call x%give(model, 'indentation')
          call new_indentation_model(self%settings, model, x%error)
          call self%locate('simulation', '', x%error)
       case ('simulator')
+         !> -> handle
          allocate (simulator)
          call x%give(simulator, 'simulator')
          call new_simulator(self%settings, simulator, x%error)
          call self%locate('simulation', '', x%error)
       case ('basis')
+         !> -> handle
          call basis_of_problem(self, basis, x%error)
          if (.not. allocated(x%error)) call give_basis(basis, x)
       case ('stage')
+         !> name, output, folder, data_folder, shipped -> handle, expected, physics
          call new_stage(x%in%text('name'), new, x%error)
          if (allocated(x%error)) return
          allocate (stage, source=new)
@@ -285,6 +317,7 @@ contains
          ! An engine makes the simulator from these groups of a namelist.
          call x%out%put('physics', settings_namelist(self%settings, 'specimen indenter simulation'))
       case ('mesh_error')
+         !> stiffness -> values, text
          ! Relative error bounds of the mesh for crystals (stiffness, GPa), and a note on crystals
          ! near instability.
          c => x%in%matrices('stiffness')

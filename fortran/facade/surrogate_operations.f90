@@ -39,8 +39,10 @@ contains
 
       select case (verb)
       case ('describe')
+         !> -> ..
          call describe_basis(basis, x%out)
       case ('validity')
+         !> stiffness, euler_deg, problem, threads -> values
          ! For each crystal (GPa): its normalised distance, see `surrogate_domain`; whether a
          ! surrogate with the basis is valid for it; and its scale, the geometric mean of the
          ! eigenvalues of the Kelvin stiffness, GPa, NaN for an unstable crystal.
@@ -54,6 +56,7 @@ contains
          end do
          !$omp end parallel do
       case ('fit', 'leave_out')
+         !> constants, euler_deg, modulus_gpa, groups -> handle, values
          ! Fit the moduli (GPa) of crystals; or predict each of them from those of other groups,
          ! with the error over its sd.
          call new_learner(basis, learner, x%error)
@@ -88,19 +91,24 @@ contains
 
       select case (verb)
       case ('describe')
+         !> -> ..
          labels%described => x%out
          call exchange_surrogate(surrogate, labels)
       case ('basis')
+         !> -> handle
          call give_basis(surrogate%basis, x)
       case ('analysis')
+         !> problem -> handle
          ! An analysis of the problem with this surrogate.
          allocate (analysis)
          call x%give(analysis, 'analysis')
          analysis%problem => x%problem
          analysis%surrogate = surrogate
       case ('save')
+         !> path ->
          call save_surrogate(surrogate, x%in%text('path'), x%error)
       case ('predict')
+         !> stiffness, euler_deg, problem, threads -> values
          ! Moduli and their sds, GPa.
          c => x%crystals(euler_deg)
          allocate (x%values(size(c, 3), 2))

@@ -3,9 +3,6 @@
 !>
 !> A new specimen needs a type that extends `specimen_type`, a name here, and lines in
 !> `new_indentation`.
-!>
-!> A new specimen: its type, which extends `specimen_type`, its name here, and its lines in
-!> `new_indentation`.
 module specimens
    use basic_specimen, only: clamped_around, clamped_bottom, halfspace_name, mesh_plan_type, &
       & mesh_stage_type, require, specimen_type, to_ball, to_cylinder

@@ -11,12 +11,11 @@ module constants_posterior
    use abstract_basis, only: grain_model_type
    use correction_basis, only: correction_grain_model_type
    use constants_prior, only: prior_type
-   use crystal_elasticity, only: no_wave, path_type
    use error_models, only: error_model_type, new_error_model
    use errors, only: error_type, refuse
    use kinds, only: degree, pi, wp
    use measured_grains, only: all_tilts, measured_type, n_tilts, tilt_moments
-   use observables, only: new_observable, observable_type
+   use observables, only: new_observable, observable_type, path_type
    use random, only: random_stream_type
    use abstract_sampler, only: outside, target_type
    use settings_schema, only: measurements_settings_type
@@ -111,7 +110,7 @@ contains
       posterior%n_constants = prior%n_constants
       posterior%data = measured
       posterior%n_groups = max(1, maxval(measured%group))
-      posterior%n_moduli = count(measured%paths%wave == no_wave)
+      posterior%n_moduli = count(.not. measured%paths%is_speed())
       allocate (posterior%calibration(posterior%n_groups), source=settings%calibration_sd)
       ! The groups of speeds follow those of moduli.
       g = maxval([0, measured%group(:posterior%n_moduli)])

@@ -4,9 +4,9 @@
 !> modulus follow from the product of two three-point rules with steps of sqrt 3 sds
 !> (Gauss-Hermite), which are exact for moments up to degree 5 in each component.
 module measured_grains
-   use crystal_elasticity, only: euler_angles, no_wave, path_type, rotation_matrix
+   use crystal_elasticity, only: euler_angles, rotation_matrix
    use kinds, only: degree, wp
-   use observables, only: observable_type
+   use observables, only: observable_type, path_type
    implicit none
    private
    public :: measured_type, mean_modulus, all_tilts, tilt_moments, n_tilts
@@ -42,17 +42,17 @@ contains
       type(observable_type), intent(in) :: observable
       type(measured_type), intent(in) :: measured
       !> Indentation modulus over rho v^2 for Poisson's ratio 0.3.
-      real(wp), parameter :: modulus_over_wave = 3.32_wp
+      real(wp), parameter :: modulus_over_acoustic = 3.32_wp
       integer :: n
 
-      n = count(measured%paths%wave == no_wave)
+      n = count(.not. measured%paths%is_speed())
       if (n > 0 .or. size(measured%modulus) == 0) then
          mean_modulus = sum(measured%modulus(:n))/max(1, n)
          ! Very large if no solid has this value.
          mean_modulus = mean_modulus/max(observable%factor - observable%compliance*mean_modulus, &
             & 1.0e-3_wp)
       else
-         mean_modulus = modulus_over_wave*1.0e-9_wp*measured%density &
+         mean_modulus = modulus_over_acoustic*1.0e-9_wp*measured%density &
                        & *(sum(measured%modulus)/size(measured%modulus))**2
       end if
    end function mean_modulus

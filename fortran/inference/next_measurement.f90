@@ -18,7 +18,7 @@
 !> yet, so the gain is averaged over scenarios: a draw serves as the truth, noise is added, and the
 !> draws are weighted by the result of that scenario.
 module next_measurement
-   use crystal_elasticity, only: path_type
+   use observables, only: path_type
    use kinds, only: pi, wp
    use random, only: new_random_stream, random_stream_type
    implicit none

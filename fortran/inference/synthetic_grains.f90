@@ -1,11 +1,10 @@
 !> Synthetic measurements: what an experiment on grains of a stated crystal would give. The
 !> orientations are random, and the errors are normal.
 module synthetic_grains
-   use crystal_elasticity, only: path_type, rayleigh
    use errors, only: error_type
    use kinds, only: degree, wp
    use measured_grains, only: measured_type
-   use observables, only: observable_type
+   use observables, only: observable_type, path_type, surface_path
    use random, only: new_random_stream, random_stream_type
    use rayleigh_wave, only: rayleigh_waves, wave_speed, wave_type
    use surrogate_model, only: predict_crystals, surrogate_type
@@ -77,7 +76,7 @@ contains
       measured%group = spread(1, 1, n)
       measured%density = experiment%density
       if (experiment%velocity_noise >= 0.0_wp) then
-         paths = [(path_type(rayleigh, 180.0_wp*z(5, i)), i=1, n)]
+         paths = [(path_type(surface_path, 180.0_wp*z(5, i)), i=1, n)]
          call rayleigh_waves(crystals, euler_deg, paths, waves, error)
          if (allocated(error)) return
          modulus = wave_speed(waves%modulus, experiment%density)

@@ -1,19 +1,19 @@
-!> Kinds of modulus that a measurement may report. An observable converts the modulus of the
-!> half-space to such a kind, between the grain model and the likelihood.
+!> What a measurement observes: a kind of modulus of an indentation, or the speed of a wave. A kind
+!> of modulus converts the modulus of the half-space, between the grain model and the likelihood.
 module observables
    use errors, only: error_type, refuse
    use kinds, only: wp
    use settings_schema, only: measurements_settings_type
-   use text, only: to_text
+   use text, only: join, to_text
    implicit none
    private
-   public :: observable_type, observable_names, moduli_of_indentation, new_observable
+   public :: observable_type, modulus_kinds, new_observable
+   public :: path_type, path_names, surface_path, longitudinal_path
 
-   !> Kinds of modulus of an indentation.
-   character(len=*), parameter :: moduli_of_indentation = 'indentation_modulus, ' &
-      & //'effective_modulus, sample_modulus'
-   !> A new observable needs its name here and a case in `new_observable`.
-   character(len=*), parameter :: observable_names = moduli_of_indentation
+   !> Kinds of modulus of an indentation; the column of a kind is named 'KIND_gpa'. A new one needs
+   !> its name here and a case in `new_observable`.
+   character(len=*), parameter :: modulus_kinds(3) = [character(len=19) :: 'indentation_modulus', &
+      & 'effective_modulus', 'sample_modulus']
 
    !> A kind of modulus as a function of the modulus M of the half-space: a M/(1 + d M).
    !>
@@ -28,7 +28,29 @@ module observables
       procedure :: to_measured
    end type observable_type
 
+   !> Kinds of waves by number: the surface wave, then the bulk waves.
+   character(len=*), parameter :: path_names(4) = [character(len=12) :: 'rayleigh', &
+      & 'longitudinal', 'shear_slow', 'shear_fast']
+   integer, parameter :: indentation = 0, surface_path = 1, longitudinal_path = 2
+
+   !> Kind and direction of the wave whose speed is measured; by default an indentation, without a
+   !> wave.
+   type :: path_type
+      integer :: kind = indentation
+      !> Direction in the surface, from x towards y, and inclination towards the normal; degrees.
+      real(wp) :: propagation_deg = 0.0_wp, inclination_deg = 0.0_wp
+   contains
+      procedure :: is_speed
+   end type path_type
+
 contains
+
+   !> Whether the measurement is the speed of a wave.
+   pure elemental logical function is_speed(self)
+      class(path_type), intent(in) :: self
+
+      is_speed = self%kind /= indentation
+   end function is_speed
 
    !> The observable called `name`, with the properties that &measurements states.
    subroutine new_observable(name, settings, observable, error)
@@ -54,7 +76,7 @@ contains
             observable%factor = 1.0_wp - sample_nu**2
          case default
             call refuse(error, 'modulus_kind: '''//name//''' is unknown; allowed: ' &
-               & //observable_names)
+               & //join(modulus_kinds, ', '))
          end select
       end associate
    end subroutine new_observable

@@ -2,23 +2,23 @@
 !> the crystal is turned about that axis or mirrored. The modulus on a specimen with axial symmetry
 !> depends on the crystal through these.
 !>
-!> Each is the real part of a product of order 0: of numbers of order 0, and of waves and conjugate
-!> waves whose orders cancel. There are 1, 5, 29, 141 of them up to degree 0, 1, 2, 3, and 1, 6, 35,
+!> Each is the real part of a product of order 0: of numbers of order 0, and of pairs and conjugate
+!> pairs whose orders cancel. There are 1, 5, 29, 141 of them up to degree 0, 1, 2, 3, and 1, 6, 35,
 !> 176 where the scale of the stiffness is one of the numbers. Each has a weight such that, for two
 !> points x and x', the sum of the products of those of degree d is the mean of (x x')^d over all
 !> turns and mirrors of one point. So equal coefficients prefer no basis of the coordinates.
 module axial_polynomials
    use kinds, only: wp
-   use logarithmic_coordinates, only: n_axial, n_coordinates, n_waves, wave_orders
+   use logarithmic_coordinates, only: n_axial, n_coordinates, n_pairs, pair_orders
    use statistics, only: sort_order
    implicit none
    private
    public :: axial_polynomials_type, new_axial_polynomials, evaluate_polynomials, greatest_degree
 
    integer, parameter :: greatest_degree = 4
-   !> Factors, numbered as the coordinates: numbers of order 0, waves, conjugate waves in place of
+   !> Factors, numbered as the coordinates: numbers of order 0, pairs, conjugate pairs in place of
    !> the imaginary parts, the scale.
-   integer, parameter :: orders(n_coordinates) = [[0, 0, 0, 0], wave_orders, -wave_orders, 0]
+   integer, parameter :: orders(n_coordinates) = [[0, 0, 0, 0], pair_orders, -pair_orders, 0]
 
    type :: axial_polynomials_type
       integer :: n = 0
@@ -78,8 +78,8 @@ contains
          real(wp) :: square
 
          conjugate = product(:d)
-         where (is_wave(conjugate)) conjugate = conjugate + merge(n_waves, -n_waves, &
-            & conjugate <= n_axial + n_waves)
+         where (is_pair(conjugate)) conjugate = conjugate + merge(n_pairs, -n_pairs, &
+            & conjugate <= n_axial + n_pairs)
          call sort_order(real(conjugate, wp), order)
          conjugate = conjugate(order)
          i = findloc(conjugate /= product(:d), .true., 1)
@@ -87,11 +87,11 @@ contains
             if (conjugate(i) < product(i)) return
          end if
          ! The square of the weight is d!/(n1! n2! ..) of the powers of the factors; half of that
-         ! for each wave; twice if the product is not its own conjugate.
+         ! for each pair; twice if the product is not its own conjugate.
          square = 1.0_wp
          do k = 1, d
             square = square*k/count(product(:k) == product(k))
-            if (is_wave(product(k))) square = 0.5_wp*square
+            if (is_pair(product(k))) square = 0.5_wp*square
          end do
          if (i > 0) square = 2.0_wp*square
          self%weights = [self%weights, sqrt(square)]
@@ -100,12 +100,12 @@ contains
       end subroutine append_if_first
    end function new_axial_polynomials
 
-   !> Whether a factor is a wave or a conjugate wave.
-   pure elemental logical function is_wave(factor)
+   !> Whether a factor is a pair or a conjugate pair.
+   pure elemental logical function is_pair(factor)
       integer, intent(in) :: factor
 
-      is_wave = orders(factor) /= 0
-   end function is_wave
+      is_pair = orders(factor) /= 0
+   end function is_pair
 
    !> All polynomials at points. A loop over the points is innermost.
    pure subroutine evaluate_polynomials(self, x, values)
@@ -115,13 +115,13 @@ contains
       !> (point, n).
       real(wp), intent(out), contiguous :: values(:, :)
       complex(wp) :: factors(size(x, 1), n_coordinates), product(size(x, 1), 0:greatest_degree)
-      integer, parameter :: last_wave = n_axial + n_waves
+      integer, parameter :: last_pair = n_axial + n_pairs
       integer :: chosen(greatest_degree), i, k
 
       factors(:, :n_axial) = x(:, :n_axial)
-      factors(:, n_axial + 1:last_wave) = cmplx(x(:, n_axial + 1:last_wave), &
-         & x(:, last_wave + 1:last_wave + n_waves), wp)
-      factors(:, last_wave + 1:last_wave + n_waves) = conjg(factors(:, n_axial + 1:last_wave))
+      factors(:, n_axial + 1:last_pair) = cmplx(x(:, n_axial + 1:last_pair), &
+         & x(:, last_pair + 1:last_pair + n_pairs), wp)
+      factors(:, last_pair + 1:last_pair + n_pairs) = conjg(factors(:, n_axial + 1:last_pair))
       if (self%n_coordinates == n_coordinates) then
          factors(:, n_coordinates) = x(:, n_coordinates) - self%centre
       end if

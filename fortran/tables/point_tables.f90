@@ -3,9 +3,10 @@
 module point_tables
    use files, only: hash_of
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
-   use crystal_elasticity, only: check_stiffness, path_type, rayleigh, rotation_matrix
+   use crystal_elasticity, only: check_stiffness, rotation_matrix
    use errors, only: error_type, prefix_error, refuse
    use kinds, only: degree, i8, nan, pi, wp
+   use observables, only: path_type, surface_path
    use statistics, only: number_equal
    use settings_schema, only: measurements_settings_type
    use direction_columns, only: read_directions
@@ -93,7 +94,7 @@ contains
       if (allocated(error) .or. along_column == 0) return
       call read_column(points%table, 'propagation_deg', .false., along, error)
       if (allocated(error)) return
-      points%paths = [(path_type(rayleigh, along(i)), i=1, points%n)]
+      points%paths = [(path_type(surface_path, along(i)), i=1, points%n)]
    end subroutine read_crystals
 
    !> Read the independent constants of each row, and set the stiffness.

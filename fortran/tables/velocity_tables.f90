@@ -1,9 +1,9 @@
 !> Measured speeds of waves, in addition to moduli or alone. Among the measurements they follow the
 !> moduli.
 module velocity_tables
-   use crystal_elasticity, only: no_wave, path_type, rayleigh, wave_names
    use errors, only: error_type
    use kinds, only: wp
+   use observables, only: path_names, path_type, surface_path
    use point_tables, only: points_type, read_angles, read_groups
    use table_columns, only: find_column, read_column
    use tables, only: longest_name, table_type
@@ -37,18 +37,18 @@ contains
       call find_column(table, 'grain', points%named_by, error, .false.)
       if (allocated(error)) return
       call read_groups(points)
-      points%paths = [(path_type(rayleigh, along(i)), i=1, points%n)]
+      points%paths = [(path_type(surface_path, along(i)), i=1, points%n)]
       do i = 1, merge(points%n, 0, column > 0)
          associate (path => points%paths(i))
-            path%wave = findloc(wave_names, lower(table%cell(column, i)), dim=1)
+            path%kind = findloc(path_names, lower(table%cell(column, i)), dim=1)
             has_direction = abs(along(i)) <= huge(1.0_wp)
-            if (path%wave == no_wave) then
-               call table%refuse(column, i, ' is no wave; allowed '//join(wave_names, ', '), error)
-            else if (path%wave == rayleigh .and. .not. has_direction) then
+            if (.not. path%is_speed()) then
+               call table%refuse(column, i, ' is no wave; allowed '//join(path_names, ', '), error)
+            else if (path%kind == surface_path .and. .not. has_direction) then
                call table%refuse(column, i, &
                   & ': propagation_deg is missing, the direction of the wave in the surface', error)
             else if (.not. has_direction) then
-               path = path_type(path%wave, inclination_deg=90.0_wp)
+               path = path_type(path%kind, inclination_deg=90.0_wp)
             end if
          end associate
          if (allocated(error)) return
@@ -71,7 +71,7 @@ contains
          points = velocities
          points%modulus_kind = 'indentation_modulus'
       end if
-      n = count(points%paths%wave == no_wave)
+      n = count(.not. points%paths%is_speed())
       points%names = [character(len=longest_name) :: (points%name(i), i=1, n), &
          & (velocities%name(rows(i)), i=1, size(rows))]
       points%n = n + size(rows)

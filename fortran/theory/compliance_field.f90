@@ -270,9 +270,10 @@ contains
       real(wp), allocatable :: f(:, :), modes(:, :)
       integer :: first, n, n_retained, i
 
+      if (field%n_grains == 0) return
       allocate (f(size(field%to_modes, 1), min(block_size, size(c, 3))), &
          & modes(size(field%to_modes, 2), min(block_size, size(c, 3))))
-      n_retained = size(modes, 1)/max(1, field%n_grains)
+      n_retained = size(modes, 1)/field%n_grains
       do first = 1, size(c, 3), block_size
          n = min(block_size, size(c, 3) - first + 1)
          do i = 1, n

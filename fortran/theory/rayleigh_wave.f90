@@ -18,11 +18,12 @@
 !> The "modulus" of a wave is rho v^2. That of a bulk wave is an eigenvalue of the acoustic
 !> (Christoffel) tensor of the direction.
 module rayleigh_wave
-   use crystal_elasticity, only: check_stiffness, longitudinal, path_type, rayleigh, rotation_matrix
+   use crystal_elasticity, only: check_stiffness, rotation_matrix
    use errors, only: error_type
    use halfspace_theory, only: contraction_maps, double_angles, invert, lanes, multiply, &
       & multiply_transposed, plane_products, transposed
    use kinds, only: degree, pi, wp
+   use observables, only: longitudinal_path, path_type, surface_path
    use text, only: to_text
    implicit none
    private
@@ -80,7 +81,7 @@ contains
       integer :: blocks, block, lane, i
 
       surface%n = size(paths)
-      surface%wave = paths%wave
+      surface%wave = paths%kind
       blocks = (surface%n + lanes - 1)/lanes
       allocate (surface%mn(lanes, 9, blocks), surface%mm(lanes, 6, blocks), &
          & surface%nn(lanes, 6, blocks), surface%normal(lanes, 3, blocks))
@@ -126,8 +127,8 @@ contains
          call find_waves(mm, mn, nn, surface%normal(:, :, block), in_block)
          do lane = 1, min(lanes, surface%n - first)
             wave = surface%wave(first + lane)
-            if (wave > rayleigh) then
-               bulk = eigenvalues(mm, wave - longitudinal)
+            if (wave > surface_path) then
+               bulk = eigenvalues(mm, wave - longitudinal_path)
                in_block(lane) = wave_type(bulk(lane), huge(1.0_wp), 1.0_wp)
             end if
          end do
@@ -324,7 +325,7 @@ contains
    end subroutine bulk_moduli
 
    !> The greatest (0), the least (1) or the middle (2) eigenvalues of symmetric matrices, in the
-   !> order of `wave_names`. The greatest is mean + 2 r cos(alpha/3). Here r is the length of the
+   !> order of `path_names`. The greatest is mean + 2 r cos(alpha/3). Here r is the length of the
    !> deviator over sqrt 6, and cos(alpha) is half the determinant of the deviator over r^3. The
    !> least is that of the negative matrix. Vector units have no arc cosine: y = cos(acos(x)/3) is a
    !> root of (2 y - 1) sqrt((1 + y)/2) = sqrt((1 + x)/2).

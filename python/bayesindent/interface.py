@@ -14,15 +14,17 @@ from .crystal.elasticity import (
 from .crystal.elasticity import constant_names as constants
 from .fe.indentation import Indentation, IndentationResult
 from .inference.extract import extract, next_grain, plan, summary
-from .pipeline.build import build_surrogate as build
-from .pipeline.curves import curves
 from .report import plots
 from .report.comparison import compare
 from .report.plots import *  # noqa: F403
 from .settings.problem import Problem
+from .stages.build import build_surrogate as build
+from .stages.curves import curves
+from .step_2 import Analysis, analysis
 from .surrogate.surrogate import Surrogate
 
 __all__ = [
+    "Analysis",
     "BayesindentError",
     "BayesindentWarning",
     "Indentation",
@@ -31,6 +33,7 @@ __all__ = [
     "MachineError",
     "Problem",
     "Surrogate",
+    "analysis",
     "anisotropy_index",
     "build",
     "compare",

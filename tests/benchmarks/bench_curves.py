@@ -170,7 +170,7 @@ def speed(folder: Path) -> None:
 
 def read(path: Path) -> dict[str, list]:
     """The columns of a CSV."""
-    from bayesindent.pipeline.curves import read_columns
+    from bayesindent.stages.curves import read_columns
 
     return read_columns(path)
 

@@ -28,8 +28,8 @@ from bayesindent.crystal.elasticity import (
     log_anisotropy,
     stiffness_rows,
 )
-from bayesindent.pipeline.stage import run_stage
 from bayesindent.settings.problem import Problem
+from bayesindent.stages.stage import run_stage
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
 from support.csv_tables import named_numbers, read_rows

@@ -27,8 +27,8 @@ import openpyxl
 import orix.io
 
 from bayesindent.core import BayesindentError
-from bayesindent.pipeline.stage import run_stage
 from bayesindent.settings.problem import Problem, stages
+from bayesindent.stages.stage import run_stage
 from bayesindent.surrogate.surrogate import Surrogate
 from support.programs import BATCH
 from support.tree import SOURCE

@@ -19,11 +19,11 @@ import numpy as np
 
 from bayesindent.common.progress import show_progress
 from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
-from bayesindent.pipeline.stage import run_stage
 from bayesindent.report.figures.learning import truncations, validation
 from bayesindent.report.figures.style import house_style, panels
 from bayesindent.report.results import Results
 from bayesindent.settings.problem import Problem
+from bayesindent.stages.stage import run_stage
 from bayesindent.surrogate.surrogate import Surrogate
 from benchmarks.paper_step_2 import FIGURES, Study
 

@@ -22,9 +22,9 @@ import numpy as np
 import bayesindent as bi
 from bayesindent.common.result_files import write_csv
 from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness_rows
-from bayesindent.pipeline.build import tell
-from bayesindent.pipeline.stage import Stage
 from bayesindent.settings.problem import Problem, read_crystals
+from bayesindent.stages.build import tell
+from bayesindent.stages.stage import Stage
 from bayesindent.surrogate.basis import Basis
 from support.learner import spread_crystals
 

@@ -177,7 +177,7 @@ def damage(output: Path, before: list) -> str:
 
 
 ADD = """import sys, time
-from bayesindent.pipeline.build import tell
+from bayesindent.stages.build import tell
 from bayesindent.settings.problem import Problem, read_crystals
 problem, points = Problem("a.nml", "build"), read_crystals(f"{sys.argv[1]}.csv", "cubic")
 time.sleep(max(0, float(sys.argv[2]) - time.time()))

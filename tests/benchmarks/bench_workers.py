@@ -21,8 +21,8 @@ import numpy as np
 from bayesindent.common.progress import show_progress
 from bayesindent.crystal.elasticity import halfspace_modulus
 from bayesindent.engines import ENGINES
-from bayesindent.pipeline.stage import Job, Stage
 from bayesindent.settings.problem import Problem
+from bayesindent.stages.stage import Job, Stage
 from bayesindent.surrogate.surrogate import Surrogate
 from benchmarks.bench_learning import kinds, simulated, unseen_crystals
 from support.learner import build

@@ -15,8 +15,6 @@ from bayesindent.crystal.elasticity import (
     stiffness_rows,
 )
 from bayesindent.inference.extract import extract, summary
-from bayesindent.pipeline.results_folder import read_posterior
-from bayesindent.pipeline.stage import run_stage
 from bayesindent.report.figures.style import (
     BLACK,
     BLUE,
@@ -30,6 +28,8 @@ from bayesindent.report.figures.style import (
 )
 from bayesindent.report.formatting import subscript
 from bayesindent.settings.problem import Problem
+from bayesindent.stages.results_folder import read_posterior
+from bayesindent.stages.stage import run_stage
 from bayesindent.surrogate.surrogate import Surrogate
 from support.csv_tables import column
 from support.tree import REFERENCE, SOURCE

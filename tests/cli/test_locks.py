@@ -182,7 +182,7 @@ def test_asking_and_telling_wait_for_each_other(bayesindent, tmp_path):
 def test_a_campaign_is_made_by_many_at_once(tmp_path):
     """The library takes no lock: the file itself must bear it."""
     code = """import sys, time
-from bayesindent.pipeline.build import tell
+from bayesindent.stages.build import tell
 from bayesindent.settings.problem import Problem, read_crystals
 problem, points = Problem("mine.nml", "build"), read_crystals(f"{sys.argv[1]}.csv", "cubic")
 time.sleep(max(0, float(sys.argv[2]) - time.time()))

@@ -18,7 +18,7 @@ import resource, sys
 import numpy as np
 import bayesindent as bi
 from support.campaigns import rows
-from bayesindent.pipeline.stage import Simulator, run_stage
+from bayesindent.stages.stage import Simulator, run_stage
 
 folder = sys.argv[1]
 with open(folder + "/points.csv", "w") as file:

@@ -12,9 +12,9 @@ import shutil
 import numpy as np
 import pytest
 
-from bayesindent.pipeline.results_folder import read_posterior
 from bayesindent.program.cli import main, parser
 from bayesindent.program.commands import HELP
+from bayesindent.stages.results_folder import read_posterior
 from support import few_figures as quick
 from support.paper_domains import DOMAIN
 from support.programs import BATCH, runner

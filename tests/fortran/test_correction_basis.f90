@@ -12,7 +12,7 @@ program test_correction_basis
    use kinds, only: degree, pi, wp
    use linear_algebra, only: symmetric_eigen
    use logarithmic_coordinates, only: axial_coordinates_of, kelvin_rotation, log_coordinates_type, &
-      & n_axial, n_coordinates, n_waves, new_log_coordinates, wave_orders
+      & n_axial, n_coordinates, n_pairs, new_log_coordinates, pair_orders
    use random, only: new_random_stream, random_stream_type
    use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: spread_crystals
@@ -89,18 +89,18 @@ contains
       if (allocated(error)) call check_success('a correction', error)
    end function basis_of
 
-   !> Coordinates turned by an angle about the axis, as waves are, and mirrored before.
+   !> Coordinates turned by an angle about the axis, as pairs are, and mirrored before.
    pure function turned(x, angle, mirrored) result(y)
       real(wp), intent(in) :: x(n_coordinates), angle
       logical, intent(in) :: mirrored
       real(wp) :: y(n_coordinates)
-      complex(wp) :: waves(n_waves)
+      complex(wp) :: pairs(n_pairs)
 
-      waves = cmplx(x(n_axial + 1:n_axial + n_waves), &
-         & x(n_axial + n_waves + 1:n_axial + 2*n_waves), wp)
-      if (mirrored) waves = conjg(waves)
-      waves = waves*exp(cmplx(0.0_wp, wave_orders*angle, wp))
-      y = [x(:n_axial), real(waves, wp), aimag(waves), x(n_coordinates)]
+      pairs = cmplx(x(n_axial + 1:n_axial + n_pairs), &
+         & x(n_axial + n_pairs + 1:n_axial + 2*n_pairs), wp)
+      if (mirrored) pairs = conjg(pairs)
+      pairs = pairs*exp(cmplx(0.0_wp, pair_orders*angle, wp))
+      y = [x(:n_axial), real(pairs, wp), aimag(pairs), x(n_coordinates)]
    end function turned
 
    subroutine test_coordinates()
@@ -146,7 +146,7 @@ contains
       do i = 1, 6
          c(:, i) = merge(-a(:, i), a(:, i), mirrored .neqv. mirrored(i))
       end do
-      call check_close('the mirror conjugates the waves', &
+      call check_close('the mirror conjugates the pairs', &
          & maxval(abs(axial_coordinates_of(c) - turned(x, 0.0_wp, .true.))), 0.0_wp, 1.0e-14_wp)
    end subroutine test_coordinates
 
@@ -171,12 +171,12 @@ contains
       ! products.
       invariants = 0.0_wp
       do i = 0, n_angles - 1
-         powers = [(n_fixed + 2.0_wp*sum(cos(2.0_wp*pi*i*k*wave_orders/n_angles)), k=1, &
+         powers = [(n_fixed + 2.0_wp*sum(cos(2.0_wp*pi*i*k*pair_orders/n_angles)), k=1, &
             & greatest_degree)]
          turns = symmetric_products(powers)
          invariants = invariants + 0.5_wp*turns/n_angles
       end do
-      powers = [(merge(n_fixed + 2*n_waves, n_fixed, mod(k, 2) == 0), k=1, greatest_degree)]
+      powers = [(merge(n_fixed + 2*n_pairs, n_fixed, mod(k, 2) == 0), k=1, greatest_degree)]
       mirrors = symmetric_products(powers)
       invariants = invariants + 0.5_wp*mirrors
       do d = 0, greatest_degree
@@ -299,7 +299,7 @@ contains
             & 0.0_wp, 1.0e-9_wp)
       end if
       call check_close('to the theory it does', other/scale, 7.0_wp, 1.0e-9_wp)
-      ! An isotropic crystal has no waves.
+      ! An isotropic crystal has no pairs.
       c = random_crystal('isotropic')
       call evaluate_terms(basis, c, origin, terms, scale, spread)
       call evaluate_terms(basis, c, euler, others, other, spread)

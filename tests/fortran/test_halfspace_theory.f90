@@ -2,10 +2,10 @@
 program test_halfspace_theory
    use compliance_field, only: field_moduli, field_type, new_field
    use crystal_class, only: crystal_class_type, new_crystal_class
-   use crystal_elasticity, only: anisotropy_index, is_stable, log_anisotropy, path_type, &
-      & rayleigh, voigt_index
+   use crystal_elasticity, only: anisotropy_index, is_stable, log_anisotropy, voigt_index
    use errors, only: error_type
    use halfspace_theory, only: halfspace_modulus, halfspace_type, inverse_barnett, lanes
+   use observables, only: path_type, surface_path
    use kinds, only: pi, wp
    use logarithmic_coordinates, only: log_coordinates_type, new_log_coordinates
    use rayleigh_wave, only: rayleigh_waves, surface_type, surface_waves, new_surface, &
@@ -47,8 +47,8 @@ contains
          c(:, :, i) = class%stiffness([longitudinal(i), longitudinal(i) - 2.0_wp*shear])
       end do
       call rayleigh_waves(c, reshape([0.0_wp, 0.0_wp, 0.0_wp, 10.0_wp, 50.0_wp, 70.0_wp, 200.0_wp, &
-         & 90.0_wp, 5.0_wp], [3, 3]), [path_type(rayleigh), path_type(rayleigh, 33.0_wp), &
-         & path_type(rayleigh, 90.0_wp)], waves, error)
+         & 90.0_wp, 5.0_wp], [3, 3]), [path_type(surface_path), path_type(surface_path, 33.0_wp), &
+         & path_type(surface_path, 90.0_wp)], waves, error)
       call check_success('waves of isotropic solids', error)
       do i = 1, 3
          low = 0.0_wp
@@ -90,7 +90,7 @@ contains
       call new_crystal_class('cubic', class, error)
       associate (c => class%stiffness([c11, c12, c44]))
          call rayleigh_waves(reshape(c, [6, 6, 1]), reshape([0.0_wp, 0.0_wp, 0.0_wp], [3, 1]), &
-            & [path_type(rayleigh)], wave, error)
+            & [path_type(surface_path)], wave, error)
          low = 0.0_wp
          high = c44
          do i = 1, 60
@@ -105,7 +105,7 @@ contains
          call check_close('silicon (001)[100], literature 4921 m/s', &
             & wave_speed(wave(1)%modulus, 2330.0_wp), 4919.0_wp, 3.0_wp)
          euler = reshape([(0.7_wp*i, i=1, 33)], [3, 11])
-         paths = [(path_type(rayleigh, 20.0_wp*i), i=1, 11)]
+         paths = [(path_type(surface_path, 20.0_wp*i), i=1, 11)]
          call new_surface(euler, paths, surface)
          call surface_waves(surface, reshape(c, [6, 6, 1]), waves)
          do i = 1, 11

@@ -8,7 +8,7 @@ program test_input
    use kinds, only: wp
    use namelist_file, only: entry_type, parse_namelist
    use indenters, only: indenter_names
-   use observables, only: observable_names
+   use observables, only: modulus_kinds
    use paper_basis, only: truncation_names
    use samplers, only: sampler_names
    use settings_schema, only: settings_type
@@ -178,7 +178,7 @@ contains
       call check_words(s, 'surrogate', 'model', basis_names)
       call check_words(s, 'surrogate', 'truncation', truncation_names)
       call check_words(s, 'design', 'variance_of', acquisition_names)
-      call check_words(s, 'measurements', 'modulus_kind', observable_names)
+      call check_words(s, 'measurements', 'modulus_kind', join(modulus_kinds, ', '))
       call check_words(s, 'measurements', 'likelihood', likelihood_names)
       call check_words(s, 'sampler', 'method', sampler_names())
    end subroutine test_schema

@@ -8,12 +8,12 @@ module test_operations
    use abstract_sampler, only: sampler_type
    use acquisitions, only: new_acquisition
    use analysis, only: analysis_type
-   use crystal_elasticity, only: path_type
    use diagnostics, only: diagnostic, diagnostics_text
    use evidence_regression, only: coefficient_covariance, coefficient_mean, compute_posterior, &
       & leave_groups_out
    use exchange, only: exchange_type, find_object, register_object, release_object
    use field_reading, only: choose_field_degree
+   use observables, only: path_type
    use kinds, only: degree, wp
    use operations, only: perform
    use random, only: new_random_stream, random_stream_type

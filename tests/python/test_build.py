@@ -13,10 +13,10 @@ import pytest
 import bayesindent as bi
 from bayesindent.common.result_files import as_csv
 from bayesindent.crystal.elasticity import stiffness_rows
-from bayesindent.pipeline.build import ask, tell
-from bayesindent.pipeline.stage import Simulations
 from bayesindent.program.cli import main
 from bayesindent.settings.problem import read_crystals
+from bayesindent.stages.build import ask, tell
+from bayesindent.stages.stage import Simulations
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
 from support.build_problems import CORRECTION, PAPER, make_problem, numbers_of, posterior_of, stored

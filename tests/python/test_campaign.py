@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
-from bayesindent.pipeline.build import ask
-from bayesindent.pipeline.stage import run_stage
 from bayesindent.settings.problem import Problem
+from bayesindent.stages.build import ask
+from bayesindent.stages.stage import run_stage
 from support.campaigns import rows, table, told
 from support.programs import with_tests
 

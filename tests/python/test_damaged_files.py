@@ -17,10 +17,10 @@ import bayesindent as bi
 from bayesindent.common.result_files import read_json, whole_file, write_json
 from bayesindent.core import HEADER, BayesindentError, InputError
 from bayesindent.crystal.elasticity import stiffness_rows
-from bayesindent.pipeline.results_folder import read_posterior, read_resolved
-from bayesindent.pipeline.stage import Stage, run_stage
 from bayesindent.program.cli import main
 from bayesindent.settings.problem import Problem
+from bayesindent.stages.results_folder import read_posterior, read_resolved
+from bayesindent.stages.stage import Stage, run_stage
 from bayesindent.surrogate.surrogate import Surrogate
 from support.campaigns import past_trigger, rows
 from support.csv_tables import numbers, read_rows

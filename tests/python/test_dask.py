@@ -103,7 +103,7 @@ def test_a_build_whose_worker_is_killed_gives_the_same_numbers(cluster, tmp_path
         if workers[0].poll() is None:
             workers[0].send_signal(signal.SIGKILL)
 
-    monkeypatch.setattr("bayesindent.pipeline.stage.progress_bar", lambda *_: nullcontext(kill))
+    monkeypatch.setattr("bayesindent.stages.stage.progress_bar", lambda *_: nullcontext(kill))
     build(Problem(tmp_path / "dask.nml", "build"), tmp_path / "dask")
     assert workers[0].wait(HANGS_S) == -signal.SIGKILL
 

@@ -201,7 +201,9 @@ def test_severities_and_repetitions():
     assert diagnostics.labelled(grave).startswith(f"the result cannot be used: {sentence}")
     assert diagnostics.labelled(helpful).startswith("note: a from 31 to 2.")
     other = in_document("not_mixed", "C11", [1.2, 1.05])
-    assert diagnostics.distinct([grave, helpful, grave, other]) == [grave, helpful, other]
+    table = in_document("table_changed", "a.csv: read as UTF-16", [])
+    found = [table, grave, helpful, grave, other]
+    assert diagnostics.distinct(found) == [grave, other, table, helpful]
 
 
 def test_a_warning_of_python_keeps_its_diagnostic():

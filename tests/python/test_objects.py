@@ -10,6 +10,7 @@ import pytest
 import bayesindent as bi
 from bayesindent.core import NativeObject
 from support.theory_cases import theory_surrogate
+from support.tree import REFERENCE
 
 CRYSTAL, ANGLES = (
     bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4),
@@ -34,6 +35,12 @@ def problem_file(tmp_path_factory):
 
 #: How each public class is made, and what must be the same of a copy.
 MAKERS = {
+    "Analysis": (
+        lambda file: bi.analysis(
+            REFERENCE / "cubic_fe3si.csv", "cubic", modulus_kind="indentation_modulus"
+        ),
+        lambda analysis: (analysis.problem.resolved, analysis.surrogate.symmetry),
+    ),
     "Indentation": (
         lambda file: bi.Indentation(refine=0.7, depths=5),
         lambda indentation: (

@@ -9,9 +9,9 @@ from scipy.linalg import eigh
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, quantity_names, stiffness_rows
 from bayesindent.inference.measurements import measurements_of
-from bayesindent.pipeline.results_folder import read_posterior
-from bayesindent.pipeline.stage import run_stage
 from bayesindent.program.cli import main
+from bayesindent.stages.results_folder import read_posterior
+from bayesindent.stages.stage import run_stage
 from support.densities import EXTRACTION, Posterior
 from support.diagnostics import codes, of_code
 from support.step_2_cases import KIND, columns, reference, rough_correction, table_of

@@ -8,10 +8,10 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.engines import ENGINES
-from bayesindent.pipeline.stage import run_stage
 from bayesindent.program.cli import main
 from bayesindent.report.results import Results
 from bayesindent.settings.problem import schema
+from bayesindent.stages.stage import run_stage
 from support.densities import Posterior
 from support.learner import build
 from support.step_2_cases import rough_correction

@@ -8,8 +8,8 @@ from collections import namedtuple
 from contextlib import closing
 from pathlib import Path
 
-from bayesindent.pipeline.build import tell
 from bayesindent.settings.problem import Problem, read_crystals
+from bayesindent.stages.build import tell
 
 __all__ = ["Row", "count_rows", "past_trigger", "rows", "table", "told"]
 

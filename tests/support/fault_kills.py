@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from bayesindent.core import InputError
-from bayesindent.pipeline.results_folder import read_posterior
+from bayesindent.stages.results_folder import read_posterior
 from bayesindent.surrogate.surrogate import Surrogate
 from support.programs import BATCH
 from support.tree import SOURCE

@@ -11,8 +11,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bayesindent.pipeline.stage import Job, run_stage
 from bayesindent.settings.problem import Problem
+from bayesindent.stages.stage import Job, run_stage
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
 from support.testing_core import Held, inside

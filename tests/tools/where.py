@@ -251,7 +251,7 @@ def file_of(root: Path, base: Path, module: str, names: list[str]) -> Iterator[s
 def named_by_tests(root: Path, words: set[str]) -> Iterator[str]:
     """Stages and commands whose names a test has as texts."""
     for word in words & stages(root):
-        yield f"fortran/pipeline/{word}_stage.f90"
+        yield f"fortran/stages/{word}_stage.f90"
     for word in words & set(commands(root)):
         yield f"{COMMANDS}/{commands(root)[word]}.py"
     if any("bayesindent-batch" in word for word in words):
@@ -263,7 +263,7 @@ def stages(root: Path) -> frozenset[str]:
     """Names of the stages."""
     return frozenset(
         path.stem.removesuffix("_stage")
-        for path in (root / "fortran" / "pipeline").glob("*_stage.f90")
+        for path in (root / "fortran" / "stages").glob("*_stage.f90")
     )
 
 

@@ -13,7 +13,7 @@ from ..settings.problem import Problem
 from ..surrogate.surrogate import Surrogate
 
 
-class Analysis(NativeObject):
+class CoreAnalysis(NativeObject):
     """Step 2 of a `problem` with a `surrogate`: `infer` samples the posterior."""
 
     kind = "analysis"
@@ -60,7 +60,7 @@ def inference_data(groups: dict[str, tuple[dict, dict]]) -> Any:
 def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
     """The results of Step 2 by the groups of ArviZ' schema. A group is a pair of variables (axes,
     values, perhaps attributes; coordinates have the name of their axis) and facts. `found` has the
-    names of fortran/pipeline/analysis_document.f90; fortran/inference/model_checks.f90 defines
+    names of fortran/documents/analysis_document.f90; fortran/inference/model_checks.f90 defines
     the likelihood and the predictions.
     """
     names, units = constant_names(found["symmetry"]), quantity_names(found["symmetry"])

@@ -15,7 +15,7 @@ from ..core import InputError
 from ..settings.keywords import takes
 from ..settings.problem import Problem, grouped
 from ..surrogate.surrogate import Surrogate
-from .analysis import Analysis
+from .analysis import CoreAnalysis
 from .measurements import GROUPS, problem_of
 
 #: Variables that have no keyword of their name; other keywords replace them.
@@ -78,7 +78,7 @@ def next_grain(
     draws = np.stack(
         [values.values.ravel() for values in result.posterior.data_vars.values()], axis=1
     )
-    return Analysis(problem, surrogate).document("next", points=draws)
+    return CoreAnalysis(problem, surrogate).document("next", points=draws)
 
 
 @takes(*GROUPS, without=LEFT_OUT)
@@ -127,17 +127,22 @@ def extract(
         cannot be used, its first warning says why. `bi.summary(result)` has mean, sd and shares of
         each constant.
     """
-    name, surrogate = "" if isinstance(surrogate, Surrogate) else str(surrogate), loaded(surrogate)
-    problem = problem_of(
-        "bi.extract",
-        surrogate,
-        measurements,
-        symmetry=symmetry,
-        bounds=bounds,
-        knowledge=knowledge,
-        **settings,
-    )
-    result = Analysis(problem, surrogate).infer(progressbar)
+    given = {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge} | settings
+    return sampled(*begun("bi.extract", measurements, surrogate, **given), progressbar)
+
+
+def begun(
+    origin: str, measurements: Any, surrogate: Surrogate | str | PathLike, **given: Any
+) -> tuple[Problem, Surrogate, str]:
+    """The problem that the keywords of the function `origin` state, the surrogate and its name."""
+    name = "" if isinstance(surrogate, Surrogate) else str(surrogate)
+    model = loaded(surrogate)
+    return problem_of(origin, model, measurements, **given), model, name
+
+
+def sampled(problem: Problem, surrogate: Surrogate, name: str, progressbar: bool = False) -> Any:
+    """The result of `bi.extract` with a surrogate that has this name."""
+    result = CoreAnalysis(problem, surrogate).infer(progressbar)
     made = problem._made_of[0]
     result.posterior.attrs.update(
         surrogate=name, asked=json.dumps(plain([*made.args, made.keywords]), default=str)
@@ -183,7 +188,7 @@ def plan(
         noise=noise,
         **settings,
     )
-    return Analysis(problem, surrogate).document("plan")
+    return CoreAnalysis(problem, surrogate).document("plan")
 
 
 def loaded(surrogate: Surrogate | str | PathLike) -> Surrogate:

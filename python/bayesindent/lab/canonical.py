@@ -183,8 +183,8 @@ def check_modulus(table: LaboratoryTable, kind: str | None) -> None:
     headers, kinds = " and ".join(columns), f"""'{"', '".join(KINDS)}'"""
     if not columns:
         raise InputError(
-            f"no column is a modulus; allowed {', '.join(MODULI[:3])}, or modulus_gpa "
-            f"with modulus_kind; the columns are {listed(table.names)}"
+            f"no column is a modulus; allowed {', '.join(MODULI[:-1])}, or "
+            f"modulus_gpa with modulus_kind; the columns are {listed(table.names)}"
             f"{nearest_to(MODULI, table.names)}. If another one is, find out which modulus the "
             "instrument reports, and state columns = 'KIND_gpa = its header'"
         )

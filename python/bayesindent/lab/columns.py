@@ -24,7 +24,7 @@ NAME_COLUMNS = ("grain", "group", "test", "reference", "session")
 
 @dataclass(frozen=True)
 class Column:
-    """A canonical column its other names without their units separated by blanks and the units
+    """A canonical column, its other names without their units, separated by blanks, and the units
     that it may have.
     """
 
@@ -99,11 +99,14 @@ def split_name(header: str) -> tuple[str, str]:
 
 
 def deviation_word(header: str) -> str:
-    """The word of a header without the name of a modulus before it: 'sd' of 'Er sd (GPa)'."""
+    """The word of a header without the name of a modulus before or after it: 'sd' of 'Er sd (GPa)'
+    and of 'SD Er (GPa)'.
+    """
     word = split_name(header)[0]
-    names = (name for kind in MODULI for name in BY_NAME[kind].others.split())
-    before = next((name for name in names if word.startswith(f"{name}_")), "")
-    return word.removeprefix(f"{before}_") if before else word
+    for name in (name for kind in MODULI for name in BY_NAME[kind].others.split()):
+        if word.startswith(f"{name}_") or word.endswith(f"_{name}"):
+            return word.removeprefix(f"{name}_").removesuffix(f"_{name}")
+    return word
 
 
 def meaning_of(header: str) -> str:

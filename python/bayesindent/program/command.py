@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from ..core import call
-from ..pipeline.stage import run_stage
 from ..settings.problem import Problem, schema, stages
+from ..stages.stage import run_stage
 from ..surrogate.surrogate import places
 from ..version import __version__
 

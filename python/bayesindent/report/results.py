@@ -18,7 +18,8 @@ from ..common.result_files import read_json
 from ..core import InputError, call
 from ..crystal.elasticity import class_name, constant_names, stiffness_rows
 from ..crystal.metals import metals
-from ..pipeline.results_folder import (
+from ..settings.problem import typed
+from ..stages.results_folder import (
     DOCUMENTS,
     MANIFEST,
     belongs,
@@ -27,7 +28,6 @@ from ..pipeline.results_folder import (
     read_resolved,
     surrogate_digest,
 )
-from ..settings.problem import typed
 from ..surrogate.surrogate import Surrogate
 
 T = TypeVar("T", bound=Sized)

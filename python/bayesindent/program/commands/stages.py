@@ -10,9 +10,6 @@ from ...common.progress import progress_bar
 from ...common.result_files import as_csv, whole_file, write_groups, write_text
 from ...fe.indentation import Indentation
 from ...inference.analysis import groups_of
-from ...pipeline.build import ask, tell
-from ...pipeline.results_folder import read_posterior
-from ...pipeline.stage import run_stage
 from ...report.formatting import (
     SHARES,
     cells,
@@ -23,6 +20,9 @@ from ...report.formatting import (
     suggested_grains,
 )
 from ...settings.problem import Problem, read_crystals
+from ...stages.build import ask, tell
+from ...stages.results_folder import read_posterior
+from ...stages.stage import run_stage
 from ...surrogate.basis import Basis
 from ...surrogate.surrogate import places
 from ..command import PATIENCE_S, namelist_command, perform, prepare, quoted, report_of, show_table

@@ -4,7 +4,7 @@ from operator import itemgetter
 
 import numpy as np
 
-from ...pipeline.curves import read_columns
+from ...stages.curves import read_columns
 from ..results import NothingToShow, Results, present
 from .style import (
     BLACK,

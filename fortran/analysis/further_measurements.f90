@@ -5,7 +5,7 @@ module further_measurements
    use analysis, only: analysis_type
    use constants_posterior, only: posterior_type
    use crystal_class, only: crystal_class_type, lattice_type, new_lattice
-   use crystal_elasticity, only: no_wave, path_type, rayleigh, rotation_matrix
+   use crystal_elasticity, only: rotation_matrix
    use diagnostics, only: diagnostic_type
    use distinct_directions, only: angle_between, lattice_of_directions, new_region, region_type
    use errors, only: error_type, refuse
@@ -17,7 +17,9 @@ module further_measurements
    use direction_columns, only: angles_of_direction
    use problem, only: problem_type
    use field_reading, only: choose_field_degree
-   use problem_posterior, only: are_detected, check_target, omit_weak_waves
+   use detected_speeds, only: are_detected, omit_undetected
+   use observables, only: path_type, surface_path
+   use problem_posterior, only: check_target
    use quantities, only: evaluate_draws, new_quantity, quantity_type
    use random, only: new_random_stream, random_stream_type
    use shared_errors, only: draw_shared
@@ -61,7 +63,7 @@ contains
       threads = analysis%problem%threads()
       call check_target(analysis%problem, error)
       if (.not. allocated(error)) then
-         call omit_weak_waves(analysis%problem, analysis%surrogate, error)
+         call omit_undetected(analysis%problem, analysis%surrogate, error)
       end if
       if (.not. allocated(error)) call analysis%prepare(error)
       if (allocated(error)) return
@@ -147,7 +149,8 @@ contains
          end if
          if (allocated(error)) return
          rows = [((rows(i), j=1, n_along), i=1, size(rows))]
-         paths = [(path_type(rayleigh, 180.0_wp*modulo(i - 1, n_along)/n_along), i=1, size(rows))]
+         paths = [(path_type(surface_path, 180.0_wp*modulo(i - 1, n_along)/n_along), &
+            & i=1, size(rows))]
          euler_deg = grains%euler_deg(:, rows)
          associate (kept => pack([(i, i=1, size(rows))], &
             & are_detected(analysis%posterior, draws, euler_deg, paths)), &
@@ -214,7 +217,7 @@ contains
 
       call posterior%new_grains(candidates%euler_deg*degree, candidates%paths, grains, error)
       if (allocated(error)) return
-      kind = merge(2, 1, candidates%paths%wave /= no_wave)
+      kind = merge(2, 1, candidates%paths%is_speed())
       candidates%sd = sd(kind)
       call find_relative_errors()
       associate (n => size(kind), n_draws => size(draws, 2))
@@ -322,7 +325,7 @@ contains
             end if
             if (.not. allocated(unknown)) call page%put('uvw', lattice%nearest(g(:, 3)))
             associate (path => candidates%paths(c))
-               if (path%wave /= no_wave) then
+               if (path%is_speed()) then
                   along = cos(path%propagation_deg*degree)*g(:, 1) &
                      & + sin(path%propagation_deg*degree)*g(:, 2)
                   call page%put('along', along)
@@ -363,7 +366,7 @@ contains
             call page%put('grain', problem%measurements%name(candidates%grain(c)))
          end if
          call page%put('euler_deg', candidates%euler_deg(:, c))
-         if (candidates%paths(c)%wave /= no_wave) then
+         if (candidates%paths(c)%is_speed()) then
             call page%put('propagation_deg', candidates%paths(c)%propagation_deg)
          end if
       end subroutine begin_candidate

@@ -11,7 +11,8 @@ module posterior_focus
    use errors, only: error_type
    use kinds, only: degree, wp
    use problem, only: problem_type
-   use problem_posterior, only: draw_aside, focus_run, new_table_posterior
+   use detected_speeds, only: draw_aside
+   use problem_posterior, only: focus_run, new_table_posterior
    use prior_sensitivity, only: is_truncated, list_limits
    use random, only: new_random_stream, random_stream_type
    use settings_schema, only: measurements_settings_type

@@ -3,7 +3,6 @@
 module analysis_document
    use, intrinsic :: iso_c_binding, only: c_char
    use constants_prior, only: prior_type
-   use crystal_elasticity, only: no_wave, rayleigh, wave_names
    use diagnostics, only: is_usable
    use errors, only: error_type, refuse
    use analysis, only: analysis_type
@@ -12,7 +11,8 @@ module analysis_document
    use kinds, only: nan, wp
    use named_values, only: named_values_reader_type, named_values_type
    use orientation_check, only: readings
-   use posterior_diagnostics, only: check_analysis, known_text, powers_text
+   use observables, only: path_names, surface_path
+   use posterior_diagnostics, only: known_text, powers_text
    use posterior_summary, only: correlate
    use statistics, only: flattened, moments
    use text, only: add_line, fixed, join, line_type, to_text
@@ -33,13 +33,12 @@ module analysis_document
 
 contains
 
-   !> Find the warnings, and write the document into the object of a `page`.
+   !> Write the document into the object of a `page`.
    subroutine write_analysis(found, page)
       type(analysis_type), intent(inout) :: found
       type(json_type), intent(inout) :: page
       integer :: i
 
-      call check_analysis(found)
       call page%put('usable', is_usable(found%warnings))
       call page%begin_array('reasons')
       do i = 1, size(found%warnings)
@@ -217,8 +216,8 @@ contains
                call page%put('euler_deg', table%euler_deg(:, i))
             end if
             associate (path => table%paths(i))
-               if (path%wave /= no_wave) call page%put('propagation_deg', path%propagation_deg)
-               if (path%wave > rayleigh) call page%put('wave', trim(wave_names(path%wave)))
+               if (path%is_speed()) call page%put('propagation_deg', path%propagation_deg)
+               if (path%kind > surface_path) call page%put('wave', trim(path_names(path%kind)))
                if (path%inclination_deg > 0.0_wp) then
                   call page%put('inclination_deg', path%inclination_deg)
                end if

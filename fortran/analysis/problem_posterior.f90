@@ -4,7 +4,6 @@ module problem_posterior
    use constants_posterior, only: new_posterior, posterior_type
    use constants_prior, only: knowledge_type, new_prior, prior_type
    use compliance_field, only: even_directions
-   use crystal_elasticity, only: no_wave, path_type
    use distinct_directions, only: new_region, region_type
    use errors, only: error_type, exit_bad_input
    use kinds, only: degree, wp
@@ -13,22 +12,18 @@ module problem_posterior
    use observables, only: new_observable, observable_type
    use point_tables, only: points_type
    use problem, only: problem_type
-   use rayleigh_wave, only: new_surface, surface_type, surface_waves, wave_type
    use quantities, only: check_distinct, check_quantity, check_value, new_quantity, quantity_type
    use samplers, only: chains_type, checkpoint_type, new_checkpoint, new_sampler, &
       & run_settings_type, sample_chains
    use settings_reader, only: settings_namelist
    use settings_schema, only: measurements_settings_type
-   use statistics, only: flattened
    use surrogate_model, only: surrogate_type
    use direction_columns, only: angles_of_direction
    use text, only: to_text
-   use velocity_tables, only: append_velocities
    implicit none
    private
-   public :: are_detected, check_step_2, check_target, new_measured_posterior, &
-      & new_table_posterior, omit_weak_waves, sample_aside, draw_aside, sample_posterior, &
-      & shared_errors
+   public :: check_step_2, check_target, new_measured_posterior, new_table_posterior, &
+      & sample_aside, sample_posterior, shared_errors
 
    !> Lengths of chains.
    type, public :: run_type
@@ -39,11 +34,12 @@ module problem_posterior
       !> Finished chains are stored in the folder `kept_in` of the problem.
       logical :: is_stored = .true.
    end type run_type
-   !> Chains that show how the posterior must be evaluated; that show which waves are detected; of
+   !> Chains that show how the posterior must be evaluated; that show which speeds are detected; of
    !> the prior; of the posterior without &knowledge; of the posterior by the theory alone; and of
    !> the posterior at which simulations are chosen.
    type(run_type), parameter, public :: pilot_run = run_type(3000, 400, 2, 2000001)
-   type(run_type), parameter :: detection_run = run_type(3000, 400, 2, 2000001, is_stored=.false.)
+   type(run_type), parameter, public :: detection_run &
+      & = run_type(3000, 400, 2, 2000001, is_stored=.false.)
    type(run_type), parameter, public :: prior_run = run_type(5000, 2500, 4, 1000001)
    type(run_type), parameter, public :: free_run = run_type(2000, 500, 2, 3000001)
    type(run_type), parameter, public :: theory_run = run_type(5000, 1500, 4, 4000001)
@@ -165,7 +161,7 @@ contains
          if (allocated(problem%settings%problem%density_kg_m3)) then
             measured%density = problem%settings%problem%density_kg_m3
          end if
-         n_moduli = count(table%paths%wave == no_wave)
+         n_moduli = count(.not. table%paths%is_speed())
          if (allocated(problem%shared_errors)) then
             measured%shared = shared_errors(problem, &
                & problem%shared_errors(table%row(:n_moduli), :), table%n)
@@ -264,88 +260,6 @@ contains
       end associate
    end function shared_errors
 
-   !> Leave out the speeds that `find_detected` leaves out.
-   subroutine omit_weak_waves(problem, surrogate, error)
-      type(problem_type), intent(inout) :: problem
-      type(surrogate_type), intent(in) :: surrogate
-      type(error_type), allocatable, intent(out) :: error
-      type(points_type), allocatable :: detected
-
-      if (problem%are_detected .or. .not. allocated(problem%velocities)) return
-      call find_detected(problem, problem%settings%measurements, surrogate, detected, error)
-      if (allocated(error)) return
-      call move_alloc(detected, problem%measurements)
-      problem%are_detected = .true.
-   end subroutine omit_weak_waves
-
-   !> The measurements without the speeds whose wave is not the one that a measurement shows, at
-   !> some crystals of the posterior.
-   subroutine find_detected(problem, model, surrogate, detected, error)
-      type(problem_type), intent(in) :: problem
-      !> Of the errors. In the first round they have Student's distribution instead, since another
-      !> wave that was measured may be far off.
-      type(measurements_settings_type), intent(in) :: model
-      type(surrogate_type), intent(in) :: surrogate
-      type(points_type), allocatable, intent(out) :: detected
-      type(error_type), allocatable, intent(out) :: error
-      integer, parameter :: most_rounds = 4
-      type(measurements_settings_type) :: model_of_round
-      type(posterior_type) :: posterior
-      type(chains_type) :: chains
-      logical, allocatable :: retained(:)
-      integer :: round
-
-      if (allocated(problem%measurements)) detected = problem%measurements
-      if (problem%are_detected .or. .not. allocated(problem%velocities)) return
-      retained = spread(.true., 1, problem%velocities%n)
-      model_of_round = model
-      model_of_round%likelihood = 'student'
-      model_of_round%student_dof = 2.0_wp
-      do round = 1, most_rounds
-         call append_velocities(detected, problem%velocities, retained)
-         if (detected%n == 0) exit
-         call new_table_posterior(problem, model_of_round, detected, surrogate, posterior, &
-            & error)
-         if (allocated(error)) return
-         call sample_aside(problem, posterior, detection_run, chains, error)
-         if (allocated(error)) return
-         ! A speed that was left out in one round is not taken up in a later one.
-         retained = retained .and. are_detected(posterior, chains%draws(:, :, 1), &
-            & problem%velocities%euler_deg, problem%velocities%paths)
-         if (round > 1 .and. count(retained) == posterior%n_grains - posterior%n_moduli) exit
-         model_of_round = model
-      end do
-      call append_velocities(detected, problem%velocities, retained)
-      if (detected%n == 0) then
-         call problem%refuse('measurements', 'velocities', 'all speeds are left out: at crystals ' &
-            & //'of the posterior their wave is not the one that is measured. Choose other ' &
-            & //'directions', error)
-      end if
-   end subroutine find_detected
-
-   !> Whether waves are those that a measurement shows, at all but a few of some crystals.
-   function are_detected(posterior, draws, euler_deg, paths) result(detected)
-      type(posterior_type), intent(in) :: posterior
-      !> (parameter, draw); Bunge-Euler angles, degrees, (3, n).
-      real(wp), intent(in) :: draws(:, :), euler_deg(:, :)
-      !> (n).
-      type(path_type), intent(in) :: paths(:)
-      logical :: detected(size(paths))
-      !> Of the draws, what is no chance.
-      real(wp), parameter :: some = 0.05_wp
-      type(surface_type) :: surface
-      type(wave_type) :: waves(size(detected))
-      integer :: weak(size(detected)), i
-
-      call new_surface(euler_deg*degree, paths, surface)
-      weak = 0
-      do i = 1, size(draws, 2)
-         call surface_waves(surface, reshape(posterior%stiffness(draws(:, i)), [6, 6, 1]), waves)
-         weak = weak + merge(0, 1, waves%is_detected())
-      end do
-      detected = weak <= some*size(draws, 2)
-   end function are_detected
-
    !> The chains that &sampler asks for.
    subroutine sample_posterior(problem, posterior, chains, error)
       type(problem_type), intent(in) :: problem
@@ -380,28 +294,6 @@ contains
       call run_chains(problem, density, trim(merge('direct  ', 'ensemble', &
          & density%prior_only .and. density%prior%is_drawn())), 'aside', run, chains, error)
    end subroutine sample_aside
-
-   !> Draw from the posterior of a problem with another surrogate or model of the errors.
-   subroutine draw_aside(problem, model, surrogate, run, posterior, draws, error)
-      type(problem_type), intent(in) :: problem
-      type(measurements_settings_type), intent(in) :: model
-      type(surrogate_type), intent(in) :: surrogate
-      type(run_type), intent(in) :: run
-      type(posterior_type), intent(out) :: posterior
-      !> (parameter, draw).
-      real(wp), allocatable, intent(out) :: draws(:, :)
-      type(error_type), allocatable, intent(out) :: error
-      type(points_type), allocatable :: detected
-      type(chains_type) :: chains
-
-      call find_detected(problem, model, surrogate, detected, error)
-      if (allocated(error)) return
-      call new_table_posterior(problem, model, detected, surrogate, posterior, error)
-      if (allocated(error)) return
-      call sample_aside(problem, posterior, run, chains, error)
-      if (allocated(error)) return
-      draws = flattened(chains%draws)
-   end subroutine draw_aside
 
    !> Chains of a density, those that are kept from the disk.
    subroutine run_chains(problem, density, method, label, run, chains, error)

@@ -6,6 +6,7 @@ module extract_stage
    use analysis_document, only: describe_prior, save_posterior, write_analysis
    use files, only: new_file_type
    use json, only: json_type
+   use posterior_diagnostics, only: check_analysis
    use samplers, only: chain_prefix
    use running_command, only: remove_files
    use stage_documents, only: end_document, inputs_of
@@ -44,6 +45,7 @@ contains
       self%problem%kept_in = self%output
       call self%analysis%infer(error)
       if (allocated(error)) return
+      call check_analysis(self%analysis)
       call write_analysis(self%analysis, page)
       self%warnings = self%analysis%warnings
       call save_posterior(self%analysis, end_document(page, [self%problem%warnings, &

@@ -1,7 +1,6 @@
 !> `theory`: moduli, and speeds of surface waves, of &crystals by the exact half-space theory.
 module theory_stage
    use abstract_stage, only: stage_type
-   use crystal_elasticity, only: no_wave
    use stage_documents, only: begin_crystal, write_moduli
    use errors, only: error_type
    use halfspace_theory, only: halfspace_moduli
@@ -34,7 +33,7 @@ contains
          call halfspace_moduli(points%stiffness, points%euler_deg, &
             & self%problem%threads(), modulus, circular, error)
          call self%problem%locate('crystals', 'points', error)
-         if (.not. allocated(error) .and. all(points%paths%wave /= no_wave) &
+         if (.not. allocated(error) .and. all(points%paths%is_speed()) &
             & .and. allocated(self%problem%settings%problem%density_kg_m3)) then
             allocate (waves(points%n))
             call rayleigh_waves(points%stiffness, points%euler_deg, points%paths, waves, error)

@@ -32,7 +32,7 @@ def read_resolved(folder: Path) -> str:
 
 
 def read_posterior(folder: Path) -> dict:
-    """The numbers of Step 2 by name, see fortran/pipeline/analysis_document.f90; empty if there
+    """The numbers of Step 2 by name, see fortran/documents/analysis_document.f90; empty if there
     are none.
     """
     return call("file.read_posterior", folder=folder) if (folder / "posterior.bin").exists() else {}

@@ -4,6 +4,7 @@
 module analysis
    use constants_posterior, only: posterior_type
    use crystal_elasticity, only: averages_type, polycrystal_averages
+   use detected_speeds, only: draw_aside, omit_undetected
    use diagnostics, only: diagnosed_type
    use errors, only: error_type
    use further_knowledge, only: conflict_type, expect_gains, find_conflict, gain_type, &
@@ -18,7 +19,7 @@ module analysis
    use prior_sensitivity, only: change_type, limit_type, list_limits, measure_sensitivity
    use problem, only: problem_type
    use field_reading, only: allowed_error, choose_field_degree, find_field_error
-   use problem_posterior, only: draw_aside, free_run, new_table_posterior, omit_weak_waves, &
+   use problem_posterior, only: free_run, new_table_posterior, &
       & pilot_run, prior_run, sample_aside, sample_posterior, theory_run
    use quantities, only: evaluate_draws, quantity_type, reported_quantities
    use samplers, only: chains_type
@@ -117,7 +118,7 @@ contains
       type(chains_type) :: free_chains
       real(wp) :: start
 
-      call omit_weak_waves(self%problem, self%surrogate, error)
+      call omit_undetected(self%problem, self%surrogate, error)
       if (.not. allocated(error)) call self%prepare(error)
       if (allocated(error)) return
       prior = self%posterior

@@ -82,7 +82,7 @@ def attempt(simulate: Callable[[Job], dict], job: Job) -> dict:
 
 
 class Stage(NativeObject):
-    """A stage by its name, in a folder of results; see fortran/pipeline/abstract_stage.f90."""
+    """A stage by its name, in a folder of results; see fortran/stages/abstract_stage.f90."""
 
     kind = "stage"
 

@@ -13,7 +13,7 @@ module stage_documents
    use files, only: checksum, file_exists, full_path, read_bytes, replace_file
    use json, only: json_type, quoted
    use kinds, only: wp
-   use observables, only: moduli_of_indentation, new_observable, observable_type
+   use observables, only: modulus_kinds, new_observable, observable_type
    use point_tables, only: points_type
    use problem, only: canonical_mark, problem_type, table_name
    use settings_reader, only: settings_namelist
@@ -263,24 +263,24 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Of surface waves, m/s.
       real(wp), intent(in), optional :: velocity(:)
-      character(len=:), allocatable :: kinds(:), names
+      character(len=:), allocatable :: names
       type(observable_type) :: observable
       real(wp), allocatable :: moduli(:, :)
       integer :: j
 
-      allocate (kinds, source=split_list(moduli_of_indentation))
-      allocate (moduli(size(modulus), size(kinds)))
+      allocate (moduli(size(modulus), size(modulus_kinds)))
       names = ''
-      do j = 1, size(kinds)
-         call new_observable(trim(kinds(j)), problem%settings%measurements, observable, error)
+      do j = 1, size(modulus_kinds)
+         call new_observable(trim(modulus_kinds(j)), problem%settings%measurements, observable, &
+            & error)
          if (allocated(error)) return
-         names = names//','//trim(kinds(j))//'_gpa'
+         names = names//','//trim(modulus_kinds(j))//'_gpa'
          moduli(:, j) = modulus
          call observable%to_measured(moduli(:, j))
       end do
       if (present(velocity)) then
          names = names//',rayleigh_velocity_m_s'
-         moduli = reshape([moduli, velocity], [size(modulus), size(kinds) + 1])
+         moduli = reshape([moduli, velocity], [size(modulus), size(modulus_kinds) + 1])
       end if
       call write_table(problem%crystals%table, path, names, moduli, error)
    end subroutine write_moduli

@@ -2,9 +2,9 @@
 !> others.
 module wave_grains
    use abstract_basis, only: grain_model_type
-   use crystal_elasticity, only: no_wave, path_type
    use errors, only: error_type
    use kinds, only: wp
+   use observables, only: path_type
    use rayleigh_wave, only: new_surface, surface_type, surface_waves, wave_speed, wave_type
    implicit none
    private
@@ -55,8 +55,8 @@ contains
       integer :: i
 
       paths = [(self%paths(modulo(i - 1, size(self%paths)) + 1), i=1, size(paths))]
-      self%wave_rows = pack([(i, i=1, size(paths))], paths%wave /= no_wave)
-      self%modulus_rows = pack([(i, i=1, size(paths))], paths%wave == no_wave)
+      self%wave_rows = pack([(i, i=1, size(paths))], paths%is_speed())
+      self%modulus_rows = pack([(i, i=1, size(paths))], .not. paths%is_speed())
       self%moduli%field_degree = self%field_degree
       call self%moduli%set_grains(euler(:, self%modulus_rows), error)
       call new_surface(euler(:, self%wave_rows), paths(self%wave_rows), self%surface)
