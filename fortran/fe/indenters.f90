@@ -68,7 +68,8 @@ contains
          allocate (sphere_indenter_type :: indenter)
          indenter%radius = settings%radius_um
       case default
-         call refuse(error, 'shape: '''//settings%shape//''' is unknown; allowed: '//indenter_names)
+         call refuse(error, ''''//settings%shape//''' is unknown; allowed: '//indenter_names, &
+            & variable='shape')
          return
       end select
       indenter%variables = 'radius_um'
@@ -133,8 +134,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       if (.not. length < self%radius) then
-         call refuse(error, variable//': '//to_text(length)//' um is beyond the sphere; allowed ' &
-            & //'below its radius_um of '//to_text(self%radius)//' um')
+         call refuse(error, to_text(length)//' um is beyond the sphere; allowed ' &
+            & //'below its radius_um of '//to_text(self%radius)//' um', variable=variable)
       end if
    end subroutine check_length
 

@@ -204,7 +204,7 @@ contains
       type(error_type), allocatable, intent(in) :: error
 
       if (.not. allocated(error)) return
-      call print_line(error_stream, error%message)
+      call print_line(error_stream, error%line())
       call end_process(merge(exit_bad_input, exit_failure, error%status == exit_bad_input))
    end subroutine stop_on
 

@@ -31,12 +31,15 @@ class DaskEngine(AbstractContextManager):
             self._client, self._cluster = _connect(workers, scheduler)
         except ModuleNotFoundError as error:
             raise InputError(
-                f"&execution engine: 'dask' needs the package {error.name}: "
-                f"{installation(str(error.name))}"
+                f"'dask' needs the package {error.name}: {installation(str(error.name))}",
+                group="execution",
+                variable="engine",
             ) from None
         except (OSError, TimeoutError) as error:
             raise MachineError(
-                f"&execution scheduler: no scheduler with workers answers at {scheduler}: {error}"
+                f"no scheduler with workers answers at {scheduler}: {error}",
+                group="execution",
+                variable="scheduler",
             ) from None
 
     def __exit__(self, *_: object) -> None:
@@ -61,7 +64,9 @@ class DaskEngine(AbstractContextManager):
             complete(submit, lambda: self.workers, items, collect)
         except KilledWorker as error:
             raise MachineError(
-                f"&execution engine: workers died again and again at the same simulation: {error}"
+                f"workers died again and again at the same simulation: {error}",
+                group="execution",
+                variable="engine",
             ) from None
 
 
@@ -97,8 +102,10 @@ def _connect(workers: int, scheduler: str) -> tuple:
     else:
         if scheduler == "address" and not (scheduler := dask.config.get("scheduler-address", "")):
             raise InputError(
-                "&execution scheduler: 'address' needs the option --scheduler ADDRESS, or "
-                "scheduler-address in Dask's configuration"
+                "'address' needs the option --scheduler ADDRESS, or scheduler-address in Dask's "
+                "configuration",
+                group="execution",
+                variable="scheduler",
             )
         client = Client(scheduler, timeout=PATIENCE_S, set_as_default=False)
         client.wait_for_workers(1, timeout=PATIENCE_S)

@@ -60,8 +60,8 @@ def next_grain(
         surrogate = surrogate or result.posterior.encoding.get("surrogate") or facts["surrogate"]
         if not surrogate:
             raise InputError(
-                "bi.next_grain: a result from a file does not have its "
-                "surrogate; state it with surrogate="
+                "a result from a file does not have its surrogate; state it with surrogate=",
+                "bi.next_grain",
             )
         surrogate, (_, tables, groups) = loaded(surrogate), json.loads(facts["asked"])
         problem = Problem.from_keywords("bi.next_grain", tables, **groups | {"next": settings})

@@ -129,7 +129,7 @@ def without_mean(name: str) -> str:
     return re.sub(r"\b[ _]*(mean|average|avg)[ _]*\b", " ", name, flags=re.I).strip() or name
 
 
-def stated_columns(place: str, stated: Iterable[str], names: Sequence[str]) -> dict[str, str]:
+def stated_columns(stated: Iterable[str], names: Sequence[str]) -> dict[str, str]:
     """The canonical name of each header that `&measurements columns` names; each statement is a
     canonical name, = and a header of the table.
     """
@@ -138,7 +138,7 @@ def stated_columns(place: str, stated: Iterable[str], names: Sequence[str]) -> d
     found: dict[str, str] = {}
     for words in stated:
         name, _, header = (part.strip() for part in words.partition("="))
-        begin = f"{place}columns: '{words.strip()}': "
+        begin = f"columns: '{words.strip()}': "
         canonical = next((own for own in known if own.lower() == name.lower()), "")
         if not name or not header:
             raise InputError(

@@ -20,18 +20,18 @@ from .other_files import reader_of, reading
 AXES = {"a": "x along a, z along c*", "a*": "x along a*, z along c"}
 
 
-def load_map(place: str, path: Path) -> Any:
-    """The map of a file as an object of orix; `place` begins the message of a refusal."""
-    io = reader_of(place, path, "an orientation map", "orix.io")
+def load_map(path: Path) -> Any:
+    """The map of a file as an object of orix."""
+    io = reader_of(path, "an orientation map", "orix.io")
     if path.suffix.lower() == ".h5oina":
-        with reading(place, "is no map of Oxford's .h5oina"), h5py.File(path) as file:
+        with reading("is no map of Oxford's .h5oina"), h5py.File(path) as file:
             return oxford_map(file)
     if path.suffix.lower() in (".oh5", ".cpr", ".crc"):
         raise InputError(
-            f"{place}maps {path.suffix} are not read; export the map as .ang or .ctf, or as .h5oina"
+            f"maps {path.suffix} are not read; export the map as .ang or .ctf, or as .h5oina"
         )
     # orix prints the names of the phases.
-    with reading(place, "is no map that orix reads"), redirect_stdout(StringIO()):
+    with reading("is no map that orix reads"), redirect_stdout(StringIO()):
         return io.load(str(path))
 
 
@@ -88,9 +88,7 @@ def axes_of_file(path: Path) -> str | None:
     return "a" if maker in (b"orix", "orix") else None
 
 
-def turn_of_axes(
-    place: str, group: Any, lattice: Any, stated: str | None, of_file: str | None
-) -> Rotation:
+def turn_of_axes(group: Any, lattice: Any, stated: str | None, of_file: str | None) -> Rotation:
     """The rotation from a map's crystal axes to those of the IEEE standard, z along c, y normal to
     (010), for a phase with this Laue class and `lattice`.
     """
@@ -106,7 +104,7 @@ def turn_of_axes(
         operations.size == 1 and not any(oblique)
     ):
         raise InputError(
-            f"{place}the cell of a phase {group.name} has alpha, beta and gamma of "
+            f"the cell of a phase {group.name} has alpha, beta and gamma of "
             f"{', '.join(f'{angle:g}' for angle in angles)} degrees; "
             "two of them are 90 where the two-fold axis is along b, and not all of a triclinic cell"
         )
@@ -118,13 +116,13 @@ def turn_of_axes(
         return turns["a"]
     if stated and of_file and stated != of_file:
         raise InputError(
-            f"{place}crystal_axes = '{stated}', but this format has {AXES[of_file]}; leave "
+            f"crystal_axes = '{stated}', but this format has {AXES[of_file]}; leave "
             "crystal_axes out"
         )
     if not (axes := stated or of_file):
         known = ", or ".join(f"'{word}' ({words})" for word, words in AXES.items())
         raise InputError(
-            f"{place}the file does not say how the axes of its crystals ({group.name}) lie in "
+            f"the file does not say how the axes of its crystals ({group.name}) lie in "
             f"their cell; state crystal_axes = {known}"
         )
     return turns[axes]

@@ -50,42 +50,38 @@ class IndentedMap:
     positions: np.ndarray
     grains: list[int]
     columns: dict[str, list]
-    #: Codes of diagnostics, each with a blank and its subject.
-    warnings: list[str]
+    #: Codes and subjects of diagnostics.
+    warnings: list[tuple[str, str]]
 
 
 def indented_map(
-    place: str,
     path: Path,
-    points: tuple[str, Path] | None,
-    stage: np.ndarray,
+    indents: np.ndarray,
+    sd: np.ndarray,
     columns: list[str],
     symmetry: str | None,
     axes: str | None,
 ) -> IndentedMap:
-    """The map of a file with indents at positions (n, 2) of the stage. Homologous points in the
-    file `points` relate the stage to the map; without them the coordinates are the same. `columns`
-    are those of the measurements; for `axes` see `AXES` of map_files.
+    """The map of a file with `indents` at positions (n, 2), whose registration has the `sd` (n,)
+    per coordinate, in um. `columns` are those of the measurements; for `axes` see `AXES` of
+    map_files.
     """
     for name in columns:
         if name.lower().startswith(("phi", "φ", "euler")):
             raise InputError(
-                f"{place}the column {name} states the orientation too; one of them is allowed"
+                f"the column {name} states the orientation too; one of them is allowed"
             )
-    grid = Grid(place, path, axes)
-    indents, sd, warnings = (
-        registered(*points, stage) if points else (stage, np.zeros(len(stage)), [])
-    )
+    grid = Grid(path, axes)
     away, pixel = grid.tree.query(indents)
     for row in np.flatnonzero(away > grid.step):
         (left, lower), (right, upper) = grid.positions.min(axis=0), grid.positions.max(axis=0)
         x, y = indents[row]
         raise InputError(
-            f"{place}row {row + 1}: ({x:g}, {y:g}) um is {away[row]:.3g} um from the next indexed "
+            f"row {row + 1}: ({x:g}, {y:g}) um is {away[row]:.3g} um from the next indexed "
             f"point; the map is from ({left:g}, {lower:g}) to ({right:g}, {upper:g})"
         )
     grains = grid.grain[pixel].tolist()
-    warnings += grid.compare_phase(grid.phase[pixel], symmetry)
+    warnings = grid.compare_phase(grid.phase[pixel], symmetry)
     # The probability of a grain is the share of sampled registrations that place the indent in it.
     nearest = grid.tree.query(
         indents + np.random.default_rng(0).normal(size=(SAMPLE, 1, 2)) * sd[:, None]
@@ -93,13 +89,14 @@ def indented_map(
     share = np.mean(grid.grain[nearest] == grains, axis=0)
     retained = np.flatnonzero(share >= LEAST_SHARE).tolist()
     if doubtful := [f"{row + 1} ({share[row]:.0%})" for row in np.flatnonzero(share < LEAST_SHARE)]:
-        warnings.append(
-            f"indents_left_out {place}the indents of rows {abridged(doubtful)} are left out: "
-            "their grain is uncertain. In brackets: the probability of the grain, with a "
-            f"registration of ± {sd.max():.2g} um; {LEAST_SHARE:.0%} is needed"
+        reason = (
+            f"the indents of rows {abridged(doubtful)} are left out: their grain is uncertain. In "
+            "brackets: the probability of the grain, with a registration of "
+            f"± {sd.max():.2g} um; {LEAST_SHARE:.0%} is needed"
         )
-    if not retained:
-        raise InputError(warnings[-1].partition(" ")[2])
+        if not retained:
+            raise InputError(reason)
+        warnings.append(("indents_left_out", reason))
     stated = {
         re.sub("[ -]", "_", name.lower()).removesuffix("_id").removesuffix("_number")
         for name in columns
@@ -117,12 +114,10 @@ def indented_map(
     return IndentedMap(grid, retained, indents, grains, of_indents, warnings)
 
 
-def registered(
-    place: str, path: Path, stage: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, list[str]]:
+def registered(path: Path, stage: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[tuple]]:
     """Transform positions of the stage to the map by the affine map that fits homologous points by
     least squares. Returns the positions (n, 2), their sd per coordinate (n,) in um, and a warning
-    if the sd is unknown. `place` begins the message of a refusal.
+    if the sd is unknown.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
@@ -131,12 +126,12 @@ def registered(
         cells = [float(row[name]) for row in rows for name in POINT_COLUMNS]
         known = np.array(cells).reshape(-1, 4)
     except OSError as error:
-        raise InputError(f"{place}{error.strerror}") from None
+        raise InputError(f"{error.strerror}") from None
     except (ValueError, KeyError, TypeError, csv.Error):
         known = np.full((1, 4), np.nan)
     if not (np.abs(known) < FARTHEST_UM).all():
         raise InputError(
-            f"{place}is no CSV of numbers in the columns {', '.join(POINT_COLUMNS)}, a row for "
+            f"is no CSV of numbers in the columns {', '.join(POINT_COLUMNS)}, a row for "
             f"each point, up to {FARTHEST_UM:g}"
         )
     n, centre = len(known), known[:, :2].sum(axis=0) / max(1, len(known))
@@ -144,26 +139,26 @@ def registered(
     design = np.column_stack([np.ones(n), spread])
     if n < 3 or np.linalg.svd(spread, compute_uv=False)[1] < 1e-3 * np.abs(spread).max():
         raise InputError(
-            f"{place}{n} points on a line or at one place; three or "
-            "more that span the sample are needed"
+            f"{n} points on a line or at one place; three or more that span the sample are needed"
         )
     affine = np.linalg.lstsq(design, known[:, 2:], rcond=None)[0]
     at = np.column_stack([np.ones(len(stage)), stage - centre])
     leverage = np.einsum("ij,jk,ik->i", at, np.linalg.inv(design.T @ design), at)
     residual = np.linalg.norm(known[:, 2:] - design @ affine) / np.sqrt(max(1, 2 * (n - 3)))
-    unknown = (
-        f"registration_unknown {place}three points leave no residual, so that the error of the "
-        "registration is unknown"
+    unknown = "three points leave no residual, so that the error of the registration is unknown"
+    return (
+        at @ affine,
+        residual * np.sqrt(1 + leverage),
+        [("registration_unknown", unknown)] * (n == 3),
     )
-    return at @ affine, residual * np.sqrt(1 + leverage), [unknown] * (n == 3)
 
 
 class Grid:
     """The indexed points of a map and the grains that they form."""
 
-    def __init__(self, place: str, path: Path, axes: str | None):
-        loaded = load_map(place, path)
-        with reading(place, "is no map that orix reads"):
+    def __init__(self, path: Path, axes: str | None):
+        loaded = load_map(path)
+        with reading("is no map that orix reads"):
             found = loaded[loaded.phase_id >= 0]
             #: Positions (n, 2) in um.
             self.positions = np.column_stack([found.x, found.y]).astype(float)
@@ -177,11 +172,10 @@ class Grid:
             or not (np.abs(self.positions) < FARTHEST_UM).all()
         ):
             raise InputError(
-                f"{place}has {found.size} indexed points in the unit {loaded.scan_unit!r}; a "
+                f"has {found.size} indexed points in the unit {loaded.scan_unit!r}; a "
                 f"map in um is needed, within {FARTHEST_UM:g}"
             )
         self.phase = found.phase_id
-        self.place = place
         #: By phase its name, its Laue class (diffraction sees no more of the point group), and the
         #: proper rotations of that class.
         self.names, self.groups, self.symmetry = {}, {}, {}
@@ -190,12 +184,12 @@ class Grid:
             self.names[number], group = phase.name, phase.point_group
             if group is None:
                 raise InputError(
-                    f"{place}does not say the point group of phase {number} ({self.names[number]})"
+                    f"does not say the point group of phase {number} ({self.names[number]})"
                 )
             self.groups[number], turn = group.laue, from_standard(group.laue)
             self.symmetry[number] = turn.inv() * rotations_of(group.laue.proper_subgroup) * turn
             to_standard = turn_of_axes(
-                place, group.laue, phase.structure.lattice, axes, axes_of_file(path)
+                group.laue, phase.structure.lattice, axes, axes_of_file(path)
             )
             own = np.flatnonzero(self.phase == number)
             self.rotations[own] = to_standard * self.rotations[own]
@@ -203,9 +197,7 @@ class Grid:
         #: Distance of neighbouring points in um.
         self.step = float(np.median(self.tree.query(self.positions, k=2)[0][:, 1]))
         if not self.step > 0:
-            raise InputError(
-                f"{place}has most of its points twice at the same place; a map has each once"
-            )
+            raise InputError("has most of its points twice at the same place; a map has each once")
         self.grain = self._grains(self.tree.query_pairs(1.2 * self.step, output_type="ndarray"))
         #: Whether the grain of a point is large enough to be no noise.
         self.counts = np.bincount(self.grain)[self.grain] >= LEAST_PIXELS
@@ -230,7 +222,7 @@ class Grid:
             coo_array((alike[alike], (first[alike], second[alike])), shape=(n, n)), directed=False
         )[1]
 
-    def compare_phase(self, phases: np.ndarray, symmetry: str | None) -> list[str]:
+    def compare_phase(self, phases: np.ndarray, symmetry: str | None) -> list[tuple]:
         """Compare the phase at each indent (n,) with the stated `symmetry`, and return the
         warnings. Several phases are refused, and a symmetry in which equivalent orientations of the
         phase are not equivalent.
@@ -239,7 +231,7 @@ class Grid:
         name = self.names[number]
         if len(others := np.flatnonzero(phases != number)):
             raise InputError(
-                f"{self.place}the indent of row 1 is on the phase {name}, those of "
+                f"the indent of row 1 is on the phase {name}, those of "
                 f"rows {abridged(others + 1)} are on "
                 f"{self.names[int(phases[others[0]])]}; leave one "
                 "of them out: the constants are those of one phase"
@@ -251,7 +243,7 @@ class Grid:
         images = (self.symmetry[number] * Rotation.from_quat([0.4, 0.5, np.sqrt(0.5), 0.3])).apply(
             NORMAL
         )
-        differs = f"{self.place}the phase {name} is {own} ({laue}), &problem symmetry is {symmetry}"
+        differs = f"the phase {name} is {own} ({laue}), symmetry is {symmetry}"
         if np.ptp(representative(symmetry, images), axis=0).max() > 1e-6:
             raise InputError(
                 f"{differs}: orientations that are equivalent in the map are "
@@ -259,7 +251,7 @@ class Grid:
                 "the phase, or the orientations in columns"
             )
         warning = f"{differs}, which takes the crystal for more symmetric than the map does"
-        return [] if own == symmetry else [f"phase_differs {warning}"]
+        return [] if own == symmetry else [("phase_differs", warning)]
 
     def misread(self, positions: np.ndarray) -> np.ndarray:
         """The indented directions (7, n, 3) in crystal axes for positions (n, 2) whose axes are
