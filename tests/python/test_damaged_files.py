@@ -222,7 +222,7 @@ def sampled(tmp_path_factory):
         text
         + (
             "modulus_kind = 'indentation_modulus' /\n"
-            "&sampler samples = 600, burn_in = 1000, chains = 2 /\n"
+            "&sampler samples = 600, burn_in = 1000, chains = 2, draws = 'csv' /\n"
         )
     )
     assert main(["extract", str(folder / "a.nml"), "--output", str(folder / "out")]) == 0
