@@ -229,23 +229,45 @@ def sampled(tmp_path_factory):
     return folder / "out"
 
 
-@pytest.mark.parametrize("change", ["warnings", "prior"])
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        # Of an earlier version.
+        (("warnings",), ["the sds are small"]),
+        (("prior", "density"), None),
+        (("format",), 1),
+        # Of a stranger: kinds, numbers, shapes, names.
+        (("usable",), 1),
+        (("parameters", "C11", "sd"), "x"),
+        (("parameters", "C11", "mean"), 1e308),
+        (("parameters", "C11", "mean"), None),
+        (("parameters", "C11", "hdi_95"), [1.0, 2.0, 3.0]),
+        (("parameters", "C44"), None),
+        (("error_budget", "C12", "more"), 0.5),
+        (("identifiability", 0, "kind"), "quantity"),
+        (("predicted", 1), {}),
+        (("chains",), -2),
+    ],
+)
 @pytest.mark.parametrize("command", ["report", "compare"])
-def test_documents_of_an_earlier_version(sampled, tmp_path, capsys, command, change):
+def test_documents_of_an_earlier_version_and_of_a_stranger(
+    sampled, tmp_path, capsys, command, place, value
+):
     """They are named, with the command that makes them anew."""
     folder = shutil.copytree(sampled, tmp_path / "out")
     path = folder / "summary.json"
     document = read_json(path)
-    if change == "warnings":
-        document["warnings"] = ["the sds are small"]
-    else:
-        del document["prior"]["density"]
+    inside = document
+    for key in place[:-1]:
+        inside = inside[key]
+    inside[place[-1]] = value
     write_json(path, document)
     capsys.readouterr()
     others = [str(sampled)] if command == "compare" else []
     assert main([command, str(folder), *others]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"{path}: is of an earlier version") and "bayesindent extract" in line
+    assert ".".join(map(str, place[:1])) in line
 
 
 def value_at(content: bytes, name: str) -> int:

@@ -1,7 +1,12 @@
 """Write files of results (CSV, JSON, netCDF). Each file is written beside its final name and
 renamed once it is complete.
 
-Documents (JSON) end with a checksum; the core writes and reads them.
+Documents (JSON) end with a checksum; the core writes and reads them. Their forms (names, kinds and
+shapes) are in documents.json. A form is a kind (see `KINDS`), '=' and a value, or the name of
+another form; a list of the form of the items and perhaps their number; or an object of the forms of
+entries. An entry whose name ends in '?' may be absent, '*' stands for all others, and '|' for
+several forms of which one is right. Entries without a form are not checked. A name beside a list,
+or after '*', is that of an axis: lists of an axis have the same length, and objects the same names.
 """
 
 import csv
@@ -9,6 +14,7 @@ import io
 import json
 import math
 import os
+import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +23,25 @@ from typing import Any
 import numpy as np
 
 from ..core import call
+
+#: Forms of documents by the names of their files, and those that they share.
+FORMS = json.loads(Path(__file__).with_name("documents.json").read_text(encoding="utf-8"))
+
+
+def is_number(value: Any, largest: float = 1e30) -> bool:
+    """Whether a value is a finite number, and no absurd one."""
+    return type(value) in (int, float) and abs(value) <= largest
+
+
+KINDS = {
+    "text": lambda value: isinstance(value, str),
+    "logical": lambda value: isinstance(value, bool),
+    "real": lambda value: is_number(value, sys.float_info.max),
+    "number": is_number,
+    "number?": lambda value: value is None or is_number(value),
+    "positive": lambda value: is_number(value) and value > 0,
+    "count": lambda value: is_number(value) and value >= 0 and value == int(value),
+}
 
 
 @contextmanager
@@ -119,3 +144,44 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def misfits(value: Any, form: Any, axes: dict, place: str = "") -> Iterator[str]:
+    """The places in a document, or a part of it, that have not their form; `axes` are those that
+    were met, with their sizes or names.
+    """
+    if isinstance(form, str) and form in FORMS:
+        form = FORMS[form]
+    if isinstance(form, str):
+        if not (KINDS[form](value) if form in KINDS else form == f"={text_of(value)}"):
+            yield place
+    elif isinstance(form, list):
+        inner, *axis = form
+        size = len(value) if isinstance(value, list) else -1
+        if size < 0 or any(axes.setdefault(name, size) != size for name in axis):
+            yield place
+        for number, item in enumerate(value if size > 0 else []):
+            yield from misfits(item, inner, dict(axes), f"{place}[{number}]")
+    elif not isinstance(value, dict):
+        yield place
+    elif "|" in form:
+        found = [next(misfits(value, each, dict(axes), place), "") for each in form["|"]]
+        if all(found):
+            yield max(found, key=len)
+    else:
+        for key, inner in form.items():
+            names = [key.rstrip("?")]
+            if key.startswith("*"):
+                names = [name for name in value if name not in form]
+                if key != "*" and axes.setdefault(key, set(names)) != set(names):
+                    yield place
+            for name in names:
+                if name in value:
+                    yield from misfits(value[name], inner, axes, f"{place}.{name}")
+                elif not key.endswith("?"):
+                    yield f"{place}.{name}"
+
+
+def text_of(value: Any) -> str:
+    """A value as it is written after '='."""
+    return value if isinstance(value, str) else json.dumps(value)

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from ..common.diagnostics import diagnostic
-from ..common.result_files import read_json
+from ..common.result_files import FORMS, misfits, read_json
 from ..core import InputError, call
 from ..settings.problem import Problem, stages
 from ..surrogate.surrogate import places
@@ -38,6 +38,24 @@ def read_posterior(folder: Path) -> dict:
     return call("file.read_posterior", folder=folder) if (folder / "posterior.bin").exists() else {}
 
 
+def read_document(folder: Path, name: str) -> dict:
+    """The document of a stage, or the manifest, in a folder; an empty one if there is no file.
+    Raises `InputError` if it has not its form.
+    """
+    path = folder / DOCUMENTS.get(name, name)
+    document = read_json(path)
+    forms = [FORMS[path.name], *(["stage"] if name in DOCUMENTS else [])] if document else []
+    for form in forms:
+        # The axes of a number have that size.
+        for place in misfits(document, form, {2: 2, 3: 3}):
+            raise InputError(
+                f"{path}: is of an earlier version of the program, or damaged (its {place[1:]} is "
+                f"another one); run the command that wrote it again, bayesindent "
+                f"{name if name in DOCUMENTS else 'extract'} or bayesindent run"
+            )
+    return document
+
+
 def surrogate_digest(name: str, folder: Path, namelist_folder: Path) -> dict[str, str]:
     """The present digest of a surrogate by its name; empty if there is none, as before a build."""
     try:
@@ -54,7 +72,7 @@ def changed_inputs(folder: Path) -> list[dict]:
     """A diagnostic for each group of the namelist last used in a folder that was edited since, or
     whose tables were.
     """
-    manifest = read_json(folder / MANIFEST)
+    manifest = read_document(folder, MANIFEST)
     try:
         problem = Problem(manifest["namelist"])
         now = json.loads(problem._call("inputs", **places(folder, problem.folder))["text"])

@@ -159,7 +159,7 @@ def show_build(document: dict) -> None:
         print(
             f"Surrogate: {document['simulations']} simulations ({document['new_simulations']} "
             f"new, {document['failed']} failed), "
-            f"{document['terms']} terms, leave-one-out error {document['loocv_gpa']:.3g} GPa; "
+            f"{document['terms']} terms, leave-one-out error {number(document['loocv_gpa'], 2)} GPa; "
             f"{document['domain']['words']}"
         )
 
