@@ -290,7 +290,7 @@ contains
       associate (outcome => row%outcome)
          is_right = cell(13)%text == row_checksum(self%identity, cell(2:1 + n_texts), outcome) &
             & .and. row%position >= 0 .and. .not. allocated(unknown) &
-            & .and. size(row%constants) == class%n_constants &
+            & .and. class%n_constants == size(row%constants) &
             & .and. size(euler_deg) == size(row%euler_deg) &
             & .and. size(outcome%depth) == size(outcome%force) &
             & .and. all([row%constants, euler_deg, outcome%depth, outcome%force] > -huge(1.0_wp)) &
