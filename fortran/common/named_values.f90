@@ -235,9 +235,9 @@ contains
       character(len=*), intent(in) :: path
       !> Version of the format, the value 'format'.
       integer, intent(in) :: format
-      !> The name of each value, in order; its kind, or n for reals that may be NaN where others must
-      !> be finite; and the names of its axes; separated by commas. All axes of a name have the same
-      !> size.
+      !> The name of each value, in order; its kind, or n for reals that may be NaN where others
+      !> must be finite; and the names of its axes; separated by commas. All axes of a name have the
+      !> same size.
       character(len=*), intent(in) :: forms(:)
       !> What the user should do, for messages.
       character(len=*), intent(in) :: remedy
@@ -313,7 +313,8 @@ contains
          if ((kind /= 't' .and. n /= header%n_bytes) .or. position > size(self%bytes)) return
          if (header%kind /= 'r' .or. n == 0) cycle
          call c_f_pointer(c_loc(self%bytes(header%start + 1)), values, [n/unit_bytes])
-         if (.not. all(abs(values) <= huge(values) .or. (kind == 'n' .and. values /= values))) return
+         if (any(abs(values) > huge(values))) return
+         if (kind == 'r' .and. any(values /= values)) return
       end do
       if (position == size(self%bytes)) name = ''
    end function first_other
@@ -343,7 +344,8 @@ contains
       integer :: i
 
       is_named = self%name_bytes == len(name)
-      if (is_named) is_named = all([(values%bytes(self%position + header_bytes + i) == name(i:i), &
+      if (.not. is_named) return
+      is_named = all([(values%bytes(self%position + header_bytes + i) == name(i:i), &
          & i=1, len(name))])
    end function is_named
 

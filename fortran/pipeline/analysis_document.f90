@@ -27,16 +27,16 @@ module analysis_document
    !> Version of its format, and its values; see `restore`. The values of every
    !> draw in 'stride' have the axis 'kept'.
    integer, parameter :: posterior_format = 2
-   character(len=36), parameter :: posterior_forms(27) = [character(len=36) :: 'format, i', &
+   character(len=*), parameter :: posterior_forms(*) = [character(len=36) :: 'format, i', &
       & 'inputs, t', 'document, t', 'resolved, t', 'symmetry, t', 'title, t', 'modulus_kind, t', &
       & 'euler_deg, n, angle, grain', 'modulus_gpa, r, grain', 'sd_gpa, n, grain', 'n_moduli, i', &
       & 'draws, r, parameter, sample, chain', 'log_density, r, sample, chain', &
       & 'acceptance, r, chain', 'prior_draws, r, parameter, draw, run', &
       & 'predicted, r, grain, kept, chain', 'factor, r, group, kept, chain', &
-      & 'quantities, r, quantity, kept, chain', 'stride, i', 'log_likelihood, r, grain, kept, chain', &
-      & 'replicated, r, grain, kept, chain', 'log_prior, r, kept, chain', &
-      & 'most_probable, n, parameter', 'lower, n, constant', 'upper, n, constant', &
-      & 'anisotropy_cap, r', 'share_inside, r']
+      & 'quantities, r, quantity, kept, chain', 'stride, i', &
+      & 'log_likelihood, r, grain, kept, chain', 'replicated, r, grain, kept, chain', &
+      & 'log_prior, r, kept, chain', 'most_probable, n, parameter', 'lower, n, constant', &
+      & 'upper, n, constant', 'anisotropy_cap, r', 'share_inside, r']
 
 contains
 
@@ -497,7 +497,8 @@ contains
       type(crystal_class_type) :: class
       integer :: n_chains, n_samples, n_kept
 
-      call restore(folder//posterior_file, posterior_format, posterior_forms, remedy, content, error)
+      call restore(folder//posterior_file, posterior_format, posterior_forms, remedy, content, &
+         & error)
       if (allocated(error)) return
       call values%look_at(content)
       call new_crystal_class(values%text('symmetry'), class, error)
@@ -505,12 +506,13 @@ contains
       n_samples = size(values%reals('log_density'))/n_chains
       n_kept = size(values%reals('log_prior'))/n_chains
       associate (n => class%n_constants, stride => int(values%integer('stride'), i8))
-         if (size(values%reals('lower')) == n .and. size(values%reals('most_probable')) >= n &
-            & .and. n_samples > (n_kept - 1)*stride .and. n_samples <= n_kept*stride &
-            & .and. n > 0 .and. n_samples > 0) return
+         if (allocated(error) .or. n /= size(values%reals('lower')) .or. n_samples == 0 &
+            & .or. size(values%reals('most_probable')) < n .or. n_samples > n_kept*stride &
+            & .or. n_samples <= (n_kept - 1)*stride) then
+            call refuse(error, folder//posterior_file//': is damaged (its sizes contradict each ' &
+               & //'other); '//remedy)
+         end if
       end associate
-      call refuse(error, folder//posterior_file//': is damaged (its sizes contradict each ' &
-         & //'other); '//remedy)
    end subroutine read_posterior
 
    !> Read the draws (parameter, draw) in a folder if they were computed of these inputs. A damaged

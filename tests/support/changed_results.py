@@ -136,7 +136,16 @@ def changed_values(content: bytes, rng: random.Random) -> bytes:
 def changed_campaign(content: bytes, rng: random.Random, path: Path) -> bytes:
     """A campaign of which a row has other values, and the checksum of them."""
     path.write_bytes(content)
-    texts = "symmetry constants euler_deg origin status message depth_um force_mn".split()
+    texts = [
+        "symmetry",
+        "constants",
+        "euler_deg",
+        "origin",
+        "status",
+        "message",
+        "depth_um",
+        "force_mn",
+    ]
     numbers = ["indentation_modulus_gpa", "elements", "seconds"]
     with closing(sqlite3.connect(path)) as file:
         # Values that the layout forbids.
@@ -152,7 +161,9 @@ def changed_campaign(content: bytes, rng: random.Random, path: Path) -> bytes:
                     *(b"\xff\x00", -1, 0, 2, 2**31, 2**63 - 1, 1e308, -1e308, 1e-320),
                 ]
             )
-            statement = f"UPDATE OR IGNORE simulation SET {column} = {literal(value)} WHERE id = {row}"
+            statement = (
+                f"UPDATE OR IGNORE simulation SET {column} = {literal(value)} WHERE id = {row}"
+            )
             past_trigger(file, "simulation_is_not_changed", statement)
         identity, *found = file.execute(
             f"SELECT identity, {', '.join(texts + numbers)} FROM simulation LEFT JOIN physics "

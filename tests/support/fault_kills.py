@@ -13,7 +13,6 @@ import time
 from contextlib import closing, suppress
 from pathlib import Path
 
-
 from bayesindent.core import InputError
 from bayesindent.pipeline.results_folder import read_posterior
 from bayesindent.surrogate.surrogate import Surrogate
