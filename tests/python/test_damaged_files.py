@@ -468,3 +468,15 @@ def test_every_writer_goes_through_one_helper():
                 ]
     # Tables of Python on their way to the core, and a surrogate, in temporary folders.
     assert sorted(line.partition(":")[0] for line in found) == ["curves.py", "surrogate.py"]
+
+
+@pytest.mark.parametrize("line", ["-1", "1e+30", "[", "[]"])
+def test_a_provenance_of_a_stranger(tmp_path, line):
+    Surrogate.load("block").save(tmp_path / "surrogate.txt")
+    text = (tmp_path / "surrogate.txt").read_text()
+    at = text.index("\nprovenance ") + 1
+    body = f"{text[:at]}provenance 1\n{line}\n"
+    path = tmp_path / "other.txt"
+    path.write_text(f"{body}checksum {fnv_1a(body.encode()):016X}\n")
+    with pytest.raises(InputError, match="other.txt: the surrogate is damaged: its provenance"):
+        Surrogate.load(path)
