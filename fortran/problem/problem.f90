@@ -69,6 +69,8 @@ module problem
       !> Folder, without its last slash, for finished chains until Step 2 is done; unallocated: they
       !> are not stored.
       character(len=:), allocatable :: kept_in
+      !> Whether the batch program has it, which writes the table of draws unless told otherwise.
+      logical :: is_of_batch = .false.
    contains
       procedure :: load_tables, locate, locate_curves, refuse => refuse_variable, &
          & refuse_table, resolved_text, take_curve_results, threads

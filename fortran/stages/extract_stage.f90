@@ -15,6 +15,8 @@ module extract_stage
    private
    public :: extract_stage_type
 
+   character(len=*), parameter :: draws_name = 'posterior.csv'
+
    type, extends(stage_type) :: extract_stage_type
       type(analysis_type) :: analysis
    contains
@@ -35,8 +37,8 @@ contains
       if (.not. allocated(error)) call self%analysis%prepare(error)
    end subroutine begin
 
-   !> Sample, and write posterior.bin with all numbers, posterior.csv with the draws, and the
-   !> document.
+   !> Sample, and write posterior.bin with all numbers, the document, and posterior.csv with the
+   !> draws if it is asked for. One of an earlier run is removed.
    subroutine finish(self, page, error)
       class(extract_stage_type), intent(inout) :: self
       type(json_type), intent(inout) :: page
@@ -51,13 +53,18 @@ contains
       call save_posterior(self%analysis, end_document(page, [self%problem%warnings, &
          & self%warnings]), self%output, inputs_of(self%problem, self%groups, self%places), error)
       if (allocated(error)) return
-      call write_draws()
+      call remove_files(self%output, draws_name)
+      associate (draws => self%problem%settings%sampler%draws)
+         if (draws == 'csv' .or. (len(draws) == 0 .and. self%problem%is_of_batch)) then
+            call write_draws()
+         end if
+      end associate
       if (allocated(error)) return
       call remove_files(self%output, chain_prefix)
       call describe_prior(self%analysis, self%more)
       self%done = to_text(size(self%analysis%chains%draws, 3))//' chains of ' &
          & //to_text(size(self%analysis%chains%draws, 2))//' samples: '//self%output &
-         & //'/posterior.csv'
+         & //'/posterior.bin'
 
    contains
 
@@ -67,7 +74,7 @@ contains
          character(len=:), allocatable :: line
          integer :: i, j, chain
 
-         call file%begin(self%output//'/posterior.csv')
+         call file%begin(self%output//'/'//draws_name)
          call file%add('chain,draw,'//join(self%analysis%names, ',')//',log_density'//newline)
          associate (chains => self%analysis%chains)
             do chain = 1, size(chains%draws, 3)

@@ -527,8 +527,8 @@ def test_one_bound_alone_holds(batch, bayesindent, tmp_path, stated, low, high):
     )
     (tmp_path / "a.nml").write_text(text)
     for program in (
-        lambda: batch("a.nml", "--output", "out"),
         lambda: bayesindent("extract", "a.nml", "--output", "out"),
+        lambda: batch("a.nml", "--output", "out"),
     ):
         done = program()
         assert done.returncode == 0, done.stderr

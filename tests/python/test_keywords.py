@@ -74,6 +74,7 @@ def test_help_lists_every_variable_with_its_default(function, groups):
         "inp",
         "scan",
         "constants",
+        "draws",
         "grains",
         "noise",
     }

@@ -19,7 +19,9 @@ from .analysis import CoreAnalysis
 from .measurements import GROUPS, problem_of
 
 #: Variables that have no keyword of their name; other keywords replace them.
-LEFT_OUT = ("symmetry", "title", "synthetic", "file", "c_min", "c_max", "engine", "scheduler")
+LEFT_OUT = (
+    *("symmetry", "title", "synthetic", "file", "c_min", "c_max", "draws", "engine", "scheduler"),
+)
 
 
 @takes(*GROUPS, "next", without=LEFT_OUT)

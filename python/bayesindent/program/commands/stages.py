@@ -159,8 +159,8 @@ def show_build(document: dict) -> None:
         print(
             f"Surrogate: {document['simulations']} simulations ({document['new_simulations']} "
             f"new, {document['failed']} failed), "
-            f"{document['terms']} terms, leave-one-out error {document['loocv_gpa']:.3g} GPa; "
-            f"{document['domain']['words']}"
+            f"{document['terms']} terms, leave-one-out error "
+            f"{number(document['loocv_gpa'], 2)} GPa; {document['domain']['words']}"
         )
 
 
