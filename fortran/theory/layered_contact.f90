@@ -62,10 +62,11 @@ module layered_contact
       & first_directions = 16
    !> Change of the compliance at the end of the wave numbers, over the accuracy.
    real(wp), parameter :: resolution = 1.0e-3_wp
-   !> Nodes in t: exact for polynomials of this degree.
-   integer, parameter :: radial = 32
-   !> Largest contact radius in thicknesses of all layers.
-   real(wp), parameter :: thinnest = 10.0_wp
+   !> Nodes in t: exact for polynomials of this degree. Terms of a power series.
+   integer, parameter :: radial = 32, powers = 24
+   !> Largest contact radius, or that on a half-space, in thicknesses of all layers, and a rounding
+   !> error.
+   real(wp), parameter :: thinnest = 10.0_wp*(1.0_wp + 1.0e-5_wp)
    !> Pairs of the three variables ln s, alpha, beta of the shape.
    integer, parameter :: left(6) = [1, 1, 1, 2, 2, 3], right(6) = [1, 2, 3, 2, 3, 3]
 
@@ -75,6 +76,8 @@ module layered_contact
       logical :: is_conical = .false.
       !> Nodes in t, X_i there times the weights, and integrals of products.
       real(wp) :: t(0:radial), x(0:radial, 0:most_terms), gram(0:most_terms, 0:most_terms)
+      !> Factors of -kappa^2 by which the terms of the power series of phi_i follow each other.
+      real(wp) :: series(powers, 0:most_terms)
    end type terms_type
 
    !> Integrals of the energy, with their derivatives by the shape.
@@ -114,13 +117,10 @@ contains
       ! The force is corrected for the last step.
       if (quantity == 1) last_step = 0.1_wp*sqrt(accuracy)
       terms = [(new_terms(i, profile%is_conical), i=1, most_terms)]
-      associate (thickness => sum(layers%thickness), largest => radii(size(radii)))
-         if (largest > thinnest*thickness) then
-            call refuse(error, 'a contact radius of '//to_text(largest, 3)//' um is above ' &
-               & //to_text(thinnest)//' times the thickness of the layers, ' &
-               & //to_text(thickness, 3)//' um')
-            return
-         end if
+      associate (thickness => sum(layers%thickness))
+         ! Contacts on films stiffer than the base are narrower.
+         call check_thickness(0.5_wp*maxval(radii), thickness, error)
+         if (allocated(error)) return
          call new_compliance(layers, fine%directions, 2*fine%waves, resolution*accuracy, compliance)
          shape = [log(radii(1)), 0.0_wp, 0.0_wp]
          do i = 1, size(radii)
@@ -155,9 +155,24 @@ contains
                   if (found(3) > accuracy/3.0_wp) fine%waves = 2*fine%waves
                end associate
             end do
+            call check_thickness(min(radii(i), contacts(i)%radius), thickness, error)
+            if (allocated(error)) return
          end do
       end associate
    end subroutine indent_layers
+
+   !> Refuse a contact that is too wide.
+   pure subroutine check_thickness(radius, thickness, error)
+      !> Of the contact, and of all layers, um.
+      real(wp), intent(in) :: radius, thickness
+      type(error_type), allocatable, intent(out) :: error
+
+      if (radius > thinnest*thickness) then
+         call refuse(error, 'a contact of radius '//to_text(radius, 3)//' um on layers ' &
+            & //to_text(thickness, 3)//' um thick is beyond the limit of ' &
+            & //to_text(thinnest, 3)//' thicknesses; indent less deeply')
+      end if
+   end subroutine check_thickness
 
    !> The contact at one depth with its errors from terms, directions and wave numbers.
    pure subroutine find_contact(compliance, profile, terms, radius, last_step, fine, &
@@ -185,26 +200,27 @@ contains
       fewer = contact
       shape = first_shape
       do n = 1, fine%terms
+         ! Few nodes serve for a start.
+         coarse = fine
+         if (n < fine%terms - 1) coarse = fineness_type(n, fine%directions/2, fine%waves/2)
          fewer = contact
-         call continue_contact(compliance, profile, terms(n), fine, last_step, shape, contact, &
+         call continue_contact(compliance, profile, terms(n), coarse, last_step, shape, contact, &
             & found)
          if (.not. found) return
          if (n == 1) first_shape = shape
       end do
       errors(:, 1) = difference(contact, fewer)
-      coarse = fine
-      coarse%directions = fine%directions/2
-      other = contact
-      guess = shape
-      call continue_contact(compliance, profile, terms(fine%terms), coarse, huge(1.0_wp), guess, &
-         & other, found)
-      errors(:, 2) = difference(contact, other)
-      coarse = fine
-      coarse%waves = fine%waves/2
-      guess = shape
-      call continue_contact(compliance, profile, terms(fine%terms), coarse, huge(1.0_wp), guess, &
-         & other, found)
-      errors(:, 3) = difference(contact, other)
+      do n = 2, 3
+         coarse = fine
+         if (n == 2) coarse%directions = fine%directions/2
+         if (n == 3) coarse%waves = fine%waves/2
+         other = contact
+         guess = shape
+         call continue_contact(compliance, profile, terms(fine%terms), coarse, huge(1.0_wp), guess, &
+            & other, found)
+         errors(:, n) = 1.0_wp
+         if (found) errors(:, n) = difference(contact, other)
+      end do
    end subroutine find_contact
 
    !> Relative differences of force, stiffness, and stiffness over radius.
@@ -238,6 +254,9 @@ contains
          terms%factor(n) = 2
          terms%x(:, n) = 1.0_wp - terms%t
       end if
+      do i = 0, most_terms
+         terms%series(:, i) = [(0.5_wp/(k*(2*i + 2*k + 1)), k=1, powers)]
+      end do
       do i = 0, n
          do k = 0, n
             terms%gram(i, k) = sum(weight*terms%x(:, i)*terms%x(:, k))
@@ -453,36 +472,37 @@ contains
    pure subroutine transform(terms, kappa, phi)
       type(terms_type), intent(in) :: terms
       !> Ascending from 0.
-      real(wp), intent(in), contiguous :: kappa(0:)
+      real(wp), intent(in), contiguous :: kappa(:)
       !> (wave numbers, -1:terms).
-      real(wp), intent(out), contiguous :: phi(0:, -1:)
-      real(wp) :: square, series(2)
+      real(wp), intent(out), contiguous :: phi(:, -1:)
+      real(wp) :: square(size(kappa)), inverse(size(kappa))
       integer :: n, i, k, m
 
       n = terms%n
+      square = kappa**2
       phi(:, -1) = cos(kappa)
-      do k = 0, ubound(kappa, 1)
-         square = kappa(k)**2
-         if (kappa(k) > n + 2.0_wp) then
-            phi(k, 0) = sin(kappa(k))/kappa(k)
-            do i = 1, n
-               phi(k, i) = ((2*i - 1)*phi(k, i - 1) - phi(k, i - 2))/square
-            end do
-         else
-            ! The power series of the last two, then the recurrence downwards.
-            series = 1.0_wp
-            do m = 12 + 2*n, 1, -1
-               series = 1.0_wp - 0.5_wp*square*series/(m*(2*[n, n - 1] + 2*m + 1))
-            end do
-            phi(k, n) = series(1)/product([(2.0_wp*i + 1.0_wp, i=1, n)])
-            phi(k, n - 1) = series(2)/product([(2.0_wp*i + 1.0_wp, i=1, n - 1)])
-            do i = n - 1, 1, -1
-               phi(k, i - 1) = (2*i + 1)*phi(k, i) - square*phi(k, i + 1)
-            end do
-         end if
-         if (terms%is_conical) phi(k, n) = 0.5_wp*(sin(0.5_wp*kappa(k)) &
-            & /max(0.5_wp*kappa(k), tiny(1.0_wp)))**2
+      ! The last two by their power series, and recurrence downwards.
+      k = count(kappa <= n + 2.0_wp)
+      phi(:k, n - 1:n) = 1.0_wp
+      do m = size(terms%series, 1), 1, -1
+         do i = n - 1, n
+            phi(:k, i) = 1.0_wp - terms%series(m, i)*square(:k)*phi(:k, i)
+         end do
       end do
-      if (terms%is_conical) phi(0, n) = 0.5_wp
+      phi(:k, n - 1) = phi(:k, n - 1)/product([(2.0_wp*i + 1.0_wp, i=1, n - 1)])
+      phi(:k, n) = phi(:k, n)/product([(2.0_wp*i + 1.0_wp, i=1, n)])
+      do i = n - 1, 1, -1
+         phi(:k, i - 1) = (2*i + 1)*phi(:k, i) - square(:k)*phi(:k, i + 1)
+      end do
+      ! Recurrence upwards is stable from there on.
+      inverse(k + 1:) = 1.0_wp/square(k + 1:)
+      phi(k + 1:, 0) = sin(kappa(k + 1:))/kappa(k + 1:)
+      do i = 1, n
+         phi(k + 1:, i) = ((2*i - 1)*phi(k + 1:, i - 1) - phi(k + 1:, i - 2))*inverse(k + 1:)
+      end do
+      if (terms%is_conical) then
+         phi(1, n) = 0.5_wp
+         phi(2:, n) = 2.0_wp*(sin(0.5_wp*kappa(2:))/kappa(2:))**2
+      end if
    end subroutine transform
 end module layered_contact
