@@ -93,6 +93,12 @@ module layered_contact
       integer :: terms = 2, directions = first_directions, waves = 16
    end type fineness_type
 
+   !> Contacts with 1, 2, .. terms to continue from: ln s less that on a half-space, alpha, beta.
+   type :: history_type
+      integer :: known = 0
+      real(wp) :: shape(3, most_terms) = 0.0_wp
+   end type history_type
+
 contains
 
    !> Contacts at the depths that have the contact radii `radii` on an isotropic half-space.
@@ -110,7 +116,8 @@ contains
       type(compliance_type) :: compliance
       type(fineness_type) :: fine
       type(terms_type) :: terms(most_terms)
-      real(wp) :: shape(3), errors(3, 3), last_step
+      type(history_type) :: history
+      real(wp) :: errors(3, 3), last_step
       integer :: i
 
       last_step = max(0.1_wp*accuracy, 1.0e-7_wp)
@@ -122,9 +129,7 @@ contains
          call check_thickness(0.5_wp*maxval(radii), thickness, error)
          if (allocated(error)) return
          call new_compliance(layers, fine%directions, 2*fine%waves, resolution*accuracy, compliance)
-         shape = [log(radii(1)), 0.0_wp, 0.0_wp]
          do i = 1, size(radii)
-            if (i > 1) shape(1) = shape(1) + log(radii(i)/radii(i - 1))
             ! The transforms oscillate over the range of wave numbers.
             fine%waves = max(fine%waves, &
                & 2**ceiling(log(0.35_wp*maxval(compliance%range)*radii(i))/log(2.0_wp)))
@@ -145,7 +150,7 @@ contains
                      & max(fine%waves, ubound(compliance%change, 1)), resolution*accuracy, &
                      & compliance)
                end if
-               call find_contact(compliance, profile, terms, radii(i), last_step, fine, shape, &
+               call find_contact(compliance, profile, terms, radii(i), last_step, fine, history, &
                   & contacts(i), errors)
                contacts(i)%error = sum(errors, dim=2)
                associate (found => errors(quantity, :))
@@ -176,38 +181,43 @@ contains
 
    !> The contact at one depth with its errors from terms, directions and wave numbers.
    pure subroutine find_contact(compliance, profile, terms, radius, last_step, fine, &
-      & first_shape, contact, errors)
+      & history, contact, errors)
       type(compliance_type), intent(in) :: compliance
       class(profile_type), intent(in) :: profile
       !> Of 1, 2, .. terms.
       type(terms_type), intent(in) :: terms(:)
       real(wp), intent(in) :: radius, last_step
       type(fineness_type), intent(in) :: fine
-      !> ln s, alpha and beta of the contact with one term; a guess on entry.
-      real(wp), intent(inout) :: first_shape(3)
+      !> Of a smaller depth on entry.
+      type(history_type), intent(inout) :: history
       type(contact_type), intent(out) :: contact
       !> Of a quantity from terms, directions, wave numbers.
       real(wp), intent(out) :: errors(3, 3)
       type(contact_type) :: fewer, other
       type(fineness_type) :: coarse
-      real(wp) :: shape(3), guess(3)
+      real(wp) :: shape(3), guess(3), scale(3), change(3)
       logical :: found
       integer :: n
 
       errors = 0.0_wp
       errors(:, 3) = 1.0_wp
       contact%depth = profile%depth_of(radius)
-      fewer = contact
-      shape = first_shape
-      do n = 1, fine%terms
+      scale = [log(radius), 0.0_wp, 0.0_wp]
+      change = 0.0_wp
+      shape = scale
+      do n = max(1, min(history%known, fine%terms - 1)), fine%terms
+         fewer = contact
          ! Few nodes serve for a start.
          coarse = fine
          if (n < fine%terms - 1) coarse = fineness_type(n, fine%directions/2, fine%waves/2)
-         fewer = contact
+         ! A contact with one term more at a smaller depth has changed since then as this one has.
+         if (n <= history%known) shape = scale + history%shape(:, n) + change
          call continue_contact(compliance, profile, terms(n), coarse, last_step, shape, contact, &
             & found)
          if (.not. found) return
-         if (n == 1) first_shape = shape
+         change = shape - scale - history%shape(:, n)
+         history%shape(:, n) = shape - scale
+         history%known = max(history%known, n)
       end do
       errors(:, 1) = difference(contact, fewer)
       do n = 2, 3
@@ -281,22 +291,24 @@ contains
       !> Its depth is that of the contact on entry.
       type(contact_type), intent(inout) :: contact
       logical, intent(out) :: found
-      !> Longest step, and largest eccentricity of the ellipse.
-      real(wp), parameter :: longest = 0.3_wp, flattest = 0.95_wp
-      integer, parameter :: most_steps = 30
+      !> Longest first step, and largest eccentricity of the ellipse.
+      real(wp), parameter :: first_step = 0.3_wp, flattest = 0.95_wp
+      integer, parameter :: most_steps = 40
       type(integrals_type) :: integrals
-      real(wp) :: slope(3), curvature(3, 3), energy, force(3), step(3)
+      real(wp) :: residual(3), jacobian(3, 3), drift(3), force(3), step(3), before(3), longest
       integer :: k
 
+      before = 0.0_wp
+      longest = first_step
       do k = 1, most_steps
          call integrate(compliance, profile, terms, fine, shape, integrals)
-         call differentiate_energy(terms, integrals, contact, energy, slope, curvature, force, found)
+         call differentiate_energy(terms, integrals, contact, residual, jacobian, drift, force, found)
          if (.not. found) return
-         contact%stiffness = contact%stiffness - sum(force*solution(curvature, force))
-         slope = slope/energy
-         step = -solution(curvature/energy - spread(slope, 1, 3)*spread(slope, 2, 3), slope)
+         contact%stiffness = contact%stiffness - sum(force*solution(jacobian, drift))
+         step = -solution(jacobian, residual)
          found = all(abs(step) < huge(step))
          if (.not. found) return
+         if (sum(step*before) < 0.0_wp) longest = 0.5_wp*min(longest, maxval(abs(before)))
          step = step*min(1.0_wp, longest/maxval(abs(step)))
          do while (norm2(shape(2:) + step(2:)) > flattest)
             step = 0.5_wp*step
@@ -308,11 +320,12 @@ contains
             return
          end if
          shape = shape + step
+         before = step
       end do
       found = .false.
    end subroutine continue_contact
 
-   !> Solution of a symmetric system of three equations.
+   !> Solution of three equations.
    pure function solution(matrix, right_side) result(x)
       real(wp), intent(in) :: matrix(3, 3), right_side(3)
       real(wp) :: x(3), minors(3, 3)
@@ -324,48 +337,54 @@ contains
          minors(:, i) = cshift(matrix(:, j), 1)*cshift(matrix(:, k), 2) &
             & - cshift(matrix(:, j), 2)*cshift(matrix(:, k), 1)
       end do
-      x = matmul(transpose(minors), right_side)/sum(matrix(:, 1)*minors(:, 1))
+      x = matmul(right_side, minors)/sum(matrix(:, 1)*minors(:, 1))
    end function solution
 
-   !> The energy, its first and second derivatives by the shape; force and stiffness at a fixed
-   !> shape, and derivatives of the force by the shape.
-   pure subroutine differentiate_energy(terms, integrals, contact, energy, slope, curvature, force, &
+   !> The three equations of the shape, and their derivatives by the shape and by the depth; force
+   !> and stiffness at a fixed shape, and derivatives of the force by the shape.
+   pure subroutine differentiate_energy(terms, integrals, contact, residual, jacobian, drift, force, &
       & found)
       type(terms_type), intent(in) :: terms
       type(integrals_type), intent(in) :: integrals
       type(contact_type), intent(inout) :: contact
-      real(wp), intent(out) :: energy, slope(3), curvature(3, 3), force(3)
+      real(wp), intent(out) :: residual(3), jacobian(3, 3), drift(3), force(3)
       !> Whether the compliance is positive.
       logical, intent(out) :: found
-      real(wp) :: l(terms%n, terms%n), rest(terms%n, 3), mean(terms%n), y(terms%n), g(terms%n)
+      real(wp) :: l(terms%n, terms%n), rest(0:terms%n, 3), mean(0:terms%n), y(terms%n)
+      real(wp) :: edge(terms%n), slope(3)
       integer :: i
 
-      associate (n => terms%n)
-         l = integrals%a(1:n, 1:n)
-         energy = 0.0_wp
+      residual = 0.0_wp
+      associate (n => terms%n, a => integrals%a, a1 => integrals%a1, a2 => integrals%a2, &
+         & g => integrals%g, g1 => integrals%g1, g2 => integrals%g2)
+         l = a(1:n, 1:n)
          call factor_definite(l, 0.0_wp, found)
          if (.not. found) return
-         mean = 2.0_wp*pi*sum(terms%x(:, 1:n), dim=1)
-         g = contact%depth*mean - integrals%g(1:n)
-         y = g
+         mean = 2.0_wp*pi*sum(terms%x(:, 0:n), dim=1)
+         y = contact%depth*mean(1:) - g(1:n)
          call solve_lower(l, y)
          call solve_upper(l, y)
-         energy = 0.5_wp*sum(g*y)
-         contact%force = sum(mean*y)
+         contact%force = sum(mean(1:)*y)
          do i = 1, 3
-            rest(:, i) = matmul(integrals%a1(1:n, 1:n, i), y)
-            slope(i) = -sum((integrals%g1(1:n, i) + 0.5_wp*rest(:, i))*y)
-            rest(:, i) = -integrals%g1(1:n, i) - rest(:, i)
-            call solve_lower(l, rest(:, i))
+            rest(:, i) = -matmul(a1(0:n, 1:n, i), y)
+            slope(i) = sum((0.5_wp*rest(1:, i) - g1(1:n, i))*y)
+            rest(:, i) = rest(:, i) - g1(0:n, i)
+            call solve_lower(l, rest(1:, i))
          end do
-         call solve_lower(l, mean)
-         contact%stiffness = sum(mean**2)
-         force = matmul(mean, rest)
+         edge = a(1:n, 0)
+         call solve_lower(l, edge)
+         residual(1) = contact%depth*mean(0) - g(0) - sum(a(1:n, 0)*y)
+         call solve_lower(l, mean(1:))
+         contact%stiffness = sum(mean(1:)**2)
+         force = matmul(mean(1:), rest(1:, :))
+         drift = [mean(0) - sum(edge*mean(1:)), force(2:)]
+         jacobian(1, :) = rest(0, :) - matmul(edge, rest(1:, :))
          do i = 1, size(left)
-            curvature(left(i), right(i)) = sum(rest(:, left(i))*rest(:, right(i))) &
-               & - sum(y*(integrals%g2(1:n, i) + 0.5_wp*matmul(integrals%a2(1:n, 1:n, i), y)))
-            curvature(right(i), left(i)) = curvature(left(i), right(i))
+            if (right(i) > 1) jacobian(right(i), left(i)) = sum(rest(1:, left(i)) &
+               & *rest(1:, right(i))) - sum(y*(g2(1:n, i) + 0.5_wp*matmul(a2(1:n, 1:n, i), y)))
          end do
+         jacobian(2, 3) = jacobian(3, 2)
+         residual(2:) = slope(2:)
       end associate
    end subroutine differentiate_energy
 
