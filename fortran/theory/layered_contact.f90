@@ -57,16 +57,16 @@ module layered_contact
       real(wp) :: error(3) = 0.0_wp
    end type contact_type
 
-   !> Most terms, directions and wave numbers; first directions.
+   !> Most terms, directions and wave numbers; first directions; most searches that fail.
    integer, parameter :: most_terms = 6, most_directions = 512, most_waves = 1024, &
-      & first_directions = 16
+      & first_directions = 16, most_misses = 3
    !> Change of the compliance at the end of the wave numbers, over the accuracy.
    real(wp), parameter :: resolution = 1.0e-3_wp
    !> Nodes in t: exact for polynomials of this degree. Terms of a power series.
    integer, parameter :: radial = 32, powers = 24
    !> Largest contact radius, or that on a half-space, in thicknesses of all layers, and a rounding
    !> error.
-   real(wp), parameter :: thinnest = 10.0_wp*(1.0_wp + 1.0e-5_wp)
+   real(wp), parameter :: thinnest = 10.0_wp*(1.0_wp + 1.0e-3_wp)
    !> Pairs of the three variables ln s, alpha, beta of the shape.
    integer, parameter :: left(6) = [1, 1, 1, 2, 2, 3], right(6) = [1, 2, 3, 2, 3, 3]
 
@@ -118,70 +118,89 @@ contains
       type(terms_type) :: terms(most_terms)
       type(history_type) :: history
       real(wp) :: errors(3, 3), last_step
-      integer :: i
+      integer :: i, misses
+      logical :: found
 
       last_step = max(0.1_wp*accuracy, 1.0e-7_wp)
       ! The force is corrected for the last step.
       if (quantity == 1) last_step = 0.1_wp*sqrt(accuracy)
       terms = [(new_terms(i, profile%is_conical), i=1, most_terms)]
-      associate (thickness => sum(layers%thickness))
-         ! Contacts on films stiffer than the base are narrower.
-         call check_thickness(0.5_wp*maxval(radii), thickness, error)
-         if (allocated(error)) return
-         call new_compliance(layers, fine%directions, 2*fine%waves, resolution*accuracy, compliance)
-         do i = 1, size(radii)
-            ! The transforms oscillate over the range of wave numbers.
-            fine%waves = max(fine%waves, &
-               & 2**ceiling(log(0.35_wp*maxval(compliance%range)*radii(i))/log(2.0_wp)))
-            do
-               if (max(fine%directions - most_directions, fine%waves - most_waves, &
-                  & fine%terms - most_terms) > 0) then
-                  call raise(error, 'the contact of radius '//to_text(radii(i), 3)//' um on layers ' &
-                     & //to_text(thickness, 3)//' um thick has a relative error of ' &
-                     & //to_text(contacts(i)%error(quantity), 2)//', above '//to_text(accuracy)//', with ' &
-                     & //to_text(min(fine%terms, most_terms))//' terms, ' &
-                     & //to_text(min(fine%directions, most_directions))//' directions and ' &
-                     & //to_text(min(fine%waves, most_waves))//' wave numbers')
-                  return
-               end if
-               if (fine%directions > size(compliance%short) &
-                  & .or. fine%waves > ubound(compliance%change, 1)) then
-                  call new_compliance(layers, max(fine%directions, size(compliance%short)), &
-                     & max(fine%waves, ubound(compliance%change, 1)), resolution*accuracy, &
-                     & compliance)
-               end if
-               call find_contact(compliance, profile, terms, radii(i), last_step, fine, history, &
-                  & contacts(i), errors)
-               contacts(i)%error = sum(errors, dim=2)
-               associate (found => errors(quantity, :))
-                  if (sum(found) <= accuracy) exit
-                  if (found(1) > accuracy/3.0_wp) fine%terms = fine%terms + 1
-                  if (found(2) > accuracy/3.0_wp) fine%directions = 2*fine%directions
-                  if (found(3) > accuracy/3.0_wp) fine%waves = 2*fine%waves
-               end associate
-            end do
-            call check_thickness(min(radii(i), contacts(i)%radius), thickness, error)
-            if (allocated(error)) return
+      ! Contacts on films stiffer than the base are narrower than on a half-space.
+      call check_thickness(layers, 0.5_wp*maxval(radii), error)
+      if (allocated(error)) return
+      call new_compliance(layers, fine%directions, 2*fine%waves, resolution*accuracy, compliance)
+      do i = 1, size(radii)
+         ! The transforms oscillate over the range of wave numbers.
+         fine%waves = max(fine%waves, &
+            & 2**ceiling(log(0.35_wp*maxval(compliance%range)*radii(i))/log(2.0_wp)))
+         misses = 0
+         do
+            if (fine%directions > most_directions .or. fine%waves > most_waves &
+               & .or. fine%terms > most_terms .or. misses > most_misses) then
+               call raise_inaccurate(layers, radii(i), fine, misses, error)
+               return
+            end if
+            if (fine%directions > size(compliance%short) &
+               & .or. fine%waves > ubound(compliance%change, 1)) then
+               call new_compliance(layers, max(fine%directions, size(compliance%short)), &
+                  & max(fine%waves, ubound(compliance%change, 1)), resolution*accuracy, compliance)
+            end if
+            call find_contact(compliance, profile, terms, radii(i), last_step, fine, history, &
+               & contacts(i), errors, found)
+            contacts(i)%error = sum(errors, dim=2)
+            associate (own => errors(quantity, :))
+               if (found .and. sum(own) <= accuracy) exit
+               if (own(1) > accuracy/3.0_wp) fine%terms = fine%terms + 1
+               if (own(2) > accuracy/3.0_wp) fine%directions = 2*fine%directions
+               if (.not. found .or. own(3) > accuracy/3.0_wp) fine%waves = 2*fine%waves
+               if (.not. found) misses = misses + 1
+            end associate
          end do
-      end associate
+         call check_thickness(layers, min(radii(i), contacts(i)%radius), error)
+         if (allocated(error)) return
+      end do
    end subroutine indent_layers
 
-   !> Refuse a contact that is too wide.
-   pure subroutine check_thickness(radius, thickness, error)
-      !> Of the contact, and of all layers, um.
-      real(wp), intent(in) :: radius, thickness
+   !> Refuse a contact of a `radius` (um) that is too large for the layers.
+   pure subroutine check_thickness(layers, radius, error)
+      type(layers_type), intent(in) :: layers
+      real(wp), intent(in) :: radius
       type(error_type), allocatable, intent(out) :: error
 
-      if (radius > thinnest*thickness) then
-         call refuse(error, 'a contact of radius '//to_text(radius, 3)//' um on layers ' &
-            & //to_text(thickness, 3)//' um thick is beyond the limit of ' &
-            & //to_text(thinnest, 3)//' thicknesses; indent less deeply')
-      end if
+      associate (thickness => sum(layers%thickness))
+         if (radius > thinnest*thickness) then
+            call refuse(error, 'a contact of radius '//to_text(radius, 3)//' um on layers ' &
+               & //to_text(thickness, 3)//' um thick is beyond the theory, which is accurate up to ' &
+               & //to_text(thinnest, 3)//' thicknesses; indent less deeply')
+         end if
+      end associate
    end subroutine check_thickness
+
+   !> Say why a contact is not known.
+   pure subroutine raise_inaccurate(layers, radius, fine, misses, error)
+      type(layers_type), intent(in) :: layers
+      !> On a half-space, um.
+      real(wp), intent(in) :: radius
+      type(fineness_type), intent(in) :: fine
+      !> Searches without a contact.
+      integer, intent(in) :: misses
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: reason
+
+      if (misses > most_misses) then
+         reason = 'no elliptical contact was found; the layers may bend away from the indenter'
+      else if (fine%terms > most_terms) then
+         reason = 'the pressure is too uneven for '//to_text(most_terms)//' terms'
+      else
+         reason = 'deformations decay too slowly with the depth, as near elastic instability'
+      end if
+      call raise(error, 'theory of layers, '//to_text(sum(layers%thickness), 3)//' um thick, at a ' &
+         & //'nominal contact radius of '//to_text(radius, 3)//' um: '//reason)
+   end subroutine raise_inaccurate
 
    !> The contact at one depth with its errors from terms, directions and wave numbers.
    pure subroutine find_contact(compliance, profile, terms, radius, last_step, fine, &
-      & history, contact, errors)
+      & history, contact, errors, found)
       type(compliance_type), intent(in) :: compliance
       class(profile_type), intent(in) :: profile
       !> Of 1, 2, .. terms.
@@ -193,14 +212,13 @@ contains
       type(contact_type), intent(out) :: contact
       !> Of a quantity from terms, directions, wave numbers.
       real(wp), intent(out) :: errors(3, 3)
+      logical, intent(out) :: found
       type(contact_type) :: fewer, other
       type(fineness_type) :: coarse
       real(wp) :: shape(3), guess(3), scale(3), change(3)
-      logical :: found
       integer :: n
 
       errors = 0.0_wp
-      errors(:, 3) = 1.0_wp
       contact%depth = profile%depth_of(radius)
       scale = [log(radius), 0.0_wp, 0.0_wp]
       change = 0.0_wp
@@ -228,8 +246,8 @@ contains
          guess = shape
          call continue_contact(compliance, profile, terms(fine%terms), coarse, huge(1.0_wp), guess, &
             & other, found)
-         errors(:, n) = 1.0_wp
-         if (found) errors(:, n) = difference(contact, other)
+         if (.not. found) return
+         errors(:, n) = difference(contact, other)
       end do
    end subroutine find_contact
 
@@ -240,6 +258,7 @@ contains
 
       difference = abs([other%force/contact%force, other%stiffness/contact%stiffness, &
          & other%stiffness/other%radius*contact%radius/contact%stiffness] - 1.0_wp)
+      where (.not. difference < 1.0_wp) difference = 1.0_wp
    end function difference
 
    !> Terms of the pressure.
