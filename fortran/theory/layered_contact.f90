@@ -58,7 +58,7 @@ module layered_contact
    end type contact_type
 
    !> Most terms, directions and wave numbers; first directions; most searches that fail.
-   integer, parameter :: most_terms = 6, most_directions = 512, most_waves = 1024, &
+   integer, parameter :: most_terms = 8, most_directions = 512, most_waves = 1024, &
       & first_directions = 16, most_misses = 3
    !> Change of the compliance at the end of the wave numbers, over the accuracy.
    real(wp), parameter :: resolution = 1.0e-3_wp
