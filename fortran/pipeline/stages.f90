@@ -198,7 +198,9 @@ contains
 
       call self%load_tables(given, error)
       if (allocated(error)) return
-      call check_simulation(self%settings, has_theory, error)
+      ! Theory needs no mesh of a film.
+      has_theory = self%settings%specimen%geometry == 'film' .and. all(self%stages == 'theory')
+      if (.not. has_theory) call check_simulation(self%settings, has_theory, error)
       call self%locate('', '', error)
       if (allocated(error)) return
       associate (settings => self%settings)
@@ -216,7 +218,8 @@ contains
          if (.not. has_theory .and. (any(self%stages == 'theory') &
             & .or. settings%simulation%simulator == 'theory')) then
             call self%refuse('specimen', 'geometry', ''''//settings%specimen%geometry &
-               & //''' has no exact theory; allowed ''halfspace''', error)
+               & //''' has no exact theory; allowed ''halfspace'', for the command theory also ' &
+               & //'''film''', error)
          else if (settings%simulation%simulator == 'import' &
             & .and. any(self%stages == 'simulate')) then
             call self%refuse('simulation', 'simulator', &
