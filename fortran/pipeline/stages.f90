@@ -40,7 +40,8 @@ module stages
 
    type(stage_row_type), parameter :: all_stages(7) = [stage_row_type('simulate', 'crystals', &
       & 'problem crystals specimen indenter simulation execution', 'simulate.json'), &
-      & stage_row_type('theory', 'crystals', 'problem crystals specimen execution', &
+      & stage_row_type('theory', 'crystals', &
+      & 'problem crystals specimen indenter simulation execution', &
       & 'theory.json'), stage_row_type('build', 'design', &
       & 'problem specimen indenter simulation domain surrogate design execution', 'build.json'), &
       & stage_row_type('plan', 'plan', &
