@@ -18,7 +18,7 @@ module layered_compliance
    use kinds, only: pi, wp
    implicit none
    private
-   public :: clenshaw_curtis, compliance_type, layers_type, new_compliance
+   public :: clenshaw_curtis, compliance_type, inverse, layers_type, new_compliance
 
    !> Layers bonded to a half-space.
    type :: layers_type
@@ -37,8 +37,7 @@ module layered_compliance
       real(wp), allocatable :: change(:, :), wave_number(:, :)
       !> Largest wave number, 1/um (directions).
       real(wp), allocatable :: range(:)
-      !> Weights of wave numbers over the largest one, (0:n, 0:level): of every one, every second,
-      !> every fourth, ..; others are not set.
+      !> Weights of wave numbers over the largest one, (0:n, 2): of all, and of every second alone.
       real(wp), allocatable :: weight(:, :)
    end type compliance_type
 
@@ -74,9 +73,9 @@ contains
       x = [(sin(0.5_wp*pi*i/n)**2, i=0, n)]
       allocate (compliance%change(0:n, directions), compliance%wave_number(0:n, directions), &
          & compliance%short(directions), compliance%range(directions), &
-         & compliance%weight(0:n, 0:nint(log(real(n, wp))/log(2.0_wp)) - 2))
-      do i = 0, ubound(compliance%weight, 2)
-         compliance%weight(::2**i, i) = 2.0_wp*x(::2**i)*clenshaw_curtis(n/2**i)
+         & compliance%weight(0:n, 2))
+      do i = 1, 2
+         compliance%weight(::i, i) = 2.0_wp*x(::i)*clenshaw_curtis(n/i)
       end do
       do j = 1, directions
          compliance%range(j) = -0.5_wp*log(precision)/(decay(media(j, 1))*layers%thickness(1))
@@ -137,27 +136,22 @@ contains
                medium%square = matmul(m, m)
                medium%e2 = -0.5_wp*(medium%square(1, 1) + medium%square(2, 2) &
                   & + medium%square(3, 3))
-               medium%e3 = sum(m(1, :)*cofactors(m))
+               medium%e3 = sum(m*transpose(medium%square))/3.0_wp
             end associate
          end do
       end do
    end subroutine find_media
 
-   !> Decay of the slowest solution per wave number, by the roots of the characteristic polynomial
-   !> (method of Durand and Kerner).
+   !> Decay of the slowest solution per wave number and depth, from the size of exp(M s) at a large s:
+   !> at most a tenth too small.
    pure real(wp) function decay(medium)
       type(medium_type), intent(in) :: medium
-      complex(wp) :: root(3)
-      integer :: i, k
+      !> Decays of the mean solution.
+      real(wp), parameter :: many = 60.0_wp
+      real(wp) :: s
 
-      root = size_of(medium)*[one, (-0.5_wp, 0.8_wp), (-0.5_wp, -0.9_wp)]
-      do k = 1, 20
-         do i = 1, 3
-            root(i) = root(i) - (root(i)**3 + medium%e2*root(i) - medium%e3) &
-               & /((root(i) - root(mod(i, 3) + 1))*(root(i) - root(mod(i + 1, 3) + 1)))
-         end do
-      end do
-      decay = -maxval(real(medium%mean + root))
+      s = -many/real(medium%mean)
+      decay = -log(maxval(abs(exponential(medium, s))))/s
    end function decay
 
    !> Bound of the roots of the characteristic polynomial of the deviator.
@@ -183,6 +177,7 @@ contains
       outer = identity + matmul(y, conjg(media(1)%z))
       bottom = reflect(media(size(thickness))%z, base)
       do k = 1, size(wave_number)
+         compliance = base
          do layer = size(thickness), 1, -1
             associate (medium => media(layer))
                reflection = bottom
@@ -237,24 +232,16 @@ contains
       e = p(0)*identity + p(1)*medium%deviator + p(2)*medium%square
    end function exponential
 
-   !> Cofactors of the first row.
-   pure function cofactors(m) result(row)
-      complex(wp), intent(in) :: m(3, 3)
-      complex(wp) :: row(3)
-
-      row = [m(2, 2)*m(3, 3) - m(2, 3)*m(3, 2), m(2, 3)*m(3, 1) - m(2, 1)*m(3, 3), &
-         & m(2, 1)*m(3, 2) - m(2, 2)*m(3, 1)]
-   end function cofactors
-
+   !> Inverse of a matrix of three rows, by cross products of them.
    pure function inverse(m)
       complex(wp), intent(in) :: m(3, 3)
       complex(wp) :: inverse(3, 3)
+      integer, parameter :: next(3) = [2, 3, 1], last(3) = [3, 1, 2]
+      integer :: i
 
-      inverse(:, 1) = cofactors(m)
-      inverse(:, 2) = [m(1, 3)*m(3, 2) - m(1, 2)*m(3, 3), m(1, 1)*m(3, 3) - m(1, 3)*m(3, 1), &
-         & m(1, 2)*m(3, 1) - m(1, 1)*m(3, 2)]
-      inverse(:, 3) = [m(1, 2)*m(2, 3) - m(1, 3)*m(2, 2), m(1, 3)*m(2, 1) - m(1, 1)*m(2, 3), &
-         & m(1, 1)*m(2, 2) - m(1, 2)*m(2, 1)]
+      do i = 1, 3
+         inverse(:, i) = m(next(i), next)*m(last(i), last) - m(next(i), last)*m(last(i), next)
+      end do
       inverse = inverse/sum(m(1, :)*inverse(:, 1))
    end function inverse
 end module layered_compliance

@@ -6,21 +6,24 @@
 !> (1 - rho^2)^(i - 1/2), whose phi_i = j_i(kappa)/kappa^i with the spherical Bessel function; under
 !> a cone the last term is X = 1 - t, arcosh(1/rho), which the tip needs.
 !>
-!> At a depth h the energy of pressures y is W = g.y - y.A y/2, where A y are the mean displacements
-!> and g those of the indenter: its moments are those of X_i(t) (h - d(w t)), d(a) the depth at which
-!> its contact on a half-space has the radius a (I. N. Sneddon, Int. J. Engng Sci. 3, 47, 1965). W is
-!> a maximum over y. Over the shape of the ellipse, w^2 = s^2 (1 + alpha cos 2 theta + beta sin 2
-!> theta), it is a maximum for one term, which turns into an inflection as terms are added (J. R.
-!> Willis, J. Mech. Phys. Solids 14, 163, 1966; for one term). So the stationary point is followed
-!> from one term on, by Newton's method for log W. The force is dW/dh and the stiffness d2W/dh2.
+!> At a depth h the energy of pressures y is W = (h m - g).y - y.A y/2, where A y are the moments of
+!> the displacement, m_i is 2 pi times the integral of X_i, and g_i that of X_i(t) d(w t), d(a) the
+!> depth at which the indenter's contact on a half-space has the radius a (I. N. Sneddon, Int. J.
+!> Engng Sci. 3, 47, 1965). W is stationary over y and over the shape of the ellipse, w^2 = s^2 (1 +
+!> alpha cos 2 theta + beta sin 2 theta) (J. R. Willis, J. Mech. Phys. Solids 14, 163, 1966). The
+!> force is dW/dh and the stiffness d2W/dh2.
 !>
 !> With the operator D = w d/dw, D phi_i = phi_(i-1) - (2 i + 1) phi_i; the moments of d obey the
-!> same rule. For this reason phi_0 and phi_(-1) = cos(kappa) go before the terms.
+!> same rule. For this reason phi_0 and phi_(-1) = cos(kappa) go before the terms. It follows that
+!> dW/d(ln s) is a pressure times the residual of the equation of X_0, the singular pressure at the
+!> edge. So that residual is what vanishes: dW/d(ln s) vanishes at another size too, and its second
+!> derivative tends to 0 as terms are added.
 module layered_contact
-   use errors, only: error_type, raise, refuse
+   use errors, only: error_type, raise
    use halfspace_theory, only: cos_2theta, sin_2theta
    use kinds, only: pi, wp
-   use layered_compliance, only: clenshaw_curtis, compliance_type, layers_type, new_compliance
+   use layered_compliance, only: clenshaw_curtis, compliance_type, inverse, layers_type, &
+      & new_compliance
    use linear_algebra, only: dot
    use small_matrices, only: factor_definite, solve_lower, solve_upper
    use text, only: to_text
@@ -57,9 +60,8 @@ module layered_contact
       real(wp) :: error(3) = 0.0_wp
    end type contact_type
 
-   !> Most terms, directions and wave numbers; first directions; most searches that fail.
-   integer, parameter :: most_terms = 8, most_directions = 512, most_waves = 1024, &
-      & first_directions = 16, most_misses = 3
+   !> Most terms, directions, wave numbers, and searches that fail.
+   integer, parameter :: most_terms = 8, most_directions = 512, most_waves = 1024, most_misses = 3
    !> Change of the compliance at the end of the wave numbers, over the accuracy.
    real(wp), parameter :: resolution = 1.0e-3_wp
    !> Nodes in t: exact for polynomials of this degree. Terms of a power series.
@@ -72,32 +74,19 @@ module layered_contact
 
    !> Terms -1 .. n: D of a term is the one before less a factor times itself.
    type :: terms_type
-      integer :: n = 0, before(-1:most_terms), factor(-1:most_terms)
+      integer :: n = 0, before(0:most_terms), factor(0:most_terms)
       logical :: is_conical = .false.
-      !> Nodes in t, X_i there times the weights, and integrals of products.
-      real(wp) :: t(0:radial), x(0:radial, 0:most_terms), gram(0:most_terms, 0:most_terms)
+      !> Nodes in t, X_i there times the weights, 2 pi times their sums, and integrals of products.
+      real(wp) :: t(0:radial), x(0:radial, 0:most_terms), mean(0:most_terms), &
+         & gram(0:most_terms, 0:most_terms)
       !> Factors of -kappa^2 by which the terms of the power series of phi_i follow each other.
       real(wp) :: series(powers, 0:most_terms)
    end type terms_type
 
-   !> Integrals of the energy, with their derivatives by the shape.
-   type :: integrals_type
-      real(wp) :: a(0:most_terms, 0:most_terms) = 0.0_wp, &
-         & a1(0:most_terms, 0:most_terms, 3) = 0.0_wp, a2(0:most_terms, 0:most_terms, 6) = 0.0_wp
-      real(wp) :: g(0:most_terms) = 0.0_wp, g1(0:most_terms, 3) = 0.0_wp, &
-         & g2(0:most_terms, 6) = 0.0_wp
-   end type integrals_type
-
-   !> Terms of the pressure, directions and wave numbers in use.
-   type :: fineness_type
-      integer :: terms = 2, directions = first_directions, waves = 16
-   end type fineness_type
-
-   !> Contacts with 1, 2, .. terms to continue from: ln s less that on a half-space, alpha, beta.
-   type :: history_type
-      integer :: known = 0
-      real(wp) :: shape(3, most_terms) = 0.0_wp
-   end type history_type
+   !> A, with g as the last row and column, and derivatives by the shape; rows 0 .. n + 1.
+   type :: matrices_type
+      real(wp), allocatable :: a(:, :), first(:, :, :), second(:, :, :)
+   end type matrices_type
 
 contains
 
@@ -114,107 +103,84 @@ contains
       type(contact_type), intent(out) :: contacts(:)
       type(error_type), allocatable, intent(out) :: error
       type(compliance_type) :: compliance
-      type(fineness_type) :: fine
       type(terms_type) :: terms(most_terms)
-      type(history_type) :: history
-      real(wp) :: errors(3, 3), last_step
-      integer :: i, misses
-      logical :: found
+      !> Contacts of 1, 2, .. terms at the depth before: ln s less that on a half-space, alpha, beta.
+      real(wp) :: shapes(3, most_terms), errors(3, 3), last_step
+      integer :: i, n, known, directions, waves, misses
+      logical :: found, accepted
+      character(len=:), allocatable :: reason
 
-      last_step = max(0.1_wp*accuracy, 1.0e-7_wp)
       ! The force is corrected for the last step.
-      if (quantity == 1) last_step = 0.1_wp*sqrt(accuracy)
+      last_step = merge(0.1_wp*sqrt(accuracy), max(0.1_wp*accuracy, 1.0e-7_wp), quantity == 1)
       terms = [(new_terms(i, profile%is_conical), i=1, most_terms)]
-      ! Contacts on films stiffer than the base are narrower than on a half-space.
-      call check_thickness(layers, 0.5_wp*maxval(radii), error)
-      if (allocated(error)) return
-      call new_compliance(layers, fine%directions, 2*fine%waves, resolution*accuracy, compliance)
+      shapes = 0.0_wp
+      known = 0
+      n = 2
+      directions = 16
+      waves = 16
+      reason = ''
+      call new_compliance(layers, directions, waves, resolution*accuracy, compliance)
       do i = 1, size(radii)
          ! The transforms oscillate over the range of wave numbers.
-         fine%waves = max(fine%waves, &
+         waves = max(waves, &
             & 2**ceiling(log(0.35_wp*maxval(compliance%range)*radii(i))/log(2.0_wp)))
          misses = 0
+         accepted = .false.
          do
-            if (fine%directions > most_directions .or. fine%waves > most_waves &
-               & .or. fine%terms > most_terms .or. misses > most_misses) then
-               call raise_inaccurate(layers, radii(i), fine, misses, error)
+            ! Contacts on films stiffer than the base are narrower than on a half-space.
+            if (max(0.5_wp*radii(i), min(radii(i), contacts(i)%radius)) > thinnest &
+               & *sum(layers%thickness)) then
+               reason = 'it is wider than '//to_text(thinnest, 3)//' thicknesses'
+            else if (n > most_terms) then
+               reason = 'its pressure is too uneven for '//to_text(most_terms)//' terms'
+            else if (misses > most_misses) then
+               reason = 'it is not an ellipse'
+            else if (directions > most_directions .or. waves > most_waves) then
+               reason = 'deformations decay too slowly with the depth, as near elastic instability'
+            end if
+            if (len(reason) > 0) then
+               call raise(error, 'the contact of radius '//to_text(radii(i), 3)//' um on layers ' &
+                  & //to_text(sum(layers%thickness), 3)//' um thick is beyond the theory: '//reason)
                return
             end if
-            if (fine%directions > size(compliance%short) &
-               & .or. fine%waves > ubound(compliance%change, 1)) then
-               call new_compliance(layers, max(fine%directions, size(compliance%short)), &
-                  & max(fine%waves, ubound(compliance%change, 1)), resolution*accuracy, compliance)
+            if (accepted) exit
+            if (directions > size(compliance%short) &
+               & .or. waves > ubound(compliance%change, 1)) then
+               call new_compliance(layers, directions, waves, resolution*accuracy, compliance)
             end if
-            call find_contact(compliance, profile, terms, radii(i), last_step, fine, history, &
+            call find_contact(compliance, profile, terms(:n), radii(i), last_step, shapes, known, &
                & contacts(i), errors, found)
             contacts(i)%error = sum(errors, dim=2)
-            associate (own => errors(quantity, :))
-               if (found .and. sum(own) <= accuracy) exit
-               if (own(1) > accuracy/3.0_wp) fine%terms = fine%terms + 1
-               if (own(2) > accuracy/3.0_wp) fine%directions = 2*fine%directions
-               if (.not. found .or. own(3) > accuracy/3.0_wp) fine%waves = 2*fine%waves
-               if (.not. found) misses = misses + 1
-            end associate
+            if (.not. found) then
+               misses = misses + 1
+               waves = 2*waves
+               cycle
+            end if
+            accepted = contacts(i)%error(quantity) <= accuracy
+            if (accepted) cycle
+            if (errors(quantity, 1) > accuracy/3.0_wp) n = n + 1
+            if (errors(quantity, 2) > accuracy/3.0_wp) directions = 2*directions
+            if (errors(quantity, 3) > accuracy/3.0_wp) waves = 2*waves
          end do
-         call check_thickness(layers, min(radii(i), contacts(i)%radius), error)
-         if (allocated(error)) return
       end do
    end subroutine indent_layers
 
-   !> Refuse a contact of a `radius` (um) that is too large for the layers.
-   pure subroutine check_thickness(layers, radius, error)
-      type(layers_type), intent(in) :: layers
-      real(wp), intent(in) :: radius
-      type(error_type), allocatable, intent(out) :: error
-
-      associate (thickness => sum(layers%thickness))
-         if (radius > thinnest*thickness) then
-            call refuse(error, 'a contact of radius '//to_text(radius, 3)//' um on layers ' &
-               & //to_text(thickness, 3)//' um thick is beyond the theory, which is accurate up to ' &
-               & //to_text(thinnest, 3)//' thicknesses; indent less deeply')
-         end if
-      end associate
-   end subroutine check_thickness
-
-   !> Say why a contact is not known.
-   pure subroutine raise_inaccurate(layers, radius, fine, misses, error)
-      type(layers_type), intent(in) :: layers
-      !> On a half-space, um.
-      real(wp), intent(in) :: radius
-      type(fineness_type), intent(in) :: fine
-      !> Searches without a contact.
-      integer, intent(in) :: misses
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: reason
-
-      if (misses > most_misses) then
-         reason = 'no elliptical contact was found; the layers may bend away from the indenter'
-      else if (fine%terms > most_terms) then
-         reason = 'the pressure is too uneven for '//to_text(most_terms)//' terms'
-      else
-         reason = 'deformations decay too slowly with the depth, as near elastic instability'
-      end if
-      call raise(error, 'theory of layers, '//to_text(sum(layers%thickness), 3)//' um thick, at a ' &
-         & //'nominal contact radius of '//to_text(radius, 3)//' um: '//reason)
-   end subroutine raise_inaccurate
-
-   !> The contact at one depth with its errors from terms, directions and wave numbers.
-   pure subroutine find_contact(compliance, profile, terms, radius, last_step, fine, &
-      & history, contact, errors, found)
+   !> The contact at one depth with its errors.
+   pure subroutine find_contact(compliance, profile, terms, radius, last_step, shapes, known, &
+      & contact, errors, found)
       type(compliance_type), intent(in) :: compliance
       class(profile_type), intent(in) :: profile
       !> Of 1, 2, .. terms.
       type(terms_type), intent(in) :: terms(:)
       real(wp), intent(in) :: radius, last_step
-      type(fineness_type), intent(in) :: fine
-      !> Of a smaller depth on entry.
-      type(history_type), intent(inout) :: history
+      !> See `indent_layers`; the first `known` are set.
+      real(wp), intent(inout) :: shapes(:, :)
+      integer, intent(inout) :: known
       type(contact_type), intent(out) :: contact
       !> Of a quantity from terms, directions, wave numbers.
       real(wp), intent(out) :: errors(3, 3)
       logical, intent(out) :: found
-      type(contact_type) :: fewer, other
-      type(fineness_type) :: coarse
+      type(contact_type) :: other
       real(wp) :: shape(3), guess(3), scale(3), change(3)
       integer :: n
 
@@ -223,32 +189,28 @@ contains
       scale = [log(radius), 0.0_wp, 0.0_wp]
       change = 0.0_wp
       shape = scale
-      do n = max(1, min(history%known, fine%terms - 1)), fine%terms
-         fewer = contact
-         ! Few nodes serve for a start.
-         coarse = fine
-         if (n < fine%terms - 1) coarse = fineness_type(n, fine%directions/2, fine%waves/2)
-         ! A contact with one term more at a smaller depth has changed since then as this one has.
-         if (n <= history%known) shape = scale + history%shape(:, n) + change
-         call continue_contact(compliance, profile, terms(n), coarse, last_step, shape, contact, &
-            & found)
-         if (.not. found) return
-         change = shape - scale - history%shape(:, n)
-         history%shape(:, n) = shape - scale
-         history%known = max(history%known, n)
-      end do
-      errors(:, 1) = difference(contact, fewer)
-      do n = 2, 3
-         coarse = fine
-         if (n == 2) coarse%directions = fine%directions/2
-         if (n == 3) coarse%waves = fine%waves/2
-         other = contact
-         guess = shape
-         call continue_contact(compliance, profile, terms(fine%terms), coarse, huge(1.0_wp), guess, &
-            & other, found)
-         if (.not. found) return
-         errors(:, n) = difference(contact, other)
-      end do
+      associate (last => size(terms))
+         do n = max(1, min(known, last - 1)), last
+            other = contact
+            ! A contact with one term more has changed since the depth before as this one has.
+            if (n <= known) shape = scale + shapes(:, n) + change
+            ! Half the nodes serve for a start.
+            call continue_contact(compliance, profile, terms(n), merge(2, 1, n < last - 1), &
+               & merge(2, 1, n < last - 1), last_step, shape, contact, found)
+            if (.not. found) return
+            change = shape - scale - shapes(:, n)
+            shapes(:, n) = shape - scale
+            known = max(known, n)
+         end do
+         errors(:, 1) = difference(contact, other)
+         do n = 2, 3
+            guess = shape
+            call continue_contact(compliance, profile, terms(last), merge(2, 1, n == 2), &
+               & merge(2, 1, n == 3), huge(1.0_wp), guess, other, found)
+            if (.not. found) return
+            errors(:, n) = difference(contact, other)
+         end do
+      end associate
    end subroutine find_contact
 
    !> Relative differences of force, stiffness, and stiffness over radius.
@@ -269,40 +231,38 @@ contains
       integer :: i, k
 
       terms%n = n
-      terms%before = [(i - 1, i=-1, most_terms)]
-      terms%factor = [(2*i + 1, i=-1, most_terms)]
+      terms%is_conical = is_conical
       terms%t = [(sin(0.5_wp*pi*k/radial)**2, k=0, radial)]
-      weight = clenshaw_curtis(radial)
       terms%x(:, 0) = 1.0_wp
-      do i = 1, n
-         terms%x(:, i) = terms%x(:, i - 1)*(1.0_wp - terms%t**2)/(2.0_wp*i)
+      do i = 0, n
+         terms%before(i) = i - 1
+         terms%factor(i) = 2*i + 1
+         terms%series(:, i) = [(0.5_wp/(k*(2*i + 2*k + 1)), k=1, powers)]
+         if (i > 0) terms%x(:, i) = terms%x(:, i - 1)*(1.0_wp - terms%t**2)/(2.0_wp*i)
       end do
       if (is_conical) then
-         terms%is_conical = .true.
          terms%before(n) = 0
          terms%factor(n) = 2
          terms%x(:, n) = 1.0_wp - terms%t
       end if
-      do i = 0, most_terms
-         terms%series(:, i) = [(0.5_wp/(k*(2*i + 2*k + 1)), k=1, powers)]
-      end do
+      weight = clenshaw_curtis(radial)
       do i = 0, n
-         do k = 0, n
-            terms%gram(i, k) = sum(weight*terms%x(:, i)*terms%x(:, k))
-         end do
+         terms%gram(:n, i) = matmul(weight*terms%x(:, i), terms%x(:, :n))
       end do
       do i = 0, n
          terms%x(:, i) = weight*terms%x(:, i)
+         terms%mean(i) = 2.0_wp*pi*sum(terms%x(:, i))
       end do
    end function new_terms
 
-   !> Newton's method to the stationary point of the energy for one number of terms.
-   pure subroutine continue_contact(compliance, profile, terms, fine, last_step, shape, contact, &
-      & found)
+   !> Newton's method for the contact with one number of terms.
+   pure subroutine continue_contact(compliance, profile, terms, coarse, stride, last_step, shape, &
+      & contact, found)
       type(compliance_type), intent(in) :: compliance
       class(profile_type), intent(in) :: profile
       type(terms_type), intent(in) :: terms
-      type(fineness_type), intent(in) :: fine
+      !> 2 for half the directions, 2 for half the wave numbers, else 1.
+      integer, intent(in) :: coarse, stride
       !> The first step that is not longer ends the search.
       real(wp), intent(in) :: last_step
       !> ln s, alpha, beta; a guess on entry.
@@ -313,18 +273,19 @@ contains
       !> Longest first step, and largest eccentricity of the ellipse.
       real(wp), parameter :: first_step = 0.3_wp, flattest = 0.95_wp
       integer, parameter :: most_steps = 40
-      type(integrals_type) :: integrals
+      type(matrices_type) :: matrices
       real(wp) :: residual(3), jacobian(3, 3), drift(3), force(3), step(3), before(3), longest
       integer :: k
 
       before = 0.0_wp
       longest = first_step
       do k = 1, most_steps
-         call integrate(compliance, profile, terms, fine, shape, integrals)
-         call differentiate_energy(terms, integrals, contact, residual, jacobian, drift, force, found)
+         call integrate(compliance, profile, terms, coarse, stride, shape, matrices)
+         call differentiate_energy(terms, matrices, contact, residual, jacobian, drift, force, found)
          if (.not. found) return
-         contact%stiffness = contact%stiffness - sum(force*solution(jacobian, drift))
-         step = -solution(jacobian, residual)
+         jacobian = real(inverse(cmplx(jacobian, kind=wp)))
+         contact%stiffness = contact%stiffness - sum(force*matmul(jacobian, drift))
+         step = -matmul(jacobian, residual)
          found = all(abs(step) < huge(step))
          if (.not. found) return
          if (sum(step*before) < 0.0_wp) longest = 0.5_wp*min(longest, maxval(abs(before)))
@@ -334,7 +295,7 @@ contains
          end do
          if (maxval(abs(step)) <= last_step) then
             contact%force = contact%force + sum(force*step)
-            call find_radius(terms, integrals, shape, contact)
+            call find_radius(terms, matrices, shape, contact)
             shape = shape + step
             return
          end if
@@ -344,110 +305,105 @@ contains
       found = .false.
    end subroutine continue_contact
 
-   !> Solution of three equations.
-   pure function solution(matrix, right_side) result(x)
-      real(wp), intent(in) :: matrix(3, 3), right_side(3)
-      real(wp) :: x(3), minors(3, 3)
-      integer :: i, j, k
-
-      do i = 1, 3
-         j = mod(i, 3) + 1
-         k = mod(j, 3) + 1
-         minors(:, i) = cshift(matrix(:, j), 1)*cshift(matrix(:, k), 2) &
-            & - cshift(matrix(:, j), 2)*cshift(matrix(:, k), 1)
-      end do
-      x = matmul(right_side, minors)/sum(matrix(:, 1)*minors(:, 1))
-   end function solution
-
    !> The three equations of the shape, and their derivatives by the shape and by the depth; force
    !> and stiffness at a fixed shape, and derivatives of the force by the shape.
-   pure subroutine differentiate_energy(terms, integrals, contact, residual, jacobian, drift, force, &
+   pure subroutine differentiate_energy(terms, matrices, contact, residual, jacobian, drift, force, &
       & found)
       type(terms_type), intent(in) :: terms
-      type(integrals_type), intent(in) :: integrals
+      type(matrices_type), intent(in) :: matrices
       type(contact_type), intent(inout) :: contact
       real(wp), intent(out) :: residual(3), jacobian(3, 3), drift(3), force(3)
       !> Whether the compliance is positive.
       logical, intent(out) :: found
-      real(wp) :: l(terms%n, terms%n), rest(0:terms%n, 3), mean(0:terms%n), y(terms%n)
-      real(wp) :: edge(terms%n), slope(3)
+      !> Residuals, the product A^-1 of what a name says, and the pressures with a last one of 1.
+      real(wp) :: l(terms%n, terms%n), rest(0:terms%n + 1, 3), mean(terms%n), edge(terms%n), &
+         & y(0:terms%n + 1)
       integer :: i
 
       residual = 0.0_wp
-      associate (n => terms%n, a => integrals%a, a1 => integrals%a1, a2 => integrals%a2, &
-         & g => integrals%g, g1 => integrals%g1, g2 => integrals%g2)
+      jacobian = 0.0_wp
+      associate (n => terms%n, a => matrices%a)
          l = a(1:n, 1:n)
          call factor_definite(l, 0.0_wp, found)
          if (.not. found) return
-         mean = 2.0_wp*pi*sum(terms%x(:, 0:n), dim=1)
-         y = contact%depth*mean(1:) - g(1:n)
-         call solve_lower(l, y)
-         call solve_upper(l, y)
-         contact%force = sum(mean(1:)*y)
-         do i = 1, 3
-            rest(:, i) = -matmul(a1(0:n, 1:n, i), y)
-            slope(i) = sum((0.5_wp*rest(1:, i) - g1(1:n, i))*y)
-            rest(:, i) = rest(:, i) - g1(0:n, i)
-            call solve_lower(l, rest(1:, i))
-         end do
+         y(0) = 0.0_wp
+         y(1:n) = contact%depth*terms%mean(1:n) - a(1:n, n + 1)
+         y(n + 1) = 1.0_wp
+         call solve_lower(l, y(1:n))
+         call solve_upper(l, y(1:n))
+         mean = terms%mean(1:n)
          edge = a(1:n, 0)
+         contact%force = sum(mean*y(1:n))
+         residual(1) = contact%depth*terms%mean(0) - sum(a(:, 0)*y)
+         call solve_lower(l, mean)
          call solve_lower(l, edge)
-         residual(1) = contact%depth*mean(0) - g(0) - sum(a(1:n, 0)*y)
-         call solve_lower(l, mean(1:))
-         contact%stiffness = sum(mean(1:)**2)
-         force = matmul(mean(1:), rest(1:, :))
-         drift = [mean(0) - sum(edge*mean(1:)), force(2:)]
-         jacobian(1, :) = rest(0, :) - matmul(edge, rest(1:, :))
+         do i = 1, 3
+            rest(:, i) = -matmul(matrices%first(:, :, i), y)
+            if (i > 1) residual(i) = 0.5_wp*sum(rest(:, i)*y)
+            call solve_lower(l, rest(1:n, i))
+         end do
+         contact%stiffness = sum(mean**2)
+         force = matmul(mean, rest(1:n, :))
+         drift = [terms%mean(0) - sum(edge*mean), force(2:)]
          do i = 1, size(left)
-            if (right(i) > 1) jacobian(right(i), left(i)) = sum(rest(1:, left(i)) &
-               & *rest(1:, right(i))) - sum(y*(g2(1:n, i) + 0.5_wp*matmul(a2(1:n, 1:n, i), y)))
+            jacobian(right(i), left(i)) = sum(rest(1:n, left(i))*rest(1:n, right(i))) &
+               & - 0.5_wp*sum(y*matmul(matrices%second(:, :, i), y))
          end do
          jacobian(2, 3) = jacobian(3, 2)
-         residual(2:) = slope(2:)
+         jacobian(1, :) = rest(0, :) - matmul(edge, rest(1:n, :))
       end associate
    end subroutine differentiate_energy
 
    !> Radius of a contact. The stiffness of a flat punch that has the shape of the contact is that of
    !> the contact, and of all quantities it depends most on the size.
-   pure subroutine find_radius(terms, integrals, shape, contact)
+   pure subroutine find_radius(terms, matrices, shape, contact)
       type(terms_type), intent(in) :: terms
-      type(integrals_type), intent(in) :: integrals
+      type(matrices_type), intent(in) :: matrices
       real(wp), intent(in) :: shape(3)
       type(contact_type), intent(inout) :: contact
-      real(wp) :: l(0:terms%n, 0:terms%n), mean(0:terms%n), y(0:terms%n), punch
+      real(wp), dimension(0:terms%n, 0:terms%n) :: l, slope
+      real(wp) :: y(0:terms%n), growth
 
       associate (n => terms%n)
-         l = integrals%a(0:n, 0:n)
+         l = matrices%a(:n, :n)
+         slope = matrices%first(:n, :n, 1)
          call factor_definite(l, 0.0_wp)
-         mean = 2.0_wp*pi*sum(terms%x(:, 0:n), dim=1)
-         y = mean
+         y = terms%mean(:n)
          call solve_lower(l, y)
          call solve_upper(l, y)
-         punch = sum(mean*y)
-         contact%radius = exp(shape(1) + (punch - contact%stiffness) &
-            & /sum(y*matmul(integrals%a1(0:n, 0:n, 1), y)))*(1.0_wp - sum(shape(2:)**2))**0.25_wp
+         growth = (sum(terms%mean(:n)*y) - contact%stiffness)/sum(y*matmul(slope, y))
+         contact%radius = exp(shape(1) + max(-1.0_wp, min(1.0_wp, growth))) &
+            & *(1.0_wp - sum(shape(2:)**2))**0.25_wp
       end associate
    end subroutine find_radius
 
    !> Integrals over directions and wave numbers.
-   pure subroutine integrate(compliance, profile, terms, fine, shape, integrals)
+   pure subroutine integrate(compliance, profile, terms, coarse, stride, shape, matrices)
       type(compliance_type), intent(in) :: compliance
       class(profile_type), intent(in) :: profile
       type(terms_type), intent(in) :: terms
-      type(fineness_type), intent(in) :: fine
+      !> See `continue_contact`.
+      integer, intent(in) :: coarse, stride
       real(wp), intent(in) :: shape(3)
-      type(integrals_type), intent(out) :: integrals
-      !> Products of the transforms, and D of one and of both factors; moments of the indenter.
-      real(wp), dimension(-1:terms%n, -1:terms%n) :: b, db, ddb
-      real(wp), dimension(-1:terms%n) :: g, dg, ddg
-      real(wp), dimension(0:terms%n, 0:terms%n) :: half, first, second
-      real(wp) :: phi(0:fine%waves, -1:terms%n), weighted(0:fine%waves), v, w, slope(3), bend(3)
-      integer :: n, level, stride, i, j, k
+      type(matrices_type), intent(out) :: matrices
+      !> Integrals of products of the transforms, the last row and column the moments of d; D of one
+      !> factor, then of it again.
+      real(wp), dimension(-1:terms%n + 1, -1:terms%n + 1) :: b, db, ddb
+      real(wp), dimension(0:terms%n + 1, 0:terms%n + 1) :: half, first, second
+      real(wp) :: phi(0:ubound(compliance%change, 1)/stride, -1:terms%n), &
+         & weighted(0:ubound(compliance%change, 1)/stride), share, v, w, slope(3), bend(3)
+      integer :: n, i, j, k, directions
 
       n = terms%n
-      stride = ubound(compliance%change, 1)/fine%waves
-      level = nint(log(real(stride, wp))/log(2.0_wp))
-      do j = 1, fine%directions
+      directions = size(compliance%short)/coarse
+      share = 2.0_wp*pi/directions
+      allocate (matrices%a(0:n + 1, 0:n + 1), matrices%first(0:n + 1, 0:n + 1, 3), &
+         & matrices%second(0:n + 1, 0:n + 1, 6), source=0.0_wp)
+      b = 0.0_wp
+      db = 0.0_wp
+      ddb = 0.0_wp
+      half = 0.0_wp
+      do j = 1, directions
          v = 1.0_wp + shape(2)*cos_2theta(j) + shape(3)*sin_2theta(j)
          w = exp(shape(1))*sqrt(v)
          ! Derivatives of ln w by the shape; the second ones are -2 bend bend.
@@ -455,55 +411,37 @@ contains
          slope = bend + [1.0_wp, 0.0_wp, 0.0_wp]
          call transform(terms, w*compliance%wave_number(::stride, j), phi)
          do k = -1, n
-            weighted = compliance%range(j)*compliance%weight(::stride, level) &
-               & *compliance%change(::stride, j)*phi(:, k)
+            weighted = compliance%weight(::stride, stride)*compliance%change(::stride, j)*phi(:, k)
             do i = k, n
-               b(i, k) = dot(weighted, phi(:, i))
+               b(i, k) = share*compliance%range(j)*dot(weighted, phi(:, i))
                b(k, i) = b(i, k)
             end do
          end do
-         g(-1) = profile%depth_of(w)
-         g(0:) = matmul(profile%depth_of(w*terms%t), terms%x(:, 0:n))
-         db(-1, :) = 0.0_wp
-         ddb = 0.0_wp
-         dg(-1) = 0.0_wp
-         ddg = 0.0_wp
+         b(-1, n + 1) = share*profile%depth_of(w)
+         b(0:n, n + 1) = share*matmul(profile%depth_of(w*terms%t), terms%x(:, :n))
+         b(n + 1, :n) = b(:n, n + 1)
          do i = 0, n
             db(i, :) = b(terms%before(i), :) - terms%factor(i)*b(i, :)
-            dg(i) = g(terms%before(i)) - terms%factor(i)*g(i)
          end do
          do i = 1, n
             ddb(i, :) = db(terms%before(i), :) - terms%factor(i)*db(i, :)
-            ddg(i) = dg(terms%before(i)) - terms%factor(i)*dg(i)
          end do
-         half = 0.5_wp*pi*compliance%short(j)/w*terms%gram(0:n, 0:n)
+         half(:n, :n) = 0.5_wp*pi*share*compliance%short(j)/w*terms%gram(:n, :n)
          first = db(0:, 0:) + transpose(db(0:, 0:)) - half
+         second = ddb(0:, 0:) + transpose(ddb(0:, 0:)) + half
          do k = 0, n
-            second(:, k) = ddb(0:, k) + ddb(k, 0:) + half(:, k) &
+            second(:, k) = second(:, k) &
                & + 2.0_wp*(db(0:, terms%before(k)) - terms%factor(k)*db(0:, k))
          end do
-         integrals%a(0:n, 0:n) = integrals%a(0:n, 0:n) + b(0:, 0:) + half
-         integrals%g(0:n) = integrals%g(0:n) + g(0:)
+         matrices%a = matrices%a + b(0:, 0:) + half
          do i = 1, 3
-            integrals%a1(0:n, 0:n, i) = integrals%a1(0:n, 0:n, i) + slope(i)*first
-            integrals%g1(0:n, i) = integrals%g1(0:n, i) + slope(i)*dg(0:)
+            matrices%first(:, :, i) = matrices%first(:, :, i) + slope(i)*first
          end do
          do i = 1, size(left)
-            associate (ss => slope(left(i))*slope(right(i)), bb => 2.0_wp*bend(left(i)) &
-               & *bend(right(i)))
-               integrals%a2(0:n, 0:n, i) = integrals%a2(0:n, 0:n, i) + ss*second - bb*first
-               integrals%g2(0:n, i) = integrals%g2(0:n, i) + ss*ddg(0:) - bb*dg(0:)
-            end associate
+            matrices%second(:, :, i) = matrices%second(:, :, i) + slope(left(i))*slope(right(i)) &
+               & *second - 2.0_wp*bend(left(i))*bend(right(i))*first
          end do
       end do
-      associate (share => 2.0_wp*pi/fine%directions)
-         integrals%a = share*integrals%a
-         integrals%a1 = share*integrals%a1
-         integrals%a2 = share*integrals%a2
-         integrals%g = share*integrals%g
-         integrals%g1 = share*integrals%g1
-         integrals%g2 = share*integrals%g2
-      end associate
    end subroutine integrate
 
    !> The transforms phi_(-1), phi_0, .. of the terms.
