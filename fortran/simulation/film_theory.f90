@@ -109,9 +109,10 @@ contains
       select case (quantity)
       case (1)
          ! The depths of which a simulation takes the modulus.
+         unit_force = indenter%unit_force(contacts%depth)
          associate (resolved => radii*fineness >= least_elements*radii(n))
-            unit_force = indenter%unit_force(contacts%depth)
-            modulus = sum(contacts%force*unit_force, mask=resolved)/sum(unit_force**2, mask=resolved)
+            modulus = sum(contacts%force*unit_force, mask=resolved) &
+               & /sum(unit_force**2, mask=resolved)
             relative_error = maxval(contacts%error(1), mask=resolved)
          end associate
       case (2)

@@ -42,9 +42,10 @@ module layered_compliance
    end type compliance_type
 
    !> One material in one direction. The eigenvalues of M are `mean` plus the roots of x^3 + e2 x -
-   !> e3, the characteristic polynomial of `deviator`.
+   !> e3, the characteristic polynomial of `deviator`; these are below `size`.
    type :: medium_type
       complex(wp) :: z(3, 3), deviator(3, 3), square(3, 3), mean, e2, e3
+      real(wp) :: size
    end type medium_type
 
    complex(wp), parameter :: one = (1.0_wp, 0.0_wp), i_unit = (0.0_wp, 1.0_wp)
@@ -137,13 +138,14 @@ contains
                medium%e2 = -0.5_wp*(medium%square(1, 1) + medium%square(2, 2) &
                   & + medium%square(3, 3))
                medium%e3 = sum(m*transpose(medium%square))/3.0_wp
+               medium%size = 1.33_wp*max(sqrt(abs(medium%e2)), abs(medium%e3)**(1.0_wp/3.0_wp))
             end associate
          end do
       end do
    end subroutine find_media
 
-   !> Decay of the slowest solution per wave number and depth, from the size of exp(M s) at a large s:
-   !> at most a tenth too small.
+   !> Decay of the slowest solution per wave number and depth, from the size of exp(M s) at a large
+   !> s: at most a tenth too small.
    pure real(wp) function decay(medium)
       type(medium_type), intent(in) :: medium
       !> Decays of the mean solution.
@@ -153,13 +155,6 @@ contains
       s = -many/real(medium%mean)
       decay = -log(maxval(abs(exponential(medium, s))))/s
    end function decay
-
-   !> Bound of the roots of the characteristic polynomial of the deviator.
-   pure real(wp) function size_of(medium)
-      type(medium_type), intent(in) :: medium
-
-      size_of = max(1.0e-6_wp, 1.33_wp*max(sqrt(abs(medium%e2)), abs(medium%e3)**(1.0_wp/3.0_wp)))
-   end function size_of
 
    !> f of layers in one direction.
    pure subroutine join_layers(media, thickness, base, wave_number, short, change)
@@ -212,7 +207,7 @@ contains
       real(wp) :: z, factor
       integer :: k, doublings
 
-      doublings = max(0, exponent(s*size_of(medium)))
+      doublings = max(0, exponent(s*medium%size))
       z = s/2.0_wp**doublings
       p = [one, z*one, 0.5_wp*z**2*one]
       x = [0*one, 0*one, one]

@@ -1,8 +1,8 @@
 !> Indentation of anisotropic layers by a rigid frictionless indenter.
 !>
-!> The pressure on an elliptical contact is a sum of terms with the transforms 2 pi y_i phi_i(kappa),
-!> phi_i = the integral of X_i(t) cos(kappa t) over t = 0 .. 1, kappa = k w, w^2 = a^2 cos^2 + b^2
-!> sin^2 of the direction of k from the axes a, b. X_i = (1 - t^2)^i/(2^i i!) is the pressure
+!> The pressure on an elliptical contact is a sum of terms with the transforms 2 pi y_i
+!> phi_i(kappa), phi_i = the integral of X_i(t) cos(kappa t) over t = 0 .. 1, kappa = k w, w^2 = a^2
+!> cos^2 + b^2 sin^2 of the direction of k from the axes a, b. X_i = (1 - t^2)^i/(2^i i!) is the pressure
 !> (1 - rho^2)^(i - 1/2), whose phi_i = j_i(kappa)/kappa^i with the spherical Bessel function; under
 !> a cone the last term is X = 1 - t, arcosh(1/rho), which the tip needs.
 !>
@@ -104,7 +104,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(compliance_type) :: compliance
       type(terms_type) :: terms(most_terms)
-      !> Contacts of 1, 2, .. terms at the depth before: ln s less that on a half-space, alpha, beta.
+      !> Contacts of 1, 2, .. terms at the depth before: ln s less that on a half-space, alpha,
+      !> beta.
       real(wp) :: shapes(3, most_terms), errors(3, 3), last_step
       integer :: i, n, known, directions, waves, misses
       logical :: found, accepted
@@ -281,7 +282,7 @@ contains
       longest = first_step
       do k = 1, most_steps
          call integrate(compliance, profile, terms, coarse, stride, shape, matrices)
-         call differentiate_energy(terms, matrices, contact, residual, jacobian, drift, force, found)
+         call find_equations(terms, matrices, contact, residual, jacobian, drift, force, found)
          if (.not. found) return
          jacobian = real(inverse(cmplx(jacobian, kind=wp)))
          contact%stiffness = contact%stiffness - sum(force*matmul(jacobian, drift))
@@ -307,7 +308,7 @@ contains
 
    !> The three equations of the shape, and their derivatives by the shape and by the depth; force
    !> and stiffness at a fixed shape, and derivatives of the force by the shape.
-   pure subroutine differentiate_energy(terms, matrices, contact, residual, jacobian, drift, force, &
+   pure subroutine find_equations(terms, matrices, contact, residual, jacobian, drift, force, &
       & found)
       type(terms_type), intent(in) :: terms
       type(matrices_type), intent(in) :: matrices
@@ -322,6 +323,8 @@ contains
 
       residual = 0.0_wp
       jacobian = 0.0_wp
+      drift = 0.0_wp
+      force = 0.0_wp
       associate (n => terms%n, a => matrices%a)
          l = a(1:n, 1:n)
          call factor_definite(l, 0.0_wp, found)
@@ -352,10 +355,10 @@ contains
          jacobian(2, 3) = jacobian(3, 2)
          jacobian(1, :) = rest(0, :) - matmul(edge, rest(1:n, :))
       end associate
-   end subroutine differentiate_energy
+   end subroutine find_equations
 
-   !> Radius of a contact. The stiffness of a flat punch that has the shape of the contact is that of
-   !> the contact, and of all quantities it depends most on the size.
+   !> Radius of a contact. The stiffness of a flat punch that has the shape of the contact is that
+   !> of the contact, and of all quantities it depends most on the size.
    pure subroutine find_radius(terms, matrices, shape, contact)
       type(terms_type), intent(in) :: terms
       type(matrices_type), intent(in) :: matrices
@@ -458,9 +461,9 @@ contains
       square = kappa**2
       phi(:, -1) = cos(kappa)
       ! The last two by their power series, and recurrence downwards.
-      k = count(kappa <= n + 2.0_wp)
+      k = count(kappa <= n + 1.0_wp)
       phi(:k, n - 1:n) = 1.0_wp
-      do m = size(terms%series, 1), 1, -1
+      do m = min(powers, 10 + 2*n), 1, -1
          do i = n - 1, n
             phi(:k, i) = 1.0_wp - terms%series(m, i)*square(:k)*phi(:k, i)
          end do
