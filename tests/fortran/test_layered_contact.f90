@@ -112,7 +112,7 @@ contains
          call indent_layers(layers, indenter, radius*[0.25_wp, 0.5_wp, 0.75_wp, 1.0_wp], 3, &
             & 1.0e-5_wp, contacts, error)
          name = 'row '//to_text(rows)//', '//field(line, 4)
-         if (radius > 1.25_wp .and. radius > 5.0_wp*layers%thickness(1) &
+         if (radius > 5.0_wp*layers%thickness(1) &
             & .and. field(line, 4) == 'cone') then
             ! A film 100 times as stiff as its substrate bends away from the cone.
             call check_refused(name, error, 'its pressure is too uneven for')
