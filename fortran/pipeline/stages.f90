@@ -219,7 +219,7 @@ contains
          if (.not. has_theory .and. (any(self%stages == 'theory') &
             & .or. settings%simulation%simulator == 'theory')) then
             call self%refuse('specimen', 'geometry', ''''//settings%specimen%geometry &
-               & //''' has no exact theory; allowed ''halfspace'', for the command theory also ' &
+               & //''' has no exact theory; allowed ''halfspace'', and for the command theory ' &
                & //'''film''', error)
          else if (settings%simulation%simulator == 'import' &
             & .and. any(self%stages == 'simulate')) then

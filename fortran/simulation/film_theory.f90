@@ -110,7 +110,7 @@ contains
       case (1)
          ! The depths of which a simulation takes the modulus.
          unit_force = indenter%unit_force(contacts%depth)
-         associate (resolved => radii*fineness >= least_elements*radii(n))
+         associate (resolved => radii*fineness >= least_elements*radii(n)*(1.0_wp - 1.0e-9_wp))
             modulus = sum(contacts%force*unit_force, mask=resolved) &
                & /sum(unit_force**2, mask=resolved)
             relative_error = maxval(contacts%error(1), mask=resolved)

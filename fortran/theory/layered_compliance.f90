@@ -227,7 +227,7 @@ contains
       e = p(0)*identity + p(1)*medium%deviator + p(2)*medium%square
    end function exponential
 
-   !> Inverse of a matrix of three rows, by cross products of them.
+   !> Inverse of a matrix `m` of three rows, by cross products of them.
    pure function inverse(m)
       complex(wp), intent(in) :: m(3, 3)
       complex(wp) :: inverse(3, 3)

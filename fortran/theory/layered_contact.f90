@@ -97,8 +97,9 @@ contains
       class(profile_type), intent(in) :: profile
       !> Ascending, um.
       real(wp), intent(in) :: radii(:)
-      !> Largest accepted error of this component of `error`.
+      !> Component of `error` of a contact that is kept below the accuracy.
       integer, intent(in) :: quantity
+      !> Largest relative error.
       real(wp), intent(in) :: accuracy
       type(contact_type), intent(out) :: contacts(:)
       type(error_type), allocatable, intent(out) :: error

@@ -1,4 +1,6 @@
 !> Layers by theory against exact films, the half-space and relations between layers.
+!>
+!> Modules: layered_compliance.f90.
 program test_layered_contact
    use crystal_elasticity, only: isotropic_stiffness, rotate_stiffness, rotation_matrix
    use errors, only: error_type
