@@ -117,7 +117,7 @@ contains
          end associate
       case (2)
          modulus = contacts(n)%stiffness/(2.0_wp*radii(n))
-      case (3)
+      case default
          modulus = contacts(n)%stiffness/(2.0_wp*contacts(n)%radius)
       end select
    end subroutine film_modulus

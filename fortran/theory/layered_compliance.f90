@@ -63,11 +63,12 @@ contains
       !> Relative size of the change of f at the end of the range.
       real(wp), intent(in) :: precision
       type(compliance_type), intent(out) :: compliance
-      type(medium_type) :: media(directions, size(layers%c, 3))
+      type(medium_type), allocatable :: media(:, :)
       real(wp) :: x(0:n)
       complex(wp) :: base(3, 3)
       integer :: i, j
 
+      allocate (media(directions, size(layers%c, 3)))
       do i = 1, size(media, 2)
          call find_media(layers%c(:, :, i), media(:, i))
       end do
@@ -181,9 +182,9 @@ contains
                returned = matmul(conjg(e), matmul(reflection, e))
                y = inverse(medium%z - matmul(conjg(medium%z), returned))
                if (layer > 1) compliance = matmul(identity + returned, y)
+               if (layer == 1) change(k) = real(sum(matmul(outer(3, :), returned)*y(:, 3)))
             end associate
          end do
-         change(k) = real(sum(matmul(outer(3, :), returned)*y(:, 3)))
       end do
    end subroutine join_layers
 

@@ -2,9 +2,9 @@
 !>
 !> The pressure on an elliptical contact is a sum of terms with the transforms 2 pi y_i
 !> phi_i(kappa), phi_i = the integral of X_i(t) cos(kappa t) over t = 0 .. 1, kappa = k w, w^2 = a^2
-!> cos^2 + b^2 sin^2 of the direction of k from the axes a, b. X_i = (1 - t^2)^i/(2^i i!) is the pressure
-!> (1 - rho^2)^(i - 1/2), whose phi_i = j_i(kappa)/kappa^i with the spherical Bessel function; under
-!> a cone the last term is X = 1 - t, arcosh(1/rho), which the tip needs.
+!> cos^2 + b^2 sin^2 of the direction of k from the axes a, b. X_i = (1 - t^2)^i/(2^i i!) is the
+!> pressure (1 - rho^2)^(i - 1/2), whose phi_i = j_i(kappa)/kappa^i with the spherical Bessel
+!> function; under a cone the last term is X = 1 - t, arcosh(1/rho), which the tip needs.
 !>
 !> At a depth h the energy of pressures y is W = (h m - g).y - y.A y/2, where A y are the moments of
 !> the displacement, m_i is 2 pi times the integral of X_i, and g_i that of X_i(t) d(w t), d(a) the
@@ -62,8 +62,9 @@ module layered_contact
 
    !> Most terms, directions, wave numbers, and searches that fail.
    integer, parameter :: most_terms = 8, most_directions = 512, most_waves = 1024, most_misses = 3
-   !> Change of the compliance at the end of the wave numbers, over the accuracy.
-   real(wp), parameter :: resolution = 1.0e-3_wp
+   !> Change of the compliance at the end of the wave numbers, and accepted error from terms,
+   !> directions or wave numbers, over the accuracy.
+   real(wp), parameter :: resolution = 1.0e-3_wp, share = 0.3_wp
    !> Nodes in t: exact for polynomials of this degree. Terms of a power series.
    integer, parameter :: radial = 32, powers = 24
    !> Largest contact radius, or that on a half-space, in thicknesses of all layers, and a rounding
@@ -160,9 +161,9 @@ contains
             end if
             accepted = contacts(i)%error(quantity) <= accuracy
             if (accepted) cycle
-            if (errors(quantity, 1) > accuracy/3.0_wp) n = n + 1
-            if (errors(quantity, 2) > accuracy/3.0_wp) directions = 2*directions
-            if (errors(quantity, 3) > accuracy/3.0_wp) waves = 2*waves
+            if (errors(quantity, 1) > share*accuracy) n = n + 1
+            if (errors(quantity, 2) > share*accuracy) directions = 2*directions
+            if (errors(quantity, 3) > share*accuracy) waves = 2*waves
          end do
       end do
    end subroutine indent_layers
@@ -376,8 +377,8 @@ contains
          call solve_lower(l, y)
          call solve_upper(l, y)
          growth = (sum(terms%mean(:n)*y) - contact%stiffness)/sum(y*matmul(slope, y))
-         contact%radius = exp(shape(1) + max(-1.0_wp, min(1.0_wp, growth))) &
-            & *(1.0_wp - sum(shape(2:)**2))**0.25_wp
+         growth = max(-1.0_wp, min(1.0_wp, growth))
+         contact%radius = exp(shape(1) + growth)*(1.0_wp - sum(shape(2:)**2))**0.25_wp
       end associate
    end subroutine find_radius
 
@@ -395,12 +396,12 @@ contains
       real(wp), dimension(-1:terms%n + 1, -1:terms%n + 1) :: b, db, ddb
       real(wp), dimension(0:terms%n + 1, 0:terms%n + 1) :: half, first, second
       real(wp) :: phi(0:ubound(compliance%change, 1)/stride, -1:terms%n), &
-         & weighted(0:ubound(compliance%change, 1)/stride), share, v, w, slope(3), bend(3)
+         & weighted(0:ubound(compliance%change, 1)/stride), angle, v, w, slope(3), bend(3)
       integer :: n, i, j, k, directions
 
       n = terms%n
       directions = size(compliance%short)/coarse
-      share = 2.0_wp*pi/directions
+      angle = 2.0_wp*pi/directions
       allocate (matrices%a(0:n + 1, 0:n + 1), matrices%first(0:n + 1, 0:n + 1, 3), &
          & matrices%second(0:n + 1, 0:n + 1, 6), source=0.0_wp)
       b = 0.0_wp
@@ -417,12 +418,12 @@ contains
          do k = -1, n
             weighted = compliance%weight(::stride, stride)*compliance%change(::stride, j)*phi(:, k)
             do i = k, n
-               b(i, k) = share*compliance%range(j)*dot(weighted, phi(:, i))
+               b(i, k) = angle*compliance%range(j)*dot(weighted, phi(:, i))
                b(k, i) = b(i, k)
             end do
          end do
-         b(-1, n + 1) = share*profile%depth_of(w)
-         b(0:n, n + 1) = share*matmul(profile%depth_of(w*terms%t), terms%x(:, :n))
+         b(-1, n + 1) = angle*profile%depth_of(w)
+         b(0:n, n + 1) = angle*matmul(profile%depth_of(w*terms%t), terms%x(:, :n))
          b(n + 1, :n) = b(:n, n + 1)
          do i = 0, n
             db(i, :) = b(terms%before(i), :) - terms%factor(i)*b(i, :)
@@ -430,7 +431,7 @@ contains
          do i = 1, n
             ddb(i, :) = db(terms%before(i), :) - terms%factor(i)*db(i, :)
          end do
-         half(:n, :n) = 0.5_wp*pi*share*compliance%short(j)/w*terms%gram(:n, :n)
+         half(:n, :n) = 0.5_wp*pi*angle*compliance%short(j)/w*terms%gram(:n, :n)
          first = db(0:, 0:) + transpose(db(0:, 0:)) - half
          second = ddb(0:, 0:) + transpose(ddb(0:, 0:)) + half
          do k = 0, n
@@ -442,8 +443,8 @@ contains
             matrices%first(:, :, i) = matrices%first(:, :, i) + slope(i)*first
          end do
          do i = 1, size(left)
-            matrices%second(:, :, i) = matrices%second(:, :, i) + slope(left(i))*slope(right(i)) &
-               & *second - 2.0_wp*bend(left(i))*bend(right(i))*first
+            matrices%second(:, :, i) = matrices%second(:, :, i) &
+               & + slope(left(i))*slope(right(i))*second - 2.0_wp*bend(left(i))*bend(right(i))*first
          end do
       end do
    end subroutine integrate
