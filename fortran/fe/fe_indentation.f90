@@ -18,7 +18,8 @@ module fe_indentation
    implicit none
    private
    public :: indentation_model_type, indentation_result_type, new_indentation_model, &
-      & new_wider_model, free_indentation_model, simulate_indentation, numerics_revision
+      & new_wider_model, free_indentation_model, simulate_indentation, numerics_revision, &
+      & least_elements
 
    !> Revision of the numerics: it increases with every change that alters results, and is part of
    !> the identity of stored results.

@@ -40,7 +40,8 @@ module stages
 
    type(stage_row_type), parameter :: all_stages(7) = [stage_row_type('simulate', 'crystals', &
       & 'problem crystals specimen indenter simulation execution', 'simulate.json'), &
-      & stage_row_type('theory', 'crystals', 'problem crystals specimen execution', &
+      & stage_row_type('theory', 'crystals', &
+      & 'problem crystals specimen indenter simulation execution', &
       & 'theory.json'), stage_row_type('build', 'design', &
       & 'problem specimen indenter simulation domain surrogate design execution', 'build.json'), &
       & stage_row_type('plan', 'plan', &
@@ -202,7 +203,9 @@ contains
 
       call self%load_tables(given, error)
       if (allocated(error)) return
-      call check_simulation(self%settings, has_theory, error)
+      ! Theory needs no mesh of a film.
+      has_theory = self%settings%specimen%geometry == 'film' .and. all(self%stages == 'theory')
+      if (.not. has_theory) call check_simulation(self%settings, has_theory, error)
       call self%locate('', '', error)
       if (allocated(error)) return
       associate (settings => self%settings)
@@ -220,7 +223,8 @@ contains
          if (.not. has_theory .and. (any(self%stages == 'theory') &
             & .or. settings%simulation%simulator == 'theory')) then
             call self%refuse('specimen', 'geometry', ''''//settings%specimen%geometry &
-               & //''' has no exact theory; allowed ''halfspace''', error)
+               & //''' has no exact theory; allowed ''halfspace'', and for the command theory ' &
+               & //'''film''', error)
          else if (settings%simulation%simulator == 'import' &
             & .and. any(self%stages == 'simulate')) then
             call self%refuse('simulation', 'simulator', &

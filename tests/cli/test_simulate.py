@@ -196,7 +196,10 @@ def test_a_block_under_a_cone(bayesindent, tmp_path):
     assert [float(row["modulus_gpa"]) for row in curves] == pytest.approx(
         result["modulus_by_depth_gpa"], rel=1e-9
     )
-    refused = "a.nml: &specimen geometry: 'block' has no exact theory; allowed 'halfspace'\n"
+    refused = (
+        "a.nml: &specimen geometry: 'block' has no exact theory; allowed 'halfspace', and for the "
+        "command theory 'film'\n"
+    )
     done = bayesindent("theory", "a.nml")
     assert (done.returncode, done.stderr) == (2, refused)
     (tmp_path / "a.nml").write_text(text.replace("refine = 0.7", "simulator = 'theory'"))

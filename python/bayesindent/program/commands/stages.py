@@ -52,7 +52,7 @@ def show_moduli(document: dict) -> None:
                 f"{row['rayleigh_velocity_m_s']:.1f}" + " weak" * (not row["rayleigh_detected"]),
             ]
         rows.append(texts)
-    show_table("Finite elements" if simulated else "Half-space theory", header, rows)
+    show_table("Finite elements" if simulated else "Exact theory", header, rows)
 
 
 def show_plan(document: dict) -> None:
