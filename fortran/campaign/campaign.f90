@@ -262,7 +262,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(line_type) :: cell(n_columns)
       type(error_type), allocatable :: unknown
-      real(wp), allocatable :: euler_deg(:)
+      real(wp), allocatable :: euler_deg(:), numbers(:)
       logical :: is_right
       integer :: length, status, i
 
@@ -289,11 +289,12 @@ contains
       if (class%name /= cell(2)%text) call new_crystal_class(cell(2)%text, class, unknown)
       associate (outcome => row%outcome)
          is_right = cell(13)%text == row_checksum(self%identity, cell(2:1 + n_texts), outcome) &
-            & .and. row%position >= 0 .and. .not. allocated(unknown) &
-            & .and. class%n_constants == size(row%constants) &
+            & .and. row%position >= 0 .and. .not. allocated(unknown)
+         is_right = is_right .and. class%n_constants == size(row%constants) &
             & .and. size(euler_deg) == size(row%euler_deg) &
-            & .and. size(outcome%depth) == size(outcome%force) &
-            & .and. all([row%constants, euler_deg, outcome%depth, outcome%force] > -huge(1.0_wp)) &
+            & .and. size(outcome%depth) == size(outcome%force)
+         numbers = [row%constants, euler_deg, outcome%depth, outcome%force]
+         is_right = is_right .and. all(numbers > -huge(1.0_wp)) &
             & .and. (outcome%modulus > 0.0_wp .or. outcome%status /= outcome_done)
       end associate
       if (is_right) then
