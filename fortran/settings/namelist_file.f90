@@ -60,6 +60,12 @@ contains
       type(parser_type) :: parser
 
       parser%text = content//newline
+      ! Line ends of old Macintoshes.
+      if (index(content, newline) == 0) then
+         do while (index(parser%text, achar(13)) > 0)
+            parser%text(index(parser%text, achar(13)):index(parser%text, achar(13))) = newline
+         end do
+      end if
       parser%group = ''
       parser%name = ''
       allocate (parser%file(0))
@@ -113,6 +119,7 @@ contains
          select case (peek(parser))
          case ('/')
             parser%position = parser%position + 1
+            call skip_tail(parser)
             return
          case ('&', '')
             parser%position = parser%position + 1
@@ -128,23 +135,37 @@ contains
       end do
    end subroutine parse_group
 
-   !> Parse `name = value, value ...`
+   !> Skip the text that a blank separates from the / before it, to the end of the line. It must
+   !> begin no group and set no variable.
+   subroutine skip_tail(parser)
+      type(parser_type), intent(inout) :: parser
+      character(len=:), allocatable :: rest
+      integer :: length
+
+      length = index(parser%text(parser%position:), newline) - 1
+      rest = parser%text(parser%position:parser%position + length - 1)
+      if (index(blanks, peek(parser)) > 0 .and. scan(rest, '=&') == 0) then
+         parser%position = parser%position + length
+      end if
+   end subroutine skip_tail
+
+   !> Parse `name = value, value ...`, or a part of a list: `name(2) = value`.
    subroutine parse_entry(parser)
       type(parser_type), intent(inout) :: parser
       type(entry_type) :: entry
       character(len=:), allocatable :: rest
+      integer :: first, i
 
+      first = 0
       entry%group = parser%group
       entry%line = parser%line
       rest = rest_of_line(parser)
       call read_name(parser, entry%name)
       parser%name = entry%name
       call skip_blanks(parser)
+      if (peek(parser) == '(') call read_subscript(parser, entry%line, first)
       if (len(entry%name) == 0) then
          call refuse(parser, rest//' is not understood; name = value is needed', entry%line)
-      else if (scan(peek(parser), '(%') > 0) then
-         call refuse(parser, 'parts of a variable cannot be set; give all its values: ' &
-            & //printable(entry%name)//' = a, b, c', entry%line)
       else if (peek(parser) /= '=') then
          call refuse(parser, &
             & 'no = after the name in '//rest//'; name = value is needed', entry%line)
@@ -152,9 +173,44 @@ contains
       if (allocated(parser%error)) return
       parser%position = parser%position + 1
       call parse_values(parser, entry)
-      call add_entry(parser, entry)
+      i = 0
+      if (first > 1) i = find_entry(parser%file, entry%group, entry%name)
+      if (i > 0) then
+         if (first == size(parser%file(i)%values) + 1) then
+            parser%file(i)%values = [parser%file(i)%values, entry%values]
+         else
+            i = 0
+         end if
+      end if
+      if (first > 1 .and. i == 0) then
+         call refuse(parser, 'the subscript '//to_text(first)//' does not follow the one before; ' &
+            & //'give all values at once: '//printable(entry%name)//' = a, b, c', entry%line)
+      end if
+      ! A null value leaves the default.
+      if (i == 0 .and. size(entry%values) > 0) call add_entry(parser, entry)
       parser%name = ''
    end subroutine parse_entry
+
+   !> Read a subscript, '(2)' or '(2:4)'.
+   subroutine read_subscript(parser, line, first)
+      type(parser_type), intent(inout) :: parser
+      integer, intent(in) :: line
+      !> The subscript of the first value.
+      integer, intent(out) :: first
+      integer :: length, last, outcome
+
+      length = index(parser%text(parser%position:), ')')
+      associate (inside => parser%text(parser%position + 1:parser%position + max(1, length) - 2))
+         last = index(inside//':', ':') - 1
+         call read_integer(trim(adjustl(inside(:last))), first, outcome)
+         if (length == 0 .or. first < 1 .or. first > most_values &
+            & .or. verify(inside, '0123456789: ') > 0) then
+            call refuse(parser, 'the subscript is not understood; (1) or (1:3) is', line)
+         end if
+      end associate
+      parser%position = parser%position + max(1, length)
+      call skip_blanks(parser)
+   end subroutine read_subscript
 
    !> Append a group or a variable; refuse one that is there already.
    subroutine add_entry(parser, entry)
@@ -180,10 +236,11 @@ contains
       type(value_type) :: value
       character :: mark
       integer :: length, repeats, start(2), i
-      logical :: needs_value
+      logical :: needs_value, is_null
 
       allocate (entry%values(0))
       needs_value = .true.
+      is_null = .false.
       do while (.not. allocated(parser%error))
          call skip_blanks(parser)
          mark = peek(parser)
@@ -192,7 +249,10 @@ contains
          case ('', '/', '&')
             exit
          case (',')
-            if (needs_value) call refuse(parser, 'a comma without a value before it', parser%line)
+            if (needs_value .and. (is_null .or. size(entry%values) > 0)) then
+               call refuse(parser, 'a comma without a value before it', parser%line)
+            end if
+            is_null = needs_value
             needs_value = .true.
             parser%position = parser%position + 1
             cycle
@@ -202,7 +262,7 @@ contains
             repeats = 1
             call read_quoted(parser, value)
          case default
-            length = scan(parser%text(parser%position:), blanks//newline//',/!&=''"') - 1
+            length = scan(parser%text(parser%position:), blanks//newline//',/!&=(''"') - 1
             value%text = parser%text(parser%position:parser%position + length - 1)
             parser%position = parser%position + length
             ! The word is the name of the next variable if = or a subscript follows it.
@@ -214,6 +274,7 @@ contains
             end if
             call split_repeats(parser, value, repeats)
          end select
+         if (is_null) call refuse(parser, 'a comma without a value before it', start(2))
          if (allocated(parser%error)) return
          if (size(entry%values) + repeats > most_values) then
             call refuse(parser, 'more than '//to_text(most_values)//' values')
@@ -222,7 +283,9 @@ contains
          entry%values = [entry%values, (value, i=1, repeats)]
          needs_value = .false.
       end do
-      if (size(entry%values) == 0) call refuse(parser, 'no value follows the =', entry%line)
+      if (size(entry%values) == 0 .and. .not. is_null) then
+         call refuse(parser, 'no value follows the =', entry%line)
+      end if
    end subroutine parse_values
 
    !> Remove the count of `3*1.0` or `2*'a'` from a value.

@@ -145,6 +145,7 @@ contains
          integer :: i, longest
 
          longest = merge(longest_item, longest_text, v%shape == 'list')
+         if (index(v%kind, 'choice') > 0) value%text = trim(value%text)
          associate (string => value%text)
             if (.not. value%quoted) then
                message = printable(string)//' is not in quotes; a text is needed'//allowed_part(v)
@@ -184,9 +185,9 @@ contains
             message = 'the text '''//printable(value%text)//''' stands where '//noun//' is needed'
          else if (v%kind == 'logical') then
             select case (lower(value%text))
-            case ('.true.', '.t.', 'true', 't')
+            case ('.true.', '.t.', '.t', 'true', 't')
                value%text = '.true.'
-            case ('.false.', '.f.', 'false', 'f')
+            case ('.false.', '.f.', '.f', 'false', 'f')
                value%text = '.false.'
             case default
                message = printable(value%text)//' is not '//noun

@@ -142,7 +142,7 @@ contains
       call parse_namelist('&a x = 10001*1 /', file, error)
       call check_refused('too many repetitions', error, 'repeat count')
       call parse_namelist('&a x = 1 y (2) = 3 /', file, error)
-      call check_refused('a subscript', error, '&a y: line 1: parts of a variable')
+      call check_refused('a subscript', error, '&a y: line 1: the subscript 2')
    end subroutine test_syntax
 
    !> Every row of the table can be used as the reader uses it.
