@@ -1,91 +1,213 @@
-"""Read orientation maps, from files that orix reads and from Oxford's .h5oina, and find the crystal
-axes to which their angles refer.
+"""Read orientation maps of several makers, and find the crystal axes to which their angles refer.
+
+EDAX writes 4 pi for each angle of a point without a solution, a fit of 180 degrees, and a confidence
+index of -1 or 0; its single phase has the number 0 or 1. Oxford has the phase 0 there. The angles of
+a .ctf refer to the primary axes of the sample (CS0), those of a .h5oina to its surface (CS1).
 """
 
+import re
+from collections.abc import Callable
 from contextlib import redirect_stdout
+from dataclasses import dataclass, field
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
+import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from ..core import InputError
 from ..crystal.directions import representative
 from ..crystal.elasticity import class_name
-from .other_files import reader_of, reading
+from .other_files import decoded, reader_of, reading
 
 #: Orientation of the crystal axes in the unit cell, by the values of `crystal_axes`.
 AXES = {"a": "x along a, z along c*", "a*": "x along a*, z along c"}
+#: Laue classes in the order of their numbers in Oxford's files.
+LAUE = ("-1", "2/m", "mmm", "4/m", "4/mmm", "-3", "-3m", "6/m", "6/mmm", "m-3", "m-3m")
+#: Columns of .ang, in a file that does not name them.
+EDAX = ("phi1", "phi", "phi2", "x", "y", "iq", "ci", "phase index", "sem", "fit")
+#: An angle in radians above any true one and below 4 pi.
+ABOVE_ANGLES = 12.5
 
 
-def load_map(place: str, path: Path) -> Any:
-    """The map of a file as an object of orix; `place` begins the message of a refusal."""
-    io = reader_of(place, path, "an orientation map", "orix.io")
-    if path.suffix.lower() == ".h5oina":
-        with reading(place, "is no map of Oxford's .h5oina"), h5py.File(path) as file:
-            return oxford_map(file)
-    if path.suffix.lower() in (".oh5", ".cpr", ".crc"):
+@dataclass
+class MapPoints:
+    """The points of a map.
+
+    `positions` are (n, 2) in `unit`, `rotations` lead from sample to crystal axes, and `phase` are
+    the numbers of the phases (n,), -1 at a point that is not indexed. `phases` are those of orix by
+    number. `axes` is the convention of the format for the crystal axes: one of `AXES`, or None if
+    its angles may follow either. `warnings` are codes of diagnostics with their subjects.
+    """
+
+    positions: np.ndarray
+    rotations: Rotation
+    phase: np.ndarray
+    phases: dict[int, Any]
+    axes: str | None = None
+    unit: str = "um"
+    warnings: list[str] = field(default_factory=list)
+
+
+def load_map(place: str, path: Path) -> MapPoints:
+    """The points of the map in a file; `place` begins the message of a refusal."""
+    ending = path.suffix.lower()
+    if ending in (".oh5", ".osc", ".cpr", ".crc"):
         raise InputError(
-            f"{place}maps {path.suffix} are not read; export the map as .ang or .ctf, or as .h5oina"
+            f"{place}maps {ending} are not read; export the map as .ang or .ctf, or as .h5oina"
         )
+    reader_of(place, path, "an orientation map", "orix.io")
     # orix prints the names of the phases.
-    with reading(place, "is no map that orix reads"), redirect_stdout(StringIO()):
-        return io.load(str(path))
+    with reading(place, f"is no map {ending}"), redirect_stdout(StringIO()):
+        return READERS.get(ending, orix_map)(place, path)
 
 
-def oxford_map(file: h5py.File) -> Any:
-    """The first slice of a file, by Oxford's specification of H5OINA: angles in radians, positions
-    in um, phases from 1; 0 is not indexed.
-    """
+def orix_map(_: str, path: Path) -> MapPoints:
+    """The map of a file .h5 of Bruker, EMsoft or orix."""
     # The package is optional.
-    from diffpy.structure import Lattice, Structure
-    from orix.crystal_map import CrystalMap, Phase, PhaseList
-    from orix.quaternion import Rotation as Orientations
+    from orix import io
 
-    scan = file["1/EBSD"]
-    phases = {}
-    for number, phase in scan["Header/Phases"].items():
-        name = np.ravel(phase["Phase Name"])[0]
-        lattice = Lattice(
-            *np.ravel(phase["Lattice Dimensions"]), *np.degrees(np.ravel(phase["Lattice Angles"]))
-        )
-        symbol = phase["Laue Group"].attrs["Symbol"]
-        name, symbol = (
-            text.decode() if isinstance(text, bytes) else str(text)
-            for text in (name, np.ravel(symbol)[0])
-        )
-        phases[int(number)] = Phase(name, point_group=symbol, structure=Structure(lattice=lattice))
-    data = scan["Data"]
-    phase_id = np.ravel(data["Phase"]).astype(int)
-    phase_id[phase_id == 0] = -1
-    found = PhaseList(
-        {number: phases[number] for number in np.unique(phase_id[phase_id > 0]).tolist()}
-    )
-    rotations = Orientations.from_euler(np.asarray(data["Euler"], float))
-    return CrystalMap(
-        rotations,
-        phase_id,
-        np.ravel(data["X"]),
-        np.ravel(data["Y"]),
-        phase_list=found,
-        scan_unit="um",
+    loaded = io.load(str(path))
+    best = loaded.rotations[:, 0] if loaded.rotations.ndim > 1 else loaded.rotations
+    with h5py.File(path) as file:
+        maker = np.ravel(file.get("manufacturer", [""]))[0]
+    return MapPoints(
+        np.column_stack([loaded.x, loaded.y]),
+        rotations_of(best),
+        loaded.phase_id,
+        {number: loaded.phases[number] for number in loaded.phases.ids},
+        "a" if maker in (b"orix", "orix") else None,
+        loaded.scan_unit,
     )
 
 
-def axes_of_file(path: Path) -> str | None:
-    """The convention of a file's format for the crystal axes: one of `AXES`, or None if its angles
-    may follow either.
+def oxford_map(_: str, path: Path) -> MapPoints:
+    """The first slice of a file, by Oxford's specification of H5OINA: angles in radians against the
+    surface, positions in um, which may be absent, and phases from 1; 0 is not indexed.
     """
-    if path.suffix.lower() == ".h5oina":
-        return "a*"
-    try:
-        with h5py.File(path) as file:
-            maker = np.ravel(file["manufacturer"])[0]
-    except (OSError, KeyError):
-        return None
-    return "a" if maker in (b"orix", "orix") else None
+    with h5py.File(path) as file:
+        header, data = file["1/EBSD/Header"], file["1/EBSD/Data"]
+        phases = {}
+        for number, phase in header["Phases"].items():
+            cell = [*np.ravel(phase["Lattice Dimensions"])]
+            cell += [*np.degrees(np.ravel(phase["Lattice Angles"]))]
+            name, laue = (np.ravel(phase[key])[0] for key in ("Phase Name", "Laue Group"))
+            phases[int(number)] = phase_of(name.decode(), LAUE[laue - 1], cell)
+        number = np.ravel(data["Phase"]).astype(int)
+        if "X" in data:
+            places = [np.ravel(data["X"]), np.ravel(data["Y"])]
+        else:
+            row, column = np.divmod(np.arange(len(number)), np.ravel(header["X Cells"])[0])
+            places = [column * np.ravel(header["X Step"])[0], row * np.ravel(header["Y Step"])[0]]
+        euler = np.asarray(data["Euler"], float)
+    number[(number == 0) | np.isnan(euler).any(axis=1)] = -1
+    return MapPoints(np.column_stack(places), bunge(euler), number, phases, "a*")
+
+
+def channel_text(place: str, path: Path) -> MapPoints:
+    """The map of a file .ctf, whose decimals may have commas."""
+    header, names, rows = re.split(r"^(Phase\s+X\s.*)$", text_of(path), maxsplit=1, flags=re.M)
+    columns = dict(zip(names.split(), numbers(rows)))
+    phases = {}
+    lines = re.split(r"^Phases\b.*$", header, flags=re.M)[1].strip().splitlines()
+    for number, line in enumerate(lines, 1):
+        lengths, angles, name, laue = line.split("\t")[:4]
+        cell = f"{lengths};{angles}".replace(",", ".").split(";")
+        phases[number] = phase_of(name, LAUE[int(laue) - 1], map(float, cell))
+    phase = columns["Phase"].astype(int)
+    phase[phase == 0] = -1
+    rotations = bunge(np.radians([columns[f"Euler{k}"] for k in (1, 2, 3)]).T)
+    warnings = []
+    surface = [float(e.replace(",", ".")) for e in re.findall(r"^AcqE\d\s+(\S+)", header, re.M)]
+    if np.sin(np.radians(surface[1:2])).round(6).any():
+        frame = re.search(r"^Euler angles refer to .*\((\w+)\)", header, re.M)
+        words = f"{place}the header has the acquisition surface AcqE1-3 = {surface} degrees"
+        if not frame or frame[1] not in ("CS0", "CS1"):
+            raise InputError(
+                f"{words}, and states neither CS0 nor CS1 for the angles; export the map as "
+                ".h5oina, whose angles refer to the surface"
+            )
+        if frame[1] == "CS0":
+            rotations *= Rotation.from_euler("ZXZ", surface, degrees=True)
+            warnings = [f"surface_turned {words}; the angles are turned from CS0 to this surface"]
+    positions = np.column_stack([columns["X"], columns["Y"]])
+    return MapPoints(positions, rotations, phase, phases, warnings=warnings)
+
+
+def edax_text(_: str, path: Path) -> MapPoints:
+    """The map of a file .ang, with any number of columns."""
+    text = text_of(path)
+    header = re.match(r"(\s*#.*\n)*", text).group()
+
+    def stated(word: str) -> list[str]:
+        return re.findall(rf"^# *{word}\b[ \t:]*(.*?)[ \t]*$", header, re.M)
+
+    names = ",".join(stated("COLUMN_HEADERS")).lower().split(", ")
+    columns = dict(zip(names if len(names) > 7 else EDAX, numbers(text[len(header) :])))
+    names, groups, cells = map(stated, ("MaterialName", "Symmetry", "LatticeConstants"))
+    order = [int(word) for word in stated("Phase") if word.isdigit()] or range(1, len(names) + 1)
+    phases = {
+        number: phase_of(name, group, map(float, cell.replace(",", ".").split()))
+        for number, name, group, cell in zip(order, names, groups, cells, strict=True)
+    }
+    euler = np.column_stack([columns[name] for name in EDAX[:3]])
+    index = columns.get("ci", np.ones(len(euler)))
+    phase = columns["phase index"].astype(int)
+    if len(phases) == 1:
+        phase[:] = order[0]
+    lost = (euler > ABOVE_ANGLES).any(axis=1) | (index < 0) | (phase < 1)
+    lost |= columns.get("fit", index) >= 180
+    # Zeros where the confidence index is in use.
+    lost |= (index == 0) & ~euler.any(axis=1) & (index > 0).any()
+    phase[lost] = -1
+    unit = "nm" if "ACOM" in header else "um"
+    positions = np.column_stack([columns["x"], columns["y"]])
+    return MapPoints(positions, bunge(euler), phase, phases, unit=unit)
+
+
+#: The reader of each ending; `orix_map` reads the others.
+READERS: dict[str, Callable[[str, Path], MapPoints]] = {
+    ".ang": edax_text,
+    ".ctf": channel_text,
+    ".h5oina": oxford_map,
+}
+
+
+def text_of(path: Path) -> str:
+    """The text of a file, with one sign at the end of a line."""
+    return decoded(path.read_bytes())[0].replace("\r\n", "\n")
+
+
+def numbers(rows: str) -> np.ndarray:
+    """The columns (k, n) of rows of n lines of numbers, with decimal points or commas."""
+    table = pd.read_csv(
+        StringIO(rows.replace(",", ".")), sep=r"\s+", header=None, comment="#", dtype=float
+    )
+    if table.isna().any(axis=None):
+        raise ValueError
+    return table.to_numpy().T
+
+
+def phase_of(name: str, group: str, cell: Any) -> Any:
+    """The phase of orix with a point group and a cell: a, b, c, and angles in degrees."""
+    # The packages are optional.
+    from diffpy.structure import Lattice, Structure
+    from orix.crystal_map import Phase
+
+    return Phase(name, point_group=group, structure=Structure(lattice=Lattice(*cell)))
+
+
+def bunge(euler: np.ndarray) -> Rotation:
+    """Rotations from sample to crystal axes for Bunge's angles (n, 3) in radians."""
+    return Rotation.from_euler("ZXZ", np.nan_to_num(euler)).inv()
+
+
+def rotations_of(rotations: Any) -> Rotation:
+    """Rotations of orix, whose quaternions begin with the scalar."""
+    return Rotation.from_quat(rotations.data, scalar_first=True)
 
 
 def turn_of_axes(
@@ -99,6 +221,11 @@ def turn_of_axes(
     if (
         np.isclose(operations.angle, 2 * np.pi / 3) & (np.abs(operations.axis.data[:, 2]) > 0.99)
     ).any():
+        if abs(angles[0] - 90.0) > 0.01:
+            raise InputError(
+                f"{place}a phase {group.name} has a rhombohedral cell, alpha {angles[0]:g} degrees;"
+                " export the map with the hexagonal setting"
+            )
         # The angles of trigonal and hexagonal phases refer to the hexagonal cell.
         angles = np.array([90.0, 90.0, 120.0])
     oblique = (np.abs(angles - 90.0) > 0.01).tolist()

@@ -3,9 +3,8 @@
 import csv
 import re
 from dataclasses import dataclass
-from functools import cache, reduce
+from functools import reduce
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -17,13 +16,14 @@ from ..core import InputError
 from ..crystal.directions import representative
 from ..crystal.elasticity import class_name
 from .columns import abridged
-from .map_files import axes_of_file, from_standard, load_map, turn_of_axes
-from .other_files import reading
+from .map_files import from_standard, load_map, rotations_of, turn_of_axes
 
 #: Misorientation of neighbouring points, in degrees, above which they belong to two grains.
 BOUNDARY_DEG = 5.0
-#: Grains of fewer points are noise; they do not count as neighbours.
+#: Grains of fewer points are noise and left out.
 LEAST_PIXELS = 4
+#: Number of points around an indent that give its orientation, as far as they are of its grain.
+SURROUNDINGS = 100
 #: Columns of homologous points: positions on the stage, and in the map.
 POINT_COLUMNS = ("x_um", "y_um", "map_x_um", "map_y_um")
 #: Number of errors of registration that are drawn, and the least probability of an indent's grain.
@@ -40,8 +40,8 @@ class IndentedMap:
 
     `rows` are their rows in the measurements, from 0; the grain of the other rows is uncertain.
     `columns` have a value for each indent: Bunge's angles of the mean orientation of its
-    grain, and, unless the measurements have these columns, `grain` (its number in the map),
-    `orientation_sd_deg` (the spread of the indented direction over the grain), and
+    surroundings in its grain, and, unless the measurements have these columns, `grain` (its number
+    in the map), `orientation_sd_deg` (the spread of the indented direction there), and
     `grain_radius_um` (the distance to the nearest other grain).
     """
 
@@ -59,44 +59,54 @@ def indented_map(
     path: Path,
     points: tuple[str, Path] | None,
     stage: np.ndarray,
+    contact: np.ndarray,
     columns: list[str],
     symmetry: str | None,
     axes: str | None,
 ) -> IndentedMap:
-    """The map of a file with indents at positions (n, 2) of the stage. Homologous points in the
-    file `points` relate the stage to the map; without them the coordinates are the same. `columns`
-    are those of the measurements; for `axes` see `AXES` of map_files.
+    """The map of a file with indents at positions (n, 2) of the stage, whose contacts have these
+    radii (n,) in um, 0 if unknown. Homologous points in the file `points` relate the stage to the
+    map; without them the coordinates are the same. `columns` are those of the measurements; for
+    `axes` see `AXES` of map_files.
     """
     for name in columns:
         if name.lower().startswith(("phi", "φ", "euler")):
             raise InputError(
                 f"{place}the column {name} states the orientation too; one of them is allowed"
             )
-    grid = Grid(place, path, axes)
     indents, sd, warnings = (
         registered(*points, stage) if points else (stage, np.zeros(len(stage)), [])
     )
-    away, pixel = grid.tree.query(indents)
-    for row in np.flatnonzero(away > grid.step):
-        (left, lower), (right, upper) = grid.positions.min(axis=0), grid.positions.max(axis=0)
-        x, y = indents[row]
-        raise InputError(
-            f"{place}row {row + 1}: ({x:g}, {y:g}) um is {away[row]:.3g} um from the next indexed "
-            f"point; the map is from ({left:g}, {lower:g}) to ({right:g}, {upper:g})"
+    grid = Grid(place, path, axes)
+    grid.refuse_outside(indents)
+    if len(grid.names) == 1:
+        grid.compare_phase(grid.phase[:1], symmetry)
+    grid.find_grains()
+    away, nearest = grid.tree.query(indents, k=min(2 * SURROUNDINGS, len(grid.phase)))
+    pixel, away = nearest[:, 0], away[:, 0]
+    grains = grid.grain[pixel]
+    warnings += grid.warnings + grid.compare_phase(grid.phase[pixel], symmetry)
+    if bridged := [str(row + 1) for row in np.flatnonzero(away > 0.75 * grid.step)]:
+        warnings.append(
+            f"indents_bridged {place}the indents of rows {abridged(bridged)} are on points that "
+            f"are not indexed, or stray, up to {away.max():.2g} um from their grain: the one around "
+            "them is taken"
         )
-    grains = grid.grain[pixel].tolist()
-    warnings += grid.compare_phase(grid.phase[pixel], symmetry)
-    # The probability of a grain is the share of sampled registrations that place the indent in it.
-    nearest = grid.tree.query(
-        indents + np.random.default_rng(0).normal(size=(SAMPLE, 1, 2)) * sd[:, None]
-    )[1]
-    share = np.mean(grid.grain[nearest] == grains, axis=0)
+    # The probability of a grain is the share of sampled places that are nearest to it: over errors
+    # of the registration, and over the contact or the hole of the map.
+    random, radius = np.random.default_rng(0), np.maximum(contact, away)
+    places = indents + random.normal(size=(SAMPLE, 1, 2)) * sd[:, None]
+    share, angle = random.random((2, SAMPLE, 1))
+    within = np.sqrt(share) * np.exp(2j * np.pi * angle)
+    places += np.concatenate([within.real, within.imag], axis=1)[:, None] * radius[:, None]
+    share = np.mean(grid.grain[grid.tree.query(places)[1]] == grains, axis=0)
     retained = np.flatnonzero(share >= LEAST_SHARE).tolist()
     if doubtful := [f"{row + 1} ({share[row]:.0%})" for row in np.flatnonzero(share < LEAST_SHARE)]:
         warnings.append(
             f"indents_left_out {place}the indents of rows {abridged(doubtful)} are left out: "
             "their grain is uncertain. In brackets: the probability of the grain, with a "
-            f"registration of ± {sd.max():.2g} um; {LEAST_SHARE:.0%} is needed"
+            f"registration of ± {sd.max():.2g} um and contacts or holes of up to "
+            f"{radius.max():.2g} um; {LEAST_SHARE:.0%} is needed"
         )
     if not retained:
         raise InputError(warnings[-1].partition(" ")[2])
@@ -104,17 +114,20 @@ def indented_map(
         re.sub("[ -]", "_", name.lower()).removesuffix("_id").removesuffix("_number")
         for name in columns
     }
-    orientation = cache(grid.mean_orientation)
-    indents, grains = indents[retained], [grains[row] for row in retained]
     of_indents: dict[str, list] = {}
-    for position, grain in zip(indents, grains):
-        euler_deg, spread = orientation(grain)
-        radius = grid.distance_to_boundary(position, grain)
-        values = {"grain": f"EBSD {grain}", "orientation_sd_deg": spread, "grain_radius_um": radius}
+    for row in retained:
+        grain = int(grains[row])
+        around = nearest[row][grid.grain[nearest[row]] == grain][:SURROUNDINGS]
+        euler_deg, spread = grid.mean_orientation(around)
+        radius_um = grid.distance_to_boundary(indents[row], grain)
+        values = {"grain": f"EBSD {grain}", "orientation_sd_deg": spread}
+        values |= {"grain_radius_um": radius_um}
         values |= dict(zip(("phi1_deg", "Phi_deg", "phi2_deg"), euler_deg))
         for name in values.keys() - stated:
             of_indents.setdefault(name, []).append(values[name])
-    return IndentedMap(grid, retained, indents, grains, of_indents, warnings)
+    return IndentedMap(
+        grid, retained, indents[retained], grains[retained].tolist(), of_indents, warnings
+    )
 
 
 def registered(
@@ -159,56 +172,74 @@ def registered(
 
 
 class Grid:
-    """The indexed points of a map and the grains that they form."""
+    """The indexed points of a map and, after `find_grains`, the grains that they form."""
 
     def __init__(self, place: str, path: Path, axes: str | None):
         loaded = load_map(place, path)
-        with reading(place, "is no map that orix reads"):
-            found = loaded[loaded.phase_id >= 0]
-            #: Positions (n, 2) in um.
-            self.positions = np.column_stack([found.x, found.y]).astype(float)
-            #: Rotations from sample to crystal axes.
-            self.rotations = rotations_of(
-                found.rotations[:, 0] if found.rotations.ndim > 1 else found.rotations
-            )
-        if (
-            found.size < 2
-            or loaded.scan_unit != "um"
-            or not (np.abs(self.positions) < FARTHEST_UM).all()
-        ):
+        indexed = loaded.phase >= 0
+        n, found = len(indexed), int(np.sum(indexed))
+        #: Positions (n, 2) in um.
+        self.positions = loaded.positions[indexed].astype(float)
+        if found < 2 or loaded.unit != "um" or not (np.abs(self.positions) < FARTHEST_UM).all():
             raise InputError(
-                f"{place}has {found.size} indexed points in the unit {loaded.scan_unit!r}; a "
+                f"{place}has {found} indexed points in the unit {loaded.unit!r}; a "
                 f"map in um is needed, within {FARTHEST_UM:g}"
             )
-        self.phase = found.phase_id
-        self.place = place
+        least, most = np.linalg.eigvalsh(np.cov(self.positions.T))
+        if least <= 1e-9 * most:
+            raise InputError(f"{place}has its {found} points on a single line; a map is needed")
+        #: Rotations from sample to crystal axes.
+        self.rotations, self.phase = loaded.rotations[indexed], loaded.phase[indexed]
+        self.place, self.warnings = place, loaded.warnings
+        if found < n:
+            self.warnings.append(
+                f"points_not_indexed {place}{n - found:,} of {n:,} points are not indexed"
+            )
         #: By phase its name, its Laue class (diffraction sees no more of the point group), and the
         #: proper rotations of that class.
         self.names, self.groups, self.symmetry = {}, {}, {}
         for number in np.unique(self.phase).tolist():
-            phase = loaded.phases[number]
-            self.names[number], group = phase.name, phase.point_group
-            if group is None:
+            phase = loaded.phases.get(number)
+            if phase is None or phase.point_group is None:
                 raise InputError(
-                    f"{place}does not say the point group of phase {number} ({self.names[number]})"
+                    f"{place}does not say the point group of phase {number}"
+                    + (f" ({phase.name})" if phase else "")
                 )
-            self.groups[number], turn = group.laue, from_standard(group.laue)
-            self.symmetry[number] = turn.inv() * rotations_of(group.laue.proper_subgroup) * turn
-            to_standard = turn_of_axes(
-                place, group.laue, phase.structure.lattice, axes, axes_of_file(path)
-            )
+            self.names[number], laue = phase.name, phase.point_group.laue
+            self.groups[number], turn = laue, from_standard(laue)
+            self.symmetry[number] = turn.inv() * rotations_of(laue.proper_subgroup) * turn
+            to_standard = turn_of_axes(place, laue, phase.structure.lattice, axes, loaded.axes)
             own = np.flatnonzero(self.phase == number)
             self.rotations[own] = to_standard * self.rotations[own]
         self.tree = cKDTree(self.positions)
-        #: Distance of neighbouring points in um.
-        self.step = float(np.median(self.tree.query(self.positions, k=2)[0][:, 1]))
-        if not self.step > 0:
+        some = self.positions[:: 1 + found // 10_000]
+        away = np.median(self.tree.query(some, k=min(5, found))[0], axis=0)
+        #: Distance of neighbouring points in um; of a rectangle the longer one.
+        self.step = float(away[-1])
+        if not away[1] > 0:
             raise InputError(
                 f"{place}has most of its points twice at the same place; a map has each once"
             )
-        self.grain = self._grains(self.tree.query_pairs(1.2 * self.step, output_type="ndarray"))
-        #: Whether the grain of a point is large enough to be no noise.
-        self.counts = np.bincount(self.grain)[self.grain] >= LEAST_PIXELS
+
+    def refuse_outside(self, positions: np.ndarray) -> None:
+        """Refuse a position (n, 2) that lies beside the map."""
+        low, high = self.positions.min(axis=0), self.positions.max(axis=0)
+        away = np.linalg.norm(positions - positions.clip(low, high), axis=1)
+        for row in np.flatnonzero(away > self.step):
+            raise InputError(
+                f"{self.place}row {row + 1}: ({positions[row, 0]:g}, {positions[row, 1]:g}) um is "
+                f"{away[row]:.3g} um from the next indexed point; the map is from "
+                f"({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g})"
+            )
+
+    def find_grains(self) -> None:
+        """Number the grains, and retain the points of those that are no noise."""
+        grain = self._grains(self.tree.query_pairs(1.2 * self.step, output_type="ndarray"))
+        own = np.flatnonzero(np.bincount(grain)[grain] >= LEAST_PIXELS)
+        if not len(own):
+            raise InputError(f"{self.place}has no grain of {LEAST_PIXELS} points")
+        self.positions, self.phase, self.grain = self.positions[own], self.phase[own], grain[own]
+        self.rotations, self.tree = self.rotations[own], cKDTree(self.positions)
 
     def _grains(self, pairs: np.ndarray) -> np.ndarray:
         """The number of each point's grain. A grain connects neighbours of one phase whose
@@ -294,11 +325,10 @@ class Grid:
             )
         return found
 
-    def mean_orientation(self, grain: int) -> tuple[list[float], float]:
-        """Bunge's angles of the mean orientation, degrees, and the sd of the tilt of the indented
-        direction per component, degrees.
+    def mean_orientation(self, inside: np.ndarray) -> tuple[list[float], float]:
+        """Bunge's angles of the mean orientation of points (n,) of a grain, degrees, and the sd of
+        the tilt of the indented direction per component, degrees.
         """
-        inside = np.flatnonzero(self.grain == grain)
         group, rotations = self.symmetry[int(self.phase[inside[0]])], self.rotations[inside]
         # Each orientation is replaced by its equivalent that is nearest to the first one.
         cosine = np.abs((rotations[0] * rotations.inv()).as_quat() @ group.as_quat().T)
@@ -315,14 +345,10 @@ class Grid:
         """The distance in um from a position to the nearest point of another grain, less half a
         step; to the farthest point of the map if there is no other grain.
         """
-        others = self.positions[(self.grain != grain) & self.counts]
+        others = self.positions[self.grain != grain]
         if not len(others):
             return float(np.linalg.norm(self.positions - position, axis=1).max())
         return float(
             max(np.linalg.norm(others - position, axis=1).min() - self.step / 2, self.step / 2)
         )
 
-
-def rotations_of(rotations: Any) -> Rotation:
-    """Rotations of orix, whose quaternions begin with the scalar."""
-    return Rotation.from_quat(rotations.data, scalar_first=True)
