@@ -98,15 +98,13 @@ def canonical_table(
     leave_out_incomplete(table)
     if any(name not in table.meanings for name in errors):
         add_shared_errors(table, errors, must_fit=True)
-    standard_errors(table)
     indented = None
     if not stated("ebsd"):
         check_orientations(table, facts)
     check_modulus(table, stated("modulus_kind"))
     if stated("ebsd"):
         indented = add_orientations(table, facts, origin)
-        if table.column("sd_gpa") < 0:
-            standard_errors(table)
+    standard_errors(table)
     if table.column("sd_gpa") < 0 and stated("scale") != "inferred":
         raise InputError(
             f"{place}the column sd_gpa is missing; it may be absent only with scale = "
@@ -272,8 +270,7 @@ def add_orientations(
         stage.append(cells.map(value_of))
     contact = np.zeros(len(table.cells))
     if (j := table.column("contact_radius_um")) >= 0:
-        cells = table.cells[j]
-        contact = cells.where(~cells.map(is_missing), "0").map(value_of).to_numpy()
+        contact = table.cells[j].map(lambda cell: 0.0 if is_missing(cell) else value_of(cell))
     folder = Path(facts["folder"])
     ebsd, points = facts["measurements.ebsd"], facts.get("measurements.ebsd_points")
     found = indented_map(
@@ -281,7 +278,7 @@ def add_orientations(
         folder / ebsd,
         (f"{origin}: &measurements ebsd_points: {points}: ", folder / points) if points else None,
         np.column_stack(stage),
-        contact,
+        np.asarray(contact),
         [own if name in table.stated else name for name, own in zip(table.names, table.meanings)],
         facts.get("problem.symmetry"),
         facts.get("measurements.crystal_axes"),

@@ -6,7 +6,6 @@ a .ctf refer to the primary axes of the sample (CS0), those of a .h5oina to its 
 """
 
 import re
-from collections.abc import Callable
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from io import StringIO
@@ -25,10 +24,8 @@ from .other_files import decoded, reader_of, reading
 
 #: Orientation of the crystal axes in the unit cell, by the values of `crystal_axes`.
 AXES = {"a": "x along a, z along c*", "a*": "x along a*, z along c"}
-#: Laue classes in the order of their numbers in Oxford's files.
-LAUE = ("-1", "2/m", "mmm", "4/m", "4/mmm", "-3", "-3m", "6/m", "6/mmm", "m-3", "m-3m")
-#: Columns of .ang, in a file that does not name them.
-EDAX = ("phi1", "phi", "phi2", "x", "y", "iq", "ci", "phase index", "sem", "fit")
+#: Laue classes by their numbers in Oxford's files.
+LAUE = dict(enumerate("-1 2/m mmm 4/m 4/mmm -3 -3m 6/m 6/mmm m-3 m-3m".split(), 1))
 #: An angle in radians above any true one and below 4 pi.
 ABOVE_ANGLES = 12.5
 
@@ -62,7 +59,8 @@ def load_map(place: str, path: Path) -> MapPoints:
     reader_of(place, path, "an orientation map", "orix.io")
     # orix prints the names of the phases.
     with reading(place, f"is no map {ending}"), redirect_stdout(StringIO()):
-        return READERS.get(ending, orix_map)(place, path)
+        readers = {".ang": edax_text, ".ctf": channel_text, ".h5oina": oxford_map}
+        return readers.get(ending, orix_map)(place, path)
 
 
 def orix_map(_: str, path: Path) -> MapPoints:
@@ -95,7 +93,7 @@ def oxford_map(_: str, path: Path) -> MapPoints:
             cell = [*np.ravel(phase["Lattice Dimensions"])]
             cell += [*np.degrees(np.ravel(phase["Lattice Angles"]))]
             name, laue = (np.ravel(phase[key])[0] for key in ("Phase Name", "Laue Group"))
-            phases[int(number)] = phase_of(name.decode(), LAUE[laue - 1], cell)
+            phases[int(number)] = phase_of(name.decode(), LAUE[laue], cell)
         number = np.ravel(data["Phase"]).astype(int)
         if "X" in data:
             places = [np.ravel(data["X"]), np.ravel(data["Y"])]
@@ -115,13 +113,13 @@ def channel_text(place: str, path: Path) -> MapPoints:
     lines = re.split(r"^Phases\b.*$", header, flags=re.M)[1].strip().splitlines()
     for number, line in enumerate(lines, 1):
         lengths, angles, name, laue = line.split("\t")[:4]
-        cell = f"{lengths};{angles}".replace(",", ".").split(";")
-        phases[number] = phase_of(name, LAUE[int(laue) - 1], map(float, cell))
+        cell = f"{lengths};{angles}".split(";")
+        phases[number] = phase_of(name, LAUE[int(laue)], cell)
     phase = columns["Phase"].astype(int)
     phase[phase == 0] = -1
     rotations = bunge(np.radians([columns[f"Euler{k}"] for k in (1, 2, 3)]).T)
     warnings = []
-    surface = [float(e.replace(",", ".")) for e in re.findall(r"^AcqE\d\s+(\S+)", header, re.M)]
+    surface = [float(angle) for angle in re.findall(r"^AcqE\d\s+(\S+)", header, re.M)]
     if np.sin(np.radians(surface[1:2])).round(6).any():
         frame = re.search(r"^Euler angles refer to .*\((\w+)\)", header, re.M)
         words = f"{place}the header has the acquisition surface AcqE1-3 = {surface} degrees"
@@ -138,66 +136,57 @@ def channel_text(place: str, path: Path) -> MapPoints:
 
 
 def edax_text(_: str, path: Path) -> MapPoints:
-    """The map of a file .ang, with any number of columns."""
+    """The map of a file .ang: three angles in radians, x, y, the quality of the image, the index of
+    confidence, and the phase; then, if there are more columns, the detector's signal, the fit in
+    degrees, and others.
+    """
     text = text_of(path)
     header = re.match(r"(\s*#.*\n)*", text).group()
-
-    def stated(word: str) -> list[str]:
-        return re.findall(rf"^# *{word}\b[ \t:]*(.*?)[ \t]*$", header, re.M)
-
-    names = ",".join(stated("COLUMN_HEADERS")).lower().split(", ")
-    columns = dict(zip(names if len(names) > 7 else EDAX, numbers(text[len(header) :])))
-    names, groups, cells = map(stated, ("MaterialName", "Symmetry", "LatticeConstants"))
-    order = [int(word) for word in stated("Phase") if word.isdigit()] or range(1, len(names) + 1)
+    order, *found = (
+        re.findall(rf"^# *{word}[ \t:]+(.*?)[ \t]*$", header, re.M)
+        for word in (r"Phase(?=[ \t:]+\d+\s)", "MaterialName", "Symmetry", "LatticeConstants")
+    )
     phases = {
-        number: phase_of(name, group, map(float, cell.replace(",", ".").split()))
-        for number, name, group, cell in zip(order, names, groups, cells, strict=True)
+        int(number): phase_of(name, group, cell.split())
+        for number, name, group, cell in zip(order or range(1, 1 + len(found[0])), *found)
     }
-    euler = np.column_stack([columns[name] for name in EDAX[:3]])
-    index = columns.get("ci", np.ones(len(euler)))
-    phase = columns["phase index"].astype(int)
+    columns = numbers(text[len(header) :])
+    euler, index, phase = columns[:3].T, columns[6], columns[7].astype(int)
     if len(phases) == 1:
-        phase[:] = order[0]
-    lost = (euler > ABOVE_ANGLES).any(axis=1) | (index < 0) | (phase < 1)
-    lost |= columns.get("fit", index) >= 180
+        phase[:] = [*phases]
+    elif not phases or (columns[7] % 1).any():
+        raise ValueError
+    lost = (euler > ABOVE_ANGLES).any(axis=1) | (index < 0) | ~np.isin(phase, [*phases])
+    lost |= (columns[9:10] >= 180).any(axis=0)
     # Zeros where the confidence index is in use.
     lost |= (index == 0) & ~euler.any(axis=1) & (index > 0).any()
     phase[lost] = -1
     unit = "nm" if "ACOM" in header else "um"
-    positions = np.column_stack([columns["x"], columns["y"]])
-    return MapPoints(positions, bunge(euler), phase, phases, unit=unit)
-
-
-#: The reader of each ending; `orix_map` reads the others.
-READERS: dict[str, Callable[[str, Path], MapPoints]] = {
-    ".ang": edax_text,
-    ".ctf": channel_text,
-    ".h5oina": oxford_map,
-}
+    return MapPoints(columns[3:5].T, bunge(euler), phase, phases, unit=unit)
 
 
 def text_of(path: Path) -> str:
-    """The text of a file, with one sign at the end of a line."""
-    return decoded(path.read_bytes())[0].replace("\r\n", "\n")
+    """The text of a file, with a decimal point for each comma and one sign at the end of a line."""
+    return re.sub(r",(?=\d)", ".", decoded(path.read_bytes())[0]).replace("\r\n", "\n")
 
 
 def numbers(rows: str) -> np.ndarray:
-    """The columns (k, n) of rows of n lines of numbers, with decimal points or commas."""
-    table = pd.read_csv(
-        StringIO(rows.replace(",", ".")), sep=r"\s+", header=None, comment="#", dtype=float
-    )
+    """The columns (k, n) of n rows of numbers."""
+    table = pd.read_csv(StringIO(rows), sep=r"\s+", header=None, comment="#", dtype=float)
     if table.isna().any(axis=None):
         raise ValueError
     return table.to_numpy().T
 
 
 def phase_of(name: str, group: str, cell: Any) -> Any:
-    """The phase of orix with a point group and a cell: a, b, c, and angles in degrees."""
+    """The phase of orix with a point group and a cell: a, b, c, and angles in degrees, or texts of
+    these numbers.
+    """
     # The packages are optional.
     from diffpy.structure import Lattice, Structure
     from orix.crystal_map import Phase
 
-    return Phase(name, point_group=group, structure=Structure(lattice=Lattice(*cell)))
+    return Phase(name, point_group=group, structure=Structure(lattice=Lattice(*map(float, cell))))
 
 
 def bunge(euler: np.ndarray) -> Rotation:
@@ -216,11 +205,8 @@ def turn_of_axes(
     """The rotation from a map's crystal axes to those of the IEEE standard, z along c, y normal to
     (010), for a phase with this Laue class and `lattice`.
     """
-    operations = group.proper_subgroup
     angles = np.array(lattice.abcABG()[3:])
-    if (
-        np.isclose(operations.angle, 2 * np.pi / 3) & (np.abs(operations.axis.data[:, 2]) > 0.99)
-    ).any():
+    if group.system in ("trigonal", "hexagonal"):
         if abs(angles[0] - 90.0) > 0.01:
             raise InputError(
                 f"{place}a phase {group.name} has a rhombohedral cell, alpha {angles[0]:g} degrees;"
@@ -230,7 +216,7 @@ def turn_of_axes(
         angles = np.array([90.0, 90.0, 120.0])
     oblique = (np.abs(angles - 90.0) > 0.01).tolist()
     if (has_axis_along_z(group) and oblique != [False, True, False]) or (
-        operations.size == 1 and not any(oblique)
+        group.proper_subgroup.size == 1 and not any(oblique)
     ):
         raise InputError(
             f"{place}the cell of a phase {group.name} has alpha, beta and gamma of "

@@ -1,12 +1,12 @@
 """Orientation maps (EBSD): the grain at each indent, its orientation and its size."""
 
-import csv
 import re
 from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from ..core import InputError
 from ..crystal.directions import representative
 from ..crystal.elasticity import class_name
-from .columns import abridged
+from .columns import ANGLES, abridged
 from .map_files import from_standard, load_map, rotations_of, turn_of_axes
 
 #: Misorientation of neighbouring points, in degrees, above which they belong to two grains.
@@ -25,7 +25,9 @@ LEAST_PIXELS = 4
 #: Number of points around an indent that give its orientation, as far as they are of its grain.
 SURROUNDINGS = 100
 #: Columns of homologous points: positions on the stage, and in the map.
-POINT_COLUMNS = ("x_um", "y_um", "map_x_um", "map_y_um")
+POINT_COLUMNS = ["x_um", "y_um", "map_x_um", "map_y_um"]
+#: Columns that a map adds.
+MAP_COLUMNS = ("grain", "grain_radius_um", *ANGLES, "orientation_sd_deg")
 #: Number of errors of registration that are drawn, and the least probability of an indent's grain.
 SAMPLE, LEAST_SHARE = 400, 0.95
 #: The largest coordinate that is accepted; every sample is smaller.
@@ -96,9 +98,9 @@ def indented_map(
     # of the registration, and over the contact or the hole of the map.
     random, radius = np.random.default_rng(0), np.maximum(contact, away)
     places = indents + random.normal(size=(SAMPLE, 1, 2)) * sd[:, None]
-    share, angle = random.random((2, SAMPLE, 1))
-    within = np.sqrt(share) * np.exp(2j * np.pi * angle)
-    places += np.concatenate([within.real, within.imag], axis=1)[:, None] * radius[:, None]
+    square = random.uniform(-1, 1, size=(2 * SAMPLE, 2))
+    disc = square[np.linalg.norm(square, axis=1) < 1][:SAMPLE]
+    places += disc[:, None] * radius[:, None]
     share = np.mean(grid.grain[grid.tree.query(places)[1]] == grains, axis=0)
     retained = np.flatnonzero(share >= LEAST_SHARE).tolist()
     if doubtful := [f"{row + 1} ({share[row]:.0%})" for row in np.flatnonzero(share < LEAST_SHARE)]:
@@ -110,24 +112,19 @@ def indented_map(
         )
     if not retained:
         raise InputError(warnings[-1].partition(" ")[2])
+    indents, grains = indents[retained], grains[retained].tolist()
+    of_indents = []
+    for position, grain, around in zip(indents, grains, nearest[retained]):
+        own = around[grid.grain[around] == grain][:SURROUNDINGS]
+        radius_um = grid.distance_to_boundary(position, grain)
+        of_indents.append([f"EBSD {grain}", radius_um, *grid.mean_orientation(own)])
     stated = {
         re.sub("[ -]", "_", name.lower()).removesuffix("_id").removesuffix("_number")
         for name in columns
     }
-    of_indents: dict[str, list] = {}
-    for row in retained:
-        grain = int(grains[row])
-        around = nearest[row][grid.grain[nearest[row]] == grain][:SURROUNDINGS]
-        euler_deg, spread = grid.mean_orientation(around)
-        radius_um = grid.distance_to_boundary(indents[row], grain)
-        values = {"grain": f"EBSD {grain}", "orientation_sd_deg": spread}
-        values |= {"grain_radius_um": radius_um}
-        values |= dict(zip(("phi1_deg", "Phi_deg", "phi2_deg"), euler_deg))
-        for name in values.keys() - stated:
-            of_indents.setdefault(name, []).append(values[name])
-    return IndentedMap(
-        grid, retained, indents[retained], grains[retained].tolist(), of_indents, warnings
-    )
+    found = dict(zip(MAP_COLUMNS, map(list, zip(*of_indents))))
+    added = {name: values for name, values in found.items() if name not in stated}
+    return IndentedMap(grid, retained, indents, grains, added, warnings)
 
 
 def registered(
@@ -138,14 +135,11 @@ def registered(
     if the sd is unknown. `place` begins the message of a refusal.
     """
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-        stated = (line for line in lines if not line.startswith("#"))
-        rows = csv.DictReader(stated, skipinitialspace=True)
-        cells = [float(row[name]) for row in rows for name in POINT_COLUMNS]
-        known = np.array(cells).reshape(-1, 4)
+        table = pd.read_csv(path, comment="#", skipinitialspace=True, encoding="utf-8-sig")
+        known = table[POINT_COLUMNS].to_numpy(float)
     except OSError as error:
         raise InputError(f"{place}{error.strerror}") from None
-    except (ValueError, KeyError, TypeError, csv.Error):
+    except (ValueError, KeyError):
         known = np.full((1, 4), np.nan)
     if not (np.abs(known) < FARTHEST_UM).all():
         raise InputError(
@@ -162,7 +156,7 @@ def registered(
         )
     affine = np.linalg.lstsq(design, known[:, 2:], rcond=None)[0]
     at = np.column_stack([np.ones(len(stage)), stage - centre])
-    leverage = np.einsum("ij,jk,ik->i", at, np.linalg.inv(design.T @ design), at)
+    leverage = np.sum(at @ np.linalg.inv(design.T @ design) * at, axis=1)
     residual = np.linalg.norm(known[:, 2:] - design @ affine) / np.sqrt(max(1, 2 * (n - 3)))
     unknown = (
         f"registration_unknown {place}three points leave no residual, so that the error of the "
@@ -185,8 +179,7 @@ class Grid:
                 f"{place}has {found} indexed points in the unit {loaded.unit!r}; a "
                 f"map in um is needed, within {FARTHEST_UM:g}"
             )
-        least, most = np.linalg.eigvalsh(np.cov(self.positions.T))
-        if least <= 1e-9 * most:
+        if np.linalg.matrix_rank(self.positions - self.positions[0]) < 2:
             raise InputError(f"{place}has its {found} points on a single line; a map is needed")
         #: Rotations from sample to crystal axes.
         self.rotations, self.phase = loaded.rotations[indexed], loaded.phase[indexed]
@@ -200,11 +193,8 @@ class Grid:
         self.names, self.groups, self.symmetry = {}, {}, {}
         for number in np.unique(self.phase).tolist():
             phase = loaded.phases.get(number)
-            if phase is None or phase.point_group is None:
-                raise InputError(
-                    f"{place}does not say the point group of phase {number}"
-                    + (f" ({phase.name})" if phase else "")
-                )
+            if getattr(phase, "point_group", None) is None:
+                raise InputError(f"{place}does not say the point group of phase {number}")
             self.names[number], laue = phase.name, phase.point_group.laue
             self.groups[number], turn = laue, from_standard(laue)
             self.symmetry[number] = turn.inv() * rotations_of(laue.proper_subgroup) * turn
@@ -325,9 +315,9 @@ class Grid:
             )
         return found
 
-    def mean_orientation(self, inside: np.ndarray) -> tuple[list[float], float]:
-        """Bunge's angles of the mean orientation of points (n,) of a grain, degrees, and the sd of
-        the tilt of the indented direction per component, degrees.
+    def mean_orientation(self, inside: np.ndarray) -> list[float]:
+        """Bunge's angles of the mean orientation of points (n,) of a grain, and the sd of the tilt
+        of the indented direction per component, in degrees.
         """
         group, rotations = self.symmetry[int(self.phase[inside[0]])], self.rotations[inside]
         # Each orientation is replaced by its equivalent that is nearest to the first one.
@@ -335,11 +325,8 @@ class Grid:
         aligned = group[cosine.argmax(axis=1)] * rotations
         mean = aligned.mean()
         tilt = np.arccos(np.clip(aligned.apply(NORMAL) @ mean.apply(NORMAL), -1, 1))
-        # The package is optional, like the reader of the map.
-        from orix.quaternion import Rotation as OrixRotation
-
-        euler = OrixRotation(mean.as_quat(scalar_first=True)).to_euler()[0]
-        return np.degrees(euler).tolist(), float(np.degrees(np.sqrt(np.mean(tilt**2) / 2)))
+        euler = mean.inv().as_euler("ZXZ", degrees=True, suppress_warnings=True) % 360
+        return [*euler.tolist(), float(np.degrees(np.sqrt(np.mean(tilt**2) / 2)))]
 
     def distance_to_boundary(self, position: np.ndarray, grain: int) -> float:
         """The distance in um from a position to the nearest point of another grain, less half a
