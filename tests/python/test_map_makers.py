@@ -14,7 +14,7 @@ from support.orientation_maps import bunge, measured, pixels, write
 from support.tree import REFERENCE
 
 pytest.importorskip("orix.io")
-from orix.quaternion import symmetry as groups  # noqa: E402
+from orix.quaternion import symmetry as groups
 
 STEP = 2.0
 LOST = 4 * np.pi
@@ -28,7 +28,9 @@ def copper():
     return np.column_stack([x, y]), angles, indents
 
 
-def channel_text(path, at, angles, phase, surface=(0, 0, 0), frame="Sample .. (CS0)!", commas=False):
+def channel_text(
+    path, at, angles, phase, surface=(0, 0, 0), frame="Sample .. (CS0)!", commas=False
+):
     """Write a .ctf of a cubic phase with Z between the usual columns and one column more."""
     lines = ["Channel Text File", "Prj\tsample µ", "JobMode\tGrid", f"XStep\t{STEP}"]
     lines += [f"AcqE{k}\t{angle}" for k, angle in enumerate(surface, 1)]
@@ -36,7 +38,9 @@ def channel_text(path, at, angles, phase, surface=(0, 0, 0), frame="Sample .. (C
     lines += ["3.615;3.615;3.615\t90;90;90\tCopper\t11\t225\t\t\t"]
     lines += ["Phase\tX\tY\tZ\tBands\tError\tEuler1\tEuler2\tEuler3\tMAD\tBC\tBS\tGrainIndex"]
     for number, (x, y), e in zip(phase, at, angles, strict=True):
-        lines.append(f"{number}\t{x}\t{y}\t0\t8\t0\t{e[0]:.3f}\t{e[1]:.3f}\t{e[2]:.3f}\t0.5\t9\t9\t1")
+        lines.append(
+            f"{number}\t{x}\t{y}\t0\t8\t0\t{e[0]:.3f}\t{e[1]:.3f}\t{e[2]:.3f}\t0.5\t9\t9\t1"
+        )
     text = "\r\n".join(lines)
     path.write_bytes((text.replace(".", ",") if commas else text).encode("cp1252"))
     return path

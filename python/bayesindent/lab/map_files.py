@@ -1,8 +1,9 @@
 """Read orientation maps of several makers, and find the crystal axes to which their angles refer.
 
-EDAX writes 4 pi for each angle of a point without a solution, a fit of 180 degrees, and a confidence
-index of -1 or 0; its single phase has the number 0 or 1. Oxford has the phase 0 there. The angles of
-a .ctf refer to the primary axes of the sample (CS0), those of a .h5oina to its surface (CS1).
+For a point without a solution EDAX writes 4 pi for each angle, a fit of 180 degrees, and a
+confidence index of -1 or 0; Oxford writes the phase 0. EDAX numbers a single phase 0 or 1. The
+angles of a .ctf refer to the primary axes of the sample (CS0), those of a .h5oina to its surface
+(CS1).
 """
 
 import re
@@ -25,7 +26,9 @@ from .other_files import decoded, reader_of, reading
 #: Orientation of the crystal axes in the unit cell, by the values of `crystal_axes`.
 AXES = {"a": "x along a, z along c*", "a*": "x along a*, z along c"}
 #: Laue classes by their numbers in Oxford's files.
-LAUE = dict(enumerate("-1 2/m mmm 4/m 4/mmm -3 -3m 6/m 6/mmm m-3 m-3m".split(), 1))
+LAUE = "none -1 2/m mmm 4/m 4/mmm -3 -3m 6/m 6/mmm m-3 m-3m"
+#: Largest number of signs of a header of .ang.
+HEADER = 100_000
 #: An angle in radians above any true one and below 4 pi.
 ABOVE_ANGLES = 12.5
 
@@ -93,7 +96,7 @@ def oxford_map(_: str, path: Path) -> MapPoints:
             cell = [*np.ravel(phase["Lattice Dimensions"])]
             cell += [*np.degrees(np.ravel(phase["Lattice Angles"]))]
             name, laue = (np.ravel(phase[key])[0] for key in ("Phase Name", "Laue Group"))
-            phases[int(number)] = phase_of(name.decode(), LAUE[laue], cell)
+            phases[int(number)] = phase_of(name.decode(), LAUE.split()[laue], cell)
         number = np.ravel(data["Phase"]).astype(int)
         if "X" in data:
             places = [np.ravel(data["X"]), np.ravel(data["Y"])]
@@ -114,7 +117,7 @@ def channel_text(place: str, path: Path) -> MapPoints:
     for number, line in enumerate(lines, 1):
         lengths, angles, name, laue = line.split("\t")[:4]
         cell = f"{lengths};{angles}".split(";")
-        phases[number] = phase_of(name, LAUE[int(laue)], cell)
+        phases[number] = phase_of(name, LAUE.split()[int(laue)], cell)
     phase = columns["Phase"].astype(int)
     phase[phase == 0] = -1
     rotations = bunge(np.radians([columns[f"Euler{k}"] for k in (1, 2, 3)]).T)
@@ -141,16 +144,15 @@ def edax_text(_: str, path: Path) -> MapPoints:
     degrees, and others.
     """
     text = text_of(path)
-    header = re.match(r"(\s*#.*\n)*", text).group()
     order, *found = (
-        re.findall(rf"^# *{word}[ \t:]+(.*?)[ \t]*$", header, re.M)
+        re.findall(rf"^# *{word}[ \t:]+(.*?)[ \t]*$", text[:HEADER], re.M)
         for word in (r"Phase(?=[ \t:]+\d+\s)", "MaterialName", "Symmetry", "LatticeConstants")
     )
     phases = {
         int(number): phase_of(name, group, cell.split())
         for number, name, group, cell in zip(order or range(1, 1 + len(found[0])), *found)
     }
-    columns = numbers(text[len(header) :])
+    columns = numbers(text)
     euler, index, phase = columns[:3].T, columns[6], columns[7].astype(int)
     if len(phases) == 1:
         phase[:] = [*phases]
@@ -161,7 +163,7 @@ def edax_text(_: str, path: Path) -> MapPoints:
     # Zeros where the confidence index is in use.
     lost |= (index == 0) & ~euler.any(axis=1) & (index > 0).any()
     phase[lost] = -1
-    unit = "nm" if "ACOM" in header else "um"
+    unit = "nm" if "ACOM" in text[:HEADER] else "um"
     return MapPoints(columns[3:5].T, bunge(euler), phase, phases, unit=unit)
 
 
@@ -206,7 +208,8 @@ def turn_of_axes(
     (010), for a phase with this Laue class and `lattice`.
     """
     angles = np.array(lattice.abcABG()[3:])
-    if group.system in ("trigonal", "hexagonal"):
+    # Laue classes with one axis of order 3 or 6 begin with it.
+    if group.name.strip("-")[0] in "36":
         if abs(angles[0] - 90.0) > 0.01:
             raise InputError(
                 f"{place}a phase {group.name} has a rhombohedral cell, alpha {angles[0]:g} degrees;"

@@ -91,16 +91,17 @@ def indented_map(
     if bridged := [str(row + 1) for row in np.flatnonzero(away > 0.75 * grid.step)]:
         warnings.append(
             f"indents_bridged {place}the indents of rows {abridged(bridged)} are on points that "
-            f"are not indexed, or stray, up to {away.max():.2g} um from their grain: the one around "
-            "them is taken"
+            "are not indexed, or stray. They belong to the grain around them, which is up to "
+            f"{away.max():.2g} um away"
         )
     # The probability of a grain is the share of sampled places that are nearest to it: over errors
-    # of the registration, and over the contact or the hole of the map.
-    random, radius = np.random.default_rng(0), np.maximum(contact, away)
+    # of the registration, and over the contact, whose radius is stated, or at most that of a hole.
+    random = np.random.default_rng(0)
     places = indents + random.normal(size=(SAMPLE, 1, 2)) * sd[:, None]
     square = random.uniform(-1, 1, size=(2 * SAMPLE, 2))
     disc = square[np.linalg.norm(square, axis=1) < 1][:SAMPLE]
-    places += disc[:, None] * radius[:, None]
+    radius = np.maximum(contact, away * random.random((SAMPLE, 1)))
+    places += disc[:, None] * radius[..., None]
     share = np.mean(grid.grain[grid.tree.query(places)[1]] == grains, axis=0)
     retained = np.flatnonzero(share >= LEAST_SHARE).tolist()
     if doubtful := [f"{row + 1} ({share[row]:.0%})" for row in np.flatnonzero(share < LEAST_SHARE)]:
@@ -193,7 +194,7 @@ class Grid:
         self.names, self.groups, self.symmetry = {}, {}, {}
         for number in np.unique(self.phase).tolist():
             phase = loaded.phases.get(number)
-            if getattr(phase, "point_group", None) is None:
+            if phase is None or phase.point_group is None:
                 raise InputError(f"{place}does not say the point group of phase {number}")
             self.names[number], laue = phase.name, phase.point_group.laue
             self.groups[number], turn = laue, from_standard(laue)
@@ -316,13 +317,16 @@ class Grid:
         return found
 
     def mean_orientation(self, inside: np.ndarray) -> list[float]:
-        """Bunge's angles of the mean orientation of points (n,) of a grain, and the sd of the tilt
-        of the indented direction per component, in degrees.
+        """Bunge's angles of the mean orientation of points (n,) of a grain, nearest first, and the
+        sd of the tilt of the indented direction per component, in degrees.
         """
         group, rotations = self.symmetry[int(self.phase[inside[0]])], self.rotations[inside]
         # Each orientation is replaced by its equivalent that is nearest to the first one.
         cosine = np.abs((rotations[0] * rotations.inv()).as_quat() @ group.as_quat().T)
         aligned = group[cosine.argmax(axis=1)] * rotations
+        # Points beyond a boundary of small angle differ from the nearest ones by more than most.
+        off = (aligned * aligned[:10].mean().inv()).magnitude()
+        aligned = aligned[off <= 3 * np.median(off)]
         mean = aligned.mean()
         tilt = np.arccos(np.clip(aligned.apply(NORMAL) @ mean.apply(NORMAL), -1, 1))
         euler = mean.inv().as_euler("ZXZ", degrees=True, suppress_warnings=True) % 360
@@ -338,4 +342,3 @@ class Grid:
         return float(
             max(np.linalg.norm(others - position, axis=1).min() - self.step / 2, self.step / 2)
         )
-
