@@ -145,7 +145,7 @@ def edax_text(_: str, path: Path) -> MapPoints:
     """
     text = text_of(path)
     order, *found = (
-        re.findall(rf"^# *{word}[ \t:]+(.*?)[ \t]*$", text[:HEADER], re.M)
+        re.findall(rf"^# *{word}[ \t:]+(.*)$", text[:HEADER], re.M)
         for word in (r"Phase(?=[ \t:]+\d+\s)", "MaterialName", "Symmetry", "LatticeConstants")
     )
     phases = {
@@ -174,9 +174,10 @@ def text_of(path: Path) -> str:
 
 def numbers(rows: str) -> np.ndarray:
     """The columns (k, n) of n rows of numbers."""
-    table = pd.read_csv(StringIO(rows), sep=r"\s+", header=None, comment="#", dtype=float)
-    if table.isna().any(axis=None):
-        raise ValueError
+    # Without its filter pandas refuses cells that are missing.
+    table = pd.read_csv(
+        StringIO(rows), sep=r"\s+", header=None, comment="#", dtype=float, na_filter=False
+    )
     return table.to_numpy().T
 
 
@@ -188,7 +189,11 @@ def phase_of(name: str, group: str, cell: Any) -> Any:
     from diffpy.structure import Lattice, Structure
     from orix.crystal_map import Phase
 
-    return Phase(name, point_group=group, structure=Structure(lattice=Lattice(*map(float, cell))))
+    return Phase(
+        name.strip(),
+        point_group=group.strip(),
+        structure=Structure(lattice=Lattice(*map(float, cell))),
+    )
 
 
 def bunge(euler: np.ndarray) -> Rotation:
