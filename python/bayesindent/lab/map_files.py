@@ -38,9 +38,10 @@ class MapPoints:
     """The points of a map.
 
     `positions` are (n, 2) in `unit`, `rotations` lead from sample to crystal axes, and `phase` are
-    the numbers of the phases (n,), -1 at a point that is not indexed. `phases` are those of orix by
-    number. `axes` is the convention of the format for the crystal axes: one of `AXES`, or None if
-    its angles may follow either. `warnings` are codes of diagnostics with their subjects.
+    the numbers of the phases (n,); a point whose number is not among `phases`, which are those of
+    orix, is not indexed. `axes` is the convention of the format for the crystal axes: one of
+    `AXES`, or None if its angles may follow either. `warnings` are codes of diagnostics with their
+    subjects.
     """
 
     positions: np.ndarray
@@ -79,7 +80,7 @@ def orix_map(_: str, path: Path) -> MapPoints:
         np.column_stack([loaded.x, loaded.y]),
         rotations_of(best),
         loaded.phase_id,
-        {number: loaded.phases[number] for number in loaded.phases.ids},
+        {number: phase for number, phase in loaded.phases if number >= 0},
         "a" if maker in (b"orix", "orix") else None,
         loaded.scan_unit,
     )
@@ -93,18 +94,19 @@ def oxford_map(_: str, path: Path) -> MapPoints:
         header, data = file["1/EBSD/Header"], file["1/EBSD/Data"]
         phases = {}
         for number, phase in header["Phases"].items():
-            cell = [*np.ravel(phase["Lattice Dimensions"])]
-            cell += [*np.degrees(np.ravel(phase["Lattice Angles"]))]
             name, laue = (np.ravel(phase[key])[0] for key in ("Phase Name", "Laue Group"))
+            cell = np.append(phase["Lattice Dimensions"], np.degrees(phase["Lattice Angles"]))
             phases[int(number)] = phase_of(name.decode(), LAUE.split()[laue], cell)
         number = np.ravel(data["Phase"]).astype(int)
         if "X" in data:
             places = [np.ravel(data["X"]), np.ravel(data["Y"])]
         else:
-            row, column = np.divmod(np.arange(len(number)), np.ravel(header["X Cells"])[0])
-            places = [column * np.ravel(header["X Step"])[0], row * np.ravel(header["Y Step"])[0]]
+            keys = ("X Cells", "X Step", "Y Step")
+            cells, step, step_y = (np.ravel(header[key])[0] for key in keys)
+            row, column = np.divmod(np.arange(len(number)), cells)
+            places = [column * step, row * step_y]
         euler = np.asarray(data["Euler"], float)
-    number[(number == 0) | np.isnan(euler).any(axis=1)] = -1
+    number[np.isnan(euler).any(axis=1)] = 0
     return MapPoints(np.column_stack(places), bunge(euler), number, phases, "a*")
 
 
@@ -118,15 +120,13 @@ def channel_text(place: str, path: Path) -> MapPoints:
         lengths, angles, name, laue = line.split("\t")[:4]
         cell = f"{lengths};{angles}".split(";")
         phases[number] = phase_of(name, LAUE.split()[int(laue)], cell)
-    phase = columns["Phase"].astype(int)
-    phase[phase == 0] = -1
     rotations = bunge(np.radians([columns[f"Euler{k}"] for k in (1, 2, 3)]).T)
     warnings = []
     surface = [float(angle) for angle in re.findall(r"^AcqE\d\s+(\S+)", header, re.M)]
     if np.sin(np.radians(surface[1:2])).round(6).any():
-        frame = re.search(r"^Euler angles refer to .*\((\w+)\)", header, re.M)
+        frame = re.search(r"^Euler angles refer to .*\((CS[01])\)", header, re.M)
         words = f"{place}the header has the acquisition surface AcqE1-3 = {surface} degrees"
-        if not frame or frame[1] not in ("CS0", "CS1"):
+        if not frame:
             raise InputError(
                 f"{words}, and states neither CS0 nor CS1 for the angles; export the map as "
                 ".h5oina, whose angles refer to the surface"
@@ -135,6 +135,7 @@ def channel_text(place: str, path: Path) -> MapPoints:
             rotations *= Rotation.from_euler("ZXZ", surface, degrees=True)
             warnings = [f"surface_turned {words}; the angles are turned from CS0 to this surface"]
     positions = np.column_stack([columns["X"], columns["Y"]])
+    phase = columns["Phase"].astype(int)
     return MapPoints(positions, rotations, phase, phases, warnings=warnings)
 
 
@@ -158,7 +159,7 @@ def edax_text(_: str, path: Path) -> MapPoints:
         phase[:] = [*phases]
     elif not phases or (columns[7] % 1).any():
         raise ValueError
-    lost = (euler > ABOVE_ANGLES).any(axis=1) | (index < 0) | ~np.isin(phase, [*phases])
+    lost = (euler > ABOVE_ANGLES).any(axis=1) | (index < 0)
     lost |= (columns[9:10] >= 180).any(axis=0)
     # Zeros where the confidence index is in use.
     lost |= (index == 0) & ~euler.any(axis=1) & (index > 0).any()

@@ -88,7 +88,7 @@ def indented_map(
     pixel, away = nearest[:, 0], away[:, 0]
     grains = grid.grain[pixel]
     warnings += grid.warnings + grid.compare_phase(grid.phase[pixel], symmetry)
-    if bridged := [str(row + 1) for row in np.flatnonzero(away > 0.75 * grid.step)]:
+    if (bridged := np.flatnonzero(away > 0.75 * grid.step) + 1).size:
         warnings.append(
             f"indents_bridged {place}the indents of rows {abridged(bridged)} are on points that "
             "are not indexed, or stray. They belong to the grain around them, which is up to "
@@ -123,8 +123,8 @@ def indented_map(
         re.sub("[ -]", "_", name.lower()).removesuffix("_id").removesuffix("_number")
         for name in columns
     }
-    found = dict(zip(MAP_COLUMNS, map(list, zip(*of_indents))))
-    added = {name: values for name, values in found.items() if name not in stated}
+    found = zip(MAP_COLUMNS, zip(*of_indents))
+    added = {name: list(values) for name, values in found if name not in stated}
     return IndentedMap(grid, retained, indents, grains, added, warnings)
 
 
@@ -171,7 +171,7 @@ class Grid:
 
     def __init__(self, place: str, path: Path, axes: str | None):
         loaded = load_map(place, path)
-        indexed = loaded.phase >= 0
+        indexed = np.isin(loaded.phase, [*loaded.phases])
         n, found = len(indexed), int(np.sum(indexed))
         #: Positions (n, 2) in um.
         self.positions = loaded.positions[indexed].astype(float)
@@ -193,8 +193,8 @@ class Grid:
         #: proper rotations of that class.
         self.names, self.groups, self.symmetry = {}, {}, {}
         for number in np.unique(self.phase).tolist():
-            phase = loaded.phases.get(number)
-            if phase is None or phase.point_group is None:
+            phase = loaded.phases[number]
+            if phase.point_group is None:
                 raise InputError(f"{place}does not say the point group of phase {number}")
             self.names[number], laue = phase.name, phase.point_group.laue
             self.groups[number], turn = laue, from_standard(laue)
@@ -224,21 +224,12 @@ class Grid:
             )
 
     def find_grains(self) -> None:
-        """Number the grains, and retain the points of those that are no noise."""
-        grain = self._grains(self.tree.query_pairs(1.2 * self.step, output_type="ndarray"))
-        own = np.flatnonzero(np.bincount(grain)[grain] >= LEAST_PIXELS)
-        if not len(own):
-            raise InputError(f"{self.place}has no grain of {LEAST_PIXELS} points")
-        self.positions, self.phase, self.grain = self.positions[own], self.phase[own], grain[own]
-        self.rotations, self.tree = self.rotations[own], cKDTree(self.positions)
-
-    def _grains(self, pairs: np.ndarray) -> np.ndarray:
-        """The number of each point's grain. A grain connects neighbours of one phase whose
-        misorientation is small; `pairs` are the neighbours.
+        """Number the grains, which connect neighbours of one phase whose misorientation is small,
+        and retain the points of those that are no noise.
         """
-        first, second = pairs.T
+        first, second = self.tree.query_pairs(1.2 * self.step, output_type="ndarray").T
         between = (self.rotations[second] * self.rotations[first].inv()).as_quat()
-        alike = np.zeros(len(pairs), dtype=bool)
+        alike = np.zeros(len(first), dtype=bool)
         for phase, group in self.symmetry.items():
             own = (self.phase[first] == phase) & (self.phase[second] == phase)
             # Operations of the group are tried one after the other to save memory: a map may have
@@ -248,9 +239,14 @@ class Grid:
             )
             alike[own] = cosine > np.cos(np.radians(BOUNDARY_DEG) / 2)
         n = len(self.positions)
-        return connected_components(
+        grain = connected_components(
             coo_array((alike[alike], (first[alike], second[alike])), shape=(n, n)), directed=False
         )[1]
+        own = np.flatnonzero(np.bincount(grain)[grain] >= LEAST_PIXELS)
+        if not len(own):
+            raise InputError(f"{self.place}has no grain of {LEAST_PIXELS} points")
+        self.positions, self.phase, self.grain = self.positions[own], self.phase[own], grain[own]
+        self.rotations, self.tree = self.rotations[own], cKDTree(self.positions)
 
     def compare_phase(self, phases: np.ndarray, symmetry: str | None) -> list[str]:
         """Compare the phase at each indent (n,) with the stated `symmetry`, and return the
