@@ -116,9 +116,10 @@ def indented_map(
     indents, grains = indents[retained], grains[retained].tolist()
     of_indents = []
     for position, grain, around in zip(indents, grains, nearest[retained]):
-        own = around[grid.grain[around] == grain][:SURROUNDINGS]
-        radius_um = grid.distance_to_boundary(position, grain)
-        of_indents.append([f"EBSD {grain}", radius_um, *grid.mean_orientation(own)])
+        is_own = grid.grain[around] == grain
+        radius_um = grid.distance_to_boundary(position, grain, around[~is_own])
+        mean = grid.mean_orientation(around[is_own][:SURROUNDINGS])
+        of_indents.append([f"EBSD {grain}", radius_um, *mean])
     stated = {
         re.sub("[ -]", "_", name.lower()).removesuffix("_id").removesuffix("_number")
         for name in columns
@@ -328,11 +329,12 @@ class Grid:
         euler = mean.inv().as_euler("ZXZ", degrees=True, suppress_warnings=True) % 360
         return [*euler.tolist(), float(np.degrees(np.sqrt(np.mean(tilt**2) / 2)))]
 
-    def distance_to_boundary(self, position: np.ndarray, grain: int) -> float:
+    def distance_to_boundary(self, position: np.ndarray, grain: int, near: np.ndarray) -> float:
         """The distance in um from a position to the nearest point of another grain, less half a
-        step; to the farthest point of the map if there is no other grain.
+        step; to the farthest point of the map if there is no other grain. `near` are numbers of
+        points (n,) of other grains, the nearest one among them; none if they are not known.
         """
-        others = self.positions[self.grain != grain]
+        others = self.positions[near if len(near) else self.grain != grain]
         if not len(others):
             return float(np.linalg.norm(self.positions - position, axis=1).max())
         return float(
