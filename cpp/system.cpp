@@ -16,6 +16,7 @@
 #include <mutex>
 #include <sstream>
 #include <string>
+#include <sys/stat.h>
 #include <unistd.h>
 #include <vector>
 
@@ -99,9 +100,16 @@ extern "C" {
 std::int32_t bayesindent_read_file(const char *path, std::int32_t largest, std::int32_t *length) {
   contents.clear();
   *length = 0;
-  std::FILE *const file = std::fopen(path, "rbe");
-  if (file == nullptr)
-    return 1;
+  // A pipe without a writer must not be waited for.
+  const int opened = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+  struct stat facts{};
+  const bool regular = opened >= 0 && fstat(opened, &facts) == 0 && S_ISREG(facts.st_mode);
+  std::FILE *const file = regular ? fdopen(opened, "rb") : nullptr;
+  if (file == nullptr) {
+    if (opened >= 0)
+      close(opened);
+    return opened < 0 || S_ISDIR(facts.st_mode) ? 1 : 3;
+  }
   char piece[65536];
   while (const std::size_t n = contents.size() > static_cast<std::size_t>(largest)
                                    ? 0

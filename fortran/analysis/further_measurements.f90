@@ -149,7 +149,8 @@ contains
          end if
          if (allocated(error)) return
          rows = [((rows(i), j=1, n_along), i=1, size(rows))]
-         paths = [(path_type(surface_path, 180.0_wp*modulo(i - 1, n_along)/n_along), i=1, size(rows))]
+         paths = [(path_type(surface_path, 180.0_wp*modulo(i - 1, n_along)/n_along), &
+            & i=1, size(rows))]
          euler_deg = grains%euler_deg(:, rows)
          associate (kept => pack([(i, i=1, size(rows))], &
             & are_detected(analysis%posterior, draws, euler_deg, paths)), &

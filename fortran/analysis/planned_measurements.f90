@@ -86,7 +86,7 @@ contains
          & known => self%posterior%prior%knowledge)
          if (.not. self%posterior%prior%admits(crystal, self%problem%class%stiffness(crystal))) then
             call self%problem%refuse('plan', 'constants', 'the crystal is outside the limits of ' &
-               & //'&prior, or the domain of the surrogate', error)
+               & //'the prior, or the domain of the surrogate', error)
          end if
          if (allocated(error)) return
          allocate (values(size(known%mean)))
@@ -95,7 +95,7 @@ contains
          if (k > 0) then
             call self%problem%refuse('knowledge', 'mean', to_text(known%mean(k)) &
                & //' is more than three sds from the '//known%quantities(k)%name &
-               & //' of the crystal of &plan, '//to_text(values(k), 4), error)
+               & //' of the crystal, '//to_text(values(k), 4), error)
          end if
       end associate
    end subroutine check_plan

@@ -44,7 +44,7 @@ contains
 
       found%warnings = [diagnostic_type ::]
       call check_limits(found, .false.)
-      call check_orientations(found)
+      call warn_of_orientations(found)
       is_explained = found%orientations%is_detected() .or. size(found%orientations%outliers) > 0
       call check_limits(found, .true.)
       ! Speeds are left out if their waves cannot be detected.
@@ -70,7 +70,7 @@ contains
    end subroutine check_analysis
 
    !> Orientations that are not those of the grains, or else outliers.
-   subroutine check_orientations(found)
+   subroutine warn_of_orientations(found)
       type(analysis_type), intent(inout) :: found
       real(wp) :: numbers(4)
       integer :: i
@@ -92,7 +92,7 @@ contains
             end do
          end if
       end associate
-   end subroutine check_orientations
+   end subroutine warn_of_orientations
 
    !> Limits that truncate the posterior, either the stated ones or those of the surrogate.
    subroutine check_limits(found, stated)

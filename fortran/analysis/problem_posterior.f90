@@ -38,7 +38,8 @@ module problem_posterior
    !> the prior; of the posterior without &knowledge; of the posterior by the theory alone; and of
    !> the posterior at which simulations are chosen.
    type(run_type), parameter, public :: pilot_run = run_type(3000, 400, 2, 2000001)
-   type(run_type), parameter, public :: detection_run = run_type(3000, 400, 2, 2000001, is_stored=.false.)
+   type(run_type), parameter, public :: detection_run &
+      & = run_type(3000, 400, 2, 2000001, is_stored=.false.)
    type(run_type), parameter, public :: prior_run = run_type(5000, 2500, 4, 1000001)
    type(run_type), parameter, public :: free_run = run_type(2000, 500, 2, 3000001)
    type(run_type), parameter, public :: theory_run = run_type(5000, 1500, 4, 4000001)

@@ -11,10 +11,11 @@ module campaign
    use, intrinsic :: iso_c_binding, only: c_null_char
    use campaign_file, only: begin_transaction, database_type, end_transaction, open_campaign_file, &
       & raise_damaged, text_value
+   use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_type
-   use kinds, only: i8, wp
+   use kinds, only: i8, nan, wp
    use simulate, only: outcome_done, outcome_failed, outcome_type
-   use text, only: line_type, newline, number_text, quoted, read_integer, read_real, split_list, &
+   use text, only: line_type, newline, number_ok, number_text, quoted, read_integer, read_real, &
       & to_text
    implicit none
    private
@@ -116,6 +117,7 @@ contains
       !> In the order of their positions.
       type(row_type), allocatable, intent(out) :: found(:)
       type(error_type), allocatable, intent(out) :: error
+      type(crystal_class_type) :: class
       character(len=:), allocatable :: cells
       integer :: at, i
 
@@ -125,7 +127,7 @@ contains
       allocate (found(count([(cells(i:i) == c_null_char, i=1, len(cells))])/n_columns))
       at = 1
       do i = 1, size(found)
-         if (.not. allocated(error)) call self%read_row(cells, at, found(i), error)
+         if (.not. allocated(error)) call self%read_row(cells, at, class, found(i), error)
       end do
    end subroutine rows
 
@@ -140,6 +142,7 @@ contains
       !> Whether the file has the row.
       logical, intent(out) :: found
       type(error_type), allocatable, intent(out) :: error
+      type(crystal_class_type) :: class
       character(len=:), allocatable :: cells
       integer :: at
 
@@ -147,7 +150,7 @@ contains
          & //text_value(list_text(constants))//text_value(list_text(euler_deg)), cells, error)
       found = len(cells) > 0
       at = 1
-      if (found) call self%read_row(cells, at, row, error)
+      if (found) call self%read_row(cells, at, class, row, error)
    end subroutine find
 
    !> Store a row on the disk, at its position or the next one. A row of the same point that another
@@ -248,14 +251,19 @@ contains
    end subroutine other_physics
 
    !> Read the row whose cells begin at the byte `at`, and move `at` to the next row.
-   subroutine read_row(self, cells, at, row, error)
+   subroutine read_row(self, cells, at, class, row, error)
       class(campaign_type), intent(in) :: self
       !> Result of a query.
       character(len=*), intent(in) :: cells
       integer, intent(inout) :: at
+      !> Class of the row before, which is often that of the row.
+      type(crystal_class_type), intent(inout) :: class
       type(row_type), intent(out) :: row
       type(error_type), allocatable, intent(out) :: error
       type(line_type) :: cell(n_columns)
+      type(error_type), allocatable :: unknown
+      real(wp), allocatable :: euler_deg(:)
+      logical :: is_right
       integer :: length, status, i
 
       do i = 1, n_columns
@@ -276,26 +284,39 @@ contains
          call read_integer(cell(11)%text, outcome%elements, status)
          call read_real(cell(12)%text, outcome%seconds, status)
       end associate
-      ! An unchanged row has lists that `add` wrote.
-      if (cell(13)%text == row_checksum(self%identity, cell(2:1 + n_texts), row%outcome)) then
-         row%euler_deg = numbers_in(cell(4)%text)
+      euler_deg = numbers_in(cell(4)%text)
+      if (.not. allocated(class%name)) class%name = ''
+      if (class%name /= cell(2)%text) call new_crystal_class(cell(2)%text, class, unknown)
+      associate (outcome => row%outcome)
+         is_right = cell(13)%text == row_checksum(self%identity, cell(2:1 + n_texts), outcome) &
+            & .and. row%position >= 0 .and. .not. allocated(unknown) &
+            & .and. class%n_constants == size(row%constants) &
+            & .and. size(euler_deg) == size(row%euler_deg) &
+            & .and. size(outcome%depth) == size(outcome%force) &
+            & .and. all([row%constants, euler_deg, outcome%depth, outcome%force] > -huge(1.0_wp)) &
+            & .and. (outcome%modulus > 0.0_wp .or. outcome%status /= outcome_done)
+      end associate
+      if (is_right) then
+         row%euler_deg = euler_deg
       else
          call raise_damaged(self%path, &
             & 'the row of position '//to_text(row%position)//' was changed', error)
       end if
    end subroutine read_row
 
-   !> The numbers of a JSON list; an empty text has none.
+   !> The numbers of a JSON list, NaN for what is none; an empty text has none.
    pure function numbers_in(list) result(numbers)
       character(len=*), intent(in) :: list
       real(wp), allocatable :: numbers(:)
-      character(len=:), allocatable :: items(:)
-      integer :: i, status
+      integer :: first, length, i, status
 
-      allocate (items, source=split_list(list(2:len(list) - 1)))
-      allocate (numbers(size(items)))
-      do i = 1, size(items)
-         call read_real(trim(items(i)), numbers(i), status)
+      allocate (numbers(count([(scan(list(i:i), '[,') > 0, i=1, len(list))])))
+      first = 2
+      do i = 1, size(numbers)
+         length = scan(list(first:)//',', ',]')
+         call read_real(trim(adjustl(list(first:first + length - 2))), numbers(i), status)
+         if (status /= number_ok) numbers(i) = nan
+         first = first + length
       end do
    end function numbers_in
 

@@ -6,8 +6,8 @@ module errors
    use text, only: split_list
    implicit none
    private
-   public :: error_type, prefix_error, raise, refuse, exit_failure, exit_bad_input, exit_unusable, &
-      & machine_failure, suggestion
+   public :: error_type, locate_error, prefix_error, raise, refuse, exit_failure, exit_bad_input, &
+      & exit_unusable, machine_failure, suggestion
 
    !> Exit statuses of the programs (see the README). With `exit_unusable` the program finished, but
    !> its result cannot be used.
@@ -21,8 +21,14 @@ module errors
       !> `exit_bad_input` if the user's input is wrong, `machine_failure` if the machine could not
       !> do the work, `exit_failure` otherwise.
       integer :: status = exit_failure
-      !> One line: what is wrong, the value, what is allowed.
+      !> Where the input is: group and variable of a namelist, and its file, or the function of
+      !> Python that it was given to; '' for what is not known.
+      character(len=100) :: group = '', variable = ''
+      character(len=:), allocatable :: file
+      !> What is wrong, the value, what is allowed.
       character(len=:), allocatable :: message
+   contains
+      procedure :: line
    end type error_type
 
 contains
@@ -35,24 +41,59 @@ contains
 
       allocate (error)
       error%message = message
+      error%file = ''
       if (present(status)) error%status = status
    end subroutine raise
 
-   !> Set `error` to the refusal of a user's input, with this `message`.
-   pure subroutine refuse(error, message)
+   !> Set `error` to the refusal of a user's input, with this `message` on `group` and
+   !> `variable` of a namelist.
+   pure subroutine refuse(error, message, group, variable)
       type(error_type), allocatable, intent(out) :: error
       character(len=*), intent(in) :: message
+      character(len=*), intent(in), optional :: group, variable
 
       call raise(error, message, exit_bad_input)
+      call locate_error(error, '', group, variable)
    end subroutine refuse
 
-   !> Put the place where an error was met before its message, if there is an error.
-   pure subroutine prefix_error(error, place)
+   !> Say where an input is, if there is an error whose file and group are not both known. A file
+   !> alone is one that this input names: it begins the message.
+   pure subroutine locate_error(error, file, group, variable)
       type(error_type), allocatable, intent(inout) :: error
-      character(len=*), intent(in) :: place
+      !> See `error_type`.
+      character(len=*), intent(in) :: file
+      !> Likewise.
+      character(len=*), intent(in), optional :: group, variable
 
-      if (allocated(error)) error%message = place//error%message
+      if (.not. allocated(error)) return
+      if (len(error%file) > 0) then
+         if (error%group /= '') return
+         error%message = error%file//': '//error%message
+      end if
+      error%file = file
+      if (present(group) .and. error%group == '') error%group = group
+      if (present(variable) .and. error%variable == '') error%variable = variable
+   end subroutine locate_error
+
+   !> Put a text before the message of an error, if there is one.
+   pure subroutine prefix_error(error, text)
+      type(error_type), allocatable, intent(inout) :: error
+      character(len=*), intent(in) :: text
+
+      if (allocated(error)) error%message = text//error%message
    end subroutine prefix_error
+
+   !> The line that programs print: `FILE: &group variable: message`.
+   pure function line(self)
+      class(error_type), intent(in) :: self
+      character(len=:), allocatable :: line
+
+      line = trim(self%variable)
+      if (self%group /= '') line = trim('&'//trim(self%group)//' '//line)
+      if (len(line) > 0) line = line//': '
+      line = line//self%message
+      if (len(self%file) > 0) line = self%file//': '//line
+   end function line
 
    !> ', did you mean X?' with the nearest of the allowed names; empty if no name is near.
    pure function suggestion(written, allowed) result(hint)

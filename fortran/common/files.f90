@@ -131,6 +131,7 @@ contains
       call c_take_bytes(content)
       if (outcome == 1) call refuse(error, 'the file cannot be opened for reading')
       if (outcome == 2) call refuse(error, 'the file cannot be read')
+      if (outcome == 3) call refuse(error, 'a device or a pipe is no file')
       if (n > largest) then
          call refuse(error, 'the file is too large; at most '//to_text(largest)//' bytes')
       end if

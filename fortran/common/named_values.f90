@@ -1,4 +1,5 @@
-!> Named values as bytes. In this form data enter and leave the core, and chains are stored.
+!> Named values as bytes. In this form data enter and leave the core, and posteriors and chains are
+!> stored in files.
 !>
 !> A value has a header of 48 bytes: its kind and its rank, a byte each, 2 unused bytes, 4 bytes for
 !> the length of its name, 8 for the number of bytes of the value, 4 x 8 for its shape. Name and
@@ -9,11 +10,12 @@
 module named_values
    use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_loc, c_ptr
    use errors, only: error_type, refuse
+   use files, only: checksum, read_bytes, replace_file
    use kinds, only: i8, wp
-   use text, only: line_type
+   use text, only: line_type, split_list
    implicit none
    private
-   public :: named_values_type, named_values_reader_type
+   public :: named_values_type, named_values_reader_type, restore
 
    integer, parameter :: header_bytes = 48, most_axes = 4, unit_bytes = 8
 
@@ -27,7 +29,7 @@ module named_values
          & put_reals, put_matrix, put_matrices
       generic :: put => put_text, put_texts, put_words, put_integer, put_logical, put_real, &
          & put_reals, put_matrix, put_matrices
-      procedure :: put_array, put_integers
+      procedure :: put_array, put_integers, store
    end type named_values_type
 
    !> Values in bytes that the caller owns, found by their names. A missing value sets `error` and
@@ -36,10 +38,21 @@ module named_values
       character(kind=c_char), pointer :: bytes(:) => null()
       type(error_type), allocatable :: error
    contains
-      procedure :: look_at, is_whole, has, text => text_of, integer => integer_of, &
+      procedure :: look_at, has, text => text_of, integer => integer_of, &
          & logical => logical_of, real => real_of, reals => reals_of, columns => columns_of, &
          & matrices => matrices_of
    end type named_values_reader_type
+
+   !> What precedes a value that is in bytes, and where.
+   type :: header_type
+      character :: kind
+      integer :: rank, name_bytes
+      integer(i8) :: n_bytes, shape(most_axes)
+      !> Numbers of bytes before the header and before the value.
+      integer(i8) :: position, start
+   contains
+      procedure :: is_named
+   end type header_type
 
 contains
 
@@ -205,37 +218,136 @@ contains
       call c_f_pointer(c_loc(content), self%bytes, [len(content)])
    end subroutine look_at
 
-   !> Whether the bytes are named values to their end, of known kinds, with shapes that fit their
-   !> lengths. Bytes of a file may be anybody's.
-   logical function is_whole(self)
-      class(named_values_reader_type), intent(in) :: self
-      integer(i8) :: position, n_bytes, n, shape(most_axes)
-      integer :: length, rank, i
+   !> Write the values into a file, with their checksum at its end.
+   subroutine store(self, path, error)
+      class(named_values_type), intent(in) :: self
+      character(len=*), intent(in) :: path
+      type(error_type), allocatable, intent(out) :: error
 
-      is_whole = .false.
+      associate (content => self%bytes(:self%filled))
+         call replace_file(path, content//checksum(content), error)
+      end associate
+   end subroutine store
+
+   !> Read the bytes of a file that `store` wrote. A file is refused that was changed, or that has
+   !> other values than these: its bytes may be anybody's.
+   subroutine restore(path, format, forms, remedy, content, error)
+      character(len=*), intent(in) :: path
+      !> Version of the format, the value 'format'.
+      integer, intent(in) :: format
+      !> The name of each value, in order; its kind, or n for reals that may be NaN where others
+      !> must be finite; and the names of its axes; separated by commas. All axes of a name have the
+      !> same size.
+      character(len=*), intent(in) :: forms(:)
+      !> What the user should do, for messages.
+      character(len=*), intent(in) :: remedy
+      !> The values without the checksum.
+      character(kind=c_char, len=:), allocatable, target, intent(out) :: content
+      type(error_type), allocatable, intent(out) :: error
+      type(named_values_reader_type) :: values
+      character(len=len(checksum(''))) :: found
+      character(len=:), allocatable :: other
+      integer :: n
+
+      call read_bytes(path, content, error)
+      if (allocated(error)) return
+      n = max(0, len(content) - len(found))
+      found = content(n + 1:)
+      content = content(:n)
+      call values%look_at(content)
+      if (found /= checksum(content)) then
+         call refuse(error, path//': is damaged, or was changed since it was written; '//remedy)
+         return
+      end if
+      other = first_other(values, forms)
+      if (len(other) == 0) then
+         if (values%integer('format') /= format) other = 'format'
+      end if
+      if (len(other) == 0) return
+      call refuse(error, path//': is of an earlier version of the program, or damaged (its ''' &
+         & //other//''' is another one); '//remedy)
+   end subroutine restore
+
+   !> The name of the first value that has not its form, see `restore`; '' if all have, and no other
+   !> values follow.
+   function first_other(self, forms) result(name)
+      class(named_values_reader_type), intent(in) :: self
+      character(len=*), intent(in) :: forms(:)
+      character(len=:), allocatable :: name, words(:)
+      !> Axes that were met, and their sizes.
+      character(len=len(forms)) :: axes(most_axes*size(forms))
+      integer(i8) :: sizes(most_axes*size(forms)), position, left, n
+      type(header_type) :: header
+      real(wp), pointer :: values(:)
+      character :: kind
+      integer :: n_axes, k, i, j
+
       position = 0
-      do while (position < size(self%bytes, kind=i8))
-         n = size(self%bytes, kind=i8) - position - header_bytes
-         if (n < 0) return
-         rank = ichar(self%bytes(position + 2))
-         length = transfer(self%bytes(position + 5:position + 8), length)
-         n_bytes = transfer(self%bytes(position + 9:position + 16), n_bytes)
-         shape = transfer(self%bytes(position + 17:position + header_bytes), shape)
-         if (scan(self%bytes(position + 1), 'tlibr') == 0 .or. rank > most_axes) return
-         if (length < 1 .or. length > n .or. n_bytes < 0 .or. n_bytes > n) return
-         if (padded(int(length, i8)) + padded(n_bytes) > n) return
-         if (self%bytes(position + 1) == 'r' .or. self%bytes(position + 1) == 'i') then
-            n = unit_bytes
-            do i = 1, rank
-               if (shape(i) < 0 .or. shape(i) > n_bytes) return
-               n = min(n*shape(i), n_bytes + 1)
+      n_axes = 0
+      do k = 1, size(forms)
+         words = split_list(forms(k))
+         name = trim(words(1))
+         kind = words(2) (1:1)
+         if (size(self%bytes) - position < header_bytes) return
+         header = header_at(self, position)
+         left = size(self%bytes) - header%start
+         if (header%rank /= size(words) - 2 .or. left < 0) return
+         if (.not. header%is_named(self, name)) return
+         if (header%kind /= merge('r', kind, kind == 'n')) return
+         if (header%n_bytes < 0 .or. header%n_bytes > left) return
+         n = unit_bytes
+         do i = 1, header%rank
+            if (header%shape(i) < 0 .or. header%shape(i) > left) return
+            n = min(n*header%shape(i), left + 1)
+            do j = 1, n_axes
+               if (axes(j) == words(2 + i)) exit
             end do
-            if (n /= n_bytes) return
-         end if
-         position = position + header_bytes + padded(int(length, i8)) + padded(n_bytes)
+            if (j > n_axes) then
+               n_axes = j
+               axes(j) = words(2 + i)
+               sizes(j) = header%shape(i)
+            end if
+            if (sizes(j) /= header%shape(i)) return
+         end do
+         position = header%start + padded(header%n_bytes)
+         if ((kind /= 't' .and. n /= header%n_bytes) .or. position > size(self%bytes)) return
+         if (header%kind /= 'r' .or. n == 0) cycle
+         call c_f_pointer(c_loc(self%bytes(header%start + 1)), values, [n/unit_bytes])
+         if (any(abs(values) > huge(values))) return
+         if (kind == 'r' .and. any(values /= values)) return
       end do
-      is_whole = .true.
-   end function is_whole
+      if (position == size(self%bytes)) name = ''
+   end function first_other
+
+   !> The header at a position, from 0, where its bytes are.
+   function header_at(self, position) result(header)
+      class(named_values_reader_type), intent(in) :: self
+      integer(i8), intent(in) :: position
+      type(header_type) :: header
+
+      associate (bytes => self%bytes(position + 1:position + header_bytes))
+         header%position = position
+         header%kind = bytes(1)
+         header%rank = ichar(bytes(2))
+         header%name_bytes = transfer(bytes(5:8), header%name_bytes)
+         header%n_bytes = transfer(bytes(9:16), header%n_bytes)
+         header%shape = transfer(bytes(17:), header%shape)
+      end associate
+      header%start = position + header_bytes + padded(int(header%name_bytes, i8))
+   end function header_at
+
+   !> Whether the value has this name.
+   logical function is_named(self, values, name)
+      class(header_type), intent(in) :: self
+      class(named_values_reader_type), intent(in) :: values
+      character(len=*), intent(in) :: name
+      integer :: i
+
+      is_named = self%name_bytes == len(name)
+      if (.not. is_named) return
+      is_named = all([(values%bytes(self%position + header_bytes + i) == name(i:i), &
+         & i=1, len(name))])
+   end function is_named
 
    !> The bytes of a named value; not associated if the name is missing or its kind is not in
    !> `kinds`.
@@ -243,25 +355,21 @@ contains
       class(named_values_reader_type), intent(in) :: self
       character(len=*), intent(in) :: name, kinds
       character(kind=c_char), pointer :: content(:)
-      integer(i8) :: position, start, n_bytes
-      integer :: length, i
+      type(header_type) :: header
+      integer(i8) :: position
 
       content => null()
       if (.not. associated(self%bytes)) return
       position = 0
       do while (position + header_bytes <= size(self%bytes, kind=i8))
-         length = transfer(self%bytes(position + 5:position + 8), length)
-         n_bytes = transfer(self%bytes(position + 9:position + 16), n_bytes)
-         start = position + header_bytes + padded(int(length, i8))
-         if (length == len(name)) then
-            if (all([(self%bytes(position + header_bytes + i) == name(i:i), i=1, length)])) then
-               if (index(kinds, self%bytes(position + 1)) > 0) then
-                  content => self%bytes(start + 1:start + n_bytes)
-               end if
-               return
+         header = header_at(self, position)
+         if (header%is_named(self, name)) then
+            if (index(kinds, header%kind) > 0) then
+               content => self%bytes(header%start + 1:header%start + header%n_bytes)
             end if
+            return
          end if
-         position = start + padded(n_bytes)
+         position = header%start + padded(header%n_bytes)
       end do
    end function find
 

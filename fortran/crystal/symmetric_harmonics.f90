@@ -134,7 +134,7 @@ contains
             end associate
          end do
          turning = turning*cmplx(direction(1), direction(2), wp) &
-               & *sqrt((2.0_wp*m + 3.0_wp)/merge(2.0_wp*m + 2.0_wp, 1.0_wp, m > 0))
+                  & *sqrt((2.0_wp*m + 3.0_wp)/merge(2.0_wp*m + 2.0_wp, 1.0_wp, m > 0))
       end do
    end subroutine evaluate_real
 

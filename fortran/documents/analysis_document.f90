@@ -1,18 +1,19 @@
 !> The results of Step 2: the document of `extract`, with warnings; and posterior.bin, which has all
-!> numbers by name, see `put_analysis`, and ends with a checksum.
+!> numbers by name, see `put_analysis`.
 module analysis_document
    use, intrinsic :: iso_c_binding, only: c_char
    use constants_prior, only: prior_type
+   use crystal_class, only: crystal_class_type, new_crystal_class
    use diagnostics, only: is_usable
    use errors, only: error_type, refuse
    use analysis, only: analysis_type
-   use files, only: checksum, file_exists, read_bytes, replace_file
+   use files, only: file_exists
    use json, only: json_type
-   use kinds, only: nan, wp
-   use named_values, only: named_values_reader_type, named_values_type
+   use kinds, only: i8, nan, wp
+   use named_values, only: named_values_reader_type, named_values_type, restore
    use orientation_check, only: readings
    use observables, only: path_names, surface_path
-   use posterior_diagnostics, only: check_analysis, known_text, powers_text
+   use posterior_diagnostics, only: known_text, powers_text
    use posterior_summary, only: correlate
    use statistics, only: flattened, moments
    use text, only: add_line, fixed, join, line_type, to_text
@@ -23,23 +24,28 @@ module analysis_document
       & stored_draws
 
    character(len=*), parameter :: posterior_file = '/posterior.bin'
-   integer, parameter :: checksum_length = 16
-   !> The values of the file that others read.
-   character(len=14), parameter :: stored(24) = [character(len=14) :: 'inputs', 'document', &
-      & 'resolved', 'symmetry', 'title', 'modulus_kind', 'euler_deg', 'modulus_gpa', 'sd_gpa', &
-      & 'n_moduli', 'draws', 'log_density', 'acceptance', 'prior_draws', 'predicted', 'factor', &
-      & 'quantities', 'stride', 'log_likelihood', 'replicated', 'log_prior', 'most_probable', &
-      & 'lower', 'upper']
+   !> Version of its format, and its values; see `restore`. The values of every
+   !> draw in 'stride' have the axis 'kept'.
+   integer, parameter :: posterior_format = 2
+   character(len=*), parameter :: posterior_forms(*) = [character(len=36) :: 'format, i', &
+      & 'inputs, t', 'document, t', 'resolved, t', 'symmetry, t', 'title, t', 'modulus_kind, t', &
+      & 'euler_deg, n, angle, grain', 'modulus_gpa, r, grain', 'sd_gpa, n, grain', 'n_moduli, i', &
+      & 'draws, r, parameter, sample, chain', 'log_density, r, sample, chain', &
+      & 'acceptance, r, chain', 'prior_draws, r, parameter, draw, run', &
+      & 'predicted, r, grain, kept, chain', 'factor, r, group, kept, chain', &
+      & 'quantities, r, quantity, kept, chain', 'stride, i', &
+      & 'log_likelihood, r, grain, kept, chain', 'replicated, r, grain, kept, chain', &
+      & 'log_prior, r, kept, chain', 'most_probable, n, parameter', 'lower, n, constant', &
+      & 'upper, n, constant', 'anisotropy_cap, r', 'share_inside, r']
 
 contains
 
-   !> Find the warnings, and write the document into the object of a `page`.
+   !> Write the document into the object of a `page`.
    subroutine write_analysis(found, page)
       type(analysis_type), intent(inout) :: found
       type(json_type), intent(inout) :: page
       integer :: i
 
-      call check_analysis(found)
       call page%put('usable', is_usable(found%warnings))
       call page%begin_array('reasons')
       do i = 1, size(found%warnings)
@@ -474,38 +480,38 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(named_values_type) :: values
 
+      call values%put('format', posterior_format)
       call values%put('inputs', inputs)
       call put_analysis(found, document, values)
-      call replace_file(folder//posterior_file, &
-         & values%bytes(:values%filled)//checksum(values%bytes(:values%filled)), error)
+      call values%store(folder//posterior_file, error)
    end subroutine save_posterior
 
-   !> Read the `content` of posterior.bin in a folder, without the checksum. A file that was changed
-   !> is refused, and one that lacks some of the values.
+   !> Read the `content` of posterior.bin in a folder, without the checksum, see `restore`.
    subroutine read_posterior(folder, content, error)
       character(len=*), intent(in) :: folder
       character(kind=c_char, len=:), allocatable, target, intent(out) :: content
       type(error_type), allocatable, intent(out) :: error
+      character(len=*), parameter :: remedy = 'run bayesindent extract or bayesindent run again'
       type(named_values_reader_type) :: values
-      logical :: is_complete
-      integer :: i, n
+      type(crystal_class_type) :: class
+      integer :: n_chains, n_samples, n_kept
 
-      call read_bytes(folder//posterior_file, content, error)
+      call restore(folder//posterior_file, posterior_format, posterior_forms, remedy, content, &
+         & error)
       if (allocated(error)) return
-      n = max(0, len(content) - checksum_length)
-      is_complete = content(n + 1:) == checksum(content(:n)) .and. n > 0
-      if (is_complete) then
-         content = content(:n)
-         call values%look_at(content)
-         is_complete = values%is_whole()
-      end if
-      if (is_complete) then
-         is_complete = all([(values%has(trim(stored(i))), i=1, size(stored))])
-      end if
-      if (.not. is_complete) then
-         call refuse(error, folder//posterior_file//': is damaged, or was changed since it was ' &
-            & //'written, or is of another version; run the command that wrote it again')
-      end if
+      call values%look_at(content)
+      call new_crystal_class(values%text('symmetry'), class, error)
+      n_chains = max(1, size(values%reals('acceptance')))
+      n_samples = size(values%reals('log_density'))/n_chains
+      n_kept = size(values%reals('log_prior'))/n_chains
+      associate (n => class%n_constants, stride => int(values%integer('stride'), i8))
+         if (allocated(error) .or. n /= size(values%reals('lower')) .or. n_samples == 0 &
+            & .or. size(values%reals('most_probable')) < n .or. n_samples > n_kept*stride &
+            & .or. n_samples <= (n_kept - 1)*stride) then
+            call refuse(error, folder//posterior_file//': is damaged (its sizes contradict each ' &
+               & //'other); '//remedy)
+         end if
+      end associate
    end subroutine read_posterior
 
    !> Read the draws (parameter, draw) in a folder if they were computed of these inputs. A damaged
@@ -523,11 +529,7 @@ contains
       call read_posterior(folder, content, error)
       if (allocated(error)) return
       call values%look_at(content)
-      if (values%text('inputs') /= inputs) return
-      draws = values%columns('draws', dimension)
-      if (size(draws) > 0 .and. all(abs(draws) <= huge(draws))) return
-      call refuse(error, folder//posterior_file//': there are draws that are not ' &
-         & //'numbers; run the command that wrote it again')
+      if (values%text('inputs') == inputs) draws = values%columns('draws', dimension)
    end subroutine stored_draws
 
 end module analysis_document

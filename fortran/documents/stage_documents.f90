@@ -13,7 +13,7 @@ module stage_documents
    use files, only: checksum, file_exists, full_path, read_bytes, replace_file
    use json, only: json_type, quoted
    use kinds, only: wp
-   use observables, only: moduli_of_indentation, new_observable, observable_type
+   use observables, only: modulus_kinds, new_observable, observable_type
    use point_tables, only: points_type
    use problem, only: canonical_mark, problem_type, table_name
    use settings_reader, only: settings_namelist
@@ -42,6 +42,7 @@ contains
       type(places_type), intent(in) :: places
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: manifest, inputs, resolved, output, entries(:)
+      character(len=*), parameter :: key = '"inputs": {'
       integer :: at, i
 
       output = places%output(:len(places%output) - 1)
@@ -51,7 +52,8 @@ contains
          call read_document(output//manifest_name, manifest, error)
       end if
       if (allocated(error)) return
-      at = index(manifest, '"inputs": {') + len('"inputs": {')
+      at = index(manifest, key)
+      at = merge(at + len(key), len(manifest) + 1, at > 0)
       ! Each entry is '"name": "digest"'.
       entries = split_list(manifest(at:at + index(manifest(at:), '}') - 2))
       do i = 1, size(entries)
@@ -206,6 +208,9 @@ contains
             content = content(:index(content, newline//'  source =') + index(content, &
                & newline//'  ! source'))
             if (allocated(problem%stiffness)) content = content//problem%stiffness%table%digest()
+         case ('sampler')
+            ! Results do not depend on its last variable, which says what is written.
+            content = content(:index(content, newline//'  draws ='))
          case ('crystals')
             call add_table(problem%crystals)
          case ('curves')
@@ -263,24 +268,24 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Of surface waves, m/s.
       real(wp), intent(in), optional :: velocity(:)
-      character(len=:), allocatable :: kinds(:), names
+      character(len=:), allocatable :: names
       type(observable_type) :: observable
       real(wp), allocatable :: moduli(:, :)
       integer :: j
 
-      allocate (kinds, source=split_list(moduli_of_indentation))
-      allocate (moduli(size(modulus), size(kinds)))
+      allocate (moduli(size(modulus), size(modulus_kinds)))
       names = ''
-      do j = 1, size(kinds)
-         call new_observable(trim(kinds(j)), problem%settings%measurements, observable, error)
+      do j = 1, size(modulus_kinds)
+         call new_observable(trim(modulus_kinds(j)), problem%settings%measurements, observable, &
+            & error)
          if (allocated(error)) return
-         names = names//','//trim(kinds(j))//'_gpa'
+         names = names//','//trim(modulus_kinds(j))//'_gpa'
          moduli(:, j) = modulus
          call observable%to_measured(moduli(:, j))
       end do
       if (present(velocity)) then
          names = names//',rayleigh_velocity_m_s'
-         moduli = reshape([moduli, velocity], [size(modulus), size(kinds) + 1])
+         moduli = reshape([moduli, velocity], [size(modulus), size(modulus_kinds) + 1])
       end if
       call write_table(problem%crystals%table, path, names, moduli, error)
    end subroutine write_moduli

@@ -5,6 +5,7 @@ module analysis_operations
    use exchange, only: exchange_type
    use further_measurements, only: suggest_measurements
    use json, only: json_type
+   use posterior_diagnostics, only: check_analysis
    use planned_measurements, only: plan_measurements
    use stage_documents, only: end_document
    implicit none
@@ -24,6 +25,7 @@ contains
          !> -> ..
          call self%infer(x%error)
          if (allocated(x%error)) return
+         call check_analysis(self)
          call page%begin_object()
          call write_analysis(self, page)
          call put_analysis(self, end_document(page, [self%problem%warnings, self%warnings]), x%out)

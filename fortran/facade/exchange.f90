@@ -155,8 +155,8 @@ contains
       self%kind = kind
    end subroutine give
 
-   !> Put all results into `out`, or after an error only its 'message', and set the `status` of the
-   !> operation.
+   !> Put all results into `out`, or after an error only where and what it is, and set the `status`
+   !> of the operation.
    subroutine close(self, status)
       class(exchange_type), intent(inout) :: self
       integer, intent(out) :: status
@@ -168,6 +168,9 @@ contains
          status = self%error%status
          self%out%filled = 0
          call self%out%put('message', self%error%message)
+         call self%out%put('file', self%error%file)
+         call self%out%put('group', trim(self%error%group))
+         call self%out%put('variable', trim(self%error%variable))
          if (associated(self%made)) deallocate (self%made)
          return
       end if

@@ -10,6 +10,7 @@ module operations
    use crystal_class, only: crystal_class_type, new_crystal_class
    use crystal_operations, only: perform_crystal
    use diagnostics, only: diagnostic, diagnostics_text
+   use errors, only: locate_error
    use exchange, only: exchange_type, find_object, register_object
    use fe_indentation, only: indentation_model_type
    use namelist_file, only: entry_type, parse_namelist
@@ -124,9 +125,10 @@ contains
       case ('settings.values')
          !> path, content -> ..
          ! Values of a namelist's text. The tables that it names are not read.
-         call parse_namelist(path, x%in%text('content'), namelist, x%error)
-         if (.not. allocated(x%error)) call read_settings(path, namelist, '', '', settings, x%error)
+         call parse_namelist(x%in%text('content'), namelist, x%error)
+         if (.not. allocated(x%error)) call read_settings(namelist, '', '', settings, x%error)
          if (.not. allocated(x%error)) call put_settings(settings, x%out)
+         call locate_error(x%error, path)
       case ('settings.problem')
          !> path, content -> handle
          allocate (problem)
@@ -145,9 +147,9 @@ contains
          call x%give(problem, 'problem')
          allocate (problem%crystals)
          call new_crystal_class(x%in%text('symmetry'), class, x%error)
-         if (.not. allocated(x%error)) then
-            call read_crystals(path, path//': ', class, problem%crystals, x%error)
-         end if
+         if (allocated(x%error)) return
+         call read_crystals(path, class, problem%crystals, x%error)
+         call locate_error(x%error, path)
       case ('file.surrogate')
          !> name, symmetry, output, folder, data_folder, shipped -> handle
          allocate (surrogate)

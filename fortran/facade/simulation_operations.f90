@@ -24,7 +24,7 @@ module simulation_operations
    use stages, only: check_stages, load_problem, new_stage
    use surrogate_operations, only: give_basis
    use tables, only: write_table
-   use text, only: add_line, join, line_type, newline
+   use text, only: add_line, join, line_type
    implicit none
    private
    public :: run_simulator, use_indentation, use_stage, use_problem
@@ -255,9 +255,20 @@ contains
          !> table, column -> cells, cells.columns, stiffness, euler_deg, modulus_gpa, sd_gpa,
          !> constants, class
          call give_column(points_of(self, x%in%text('table')), x%in%text('column'), x%out)
+      case ('warn')
+         !> code, subject ->
+         ! Add a diagnostic of a table that was read in Python.
+         self%warnings = [self%warnings, diagnostic(x%in%text('code'), x%in%text('subject'))]
       case ('load')
-         !> notes, misread, .. -> ..
-         call load_given(self, x)
+         !> misread, .. -> ..
+         ! Read the tables that are given as texts, and the files that the namelist names.
+         call load_problem(self, x%in, x%error)
+         if (allocated(x%error)) return
+         if (x%in%has('misread')) then
+            self%misread = reshape(x%in%columns('misread', 3), &
+               & [3, self%measurements%table%rows, 7])
+         end if
+         call describe_problem(self, x%out)
       case ('write_crystals')
          !> path, names, values ->
          ! Write the table of the crystals with additional columns of numbers (n, m).
@@ -360,32 +371,6 @@ contains
          call out%put(name//'.names', lines)
       end do
    end subroutine describe_problem
-
-   !> Read the tables of a problem: those that are given as texts, and the files that the namelist
-   !> names. Then describe the problem.
-   subroutine load_given(self, x)
-      type(problem_type), intent(inout) :: self
-      type(exchange_type), intent(inout) :: x
-      character(len=:), allocatable :: notes
-      integer :: blank, last
-
-      ! Diagnostics of the tables, a line each: code, blank, subject.
-      notes = x%in%text('notes')
-      do while (len(notes) > 0)
-         last = index(notes//newline, newline)
-         blank = index(notes, ' ')
-         self%warnings = [self%warnings, &
-            & diagnostic(notes(:blank - 1), notes(blank + 1:last - 1))]
-         notes = notes(last + 1:)
-      end do
-      call load_problem(self, x%in, x%error)
-      if (allocated(x%error)) return
-      if (x%in%has('misread')) then
-         self%misread = reshape(x%in%columns('misread', 3), &
-            & [3, self%measurements%table%rows, 7])
-      end if
-      call describe_problem(self, x%out)
-   end subroutine load_given
 
    !> Table of a problem by its name; not associated if the problem does not have it.
    function points_of(self, name) result(points)

@@ -326,7 +326,8 @@ contains
       if (allocated(error)) return
       if (present(stated)) value = stated
       if (.not. present(stated)) then
-         call refuse(error, name//": the variable is missing; geometry = '"//geometry//"' needs it")
+         call refuse(error, "the variable is missing; geometry = '"//geometry//"' needs it", &
+            & variable=name)
       end if
    end subroutine require
 

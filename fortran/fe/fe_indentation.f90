@@ -6,7 +6,7 @@ module fe_indentation
    use indenters, only: indenter_type
    use basic_specimen, only: specimen_type
    use crystal_elasticity, only: check_stiffness, rotate_stiffness, rotation_matrix
-   use errors, only: error_type, machine_failure, refuse
+   use errors, only: error_type, locate_error, machine_failure, prefix_error, refuse
    use fe_element, only: brick_full, brick_incompatible, brick_selective
    use fe_grid, only: curve_type, grid_type, indent_grid, new_grid
    use kinds, only: pi, wp
@@ -18,7 +18,8 @@ module fe_indentation
    implicit none
    private
    public :: indentation_model_type, indentation_result_type, new_indentation_model, &
-      & new_wider_model, free_indentation_model, simulate_indentation, numerics_revision
+      & new_wider_model, free_indentation_model, simulate_indentation, numerics_revision, &
+      & least_elements
 
    !> Revision of the numerics: it increases with every change that alters results, and is part of
    !> the identity of stored results.
@@ -100,8 +101,10 @@ contains
          model%depth(simulation%depths) = indenter%depth
          model%window = [real(wp) ::]
          if (model%specimen%estimator /= 'curve') then
-            call indenter%check_length('contact_radius_um with the window of the stiffness', &
+            call indenter%check_length('contact_radius_um', &
                & (1.0_wp + window_share)*indenter%contact_radius, error)
+            call prefix_error(error, 'with the window of the stiffness ')
+            call locate_error(error, '', 'indenter')
             if (allocated(error)) return
             model%window = indenter%depth_of(indenter%contact_radius &
                                             & *(1.0_wp + window_share*window_position))
@@ -238,7 +241,7 @@ contains
          if (zone > widest) exit
          call new_wider_model(model, zone, wider, obstacle)
          if (allocated(obstacle)) then
-            error%message = error%message//', and no wider zone can be made: '//obstacle%message
+            error%message = error%message//', and no wider zone can be made: '//obstacle%line()
             if (obstacle%status == machine_failure) error%status = machine_failure
             exit
          end if

@@ -8,6 +8,7 @@
 module indenters
    use errors, only: error_type, refuse
    use kinds, only: degree, pi, wp
+   use layered_contact, only: profile_type
    use settings_schema, only: indenter_settings_type
    use text, only: to_text
    implicit none
@@ -23,7 +24,7 @@ module indenters
 
    !> An indenter whose height above its tip grows as a power of the distance r from the axis:
    !> paraboloid (exponent 2) and cone (exponent 1).
-   type :: indenter_type
+   type, extends(profile_type) :: indenter_type
       !> Names of the variables of &indenter that this indenter reads and some others do not,
       !> separated by ', '.
       character(len=:), allocatable :: variables
@@ -62,13 +63,15 @@ contains
       case (cone_name)
          allocate (indenter)
          indenter%exponent = 1
+         indenter%is_conical = .true.
          indenter%steepness = 1.0_wp/tan(settings%half_angle_deg*degree)
          indenter%sinking = 0.5_wp*pi*indenter%steepness
       case (sphere_name)
          allocate (sphere_indenter_type :: indenter)
          indenter%radius = settings%radius_um
       case default
-         call refuse(error, 'shape: '''//settings%shape//''' is unknown; allowed: '//indenter_names)
+         call refuse(error, ''''//settings%shape//''' is unknown; allowed: '//indenter_names, &
+            & variable='shape')
          return
       end select
       indenter%variables = 'radius_um'
@@ -133,8 +136,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       if (.not. length < self%radius) then
-         call refuse(error, variable//': '//to_text(length)//' um is beyond the sphere; allowed ' &
-            & //'below its radius_um of '//to_text(self%radius)//' um')
+         call refuse(error, to_text(length)//' um is beyond the sphere; allowed ' &
+            & //'below its radius_um of '//to_text(self%radius)//' um', variable=variable)
       end if
    end subroutine check_length
 

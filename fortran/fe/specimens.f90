@@ -3,15 +3,12 @@
 !>
 !> A new specimen needs a type that extends `specimen_type`, a name here, and lines in
 !> `new_indentation`.
-!>
-!> A new specimen: its type, which extends `specimen_type`, its name here, and its lines in
-!> `new_indentation`.
 module specimens
    use basic_specimen, only: clamped_around, clamped_bottom, halfspace_name, mesh_plan_type, &
       & mesh_stage_type, require, specimen_type, to_ball, to_cylinder
    use basic_specimen, only: core_of_contact, fineness, graded_layers, layers_of_ratio
    use crystal_elasticity, only: averages_type, isotropic_stiffness, polycrystal_averages
-   use errors, only: error_type, prefix_error, refuse
+   use errors, only: error_type, locate_error, refuse
    use indenters, only: indenter_type, new_indenter
    use kinds, only: wp
    use settings_schema, only: settings_type
@@ -93,8 +90,7 @@ module specimens
 
 contains
 
-   !> The indenter and the specimen of the settings. The message of an error begins with the group
-   !> and the variable.
+   !> The indenter and the specimen of the settings. An error has the group and the variable.
    subroutine new_indentation(settings, indenter, specimen, error)
       type(settings_type), intent(in) :: settings
       class(indenter_type), allocatable, intent(out) :: indenter
@@ -102,7 +98,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       call new_indenter(settings%indenter, indenter, error)
-      call prefix_error(error, '&indenter ')
+      call locate_error(error, '', 'indenter')
       if (allocated(error)) return
       select case (settings%specimen%geometry)
       case (halfspace_name)
@@ -114,8 +110,8 @@ contains
       case (grain_name)
          allocate (grain_specimen_type :: specimen)
       case default
-         call refuse(error, "&specimen geometry: '"//settings%specimen%geometry &
-            & //"' is unknown; allowed: "//geometry_names)
+         call refuse(error, "'"//settings%specimen%geometry//"' is unknown; allowed: " &
+            & //geometry_names, group='specimen', variable='geometry')
          return
       end select
       specimen%contact_radius = indenter%contact_radius
@@ -124,7 +120,7 @@ contains
       specimen%estimator = settings%specimen%estimator
       call specimen%set_up(settings, error)
       if (.not. allocated(error)) call specimen%check_sizes(error)
-      call prefix_error(error, '&specimen ')
+      call locate_error(error, '', 'specimen')
       if (len(specimen%element) == 0) specimen%element = 'c3d8i'
    end subroutine new_indentation
 
@@ -149,13 +145,14 @@ contains
       associate (half => 0.5_wp*self%width, narrowest => max(least_width, &
          & 2.0_wp*least_ratio*box_width*self%zone)*self%contact_radius)
          if (self%width < narrowest) then
-            call refuse(error, 'width_um: '//to_text(self%width) &
+            call refuse(error, to_text(self%width) &
                & //' um is too narrow for a contact radius of '//to_text(self%contact_radius, 3) &
-               & //' um; allowed from '//to_text(narrowest, 3)//' um')
+               & //' um; allowed from '//to_text(narrowest, 3)//' um', variable='width_um')
          else if (self%height < lowest*half .or. self%height > highest*half) then
-            call refuse(error, 'height_um: '//to_text(self%height) &
+            call refuse(error, to_text(self%height) &
                & //' um does not go with width_um = '//to_text(self%width)//'; allowed ' &
-               & //to_text(lowest*half)//' to '//to_text(highest*half)//' um')
+               & //to_text(lowest*half)//' to '//to_text(highest*half)//' um', &
+               & variable='height_um')
          end if
       end associate
    end subroutine block_check_sizes
@@ -203,10 +200,11 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       if (self%thickness < 2.0_wp*self%element_size) then
-         call refuse(error, 'thickness_um: '//to_text(self%thickness)//' um is less than two ' &
+         call refuse(error, to_text(self%thickness)//' um is less than two ' &
             & //'elements of '//to_text(self%element_size, 3)//' um under a contact of radius ' &
             & //to_text(self%contact_radius, 3)//' um; allowed from ' &
-            & //to_text(2.0_wp*self%element_size, 3)//' um, or indent less deeply')
+            & //to_text(2.0_wp*self%element_size, 3)//' um, or indent less deeply', &
+            & variable='thickness_um')
       end if
    end subroutine film_check_sizes
 
@@ -305,9 +303,10 @@ contains
       end if
       if (allocated(error) .or. .not. self%depth > 0.0_wp) return
       if (self%depth < flattest*self%radius .or. self%depth > deepest*self%radius) then
-         call refuse(error, 'grain_depth_um: '//to_text(self%depth) &
+         call refuse(error, to_text(self%depth) &
             & //' um does not go with grain_radius_um = '//to_text(self%radius)//'; allowed ' &
-            & //to_text(flattest*self%radius, 3)//' to '//to_text(deepest*self%radius, 3)//' um')
+            & //to_text(flattest*self%radius, 3)//' to '//to_text(deepest*self%radius, 3)//' um', &
+            & variable='grain_depth_um')
       end if
 
    contains
@@ -317,9 +316,10 @@ contains
          character(len=*), intent(in) :: name
 
          if (length < least) then
-            call refuse(error, name//': '//to_text(length)//' um does not hold the refined zone ' &
+            call refuse(error, to_text(length)//' um does not hold the refined zone ' &
                & //'under a contact of radius '//to_text(self%contact_radius, 3) &
-               & //' um; allowed from '//to_text(least, 3)//' um, or indent less deeply')
+               & //' um; allowed from '//to_text(least, 3)//' um, or indent less deeply', &
+               & variable=name)
          end if
       end subroutine refuse_below
    end subroutine grain_check_sizes

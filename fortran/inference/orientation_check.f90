@@ -1,4 +1,5 @@
-!> Check whether the orientations explain the moduli, without the crystal's constants.
+!> Check whether the orientations explain the moduli, without the crystal's constants, and find the
+!> outliers: grains without which the others agree.
 !>
 !> To first order in the anisotropy a modulus is a sum of the harmonics of the crystal class up to
 !> degree 4. Least squares fit the sum, with the errors that measurements share. If the orientations
@@ -216,7 +217,9 @@ contains
 
    contains
 
-      !> Distance of a grain from the prediction of the others, without its own weight.
+      !> Distance of a grain from the prediction of the others, without its own weight. For its
+      !> variance h of the prediction, in units of the noise, the residual has the variance 1 - h if
+      !> the grain is in the fit, and 1 + h if it is left out.
       real(wp) function distance(i)
          integer, intent(in) :: i
          real(wp) :: z(size(fit%b))

@@ -7,16 +7,17 @@
 !>
 !> The target, the sampler's settings and the random stream determine a chain. Its file is named by
 !> a hash of the settings and of the log densities of some points: other measurements, another
-!> surrogate or another prior change their bits. The file contains the bits of the acceptance, the
-!> log densities and the draws, and their checksum. A chain that cannot be stored, or whose file is
+!> surrogate or another prior change their bits. A chain that cannot be stored, or whose file is
 !> damaged, is drawn again.
 module samplers
+   use, intrinsic :: iso_c_binding, only: c_char
    use abstract_sampler, only: chain_type, draw_starts, sampler_type, target_type
    use ensemble_sampler, only: run_ensemble
    use errors, only: error_type, raise, refuse
-   use files, only: checksum, read_bytes, replace_file
+   use files, only: checksum
    use kinds, only: i8, wp
    use machine, only: raise_no_memory
+   use named_values, only: named_values_reader_type, named_values_type, restore
    use random, only: new_random_stream, random_stream_type
    use progress, only: advance_progress, begin_progress, end_progress
    use running_command, only: listen, stop_listening, stop_requested
@@ -29,13 +30,15 @@ module samplers
 
    !> Prefix of the names of these files.
    character(len=*), parameter, public :: chain_prefix = '.chain-'
+   !> Version of the format of these files.
+   integer, parameter :: chain_format = 2
    integer(i8), parameter :: bytes_of_real = storage_size(1.0_wp)/8
 
    type :: checkpoint_type
       !> Path of a chain's file without the number of its stream. Unallocated if no chain is stored.
       character(len=:), allocatable :: stem
    contains
-      procedure :: restore, store
+      procedure :: restore => restore_chain, store => store_chain
    end type checkpoint_type
 
    type :: run_settings_type
@@ -82,48 +85,48 @@ contains
    end function bytes_of
 
    !> Read the chain of a random stream if its file exists and is intact: the chain is then started.
-   subroutine restore(self, number, chain)
+   subroutine restore_chain(self, number, chain)
       class(checkpoint_type), intent(in) :: self
       !> Number of the random stream.
       integer, intent(in) :: number
       !> Unchanged if it was not read.
       type(chain_type), intent(inout) :: chain
+      character(len=*), parameter :: forms(4) = [character(len=28) :: 'format, i', &
+         & 'acceptance, r', 'log_density, r, sample', 'draws, r, parameter, sample']
       type(error_type), allocatable :: error
-      character(len=:), allocatable :: content
-      real(wp), allocatable :: values(:)
-      integer(i8) :: n_bytes
-      integer :: n
+      character(kind=c_char, len=:), allocatable, target :: content
+      type(named_values_reader_type) :: values
+      real(wp), pointer :: log_density(:), draws(:)
 
       if (.not. allocated(self%stem)) return
-      call read_bytes(self%stem//to_text(number), content, error)
+      call restore(self%stem//to_text(number), chain_format, forms, '', content, error)
       if (allocated(error)) return
-      n = size(chain%log_density)
-      allocate (values(1 + n + size(chain%draws)))
-      n_bytes = size(values)*bytes_of_real
-      if (len(content) /= n_bytes + len(checksum(''))) return
-      if (content(n_bytes + 1:) /= checksum(content(:n_bytes))) return
-      values = transfer(content(:n_bytes), values)
-      chain%acceptance = values(1)
-      chain%log_density = values(2:n + 1)
-      chain%draws = reshape(values(n + 2:), shape(chain%draws))
+      call values%look_at(content)
+      log_density => values%reals('log_density')
+      draws => values%reals('draws')
+      if (size(log_density) /= size(chain%log_density) .or. size(draws) /= size(chain%draws)) return
+      chain%acceptance = values%real('acceptance')
+      chain%log_density = log_density
+      chain%draws = reshape(draws, shape(chain%draws))
       chain%started = .true.
-   end subroutine restore
+   end subroutine restore_chain
 
    !> Store the chain of a random stream. A failure has no message: the chain is then drawn again.
-   subroutine store(self, number, chain)
+   subroutine store_chain(self, number, chain)
       class(checkpoint_type), intent(in) :: self
       !> Number of the random stream.
       integer, intent(in) :: number
       type(chain_type), intent(in) :: chain
       type(error_type), allocatable :: error
-      character(len=:), allocatable :: content
-      real(wp), allocatable :: values(:)
+      type(named_values_type) :: values
 
       if (.not. allocated(self%stem)) return
-      values = [chain%acceptance, chain%log_density, reshape(chain%draws, [size(chain%draws)])]
-      content = bytes_of(values)
-      call replace_file(self%stem//to_text(number), content//checksum(content), error)
-   end subroutine store
+      call values%put('format', chain_format)
+      call values%put('acceptance', chain%acceptance)
+      call values%put('log_density', chain%log_density)
+      call values%put('draws', chain%draws)
+      call values%store(self%stem//to_text(number), error)
+   end subroutine store_chain
 
    !> All samplers: a new one needs a module and a line here. The user may choose those before
    !> `direct`.

@@ -4,17 +4,16 @@ module observables
    use errors, only: error_type, refuse
    use kinds, only: wp
    use settings_schema, only: measurements_settings_type
-   use text, only: to_text
+   use text, only: join, to_text
    implicit none
    private
-   public :: observable_type, observable_names, moduli_of_indentation, new_observable
+   public :: observable_type, modulus_kinds, new_observable
    public :: path_type, path_names, surface_path, longitudinal_path
 
-   !> Kinds of modulus of an indentation.
-   character(len=*), parameter :: moduli_of_indentation = 'indentation_modulus, ' &
-      & //'effective_modulus, sample_modulus'
-   !> A new observable needs its name here and a case in `new_observable`.
-   character(len=*), parameter :: observable_names = moduli_of_indentation
+   !> Kinds of modulus of an indentation; the column of a kind is named 'KIND_gpa'. A new one needs
+   !> its name here and a case in `new_observable`.
+   character(len=*), parameter :: modulus_kinds(3) = [character(len=19) :: 'indentation_modulus', &
+      & 'effective_modulus', 'sample_modulus']
 
    !> A kind of modulus as a function of the modulus M of the half-space: a M/(1 + d M).
    !>
@@ -77,7 +76,7 @@ contains
             observable%factor = 1.0_wp - sample_nu**2
          case default
             call refuse(error, 'modulus_kind: '''//name//''' is unknown; allowed: ' &
-               & //observable_names)
+               & //join(modulus_kinds, ', '))
          end select
       end associate
    end subroutine new_observable

@@ -3,10 +3,9 @@ module measurement_checks
    use crystal_class, only: crystal_class_type
    use diagnostics, only: diagnostic, diagnostic_type
    use distinct_directions, only: all_alike, angle_between, new_region, region_type
-   use errors, only: error_type, prefix_error, refuse
+   use errors, only: error_type, refuse
    use files, only: printable
    use kinds, only: degree, wp
-   use namelist_file, only: place
    use point_tables, only: angles_look_like_radians, points_type
    use repeated_tests, only: check_scatter
    use settings_schema, only: settings_type
@@ -34,31 +33,27 @@ contains
    end subroutine refuse_radians
 
    !> Warn of unusual measurements, and refuse angles in radians unless the settings declare them.
-   subroutine check_measurements(path, settings, class, measurements, warnings, error)
-      !> The namelist, or the origin of keywords.
-      character(len=*), intent(in) :: path
+   subroutine check_measurements(settings, class, measurements, warnings, error)
       type(settings_type), intent(in) :: settings
       type(crystal_class_type), intent(in) :: class
       type(points_type), intent(in) :: measurements
       type(diagnostic_type), allocatable, intent(inout) :: warnings(:)
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: prefix
+      character(len=:), allocatable :: subject
       !> Smallest plausible standard deviation of indentation, relative to the modulus.
       real(wp), parameter :: least_relative_sd = 0.003_wp
       logical :: radians
       real(wp) :: relative_sd
 
-      prefix = 'the table'
+      subject = 'the table'
       if (allocated(settings%measurements%file)) then
-         prefix = printable(settings%measurements%file)
+         subject = subject//' '//printable(settings%measurements%file)
       end if
-      prefix = place(path, 'measurements', 'file')//prefix
       radians = settings%measurements%angles == 'degrees' &
          & .and. angles_look_like_radians(measurements)
       if (radians) call refuse_radians(measurements, error)
-      call prefix_error(error, prefix//': ')
       if (allocated(error)) return
-      call check_scatter(measurements, prefix, warnings)
+      call check_scatter(measurements, subject, warnings)
       if (measurements%n == 1) then
          call warn('one_grain')
       else if (allocated(class%name) .and. .not. radians &
@@ -84,7 +79,7 @@ contains
          character(len=*), intent(in) :: code
          real(wp), intent(in), optional :: numbers(:)
 
-         warnings = [warnings, diagnostic(code, prefix, numbers)]
+         warnings = [warnings, diagnostic(code, subject, numbers)]
       end subroutine warn
 
       !> Warn if all grains have about the same direction, or if they have fewer different

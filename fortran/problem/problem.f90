@@ -4,14 +4,14 @@
 !> errors. A message is one line: `ORIGIN: &group name: what is wrong, the value, what is allowed`.
 module problem
    use crystal_class, only: crystal_class_type, lattice_type, new_crystal_class, new_lattice
-   use curve_tables, only: curve_set_type, read_curves
+   use curve_tables, only: curve_set_type, read_curves, read_tests
    use diagnostics, only: diagnostic, diagnostic_type
-   use errors, only: error_type, prefix_error, refuse
+   use errors, only: error_type, locate_error, prefix_error, refuse
    use files, only: file_exists, folder_of, full_path, printable, read_text_file, resolve_path
    use kinds, only: wp
    use machine, only: thread_count
    use named_values, only: named_values_reader_type
-   use namelist_file, only: entry_type, place
+   use namelist_file, only: entry_type
    use measurement_checks, only: check_measurements, refuse_radians
    use point_tables, only: angles_look_like_radians, points_type, read_crystals, &
       & read_measurements, read_orientations
@@ -69,9 +69,11 @@ module problem
       !> Folder, without its last slash, for finished chains until Step 2 is done; unallocated: they
       !> are not stored.
       character(len=:), allocatable :: kept_in
+      !> Whether the batch program has it, which writes the table of draws unless told otherwise.
+      logical :: is_of_batch = .false.
    contains
-      procedure :: curves_place, load_tables, locate, refuse => refuse_variable, refuse_table, &
-         & resolved_text, take_curve_results, threads
+      procedure :: load_tables, locate, locate_curves, refuse => refuse_variable, &
+         & refuse_table, resolved_text, take_curve_results, threads
    end type problem_type
 
    !> Name of the canonical table of the measurements in a folder of results.
@@ -105,7 +107,7 @@ contains
          if (len(namelist(i)%name) == 0) self%groups = self%groups//namelist(i)%group//' '
       end do
       allocate (self%warnings(0))
-      call read_settings(path, namelist, command, needed, self%settings, error)
+      call read_settings(namelist, command, needed, self%settings, error)
       if (allocated(error)) return
       associate (s => self%settings, last => self%settings%indenter)
          if (len(s%surrogate%file) == 0) then
@@ -122,11 +124,11 @@ contains
          if (.not. allocated(error)) self%settings%problem%symmetry = self%class%name
          if (allocated(self%settings%problem%lattice) .and. .not. allocated(error)) then
             call new_lattice(self%class, self%settings%problem%lattice, lattice, error)
-            call prefix_error(error, place(path, 'problem', 'lattice'))
+            call self%locate('problem', 'lattice', error)
          end if
       end if
       if (allocated(error)) return
-      call check_settings(path, self%settings, self%class, error)
+      call check_settings(self%settings, self%class, error)
       if (allocated(error)) return
       if (len(self%settings%specimen%estimator) == 0) self%settings%specimen%estimator = 'curve'
    end subroutine new_problem
@@ -150,7 +152,7 @@ contains
             self%shared_file = resolve_path(self%folder, s%measurements%shared_errors)
          end if
          call find_text('measurements', s%measurements%file, self%table_text)
-         call prefix_error(error, prefix_of_table(self))
+         call locate_table(self, error)
          if (allocated(error)) return
          if (allocated(self%table_text)) then
             call take_measurements(self, self%table_text, error)
@@ -180,16 +182,15 @@ contains
          end if
       end subroutine find_text
 
-      !> Find the table of a variable, without columns if there is none. `prefix` begins messages.
-      subroutine find_table(name, file, prefix, table)
-         character(len=*), intent(in) :: name, prefix
+      !> Find the table of a variable, without columns if there is none.
+      subroutine find_table(name, file, table)
+         character(len=*), intent(in) :: name
          character(len=:), allocatable, intent(in) :: file
          type(table_type), intent(out) :: table
          character(len=:), allocatable :: text
 
          call find_text(name, file, text)
          if (allocated(text) .and. .not. allocated(error)) call parse_table(text, table, error)
-         call prefix_error(error, prefix)
       end subroutine find_table
 
       !> Read curves, and the table of tests that the namelist names.
@@ -198,14 +199,14 @@ contains
 
          associate (stated => self%settings%curves, measured => self%settings%measurements)
             call find_text('curves', stated%file, content)
-            call prefix_error(error, self%curves_place())
-            if (allocated(error)) return
-            if (allocated(content)) then
+            if (allocated(content) .and. .not. allocated(error)) then
                allocate (self%curves)
-               call read_curves(content, resolve_path(self%folder, stated%tests), &
-                  & self%curves_place(), place(self%path, 'curves', 'tests') &
-                  & //printable(stated%tests)//': ', self%curves, error)
+               call read_tests(resolve_path(self%folder, stated%tests), self%curves, error)
+               call self%locate('curves', 'tests', error, stated%tests)
+               if (allocated(error)) return
+               call read_curves(content, self%curves, error)
             end if
+            call self%locate_curves(error)
             if (allocated(error) .or. allocated(measured%file)) return
             measured%modulus_kind = 'effective_modulus'
             measured%indenter_modulus_gpa = stated%indenter_modulus_gpa
@@ -215,30 +216,28 @@ contains
 
       !> Set the known stiffness.
       subroutine load_stiffness()
-         character(len=:), allocatable :: prefix
          type(table_type) :: table
 
-         prefix = place_of(self, 'knowledge', 'stiffness_file', &
-            & self%settings%knowledge%stiffness_file, 'stiffness')
-         call find_table('stiffness', self%settings%knowledge%stiffness_file, prefix, table)
-         if (allocated(error) .or. table%columns == 0) return
-         allocate (self%stiffness)
-         call new_stiffness_table(table, self%class, self%stiffness, error)
-         call prefix_error(error, prefix)
+         call find_table('stiffness', self%settings%knowledge%stiffness_file, table)
+         if (.not. allocated(error) .and. table%columns > 0) then
+            allocate (self%stiffness)
+            call new_stiffness_table(table, self%class, self%stiffness, error)
+         end if
+         call self%locate('knowledge', 'stiffness_file', error, &
+            & self%settings%knowledge%stiffness_file)
       end subroutine load_stiffness
 
       !> Set the speeds.
       subroutine load_velocities()
-         character(len=:), allocatable :: prefix
          type(table_type) :: table
 
-         prefix = place(self%path, 'measurements', 'velocities')
-         call find_table('velocities', self%settings%measurements%velocities, prefix, table)
-         if (allocated(error) .or. table%columns == 0) return
-         allocate (self%velocities)
-         call read_velocities(table, radians, self%velocities, error)
-         if (.not. (allocated(error) .or. radians)) call refuse_radians(self%velocities, error)
-         call prefix_error(error, prefix)
+         call find_table('velocities', self%settings%measurements%velocities, table)
+         if (.not. allocated(error) .and. table%columns > 0) then
+            allocate (self%velocities)
+            call read_velocities(table, radians, self%velocities, error)
+            if (.not. (allocated(error) .or. radians)) call refuse_radians(self%velocities, error)
+         end if
+         call self%locate('measurements', 'velocities', error)
       end subroutine load_velocities
 
       !> Read the grains of a variable, if it is stated.
@@ -246,15 +245,12 @@ contains
          character(len=*), intent(in) :: group, name
          character(len=:), allocatable, intent(in) :: file
          type(points_type), allocatable, intent(out) :: grains
-         character(len=:), allocatable :: prefix
 
          if (.not. allocated(file)) return
          allocate (grains)
-         prefix = place(self%path, group, name)//printable(file)//': '
-         call find_table(name, file, prefix, grains%table)
-         if (allocated(error)) return
-         call read_grains(self, radians, grains, error)
-         call prefix_error(error, prefix)
+         call find_table(name, file, grains%table)
+         if (.not. allocated(error)) call read_grains(self, radians, grains, error)
+         call self%locate(group, name, error, file)
       end subroutine load_grains
    end subroutine load_tables
 
@@ -271,7 +267,7 @@ contains
             if (allocated(error)) return
             if (angles_look_like_radians(self%crystals)) then
                self%warnings = [self%warnings, diagnostic('angles_like_radians', &
-                  & place(self%path, 'crystals', 'points')//printable(s%crystals%points))]
+                  & 'the table '//printable(s%crystals%points))]
             end if
          end if
          if (allocated(s%references%crystals)) then
@@ -289,10 +285,9 @@ contains
          i = findloc([(points%classes(points%class(i))%name == self%class%name, i=1, points%n)], &
             & .false., 1)
          if (i > 0) then
-            call refuse(error, place(self%path, 'design', 'candidates') &
-               & //printable(self%settings%design%candidates)//': line ' &
-               & //to_text(points%table%line(i)) &
+            call refuse(error, 'line '//to_text(points%table%line(i)) &
                & //': the crystal is not of the symmetry of &problem')
+            call self%locate('design', 'candidates', error, self%settings%design%candidates)
          end if
       end associate
 
@@ -304,8 +299,8 @@ contains
          type(points_type), allocatable, intent(out) :: crystals
 
          allocate (crystals)
-         call read_crystals(resolve_path(self%folder, file), &
-            & place(self%path, group, name)//printable(file)//': ', self%class, crystals, error)
+         call read_crystals(resolve_path(self%folder, file), self%class, crystals, error)
+         call self%locate(group, name, error, file)
       end subroutine read_file
    end subroutine load_crystals
 
@@ -330,21 +325,6 @@ contains
       end if
    end subroutine read_grains
 
-   !> Beginning of the messages on a table: group, variable and file, or, if no file is stated, the
-   !> variable `instead`.
-   pure function place_of(self, group, name, file, instead) result(prefix)
-      class(problem_type), intent(in) :: self
-      character(len=*), intent(in) :: group, name, instead
-      character(len=:), allocatable, intent(in) :: file
-      character(len=:), allocatable :: prefix
-
-      if (allocated(file)) then
-         prefix = place(self%path, group, name)//printable(file)//': '
-      else
-         prefix = place(self%path, group, instead)
-      end if
-   end function place_of
-
    !> The number of threads that &execution allows.
    integer function threads(self)
       class(problem_type), intent(in) :: self
@@ -359,17 +339,21 @@ contains
       character(len=*), intent(in) :: group, name, message
       type(error_type), allocatable, intent(out) :: error
 
-      call refuse(error, place(self%path, group, name)//message)
+      call refuse(error, message, group, name)
+      call locate_error(error, self%path)
    end subroutine refuse_variable
 
-   !> Put a group and a variable of the namelist before the message of an error, if there is one.
-   pure subroutine locate(self, group, name, error)
+   !> Say of which group and variable of the namelist an error is, if there is one.
+   pure subroutine locate(self, group, name, error, table)
       class(problem_type), intent(in) :: self
       !> Either may be ''.
       character(len=*), intent(in) :: group, name
       type(error_type), allocatable, intent(inout) :: error
+      !> File that the variable names, if the error is in it.
+      character(len=*), intent(in), optional :: table
 
-      call prefix_error(error, place(self%path, group, name))
+      if (present(table)) call locate_error(error, printable(table))
+      call locate_error(error, self%path, group, name)
    end subroutine locate
 
    !> Refuse the table of the measurements, which is not canonical, for a `reason`.
@@ -385,13 +369,16 @@ contains
          & //' --output DIR'' and name DIR/table.csv', error)
    end subroutine refuse_table
 
-   !> Beginning of the messages on curves.
-   pure function curves_place(self) result(prefix)
+   !> Say that an error is in the curves.
+   pure subroutine locate_curves(self, error)
       class(problem_type), intent(in) :: self
-      character(len=:), allocatable :: prefix
+      type(error_type), allocatable, intent(inout) :: error
 
-      prefix = place_of(self, 'curves', 'file', self%settings%curves%file, 'files')
-   end function curves_place
+      associate (stated => self%settings%curves)
+         call self%locate('curves', trim(merge('file ', 'files', allocated(stated%file))), error, &
+            & stated%file)
+      end associate
+   end subroutine locate_curves
 
    !> Read the measurements that were inferred from curves, unless the file names others.
    subroutine take_curve_results(self, folder, error)
@@ -407,7 +394,7 @@ contains
       end if
       self%shared_file = folder//'/shared_errors.csv'
       call read_text_file(folder//'/measurements.csv', content, error)
-      call prefix_error(error, prefix_of_table(self))
+      call locate_table(self, error)
       if (.not. allocated(error)) call take_measurements(self, content, error)
    end subroutine take_curve_results
 
@@ -433,17 +420,16 @@ contains
          name = ''
          if (column > 0) name = printable(table%name(column))
          if (index(name, 'other_') == 1) then
-            call refuse(error, prefix_of_table(self)//'the column '//name//' is not allowed; ' &
-               & //'leave out the rows with other_probability above 0.05, and the columns other_*')
+            call refuse(error, 'the column '//name//' is not allowed; leave out the rows with ' &
+               & //'other_probability above 0.05, and the columns other_*')
          else if (column > 0 .and. table%columns > 1) then
             call self%refuse_table(' has the column '''//name//'''', error)
          else if (radians) then
             call self%refuse_table(' has angles in radians', error)
          end if
-         if (allocated(error)) return
       end if
       if (.not. allocated(error)) call read_tests()
-      call prefix_error(error, prefix_of_table(self))
+      call locate_table(self, error)
       if (allocated(error)) return
       self%measurements = measurements
       if (allocated(measurements%tests) .and. allocated(self%shared_errors)) then
@@ -456,8 +442,8 @@ contains
          end do
       end if
       self%settings%measurements%modulus_kind = measurements%modulus_kind
-      call check_measurements(self%path, self%settings, self%class, self%measurements, &
-         & self%warnings, error)
+      call check_measurements(self%settings, self%class, self%measurements, self%warnings, error)
+      call locate_table(self, error)
       if (allocated(self%velocities)) call append_velocities(self%measurements, self%velocities)
 
    contains
@@ -511,13 +497,16 @@ contains
       end subroutine read_shared_errors
    end subroutine take_measurements
 
-   !> Beginning of the messages on the measurements.
-   function prefix_of_table(self) result(prefix)
+   !> Say that an error is in the table of the measurements.
+   subroutine locate_table(self, error)
       type(problem_type), intent(in) :: self
-      character(len=:), allocatable :: prefix
+      type(error_type), allocatable, intent(inout) :: error
 
-      prefix = place_of(self, 'measurements', 'file', self%settings%measurements%file, '')
-   end function prefix_of_table
+      associate (stated => self%settings%measurements)
+         call self%locate('measurements', trim(merge('file', '    ', allocated(stated%file))), &
+            & error, stated%file)
+      end associate
+   end subroutine locate_table
 
    !> Text of the resolved namelist for the folder of results: stated and needed groups, every
    !> variable with its value. The table of the measurements is the one in that folder.

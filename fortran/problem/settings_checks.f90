@@ -4,7 +4,6 @@ module settings_checks
    use crystal_elasticity, only: is_stable
    use errors, only: error_type, refuse
    use kinds, only: wp
-   use namelist_file, only: place
    use settings_list, only: settings_list_type
    use settings_schema, only: list_settings, settings_type
    use text, only: join, to_text
@@ -14,9 +13,8 @@ module settings_checks
 
 contains
 
-   !> Refuse settings that contradict each other; `path` begins the message.
-   subroutine check_settings(path, settings, class, error)
-      character(len=*), intent(in) :: path
+   !> Refuse settings that contradict each other.
+   subroutine check_settings(settings, class, error)
       type(settings_type), intent(in) :: settings
       type(crystal_class_type), intent(in) :: class
       type(error_type), allocatable, intent(out) :: error
@@ -46,7 +44,7 @@ contains
       end if
       call check_lists('references', &
          & [character(len=12) :: 'name', 'young_gpa', 'young_sd_gpa', 'nu'])
-      if (.not. allocated(error)) call check_combinations(path, settings, error)
+      if (.not. allocated(error)) call check_combinations(settings, error)
 
    contains
 
@@ -56,7 +54,7 @@ contains
          character(len=*), intent(in) :: group, name, message
 
          if (allocated(error) .or. .not. wrong) return
-         call refuse(error, place(path, group, name)//message)
+         call refuse(error, message, group, name)
       end subroutine check
 
       !> Refuse bounds unless c_min is below c_max, or equal to it in &prior, and some crystal
@@ -129,9 +127,8 @@ contains
       end subroutine check_lists
    end subroutine check_settings
 
-   !> Refuse variables that contradict each other; `path` begins the message.
-   subroutine check_combinations(path, settings, error)
-      character(len=*), intent(in) :: path
+   !> Refuse variables that contradict each other.
+   subroutine check_combinations(settings, error)
       type(settings_type), intent(in) :: settings
       type(error_type), allocatable, intent(out) :: error
       !> Variables that need computed speeds, and their groups; the last is none.
@@ -143,6 +140,8 @@ contains
       character(len=*), parameter :: needs_known(7) = [character(len=20) :: 'ebsd', &
          & 'velocities', 'misalignment_sd_deg', 'orientation_sd_deg', 'likelihood', &
          & 'scale = ''inferred''', '']
+      character(len=*), parameter :: schedulers(3) = [character(len=7) :: 'local', 'slurm', &
+         & 'address']
       integer :: k
       logical :: has_speeds, is_bulk, is_stated(size(needs_known))
 
@@ -197,6 +196,10 @@ contains
             & 'surrogate', 'file', '''halfspace'' is the theory of a bulk sample, but geometry ' &
             & //'is '''//geometry &
             & //'''; state &design to train a surrogate of it, or the name of one')
+         call check(all(settings%execution%scheduler /= schedulers), 'execution', 'scheduler', &
+            & ''''//settings%execution%scheduler//'''; allowed '''//join(schedulers, ''', ''') &
+            & //'''. Who answers at an address can run code here, so a namelist may not state ' &
+            & //'one: use the option --scheduler ADDRESS')
          call check(design%initial > design%budget, 'design', 'initial', to_text(design%initial) &
             & //' is more than the budget; allowed 0 to '//to_text(design%budget))
          call check(design%candidates == 'latin' .and. design%n_candidates < design%budget, &
@@ -212,7 +215,7 @@ contains
          character(len=*), intent(in) :: group, name, message
 
          if (allocated(error) .or. .not. wrong) return
-         call refuse(error, place(path, group, name)//message)
+         call refuse(error, message, group, name)
       end subroutine check
    end subroutine check_combinations
 end module settings_checks

@@ -127,6 +127,7 @@ contains
          call load_problem(self, no_texts, error)
       end if
       call stop_on(error)
+      self%is_of_batch = .true.
       call print_diagnostics(self%warnings)
       ! A function of deferred length in a structure constructor makes gfortran 12 allocate one byte
       ! for it.
@@ -204,7 +205,7 @@ contains
       type(error_type), allocatable, intent(in) :: error
 
       if (.not. allocated(error)) return
-      call print_line(error_stream, error%message)
+      call print_line(error_stream, error%line())
       call end_process(merge(exit_bad_input, exit_failure, error%status == exit_bad_input))
    end subroutine stop_on
 
@@ -224,7 +225,7 @@ contains
          & //'surrogate.txt, build.json', '  &plan          says how well the constants would be ' &
          & //'known before anything is measured: plan.json', '  &curves        infers moduli ' &
          & //'from measured curves: measurements.csv, shared_errors.csv, fits.csv, curves.json', &
-         & '  &measurements  samples the constants: posterior.csv, posterior.bin, summary.json', &
+         & '  &measurements  samples the constants: posterior.bin, posterior.csv, summary.json', &
          & '  &next          ranks the grains to measure next: next.json', &
          & 'bayesindent report DIR makes the page of results.', '', &
          & '  --stage NAME  only simulate, theory, build, plan, curves, extract or next', &

@@ -64,7 +64,7 @@ contains
             !$omp critical (simulation_loop_outcomes)
             if (allocated(own)) then
                if (own%status == machine_failure) then
-                  outcome%message = own%message
+                  outcome%message = own%line()
                   deallocate (own)
                end if
             end if

@@ -1,17 +1,16 @@
 !> The syntax of namelist files. Text becomes a list of (group, variable, values); messages name
-!> file, group and line.
+!> the line.
 !>
 !> gfortran's own namelist READ reports a missing group, a missing slash and a wrong type all as end
 !> of file, and accepts duplicates and NaN silently. This parser handles syntax only;
 !> `settings_schema` defines the meaning of the names.
 module namelist_file
-   use errors, only: error_type, exit_bad_input, prefix_error, raise
-   use files, only: printable, read_text_file
+   use errors, only: error_type, prefix_error, refuse_input => refuse
+   use files, only: printable
    use text, only: line_type, lower, newline, read_integer, to_text
    implicit none
    private
-   public :: entry_type, value_type, read_namelist_file, parse_namelist, find_entry, &
-      & place
+   public :: entry_type, value_type, parse_namelist, find_entry
 
    !> One value as written: a quoted text without its quotes, or an unquoted word.
    type, extends(line_type) :: value_type
@@ -30,7 +29,7 @@ module namelist_file
    !> none).
    type :: parser_type
       type(entry_type), allocatable :: file(:)
-      character(len=:), allocatable :: path, text, group, name
+      character(len=:), allocatable :: text, group, name
       integer :: position = 1, line = 1
       type(error_type), allocatable :: error
    end type parser_type
@@ -43,31 +42,6 @@ module namelist_file
 
 contains
 
-   !> 'FILE: &group name: ', the beginning of every message about an input. Group and name may be
-   !> ''.
-   pure function place(path, group, name) result(prefix)
-      character(len=*), intent(in) :: path, group, name
-      character(len=:), allocatable :: prefix
-
-      prefix = path//': '
-      if (len(group) == 0) return
-      prefix = prefix//'&'//printable(group)
-      if (len(name) > 0) prefix = prefix//' '//printable(name)
-      prefix = prefix//': '
-   end function place
-
-   subroutine read_namelist_file(path, file, error)
-      character(len=*), intent(in) :: path
-      type(entry_type), allocatable, intent(out) :: file(:)
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: content
-
-      call read_text_file(path, content, error)
-      call prefix_error(error, path//': ')
-      if (allocated(error)) return
-      call parse_namelist(path, content, file, error)
-   end subroutine read_namelist_file
-
    !> The last index of a variable among entries, or of a group if `name` is ''; 0 if it is missing.
    pure integer function find_entry(entries, group, name) result(i)
       type(entry_type), intent(in) :: entries(:)
@@ -78,14 +52,13 @@ contains
       end do
    end function find_entry
 
-   !> Parse the content of a file; `path` is for messages.
-   subroutine parse_namelist(path, content, file, error)
-      character(len=*), intent(in) :: path, content
+   !> Parse the content of a file.
+   subroutine parse_namelist(content, file, error)
+      character(len=*), intent(in) :: content
       type(entry_type), allocatable, intent(out) :: file(:)
       type(error_type), allocatable, intent(out) :: error
       type(parser_type) :: parser
 
-      parser%path = path
       parser%text = content//newline
       parser%group = ''
       parser%name = ''
@@ -98,8 +71,7 @@ contains
       call move_alloc(parser%file, file)
       call move_alloc(parser%error, error)
       if (.not. allocated(error) .and. size(file) == 0) then
-         call raise(error, path//': the file holds no namelist group, only comments', &
-            & exit_bad_input)
+         call refuse_input(error, 'the file holds no namelist group, only comments')
       end if
    end subroutine parse_namelist
 
@@ -366,11 +338,9 @@ contains
       type(parser_type), intent(inout) :: parser
       character(len=*), intent(in) :: message
       integer, intent(in), optional :: line
-      character(len=:), allocatable :: prefix
 
       if (allocated(parser%error)) return
-      prefix = place(parser%path, parser%group, parser%name)
-      if (present(line)) prefix = prefix//'line '//to_text(line)//': '
-      call raise(parser%error, prefix//message, exit_bad_input)
+      call refuse_input(parser%error, message, parser%group, parser%name)
+      if (present(line)) call prefix_error(parser%error, 'line '//to_text(line)//': ')
    end subroutine refuse
 end module namelist_file

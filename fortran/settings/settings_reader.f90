@@ -8,7 +8,7 @@ module settings_reader
    use files, only: printable
    use kinds, only: wp
    use named_values, only: named_values_type
-   use namelist_file, only: entry_type, find_entry, place, value_type
+   use namelist_file, only: entry_type, find_entry, value_type
    use settings_list, only: is_text, longest_item, settings_list_type, text_values, variable_type
    use settings_schema, only: list_settings, set_settings, settings_type
    use text, only: lower, newline, number_malformed, number_ok, quoted, read_real, to_text
@@ -23,8 +23,7 @@ contains
 
    !> Read the settings of a namelist. `needed` lists the groups, separated by blanks, that
    !> `command` needs. `command` is '' if tables are passed as arrays; then no file is required.
-   subroutine read_settings(path, file, command, needed, settings, error)
-      character(len=*), intent(in) :: path
+   subroutine read_settings(file, command, needed, settings, error)
       type(entry_type), intent(in) :: file(:)
       character(len=*), intent(in) :: command, needed
       type(settings_type), intent(out) :: settings
@@ -40,7 +39,7 @@ contains
       list%groups%given = [(find_entry(file, list%groups(i)%name, '') > 0, i=1, size(list%groups))]
       do i = 1, size(list%variables)
          associate (v => list%variables(i))
-            call read_variable(path, file, v, error)
+            call read_variable(file, v, error)
             if (allocated(error)) return
             ! Report wrong values before missing ones.
             if (allocated(v%values) .or. allocated(missing) .or. v%default /= '*') cycle
@@ -52,13 +51,12 @@ contains
                cycle
             end if
             if (find_entry(file, v%group, '') > 0) then
-               call refuse(missing, place(path, v%group, v%name)//'the variable is missing; ' &
-                  & //v%meaning//allowed_part(v))
+               call refuse(missing, 'the variable is missing; '//v%meaning//allowed_part(v), &
+                  & v%group, v%name)
             else if (index(' '//needed//' ', ' '//v%group//' ') > 0) then
                reason = command
                if (v%group == 'problem') reason = 'every file'
-               call refuse(missing, &
-                  & place(path, v%group, '')//'the group is missing; '//reason//' needs it')
+               call refuse(missing, 'the group is missing; '//reason//' needs it', v%group)
             end if
          end associate
       end do
@@ -78,8 +76,8 @@ contains
          end do
          do i = 1, size(file)
             if (index(names//',', ', &'//file(i)%group//',') > 0) cycle
-            call refuse(error, place(path, file(i)%group, '')//'unknown group' &
-               & //suggestion('&'//file(i)%group, names(3:))//'; allowed: '//names(3:))
+            call refuse(error, 'unknown group'//suggestion('&'//file(i)%group, names(3:)) &
+               & //'; allowed: '//names(3:), file(i)%group)
             return
          end do
          do i = 1, size(file)
@@ -97,8 +95,8 @@ contains
                if (len(suggestion(entry%name, names(3:))) > 0) then
                   hint = suggestion(entry%name, names(3:))
                end if
-               call refuse(error, place(path, entry%group, entry%name)//'unknown variable'//hint &
-                  & //'; allowed: '//names(3:))
+               call refuse(error, 'unknown variable'//hint//'; allowed: '//names(3:), &
+                  & entry%group, entry%name)
                return
             end associate
          end do
@@ -106,9 +104,7 @@ contains
    end subroutine read_settings
 
    !> Take the values of the file, checked, or the default; unallocated if the variable is unset.
-   subroutine read_variable(path, file, v, error)
-      !> For messages.
-      character(len=*), intent(in) :: path
+   subroutine read_variable(file, v, error)
       type(entry_type), intent(in) :: file(:)
       type(variable_type), intent(inout) :: v
       type(error_type), allocatable, intent(out) :: error
@@ -139,7 +135,7 @@ contains
          end if
       end do
       if (len(message) == 0) return
-      call refuse(error, place(path, v%group, v%name)//message)
+      call refuse(error, message, v%group, v%name)
 
    contains
 

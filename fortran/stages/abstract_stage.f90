@@ -79,6 +79,9 @@ module abstract_stage
       end subroutine describe
    end interface
 
+   !> Version of the format of documents; python/bayesindent/stages/results_folder.py compares it.
+   integer, parameter :: document_format = 2
+
    !> States of a job: to be simulated, to be simulated once more, simulated.
    integer, parameter :: waiting = 0, again = 1, made = 2
 
@@ -218,6 +221,7 @@ contains
       call self%finish(page, error)
       if (allocated(error)) return
       call page%put_json('warnings', diagnostics_text([self%problem%warnings, self%warnings]))
+      call page%put('format', document_format)
       call page%put_json('inputs', '{'//inputs_of(self%problem, self%groups, self%places)//'}')
       call page%end_object()
       document = page%text()

@@ -48,10 +48,11 @@ contains
                if (.not. test%used) cycle
                modulus = exp(test%ln_modulus)
                if (modulus > moduli_allowed(1) .and. modulus < moduli_allowed(2)) cycle
-               call refuse(error, self%problem%curves_place()//'test '//printable(c%name) &
-                  & //', line '//to_text(c%line)//': the curve means a modulus of ' &
-                  & //to_text(modulus, 2)//' GPa at a radius of '//to_text(asked%radius_um) &
-                  & //' um; allowed 0.01 to 5000 GPa. Loads in mN and depths in nm are needed')
+               call refuse(error, 'test '//printable(c%name)//', line '//to_text(c%line) &
+                  & //': the curve means a modulus of '//to_text(modulus, 2)//' GPa at a radius ' &
+                  & //'of '//to_text(asked%radius_um)//' um; allowed 0.01 to 5000 GPa. Loads in ' &
+                  & //'mN and depths in nm are needed')
+               call self%problem%locate_curves(error)
                return
             end associate
          end do
@@ -197,9 +198,10 @@ contains
             end do
             call compare_tests()
             if (.not. any(tests%used)) then
-               call refuse(error, self%problem%curves_place() &
-                  & //'no test has an elastic part; test '//self%problem%curves%curves(1)%name &
-                  & //': '//tests(1)%reason//'. Loads in mN and depths in nm are needed')
+               call refuse(error, 'no test has an elastic part; test ' &
+                  & //self%problem%curves%curves(1)%name//': '//tests(1)%reason &
+                  & //'. Loads in mN and depths in nm are needed')
+               call self%problem%locate_curves(error)
             end if
             if (allocated(error)) return
             before = s%mean(:n_shared)

@@ -6,6 +6,7 @@ module extract_stage
    use analysis_document, only: describe_prior, save_posterior, write_analysis
    use files, only: new_file_type
    use json, only: json_type
+   use posterior_diagnostics, only: check_analysis
    use samplers, only: chain_prefix
    use running_command, only: remove_files
    use stage_documents, only: end_document, inputs_of
@@ -13,6 +14,8 @@ module extract_stage
    implicit none
    private
    public :: extract_stage_type
+
+   character(len=*), parameter :: draws_name = 'posterior.csv'
 
    type, extends(stage_type) :: extract_stage_type
       type(analysis_type) :: analysis
@@ -34,8 +37,8 @@ contains
       if (.not. allocated(error)) call self%analysis%prepare(error)
    end subroutine begin
 
-   !> Sample, and write posterior.bin with all numbers, posterior.csv with the draws, and the
-   !> document.
+   !> Sample, and write posterior.bin with all numbers, the document, and posterior.csv with the
+   !> draws if it is asked for. One of an earlier run is removed.
    subroutine finish(self, page, error)
       class(extract_stage_type), intent(inout) :: self
       type(json_type), intent(inout) :: page
@@ -44,18 +47,24 @@ contains
       self%problem%kept_in = self%output
       call self%analysis%infer(error)
       if (allocated(error)) return
+      call check_analysis(self%analysis)
       call write_analysis(self%analysis, page)
       self%warnings = self%analysis%warnings
       call save_posterior(self%analysis, end_document(page, [self%problem%warnings, &
          & self%warnings]), self%output, inputs_of(self%problem, self%groups, self%places), error)
       if (allocated(error)) return
-      call write_draws()
+      call remove_files(self%output, draws_name)
+      associate (draws => self%problem%settings%sampler%draws)
+         if (draws == 'csv' .or. (len(draws) == 0 .and. self%problem%is_of_batch)) then
+            call write_draws()
+         end if
+      end associate
       if (allocated(error)) return
       call remove_files(self%output, chain_prefix)
       call describe_prior(self%analysis, self%more)
       self%done = to_text(size(self%analysis%chains%draws, 3))//' chains of ' &
          & //to_text(size(self%analysis%chains%draws, 2))//' samples: '//self%output &
-         & //'/posterior.csv'
+         & //'/posterior.bin'
 
    contains
 
@@ -65,7 +74,7 @@ contains
          character(len=:), allocatable :: line
          integer :: i, j, chain
 
-         call file%begin(self%output//'/posterior.csv')
+         call file%begin(self%output//'/'//draws_name)
          call file%add('chain,draw,'//join(self%analysis%names, ',')//',log_density'//newline)
          associate (chains => self%analysis%chains)
             do chain = 1, size(chains%draws, 3)

@@ -9,7 +9,6 @@ module simulate_stage
    use indenters, only: indenter_type, new_indenter
    use json, only: json_type
    use kinds, only: nan, pi, wp
-   use namelist_file, only: place
    use statistics, only: number_equal
    use simulate, only: identity_text, outcome_done, outcome_failed, outcome_waiting, &
       & simulation_error
@@ -109,9 +108,7 @@ contains
       call page%put('failed', failed)
       call simulation_error(self%problem%settings, self%problem%crystals%stiffness, &
          & largest, warning)
-      if (len(warning) > 0) then
-         call self%warn('mesh_error', place(self%problem%path, 'simulation', '')//warning)
-      end if
+      if (len(warning) > 0) call self%warn('mesh_error', warning)
       self%done = to_text(size(rows))//' crystals, '//to_text(self%n_new)//' new, ' &
          & //to_text(failed)//' failed: '//self%output//'/moduli.csv'
 

@@ -8,11 +8,11 @@ module stages
    use build_checks, only: check_build, question_candidates
    use build_stage, only: build_stage_type
    use curves_stage, only: curves_stage_type
-   use errors, only: error_type, refuse
+   use errors, only: error_type, locate_error, refuse
    use extract_stage, only: extract_stage_type
-   use files, only: printable
+   use files, only: printable, read_text_file
    use machine, only: raise_no_memory, reserve_blas
-   use namelist_file, only: entry_type, find_entry, parse_namelist, read_namelist_file
+   use namelist_file, only: entry_type, find_entry, parse_namelist
    use next_stage, only: next_stage_type
    use plan_stage, only: plan_stage_type
    use named_values, only: named_values_reader_type
@@ -40,7 +40,8 @@ module stages
 
    type(stage_row_type), parameter :: all_stages(7) = [stage_row_type('simulate', 'crystals', &
       & 'problem crystals specimen indenter simulation execution', 'simulate.json'), &
-      & stage_row_type('theory', 'crystals', 'problem crystals specimen execution', &
+      & stage_row_type('theory', 'crystals', &
+      & 'problem crystals specimen indenter simulation execution', &
       & 'theory.json'), stage_row_type('build', 'design', &
       & 'problem specimen indenter simulation domain surrogate design execution', 'build.json'), &
       & stage_row_type('plan', 'plan', &
@@ -141,19 +142,21 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(entry_type), allocatable :: namelist(:), stated(:)
       character(len=8), allocatable :: names(:)
+      character(len=:), allocatable :: content
       logical :: asked(size(all_stages))
       integer :: i
 
       if (reserve_blas(1) < 1) call raise_no_memory('linear algebra', error)
       if (allocated(error)) return
-      call read_namelist_file(path, namelist, error)
-      if (allocated(error)) return
-      if (len(changes) > 0) then
-         call parse_namelist(path, changes, stated, error)
-         if (allocated(error)) return
+      call read_text_file(path, content, error)
+      if (.not. allocated(error)) call parse_namelist(content, namelist, error)
+      if (.not. allocated(error) .and. len(changes) > 0) then
+         call parse_namelist(changes, stated, error)
          ! The last of two entries applies.
-         namelist = [namelist, stated]
+         if (.not. allocated(error)) namelist = [namelist, stated]
       end if
+      call locate_error(error, path)
+      if (allocated(error)) return
       asked = all_stages%name == command
       if (command == 'run') then
          asked = [(find_entry(namelist, all_stages(i)%trigger, '') > 0, i=1, size(all_stages))]
@@ -166,6 +169,7 @@ contains
       end if
       call new_problem(path, namelist, command, trim(run_command%groups)//' '//groups_of(names), &
          & self, error)
+      call locate_error(error, path)
       if (allocated(error)) return
       if (size(names) == 0) then
          call self%refuse('problem', '', 'nothing to do; &crystals asks for simulations, &design ' &
@@ -183,8 +187,9 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(entry_type), allocatable :: namelist(:)
 
-      call parse_namelist(origin, content, namelist, error)
+      call parse_namelist(content, namelist, error)
       if (.not. allocated(error)) call new_problem(origin, namelist, '', '', self, error)
+      call locate_error(error, origin)
    end subroutine problem_of_text
 
    !> Read the tables of a problem, and refuse it if one of its stages would refuse it before its
@@ -198,7 +203,9 @@ contains
 
       call self%load_tables(given, error)
       if (allocated(error)) return
-      call check_simulation(self%settings, has_theory, error)
+      ! Theory needs no mesh of a film.
+      has_theory = self%settings%specimen%geometry == 'film' .and. all(self%stages == 'theory')
+      if (.not. has_theory) call check_simulation(self%settings, has_theory, error)
       call self%locate('', '', error)
       if (allocated(error)) return
       associate (settings => self%settings)
@@ -216,7 +223,8 @@ contains
          if (.not. has_theory .and. (any(self%stages == 'theory') &
             & .or. settings%simulation%simulator == 'theory')) then
             call self%refuse('specimen', 'geometry', ''''//settings%specimen%geometry &
-               & //''' has no exact theory; allowed ''halfspace''', error)
+               & //''' has no exact theory; allowed ''halfspace'', and for the command theory ' &
+               & //'''film''', error)
          else if (settings%simulation%simulator == 'import' &
             & .and. any(self%stages == 'simulate')) then
             call self%refuse('simulation', 'simulator', &

@@ -1,8 +1,10 @@
-!> `theory`: moduli, and speeds of surface waves, of &crystals by the exact half-space theory.
+!> `theory`: moduli, and speeds of surface waves, of &crystals by the exact theory of the
+!> half-space, or moduli of films by that of layers.
 module theory_stage
    use abstract_stage, only: stage_type
    use stage_documents, only: begin_crystal, write_moduli
    use errors, only: error_type
+   use film_theory, only: film_moduli
    use halfspace_theory, only: halfspace_moduli
    use json, only: json_type
    use kinds, only: wp
@@ -24,15 +26,22 @@ contains
       class(theory_stage_type), intent(inout) :: self
       type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: modulus(:), circular(:), velocity(:)
+      real(wp), allocatable :: modulus(:), circular(:), velocity(:), relative_error(:)
       type(wave_type), allocatable :: waves(:)
       integer :: i
 
       associate (points => self%problem%crystals)
          allocate (modulus(points%n), circular(points%n))
-         call halfspace_moduli(points%stiffness, points%euler_deg, &
-            & self%problem%threads(), modulus, circular, error)
-         call self%problem%locate('crystals', 'points', error)
+         if (self%problem%settings%specimen%geometry == 'film') then
+            allocate (relative_error(points%n))
+            call film_moduli(self%problem%settings, points%stiffness, points%euler_deg, &
+               & self%problem%threads(), modulus, relative_error, error)
+            call self%problem%locate('', '', error)
+         else
+            call halfspace_moduli(points%stiffness, points%euler_deg, &
+               & self%problem%threads(), modulus, circular, error)
+            call self%problem%locate('crystals', 'points', error)
+         end if
          if (.not. allocated(error) .and. all(points%paths%is_speed()) &
             & .and. allocated(self%problem%settings%problem%density_kg_m3)) then
             allocate (waves(points%n))
@@ -47,6 +56,7 @@ contains
          do i = 1, points%n
             call begin_crystal(page, points, i)
             call page%put('indentation_modulus_gpa', modulus(i))
+            if (allocated(relative_error)) call page%put('relative_error', relative_error(i))
             if (allocated(waves)) then
                call page%put_numbers('propagation_deg, rayleigh_velocity_m_s', &
                   & [points%paths(i)%propagation_deg, velocity(i)])

@@ -12,7 +12,7 @@ module surrogate_model
    use bases, only: allocate_basis, exchange_settings, new_basis
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
    use crystal_elasticity, only: check_stiffness
-   use errors, only: error_type, prefix_error, raise, refuse
+   use errors, only: error_type, locate_error, prefix_error, raise, refuse
    use evidence_regression, only: factored_forms
    use files, only: file_exists, is_folder, printable, read_bytes, read_text_file, replace_file, &
       & resolve_path
@@ -185,7 +185,8 @@ contains
       call exchange_surrogate(surrogate, file)
       call file%finish()
       if (allocated(file%error)) then
-         call raise(error, path//': '//file%error%message)
+         call raise(error, file%error%message)
+         call locate_error(error, path)
       else
          call replace_file(path, file%content(:file%filled), error)
          surrogate%checksum = checksum_in(file%content(:file%filled))
@@ -201,18 +202,19 @@ contains
 
       file%reading = .true.
       call read_text_file(path, file%content, error)
-      if (allocated(error)) then
-         error%message = path//': '//error%message
-      else if (index(file%content, label//' ') /= 1) then
-         call refuse(error, path//': is not a surrogate of bayesindent')
-      else
-         call exchange_surrogate(surrogate, file)
-         call file%finish()
-         if (allocated(file%error)) then
-            call refuse(error, path//': the surrogate is damaged: '//file%error%message)
+      if (.not. allocated(error)) then
+         if (index(file%content, label//' ') /= 1) then
+            call refuse(error, 'is not a surrogate of bayesindent')
+         else
+            call exchange_surrogate(surrogate, file)
+            call file%finish()
+            if (allocated(file%error)) then
+               call refuse(error, 'the surrogate is damaged: '//file%error%message)
+            end if
+            surrogate%checksum = checksum_in(file%content)
          end if
-         surrogate%checksum = checksum_in(file%content)
       end if
+      call locate_error(error, path)
    end subroutine load_surrogate
 
    !> The checksum at the end of a file.
@@ -229,13 +231,14 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       if (is_folder(path)) then
-         call refuse(error, path//': is a folder; the surrogate is a file')
+         call refuse(error, 'is a folder; the surrogate is a file')
       else if (file_exists(path)) then
          if (.not. is_surrogate(path)) then
-            call refuse(error, path//': is there and is not a surrogate, so it is not replaced; ' &
-               & //'give the surrogate another name')
+            call refuse(error, 'is there and is not a surrogate, so it is not replaced; give the ' &
+               & //'surrogate another name')
          end if
       end if
+      call locate_error(error, path)
    end subroutine check_replaceable
 
    !> Whether a file begins as a surrogate does.

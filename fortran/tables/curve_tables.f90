@@ -1,6 +1,6 @@
 !> Curves of indentation tests, all in one CSV, and the table of the tests.
 module curve_tables
-   use errors, only: error_type, prefix_error, refuse
+   use errors, only: error_type, refuse
    use files, only: checksum, printable
    use kinds, only: wp
    use table_columns, only: find_columns, read_column
@@ -8,7 +8,7 @@ module curve_tables
    use text, only: to_text
    implicit none
    private
-   public :: curve_type, curve_set_type, read_curves
+   public :: curve_type, curve_set_type, read_curves, read_tests
 
    !> A test with its curve.
    type :: curve_type
@@ -39,58 +39,68 @@ module curve_tables
 
 contains
 
-   !> Read curves and the table of their tests; `prefix` and `tests_prefix` begin the messages about
-   !> them.
-   subroutine read_curves(content, tests_path, prefix, tests_prefix, set, error)
-      !> CSV of the curves; path of the table of tests.
-      character(len=*), intent(in) :: content, tests_path, prefix, tests_prefix
+   !> Read the table of the tests.
+   subroutine read_tests(path, set, error)
+      character(len=*), intent(in) :: path
       type(curve_set_type), intent(out) :: set
       type(error_type), allocatable, intent(out) :: error
-      type(table_type) :: table
+      integer, allocatable :: column(:)
+      real(wp), allocatable :: drift(:)
+      character(len=:), allocatable :: reference, place
+      integer :: i, j
 
-      call read_table(tests_path, set%tests, error)
-      if (.not. allocated(error)) call read_tests()
-      call prefix_error(error, tests_prefix)
+      call read_table(path, set%tests, error)
       if (allocated(error)) return
-      set%digest = checksum(content)
-      call parse_table(content, table, error)
-      if (.not. allocated(error)) call take_points()
-      call prefix_error(error, prefix)
+      call find_columns(set%tests, of_tests, 1, column, error)
+      if (allocated(error)) return
+      allocate (set%curves(set%tests%rows))
+      do i = 1, size(set%curves)
+         associate (c => set%curves(i))
+            c%name = text_of(i, column(1))
+            c%material = text_of(i, column(2))
+            reference = text_of(i, column(3))
+            c%session = text_of(i, column(4))
+            c%reference = len(reference) > 0
+            place = 'line '//to_text(set%tests%line(i))//': test '//printable(c%name)
+            if (c%reference .eqv. len(c%material) > 0) then
+               call refuse(error, place//' has '//trim(merge('both', 'none', c%reference)) &
+                  & //' of grain and reference; one of the two columns is needed')
+            end if
+            if (any([(set%curves(j)%name == c%name, j=1, i - 1)])) then
+               call refuse(error, place//' is there twice; each test has one row')
+            end if
+            if (allocated(error)) return
+            if (c%reference) c%material = reference
+         end associate
+      end do
+      call read_column(set%tests, 'drift_nm_s', .true., drift, error)
+      if (.not. allocated(error)) set%curves%drift = merge(drift, 0.0_wp, abs(drift) >= 0.0_wp)
 
    contains
 
-      !> Read the rows of the table of tests.
-      subroutine read_tests()
-         integer, allocatable :: column(:)
-         real(wp), allocatable :: drift(:)
-         character(len=:), allocatable :: reference, place
-         integer :: i, j
+      !> The text of a cell of the table of tests; '' if the column is 0.
+      function text_of(row, column)
+         integer, intent(in) :: row, column
+         character(len=:), allocatable :: text_of
 
-         call find_columns(set%tests, of_tests, 1, column, error)
-         if (allocated(error)) return
-         allocate (set%curves(set%tests%rows))
-         do i = 1, size(set%curves)
-            associate (c => set%curves(i))
-               c%name = text_of(i, column(1))
-               c%material = text_of(i, column(2))
-               reference = text_of(i, column(3))
-               c%session = text_of(i, column(4))
-               c%reference = len(reference) > 0
-               place = 'line '//to_text(set%tests%line(i))//': test '//printable(c%name)
-               if (c%reference .eqv. len(c%material) > 0) then
-                  call refuse(error, place//' has '//trim(merge('both', 'none', c%reference)) &
-                     & //' of grain and reference; one of the two columns is needed')
-               end if
-               if (any([(set%curves(j)%name == c%name, j=1, i - 1)])) then
-                  call refuse(error, place//' is there twice; each test has one row')
-               end if
-               if (allocated(error)) return
-               if (c%reference) c%material = reference
-            end associate
-         end do
-         call read_column(set%tests, 'drift_nm_s', .true., drift, error)
-         if (.not. allocated(error)) set%curves%drift = merge(drift, 0.0_wp, abs(drift) >= 0.0_wp)
-      end subroutine read_tests
+         text_of = ''
+         if (column > 0) text_of = set%tests%cell(column, row)
+      end function text_of
+   end subroutine read_tests
+
+   !> Read the curves of tests that are known.
+   subroutine read_curves(content, set, error)
+      !> CSV.
+      character(len=*), intent(in) :: content
+      type(curve_set_type), intent(inout) :: set
+      type(error_type), allocatable, intent(out) :: error
+      type(table_type) :: table
+
+      set%digest = checksum(content)
+      call parse_table(content, table, error)
+      if (.not. allocated(error)) call take_points()
+
+   contains
 
       !> Set the points of each test; rows with missing values are left out.
       subroutine take_points()
@@ -144,14 +154,5 @@ contains
             end associate
          end do
       end subroutine take_points
-
-      !> The text of a cell of the table of tests; '' if the column is 0.
-      function text_of(row, column)
-         integer, intent(in) :: row, column
-         character(len=:), allocatable :: text_of
-
-         text_of = ''
-         if (column > 0) text_of = set%tests%cell(column, row)
-      end function text_of
    end subroutine read_curves
 end module curve_tables

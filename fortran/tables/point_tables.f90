@@ -70,39 +70,31 @@ module point_tables
 
 contains
 
-   !> Read crystals and orientations. `prefix` begins the messages.
-   subroutine read_crystals(path, prefix, default_class, points, error)
-      character(len=*), intent(in) :: path, prefix
+   !> Read crystals and orientations.
+   subroutine read_crystals(path, default_class, points, error)
+      character(len=*), intent(in) :: path
       !> Class of the rows that do not state one.
       type(crystal_class_type), intent(in) :: default_class
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: along(:)
+      integer :: along_column, i
 
-      call read_all()
-      call prefix_error(error, prefix)
-
-   contains
-
-      subroutine read_all()
-         real(wp), allocatable :: along(:)
-         integer :: along_column, i
-
-         call read_table(path, points%table, error)
-         if (allocated(error)) return
-         call read_angles(points, .false., error)
-         if (allocated(error)) return
-         call read_constants(points, default_class, error)
-         if (allocated(error)) return
-         call read_column(points%table, trim(merge('modulus_gpa            ', &
-            & 'indentation_modulus_gpa', points%table%find('modulus_gpa') > 0)), .true., &
-            & points%modulus_gpa, error)
-         if (allocated(error)) return
-         call find_column(points%table, 'propagation_deg', along_column, error, .false.)
-         if (allocated(error) .or. along_column == 0) return
-         call read_column(points%table, 'propagation_deg', .false., along, error)
-         if (allocated(error)) return
-         points%paths = [(path_type(surface_path, along(i)), i=1, points%n)]
-      end subroutine read_all
+      call read_table(path, points%table, error)
+      if (allocated(error)) return
+      call read_angles(points, .false., error)
+      if (allocated(error)) return
+      call read_constants(points, default_class, error)
+      if (allocated(error)) return
+      call read_column(points%table, trim(merge('modulus_gpa            ', &
+         & 'indentation_modulus_gpa', points%table%find('modulus_gpa') > 0)), .true., &
+         & points%modulus_gpa, error)
+      if (allocated(error)) return
+      call find_column(points%table, 'propagation_deg', along_column, error, .false.)
+      if (allocated(error) .or. along_column == 0) return
+      call read_column(points%table, 'propagation_deg', .false., along, error)
+      if (allocated(error)) return
+      points%paths = [(path_type(surface_path, along(i)), i=1, points%n)]
    end subroutine read_crystals
 
    !> Read the independent constants of each row, and set the stiffness.

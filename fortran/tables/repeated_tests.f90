@@ -180,10 +180,10 @@ contains
 
    !> Warn of tests that scatter more or less than their stated sds: all together, and in single
    !> grains.
-   subroutine check_scatter(points, prefix, warnings)
+   subroutine check_scatter(points, subject, warnings)
       type(points_type), intent(in) :: points
       !> Subject of the diagnostics.
-      character(len=*), intent(in) :: prefix
+      character(len=*), intent(in) :: subject
       type(diagnostic_type), allocatable, intent(inout) :: warnings(:)
       real(wp) :: above
       integer :: freedom, i, repeated
@@ -194,17 +194,17 @@ contains
       above = chi_square_above(sum(points%chi_square), freedom)
       if (above < improbable) then
          warnings = [warnings, &
-            & diagnostic('tests_scatter_more', prefix, excess(sum(points%chi_square), freedom))]
+            & diagnostic('tests_scatter_more', subject, excess(sum(points%chi_square), freedom))]
       else if (above > 1.0_wp - improbable) then
          warnings = [warnings, &
-            & diagnostic('tests_scatter_less', prefix, excess(sum(points%chi_square), freedom))]
+            & diagnostic('tests_scatter_less', subject, excess(sum(points%chi_square), freedom))]
       end if
       do i = 1, points%n
          if (points%tests(i) < 2) cycle
          if (chi_square_above(points%chi_square(i), points%tests(i) - 1) > improbable/repeated) then
             cycle
          end if
-         warnings = [warnings, diagnostic('tests_disagree', prefix//': grain ' &
+         warnings = [warnings, diagnostic('tests_disagree', subject//': grain ' &
             & //printable(points%name(i)), [real(points%tests(i), wp), &
             & excess(points%chi_square(i), points%tests(i) - 1)])]
       end do

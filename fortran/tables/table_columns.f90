@@ -5,6 +5,7 @@ module table_columns
    use errors, only: error_type, refuse, suggestion
    use files, only: printable
    use kinds, only: nan, wp
+   use observables, only: modulus_kinds
    use tables, only: longest_name, table_type
    use text, only: join, lower, split_list, to_text
    implicit none
@@ -31,9 +32,6 @@ module table_columns
    character(len=*), parameter :: degrees = ' deg degrees degree ° ', &
       & angles = degrees//'rad radians ', speed = ' m/s m_s '
    character(len=*), parameter :: no_modulus = ' is no modulus of a metal'
-   !> Kinds of modulus; the column of a kind is named 'KIND_gpa'.
-   character(len=*), parameter :: kinds(3) = [character(len=19) :: 'indentation_modulus', &
-      & 'effective_modulus', 'sample_modulus']
    type(column_type), parameter :: modulus_columns(4) = [ &
       & column_type('modulus_gpa', moduli, ' GPa', no_modulus), &
       & column_type('indentation_modulus_gpa', moduli, ' GPa', no_modulus), &
@@ -218,14 +216,14 @@ contains
       character(len=:), allocatable :: choices
       integer :: i
 
-      choices = ''''//join(kinds, ''', ''')//''''
+      choices = ''''//join(modulus_kinds, ''', ''')//''''
       found = pack(modulus_columns%name, &
          & [(table%find(trim(modulus_columns(i)%name)) > 0, i=1, size(modulus_columns))])
       if (size(found) /= 1) then
          call refuse(error, trim(merge('no column is a modulus       ', &
             & 'several columns are a modulus', size(found) == 0))//'; allowed ' &
-            & //join(kinds, '_gpa, ')//'_gpa, or modulus_gpa with modulus_kind; the columns are ' &
-            & //table%names())
+            & //join(modulus_kinds, '_gpa, ')//'_gpa, or modulus_gpa with modulus_kind; ' &
+            & //'the columns are '//table%names())
          return
       end if
       name = trim(found(1))

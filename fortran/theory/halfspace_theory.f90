@@ -24,6 +24,7 @@ module halfspace_theory
    public :: halfspace_type, halfspace_modulus, halfspace_moduli, lanes, contraction_maps, &
       & inverse_barnett, plane_products, double_angles, invert, multiply, &
       & multiply_transposed, transposed
+   public :: barnett_blocks, cos_2theta, finest, sin_2theta, surface_contractions
 
    !> Moduli of one crystal under the indenter.
    type :: halfspace_type
@@ -127,30 +128,44 @@ contains
       real(wp), intent(in) :: c(6, 6)
       integer, intent(in) :: done
       real(wp), intent(inout) :: h(:)
-      real(wp) :: x(lanes), y(lanes), mm(lanes, 6), mn(lanes, 9), nn(lanes, 6), f(lanes, 6)
-      integer :: block, i, j
+      real(wp) :: mm(lanes, 6), mn(lanes, 9), nn(lanes, 6), f(lanes, 6)
+      integer :: block
 
       do block = done, size(h) - lanes, lanes
-         ! m = (x, y, 0) and n = z are perpendicular to t.
-         x = sin_theta(block + 1:block + lanes)
-         y = -cos_theta(block + 1:block + lanes)
-         do j = 1, 3
-            do i = 1, 3
-               mn(:, i + 3*(j - 1)) = x*c(voigt_index(1, i), voigt_index(j, 3)) &
-                  & + y*c(voigt_index(2, i), voigt_index(j, 3))
-            end do
-         end do
-         do i = 1, 6
-            associate (left => voigt_index(:, first(i)), right => voigt_index(:, second(i)))
-               mm(:, i) = x**2*c(left(1), right(1)) &
-                  & + x*y*(c(left(1), right(2)) + c(left(2), right(1))) + y**2*c(left(2), right(2))
-               nn(:, i) = c(left(3), right(3))
-            end associate
-         end do
+         call surface_contractions(c, block, mm, mn, nn)
          call inverse_barnett(mm, mn, nn, f)
          h(block + 1:block + lanes) = f(:, 3)
       end do
    end subroutine extend_grid
+
+   !> The contractions (mm), (mn) and (nn) of the directions after the first `done`: n is z, and m,
+   !> in the surface, is perpendicular to the direction.
+   pure subroutine surface_contractions(c, done, mm, mn, nn)
+      !> Stiffness in sample axes, GPa.
+      real(wp), intent(in) :: c(6, 6)
+      !> A multiple of `lanes`.
+      integer, intent(in) :: done
+      !> GPa, as `inverse_barnett` takes them.
+      real(wp), intent(out) :: mm(lanes, 6), mn(lanes, 9), nn(lanes, 6)
+      real(wp) :: x(lanes), y(lanes)
+      integer :: i, j
+
+      x = sin_theta(done + 1:done + lanes)
+      y = -cos_theta(done + 1:done + lanes)
+      do j = 1, 3
+         do i = 1, 3
+            mn(:, i + 3*(j - 1)) = x*c(voigt_index(1, i), voigt_index(j, 3)) &
+               & + y*c(voigt_index(2, i), voigt_index(j, 3))
+         end do
+      end do
+      do i = 1, 6
+         associate (left => voigt_index(:, first(i)), right => voigt_index(:, second(i)))
+            mm(:, i) = x**2*c(left(1), right(1)) &
+               & + x*y*(c(left(1), right(2)) + c(left(2), right(1))) + y**2*c(left(2), right(2))
+            nn(:, i) = c(left(3), right(3))
+         end associate
+      end do
+   end subroutine surface_contractions
 
    !> Amplitude of the harmonic 2 (3 n/8) of theta in h on n = 16, 32, .. directions, relative to
    !> the mean. n/8 is a power of two; with the factor 3 this is a harmonic that every rotational
@@ -303,7 +318,20 @@ contains
       real(wp), intent(in) :: mm(lanes, 6), mn(lanes, 9), nn(lanes, 6)
       !> Components of B^-1/(8 pi^2) in the axes of the contractions.
       real(wp), intent(out) :: f(lanes, 6)
-      real(wp) :: a(lanes, 9), d(lanes, 6), e(lanes, 6), t(lanes, 6), x(lanes, 9), change
+      real(wp) :: a(lanes, 9), d(lanes, 6), e(lanes, 6)
+
+      call barnett_blocks(mm, mn, nn, a, d, e)
+      call invert(e, f)
+      f = f*(-0.5_wp/pi)
+   end subroutine inverse_barnett
+
+   !> The mean of Stroh's matrix N over the turn of m and n.
+   pure subroutine barnett_blocks(mm, mn, nn, a, d, e)
+      !> As in `inverse_barnett`.
+      real(wp), intent(in) :: mm(lanes, 6), mn(lanes, 9), nn(lanes, 6)
+      !> Its blocks: A by columns, D (1/GPa) and E = -L (GPa) by components.
+      real(wp), intent(out) :: a(lanes, 9), d(lanes, 6), e(lanes, 6)
+      real(wp) :: f(lanes, 6), t(lanes, 6), x(lanes, 9), change
       integer :: k
 
       ! The mean of N over two angles, m, n and n, -m.
@@ -321,9 +349,7 @@ contains
          call double_angles(a, d, e, change)
          if (change <= angle_tolerance) exit
       end do
-      call invert(e, f)
-      f = f*(-0.5_wp/pi)
-   end subroutine inverse_barnett
+   end subroutine barnett_blocks
 
    !> Double the number of angles of F.
    pure subroutine double_angles(a, d, e, change)

@@ -10,7 +10,6 @@ module build_checks
    use files, only: printable
    use kinds, only: wp
    use machine, only: check_memory
-   use namelist_file, only: place
    use problem, only: problem_type
    use settings_schema, only: surrogate_settings_type
    use simulate, only: specimen_stiffness
@@ -106,8 +105,7 @@ contains
          & self%candidates%n)])
       if (outside > 0) then
          self%warnings = [self%warnings, diagnostic('candidates_left_out', &
-            & place(self%path, 'design', 'candidates') &
-            & //printable(self%settings%design%candidates), &
+            & 'the table '//printable(self%settings%design%candidates), &
             & [real(wp) :: outside, self%candidates%n])]
       end if
    end subroutine question_candidates

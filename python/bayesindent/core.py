@@ -3,11 +3,13 @@
 import ctypes
 import os
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 # One thread in each call of BLAS: more would change the last bits of results with the number of
 # cores. Threads are the core's own.
@@ -40,12 +42,32 @@ import numpy as np  # noqa: E402
 native = import_module(_MODULE, __package__)
 
 
+@dataclass(eq=False)
 class BayesindentError(RuntimeError):
-    """A computation could not be done; the message says why."""
+    """A computation could not be done; the `message` says why.
+
+    `file` is the file of a wrong input, or the function of this package that it was given to;
+    `group` and `variable` are those of namelists; '' for what is not known. `code` is the kind of
+    the error: 'failure', 'bad_input' or 'machine'.
+    """
+
+    message: str = ""
+    file: str = ""
+    group: str = ""
+    variable: str = ""
+    #: The keyword of a function that replaces group and variable in the text; '' for none.
+    keyword: str = ""
+    code: ClassVar[str] = "failure"
+
+    def __str__(self) -> str:
+        name = self.keyword or (self.group and f"&{self.group} {self.variable}".strip())
+        return ": ".join(filter(None, [self.file, name, self.message]))
 
 
 class InputError(BayesindentError, ValueError):
-    """The input is wrong; the message names the variable, its value, and the allowed values."""
+    """The input is wrong; the message has the value, and the allowed values."""
+
+    code = "bad_input"
 
 
 class MachineError(BayesindentError):
@@ -53,18 +75,29 @@ class MachineError(BayesindentError):
     succeed.
     """
 
+    code = "machine"
+
+
+@contextmanager
+def located(file: object, group: str = "", variable: str = "") -> Iterator[None]:
+    """Say where an input is that is refused; see `locate_error` of fortran/common/errors.f90."""
+    try:
+        yield
+    except InputError as error:
+        if error.file and not error.group:
+            error.message, error.file = str(error), ""
+        if not error.file:
+            error.file, error.group = str(file), error.group or group
+            error.variable = error.variable or variable
+        raise
+
 
 class BayesindentWarning(UserWarning):
     """A caution that the user should read before using a result. `diagnostic` has its code,
     subject and numbers, see docs/diagnostics.md.
     """
 
-    def __init__(self, text: str, diagnostic: Mapping | None = None):
-        super().__init__(text, diagnostic)
-        self.diagnostic = diagnostic or {}
-
-    def __str__(self) -> str:
-        return self.args[0]
+    diagnostic: Mapping = {}
 
 
 #: Kind, rank, length of the name, bytes of the value, shape; see fortran/common/named_values.f90.
@@ -139,7 +172,7 @@ def call(operation: str, handle: int = 0, /, **values: Any) -> dict:
     found = decode(np.array((ctypes.c_uint8 * (8 * words)).from_address(address)))
     native.core_release(reply)
     if status:
-        raise {2: InputError, 3: MachineError}.get(status, BayesindentError)(found["message"])
+        raise {2: InputError, 3: MachineError}.get(status, BayesindentError)(**found)
     return found
 
 

@@ -24,6 +24,7 @@ import numpy as np
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
 from bayesindent.program.cli import main as bayesindent
+from bayesindent.stages.results_folder import read_posterior
 from support.densities import Posterior
 
 #: GPa, in the order of their class.
@@ -95,8 +96,9 @@ def run(name, text, folder, output, command="run"):
 
 def draws_of(output):
     """The constants of a posterior, GPa, (draw, constant)."""
-    table = np.genfromtxt(output / "posterior.csv", delimiter=",", names=True)
-    return np.column_stack([table[name] for name in table.dtype.names if name.startswith("C")])
+    found = read_posterior(output)
+    draws = np.concatenate(found["draws"])
+    return draws[:, : len(bi.constants(found["symmetry"]))]
 
 
 def candidates(names, posteriors, euler, file, count=600):

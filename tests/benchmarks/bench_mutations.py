@@ -5,11 +5,13 @@ Namelists and tables of inputs/, tables as laboratories have them, spreadsheets,
 tests, files of an instrument, orientation maps and their points, surface waves, shared errors,
 stated stiffnesses, and the surrogate that comes with the package lose, repeat or swap bytes and
 lines, or get numbers, signs and bytes that nobody means. All in this process, but for some checks
-by both programs, whose verdicts must be the same where both read the file.
+by both programs, whose verdicts must be the same where both read the file. Files of results are
+changed as a stranger may do it, and have right checksums.
 """
 
 import argparse
 import csv
+import faulthandler
 import io
 import random
 import re
@@ -20,17 +22,20 @@ import tempfile
 import time
 import zipfile
 from collections import Counter
-from contextlib import redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import openpyxl
 import orix.io
 
 from bayesindent.core import BayesindentError
+from bayesindent.program.cli import main as bayesindent
 from bayesindent.settings.problem import Problem, stages
 from bayesindent.stages.stage import run_stage
 from bayesindent.surrogate.surrogate import Surrogate
-from support.programs import BATCH
+from support.changed_results import change
+from support.few_figures import few_figures
+from support.programs import BATCH, SANITIZED
 from support.tree import SOURCE
 
 
@@ -308,8 +313,8 @@ PIECES = [
         b"3,5",
     ),
 ]
-#: Seconds that reading one file may take.
-SLOW = 5.0
+#: Seconds that reading one file may take, and a command on results.
+SLOW, HANGS_S = 5.0, 600.0 if SANITIZED else 60.0
 
 
 def mutated(content: bytes, rng: random.Random) -> bytes:
@@ -455,6 +460,100 @@ def try_programs(tries: int, seed: int, folder: Path) -> list[str]:
     return failures
 
 
+#: Results of every kind.
+RESULTS = """
+&problem symmetry = 'cubic', density_kg_m3 = 7500, synthetic = .true. /
+&crystals points = 'points.csv' /
+&simulation simulator = 'theory' /
+&domain log_anisotropy_max = 3 /
+&surrogate degree = 1, file = 'surrogate.txt' /
+&design n_candidates = 60, budget = 30, initial = 8, validation = 2 /
+&plan constants = 225, 135, 118, grains = 6, noise = 0.02 /
+&measurements file = 'data/fe3si.csv', modulus_kind = 'indentation_modulus' /
+&knowledge quantity = 'bulk_modulus', mean = 165, sd = 3 /
+&sampler samples = 500, burn_in = 1000, chains = 2 /
+&next count = 2 /
+&execution workers = 1 /
+"""
+#: How often a file of results is changed, and the commands that read it.
+STORED = {
+    "posterior.bin": (5, ("next", "report", "compare")),
+    "surrogate.txt": (5, ("predict", "extract", "report")),
+    "campaign.sqlite": (5, ("simulate", "build")),
+    "summary.json": (5, ("report", "compare")),
+    "inputs.json": (1, ("report", "next")),
+    **dict.fromkeys(
+        [f"{name}.json" for name in ("simulate", "theory", "build", "plan", "next", "curves")],
+        (1, ("report",)),
+    ),
+}
+
+
+def make_results(folder: Path) -> dict[str, bytes]:
+    """The files of a run with every stage, by name."""
+    header, cubic = "symmetry,C11,C12,C44,phi1_deg,Phi_deg,phi2_deg", "cubic,200,120,100"
+    (folder / "points.csv").write_bytes(text(header, f"{cubic},0,0,0", f"{cubic},0,45,10"))
+    curves = STEP_0.format("file = 'curves.csv', tests = 'tests.csv'").replace(" / ", " /\n")
+    (folder / "results.nml").write_text(f"{RESULTS}{curves}\n")
+    status, lines = quietly(["run", str(folder / "results.nml"), "--output", str(folder / "out")])
+    assert status in (0, 3), lines
+    return {path.name: path.read_bytes() for path in (folder / "out").iterdir()}
+
+
+def quietly(words: list[str]) -> tuple[int | None, list[str]]:
+    """The status of a command, and its lines on standard error."""
+    printed = io.TextIOWrapper(io.BytesIO())
+    with redirect_stdout(printed), redirect_stderr(io.StringIO()) as said:
+        status = bayesindent(words)
+    return status, said.getvalue().splitlines()
+
+
+def read_changed(folder: Path, file: str, command: str) -> str:
+    """'read' or 'refused' by a command that reads a changed file of results; what else happens is
+    reported.
+    """
+    namelist, out = folder / "results.nml", folder / "out"
+    words = {
+        "report": ["report", out],
+        "compare": ["compare", folder / "whole", out, "--output", folder / "compared"],
+        "predict": [
+            *("predict", "--points", folder / "points.csv"),
+            *("--surrogate", out / "surrogate.txt", "--output", folder / "compared"),
+        ],
+    }.get(command, [command, namelist, "--output", out])
+    status, lines = quietly([*map(str, words), "--quiet"])
+    if status in (0, 3):
+        return "read"
+    named = any(str(name) in lines[-1] for name in (out / file, namelist)) if lines else False
+    return "refused" if status == 2 and named else f"status {status}: {lines[-1:]}"
+
+
+def try_results(tries: int, seed: int, folder: Path) -> tuple[Counter, list[str]]:
+    """Like `try_in_process` of files of results that are changed and have right checksums."""
+    rng, counted, failures = random.Random(seed), Counter(), []
+    prepare(folder)
+    with few_figures():
+        files = make_results(folder)
+        shutil.copytree(folder / "out", folder / "whole")
+        weights = [weight for weight, _ in STORED.values()]
+        for number in range(tries):
+            file = rng.choices(list(STORED), weights)[0]
+            command = rng.choice(STORED[file][1])
+            for name, content in files.items():
+                (folder / "out" / name).write_bytes(content)
+            change(folder / "out" / file, files[file], rng)
+            changed = (folder / "out" / file).read_bytes()
+            # A process that hangs or ends leaves the file.
+            faulthandler.dump_traceback_later(HANGS_S, exit=True)
+            outcome = read_changed(folder, file, command)
+            faulthandler.cancel_dump_traceback_later()
+            counted[file, outcome if outcome in ("read", "refused") else "wrong"] += 1
+            if outcome not in ("read", "refused"):
+                (folder / f"result_{number}{Path(file).suffix}").write_bytes(changed)
+                failures.append(f"result_{number}, {file}, {command}: {outcome}")
+    return counted, failures
+
+
 def outcome_of(words: list, folder: Path) -> tuple[int | str, list[str]]:
     """The status of a program, and the lines of its refusal but for warnings and notes."""
     try:
@@ -476,25 +575,27 @@ def main(argv=None) -> int:
     parser.add_argument(
         "--programs", type=int, default=100, help="files that both programs check (100)"
     )
+    parser.add_argument(
+        "--results", type=int, default=2000, help="files of results with right checksums (2000)"
+    )
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args(argv)
     folder = Path(tempfile.mkdtemp(prefix="mutations_"))
     counted, failures = try_in_process(arguments.tries, arguments.seed, folder)
+    (folder / "results").mkdir()
+    changed, wrong = try_results(arguments.results, arguments.seed, folder / "results")
     print("| file | read | refused | anything else |\n|---|---|---|---|")
-    for kind in SEEDS:
-        print(
-            f"| {kind} | "
-            + " | ".join(str(counted[kind, outcome]) for outcome in ("read", "refused", "wrong"))
-            + " |"
-        )
+    for kind in [*SEEDS, *STORED]:
+        numbers = [(counted | changed)[kind, outcome] for outcome in ("read", "refused", "wrong")]
+        print("|", " | ".join(map(str, [kind, *numbers])), "|")
     differences = try_programs(arguments.programs, arguments.seed, folder)
     print(
         f"checked by the programs: {arguments.programs} files, {len(differences)} judged "
         "differently or not in one line"
     )
-    for failure in failures + differences:
-        print(failure)
-    if failures or differences:
+    failures += wrong + differences
+    print(*failures, sep="\n")
+    if failures:
         print(f"the files are in {folder}")
         return 1
     shutil.rmtree(folder)

@@ -22,6 +22,7 @@ TOOLS = (
     "mv",
     "readlink",
     "rm",
+    "tr",
     "sed",
     "sh",
     "tail",
@@ -41,12 +42,14 @@ def bare_machine(tmp_path):
     shutil.copy(SOURCE / "bayesindent", tmp_path)
     shutil.copy(SOURCE / "pyproject.toml", tmp_path)
 
-    def run(environment: dict | None = None, **programs: str) -> subprocess.CompletedProcess:
+    def run(
+        environment: dict | None = None, arguments: tuple = ("theory",), **programs: str
+    ) -> subprocess.CompletedProcess:
         for name, script in programs.items():
             file = folder / name.replace("_", "-")
             file.write_text(f"#!{folder}/sh\n{script}\n")
             file.chmod(0o755)
-        launcher = [str(folder / "bash"), str(tmp_path / "bayesindent"), "--version"]
+        launcher = [str(folder / "bash"), str(tmp_path / "bayesindent"), *arguments]
         return subprocess.run(
             launcher,
             env={"PATH": str(folder)} | (environment or {}),
@@ -81,7 +84,9 @@ def test_shows_the_log_of_a_failed_step(bare_machine):
     assert "E: no network" in done.stderr
     assert "failed: installing Debian packages: gfortran" in done.stderr
     # What will be installed is said before.
-    assert done.stderr.startswith(
+    said = done.stderr.splitlines()
+    assert said[0] == "bayesindent: set-up of the core and of what theory needs [xlsx]"
+    assert said[1].startswith(
         "bayesindent: these Debian packages will be installed as root: gfortran g++ "
     )
 
@@ -98,3 +103,45 @@ def test_installs_no_package_where_the_user_forbids_it(bare_machine):
 
 def test_is_a_program():
     assert os.access(Path(SOURCE) / "bayesindent", os.X_OK)
+
+
+@pytest.fixture
+def environment(tmp_path):
+    """An environment that is not current, whose program prints its arguments."""
+    folder = tmp_path / ".venv"
+    (folder / "bin").mkdir(parents=True)
+    program = folder / "bin" / "bayesindent"
+    program.write_text(f"#!{shutil.which('sh')}\necho program $*\n")
+    program.chmod(0o755)
+    return folder
+
+
+@pytest.mark.parametrize("apt_get", ["exit 100", "kill -9 $PPID"])
+def test_an_environment_stays_if_no_other_can_be_made(bare_machine, environment, apt_get):
+    assert bare_machine({"PYTHONHOME": "/none"}, id="echo 0", apt_get=apt_get).returncode
+    assert bare_machine(id="echo 0", apt_get="exit 100").returncode == 1
+    assert (environment / "bin" / "bayesindent").exists()
+    assert not environment.with_name(".venv.old").exists()
+
+
+@pytest.mark.parametrize("words", [(), ("--help",), ("bench", "--help"), ("--version",)])
+def test_help_changes_no_installation(bare_machine, environment, words):
+    done = bare_machine(arguments=words, id="echo 0", apt_get="exit 100")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == f"{' '.join(['program', *words])}\n"
+
+
+@pytest.mark.parametrize("words", [("--with", "cake"), ("--without", "dask"), ("--with",)])
+def test_a_wrong_extra_is_refused_before_anything_is_done(bare_machine, environment, words):
+    done = bare_machine(arguments=("setup", *words), id="echo 0", apt_get="exit 100")
+    assert done.returncode == 2
+    assert "bench curves dask dev docs ebsd test wheel xlsx" in done.stderr
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a folder to another user")
+def test_an_environment_of_another_user_is_left_alone(bare_machine, environment):
+    os.chown(environment, 65534, 65534)
+    done = bare_machine(id="echo 0", apt_get="exit 100")
+    assert done.returncode == 1
+    assert "belongs to another user" in done.stderr
+    assert (environment / "bin" / "bayesindent").exists()

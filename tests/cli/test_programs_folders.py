@@ -12,6 +12,7 @@ import shutil
 import numpy as np
 import pytest
 
+from bayesindent.common.result_files import read_json
 from bayesindent.program.cli import main, parser
 from bayesindent.program.commands import HELP
 from bayesindent.stages.results_folder import read_posterior
@@ -36,6 +37,8 @@ POINTS = "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n225,135,124,0,0,0\n168.4,121.4,
 
 #: What only Python adds: a page with its figures, a log, and a copy of the posterior for ArviZ.
 OF_PYTHON = {"report.html", "run.log", "posterior.nc"}
+#: What only the batch program adds, unless it is told otherwise.
+OF_BATCH = {"posterior.csv"}
 
 #: What differs from run to run, and between folders.
 FREE = ("seconds", "created", "checksum", "file", "namelist")
@@ -74,10 +77,10 @@ def folders(made, tmp_path):
 def test_the_same_files_with_the_same_content(folders):
     one, other = folders
     names = {path.name for path in other.iterdir()}
-    assert {path.name for path in one.iterdir()} == names | OF_PYTHON
+    assert {path.name for path in one.iterdir()} == names - OF_BATCH | OF_PYTHON
     documents = "simulate.json theory.json build.json summary.json next.json inputs.json"
-    tables = "moduli.csv curves.csv theory.csv posterior.csv table.csv"
-    assert names == {
+    tables = "moduli.csv curves.csv theory.csv table.csv"
+    assert names == OF_BATCH | {
         *documents.split(),
         *tables.split(),
         ".lock",
@@ -100,6 +103,29 @@ def test_the_same_files_with_the_same_content(folders):
             assert np.array_equal(
                 value, values[1][name], equal_nan=isinstance(value, np.ndarray | float)
             ), name
+
+
+def test_the_table_of_draws_is_written_where_it_is_asked_for(bayesindent, batch, tmp_path):
+    """By default by the batch program alone; a table of other draws does not stay. Results do not
+    depend on it.
+    """
+    text = f"""
+&problem symmetry = 'cubic' /
+&measurements file = '{REFERENCE / "cubic_fe3si.csv"}', modulus_kind = 'indentation_modulus' /
+&sampler samples = 20, burn_in = 100, chains = 2%s /
+"""
+    path, inputs = tmp_path / "out" / "posterior.csv", []
+    for program, stated, is_there in [
+        (batch, "", True),
+        (lambda *words: bayesindent("extract", *words), "", False),
+        (lambda *words: bayesindent("extract", *words), ", draws = 'csv'", True),
+        (batch, ", draws = 'none'", False),
+    ]:
+        (tmp_path / "a.nml").write_text(text % stated)
+        assert program("a.nml", "--output", "out").returncode in (0, 3)
+        assert path.exists() == is_there
+        inputs.append(read_json(tmp_path / "out" / "summary.json")["inputs"])
+    assert all(other == inputs[0] for other in inputs)
 
 
 def test_what_reads_a_folder_reads_either(bayesindent, folders, few_figures):

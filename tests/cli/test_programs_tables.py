@@ -7,6 +7,7 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.settings.problem import Problem
+from bayesindent.stages.results_folder import read_posterior
 from support.programs import BATCH
 from support.tree import SOURCE
 
@@ -183,7 +184,7 @@ def test_a_path_a_table_of_python_and_the_batch_program_agree(bayesindent, tmp_p
         check=False,
     )
     assert batch.returncode == done.returncode, batch.stderr
-    draws = [(tmp_path / folder / "posterior.csv").read_bytes() for folder in ("out", "batch")]
+    draws = [read_posterior(tmp_path / folder)["draws"].tolist() for folder in ("out", "batch")]
     assert draws[0] == draws[1]
     tables = [(tmp_path / folder / "table.csv").read_text() for folder in ("out", "batch")]
     assert tables[0] == tables[1] and tables[0].startswith("# Canonical table of bayesindent")

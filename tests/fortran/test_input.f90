@@ -8,7 +8,7 @@ program test_input
    use kinds, only: wp
    use namelist_file, only: entry_type, parse_namelist
    use indenters, only: indenter_names
-   use observables, only: observable_names
+   use observables, only: modulus_kinds
    use paper_basis, only: truncation_names
    use samplers, only: sampler_names
    use settings_schema, only: settings_type
@@ -130,19 +130,19 @@ contains
       type(entry_type), allocatable :: file(:)
       type(error_type), allocatable :: error
 
-      call parse_namelist('f', '&A x = 2*1.5, ''it''''s'' y = .true. & END &b/', file, error)
-      call check_refused('a blank after &', error, 'f: &a: the / that ends the group is missing')
-      call parse_namelist('f', '&A x = 2*1.5, ''it''''s'' y = .true. &END &b/', file, error)
+      call parse_namelist('&A x = 2*1.5, ''it''''s'' y = .true. & END &b/', file, error)
+      call check_refused('a blank after &', error, '&a: the / that ends the group is missing')
+      call parse_namelist('&A x = 2*1.5, ''it''''s'' y = .true. &END &b/', file, error)
       call check_success('two groups on one line', error)
       call check('names in lower case', file(1)%group == 'a' .and. file(3)%name == 'y')
       call check('an empty group', size(file) == 4 .and. len(file(1)%name//file(4)%name) == 0)
       call check('repeated values', size(file(2)%values) == 3 .and. file(2)%values(2)%text == '1.5')
       call check('a doubled quote', file(2)%values(3)%text == 'it''s' &
          & .and. file(2)%values(3)%quoted)
-      call parse_namelist('f', '&a x = 10001*1 /', file, error)
+      call parse_namelist('&a x = 10001*1 /', file, error)
       call check_refused('too many repetitions', error, 'repeat count')
-      call parse_namelist('f', '&a x = 1 y (2) = 3 /', file, error)
-      call check_refused('a subscript', error, 'f: &a y: line 1: parts of a variable')
+      call parse_namelist('&a x = 1 y (2) = 3 /', file, error)
+      call check_refused('a subscript', error, '&a y: line 1: parts of a variable')
    end subroutine test_syntax
 
    !> Every row of the table can be used as the reader uses it.
@@ -178,7 +178,7 @@ contains
       call check_words(s, 'surrogate', 'model', basis_names)
       call check_words(s, 'surrogate', 'truncation', truncation_names)
       call check_words(s, 'design', 'variance_of', acquisition_names)
-      call check_words(s, 'measurements', 'modulus_kind', observable_names)
+      call check_words(s, 'measurements', 'modulus_kind', join(modulus_kinds, ', '))
       call check_words(s, 'measurements', 'likelihood', likelihood_names)
       call check_words(s, 'sampler', 'method', sampler_names())
    end subroutine test_schema
@@ -202,16 +202,16 @@ contains
          call check('the words of '//name, allowed == ''''//join(each, ''', ''')//'''', allowed)
       end associate
       do i = 1, size(each)
-         call parse_namelist('f', '&'//group//' '//name//' = '''//trim(each(i))//''' /', &
+         call parse_namelist('&'//group//' '//name//' = '''//trim(each(i))//''' /', &
             & file, error)
-         call read_settings('f', file, '', '', read, error)
+         call read_settings(file, '', '', read, error)
          known = .true.
          ! Another variable of the group may be missing.
-         if (allocated(error)) known = index(error%message, 'the variable is missing') > 0
+         if (allocated(error)) known = index(error%line(), 'the variable is missing') > 0
          call check('the word '//trim(each(i)), known)
       end do
-      call parse_namelist('f', '&'//group//' '//name//' = ''no_word'' /', file, error)
-      call read_settings('f', file, '', '', read, error)
+      call parse_namelist('&'//group//' '//name//' = ''no_word'' /', file, error)
+      call read_settings(file, '', '', read, error)
       call check_refused('no word of '//name, error, 'is not known')
    end subroutine check_words
 
@@ -222,17 +222,17 @@ contains
       type(settings_type) :: s
       type(error_type), allocatable :: error
 
-      call parse_namelist('f', '&execution /', file, error)
-      call read_settings('f', file, '', '', s, error)
+      call parse_namelist('&execution /', file, error)
+      call read_settings(file, '', '', s, error)
       call check('defaults', s%specimen%geometry == 'halfspace' .and. nint(s%indenter%radius_um) &
          & == 16 .and. .not. s%simulation%given .and. s%design%budget == 40)
       call check('unset without default', .not. allocated(s%prior%c_min) &
          & .and. .not. allocated(s%problem%symmetry))
-      call parse_namelist('f', '&problem symmetry = ''Cubic'' / &prior c_max = 3*250 / ' &
+      call parse_namelist('&problem symmetry = ''Cubic'' / &prior c_max = 3*250 / ' &
          & //'&knowledge quantity = ''C11'', ''C12/C11'' mean = 2*1.5 sd = 1 2 / &simulation vtu ' &
          & //'= t extrapolate = .f. depths = 3 /', file, error)
       call check_success('a file', error)
-      call read_settings('f', file, 'build', 'problem design', s, error)
+      call read_settings(file, 'build', 'problem design', s, error)
       call check_success('its settings', error)
       call check('a word in lower case', s%problem%symmetry == 'cubic')
       call check('one bound alone', .not. allocated(s%prior%c_min) .and. size(s%prior%c_max) == 3)
@@ -242,12 +242,12 @@ contains
          & .and. s%simulation%depths == 3)
       call check('groups that are given', s%simulation%given .and. s%prior%given &
          & .and. .not. s%design%given)
-      call read_settings('f', file, 'extract', 'problem measurements', s, error)
+      call read_settings(file, 'extract', 'problem measurements', s, error)
       call check_refused('a group that is needed', error, &
-         & 'f: &measurements: the group is missing; extract needs it')
-      call parse_namelist('f', '&prior c_max = 3*250 /', file, error)
-      call read_settings('f', file, '', '', s, error)
-      call check_settings('f', s, class, error)
+         & '&measurements: the group is missing; extract needs it')
+      call parse_namelist('&prior c_max = 3*250 /', file, error)
+      call read_settings(file, '', '', s, error)
+      call check_settings(s, class, error)
       call check_refused('constants of no class', error, '&problem symmetry')
    end subroutine test_settings
 end program test_input

@@ -472,7 +472,7 @@ contains
       is_refused = .false.
       if (.not. allocated(error)) return
       if (error%status /= exit_bad_input) return
-      is_refused = index(error%message, path//': ') == 1 .and. index(error%message, newline) == 0
+      is_refused = index(error%line(), path//': ') == 1 .and. index(error%line(), newline) == 0
    end function is_refused
 
    subroutine write_file(name, content)

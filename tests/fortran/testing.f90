@@ -73,7 +73,7 @@ contains
       type(error_type), intent(in), allocatable :: error
 
       if (allocated(error)) then
-         call check(name, .false., error%message)
+         call check(name, .false., error%line())
       else
          call check(name, .true.)
       end if
@@ -85,7 +85,7 @@ contains
       type(error_type), intent(in), allocatable :: error
 
       if (allocated(error)) then
-         call check(name, index(error%message, fragment) > 0, 'the message is: '//error%message)
+         call check(name, index(error%line(), fragment) > 0, 'the message is: '//error%line())
       else
          call check(name, .false., 'no error was raised')
       end if

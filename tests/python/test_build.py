@@ -487,7 +487,7 @@ def test_candidates_of_a_table(tmp_path):
     (found,) = document["warnings"]
     assert (found["code"], found["subject"], found["numbers"]) == (
         "candidates_left_out",
-        f"{tmp_path}/problem.nml: &design candidates: mine.csv",
+        "the table mine.csv",
         {"outside": 1, "rows": 31},
     )
     known = {tuple(row) for row in np.hstack(rows).tolist()}

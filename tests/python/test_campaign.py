@@ -212,7 +212,7 @@ def test_physics_are_kept_apart(tmp_path):
     (tmp_path / "c.nml").write_text(text)
     (warning,) = ask(Problem(tmp_path / "c.nml", "build"), tmp_path, 1)["warnings"]
     assert warning["code"] == "other_physics"
-    assert f"{path} holds only simulations of another physics (" in warning["subject"]
+    assert str(path) in warning["subject"]
 
 
 @pytest.mark.parametrize("modulus", [float("nan"), -1.0, float("inf")])

@@ -138,7 +138,7 @@ def test_a_file_of_the_instrument(tmp_path):
     file.write_bytes("\r".join(lines).encode("latin-1"))
     with pytest.raises(
         bi.InputError,
-        match="the drift of -0.54 nm/s is still in the depths; state drift_removed = False",
+        match="the drift of -0.54 nm/s is still in the depths; state drift_removed = .false.",
     ):
         bi.curves([file], {"test": ["a"], "grain": ["g"]}, radius_um=5.0)
 
@@ -228,10 +228,10 @@ def test_files_that_other_packages_read(monkeypatch, tmp_path):
         ("micromechanics.indentation", SimpleNamespace(Indentation=Indentation)),
     ):
         monkeypatch.setitem(sys.modules, module, fake)
-    [(name, curve)] = read_file(tmp_path / "a.hld", "")
+    [(name, curve)] = read_file(tmp_path / "a.hld")
     assert name == "a"
     np.testing.assert_allclose(curve, [time, depth, load], rtol=1e-12)
-    tests = dict(read_file(tmp_path / "b.xls", ""))
+    tests = dict(read_file(tmp_path / "b.xls"))
     assert list(tests) == ["Test 1", "Test 2"]
     np.testing.assert_allclose(tests["Test 2"], [time, depth, load, 500 + 0 * load], rtol=1e-12)
     monkeypatch.setitem(sys.modules, "nanodent", None)
@@ -245,7 +245,7 @@ def test_a_file_of_micro_materials(tmp_path):
     pytest.importorskip("micromechanics")
     time, depth, load = curve_of(one_curve("a", 100.0))
     np.savetxt(tmp_path / "a.txt", np.transpose([time, depth, load]))
-    [(name, curve)] = read_file(tmp_path / "a.txt", "")
+    [(name, curve)] = read_file(tmp_path / "a.txt")
     assert name == "a"
     # The package leaves out the first point of such files, or none.
     n = len(curve[0])
@@ -260,7 +260,7 @@ def test_a_spreadsheet_of_continuous_stiffness():
     indentation = pytest.importorskip("micromechanics.indentation")
     pandas = pytest.importorskip("pandas")
     file = Path(indentation.__file__).parent / "data" / "Example.xls"
-    tests = dict(read_file(file, ""))
+    tests = dict(read_file(file))
     assert sorted(tests) == ["Test 001", "Test 002"]
     words = ("Time On", "Displacement Into", "Load On", "Harmonic Contact Stiffness")
     for name, curve in tests.items():

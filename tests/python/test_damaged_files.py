@@ -222,30 +222,59 @@ def sampled(tmp_path_factory):
         text
         + (
             "modulus_kind = 'indentation_modulus' /\n"
-            "&sampler samples = 600, burn_in = 1000, chains = 2 /\n"
+            "&sampler samples = 600, burn_in = 1000, chains = 2, draws = 'csv' /\n"
         )
     )
     assert main(["extract", str(folder / "a.nml"), "--output", str(folder / "out")]) == 0
     return folder / "out"
 
 
-@pytest.mark.parametrize("change", ["warnings", "prior"])
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        # Of an earlier version.
+        (("warnings",), ["the sds are small"]),
+        (("prior", "density"), None),
+        (("format",), 1),
+        # Of a stranger: kinds, numbers, shapes, names.
+        (("usable",), 1),
+        (("parameters", "C11", "sd"), "x"),
+        (("parameters", "C11", "mean"), 1e308),
+        (("parameters", "C11", "mean"), None),
+        (("parameters", "C11", "hdi_95"), [1.0, 2.0, 3.0]),
+        (("parameters", "C44"), None),
+        (("error_budget", "C12", "more"), 0.5),
+        (("identifiability", 0, "kind"), "quantity"),
+        (("predicted", 1), {}),
+        (("chains",), -2),
+    ],
+)
 @pytest.mark.parametrize("command", ["report", "compare"])
-def test_documents_of_an_earlier_version(sampled, tmp_path, capsys, command, change):
-    """They are named, with the command that makes them anew."""
+def test_documents_of_an_earlier_version_and_of_a_stranger(
+    sampled, tmp_path, capsys, command, place, value
+):
+    """They are named, with the command that makes them anew, unless they can be used."""
     folder = shutil.copytree(sampled, tmp_path / "out")
     path = folder / "summary.json"
     document = read_json(path)
-    if change == "warnings":
-        document["warnings"] = ["the sds are small"]
-    else:
-        del document["prior"]["density"]
+    inside = document
+    for key in place[:-1]:
+        inside = inside[key]
+    inside[place[-1]] = value
     write_json(path, document)
     capsys.readouterr()
     others = [str(sampled)] if command == "compare" else []
-    assert main([command, str(folder), *others]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith(f"{path}: is of an earlier version") and "bayesindent extract" in line
+    status = main([command, str(folder), *others])
+    found = capsys.readouterr().err.splitlines()
+    if place == ("format",):
+        assert status == 2 and len(found) == 1
+        assert found[0].startswith(f"{path}: is of an earlier version")
+        assert "bayesindent extract" in found[0]
+    elif status:
+        # Values that change no more than a number are read.
+        assert status == 2 and len(found) == 1
+        assert str(path) in found[0]
+        assert "bayesindent run" in found[0]
 
 
 def value_at(content: bytes, name: str) -> int:
@@ -446,3 +475,15 @@ def test_every_writer_goes_through_one_helper():
                 ]
     # Tables of Python on their way to the core, and a surrogate, in temporary folders.
     assert sorted(line.partition(":")[0] for line in found) == ["curves.py", "surrogate.py"]
+
+
+@pytest.mark.parametrize("line", ["-1", "1e+30", "[", "[]"])
+def test_a_provenance_of_a_stranger(tmp_path, line):
+    Surrogate.load("block").save(tmp_path / "surrogate.txt")
+    text = (tmp_path / "surrogate.txt").read_text()
+    at = text.index("\nprovenance ") + 1
+    body = f"{text[:at]}provenance 1\n{line}\n"
+    path = tmp_path / "other.txt"
+    path.write_text(f"{body}checksum {fnv_1a(body.encode()):016X}\n")
+    with pytest.raises(InputError, match="other.txt: the surrogate is damaged: its provenance"):
+        Surrogate.load(path)

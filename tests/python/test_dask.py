@@ -4,6 +4,7 @@ the way.
 
 import json
 import signal
+import socket
 import sqlite3
 import subprocess
 import sys
@@ -19,7 +20,8 @@ from support.counted_job import Counted
 from support.learner import build
 from support.programs import HANGS_S, with_tests
 
-pytest.importorskip("distributed", reason="the extra dask is not installed")
+dask = pytest.importorskip("dask", reason="the extra dask is not installed")
+distributed = pytest.importorskip("distributed", reason="the extra dask is not installed")
 
 START = "import sys; from distributed.cli.{0} import main; sys.exit(main(sys.argv[1:]))"
 
@@ -94,7 +96,7 @@ def test_a_build_whose_worker_is_killed_gives_the_same_numbers(cluster, tmp_path
     )
     for name, execution in (
         ("local", ""),
-        ("dask", f"&execution engine = 'dask', scheduler = '{address}' /\n"),
+        ("dask", "&execution engine = 'dask', scheduler = 'address' /\n"),
     ):
         (tmp_path / f"{name}.nml").write_text(problem + execution)
     build(Problem(tmp_path / "local.nml", "build"), tmp_path / "local")
@@ -104,7 +106,8 @@ def test_a_build_whose_worker_is_killed_gives_the_same_numbers(cluster, tmp_path
             workers[0].send_signal(signal.SIGKILL)
 
     monkeypatch.setattr("bayesindent.stages.stage.progress_bar", lambda *_: nullcontext(kill))
-    build(Problem(tmp_path / "dask.nml", "build"), tmp_path / "dask")
+    with dask.config.set({"scheduler-address": address}):
+        build(Problem(tmp_path / "dask.nml", "build"), tmp_path / "dask")
     assert workers[0].wait(HANGS_S) == -signal.SIGKILL
 
     def rows(name: str) -> list[tuple]:
@@ -124,7 +127,9 @@ def test_a_build_whose_worker_is_killed_gives_the_same_numbers(cluster, tmp_path
 
 def test_no_scheduler_is_told(monkeypatch):
     monkeypatch.setattr("bayesindent.engines.dask.PATIENCE_S", 0.5)
-    with pytest.raises(bi.core.MachineError, match="no scheduler answers at tcp://127.0.0.1:1"):
+    with pytest.raises(
+        bi.core.MachineError, match="no scheduler with workers answers at tcp://127.0.0.1:1"
+    ):
         DaskEngine(0, "tcp://127.0.0.1:1")
 
 
@@ -141,3 +146,69 @@ def test_every_engine_serves_many_crystals(cluster):
     assert [getattr(result, "indentation_modulus_gpa", str(result)) for result in there] == [
         getattr(result, "indentation_modulus_gpa", str(result)) for result in here
     ]
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:{}", "tls://127.0.0.1:{}", "scheduler.json"])
+def test_a_namelist_connects_to_nothing(tmp_path, bayesindent, address):
+    with socket.create_server(("127.0.0.1", 0)) as host:
+        stated = address.format(host.getsockname()[1])
+        (tmp_path / "a.nml").write_text(
+            "&problem seed = 1 /\n&design budget = 40 /\n"
+            f"&execution engine = 'dask', scheduler = '{stated}' /\n"
+        )
+        done = bayesindent("build", "a.nml")
+        assert done.returncode == 2
+        assert done.stderr.startswith(f"a.nml: &execution scheduler: '{stated}'; allowed 'local', ")
+        assert "--scheduler ADDRESS" in done.stderr
+        host.settimeout(0.2)
+        with pytest.raises(TimeoutError):
+            host.accept()
+
+
+def test_an_address_is_that_of_the_configuration(cluster):
+    with dask.config.set({"scheduler-address": cluster[0]}), DaskEngine(0, "address") as engine:
+        assert engine.workers >= 1
+    with (
+        dask.config.set({"scheduler-address": None}),
+        pytest.raises(bi.InputError, match="needs the option --scheduler ADDRESS"),
+    ):
+        DaskEngine(0, "address")
+
+
+def test_the_option_states_the_address(tmp_path, process):
+    (tmp_path / "a.nml").write_text(
+        "&problem seed = 1 /\n&simulation refine = 0.6, depths = 4 /\n&design budget = 40 /\n"
+    )
+    done = process("build", "a.nml", "--scheduler", "tcp://127.0.0.1:1")
+    assert done.returncode == 1
+    assert "trying to connect to tcp://127.0.0.1:1 " in done.stderr
+
+
+def test_a_scheduler_without_workers_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr("bayesindent.engines.dask.PATIENCE_S", 1.0)
+    file = tmp_path / "scheduler.json"
+    arguments = ["--scheduler-file", str(file), "--host", "127.0.0.1", "--port", "0"]
+    command = [sys.executable, "-c", START.format("dask_scheduler"), *arguments, "--no-dashboard"]
+    with open(tmp_path / "log", "w") as log:
+        scheduler = subprocess.Popen(command, cwd=tmp_path, stdout=log, stderr=log)
+    try:
+        end = time.monotonic() + HANGS_S
+        while not file.exists() and time.monotonic() < end:
+            time.sleep(0.1)
+        address = json.loads(file.read_text())["address"]
+        with pytest.raises(bi.core.MachineError, match=f"with workers answers at {address}"):
+            DaskEngine(0, address)
+    finally:
+        scheduler.kill()
+        scheduler.wait()
+
+
+def test_an_own_cluster_has_a_certificate(tmp_path):
+    with DaskEngine(1) as engine:
+        address = engine._cluster.scheduler_address
+        assert address.startswith("tls://")
+        found = {}
+        engine.map(Counted(tmp_path / "made"), [3], found.__setitem__)
+        assert found[0][1] == 9
+        with pytest.raises((OSError, TimeoutError, TypeError)):
+            distributed.Client(address, timeout=1.0, set_as_default=False)

@@ -201,14 +201,31 @@ def test_severities_and_repetitions():
     assert diagnostics.labelled(grave).startswith(f"the result cannot be used: {sentence}")
     assert diagnostics.labelled(helpful).startswith("note: a from 31 to 2.")
     other = in_document("not_mixed", "C11", [1.2, 1.05])
-    assert diagnostics.distinct([grave, helpful, grave, other]) == [grave, helpful, other]
+    table = in_document("table_changed", "a.csv: read as UTF-16", [])
+    found = [table, grave, helpful, grave, other]
+    assert diagnostics.distinct(found) == [grave, other, table, helpful]
 
 
 def test_a_warning_of_python_keeps_its_diagnostic():
     found = diagnostics.diagnostic("compared_classes")
-    warning = pickle.loads(pickle.dumps(bi.BayesindentWarning("why", found)))
+    warning = bi.BayesindentWarning("why")
+    warning.diagnostic = found
+    warning = pickle.loads(pickle.dumps(warning))
     assert (str(warning), warning.diagnostic) == ("why", found)
     assert bi.BayesindentWarning("why").diagnostic == {}
+
+
+def test_no_page_is_read_at_run_time():
+    """The pages make modules when the program is built; the package has none of them, and no text
+    of its code names one.
+    """
+    folder = Path(bi.__file__).parent
+    assert not [*folder.rglob("*.md")]
+    for file in folder.rglob("*.py"):
+        nodes = [*ast.walk(ast.parse(file.read_text(encoding="utf-8")))]
+        prose = {node.value for node in nodes if isinstance(node, ast.Expr)}
+        texts = {node for node in nodes if isinstance(node, ast.Constant)} - prose
+        assert not [node.value for node in texts if str(node.value).endswith(".md")], file
 
 
 def test_the_module_of_a_page_has_its_cells():

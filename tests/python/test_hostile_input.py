@@ -9,7 +9,6 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.settings.problem import Problem
-from support.measured_tables import read_measurements
 
 COPPER = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)
 HEADER = "phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa\n"
@@ -52,21 +51,6 @@ def test_every_character_of_utf8_is_read(tmp_path):
     )
     (tmp_path / "a.csv").write_text(HEADER + "1,2,3,200,4\n", encoding="utf-8")
     assert Problem(path, "extract").settings.problem.title == title
-
-
-def test_a_pipe_is_read_like_a_file(tmp_path):
-    reading, writing = os.pipe()
-    rows = 9000
-    if os.fork() == 0:
-        # More than a pipe holds at once.
-        with open(writing, "w") as stream:
-            stream.write(HEADER + "10.25,20.125,30.0625,200.5,4\n" * rows)
-        os._exit(0)
-    os.close(writing)
-    points = read_measurements(f"/dev/fd/{reading}", "cubic", modulus_kind="indentation_modulus")
-    os.close(reading)
-    os.wait()
-    assert len(points) == rows and points.euler_deg[-1].tolist() == [10.25, 20.125, 30.0625]
 
 
 @pytest.mark.long

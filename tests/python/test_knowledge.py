@@ -207,11 +207,11 @@ def test_a_problem_with_a_stiffness_is_made_anew():
     [
         (
             {"stiffness": (np.ones(3), np.eye(3))},
-            r"&knowledge stiffness: .*\(3,\) and \(3, 3\); allowed \(5,\) and \(5, 5\)",
+            r"&knowledge stiffness_file: .*\(3,\) and \(3, 3\); allowed \(5,\) and \(5, 5\)",
         ),
         (
             {"stiffness": (np.full(5, np.nan), np.eye(5))},
-            r"&knowledge stiffness: line 2, column C11: nan is not finite",
+            r"&knowledge stiffness_file: line 2, column C11: nan is not finite",
         ),
         (
             {"stiffness": SOURCE / "nowhere.csv"},

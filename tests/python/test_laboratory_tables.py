@@ -467,7 +467,7 @@ def test_below_a_blank_row_are_statistics(tmp_path):
 DEVIATIONS = [
     *("sd", "SD (GPa)", "sd [GPa]", "std_gpa", "Std (GPa)", "std / GPa", "StDev", "StDev (GPa)"),
     *("Std. Dev. (GPa)", "St.Dev", "stddev_gpa", "Standard deviation", "standard_deviation_gpa"),
-    *("Er sd (GPa)", "er_std_gpa", "sigma"),
+    *("Er sd (GPa)", "er_std_gpa", "sigma", "Std Er (GPa)", "StdDev EIT [GPa]"),
 ]
 ERRORS = [
     *("sd_gpa", "Std. Error (GPa)", "standard error", "SEM", "se (GPa)", "error", "Err. (GPa)", "±")

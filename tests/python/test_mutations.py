@@ -10,12 +10,14 @@ import bayesindent as bi
 from benchmarks.bench_mutations import (
     MAPS,
     SEEDS,
+    STORED,
     exported,
     mutated,
     prepare,
     read,
     text,
     try_in_process,
+    try_results,
     write,
 )
 
@@ -28,6 +30,13 @@ def test_changed_inputs_are_read_or_refused(tmp_path):
     assert {kind for (kind, _), count in counted.items() if count > 0} >= {*SEEDS}
     # Neither is all refused nor all read: the changes are small, and they matter.
     assert counted["table", "read"] > 0 and counted["namelist", "refused"] > 0
+
+
+@pytest.mark.long
+def test_changed_results_with_right_checksums_are_read_or_refused(tmp_path):
+    counted, failures = try_results(120, 7, tmp_path)
+    assert failures == []
+    assert {file for (file, _), count in counted.items() if count > 0} >= {*STORED}
 
 
 def test_changes_change():

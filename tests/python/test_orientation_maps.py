@@ -66,13 +66,13 @@ def test_diffraction_adds_the_inversion_to_the_symmetry(tmp_path):
         (
             "-3m",
             "hexagonal",
-            "trigonal (-3m), &problem symmetry is hexagonal, which takes the crystal for more "
+            "trigonal (-3m), symmetry is hexagonal, which takes the crystal for more "
             "symmetric than the map does",
         ),
         (
             "4/mmm",
             "cubic",
-            "tetragonal (4/mmm), &problem symmetry is cubic, which takes the crystal for more "
+            "tetragonal (4/mmm), symmetry is cubic, which takes the crystal for more "
             "symmetric than the map does",
         ),
     ],
@@ -81,12 +81,8 @@ def test_the_phase_has_the_stated_symmetry(tmp_path, point_group, symmetry, told
     problem = measured(
         write(tmp_path / "map.h5", *pixels(), point_group), [(2.1, 5.2), (12.3, 4.9)], symmetry
     )
-    found = of_code(problem.warnings, "phase_differs")
-    said = [each["subject"].partition("map.h5: ")[2] for each in found]
+    said = [each["subject"] for each in of_code(problem.warnings, "phase_differs")]
     assert said == ([f"the phase iron is {told}"] if told else [])
-    assert not [
-        each for each in problem.warnings if "map.h5" in each["subject"] and each not in found
-    ]
 
 
 @pytest.mark.parametrize(
@@ -98,8 +94,7 @@ def test_a_phase_whose_equivalents_are_none_is_refused(tmp_path, point_group, sy
     with pytest.raises(
         bi.InputError,
         match=(
-            "map.h5: the phase iron is .+, &problem symmetry is "
-            f"{symmetry}: orientations that are equiv"
+            f"map.h5: the phase iron is .+, symmetry is {symmetry}: orientations that are equiv"
         ),
     ):
         measured(path, [(2.1, 5.2), (12.3, 4.9)], symmetry)
@@ -205,7 +200,8 @@ def test_what_is_no_map(tmp_path, monkeypatch):
         measured(path, [(1.0, 1.0)])
     monkeypatch.setitem(sys.modules, "orix", None)
     with pytest.raises(
-        bi.InputError, match=r"needs orix, which is not installed: \S+ -m pip install orix$"
+        bi.InputError,
+        match=r"needs orix, which is not installed: \./bayesindent setup --with ebsd$",
     ):
         measured(path, [(1.0, 1.0)])
 

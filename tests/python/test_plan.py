@@ -210,7 +210,7 @@ def test_full_posteriors_have_these_sds(case):
         ),
         (
             {"bounds": {"C11": (200, 300)}},
-            "bi.plan: constants: the crystal is outside the limits of bounds",
+            "bi.plan: constants: the crystal is outside the limits of the prior",
         ),
         ({"velocity_noise": 0.01}, "bi.plan: density_kg_m3: the variable is missing; "),
         (
@@ -225,7 +225,7 @@ def test_what_cannot_be_planned_is_refused(keywords, words):
             **{"symmetry": "cubic", "constants": [168.4, 121.4, 75.4], "grains": 5, "noise": 0.02}
             | keywords
         )
-    assert str(error.value).startswith(words) and "&" not in str(error.value)
+    assert str(error.value).startswith(words)
 
 
 @pytest.mark.long
@@ -259,6 +259,6 @@ def test_knowledge_that_contradicts_the_constants_is_refused():
     for mean, sd in ((500.0, 3.0), (131.0, 2.0)):
         with pytest.raises(
             bi.InputError,
-            match="more than three sds from the bulk_modulus of the crystal of plan, 137.1",
+            match="more than three sds from the bulk_modulus of the crystal, 137.1",
         ):
             bi.plan("fcc", list(COPPER.values()), 10, 0.02, knowledge={"bulk_modulus": (mean, sd)})

@@ -229,7 +229,7 @@ def test_candidates_with_training_moduli(tmp_path):
     assert np.isnan(problem.candidates.modulus_gpa[1])
     (found,) = problem.warnings
     assert found["code"] == "candidates_left_out"
-    assert found["subject"].endswith(": &design candidates: c.csv")
+    assert found["subject"] == "the table c.csv"
     assert found["numbers"] == {"outside": 1, "rows": 2}
 
 

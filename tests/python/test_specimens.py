@@ -1,12 +1,17 @@
 """Films and embedded grains against exact values, against the half-space where they are none, and
 near each other where they must be.
+
+Modules: film_theory.f90.
 """
+
+import json
 
 import numpy as np
 import pytest
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import anisotropy_index
+from bayesindent.program.cli import main
 from support.layered_halfspace import LayeredContact, random_pairs, thick_layer
 from support.paper_domains import DOMAINS
 from support.tree import REFERENCE
@@ -160,6 +165,59 @@ def test_what_an_instrument_reports_of_a_film(layer, substrate, thickness, refin
             estimator
         )
     assert expected["stiffness_hertz"] != pytest.approx(expected["curve"], rel=0.02)
+
+
+def theory_of_film(folder, layer, specimen):
+    """The result of the command `theory` for an isotropic layer."""
+    c11, c12 = isotropic(*layer)[0, :2]
+    (folder / "points.csv").write_text(f"C11,C12,phi1_deg,Phi_deg,phi2_deg\n{c11},{c12},0,0,0\n")
+    (folder / "film.nml").write_text(
+        "&problem symmetry = 'isotropic' /\n&crystals points = 'points.csv' /\n"
+        f"&specimen geometry = 'film', {specimen} /\n"
+    )
+    status = main(["theory", str(folder / "film.nml"), "--output", str(folder / "out")])
+    if status:
+        return status
+    return json.loads((folder / "out" / "theory.json").read_text())["results"][0]
+
+
+def test_theory_of_films_by_every_estimator(tmp_path, capsys):
+    """The exact contact of a layer, on a mesh of no kind: also where the film is thin."""
+    layer, substrate = (70, 0.3), (200, 0.3)
+    for thickness in (0.1, 1.0):
+        contact, depth = LayeredContact(layer, substrate, thickness), np.arange(1, 11) ** 2 / 6400
+        (radius,), _, (slope,) = contact.curve(depth[-1:])
+        expected = {
+            "curve": contact.modulus_of_curve(depth),
+            "stiffness": slope / (2 * radius),
+            "stiffness_hertz": slope / (2 * 0.5),
+        }
+        for estimator, modulus in expected.items():
+            specimen = (
+                f"estimator = '{estimator}', thickness_um = {thickness}, "
+                f"substrate_young_gpa = {substrate[0]}, substrate_nu = {substrate[1]}"
+            )
+            result = theory_of_film(tmp_path, layer, specimen)
+            assert result["indentation_modulus_gpa"] == pytest.approx(modulus, rel=1e-5), estimator
+            assert result["relative_error"] < 1e-5
+    assert "Exact theory" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("specimen", "message"),
+    [
+        (
+            "thickness_um = 0.04, substrate = 'rigid'",
+            "crystal 1: the contact of radius 0.45 um on layers 0.04 um thick is beyond the "
+            "theory: it is wider than 10.0 thicknesses",
+        ),
+        ("substrate_young_gpa = 70", "&specimen thickness_um: the variable is missing; geometry"),
+        ("thickness_um = 1", "&specimen substrate_young_gpa: the variable is missing; geometry"),
+    ],
+)
+def test_films_without_a_theory(tmp_path, capsys, specimen, message):
+    assert theory_of_film(tmp_path, (70, 0.3), specimen) == 2 or "crystal" in message
+    assert message in capsys.readouterr().err
 
 
 @pytest.mark.long

@@ -1,7 +1,9 @@
 """Measurements in a spreadsheet: the same numbers and the same refusals as of a text."""
 
 import datetime
+import os
 import sys
+import zipfile
 
 import numpy as np
 import pytest
@@ -113,6 +115,44 @@ def test_what_is_no_spreadsheet(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "openpyxl", None)
     with pytest.raises(
         bi.InputError,
-        match=r"needs openpyxl, which is not installed: \S+ -m pip install openpyxl, or save",
+        match=r"needs openpyxl, which is not installed: \./bayesindent setup --with xlsx, or save",
     ):
         read_measurements(book(path), "cubic")
+
+
+def test_a_blank_at_the_last_place_costs_nothing(tmp_path):
+    """Sheets that claim to be as large as they may, and styled blanks at the end."""
+    made = openpyxl.Workbook()
+    for row in (HEADER, *ROWS):
+        made.active.append(row)
+    made.active["XFD1048576"].number_format = "0.0"
+    made.save(tmp_path / "a.xlsx")
+    points = read_measurements(tmp_path / "a.xlsx", "cubic")
+    expected = read_measurements(book(tmp_path / "b.xlsx"), "cubic")
+    assert points.modulus_gpa.tolist() == expected.modulus_gpa.tolist()
+
+
+def test_an_archive_that_grows_is_refused_before_it_is_unpacked(tmp_path):
+    path = book(tmp_path / "a.xlsx")
+    with (
+        zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive,
+        archive.open("xl/media/zeros", "w", force_zip64=True) as part,
+    ):
+        for _ in range(1001):
+            part.write(bytes(1_000_000))
+    assert path.stat().st_size < 5_000_000
+    with pytest.raises(bi.InputError, match=r"a.xlsx: 10\d{8} bytes when unpacked; allowed up to"):
+        read_measurements(path, "cubic")
+
+
+@pytest.mark.parametrize("device", ["/dev/zero", "/dev/null", "pipe", "pipe.csv"])
+def test_devices_and_pipes_are_no_tables(tmp_path, device, bayesindent, batch):
+    if device.startswith("pipe"):
+        os.mkfifo(tmp_path / device)
+    (tmp_path / "a.nml").write_text(
+        f"&problem symmetry = 'cubic' /\n&measurements file = '{device}' /\n"
+    )
+    for run in (bayesindent, batch):
+        done = run("run", "a.nml") if run is bayesindent else run("a.nml")
+        assert done.returncode == 2
+        assert f"a.nml: &measurements file: {device}: a device or a pipe is no file" in done.stderr

@@ -388,8 +388,7 @@ def test_columns_that_nobody_reads_but_are_near_to_known_ones_are_told_of():
     )
     assert codes(problem.warnings) == ["table_changed"]
     assert notes(problem.warnings) == (
-        "f: &measurements: the column orientaton_sd_deg is not read, did you mean "
-        "orientation_sd_deg?"
+        "the table: the column orientaton_sd_deg is not read, did you mean orientation_sd_deg?"
     )
 
 

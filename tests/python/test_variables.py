@@ -225,6 +225,18 @@ def sampled(folder, groups):
     }, "evidence" in bi.summary(result)
 
 
+def files_of_extract(folder, groups):
+    """What `extract` leaves."""
+    defaults = {
+        "problem": {"symmetry": "cubic"},
+        "measurements": {"file": "grains.csv"} | KIND,
+        "sampler": {"samples": 12, "burn_in": 20, "chains": 2},
+    }
+    problem = written(folder, merged(defaults, groups))
+    run_stage(problem, "extract", folder / "out")
+    return sorted(path.name for path in (folder / "out").iterdir())
+
+
 def asked_for(folder, groups):
     """What is sampled."""
     problem = written(
@@ -535,6 +547,7 @@ EFFECTS = {
         "chains": (sampled, {}, 3),
         "surrogate_variance": (density, {}, "none"),
         "evidence": (sampled, {}, True),
+        "draws": (files_of_extract, {}, "csv"),
     },
     "next": {
         "sd_gpa": (suggested, {}, 9.0),

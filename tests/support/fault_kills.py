@@ -13,8 +13,6 @@ import time
 from contextlib import closing, suppress
 from pathlib import Path
 
-import numpy as np
-
 from bayesindent.core import InputError
 from bayesindent.stages.results_folder import read_posterior
 from bayesindent.surrogate.surrogate import Surrogate
@@ -144,7 +142,6 @@ def half_written(folder: Path) -> list[str]:
             elif file.name == "posterior.bin":
                 read_posterior(folder)
             elif file.name in (
-                "posterior.csv",
                 "report.html",
                 "resolved.nml",
             ) and not file.read_text().endswith(("\n", ">")):
@@ -156,9 +153,8 @@ def half_written(folder: Path) -> list[str]:
 
 def posterior_of(folder: Path) -> list:
     """Every draw, of either program; nothing where there is none."""
-    if not (folder / "posterior.csv").exists():
-        return []
-    return np.loadtxt(folder / "posterior.csv", delimiter=",", skiprows=1).tolist()
+    found = read_posterior(folder)
+    return [found[name].tolist() for name in ("draws", "log_density") if found]
 
 
 def results_of(folder: Path) -> dict:

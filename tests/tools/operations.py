@@ -27,7 +27,7 @@ class Operation(NamedTuple):
 @cache
 def operations(root: Path) -> dict[str, Operation]:
     """All operations, 'KIND.VERB'."""
-    found: dict[str, Operation] = {}
+    found: dict[str, Operation | None] = {}
     for path in sorted((root / "fortran" / "facade").glob("*operations.f90")):
         lines, kind = path.read_text().splitlines(), ""
         for number, line in enumerate(lines):
@@ -45,7 +45,8 @@ def operations(root: Path) -> dict[str, Operation]:
 
 def declared(lines: list[str]) -> Operation | None:
     """The operation whose comment these lines begin with; None for other cases."""
-    values, meaning = [], []
+    values: list[str] = []
+    meaning: list[str] = []
     for line in lines:
         comment = COMMENT.match(f" {line}")
         if not comment:

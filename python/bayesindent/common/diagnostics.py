@@ -28,6 +28,20 @@ def is_unusable(found: dict) -> bool:
     return found["severity"] == "unusable"
 
 
+#: Severities and consequences, the most important first.
+ORDER = (
+    ("unusable", "warning", "note"),
+    ("undetermined", "biased", "draws", "surrogate", "inputs"),
+)
+
+
 def distinct(found: Iterable[dict]) -> list[dict]:
-    """The diagnostics without repetitions."""
-    return list({message(each): each for each in found}.values())
+    """The diagnostics without repetitions, by severity, then by consequence."""
+    severities, consequences = ORDER
+    return sorted(
+        {message(each): each for each in found}.values(),
+        key=lambda each: (
+            severities.index(each["severity"]),
+            consequences.index(each["consequence"]),
+        ),
+    )

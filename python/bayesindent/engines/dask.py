@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager
 from functools import lru_cache, partial
 from typing import Any
 
+from ..common.packages import installation
 from ..core import InputError, MachineError
 from .local import complete
 
@@ -19,9 +20,10 @@ class DaskEngine(AbstractContextManager):
     """`workers` processes with one thread each (0: one for each core, or one job of SLURM), or all
     workers of a scheduler.
 
-    `scheduler` is 'local', 'slurm' (as configured in Dask's `jobqueue.yaml`) or an address such as
-    'tcp://head:8786'. Raises `InputError` if the packages are missing and `MachineError` if no
-    scheduler answers. If a worker dies, another one repeats its simulation.
+    `scheduler` is 'local', 'slurm' (as configured in Dask's `jobqueue.yaml`), an address such as
+    'tcp://head:8786', or 'address': that of Dask's configuration. Raises `InputError` if the
+    packages or the address are missing and `MachineError` if no scheduler answers or it has no
+    worker. If a worker dies, another one repeats its simulation.
     """
 
     def __init__(self, workers: int = 0, scheduler: str = "local"):
@@ -29,12 +31,15 @@ class DaskEngine(AbstractContextManager):
             self._client, self._cluster = _connect(workers, scheduler)
         except ModuleNotFoundError as error:
             raise InputError(
-                f"&execution engine: 'dask' needs the package {error.name}: pip install "
-                "'bayesindent[dask]'"
+                f"'dask' needs the package {error.name}: {installation(str(error.name))}",
+                group="execution",
+                variable="engine",
             ) from None
         except (OSError, TimeoutError) as error:
             raise MachineError(
-                f"&execution scheduler: no scheduler answers at {scheduler}: {error}"
+                f"no scheduler with workers answers at {scheduler}: {error}",
+                group="execution",
+                variable="scheduler",
             ) from None
 
     def __exit__(self, *_: object) -> None:
@@ -59,7 +64,9 @@ class DaskEngine(AbstractContextManager):
             complete(submit, lambda: self.workers, items, collect)
         except KilledWorker as error:
             raise MachineError(
-                f"&execution engine: workers died again and again at the same simulation: {error}"
+                f"workers died again and again at the same simulation: {error}",
+                group="execution",
+                variable="engine",
             ) from None
 
 
@@ -73,18 +80,34 @@ def _run(pickled: bytes, item: object) -> object:
 
 def _connect(workers: int, scheduler: str) -> tuple:
     """A client, and its own cluster or None."""
+    import dask
     from distributed import Client, LocalCluster
 
+    # Other users of the machine reach the ports of a cluster, but do not have its certificate.
+    own: dict[str, Any] = {"protocol": "tls://", "security": True}
     cluster: Any
     if scheduler == "local":
         cluster = LocalCluster(
-            n_workers=workers or None, threads_per_worker=1, dashboard_address=None, silence_logs=50
+            n_workers=workers or None,
+            threads_per_worker=1,
+            dashboard_address=None,
+            silence_logs=50,
+            **own,
         )
     elif scheduler == "slurm":
         from dask_jobqueue import SLURMCluster
 
-        cluster = SLURMCluster()
+        cluster = SLURMCluster(**own)
         cluster.scale(workers or 1)
     else:
-        return Client(scheduler, timeout=PATIENCE_S, set_as_default=False), None
+        if scheduler == "address" and not (scheduler := dask.config.get("scheduler-address", "")):
+            raise InputError(
+                "'address' needs the option --scheduler ADDRESS, or scheduler-address in Dask's "
+                "configuration",
+                group="execution",
+                variable="scheduler",
+            )
+        client = Client(scheduler, timeout=PATIENCE_S, set_as_default=False)
+        client.wait_for_workers(1, timeout=PATIENCE_S)
+        return client, None
     return Client(cluster, set_as_default=False), cluster

@@ -163,7 +163,7 @@ class Indentation(NativeObject):
 
         execution = Problem.from_keywords(
             "bi.Indentation.run_many",
-            execution={"workers": workers, "engine": engine, "scheduler": scheduler},
+            execution={"workers": workers, "engine": engine},
         ).settings.execution
         if errors not in ("raise", "return"):
             raise InputError(
@@ -181,7 +181,7 @@ class Indentation(NativeObject):
                     raise
                 return error
 
-        with ENGINES[execution.engine](execution.workers, execution.scheduler) as queue:
+        with ENGINES[execution.engine](execution.workers, scheduler) as queue:
             queue.map(attempt, list(zip(*crystals.values())), results.__setitem__)
         return [results[number] for number in sorted(results)]
 

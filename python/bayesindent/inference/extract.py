@@ -4,19 +4,14 @@ computes the densities, the chains and their diagnostics.
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .. import report
 from ..common.result_files import plain
 from ..core import InputError
-from ..crystal.elasticity import constant_names, stiffness_rows
 from ..settings.keywords import takes
 from ..settings.problem import Problem, grouped
 from ..surrogate.surrogate import Surrogate
@@ -24,9 +19,9 @@ from .analysis import CoreAnalysis
 from .measurements import GROUPS, problem_of
 
 #: Variables that have no keyword of their name; other keywords replace them.
-LEFT_OUT = ("symmetry", "title", "synthetic", "file", "c_min", "c_max", "engine", "scheduler")
-#: Draws of the posterior from which moduli are predicted.
-PREDICTED = 500
+LEFT_OUT = (
+    *("symmetry", "title", "synthetic", "file", "c_min", "c_max", "draws", "engine", "scheduler"),
+)
 
 
 @takes(*GROUPS, "next", without=LEFT_OUT)
@@ -67,8 +62,8 @@ def next_grain(
         surrogate = surrogate or result.posterior.encoding.get("surrogate") or facts["surrogate"]
         if not surrogate:
             raise InputError(
-                "bi.next_grain: a result from a file does not have its "
-                "surrogate; state it with surrogate="
+                "a result from a file does not have its surrogate; state it with surrogate=",
+                "bi.next_grain",
             )
         surrogate, (_, tables, groups) = loaded(surrogate), json.loads(facts["asked"])
         problem = Problem.from_keywords("bi.next_grain", tables, **groups | {"next": settings})
@@ -134,111 +129,29 @@ def extract(
         cannot be used, its first warning says why. `bi.summary(result)` has mean, sd and shares of
         each constant.
     """
-    return begun(
-        "bi.extract",
-        measurements,
-        surrogate,
-        symmetry=symmetry,
-        bounds=bounds,
-        knowledge=knowledge,
-        **settings,
-    ).sample(progressbar)
-
-
-@dataclass(frozen=True, eq=False)
-class Analysis:
-    """Step 2 of a table of measurements as an object, see `bi.analysis`. The posterior is sampled
-    when a result is first asked for.
-    """
-
-    problem: Problem
-    surrogate: Surrogate
-    #: Name of the surrogate; empty if it has none.
-    name: str = ""
-
-    @cached_property
-    def posterior(self) -> Any:
-        """The result of `bi.extract`."""
-        return self.sample()
-
-    def sample(self, progressbar: bool = False) -> Any:
-        """Sample the posterior."""
-        result = CoreAnalysis(self.problem, self.surrogate).infer(progressbar)
-        made = self.problem._made_of[0]
-        result.posterior.attrs.update(
-            surrogate=self.name, asked=json.dumps(plain([*made.args, made.keywords]), default=str)
-        )
-        # `next_grain` uses the surrogate in this process; a file of the result has only its name.
-        result.posterior.encoding["surrogate"] = self.surrogate
-        return result
-
-    def summary(self) -> dict:
-        """See `bi.summary`."""
-        return summary(self.posterior)
-
-    def predict(self, euler_deg: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Mean and sd in GPa of the indentation modulus at Bunge's angles (n, 3) in degrees, over
-        the posterior and the error of the surrogate.
-        """
-        symmetry, angles = self.problem.settings.problem.symmetry, np.atleast_2d(euler_deg)
-        draws = np.stack(
-            [self.posterior.posterior[name].values.ravel() for name in constant_names(symmetry)], 1
-        )
-        draws = draws[:: max(1, len(draws) // PREDICTED)]
-        modulus, sd = self.surrogate.predict(
-            np.repeat(stiffness_rows(symmetry, draws), len(angles), axis=0),
-            np.tile(angles, (len(draws), 1)),
-        )
-        moduli = modulus.reshape(len(draws), -1)
-        variance = moduli.var(axis=0) + (sd.reshape(moduli.shape) ** 2).mean(axis=0)
-        return moduli.mean(axis=0), np.sqrt(variance)
-
-    def next(self, **settings: Any) -> dict:
-        """The grains to measure next; the keywords are those of `&next`, see `bi.next_grain`."""
-        return next_grain(self.posterior, **settings)
-
-    def plan(self, grains: ArrayLike, noise: ArrayLike, **settings: Any) -> dict:
-        """Expected sds of the constants for numbers of grains and noises of such a crystal; other
-        keywords are those of `&plan`, see `bi.plan`.
-        """
-        parameters = self.summary()["parameters"]
-        asked = {"grains": grains, "noise": noise} | settings
-        if "constants" not in asked:
-            names = constant_names(self.problem.settings.problem.symmetry)
-            asked["constants"] = [parameters[name]["mean"] for name in names]
-        (_, tables), groups = self.problem._made_of[0].args, self.problem._made_of[0].keywords
-        problem = Problem.from_keywords("Analysis.plan", tables, **groups | {"plan": asked})
-        return CoreAnalysis(problem, self.surrogate).document("plan")
-
-    def report(self, output: str | PathLike | None = None, **settings: Any) -> Path:
-        """Write the report of the results, see `bi.report`."""
-        return report(self.posterior, output, **settings)
-
-
-@takes(*GROUPS, without=LEFT_OUT)
-def analysis(
-    measurements: Any,
-    symmetry: str | None = None,
-    *,
-    surrogate: Surrogate | str | PathLike = "halfspace",
-    bounds: Mapping | None = None,
-    knowledge: Mapping | None = None,
-    **settings: Any,
-) -> Analysis:
-    """Step 2 as an object: `posterior`, `summary()`, `predict(euler_deg)`, `next()`, `plan(grains,
-    noise)`, `report()`. The arguments are those of `bi.extract`.
-    """
     given = {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge} | settings
-    return begun("bi.analysis", measurements, surrogate, **given)
+    return sampled(*begun("bi.extract", measurements, surrogate, **given), progressbar)
 
 
 def begun(
     origin: str, measurements: Any, surrogate: Surrogate | str | PathLike, **given: Any
-) -> Analysis:
-    """The analysis that the keywords of the function `origin` state."""
+) -> tuple[Problem, Surrogate, str]:
+    """The problem that the keywords of the function `origin` state, the surrogate and its name."""
     name = "" if isinstance(surrogate, Surrogate) else str(surrogate)
     model = loaded(surrogate)
-    return Analysis(problem_of(origin, model, measurements, **given), model, name)
+    return problem_of(origin, model, measurements, **given), model, name
+
+
+def sampled(problem: Problem, surrogate: Surrogate, name: str, progressbar: bool = False) -> Any:
+    """The result of `bi.extract` with a surrogate that has this name."""
+    result = CoreAnalysis(problem, surrogate).infer(progressbar)
+    made = problem._made_of[0]
+    result.posterior.attrs.update(
+        surrogate=name, asked=json.dumps(plain([*made.args, made.keywords]), default=str)
+    )
+    # `next_grain` uses the surrogate in this process; a file of the result has only its name.
+    result.posterior.encoding["surrogate"] = surrogate
+    return result
 
 
 @takes("plan", *GROUPS, without=(*LEFT_OUT, "lattice"))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..core import InputError
+from ..core import InputError, located
 from ..crystal.elasticity import angles_of, constant_names
 from ..settings.problem import Problem, grouped
 from ..surrogate.surrogate import Surrogate
@@ -37,8 +37,9 @@ def problem_of(
     symmetry = symmetry or (surrogate.symmetry if len(surrogate.basis.c_min) else None)
     if symmetry is None:
         raise InputError(
-            f"{origin}: symmetry is missing: this surrogate serves crystals of every class; "
-            "state one, such as 'cubic'"
+            "symmetry is missing: this surrogate serves crystals of every class; state one, "
+            "such as 'cubic'",
+            origin,
         )
     groups = grouped(
         variables | {"symmetry": symmetry},
@@ -55,18 +56,21 @@ def problem_of(
         elif given is not None or (needed and variable == "file"):
             tables[name] = measurements_of(given)
     if bounds:
-        groups["prior"] |= bounds_of(origin, symmetry, bounds)
+        with located(origin, "prior"):
+            groups["prior"] |= bounds_of(symmetry, bounds)
     if knowledge:
         if not isinstance(knowledge, Mapping):
             raise InputError(
-                f"{origin}: knowledge: {knowledge!r}; allowed a dictionary, such as "
-                "{'bulk_modulus': (108, 2)}"
+                f"{knowledge!r}; allowed a dictionary, such as {{'bulk_modulus': (108, 2)}}",
+                origin,
+                "knowledge",
             )
-        said = [
-            (name, *pair_of(f"{origin}: knowledge: {name}", pair, "(mean, sd)"))
-            for name, pair in knowledge.items()
-            if name not in ("stiffness", "source")
-        ]
+        with located(origin, "knowledge"):
+            said = [
+                (name, *pair_of(name, pair, "(mean, sd)"))
+                for name, pair in knowledge.items()
+                if name not in ("stiffness", "source")
+            ]
         groups["knowledge"] = dict(zip(("quantity", "mean", "sd"), zip(*said))) | {
             "source": knowledge.get("source")
         }
@@ -74,20 +78,19 @@ def problem_of(
         if isinstance(stiffness, str | os.PathLike):
             groups["knowledge"]["stiffness_file"] = stiffness
         elif stiffness is not None:
-            tables = {"stiffness": stiffness_table(origin, symmetry, *stiffness)} | tables
+            with located(origin, "knowledge", "stiffness_file"):
+                tables = {"stiffness": stiffness_table(symmetry, *stiffness)} | tables
     return Problem.from_keywords(origin, tables, **groups)
 
 
-def pair_of(place: str, value: Any, allowed: str) -> tuple:
+def pair_of(name: str, value: Any, allowed: str) -> tuple:
     """A value that must be a pair."""
     if isinstance(value, str) or np.shape(value) != (2,):
-        raise InputError(f"{place}: {value!r}; allowed {allowed}")
+        raise InputError(f"{name}: {value!r}; allowed {allowed}")
     return tuple(value)
 
 
-def stiffness_table(
-    origin: str, symmetry: str, mean: ArrayLike, covariance: ArrayLike
-) -> dict[str, list]:
+def stiffness_table(symmetry: str, mean: ArrayLike, covariance: ArrayLike) -> dict[str, list]:
     """The columns of a file of `&knowledge stiffness_file`: means (k,) in GPa and covariance (k, k)
     in GPa² of the constants.
     """
@@ -95,8 +98,7 @@ def stiffness_table(
     mean, covariance = np.asarray(mean, dtype=float), np.asarray(covariance, dtype=float)
     if mean.shape != (len(names),) or covariance.shape != 2 * mean.shape:
         raise InputError(
-            f"{origin}: &knowledge stiffness: means and covariance have shapes {mean.shape} and "
-            f"{covariance.shape}; "
+            f"means and covariance have shapes {mean.shape} and {covariance.shape}; "
             f"allowed ({len(names)},) and {2 * (len(names),)} for {', '.join(names)}"
         )
     return {"row": ["mean", *names]} | dict(zip(names, np.vstack([mean, covariance]).T.tolist()))
@@ -106,7 +108,7 @@ def stiffness_table(
 WIDEST = (-500.0, 5000.0)
 
 
-def bounds_of(origin: str, symmetry: str, bounds: Mapping) -> dict:
+def bounds_of(symmetry: str, bounds: Mapping) -> dict:
     """`c_min` and `c_max` from bounds of some constants; the other constants are unbounded, and so
     is an end that is None.
     """
@@ -115,10 +117,9 @@ def bounds_of(origin: str, symmetry: str, bounds: Mapping) -> dict:
     for name, pair in bounds.items():
         if name not in ends:
             raise InputError(
-                f"{origin}: bounds: a {symmetry} crystal has no constant {name}; it has "
-                f"{', '.join(names)}"
+                f"a {symmetry} crystal has no constant {name}; it has {', '.join(names)}"
             )
-        pair = pair_of(f"{origin}: bounds: {name}", pair, "(low, high)")
+        pair = pair_of(name, pair, "(low, high)")
         ends[name] = [default if end is None else end for end, default in zip(pair, WIDEST)]
     sides = zip(("c_min", "c_max"), zip(*ends.values()), WIDEST)
     return {side: list(values) for side, values, widest in sides if set(values) != {widest}}

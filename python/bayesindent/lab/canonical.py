@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..common.result_files import as_csv
-from ..core import InputError
+from ..core import InputError, located
 from .cells import is_missing, is_number, value_of
 from .cleaning import clean, leave_out_incomplete
 from .columns import (
@@ -60,13 +60,13 @@ class Canonical:
 
 
 def canonical_table(
-    place: str, source: Path | Mapping[str, Iterable], facts: Mapping[str, Any], origin: str
+    source: Path | Mapping[str, Iterable], facts: Mapping[str, Any], origin: Path
 ) -> Canonical | None:
     """The canonical table of a file or of columns; None if the file is no table, which the core
     then refuses.
 
-    `place` begins messages on the table, and `origin` those on other files. `facts` are the
-    resolved variables of the namelist, such as 'measurements.sheet', and its 'folder'.
+    `facts` are the resolved variables of the namelist, such as 'measurements.sheet', and its
+    'folder'; `origin` is its file.
     """
 
     def stated(name: str) -> Any:
@@ -75,25 +75,25 @@ def canonical_table(
     columns = stated("columns") or []
     headers = [words.partition("=")[2].strip() for words in columns]
     found = (
-        rows_of_file(place, source, stated("sheet"), headers)
+        rows_of_file(source, stated("sheet"), headers)
         if isinstance(source, Path)
         else rows_of_columns(source)
     )
     if found is None or not found.rows:
         return None
-    table = table_of_rows(place, found, headers)
+    table = table_of_rows(found, headers)
     if len(table.cells) > MOST_ROWS:
-        raise InputError(f"{place}{len(table.cells)} rows; allowed up to {MOST_ROWS}")
+        raise InputError(f"{len(table.cells)} rows; allowed up to {MOST_ROWS}")
     if not len(table.cells):
-        raise InputError(f"{place}the table is empty: no row follows the header")
-    resolve(table, stated_columns(place, columns, table.names), stated("modulus_kind"))
+        raise InputError("the table is empty: no row follows the header")
+    resolve(table, stated_columns(columns, table.names), stated("modulus_kind"))
     drop_texts(table)
     is_own = found.text.startswith(MARK)
     radians = stated("angles") == "radians" and not is_own
     check_units(table, radians)
     clean(table)
     shared = stated("shared_errors")
-    errors = shared_of_file(place, Path(facts["folder"]) / shared) if shared else {}
+    errors = shared_of_file(Path(facts["folder"]) / shared) if shared else {}
     add_shared_errors(table, errors)
     leave_out_incomplete(table)
     if any(name not in table.meanings for name in errors):
@@ -107,7 +107,7 @@ def canonical_table(
     standard_errors(table)
     if table.column("sd_gpa") < 0 and stated("scale") != "inferred":
         raise InputError(
-            f"{place}the column sd_gpa is missing; it may be absent only with scale = "
+            f"the column sd_gpa is missing; it may be absent only with scale = "
             f"'inferred'; the columns are {listed(table.names)}"
             f"{nearest_to(['sd_gpa'], table.names)}. If another column is it, state columns = "
             "'sd_gpa = its header'"
@@ -127,7 +127,7 @@ def resolve(table: LaboratoryTable, given: Mapping[str, str], kind: str | None) 
     """Let each meaning have one column: the one that the user names, the one of the exact name, or
     the only one.
     """
-    place, names, meanings = table.place, table.names, table.meanings
+    names, meanings = table.names, table.meanings
     table.stated = {*given}
     for j, name in enumerate(names):
         if name in given:
@@ -142,17 +142,17 @@ def resolve(table: LaboratoryTable, given: Mapping[str, str], kind: str | None) 
         if len(chosen) > 1:
             if names[chosen[0]] == names[chosen[1]]:
                 raise InputError(
-                    f"{place}line {table.header_line}: the column {names[chosen[0]]} is there twice"
+                    f"line {table.header_line}: the column {names[chosen[0]]} is there twice"
                 )
             raise InputError(
-                f"{place}the columns {names[chosen[0]]} and {names[chosen[1]]} are both {meaning}; "
+                f"the columns {names[chosen[0]]} and {names[chosen[1]]} are both {meaning}; "
                 f"one of them is allowed, or one that is named {meaning}"
             )
         for j in columns:
             meanings[j] = meaning if j in chosen else ""
     if "other_probability" in meanings:
         raise InputError(
-            f"{place}the column {names[table.column('other_probability')]} is not allowed; leave "
+            f"the column {names[table.column('other_probability')]} is not allowed; leave "
             "out the rows with other_probability above 0.05, and the columns other_*"
         )
     choose_modulus(table, kind)
@@ -185,25 +185,24 @@ def check_modulus(table: LaboratoryTable, kind: str | None) -> None:
     headers, kinds = " and ".join(columns), f"""'{"', '".join(KINDS)}'"""
     if not columns:
         raise InputError(
-            f"{table.place}no column is a modulus; allowed {', '.join(MODULI[:3])}, or modulus_gpa "
-            f"with modulus_kind; the columns are {listed(table.names)}"
+            f"no column is a modulus; allowed {', '.join(MODULI[:-1])}, or "
+            f"modulus_gpa with modulus_kind; the columns are {listed(table.names)}"
             f"{nearest_to(MODULI, table.names)}. If another one is, find out which modulus the "
             "instrument reports, and state columns = 'KIND_gpa = its header'"
         )
     if kind and not {f"{kind}_gpa", "modulus_gpa"} & {*columns.values()}:
         raise InputError(
-            f"{table.place}modulus_kind = '{kind}', but the moduli are those of the column "
+            f"modulus_kind = '{kind}', but the moduli are those of the column "
             f"{headers}; leave modulus_kind out, or name the column modulus_gpa"
         )
     if not kind and len(columns) > 1:
         raise InputError(
-            f"{table.place}the columns {headers} are moduli; state modulus_kind to take one: "
-            f"{kinds}"
+            f"the columns {headers} are moduli; state modulus_kind to take one: {kinds}"
         )
     # The core refuses a canonical table of this name, after its numbers.
     if not kind and "modulus_gpa" in columns.values() and headers != "modulus_gpa":
         raise InputError(
-            f"{table.place}the column {headers} does not say which modulus was measured, nor does "
+            f"the column {headers} does not say which modulus was measured, nor does "
             f"modulus_kind; allowed {kinds} (effective_modulus: reduced modulus, Er; "
             "sample_modulus: EIT, Young's modulus)"
         )
@@ -218,8 +217,7 @@ def check_units(table: LaboratoryTable, radians: bool) -> None:
         for unit in filter(None, (split_name(name)[1], table.units[j])):
             if unit in RADIANS and meaning in ANGLES and not radians:
                 raise InputError(
-                    f"{table.place}column {name} is in radians; degrees are needed, or "
-                    "&measurements angles = 'radians'"
+                    f"column {name} is in radians; degrees are needed, or angles = 'radians'"
                 )
             if unit in units or (unit == "%" and meaning == "sd_gpa"):
                 continue
@@ -227,7 +225,7 @@ def check_units(table: LaboratoryTable, radians: bool) -> None:
             if name in table.stated and unit not in UNIT_WORDS:
                 continue
             allowed = f"allowed {' '.join(units)}" if units else "this column has none"
-            raise InputError(f"{table.place}column {name}: the unit {unit} is not read; {allowed}")
+            raise InputError(f"column {name}: the unit {unit} is not read; {allowed}")
 
 
 def check_orientations(table: LaboratoryTable, facts: Mapping[str, Any]) -> None:
@@ -246,17 +244,17 @@ def check_orientations(table: LaboratoryTable, facts: Mapping[str, Any]) -> None
 def missing_column(table: LaboratoryTable, name: str, remedy: str = "") -> InputError:
     """The refusal of a table without a column."""
     return InputError(
-        f"{table.place}the column {name} is missing; the columns are {listed(table.names)}"
+        f"the column {name} is missing; the columns are {listed(table.names)}"
         f"{nearest_to([name], table.names)}{remedy}"
     )
 
 
 def add_orientations(
-    table: LaboratoryTable, facts: Mapping[str, Any], origin: str
+    table: LaboratoryTable, facts: Mapping[str, Any], origin: Path
 ) -> "IndentedMap":
     """Add the orientations of a map; indents whose grain is uncertain are left out."""
     # The packages that read maps take time to import.
-    from .orientation_maps import indented_map
+    from .orientation_maps import indented_map, registered
 
     stage = []
     for name in ("x_um", "y_um"):
@@ -264,34 +262,41 @@ def add_orientations(
             raise missing_column(table, name)
         cells = table.cells[table.column(name)]
         for line in cells.index[cells.map(is_missing)]:
-            raise InputError(
-                f"{table.place}line {line}, column {name}: the cell is empty; a number is needed"
-            )
+            raise InputError(f"line {line}, column {name}: the cell is empty; a number is needed")
         stage.append(cells.map(value_of))
     contact = np.zeros(len(table.cells))
     if (j := table.column("contact_radius_um")) >= 0:
         contact = table.cells[j].map(lambda cell: 0.0 if is_missing(cell) else value_of(cell))
     folder = Path(facts["folder"])
     ebsd, points = facts["measurements.ebsd"], facts.get("measurements.ebsd_points")
-    found = indented_map(
-        f"{origin}: &measurements ebsd: {ebsd}: ",
-        folder / ebsd,
-        (f"{origin}: &measurements ebsd_points: {points}: ", folder / points) if points else None,
-        np.column_stack(stage),
-        np.asarray(contact),
-        [own if name in table.stated else name for name, own in zip(table.names, table.meanings)],
-        facts.get("problem.symmetry"),
-        facts.get("measurements.crystal_axes"),
-    )
+    warnings: list[tuple] = []
+    at, sd = np.column_stack(stage), np.zeros(len(table.cells))
+    if points:
+        with located(origin, "measurements", "ebsd_points"), located(points):
+            at, sd, warnings = registered(folder / points, at)
+    with located(origin, "measurements", "ebsd"), located(ebsd):
+        found = indented_map(
+            folder / ebsd,
+            at,
+            sd,
+            np.asarray(contact),
+            [
+                own if name in table.stated else name
+                for name, own in zip(table.names, table.meanings)
+            ],
+            facts.get("problem.symmetry"),
+            facts.get("measurements.crystal_axes"),
+        )
+    found.warnings[:0] = warnings
     table.cells = table.cells.iloc[found.rows].copy()
     for name, values in found.columns.items():
         table.add_column(name, list(map(str, values)))
     return found
 
 
-def shared_of_file(place: str, path: Path) -> dict[str, list[str]]:
+def shared_of_file(path: Path) -> dict[str, list[str]]:
     """The columns of a file of `&measurements shared_errors`, as shared_1, shared_2, .."""
-    begin = f"{place}shared_errors: {path}: "
+    begin = f"shared_errors: {path}: "
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
@@ -314,7 +319,7 @@ def add_shared_errors(
             table.add_column(name, cells)
     elif must_fit:
         raise InputError(
-            f"{table.place}shared_errors: {n} rows for {len(table.cells)} of the measurements; "
+            f"shared_errors: {n} rows for {len(table.cells)} of the measurements; "
             "each row has the errors of one of them"
         )
 
@@ -328,7 +333,7 @@ def convert_radians(table: LaboratoryTable) -> None:
         least, most = (0.0, math.pi) if name == "Phi_deg" else (-200 * math.pi, 200 * math.pi)
         for line, value in values[~values.between(least, most + 1e-4)].items():
             raise InputError(
-                f"{table.place}line {line}, column {table.names[j]}: {value} radians; "
+                f"line {line}, column {table.names[j]}: {value} radians; "
                 f"allowed {least:.6} to {most:.6}"
             )
         degrees = values.clip(upper=most) / (math.pi / 180.0)

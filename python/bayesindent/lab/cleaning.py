@@ -57,8 +57,7 @@ def clean(table: LaboratoryTable) -> None:
     table.leave_out(remarks, "a remark")
     if line := next((line for line in table.cells.index if line in table.short), 0):
         raise InputError(
-            f"{table.place}line {line}: {table.short[line]} cells where the header has "
-            f"{len(table.names)}"
+            f"line {line}: {table.short[line]} cells where the header has {len(table.names)}"
         )
     split_sds(table)
     refuse_words(table)
@@ -168,7 +167,7 @@ def split_sds(table: LaboratoryTable) -> None:
     modulus, sd = table.column(*MODULI), table.column("sd_gpa")
     if sd > 0 and ANY_SD.fullmatch(table.names[sd]) and HARDNESS.fullmatch(table.names[sd - 1]):
         raise InputError(
-            f"{table.place}line {table.header_line}: the column "
+            f"line {table.header_line}: the column "
             f"{table.names[sd]} follows {table.names[sd - 1]} and may be of "
             "that; name it sd_gpa if it is the sd of the modulus"
         )
@@ -239,7 +238,7 @@ def split_indices(table: LaboratoryTable) -> None:
             continue
         if re.search("euler|bunge", name, re.I):
             raise InputError(
-                f"{table.place}column {name}: three angles in one cell, {cells[0]}; a column "
+                f"column {name}: three angles in one cell, {cells[0]}; a column "
                 "for each is needed: phi1, Phi, phi2"
             )
         are_directions = {cell[0] in "[<" for cell in cells}
@@ -247,7 +246,7 @@ def split_indices(table: LaboratoryTable) -> None:
         counts = {len(value) for value in indices if value}
         if len(are_directions) > 1 or counts not in ({3}, {4}):
             raise InputError(
-                f"{table.place}column {name}: directions [..] or planes (..) of three indices, "
+                f"column {name}: directions [..] or planes (..) of three indices, "
                 f"or all of four, are read; not {', '.join(cells[:3])}"
             )
         kind, three, four = (
@@ -284,11 +283,9 @@ def refuse_words(table: LaboratoryTable) -> None:
     if len(wrong) == 1:
         commas = "; decimal commas are read where semicolons or tabs separate the cells"
         hint = commas if is_plain_number(found[0][2].replace(",", ".")) else ""
-        raise InputError(f"{table.place}{wrong[0]} is not a number{hint}")
+        raise InputError(f"{wrong[0]} is not a number{hint}")
     if wrong:
-        raise InputError(
-            f"{table.place}{len(wrong)} cells are no numbers: {abridged(wrong, 12, '; ')}"
-        )
+        raise InputError(f"{len(wrong)} cells are no numbers: {abridged(wrong, 12, '; ')}")
 
 
 def one_spelling(table: LaboratoryTable, grain: int) -> None:

@@ -24,7 +24,7 @@ NAME_COLUMNS = ("grain", "group", "test", "reference", "session")
 
 @dataclass(frozen=True)
 class Column:
-    """A canonical column its other names without their units separated by blanks and the units
+    """A canonical column, its other names without their units, separated by blanks, and the units
     that it may have.
     """
 
@@ -99,11 +99,14 @@ def split_name(header: str) -> tuple[str, str]:
 
 
 def deviation_word(header: str) -> str:
-    """The word of a header without the name of a modulus before it: 'sd' of 'Er sd (GPa)'."""
+    """The word of a header without the name of a modulus before or after it: 'sd' of 'Er sd (GPa)'
+    and of 'SD Er (GPa)'.
+    """
     word = split_name(header)[0]
-    names = (name for kind in MODULI for name in BY_NAME[kind].others.split())
-    before = next((name for name in names if word.startswith(f"{name}_")), "")
-    return word.removeprefix(f"{before}_") if before else word
+    for name in (name for kind in MODULI for name in BY_NAME[kind].others.split()):
+        if word.startswith(f"{name}_") or word.endswith(f"_{name}"):
+            return word.removeprefix(f"{name}_").removesuffix(f"_{name}")
+    return word
 
 
 def meaning_of(header: str) -> str:
@@ -126,7 +129,7 @@ def without_mean(name: str) -> str:
     return re.sub(r"\b[ _]*(mean|average|avg)[ _]*\b", " ", name, flags=re.I).strip() or name
 
 
-def stated_columns(place: str, stated: Iterable[str], names: Sequence[str]) -> dict[str, str]:
+def stated_columns(stated: Iterable[str], names: Sequence[str]) -> dict[str, str]:
     """The canonical name of each header that `&measurements columns` names; each statement is a
     canonical name, = and a header of the table.
     """
@@ -135,7 +138,7 @@ def stated_columns(place: str, stated: Iterable[str], names: Sequence[str]) -> d
     found: dict[str, str] = {}
     for words in stated:
         name, _, header = (part.strip() for part in words.partition("="))
-        begin = f"{place}columns: '{words.strip()}': "
+        begin = f"columns: '{words.strip()}': "
         canonical = next((own for own in known if own.lower() == name.lower()), "")
         if not name or not header:
             raise InputError(

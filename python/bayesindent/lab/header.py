@@ -17,7 +17,7 @@ UNIT = re.compile(r"[\[(]?(deg|degrees?|°|rad|radians|[GMk]?Pa|um|µm|μm|nm|mm
 HARDNESS = re.compile(r"(h|h_?it|.*hardness)\s*([\[(/].*)?", re.I)
 
 
-def table_of_rows(place: str, found: Rows, stated: Iterable[str]) -> LaboratoryTable:
+def table_of_rows(found: Rows, stated: Iterable[str]) -> LaboratoryTable:
     """The table of rows, with the names of its columns and their meanings."""
     rows = found.rows
     header, _, meanings = header_row(rows, stated)
@@ -46,10 +46,9 @@ def table_of_rows(place: str, found: Rows, stated: Iterable[str]) -> LaboratoryT
     if below and is_row_of_units(below[0][1]):
         units = [unit_word(cell) for cell in [*below[0][1], *units][:width]]
         below = below[1:]
-    check_widths(place, below, names, line)
+    check_widths(below, names, line)
     cells = [[*row, *[""] * width][:width] for _, row in below]
     table = LaboratoryTable(
-        place,
         names,
         [meaning.replace("stated", "") for meaning in meanings[:width]],
         pd.DataFrame(cells, [number for number, _ in below], range(width), dtype=object),
@@ -76,14 +75,14 @@ def unit_word(cell: str) -> str:
     return cell.strip("[]()- ").lower() if UNIT.fullmatch(cell) else ""
 
 
-def check_widths(place: str, below: list, names: list[str], header_line: int) -> None:
+def check_widths(below: list, names: list[str], header_line: int) -> None:
     """Refuse a row with cells beyond the header."""
     for number, cells in below:
         if any(cells[len(names) :]):
             title = f"; if line {header_line} is a title, put # before it" * (len(names) == 1)
             commas = "; if commas are decimal, separate the cells by semicolons"
             raise InputError(
-                f"{place}line {number}: {len(cells)} cells where the header has {len(names)}"
+                f"line {number}: {len(cells)} cells where the header has {len(names)}"
                 f"{title or commas}"
             )
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core import InputError
+from ..core import InputError, located
 from .other_files import reader_of, reading
 
 #: Columns of a curve; the last one only if the stiffness was measured.
@@ -17,34 +17,32 @@ NO_VALUE = 1e300
 UNITS = {"time (s)": 1.0, "depth (nm)": 1.0, "depth (µm)": 1e3, "load (mn)": 1.0, "load (µn)": 1e-3}
 
 
-def curves_of_files(
-    place: str, folder: Path, names: Iterable[str], drift_removed: bool
-) -> dict[str, list]:
+def curves_of_files(folder: Path, names: Iterable[str], drift_removed: bool) -> dict[str, list]:
     """The columns of the neutral CSV for files of a folder; a name such as 'raw/*.txt' stands for
-    several files. `place` begins messages.
+    several files.
     """
     found = []
     for name in names:
-        with reading(f"{place}{name}: ", "is no pattern of file names"):
+        with located(name), reading("is no pattern of file names"):
             paths = (
                 sorted(folder.glob(name))
                 if set(name) & set("*?[") and not Path(name).is_absolute()
                 else [folder / name]
             )
         if not paths:
-            raise InputError(f"{place}{name}: there is no such file")
+            raise InputError("there is no such file", name)
         for file in paths:
-            of_file = f"{place}{file.relative_to(folder) if file.is_relative_to(folder) else file}"
-            with reading(f"{of_file}: ", "is no file of curves that can be read"):
-                for test, curve in read_file(file, f"{of_file}: "):
+            shown = file.relative_to(folder) if file.is_relative_to(folder) else file
+            with located(shown), reading("is no file of curves that can be read"):
+                for test, curve in read_file(file):
                     found.append((test, np.asarray(curve, dtype=float)))
                 beside = file.with_suffix(".tdm")
                 settings = tdm_settings(beside) if beside.is_file() else {}
             if drift_removed and not settings.get("drift_removed", True):
                 raise InputError(
-                    f"{of_file} ({beside.name}): the drift of {settings.get('drift_nm_s')} nm/s "
-                    "is still in the depths; state "
-                    "&curves drift_removed = .false., and drift_nm_s in the table of tests"
+                    f"the drift of {settings.get('drift_nm_s')} nm/s is still in the depths; state "
+                    "drift_removed = .false., and drift_nm_s in the table of tests",
+                    f"{shown} ({beside.name})",
                 )
     names = COLUMNS[: min(len(curve) for _, curve in found)]
     tests = np.repeat([test for test, _ in found], [curve.shape[1] for _, curve in found])
@@ -53,22 +51,19 @@ def curves_of_files(
     return {"test": tests[whole].tolist()} | dict(zip(names, values[:, whole].tolist()))
 
 
-def read_file(file: Path, place: str) -> list[tuple[str, tuple]]:
+def read_file(file: Path) -> list[tuple[str, tuple]]:
     """Names and curves (`COLUMNS`) of the tests of a file."""
     try:
         text = file.read_bytes().decode("latin-1") if file.suffix.lower() == ".txt" else ""
     except OSError as error:
-        raise InputError(f"{place}{error.strerror}") from None
+        raise InputError(f"{error.strerror}") from None
     if any(line.startswith("Depth (") for line in text.splitlines()):
-        return [(file.stem, read_hysitron(text, place))]
+        return [(file.stem, read_hysitron(text))]
     if file.suffix.lower() == ".hld":
-        nanodent = reader_of(
-            place, file, "a .hld file", "nanodent", ", or export the curve as .txt"
-        )
+        nanodent = reader_of(file, "a .hld file", "nanodent", ", or export the curve as .txt")
         data = nanodent.load_experiment(file).trace
         return [(file.stem, (data["time_s"], data["disp_nm"], data["force_uN"] / 1e3))]
     reader = reader_of(
-        place,
         file,
         f"this {file.suffix} file",
         "micromechanics.indentation",
@@ -87,11 +82,11 @@ def read_file(file: Path, place: str) -> list[tuple[str, tuple]]:
         if not data.testList or not data.nextTest():
             break
     if not tests:
-        raise InputError(f"{place}micromechanics finds no curve in it; write its columns to a CSV")
+        raise InputError("micromechanics finds no curve in it; write its columns to a CSV")
     return tests
 
 
-def read_hysitron(text: str, place: str) -> tuple:
+def read_hysitron(text: str) -> tuple:
     """A curve that a Hysitron TI 990 exported: text whose lines end in CR."""
     lines = text.splitlines()
     start = next(i for i, line in enumerate(lines) if line.startswith("Depth ("))
@@ -104,8 +99,7 @@ def read_hysitron(text: str, place: str) -> tuple:
     ]
     if len(order) != 3:
         raise InputError(
-            f"{place}line {start + 1}: the columns Depth, Load and Time are needed, in "
-            f"{', '.join(UNITS)}"
+            f"line {start + 1}: the columns Depth, Load and Time are needed, in {', '.join(UNITS)}"
         )
     rows = []
     for number, line in enumerate(filter(str.strip, lines[start + 1 :]), start + 2):
@@ -113,12 +107,10 @@ def read_hysitron(text: str, place: str) -> tuple:
             cells = line.split("\t")
             rows.append([float(cells[j]) * scale for j, scale in order])
         except (ValueError, IndexError):
-            raise InputError(f"{place}line {number}: {line[:40]!r} is no row of numbers") from None
+            raise InputError(f"line {number}: {line[:40]!r} is no row of numbers") from None
     stated = next(map(int, re.findall(r"Number of Points = *(\d{1,9})\b", text)), len(rows))
     if stated != len(rows):
-        raise InputError(
-            f"{place}{len(rows)} points, where the file states {stated}; it is truncated"
-        )
+        raise InputError(f"{len(rows)} points, where the file states {stated}; it is truncated")
     return tuple(np.transpose(rows))
 
 

@@ -40,8 +40,8 @@ class MapPoints:
     `positions` are (n, 2) in `unit`, `rotations` lead from sample to crystal axes, and `phase` are
     the numbers of the phases (n,); a point whose number is not among `phases`, which are those of
     orix, is not indexed. `axes` is the convention of the format for the crystal axes: one of
-    `AXES`, or None if its angles may follow either. `warnings` are codes of diagnostics with their
-    subjects.
+    `AXES`, or None if its angles may follow either. `warnings` are codes and subjects of
+    diagnostics.
     """
 
     positions: np.ndarray
@@ -50,24 +50,24 @@ class MapPoints:
     phases: dict[int, Any]
     axes: str | None = None
     unit: str = "um"
-    warnings: list[str] = field(default_factory=list)
+    warnings: list[tuple[str, str]] = field(default_factory=list)
 
 
-def load_map(place: str, path: Path) -> MapPoints:
-    """The points of the map in a file; `place` begins the message of a refusal."""
+def load_map(path: Path) -> MapPoints:
+    """The points of the map in a file."""
     ending = path.suffix.lower()
     if ending in (".oh5", ".osc", ".cpr", ".crc"):
         raise InputError(
-            f"{place}maps {ending} are not read; export the map as .ang or .ctf, or as .h5oina"
+            f"maps {ending} are not read; export the map as .ang or .ctf, or as .h5oina"
         )
-    reader_of(place, path, "an orientation map", "orix.io")
+    reader_of(path, "an orientation map", "orix.io")
     # orix prints the names of the phases.
-    with reading(place, f"is no map {ending}"), redirect_stdout(StringIO()):
+    with reading(f"is no map {ending}"), redirect_stdout(StringIO()):
         readers = {".ang": edax_text, ".ctf": channel_text, ".h5oina": oxford_map}
-        return readers.get(ending, orix_map)(place, path)
+        return readers.get(ending, orix_map)(path)
 
 
-def orix_map(_: str, path: Path) -> MapPoints:
+def orix_map(path: Path) -> MapPoints:
     """The map of a file .h5 of Bruker, EMsoft or orix."""
     # The package is optional.
     from orix import io
@@ -86,7 +86,7 @@ def orix_map(_: str, path: Path) -> MapPoints:
     )
 
 
-def oxford_map(_: str, path: Path) -> MapPoints:
+def oxford_map(path: Path) -> MapPoints:
     """The first slice of a file, by Oxford's specification of H5OINA: angles in radians against the
     surface, positions in um, which may be absent, and phases from 1; 0 is not indexed.
     """
@@ -110,7 +110,7 @@ def oxford_map(_: str, path: Path) -> MapPoints:
     return MapPoints(np.column_stack(places), bunge(euler), number, phases, "a*")
 
 
-def channel_text(place: str, path: Path) -> MapPoints:
+def channel_text(path: Path) -> MapPoints:
     """The map of a file .ctf, whose decimals may have commas."""
     header, names, rows = re.split(r"^(Phase\s+X\s.*)$", text_of(path), maxsplit=1, flags=re.M)
     columns = dict(zip(names.split(), numbers(rows)))
@@ -125,7 +125,7 @@ def channel_text(place: str, path: Path) -> MapPoints:
     surface = [float(angle) for angle in re.findall(r"^AcqE\d\s+(\S+)", header, re.M)]
     if np.sin(np.radians(surface[1:2])).round(6).any():
         frame = re.search(r"^Euler angles refer to .*\((CS[01])\)", header, re.M)
-        words = f"{place}the header has the acquisition surface AcqE1-3 = {surface} degrees"
+        words = f"the header has the acquisition surface AcqE1-3 = {surface} degrees"
         if not frame:
             raise InputError(
                 f"{words}, and states neither CS0 nor CS1 for the angles; export the map as "
@@ -133,13 +133,14 @@ def channel_text(place: str, path: Path) -> MapPoints:
             )
         if frame[1] == "CS0":
             rotations *= Rotation.from_euler("ZXZ", surface, degrees=True)
-            warnings = [f"surface_turned {words}; the angles are turned from CS0 to this surface"]
+            applied = f"{words}; the angles are turned from CS0 to this surface"
+            warnings = [("surface_turned", applied)]
     positions = np.column_stack([columns["X"], columns["Y"]])
     phase = columns["Phase"].astype(int)
     return MapPoints(positions, rotations, phase, phases, warnings=warnings)
 
 
-def edax_text(_: str, path: Path) -> MapPoints:
+def edax_text(path: Path) -> MapPoints:
     """The map of a file .ang: three angles in radians, x, y, the quality of the image, the index of
     confidence, and the phase; then, if there are more columns, the detector's signal, the fit in
     degrees, and others.
@@ -207,9 +208,7 @@ def rotations_of(rotations: Any) -> Rotation:
     return Rotation.from_quat(rotations.data, scalar_first=True)
 
 
-def turn_of_axes(
-    place: str, group: Any, lattice: Any, stated: str | None, of_file: str | None
-) -> Rotation:
+def turn_of_axes(group: Any, lattice: Any, stated: str | None, of_file: str | None) -> Rotation:
     """The rotation from a map's crystal axes to those of the IEEE standard, z along c, y normal to
     (010), for a phase with this Laue class and `lattice`.
     """
@@ -218,7 +217,7 @@ def turn_of_axes(
     if group.name.strip("-")[0] in "36":
         if abs(angles[0] - 90.0) > 0.01:
             raise InputError(
-                f"{place}a phase {group.name} has a rhombohedral cell, alpha {angles[0]:g} degrees;"
+                f"a phase {group.name} has a rhombohedral cell, alpha {angles[0]:g} degrees;"
                 " export the map with the hexagonal setting"
             )
         # The angles of trigonal and hexagonal phases refer to the hexagonal cell.
@@ -228,7 +227,7 @@ def turn_of_axes(
         group.proper_subgroup.size == 1 and not any(oblique)
     ):
         raise InputError(
-            f"{place}the cell of a phase {group.name} has alpha, beta and gamma of "
+            f"the cell of a phase {group.name} has alpha, beta and gamma of "
             f"{', '.join(f'{angle:g}' for angle in angles)} degrees; "
             "two of them are 90 where the two-fold axis is along b, and not all of a triclinic cell"
         )
@@ -240,13 +239,13 @@ def turn_of_axes(
         return turns["a"]
     if stated and of_file and stated != of_file:
         raise InputError(
-            f"{place}crystal_axes = '{stated}', but this format has {AXES[of_file]}; leave "
+            f"crystal_axes = '{stated}', but this format has {AXES[of_file]}; leave "
             "crystal_axes out"
         )
     if not (axes := stated or of_file):
         known = ", or ".join(f"'{word}' ({words})" for word, words in AXES.items())
         raise InputError(
-            f"{place}the file does not say how the axes of its crystals ({group.name}) lie in "
+            f"the file does not say how the axes of its crystals ({group.name}) lie in "
             f"their cell; state crystal_axes = {known}"
         )
     return turns[axes]

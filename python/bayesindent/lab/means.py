@@ -53,7 +53,7 @@ def divide_by_root_of_tests(table: LaboratoryTable, sd: int) -> None:
     whole = re.compile(r"0*[1-9]\d{0,8}(\.0*)?").fullmatch
     if wrong := [line for line, count in zip(table.cells.index, counts) if not whole(count)]:
         raise InputError(
-            f"{table.place}column {table.names[number]}, {lines_in_words(wrong)}: a number "
+            f"column {table.names[number]}, {lines_in_words(wrong)}: a number "
             f"of tests is needed; if {name} is a standard error, name it sd_gpa"
         )
     roots = np.sqrt(np.array(counts, dtype=float)).tolist()

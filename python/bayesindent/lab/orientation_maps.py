@@ -52,34 +52,29 @@ class IndentedMap:
     positions: np.ndarray
     grains: list[int]
     columns: dict[str, list]
-    #: Codes of diagnostics, each with a blank and its subject.
-    warnings: list[str]
+    #: Codes and subjects of diagnostics.
+    warnings: list[tuple[str, str]]
 
 
 def indented_map(
-    place: str,
     path: Path,
-    points: tuple[str, Path] | None,
-    stage: np.ndarray,
+    indents: np.ndarray,
+    sd: np.ndarray,
     contact: np.ndarray,
     columns: list[str],
     symmetry: str | None,
     axes: str | None,
 ) -> IndentedMap:
-    """The map of a file with indents at positions (n, 2) of the stage, whose contacts have these
-    radii (n,) in um, 0 if unknown. Homologous points in the file `points` relate the stage to the
-    map; without them the coordinates are the same. `columns` are those of the measurements; for
-    `axes` see `AXES` of map_files.
+    """The map of a file with `indents` at positions (n, 2), whose registration has the `sd` (n,)
+    per coordinate, and whose radii of `contact` (n,) are 0 if unknown, in um. `columns` are those
+    of the measurements; for `axes` see `AXES` of map_files.
     """
     for name in columns:
         if name.lower().startswith(("phi", "φ", "euler")):
             raise InputError(
-                f"{place}the column {name} states the orientation too; one of them is allowed"
+                f"the column {name} states the orientation too; one of them is allowed"
             )
-    indents, sd, warnings = (
-        registered(*points, stage) if points else (stage, np.zeros(len(stage)), [])
-    )
-    grid = Grid(place, path, axes)
+    grid = Grid(path, axes)
     grid.refuse_outside(indents)
     if len(grid.names) == 1:
         grid.compare_phase(grid.phase[:1], symmetry)
@@ -87,13 +82,13 @@ def indented_map(
     away, nearest = grid.tree.query(indents, k=min(2 * SURROUNDINGS, len(grid.phase)))
     pixel, away = nearest[:, 0], away[:, 0]
     grains = grid.grain[pixel]
-    warnings += grid.warnings + grid.compare_phase(grid.phase[pixel], symmetry)
+    warnings = grid.warnings + grid.compare_phase(grid.phase[pixel], symmetry)
     if (bridged := np.flatnonzero(away > 0.75 * grid.step) + 1).size:
-        warnings.append(
-            f"indents_bridged {place}the indents of rows {abridged(bridged)} are on points that "
-            "are not indexed, or stray. They belong to the grain around them, which is up to "
-            f"{away.max():.2g} um away"
+        reason = (
+            f"the indents of rows {abridged(bridged)} are on points that are not indexed, or "
+            f"stray. They belong to the grain around them, which is up to {away.max():.2g} um away"
         )
+        warnings.append(("indents_bridged", reason))
     # The probability of a grain is the share of sampled places that are nearest to it: over errors
     # of the registration, and over the contact, whose radius is stated, or at most that of a hole.
     random = np.random.default_rng(0)
@@ -105,14 +100,15 @@ def indented_map(
     share = np.mean(grid.grain[grid.tree.query(places)[1]] == grains, axis=0)
     retained = np.flatnonzero(share >= LEAST_SHARE).tolist()
     if doubtful := [f"{row + 1} ({share[row]:.0%})" for row in np.flatnonzero(share < LEAST_SHARE)]:
-        warnings.append(
-            f"indents_left_out {place}the indents of rows {abridged(doubtful)} are left out: "
-            "their grain is uncertain. In brackets: the probability of the grain, with a "
-            f"registration of ± {sd.max():.2g} um and contacts or holes of up to "
-            f"{radius.max():.2g} um; {LEAST_SHARE:.0%} is needed"
+        reason = (
+            f"the indents of rows {abridged(doubtful)} are left out: their grain is uncertain. In "
+            "brackets: the probability of the grain, with a registration of "
+            f"± {sd.max():.2g} um and contacts or holes of up to {radius.max():.2g} um; "
+            f"{LEAST_SHARE:.0%} is needed"
         )
-    if not retained:
-        raise InputError(warnings[-1].partition(" ")[2])
+        if not retained:
+            raise InputError(reason)
+        warnings.append(("indents_left_out", reason))
     indents, grains = indents[retained], grains[retained].tolist()
     of_indents = []
     for position, grain, around in zip(indents, grains, nearest[retained]):
@@ -129,23 +125,21 @@ def indented_map(
     return IndentedMap(grid, retained, indents, grains, added, warnings)
 
 
-def registered(
-    place: str, path: Path, stage: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, list[str]]:
+def registered(path: Path, stage: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[tuple]]:
     """Transform positions of the stage to the map by the affine map that fits homologous points by
     least squares. Returns the positions (n, 2), their sd per coordinate (n,) in um, and a warning
-    if the sd is unknown. `place` begins the message of a refusal.
+    if the sd is unknown.
     """
     try:
         table = pd.read_csv(path, comment="#", skipinitialspace=True, encoding="utf-8-sig")
         known = table[POINT_COLUMNS].to_numpy(float)
     except OSError as error:
-        raise InputError(f"{place}{error.strerror}") from None
+        raise InputError(f"{error.strerror}") from None
     except (ValueError, KeyError):
         known = np.full((1, 4), np.nan)
     if not (np.abs(known) < FARTHEST_UM).all():
         raise InputError(
-            f"{place}is no CSV of numbers in the columns {', '.join(POINT_COLUMNS)}, a row for "
+            f"is no CSV of numbers in the columns {', '.join(POINT_COLUMNS)}, a row for "
             f"each point, up to {FARTHEST_UM:g}"
         )
     n, centre = len(known), known[:, :2].sum(axis=0) / max(1, len(known))
@@ -153,54 +147,53 @@ def registered(
     design = np.column_stack([np.ones(n), spread])
     if n < 3 or np.linalg.svd(spread, compute_uv=False)[1] < 1e-3 * np.abs(spread).max():
         raise InputError(
-            f"{place}{n} points on a line or at one place; three or "
-            "more that span the sample are needed"
+            f"{n} points on a line or at one place; three or more that span the sample are needed"
         )
     affine = np.linalg.lstsq(design, known[:, 2:], rcond=None)[0]
     at = np.column_stack([np.ones(len(stage)), stage - centre])
     leverage = np.sum(at @ np.linalg.inv(design.T @ design) * at, axis=1)
     residual = np.linalg.norm(known[:, 2:] - design @ affine) / np.sqrt(max(1, 2 * (n - 3)))
-    unknown = (
-        f"registration_unknown {place}three points leave no residual, so that the error of the "
-        "registration is unknown"
+    unknown = "three points leave no residual, so that the error of the registration is unknown"
+    return (
+        at @ affine,
+        residual * np.sqrt(1 + leverage),
+        [("registration_unknown", unknown)] * (n == 3),
     )
-    return at @ affine, residual * np.sqrt(1 + leverage), [unknown] * (n == 3)
 
 
 class Grid:
     """The indexed points of a map and, after `find_grains`, the grains that they form."""
 
-    def __init__(self, place: str, path: Path, axes: str | None):
-        loaded = load_map(place, path)
+    def __init__(self, path: Path, axes: str | None):
+        loaded = load_map(path)
         indexed = np.isin(loaded.phase, [*loaded.phases])
         n, found = len(indexed), int(np.sum(indexed))
         #: Positions (n, 2) in um.
         self.positions = loaded.positions[indexed].astype(float)
         if found < 2 or loaded.unit != "um" or not (np.abs(self.positions) < FARTHEST_UM).all():
             raise InputError(
-                f"{place}has {found} indexed points in the unit {loaded.unit!r}; a "
+                f"has {found} indexed points in the unit {loaded.unit!r}; a "
                 f"map in um is needed, within {FARTHEST_UM:g}"
             )
         if np.linalg.matrix_rank(self.positions - self.positions[0]) < 2:
-            raise InputError(f"{place}has its {found} points on a single line; a map is needed")
+            raise InputError(f"has its {found} points on a single line; a map is needed")
         #: Rotations from sample to crystal axes.
         self.rotations, self.phase = loaded.rotations[indexed], loaded.phase[indexed]
-        self.place, self.warnings = place, loaded.warnings
+        self.warnings = loaded.warnings
         if found < n:
-            self.warnings.append(
-                f"points_not_indexed {place}{n - found:,} of {n:,} points are not indexed"
-            )
+            reason = f"{path.name}: {n - found:,} of {n:,} points are not indexed"
+            self.warnings.append(("points_not_indexed", reason))
         #: By phase its name, its Laue class (diffraction sees no more of the point group), and the
         #: proper rotations of that class.
         self.names, self.groups, self.symmetry = {}, {}, {}
         for number in np.unique(self.phase).tolist():
             phase = loaded.phases[number]
             if phase.point_group is None:
-                raise InputError(f"{place}does not say the point group of phase {number}")
+                raise InputError(f"does not say the point group of phase {number}")
             self.names[number], laue = phase.name, phase.point_group.laue
             self.groups[number], turn = laue, from_standard(laue)
             self.symmetry[number] = turn.inv() * rotations_of(laue.proper_subgroup) * turn
-            to_standard = turn_of_axes(place, laue, phase.structure.lattice, axes, loaded.axes)
+            to_standard = turn_of_axes(laue, phase.structure.lattice, axes, loaded.axes)
             own = np.flatnonzero(self.phase == number)
             self.rotations[own] = to_standard * self.rotations[own]
         self.tree = cKDTree(self.positions)
@@ -209,9 +202,7 @@ class Grid:
         #: Distance of neighbouring points in um; of a rectangle the longer one.
         self.step = float(away[-1])
         if not away[1] > 0:
-            raise InputError(
-                f"{place}has most of its points twice at the same place; a map has each once"
-            )
+            raise InputError("has most of its points twice at the same place; a map has each once")
 
     def refuse_outside(self, positions: np.ndarray) -> None:
         """Refuse a position (n, 2) that lies beside the map."""
@@ -219,7 +210,7 @@ class Grid:
         away = np.linalg.norm(positions - positions.clip(low, high), axis=1)
         for row in np.flatnonzero(away > self.step):
             raise InputError(
-                f"{self.place}row {row + 1}: ({positions[row, 0]:g}, {positions[row, 1]:g}) um is "
+                f"row {row + 1}: ({positions[row, 0]:g}, {positions[row, 1]:g}) um is "
                 f"{away[row]:.3g} um from the next indexed point; the map is from "
                 f"({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g})"
             )
@@ -245,11 +236,11 @@ class Grid:
         )[1]
         own = np.flatnonzero(np.bincount(grain)[grain] >= LEAST_PIXELS)
         if not len(own):
-            raise InputError(f"{self.place}has no grain of {LEAST_PIXELS} points")
+            raise InputError(f"has no grain of {LEAST_PIXELS} points")
         self.positions, self.phase, self.grain = self.positions[own], self.phase[own], grain[own]
         self.rotations, self.tree = self.rotations[own], cKDTree(self.positions)
 
-    def compare_phase(self, phases: np.ndarray, symmetry: str | None) -> list[str]:
+    def compare_phase(self, phases: np.ndarray, symmetry: str | None) -> list[tuple]:
         """Compare the phase at each indent (n,) with the stated `symmetry`, and return the
         warnings. Several phases are refused, and a symmetry in which equivalent orientations of the
         phase are not equivalent.
@@ -258,7 +249,7 @@ class Grid:
         name = self.names[number]
         if len(others := np.flatnonzero(phases != number)):
             raise InputError(
-                f"{self.place}the indent of row 1 is on the phase {name}, those of "
+                f"the indent of row 1 is on the phase {name}, those of "
                 f"rows {abridged(others + 1)} are on "
                 f"{self.names[int(phases[others[0]])]}; leave one "
                 "of them out: the constants are those of one phase"
@@ -270,7 +261,7 @@ class Grid:
         images = (self.symmetry[number] * Rotation.from_quat([0.4, 0.5, np.sqrt(0.5), 0.3])).apply(
             NORMAL
         )
-        differs = f"{self.place}the phase {name} is {own} ({laue}), &problem symmetry is {symmetry}"
+        differs = f"the phase {name} is {own} ({laue}), symmetry is {symmetry}"
         if np.ptp(representative(symmetry, images), axis=0).max() > 1e-6:
             raise InputError(
                 f"{differs}: orientations that are equivalent in the map are "
@@ -278,7 +269,7 @@ class Grid:
                 "the phase, or the orientations in columns"
             )
         warning = f"{differs}, which takes the crystal for more symmetric than the map does"
-        return [] if own == symmetry else [f"phase_differs {warning}"]
+        return [] if own == symmetry else [("phase_differs", warning)]
 
     def misread(self, positions: np.ndarray) -> np.ndarray:
         """The indented directions (7, n, 3) in crystal axes for positions (n, 2) whose axes are

@@ -1,6 +1,5 @@
 """Load the packages that read files of other programs, and refuse files that cannot be read."""
 
-import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -8,13 +7,14 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
+from ..common.packages import installation
 from ..core import InputError
 from .columns import abridged
 
 
-def reader_of(place: str, path: Path, kind: str, module: str, otherwise: str = "") -> ModuleType:
-    """The `module` of another package that reads a file of this `kind`. `place` begins the message
-    of a refusal, and `otherwise` names a remedy other than the installation.
+def reader_of(path: Path, kind: str, module: str, otherwise: str = "") -> ModuleType:
+    """The `module` of another package that reads a file of this `kind`. `otherwise` names a remedy
+    other than the installation.
     """
     package = module.partition(".")[0]
     try:
@@ -22,18 +22,18 @@ def reader_of(place: str, path: Path, kind: str, module: str, otherwise: str = "
         found = import_module(module)
     except ImportError:
         raise InputError(
-            f"{place}reading {kind} needs {package}, which is not installed: {sys.executable} "
-            f"-m pip install {package}{otherwise}"
+            f"reading {kind} needs {package}, which is not installed: "
+            f"{installation(package)}{otherwise}"
         ) from None
     if not path.is_file():
-        raise InputError(f"{place}the file does not exist")
+        raise InputError("the file does not exist")
     return found
 
 
 @contextmanager
-def reading(place: str, words: str) -> Iterator[None]:
-    """Turn the exceptions of a reader of a damaged file into a refusal of `place` and `words`, and
-    suppress the reader's own warnings and output.
+def reading(words: str) -> Iterator[None]:
+    """Turn the exceptions of a reader of a damaged file into a refusal, `words`, and suppress the
+    reader's own warnings and output.
     """
     try:
         with warnings.catch_warnings():
@@ -42,7 +42,7 @@ def reading(place: str, words: str) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
-        raise InputError(f"{place}{words} ({type(error).__name__})") from None
+        raise InputError(f"{words} ({type(error).__name__})") from None
 
 
 def decoded(content: bytes) -> tuple[str, str]:
@@ -57,18 +57,22 @@ def decoded(content: bytes) -> tuple[str, str]:
         return content.decode("cp1252", "replace"), "Windows-1252"
 
 
-def refuse_formulas(place: str, openpyxl: ModuleType, path: Path, sheet: str, values: list) -> None:
-    """Refuse formulas whose values were never computed."""
+def refuse_formulas(openpyxl: ModuleType, path: Path, sheet: str, rows: list) -> None:
+    """Refuse formulas whose values were never computed; `rows` are the lines and values of rows
+    that have values.
+    """
+    values = dict(rows)
     with closing(openpyxl.load_workbook(path, read_only=True)) as book:
+        book[sheet].reset_dimensions()
         found = [
             cell.coordinate
-            for row, stored in zip(book[sheet].iter_rows(), values)
-            for cell, value in zip(row, stored)
-            if value is None and str(cell.value).startswith("=")
+            for line, row in enumerate(book[sheet].iter_rows(), 1)
+            for column, cell in enumerate(row)
+            if str(cell.value).startswith("=") and not "".join(values.get(line, [])[column:][:1])
         ]
     if found:
         raise InputError(
-            f"{place}the sheet {sheet} has formulas without a stored value "
+            f"the sheet {sheet} has formulas without a stored value "
             f"({abridged(found)}): "
             "open it in a spreadsheet program and save it, or write the values"
         )

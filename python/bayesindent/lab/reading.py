@@ -7,6 +7,8 @@ from contextlib import closing
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
+from typing import Any
+from zipfile import ZipFile
 
 from ..common.result_files import as_csv
 from ..core import InputError
@@ -16,6 +18,8 @@ from .other_files import decoded, reader_of, reading, refuse_formulas
 
 #: More rows and more bytes are refused: ten tests of each of the grains that the core takes.
 MOST_ROWS, MOST_BYTES = 200_000, 100_000_000
+#: Bytes of the parts of a spreadsheet when unpacked.
+MOST_UNPACKED = 1_000_000_000
 #: The first bytes of spreadsheets of Excel before 2007.
 OLD_EXCEL = bytes.fromhex("d0cf11e0")
 #: A header is looked for among so many rows.
@@ -35,14 +39,15 @@ class Rows:
     notes: tuple[str, ...] = ()
 
 
-def rows_of_file(place: str, path: Path, sheet: str, stated: Iterable[str]) -> Rows | None:
+def rows_of_file(path: Path, sheet: str, stated: Iterable[str]) -> Rows | None:
     """The rows of a file; None if it is no table, which the core then refuses.
 
-    `place` begins the message of a refusal, `sheet` names a sheet of a spreadsheet, and `stated`
-    are headers that the user named.
+    `sheet` names a sheet of a spreadsheet, and `stated` are headers that the user named.
     """
     if path.suffix.lower() in (".xlsx", ".xlsm"):
-        return rows_of_sheet(place, path, sheet)
+        return rows_of_sheet(path, sheet)
+    if not path.is_file():
+        return None
     try:
         with path.open("rb") as file:
             content = file.read(MOST_BYTES + 1)
@@ -50,16 +55,16 @@ def rows_of_file(place: str, path: Path, sheet: str, stated: Iterable[str]) -> R
         return None
     lines = content.count(b"\n")
     if len(content) > MOST_BYTES or lines > 2 * MOST_ROWS:
-        raise InputError(f"{place}{lines} rows; allowed up to {MOST_ROWS}")
+        raise InputError(f"{lines} rows; allowed up to {MOST_ROWS}")
     if content.startswith(OLD_EXCEL):
-        raise InputError(f"{place}is an old Excel file; save it as .xlsx")
+        raise InputError("is an old Excel file; save it as .xlsx")
     text, encoding = decoded(content)
     if not text:
         return None
-    with reading(place, "is no table that can be read"):
+    with reading("is no table that can be read"):
         # A stated header is looked for as it is written.
         own = tabbed(usual(text) if all(usual(header) == header for header in stated) else text)
-        refuse_open_quote(place, own)
+        refuse_open_quote(own)
         rows, blank = rows_of(own)
         if header_row(rows, stated)[1] < 2:
             own = tabbed(re.sub("(?m)^#+[ \t]*", "", own))
@@ -74,6 +79,8 @@ def text_with_commas(path: Path) -> str | None:
     """The text of a table whose header has semicolons or tabs but no comma, with commas between the
     cells and decimal points; each row keeps its line. None for other files.
     """
+    if not path.is_file() or path.stat().st_size > MOST_BYTES:
+        return None
     try:
         text = decoded(path.read_bytes())[0]
     except OSError:
@@ -86,7 +93,7 @@ def text_with_commas(path: Path) -> str | None:
     return as_csv(first, others)
 
 
-def refuse_open_quote(place: str, text: str) -> None:
+def refuse_open_quote(text: str) -> None:
     """Refuse a text in which a double quote that begins a cell is not closed."""
     if '"' not in text:
         return
@@ -97,37 +104,53 @@ def refuse_open_quote(place: str, text: str) -> None:
             begin = reader.line_num + 1
     except csv.Error as error:
         if "end of data" in str(error):
-            raise InputError(f"{place}line {begin}: a double quote is not closed") from None
+            raise InputError(f"line {begin}: a double quote is not closed") from None
 
 
-def rows_of_sheet(place: str, path: Path, sheet: str) -> Rows:
+def rows_of_sheet(path: Path, sheet: str) -> Rows:
     """The rows of a sheet. Without a stated `sheet` it is the first one, or, if that has no moduli,
     the only one with moduli.
     """
-    openpyxl = reader_of(place, path, "a spreadsheet", "openpyxl", ", or save the sheet as CSV")
-    with reading(place, "is no spreadsheet that can be read"):
+    openpyxl = reader_of(path, "a spreadsheet", "openpyxl", ", or save the sheet as CSV")
+    with reading("is no spreadsheet that can be read"):
+        with ZipFile(path) as archive:
+            size = sum(item.file_size for item in archive.infolist())
+        if size > MOST_UNPACKED:
+            raise InputError(f"{size} bytes when unpacked; allowed up to {MOST_UNPACKED}")
         with closing(openpyxl.load_workbook(path, read_only=True, data_only=True)) as book:
             if sheet and sheet not in book.sheetnames:
                 raise InputError(
-                    f"{place}there is no sheet {sheet!r}; the sheets are "
-                    f"{', '.join(book.sheetnames)}"
+                    f"there is no sheet {sheet!r}; the sheets are {', '.join(book.sheetnames)}"
                 )
-            pages, rows = {}, {}
-            for name in [sheet] if sheet else book.sheetnames:
-                pages[name] = list(book[name].iter_rows(values_only=True))
-                numbered = enumerate((list(map(cell_text, row)) for row in pages[name]), 1)
-                rows[name] = [(line, cells) for line, cells in numbered if any(cells)]
+            names = [sheet] if sheet else book.sheetnames
+            rows = {name: filled_rows(book[name]) for name in names}
         fit = [name for name, page in rows.items() if set(MODULI) & set(header_row(page)[2])]
         name = next(iter(rows))
         if len(fit) > 1 and name not in fit:
             raise InputError(
-                f"{place}the sheets {', '.join(fit)} have moduli; "
-                f"state sheet = '{fit[0]}' or another"
+                f"the sheets {', '.join(fit)} have moduli; state sheet = '{fit[0]}' or another"
             )
         name = name if name in fit or not fit else fit[0]
-        refuse_formulas(place, openpyxl, path, name, pages[name])
-    filled = {line for line, _ in rows[name]}
-    return Rows(rows[name], set(range(1, len(pages[name]))) - filled, name)
+        filled = {line: len(cells) for line, cells in rows[name]}
+        refuse_formulas(openpyxl, path, name, rows[name])
+    return Rows(rows[name], set(range(1, max(filled, default=0))) - {*filled}, name)
+
+
+def filled_rows(sheet: Any) -> list[tuple[int, list[str]]]:
+    """The rows of a sheet that are not empty, up to their last filled cell. A sheet may claim to
+    have a million rows.
+    """
+    sheet.reset_dimensions()
+    rows: list[tuple[int, list[str]]] = []
+    for line, row in enumerate(sheet.iter_rows(values_only=True), 1):
+        cells = list(map(cell_text, row))
+        while cells and not cells[-1]:
+            cells.pop()
+        if cells:
+            rows.append((line, cells))
+        if len(rows) > MOST_ROWS:
+            raise InputError(f"more than {MOST_ROWS} rows; allowed up to {MOST_ROWS}")
+    return rows
 
 
 def rows_of_columns(table: Mapping[str, Iterable]) -> Rows:

@@ -16,11 +16,9 @@ class LaboratoryTable:
     are the headers, `meanings` the canonical names ('' for none), and `units` the words of a row of
     units ('' for none). `blank` are lines that separate blocks of rows, and `short` has the number
     of cells of the lines that have too few. `stated` are the headers that the user names. `notes`
-    describe what was changed, and `left_out` gives a reason for each line left out. `place` begins
-    messages.
+    describe what was changed, and `left_out` gives a reason for each line left out.
     """
 
-    place: str
     names: list[str]
     meanings: list[str]
     cells: pd.DataFrame
@@ -71,8 +69,7 @@ class LaboratoryTable:
         reasons = [f"line {line} ({reason})" for line, reason in self.left_out.items()]
         where = f"sheet {self.sheet}, " if self.sheet else ""
         return [
-            f"{self.place.removesuffix(': ')}: {grains} grains in {len(self.cells)} rows, "
-            f"{where}header on line {self.header_line}",
+            f"{grains} grains in {len(self.cells)} rows, {where}header on line {self.header_line}",
             f"  read: {', '.join(read)}" + (f"; not read: {', '.join(unread)}" if unread else ""),
             f"  left out: {'; '.join(reasons[:6]) or 'no row'}"
             + (", .." if len(reasons) > 6 else ""),

@@ -10,7 +10,7 @@ import re
 import sys
 import textwrap
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from io import TextIOWrapper
 from pathlib import Path
@@ -53,9 +53,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     elif argv[:1] == ["help"]:
         argv = [*argv[1:], "--help"]
     try:
-        arguments, unknown = parser(argv).parse_known_args(argv)
+        root = parser(argv)
+        if argv and argv[0] not in SUMMARIES and not argv[0].startswith("-"):
+            near = [f"run {argv[0]}"] if argv[0].endswith(".nml") else SUMMARIES
+            root.refuse(
+                f"'{argv[0]}' is no command; allowed: {', '.join(SUMMARIES)}", argv[0], near
+            )
+        arguments, unknown = root.parse_known_args(argv)
         if unknown:
-            arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+            said = f"unrecognized arguments: {' '.join(unknown)}"
+            arguments.parser.refuse(said, unknown[0], arguments.parser._option_string_actions)
     except OSError as error:
         return fail_by_file(error)
     # These import NumPy and the core, which the help does not need.
@@ -144,20 +151,13 @@ class Parser(argparse.ArgumentParser):
         print(end="", flush=status == 0)
         super().exit(status, message)
 
-    def error(self, message: str) -> NoReturn:
-        """End with a message that suggests the nearest option or command."""
-        choices = [option for action in self._actions for option in action.option_strings]
-        wrong = re.match(r"unrecognized arguments: (-\S+)", message)
-        if found := re.match(r"argument COMMAND: invalid choice: '(.*?)'", message):
-            wrong, choices = found, list(SUMMARIES)
-            message = f"'{found[1]}' is no command; allowed: {', '.join(choices)}"
-        near = difflib.get_close_matches(wrong[1], choices, 1) if wrong else []
-        if wrong and wrong[1].endswith(".nml"):
-            near = [f"run {wrong[1]}"]
-        super().error(message + (f". Did you mean '{near[0]}'?" if near else ""))
+    def refuse(self, message: str, wrong: str, choices: Iterable[str]) -> NoReturn:
+        """End with a message that suggests the nearest choice for the `wrong` word."""
+        near = difflib.get_close_matches(wrong, choices, 1)
+        self.error(message + (f". Did you mean '{near[0]}'?" if near else ""))
 
 
-def parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
+def parser(words: Sequence[str] | None = None) -> Parser:
     """The parser of all commands. Only commands among `words` (default: all) get their arguments;
     with '--all' among them the help lists every variable.
     """
@@ -180,6 +180,13 @@ def parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
                 "--all", action="help", help="show this help with every variable of the namelist"
             )
             sub.add_argument("--seed", metavar="N", type=int, help="in place of &problem seed")
+            if "execution" in command.groups:
+                sub.add_argument(
+                    "--scheduler",
+                    metavar="ADDRESS",
+                    help="simulate on the workers of this scheduler of Dask; who answers there "
+                    "can run code here",
+                )
             if "sampler" in command.groups:
                 sub.add_argument(
                     "--samples", metavar="N", type=int, help="in place of &sampler samples"

@@ -68,6 +68,10 @@ def prepare(arguments: argparse.Namespace, patience_s: int | None = 0) -> tuple[
     changes = "\n".join(
         f"{name} = {value} /" for name, value in options.items() if value is not None
     )
+    if address := getattr(arguments, "scheduler", None):
+        # Dask reads its configuration when it is imported.
+        os.environ["DASK_SCHEDULER_ADDRESS"] = address
+        changes += "\n&execution engine = 'dask', scheduler = 'address' /"
     problem = Problem(arguments.file, arguments.command.name, changes)
     output = output_folder(arguments, arguments.file, patience_s)
     if patience_s is None:

@@ -1,5 +1,6 @@
 """Several posteriors side by side: constants, and how well each predicts the same measurements."""
 
+from collections.abc import Iterable
 from math import hypot
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from ..common.result_files import whole_file, write_csv, write_json
 from ..core import InputError
 from ..inference.analysis import inference_data
 from ..settings.keywords import warn_of
+from ..stages.results_folder import using_documents
 from .results import Results
 
 
@@ -20,6 +22,12 @@ def compare(*results: Any, output: Any = None) -> dict:
     the same moduli, and the evidence where it was estimated; `warnings`. `output`: a folder for
     comparison.csv, comparison.json and forest.png.
     """
+    with using_documents(*(Path(each) for each in results if not hasattr(each, "posterior"))):
+        return compare_all(results, output)
+
+
+def compare_all(results: Iterable, output: Any) -> dict:
+    """Compare as `compare` does."""
     # Imported here, since importing ArviZ takes seconds.
     import arviz
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ..common.result_files import write_text
+from ..stages.results_folder import using_documents
 from .drawing import draw_figures
 from .paper import write_paper
 from .results import Results
@@ -22,14 +23,15 @@ def write_report(
     results = Results(folder)
     if results.result is not None:
         results.folder = output or results.folder
-    if paper:
-        write_paper(results)
-    page = render(
-        "report.html.j2",
-        results=results,
-        figures=draw_figures(results, kind_of_files, paper),
-        rows=report_rows(results),
-    )
+    with using_documents(results.folder):
+        if paper:
+            write_paper(results)
+        page = render(
+            "report.html.j2",
+            results=results,
+            figures=draw_figures(results, kind_of_files, paper),
+            rows=report_rows(results),
+        )
     file = (output or results.folder) / "report.html"
     write_text(file, page)
     return results, file

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..common.diagnostics import diagnostic, distinct
-from ..common.result_files import read_json
 from ..core import InputError, call
 from ..crystal.elasticity import class_name, constant_names, stiffness_rows
 from ..crystal.metals import metals
@@ -24,9 +23,11 @@ from ..stages.results_folder import (
     MANIFEST,
     belongs,
     changed_inputs,
+    read_document,
     read_posterior,
     read_resolved,
     surrogate_digest,
+    using_documents,
 )
 from ..surrogate.surrogate import Surrogate
 
@@ -61,7 +62,8 @@ class Results:
         #: Diagnostics of inputs that were edited, and files that were removed, after the results.
         self.edited: list[dict] = []
         if self.result is None:
-            self._read_folder()
+            with using_documents(self.folder):
+                self._read_folder()
         else:
             self.resolved = self.result.posterior.attrs["settings"]
             self.documents["extract"] = json.loads(self.result.posterior.attrs["summary"])
@@ -89,20 +91,15 @@ class Results:
         folder = self.folder
         if not folder.is_dir():
             raise InputError(f"{folder}: there is no such folder of results")
-        self.manifest = read_json(folder / MANIFEST)
+        self.manifest = read_document(folder, MANIFEST)
         self.resolved = read_resolved(folder)
         if name := self.settings["surrogate"].get("file"):
             # A killed build may have left a new surrogate beside documents of the last one.
             self.manifest["inputs"] = self.manifest.get("inputs", {}) | surrogate_digest(
                 name, folder, self.namelist_folder
             )
-        for stage, file in DOCUMENTS.items():
-            document = read_json(folder / file)
-            if is_older(document):
-                raise InputError(
-                    f"{folder / file}: is of an earlier version of the program; run the command "
-                    f"that wrote it again, bayesindent {stage} or bayesindent run"
-                )
+        for stage in DOCUMENTS:
+            document = read_document(folder, stage)
             if belongs(document, self.manifest):
                 self.documents[stage] = document
             elif document:
@@ -189,7 +186,7 @@ class Results:
         if self.result is not None:
             return self._from_result(self.result)
         found = read_posterior(self.folder) if self.extracted else {}
-        if found and json.loads(f"{{{found['inputs']}}}") != self.extracted["inputs"]:
+        if found and found["inputs"] != json.dumps(self.extracted["inputs"])[1:-1]:
             return {}
         return found
 
@@ -252,12 +249,6 @@ class Results:
             )
         except InputError:
             return None
-
-
-def is_older(document: dict) -> bool:
-    """Whether a document is from the time when warnings were lines, and the prior one text."""
-    lines = [found for found in document.get("warnings", []) if isinstance(found, str)]
-    return bool(lines) or "density" not in document.get("prior", ["density"])
 
 
 def residual(item: dict) -> float:

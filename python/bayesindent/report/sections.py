@@ -237,12 +237,7 @@ def sensitivity_row(change: dict) -> list[str] | None:
 
 
 def provenance_rows(results: Results) -> list[list]:
-    """Versions, input and commands that made the results."""
-    log, command = results.folder / "run.log", "–"
-    if log.is_file() and results.result is None:
-        for line in log.read_text(encoding="utf-8", errors="replace").splitlines():
-            if f"INFO bayesindent {__version__[:1]}" in line:
-                command = line.split(": ", 1)[-1]
+    """Versions, input and stages that made the results."""
     system = f"{platform.python_version()}, {platform.system()} {platform.machine()}"
     digest = hashlib.sha256(results.resolved.encode()).hexdigest()
     rows = [
@@ -250,7 +245,7 @@ def provenance_rows(results: Results) -> list[list]:
         ["Python, system", system],
         ["NumPy, SciPy, ArviZ", ", ".join(map(metadata.version, ("numpy", "scipy", "arviz")))],
         ["seed", results.settings["problem"].get("seed", "–")],
-        ["last command", command],
+        ["stages", ", ".join(name for name, found in results.documents.items() if found)],
         ["SHA-256 of the resolved input", digest if results.resolved else "–"],
     ]
     if results.outdated:

@@ -1,7 +1,5 @@
 """The first texts of the report: constants, usability, advice, what is determined, inputs."""
 
-from itertools import takewhile
-
 from markupsafe import Markup
 
 from ..common.diagnostics import is_unusable
@@ -57,20 +55,11 @@ def advice(results: Results) -> dict[str, list[str]]:
                     warning["text"]
                 )
         for remedy, parts in remedies.items():
-            start = common(parts)
-            line = start + "; ".join(part.removeprefix(start) for part in parts)
+            line = "; ".join(parts)
             if remedy not in parts:
                 line += f". {remedy}"
             found.setdefault(heading, []).append(line[:1].upper() + line[1:].rstrip(".") + ".")
     return found
-
-
-def common(parts: list[str]) -> str:
-    """The words with which all of several parts begin."""
-    words = takewhile(
-        lambda column: len(set(column)) == 1, zip(*(part.split(" ") for part in parts))
-    )
-    return "".join(f"{column[0]} " for column in words) if len(parts) > 1 else ""
 
 
 def inputs_summary(results: Results) -> list[tuple[str, str]]:

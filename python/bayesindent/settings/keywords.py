@@ -1,10 +1,9 @@
-"""Make keywords of Python functions from the schema of namelists: signatures, help, and messages
-that name keywords in place of namelist variables.
+"""Make keywords of Python functions from the schema of namelists: signatures, help, and errors that
+name keywords in place of namelist variables.
 """
 
 import difflib
 import inspect
-import re
 import sys
 import textwrap
 import warnings
@@ -24,6 +23,8 @@ KEYWORDS = {
     "c_min": "bounds",
     "c_max": "bounds",
     "quantity": "knowledge",
+    "mean": "knowledge mean",
+    "sd": "knowledge sd",
     "stiffness_file": "knowledge['stiffness']",
     "prior": "bounds",
 }
@@ -64,20 +65,20 @@ def takes(*groups: str, without: Collection[str] = ()) -> Callable[[Any], Any]:
                 for name, value in keywords.items()
             }
             if len(given) < len(keywords):
-                raise InputError(
-                    f"{origin}: a keyword is stated twice: "
-                    f"{', '.join(' is '.join(pair) for pair in ALIASES.items())}"
-                )
+                pairs = ", ".join(" is ".join(pair) for pair in ALIASES.items())
+                raise InputError(f"a keyword is stated twice: {pairs}", origin)
             if unknown := next((name for name in given if name not in known), None):
                 near = difflib.get_close_matches(unknown, [*known, *ALIASES], 1)
                 guess = f", did you mean '{near[0]}'?" if near else ""
                 raise InputError(
-                    f"{origin}: keyword '{unknown}' is unknown{guess}; help({origin}) lists all"
+                    f"keyword '{unknown}' is unknown{guess}; help({origin}) lists all", origin
                 )
             try:
                 return function(*arguments, **given)
             except (InputError, MachineError) as error:
-                raise type(error)(in_python(str(error))) from None
+                name = error.variable or error.group
+                error.keyword = KEYWORDS.get(name, name)
+                raise error.with_traceback(None) from None
 
         origin = f"bi.{function.__qualname__.removesuffix('.__init__')}"
         signature = own.replace(parameters=[*stated.values(), *more])
@@ -113,28 +114,12 @@ def explained(variable: Variable) -> str:
     kind = inspect.formatannotation(type_of(variable))
     allowed = variable.allowed if variable.kind not in ("logical", "text") else ""
     details = ", ".join(filter(None, [variable.unit, allowed]))
-    words = in_python(
-        f"{variable.meaning[:1].upper()}{variable.meaning[1:]}"
-        + (f" ({details})" if details else "")
-        + "."
-    )
+    words = f"{variable.meaning[:1].upper()}{variable.meaning[1:]}"
+    words += f" ({details})." if details else "."
     return (
         f"{variable.name} : {kind}, default {default!r}\n"
         f"{textwrap.indent(textwrap.fill(words, 96), '    ')}"
     )
-
-
-def in_python(text: str) -> str:
-    """A message of the core that names keywords, without the groups of namelists."""
-    known = {variable.name for variable in schema()} | {"stiffness"}
-    text = re.sub(r"&knowledge (mean|sd)\b", r"knowledge \1", text)
-    text = re.sub(
-        r"&\w+ (\w+)",
-        lambda found: KEYWORDS.get(found[1], found[1]) if found[1] in known else found[0],
-        text,
-    )
-    text = re.sub(r"&(\w+)", lambda found: KEYWORDS.get(found[1], found[1]), text)
-    return text.replace(".true.", "True").replace(".false.", "False")
 
 
 def warn_of(document: dict) -> None:
@@ -148,4 +133,6 @@ def warn_of(document: dict) -> None:
         level, frame = level + 1, frame.f_back
     for found in document["warnings"]:
         line = message(found) if found["severity"] == "warning" else labelled(found)
-        warnings.warn(BayesindentWarning(in_python(line), found), stacklevel=level)
+        warning = BayesindentWarning(line)
+        warning.diagnostic = found
+        warnings.warn(warning, stacklevel=level)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..common.result_files import as_csv
-from ..core import InputError, NativeObject, call
+from ..core import InputError, NativeObject, call, located
 from ..crystal.elasticity import constant_names
 
 if TYPE_CHECKING:
@@ -168,12 +168,12 @@ class Problem(NativeObject):
         for group, values in groups.items():
             if values is None:
                 continue
-            lines = [
-                f"{name} = {spelled(value, f'{origin}: &{group} {name}')}\n"
-                for name, value in values.items()
-                if value is not None
-            ]
-            text += f"&{group}\n{''.join(lines)}/\n"
+            text += f"&{group}\n"
+            for name, value in values.items():
+                if value is not None:
+                    with located(origin, group, name):
+                        text += f"{name} = {spelled(value)}\n"
+            text += "/\n"
         return cls.parse(
             origin, text, tables, (partial(cls.from_keywords, origin, tables, **groups), ())
         )
@@ -204,9 +204,9 @@ class Problem(NativeObject):
             # Importing this module and the following one takes time.
             from ..lab.instruments import curves_of_files
 
-            begin = f"{path}: &curves files: "
-            removed = facts["curves.drift_removed"]
-            pages["curves"] = columns_as_csv(curves_of_files(begin, path.parent, names, removed))
+            with located(path, "curves", "files"):
+                curves = curves_of_files(path.parent, names, facts["curves.drift_removed"])
+            pages["curves"] = columns_as_csv(curves)
         for name, variable in CONVERTED.items():
             if file := facts.get(variable):
                 from ..lab.reading import text_with_commas
@@ -216,20 +216,25 @@ class Problem(NativeObject):
         #: orientation map with the indents, or None.
         self.table: LaboratoryTable | None = None
         self.map: Any = None
-        notes: list[str] = []
+        #: Diagnostics of tables: codes and subjects.
+        notes: list[tuple[str, str]] = []
         if file := facts.get("measurements.file"):
             source = path.parent / file
         if source is not None:
             from ..lab.canonical import canonical_table
 
-            place = f"{path}: &measurements{f' file: {file}' if file else ''}: "
-            if found := canonical_table(place, source, facts, str(path)):
+            with located(path, "measurements", "file" if file else ""), located(file or ""):
+                found = canonical_table(source, facts, path)
+            if found:
                 self.table, self.map, pages["measurements"] = found.table, found.map, found.page
-                notes = [f"table_changed {place}{note}" for note in found.table.notes]
+                subject = f"the table {file or ''}".strip()
+                notes = [("table_changed", f"{subject}: {note}") for note in found.table.notes]
         if self.map is not None:
             pages["misread"] = self.map.grid.misread(self.map.positions)
             notes += self.map.warnings
-        facts = typed(self._call("load", notes="\n".join(notes), **pages))
+        for code, subject in notes:
+            self._call("warn", code=code, subject=subject)
+        facts = typed(self._call("load", **pages))
         self.path, self.folder = path, path.parent
         self.resolved, self.warnings = facts["resolved"], json.loads(facts["warnings"])
         self.stages = facts["stages"].split()
@@ -269,8 +274,8 @@ def html_details(thing: object, text: str) -> str:
     return f"<details><summary>{name}</summary><pre>{escape(text)}</pre></details>"
 
 
-def spelled(value: Any, place: str = "") -> str:
-    """A value as a namelist has it; `place` begins the message of a refusal."""
+def spelled(value: Any) -> str:
+    """A value as a namelist has it."""
     value = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
     if isinstance(value, bool):
         return ".true." if value else ".false."
@@ -281,8 +286,8 @@ def spelled(value: Any, place: str = "") -> str:
     if isinstance(value, Mapping):
         value = [f"{key} = {item}" for key, item in value.items()]
     if isinstance(value, list | tuple) and value:
-        return ", ".join(spelled(item, place) for item in value)
-    raise InputError(f"{place}: {str(value)[:80]} is neither number nor text, nor a list of them")
+        return ", ".join(spelled(item) for item in value)
+    raise InputError(f"{str(value)[:80]} is neither number nor text, nor a list of them")
 
 
 def read_crystals(path: str | os.PathLike, symmetry: str) -> Points:

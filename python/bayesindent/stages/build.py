@@ -35,8 +35,10 @@ def build_surrogate(
         problem = Problem(problem, "build")
     if (simulate is not None) != (problem.settings.simulation.simulator == "import"):
         raise InputError(
-            f"{problem.path}: &simulation simulator: simulate(stiffness, euler_deg) is given "
-            "where it is 'import', and only there"
+            "simulate(stiffness, euler_deg) is given where it is 'import', and only there",
+            str(problem.path),
+            "simulation",
+            "simulator",
         )
     warn_of(
         run_stage(problem, "build", output, simulate=simulate and partial(outcome_of, simulate))

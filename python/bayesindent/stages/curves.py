@@ -106,8 +106,9 @@ def references_of(references: Any, crystal_sd: float | None) -> dict | None:
         moduli, sds, ratios = zip(*references.values(), strict=True)
     except (TypeError, ValueError):
         raise InputError(
-            "bi.curves: references: each has Young's modulus, its sd and Poisson's ratio: "
-            "{'quartz': (72, 0.5, 0.17)}"
+            "each has Young's modulus, its sd and Poisson's ratio: {'quartz': (72, 0.5, 0.17)}",
+            "bi.curves",
+            "references",
         ) from None
     return {
         "name": list(references),

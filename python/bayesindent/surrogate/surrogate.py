@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..core import NativeObject, call
+from ..core import InputError, NativeObject, call
 from ..crystal.elasticity import crystal_rows
 from ..settings.keywords import takes
 from ..settings.problem import Points, html_details
@@ -65,7 +65,7 @@ class Surrogate(NativeObject):
             {name: facts[name] for name in ("alpha", "beta", "fall", "coefficients")},
             basis=basis,
             symmetry=basis.symmetry,
-            provenance=json.loads(facts["provenance"]),
+            provenance={**json.loads(facts["provenance"])},
             _facts=facts,
         )
 
@@ -117,9 +117,13 @@ class Surrogate(NativeObject):
         It must be valid for the crystal class `symmetry`. A relative name is searched in `output`,
         then in `folder`.
         """
-        return cls(
-            call("file.surrogate", name=name, symmetry=symmetry, **places(output, folder))["handle"]
-        )
+        found = call("file.surrogate", name=name, symmetry=symmetry, **places(output, folder))
+        try:
+            return cls(found["handle"])
+        except (TypeError, ValueError) as error:
+            raise InputError(
+                f"{name}: the surrogate is damaged: its provenance is no JSON object ({error})"
+            ) from None
 
     def save(self, path: str | PathLike) -> None:
         """Write the surrogate, its provenance and its simulations as text. Only a file of a

@@ -14,8 +14,10 @@ def draw(arguments: argparse.Namespace) -> dict:
     problem = Problem(arguments.file, "extract")
     if problem.map is None:
         raise InputError(
-            f"{arguments.file}: &measurements ebsd: the variable is missing; it is the "
-            "orientation map, beside columns x_um and y_um"
+            "the variable is missing; it is the orientation map, beside columns x_um and y_um",
+            str(arguments.file),
+            "measurements",
+            "ebsd",
         )
     # Importing matplotlib is slow; other commands do without.
     from ...report.figures.maps import draw_map

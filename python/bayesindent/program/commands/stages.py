@@ -52,7 +52,7 @@ def show_moduli(document: dict) -> None:
                 f"{row['rayleigh_velocity_m_s']:.1f}" + " weak" * (not row["rayleigh_detected"]),
             ]
         rows.append(texts)
-    show_table("Finite elements" if simulated else "Half-space theory", header, rows)
+    show_table("Finite elements" if simulated else "Exact theory", header, rows)
 
 
 def show_plan(document: dict) -> None:
@@ -159,8 +159,8 @@ def show_build(document: dict) -> None:
         print(
             f"Surrogate: {document['simulations']} simulations ({document['new_simulations']} "
             f"new, {document['failed']} failed), "
-            f"{document['terms']} terms, leave-one-out error {document['loocv_gpa']:.3g} GPa; "
-            f"{document['domain']['words']}"
+            f"{document['terms']} terms, leave-one-out error "
+            f"{number(document['loocv_gpa'], 2)} GPa; {document['domain']['words']}"
         )
 
 
