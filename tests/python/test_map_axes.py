@@ -183,11 +183,16 @@ def test_a_map_of_oxford(tmp_path):
 def test_what_is_no_map_of_oxford(tmp_path):
     path = tmp_path / "map.h5oina"
     path.write_bytes(b"no HDF5")
-    with pytest.raises(bi.InputError, match=r"map.h5oina: is no map .h5oina \(OSError\)"):
+    with pytest.raises(
+        bi.InputError,
+        match=r"map.h5oina: is no map .h5oina that can be read; export it again \(OSError\)",
+    ):
         measured(path, [(2.1, 5.2)])
     with h5py.File(path, "w") as file:
         file.create_group("1/EBSD/Header/Phases")
-    with pytest.raises(bi.InputError, match=r"is no map .h5oina \(KeyError\)"):
+    with pytest.raises(
+        bi.InputError, match=r"is no map .h5oina that can be read; export it again \(KeyError\)"
+    ):
         measured(path, [(2.1, 5.2)])
 
 

@@ -62,7 +62,10 @@ def load_map(path: Path) -> MapPoints:
         )
     reader_of(path, "an orientation map", "orix.io")
     # orix prints the names of the phases.
-    with reading(f"is no map {ending}"), redirect_stdout(StringIO()):
+    with (
+        reading(f"is no map {ending} that can be read; export it again"),
+        redirect_stdout(StringIO()),
+    ):
         readers = {".ang": edax_text, ".ctf": channel_text, ".h5oina": oxford_map}
         return readers.get(ending, orix_map)(path)
 
