@@ -15,7 +15,7 @@ module specimens
    use text, only: to_text
    implicit none
    private
-   public :: geometry_names, new_indentation
+   public :: film_name, geometry_names, new_indentation
 
    character(len=*), parameter :: block_name = 'block', film_name = 'film', grain_name = 'grain'
    character(len=*), parameter :: geometry_names = halfspace_name//', '//block_name//', ' &
@@ -119,7 +119,10 @@ contains
       specimen%element = settings%simulation%element
       specimen%estimator = settings%specimen%estimator
       call specimen%set_up(settings, error)
-      if (.not. allocated(error)) call specimen%check_sizes(error)
+      ! Theory needs no mesh.
+      if (.not. allocated(error) .and. settings%simulation%simulator /= 'theory') then
+         call specimen%check_sizes(error)
+      end if
       call locate_error(error, '', 'specimen')
       if (len(specimen%element) == 0) specimen%element = 'c3d8i'
    end subroutine new_indentation

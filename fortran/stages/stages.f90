@@ -223,8 +223,7 @@ contains
          if (.not. has_theory .and. (any(self%stages == 'theory') &
             & .or. settings%simulation%simulator == 'theory')) then
             call self%refuse('specimen', 'geometry', ''''//settings%specimen%geometry &
-               & //''' has no exact theory; allowed ''halfspace'', and for the command theory ' &
-               & //'''film''', error)
+               & //''' has no exact theory; allowed ''halfspace'', ''film''', error)
          else if (settings%simulation%simulator == 'import' &
             & .and. any(self%stages == 'simulate')) then
             call self%refuse('simulation', 'simulator', &

@@ -4,7 +4,7 @@ module theory_stage
    use abstract_stage, only: stage_type
    use stage_documents, only: begin_crystal, write_moduli
    use errors, only: error_type
-   use film_theory, only: film_moduli
+   use film_theory, only: film_type, indent_films
    use halfspace_theory, only: halfspace_moduli
    use json, only: json_type
    use kinds, only: wp
@@ -26,17 +26,19 @@ contains
       class(theory_stage_type), intent(inout) :: self
       type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: modulus(:), circular(:), velocity(:), relative_error(:)
+      real(wp), allocatable :: modulus(:), circular(:), velocity(:)
+      type(film_type), allocatable :: films(:)
       type(wave_type), allocatable :: waves(:)
       integer :: i
 
       associate (points => self%problem%crystals)
          allocate (modulus(points%n), circular(points%n))
          if (self%problem%settings%specimen%geometry == 'film') then
-            allocate (relative_error(points%n))
-            call film_moduli(self%problem%settings, points%stiffness, points%euler_deg, &
-               & self%problem%threads(), modulus, relative_error, error)
+            allocate (films(points%n))
+            call indent_films(self%problem%settings, points%stiffness, points%euler_deg, &
+               & self%problem%threads(), films, error)
             call self%problem%locate('', '', error)
+            modulus = films%modulus
          else
             call halfspace_moduli(points%stiffness, points%euler_deg, &
                & self%problem%threads(), modulus, circular, error)
@@ -56,7 +58,11 @@ contains
          do i = 1, points%n
             call begin_crystal(page, points, i)
             call page%put('indentation_modulus_gpa', modulus(i))
-            if (allocated(relative_error)) call page%put('relative_error', relative_error(i))
+            if (allocated(films)) then
+               call page%put('relative_error', films(i)%relative_error)
+               call page%put('depth_um', films(i)%depth)
+               call page%put('force_mn', films(i)%force)
+            end if
             if (allocated(waves)) then
                call page%put_numbers('propagation_deg, rayleigh_velocity_m_s', &
                   & [points%paths(i)%propagation_deg, velocity(i)])

@@ -197,8 +197,7 @@ def test_a_block_under_a_cone(bayesindent, tmp_path):
         result["modulus_by_depth_gpa"], rel=1e-9
     )
     refused = (
-        "a.nml: &specimen geometry: 'block' has no exact theory; allowed 'halfspace', and for the "
-        "command theory 'film'\n"
+        "a.nml: &specimen geometry: 'block' has no exact theory; allowed 'halfspace', 'film'\n"
     )
     done = bayesindent("theory", "a.nml")
     assert (done.returncode, done.stderr) == (2, refused)

@@ -28,5 +28,5 @@ def test_calls_are_compared_with_the_declarations():
         core.call("crystal.class", symmetry="cubic", more=1)
     with pytest.raises(AssertionError, match="has no value {'name'}"):
         within(b"crystal.class", {"name": "cubic"}, ("constants",))
-    with pytest.raises(KeyError, match="crystal.none"):
+    with pytest.raises(core.InputError, match="no operation is named none"):
         core.call("crystal.none")

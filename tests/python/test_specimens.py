@@ -203,6 +203,35 @@ def test_theory_of_films_by_every_estimator(tmp_path, capsys):
     assert "Exact theory" in capsys.readouterr().out
 
 
+FILM = "geometry = 'film', estimator = 'curve', thickness_um = 0.8, substrate_young_gpa = 70"
+
+
+def test_films_are_simulated_by_theory(tmp_path, capsys):
+    """Step 1 by theory: the surrogate agrees with theory at crystals that it was not trained on,
+    and `simulate` gives the numbers of the command `theory`.
+    """
+    (tmp_path / "points.csv").write_text(
+        "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,10,40,30\n"
+    )
+    (tmp_path / "film.nml").write_text(
+        "&problem symmetry = 'cubic', seed = 4 /\n&crystals points = 'points.csv' /\n"
+        f"&specimen {FILM} /\n&simulation simulator = 'theory' /\n"
+        "&design budget = 120, n_candidates = 400, validation = 20, batch = 20 /\n"
+    )
+    for command in ("theory", "simulate", "build"):
+        assert main([command, str(tmp_path / "film.nml"), "--output", str(tmp_path / "out")]) == 0
+    theory, simulated, built = (
+        json.loads((tmp_path / "out" / f"{name}.json").read_text())
+        for name in ("theory", "simulate", "build")
+    )
+    (exact,), (found,) = theory["results"], simulated["results"]
+    for key in ("indentation_modulus_gpa", "depth_um", "force_mn"):
+        assert exact[key] == found[key]
+    assert not found["elements"] and len(found["force_mn"]) == 10
+    assert built["validation"]["mean_absolute_gpa"] < 0.25
+    capsys.readouterr()
+
+
 @pytest.mark.parametrize(
     ("specimen", "message"),
     [

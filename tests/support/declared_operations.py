@@ -6,7 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 
 from support.tree import SOURCE
-from tools.operations import operations
+from tools.operations import Operation, operations
+
+#: Of the tests' own operations.
+ANY = Operation(("..",), ("..",), "")
 
 
 def checked(core):
@@ -16,7 +19,7 @@ def checked(core):
     def check(do):
         def checked_do(name, handle, request):
             reply, address, words, status = do(name, handle, request)
-            operation = declared[name.decode()]
+            operation = declared.get(name.decode(), ANY)
             result = np.array((ctypes.c_uint8 * (8 * words)).from_address(address))
             # An empty request is eight zeros.
             if request.any():
@@ -28,6 +31,7 @@ def checked(core):
         return checked_do
 
     return SimpleNamespace(
+        __file__=native.__file__,
         core_do=check(native.core_do),
         core_do_long=check(native.core_do_long),
         core_release=native.core_release,
