@@ -184,12 +184,15 @@ def test_what_is_no_map_of_oxford(tmp_path):
     path = tmp_path / "map.h5oina"
     path.write_bytes(b"no HDF5")
     with pytest.raises(
-        bi.InputError, match=r"map.h5oina: is no map of Oxford's .h5oina \(OSError\)"
+        bi.InputError,
+        match=r"map.h5oina: is no map .h5oina that can be read; export it again \(OSError\)",
     ):
         measured(path, [(2.1, 5.2)])
     with h5py.File(path, "w") as file:
         file.create_group("1/EBSD/Header/Phases")
-    with pytest.raises(bi.InputError, match=r"is no map of Oxford's .h5oina \(KeyError\)"):
+    with pytest.raises(
+        bi.InputError, match=r"is no map .h5oina that can be read; export it again \(KeyError\)"
+    ):
         measured(path, [(2.1, 5.2)])
 
 
@@ -201,7 +204,7 @@ def problem_with(path, symmetry, axes):
     )
 
 
-@pytest.mark.parametrize("ending", ["oh5", "cpr", "crc"])
+@pytest.mark.parametrize("ending", ["oh5", "osc", "cpr", "crc"])
 def test_other_files_of_makers_are_refused_with_what_to_do(tmp_path, ending):
     path = tmp_path / f"map.{ending}"
     path.write_bytes(b"\x89HDF\r\n")

@@ -118,7 +118,7 @@ def test_three_points_leave_the_error_unknown(tmp_path):
             "no CSV of numbers in the columns x_um, y_um, map_x_um, map_y_um",
         ),
         ("x,y,u,v\n0,0,1,1\n5,5,6,6\n9,2,10,3\n", "no CSV of numbers in the columns x_um"),
-        ("", "0 points on a line or at one place"),
+        ("", "no CSV of numbers in the columns x_um"),
         (None, "f: &measurements ebsd_points: .*points.csv: No such file"),
     ],
 )

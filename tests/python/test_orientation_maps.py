@@ -196,7 +196,10 @@ def test_what_is_no_map(tmp_path, monkeypatch):
     with pytest.raises(bi.InputError, match="map.ang: the file does not exist"):
         measured(path, [(1.0, 1.0)])
     path.write_text("nothing\n")
-    with pytest.raises(bi.InputError, match="map.ang: is no map that orix reads"):
+    with pytest.raises(
+        bi.InputError,
+        match=r"map.ang: is no map .ang that can be read; export it again \(ValueError\)",
+    ):
         measured(path, [(1.0, 1.0)])
     monkeypatch.setitem(sys.modules, "orix", None)
     with pytest.raises(
@@ -208,6 +211,9 @@ def test_what_is_no_map(tmp_path, monkeypatch):
 
 def test_a_message_quotes_no_line_of_a_file_that_is_no_map(tmp_path):
     (tmp_path / "map.ang").write_text("# a header\nroot:x:0:0:root:/root:/bin/bash\n" * 3)
-    with pytest.raises(bi.InputError, match="map.ang: is no map that orix reads") as error:
+    with pytest.raises(
+        bi.InputError,
+        match=r"map.ang: is no map .ang that can be read; export it again \(ValueError\)",
+    ) as error:
         measured(tmp_path / "map.ang", [(1.0, 1.0), (2.0, 2.0)])
     assert "root" not in str(error.value).partition("map.ang")[2]

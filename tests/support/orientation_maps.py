@@ -77,7 +77,9 @@ def write(path, x, y, euler, point_group="m-3m", phases=None):
 
     numbers = np.ones(len(x), int) if phases is None else phases
     known = {1: Phase("iron", point_group=point_group), 2: Phase("second", point_group=point_group)}
-    present = PhaseList({number: known[number] for number in np.unique(numbers).tolist()})
+    present = PhaseList(
+        {number: known[number] for number in np.unique(numbers[numbers > 0]).tolist()}
+    )
     rotations = Orientations.from_euler(np.radians(euler))
     io.save(str(path), CrystalMap(rotations, numbers, x, y, phase_list=present, scan_unit="um"))
     return path

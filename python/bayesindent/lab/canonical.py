@@ -98,11 +98,13 @@ def canonical_table(
     leave_out_incomplete(table)
     if any(name not in table.meanings for name in errors):
         add_shared_errors(table, errors, must_fit=True)
-    standard_errors(table)
-    indented = add_orientations(table, facts, origin) if stated("ebsd") else None
-    if indented is None:
+    indented = None
+    if not stated("ebsd"):
         check_orientations(table, facts)
     check_modulus(table, stated("modulus_kind"))
+    if stated("ebsd"):
+        indented = add_orientations(table, facts, origin)
+    standard_errors(table)
     if table.column("sd_gpa") < 0 and stated("scale") != "inferred":
         raise InputError(
             f"the column sd_gpa is missing; it may be absent only with scale = "
@@ -262,6 +264,9 @@ def add_orientations(
         for line in cells.index[cells.map(is_missing)]:
             raise InputError(f"line {line}, column {name}: the cell is empty; a number is needed")
         stage.append(cells.map(value_of))
+    contact = np.zeros(len(table.cells))
+    if (j := table.column("contact_radius_um")) >= 0:
+        contact = table.cells[j].map(lambda cell: 0.0 if is_missing(cell) else value_of(cell))
     folder = Path(facts["folder"])
     ebsd, points = facts["measurements.ebsd"], facts.get("measurements.ebsd_points")
     warnings: list[tuple] = []
@@ -274,6 +279,7 @@ def add_orientations(
             folder / ebsd,
             at,
             sd,
+            np.asarray(contact),
             [
                 own if name in table.stated else name
                 for name, own in zip(table.names, table.meanings)

@@ -1,13 +1,12 @@
 """Orientation maps (EBSD): the grain at each indent, its orientation and its size."""
 
-import csv
 import re
 from dataclasses import dataclass
-from functools import cache, reduce
+from functools import reduce
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+import pandas as pd
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -16,16 +15,19 @@ from scipy.spatial.transform import Rotation
 from ..core import InputError
 from ..crystal.directions import representative
 from ..crystal.elasticity import class_name
-from .columns import abridged
-from .map_files import axes_of_file, from_standard, load_map, turn_of_axes
-from .other_files import reading
+from .columns import ANGLES, abridged
+from .map_files import from_standard, load_map, rotations_of, turn_of_axes
 
 #: Misorientation of neighbouring points, in degrees, above which they belong to two grains.
 BOUNDARY_DEG = 5.0
-#: Grains of fewer points are noise; they do not count as neighbours.
+#: Grains of fewer points are noise and left out.
 LEAST_PIXELS = 4
+#: Number of points around an indent that give its orientation, as far as they are of its grain.
+SURROUNDINGS = 100
 #: Columns of homologous points: positions on the stage, and in the map.
-POINT_COLUMNS = ("x_um", "y_um", "map_x_um", "map_y_um")
+POINT_COLUMNS = ["x_um", "y_um", "map_x_um", "map_y_um"]
+#: Columns that a map adds.
+MAP_COLUMNS = ("grain", "grain_radius_um", *ANGLES, "orientation_sd_deg")
 #: Number of errors of registration that are drawn, and the least probability of an indent's grain.
 SAMPLE, LEAST_SHARE = 400, 0.95
 #: The largest coordinate that is accepted; every sample is smaller.
@@ -40,8 +42,8 @@ class IndentedMap:
 
     `rows` are their rows in the measurements, from 0; the grain of the other rows is uncertain.
     `columns` have a value for each indent: Bunge's angles of the mean orientation of its
-    grain, and, unless the measurements have these columns, `grain` (its number in the map),
-    `orientation_sd_deg` (the spread of the indented direction over the grain), and
+    surroundings in its grain, and, unless the measurements have these columns, `grain` (its number
+    in the map), `orientation_sd_deg` (the spread of the indented direction there), and
     `grain_radius_um` (the distance to the nearest other grain).
     """
 
@@ -58,13 +60,14 @@ def indented_map(
     path: Path,
     indents: np.ndarray,
     sd: np.ndarray,
+    contact: np.ndarray,
     columns: list[str],
     symmetry: str | None,
     axes: str | None,
 ) -> IndentedMap:
     """The map of a file with `indents` at positions (n, 2), whose registration has the `sd` (n,)
-    per coordinate, in um. `columns` are those of the measurements; for `axes` see `AXES` of
-    map_files.
+    per coordinate, and whose radii of `contact` (n,) are 0 if unknown, in um. `columns` are those
+    of the measurements; for `axes` see `AXES` of map_files.
     """
     for name in columns:
         if name.lower().startswith(("phi", "φ", "euler")):
@@ -72,46 +75,54 @@ def indented_map(
                 f"the column {name} states the orientation too; one of them is allowed"
             )
     grid = Grid(path, axes)
-    away, pixel = grid.tree.query(indents)
-    for row in np.flatnonzero(away > grid.step):
-        (left, lower), (right, upper) = grid.positions.min(axis=0), grid.positions.max(axis=0)
-        x, y = indents[row]
-        raise InputError(
-            f"row {row + 1}: ({x:g}, {y:g}) um is {away[row]:.3g} um from the next indexed "
-            f"point; the map is from ({left:g}, {lower:g}) to ({right:g}, {upper:g})"
+    grid.refuse_outside(indents)
+    if len(grid.names) == 1:
+        grid.compare_phase(grid.phase[:1], symmetry)
+    grid.find_grains()
+    away, nearest = grid.tree.query(indents, k=min(2 * SURROUNDINGS, len(grid.phase)))
+    pixel, away = nearest[:, 0], away[:, 0]
+    grains = grid.grain[pixel]
+    warnings = grid.warnings + grid.compare_phase(grid.phase[pixel], symmetry)
+    if (bridged := np.flatnonzero(away > 0.75 * grid.step) + 1).size:
+        reason = (
+            f"the indents of rows {abridged(bridged)} are on points that are not indexed, or "
+            f"stray. They belong to the grain around them, which is up to {away.max():.2g} um away"
         )
-    grains = grid.grain[pixel].tolist()
-    warnings = grid.compare_phase(grid.phase[pixel], symmetry)
-    # The probability of a grain is the share of sampled registrations that place the indent in it.
-    nearest = grid.tree.query(
-        indents + np.random.default_rng(0).normal(size=(SAMPLE, 1, 2)) * sd[:, None]
-    )[1]
-    share = np.mean(grid.grain[nearest] == grains, axis=0)
+        warnings.append(("indents_bridged", reason))
+    # The probability of a grain is the share of sampled places that are nearest to it: over errors
+    # of the registration, and over the contact, whose radius is stated, or at most that of a hole.
+    random = np.random.default_rng(0)
+    places = indents + random.normal(size=(SAMPLE, 1, 2)) * sd[:, None]
+    square = random.uniform(-1, 1, size=(2 * SAMPLE, 2))
+    disc = square[np.linalg.norm(square, axis=1) < 1][:SAMPLE]
+    radius = np.maximum(contact, away * random.random((SAMPLE, 1)))
+    places += disc[:, None] * radius[..., None]
+    share = np.mean(grid.grain[grid.tree.query(places)[1]] == grains, axis=0)
     retained = np.flatnonzero(share >= LEAST_SHARE).tolist()
     if doubtful := [f"{row + 1} ({share[row]:.0%})" for row in np.flatnonzero(share < LEAST_SHARE)]:
         reason = (
             f"the indents of rows {abridged(doubtful)} are left out: their grain is uncertain. In "
             "brackets: the probability of the grain, with a registration of "
-            f"± {sd.max():.2g} um; {LEAST_SHARE:.0%} is needed"
+            f"± {sd.max():.2g} um and contacts or holes of up to {radius.max():.2g} um; "
+            f"{LEAST_SHARE:.0%} is needed"
         )
         if not retained:
             raise InputError(reason)
         warnings.append(("indents_left_out", reason))
+    indents, grains = indents[retained], grains[retained].tolist()
+    of_indents = []
+    for position, grain, around in zip(indents, grains, nearest[retained]):
+        is_own = grid.grain[around] == grain
+        radius_um = grid.distance_to_boundary(position, grain, around[~is_own])
+        mean = grid.mean_orientation(around[is_own][:SURROUNDINGS])
+        of_indents.append([f"EBSD {grain}", radius_um, *mean])
     stated = {
         re.sub("[ -]", "_", name.lower()).removesuffix("_id").removesuffix("_number")
         for name in columns
     }
-    orientation = cache(grid.mean_orientation)
-    indents, grains = indents[retained], [grains[row] for row in retained]
-    of_indents: dict[str, list] = {}
-    for position, grain in zip(indents, grains):
-        euler_deg, spread = orientation(grain)
-        radius = grid.distance_to_boundary(position, grain)
-        values = {"grain": f"EBSD {grain}", "orientation_sd_deg": spread, "grain_radius_um": radius}
-        values |= dict(zip(("phi1_deg", "Phi_deg", "phi2_deg"), euler_deg))
-        for name in values.keys() - stated:
-            of_indents.setdefault(name, []).append(values[name])
-    return IndentedMap(grid, retained, indents, grains, of_indents, warnings)
+    found = zip(MAP_COLUMNS, zip(*of_indents))
+    added = {name: list(values) for name, values in found if name not in stated}
+    return IndentedMap(grid, retained, indents, grains, added, warnings)
 
 
 def registered(path: Path, stage: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[tuple]]:
@@ -120,14 +131,11 @@ def registered(path: Path, stage: np.ndarray) -> tuple[np.ndarray, np.ndarray, l
     if the sd is unknown.
     """
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-        stated = (line for line in lines if not line.startswith("#"))
-        rows = csv.DictReader(stated, skipinitialspace=True)
-        cells = [float(row[name]) for row in rows for name in POINT_COLUMNS]
-        known = np.array(cells).reshape(-1, 4)
+        table = pd.read_csv(path, comment="#", skipinitialspace=True, encoding="utf-8-sig")
+        known = table[POINT_COLUMNS].to_numpy(float)
     except OSError as error:
         raise InputError(f"{error.strerror}") from None
-    except (ValueError, KeyError, TypeError, csv.Error):
+    except (ValueError, KeyError):
         known = np.full((1, 4), np.nan)
     if not (np.abs(known) < FARTHEST_UM).all():
         raise InputError(
@@ -143,7 +151,7 @@ def registered(path: Path, stage: np.ndarray) -> tuple[np.ndarray, np.ndarray, l
         )
     affine = np.linalg.lstsq(design, known[:, 2:], rcond=None)[0]
     at = np.column_stack([np.ones(len(stage)), stage - centre])
-    leverage = np.einsum("ij,jk,ik->i", at, np.linalg.inv(design.T @ design), at)
+    leverage = np.sum(at @ np.linalg.inv(design.T @ design) * at, axis=1)
     residual = np.linalg.norm(known[:, 2:] - design @ affine) / np.sqrt(max(1, 2 * (n - 3)))
     unknown = "three points leave no residual, so that the error of the registration is unknown"
     return (
@@ -154,61 +162,66 @@ def registered(path: Path, stage: np.ndarray) -> tuple[np.ndarray, np.ndarray, l
 
 
 class Grid:
-    """The indexed points of a map and the grains that they form."""
+    """The indexed points of a map and, after `find_grains`, the grains that they form."""
 
     def __init__(self, path: Path, axes: str | None):
         loaded = load_map(path)
-        with reading("is no map that orix reads"):
-            found = loaded[loaded.phase_id >= 0]
-            #: Positions (n, 2) in um.
-            self.positions = np.column_stack([found.x, found.y]).astype(float)
-            #: Rotations from sample to crystal axes.
-            self.rotations = rotations_of(
-                found.rotations[:, 0] if found.rotations.ndim > 1 else found.rotations
-            )
-        if (
-            found.size < 2
-            or loaded.scan_unit != "um"
-            or not (np.abs(self.positions) < FARTHEST_UM).all()
-        ):
+        indexed = np.isin(loaded.phase, [*loaded.phases])
+        n, found = len(indexed), int(np.sum(indexed))
+        #: Positions (n, 2) in um.
+        self.positions = loaded.positions[indexed].astype(float)
+        if found < 2 or loaded.unit != "um" or not (np.abs(self.positions) < FARTHEST_UM).all():
             raise InputError(
-                f"has {found.size} indexed points in the unit {loaded.scan_unit!r}; a "
+                f"has {found} indexed points in the unit {loaded.unit!r}; a "
                 f"map in um is needed, within {FARTHEST_UM:g}"
             )
-        self.phase = found.phase_id
+        if np.linalg.matrix_rank(self.positions - self.positions[0]) < 2:
+            raise InputError(f"has its {found} points on a single line; a map is needed")
+        #: Rotations from sample to crystal axes.
+        self.rotations, self.phase = loaded.rotations[indexed], loaded.phase[indexed]
+        self.warnings = loaded.warnings
+        if found < n:
+            reason = f"{path.name}: {n - found:,} of {n:,} points are not indexed"
+            self.warnings.append(("points_not_indexed", reason))
         #: By phase its name, its Laue class (diffraction sees no more of the point group), and the
         #: proper rotations of that class.
         self.names, self.groups, self.symmetry = {}, {}, {}
         for number in np.unique(self.phase).tolist():
             phase = loaded.phases[number]
-            self.names[number], group = phase.name, phase.point_group
-            if group is None:
-                raise InputError(
-                    f"does not say the point group of phase {number} ({self.names[number]})"
-                )
-            self.groups[number], turn = group.laue, from_standard(group.laue)
-            self.symmetry[number] = turn.inv() * rotations_of(group.laue.proper_subgroup) * turn
-            to_standard = turn_of_axes(
-                group.laue, phase.structure.lattice, axes, axes_of_file(path)
-            )
+            if phase.point_group is None:
+                raise InputError(f"does not say the point group of phase {number}")
+            self.names[number], laue = phase.name, phase.point_group.laue
+            self.groups[number], turn = laue, from_standard(laue)
+            self.symmetry[number] = turn.inv() * rotations_of(laue.proper_subgroup) * turn
+            to_standard = turn_of_axes(laue, phase.structure.lattice, axes, loaded.axes)
             own = np.flatnonzero(self.phase == number)
             self.rotations[own] = to_standard * self.rotations[own]
         self.tree = cKDTree(self.positions)
-        #: Distance of neighbouring points in um.
-        self.step = float(np.median(self.tree.query(self.positions, k=2)[0][:, 1]))
-        if not self.step > 0:
+        some = self.positions[:: 1 + found // 10_000]
+        away = np.median(self.tree.query(some, k=min(5, found))[0], axis=0)
+        #: Distance of neighbouring points in um; of a rectangle the longer one.
+        self.step = float(away[-1])
+        if not away[1] > 0:
             raise InputError("has most of its points twice at the same place; a map has each once")
-        self.grain = self._grains(self.tree.query_pairs(1.2 * self.step, output_type="ndarray"))
-        #: Whether the grain of a point is large enough to be no noise.
-        self.counts = np.bincount(self.grain)[self.grain] >= LEAST_PIXELS
 
-    def _grains(self, pairs: np.ndarray) -> np.ndarray:
-        """The number of each point's grain. A grain connects neighbours of one phase whose
-        misorientation is small; `pairs` are the neighbours.
+    def refuse_outside(self, positions: np.ndarray) -> None:
+        """Refuse a position (n, 2) that lies beside the map."""
+        low, high = self.positions.min(axis=0), self.positions.max(axis=0)
+        away = np.linalg.norm(positions - positions.clip(low, high), axis=1)
+        for row in np.flatnonzero(away > self.step):
+            raise InputError(
+                f"row {row + 1}: ({positions[row, 0]:g}, {positions[row, 1]:g}) um is "
+                f"{away[row]:.3g} um from the next indexed point; the map is from "
+                f"({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g})"
+            )
+
+    def find_grains(self) -> None:
+        """Number the grains, which connect neighbours of one phase whose misorientation is small,
+        and retain the points of those that are no noise.
         """
-        first, second = pairs.T
+        first, second = self.tree.query_pairs(1.2 * self.step, output_type="ndarray").T
         between = (self.rotations[second] * self.rotations[first].inv()).as_quat()
-        alike = np.zeros(len(pairs), dtype=bool)
+        alike = np.zeros(len(first), dtype=bool)
         for phase, group in self.symmetry.items():
             own = (self.phase[first] == phase) & (self.phase[second] == phase)
             # Operations of the group are tried one after the other to save memory: a map may have
@@ -218,9 +231,14 @@ class Grid:
             )
             alike[own] = cosine > np.cos(np.radians(BOUNDARY_DEG) / 2)
         n = len(self.positions)
-        return connected_components(
+        grain = connected_components(
             coo_array((alike[alike], (first[alike], second[alike])), shape=(n, n)), directed=False
         )[1]
+        own = np.flatnonzero(np.bincount(grain)[grain] >= LEAST_PIXELS)
+        if not len(own):
+            raise InputError(f"has no grain of {LEAST_PIXELS} points")
+        self.positions, self.phase, self.grain = self.positions[own], self.phase[own], grain[own]
+        self.rotations, self.tree = self.rotations[own], cKDTree(self.positions)
 
     def compare_phase(self, phases: np.ndarray, symmetry: str | None) -> list[tuple]:
         """Compare the phase at each indent (n,) with the stated `symmetry`, and return the
@@ -286,35 +304,30 @@ class Grid:
             )
         return found
 
-    def mean_orientation(self, grain: int) -> tuple[list[float], float]:
-        """Bunge's angles of the mean orientation, degrees, and the sd of the tilt of the indented
-        direction per component, degrees.
+    def mean_orientation(self, inside: np.ndarray) -> list[float]:
+        """Bunge's angles of the mean orientation of points (n,) of a grain, nearest first, and the
+        sd of the tilt of the indented direction per component, in degrees.
         """
-        inside = np.flatnonzero(self.grain == grain)
         group, rotations = self.symmetry[int(self.phase[inside[0]])], self.rotations[inside]
         # Each orientation is replaced by its equivalent that is nearest to the first one.
         cosine = np.abs((rotations[0] * rotations.inv()).as_quat() @ group.as_quat().T)
         aligned = group[cosine.argmax(axis=1)] * rotations
+        # Points beyond a boundary of small angle differ from the nearest ones by more than most.
+        off = (aligned * aligned[:10].mean().inv()).magnitude()
+        aligned = aligned[off <= 3 * np.median(off)]
         mean = aligned.mean()
         tilt = np.arccos(np.clip(aligned.apply(NORMAL) @ mean.apply(NORMAL), -1, 1))
-        # The package is optional, like the reader of the map.
-        from orix.quaternion import Rotation as OrixRotation
+        euler = mean.inv().as_euler("ZXZ", degrees=True, suppress_warnings=True) % 360
+        return [*euler.tolist(), float(np.degrees(np.sqrt(np.mean(tilt**2) / 2)))]
 
-        euler = OrixRotation(mean.as_quat(scalar_first=True)).to_euler()[0]
-        return np.degrees(euler).tolist(), float(np.degrees(np.sqrt(np.mean(tilt**2) / 2)))
-
-    def distance_to_boundary(self, position: np.ndarray, grain: int) -> float:
+    def distance_to_boundary(self, position: np.ndarray, grain: int, near: np.ndarray) -> float:
         """The distance in um from a position to the nearest point of another grain, less half a
-        step; to the farthest point of the map if there is no other grain.
+        step; to the farthest point of the map if there is no other grain. `near` are numbers of
+        points (n,) of other grains, the nearest one among them; none if they are not known.
         """
-        others = self.positions[(self.grain != grain) & self.counts]
+        others = self.positions[near if len(near) else self.grain != grain]
         if not len(others):
             return float(np.linalg.norm(self.positions - position, axis=1).max())
         return float(
             max(np.linalg.norm(others - position, axis=1).min() - self.step / 2, self.step / 2)
         )
-
-
-def rotations_of(rotations: Any) -> Rotation:
-    """Rotations of orix, whose quaternions begin with the scalar."""
-    return Rotation.from_quat(rotations.data, scalar_first=True)
