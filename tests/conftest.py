@@ -96,19 +96,22 @@ class Cases:
     """
 
     def __init__(self, file: Path):
-        self.file, self.seconds, self.outcome = file, {}, {}
+        self.file, self.seconds, self.outcome, self.reason = file, {}, {}, {}
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text("")
 
     def pytest_runtest_logreport(self, report):
         name = report.nodeid
+        if report.skipped and isinstance(report.longrepr, tuple):
+            self.reason[name] = report.longrepr[2].removeprefix("Skipped: ")
         self.seconds[name] = self.seconds.get(name, 0.0) + report.duration
         if report.when == "call" or report.outcome != "passed":
             self.outcome[name] = report.outcome
         # A worker that has crashed reports nothing more of its case.
         if report.when == "teardown" or report.when == "???":
             with open(self.file, "a") as file:
-                file.write(f"{self.outcome.get(name, 'failed')} {self.seconds[name]:.2f} {name}\n")
+                words = [self.outcome.get(name, "failed"), f"{self.seconds[name]:.2f}", name]
+                file.write(f"{' '.join(words)}\t{self.reason.get(name, '')}\n")
 
 
 def pytest_addoption(parser):

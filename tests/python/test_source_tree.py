@@ -42,18 +42,27 @@ def test_counts_lines_of_tap(tmp_path, stdout, result, expected):
     assert sum(case.seconds for case in cases) == 1.5
 
 
-def test_says_the_slowest_and_the_count_last(capsys):
+def test_says_the_slowest_and_the_count_last(capsys, tmp_path, monkeypatch):
+    monkeypatch.delenv("BAYESINDENT_STRICT", raising=False)
+    file = tmp_path / "not-checked.txt"
     cases = [tool.Case("passed", float(number), f"case {number}") for number in range(12)] + [
-        tool.Case("skipped", 0.5, "skipped")
+        tool.Case("skipped", 0.5, "skipped", "there is no ccx")
     ]
-    assert tool.conclude(cases, True) == 0
+    assert tool.conclude(cases, True, file) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[1:11] == [f"{number:7.1f} s  case {number}" for number in range(11, 1, -1)]
-    assert lines[-1] == "12 passed, 0 failed, 1 skipped"
-    assert tool.conclude([*cases, tool.Case("failed", 1.0, "bad")], True) == 1
-    assert tool.conclude(cases, False) == 1
+    assert lines[-2:] == [
+        "not checked: skipped: there is no ccx",
+        "12 passed, 0 failed, 1 skipped",
+    ]
+    assert file.read_text() == "skipped: there is no ccx\n"
+    assert tool.conclude([*cases, tool.Case("failed", 1.0, "bad")], True, file) == 1
+    assert tool.conclude(cases, False, file) == 1
     assert capsys.readouterr().out.splitlines()[-1] == "12 passed, 1 failed, 1 skipped"
-    assert tool.conclude([], True) == 1
+    assert tool.conclude([], True, file) == 1
+    monkeypatch.setenv("BAYESINDENT_STRICT", "1")
+    assert tool.conclude(cases, True, file) == 1
+    assert tool.conclude(cases[:-1], True, file) == 0
 
 
 EXAMPLE = """

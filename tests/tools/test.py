@@ -30,6 +30,8 @@ class Case(NamedTuple):
     outcome: str
     seconds: float
     name: str
+    #: Why it was skipped.
+    reason: str = ""
 
 
 def main(argv=None) -> int:
@@ -111,11 +113,13 @@ def run_tests(build: Path, names: list[str]) -> int:
         # case.
         good &= status in (0, 5)
         cases += found
-    return conclude(cases, good)
+    return conclude(cases, good, logs / "not-checked.txt")
 
 
-def conclude(cases: list[Case], good: bool) -> int:
-    """Print the slowest cases and the count, and return an exit status."""
+def conclude(cases: list[Case], good: bool, file: Path) -> int:
+    """Print the slowest cases, what was not checked, and the count; return an exit status. `file`
+    has what was not checked, too. With BAYESINDENT_STRICT=1 that counts as a failure.
+    """
     outcomes = [case.outcome for case in cases]
     count = {outcome: outcomes.count(outcome) for outcome in ("passed", "failed", "skipped")}
     if not good and not count["failed"]:
@@ -124,9 +128,14 @@ def conclude(cases: list[Case], good: bool) -> int:
     print("The slowest:")
     for case in sorted(cases, key=lambda case: -case.seconds)[:10]:
         print(f"{case.seconds:7.1f} s  {case.name}")
+    lines = [f"{case.name}: {case.reason}" for case in cases if case.outcome == "skipped"]
+    if file.parent.is_dir():
+        file.write_text("".join(f"{line}\n" for line in lines))
+    print(*(f"not checked: {line}" for line in lines), sep="\n")
+    strict = os.environ.get("BAYESINDENT_STRICT") == "1" and bool(lines)
     skipped = f", {count['skipped']} skipped" if count["skipped"] else ""
     print(f"{count['passed']} passed, {count['failed']} failed{skipped}", flush=True)
-    return 1 if count["failed"] or not count["passed"] else 0
+    return 1 if strict or count["failed"] or not count["passed"] else 0
 
 
 def unit_cases(log: Path) -> Iterator[Case]:
@@ -160,8 +169,9 @@ def unit_cases(log: Path) -> Iterator[Case]:
 def pytest_cases(log: Path) -> Iterator[Case]:
     """The cases that tests/conftest.py has recorded."""
     for line in log.read_text().splitlines() if log.exists() else []:
-        outcome, seconds, name = line.split(maxsplit=2)
-        yield Case(outcome, float(seconds), name)
+        found, _, reason = line.partition("\t")
+        outcome, seconds, name = found.split(maxsplit=2)
+        yield Case(outcome, float(seconds), name, reason)
 
 
 def meson(*arguments: str | Path, **options) -> subprocess.CompletedProcess:
