@@ -148,7 +148,7 @@ contains
       associate (curves => settings%curves, design => settings%design, &
          & geometry => settings%specimen%geometry, indenter => settings%indenter, &
          & measured => settings%measurements)
-         is_bulk = geometry /= 'film' .and. geometry /= 'grain'
+         is_bulk = geometry == 'halfspace' .or. geometry == 'block'
          call check(curves%given .and. (allocated(curves%file) .eqv. allocated(curves%files)), &
             & 'curves', 'file', &
             & 'one of file, a CSV of curves, and files, those of an instrument, is needed')

@@ -150,7 +150,7 @@ def specimen(results: Results) -> str:
         "block": "block, {width_um:g} µm wide and {height_um:g} µm high",
         "film": "film of {thickness_um:g} µm",
         "grain": "grain of radius {grain_radius_um:g} µm among others",
-    }[group["geometry"]]
+    }.get(group["geometry"], group["geometry"])
     if group["geometry"] == "film" and "substrate_young_gpa" in group:
         words += " on a substrate of E = {substrate_young_gpa:g} GPa"
     return words.format(**group)
