@@ -113,7 +113,8 @@ contains
       allocate (points%constants(21, points%n))
       allocate (points%stiffness(6, 6, points%n))
       do j = 1, 21
-         column(j) = points%table%find(general%constants(j))
+         call find_column(points%table, general%constants(j), column(j), error, .false.)
+         if (allocated(error)) return
          call read_numbers(points%table, column(j), constant_column, .true., values, error)
          if (allocated(error)) return
          points%constants(j, :) = values
@@ -130,11 +131,12 @@ contains
       !> Take the constants of the class from the entries of row i, and set the stiffness.
       subroutine take_constants(i)
          integer, intent(in) :: i
-         real(wp) :: entries(21), implied(21)
+         real(wp) :: entries(21), implied(21), rounding(21), own(21)
          integer :: j, k
 
          entries = points%constants(:, i)
          points%constants(:, i) = nan
+         rounding = 0.0_wp
          associate (class => points%classes(points%class(i)), table => points%table)
             do k = 1, class%n_constants
                j = findloc(general%constants, class%constants(k), dim=1)
@@ -146,12 +148,20 @@ contains
                end if
                if (allocated(error)) return
                points%constants(k, i) = entries(j)
+               own = 0.0_wp
+               own(k) = half_digit(column(j), i)
+               rounding = rounding &
+                  & + abs(general%constants_of(class%stiffness(own(:class%n_constants))))
             end do
             points%stiffness(:, :, i) = class%stiffness(points%constants(:class%n_constants, i))
-            ! The cell of a dependent constant is empty, or has the value that follows by symmetry.
+            ! The cell of a dependent constant is empty, or has the value that follows by symmetry
+            ! from the others within the rounding of all of them.
             implied = general%constants_of(points%stiffness(:, :, i))
             do j = 1, 21
-               if (.not. abs(entries(j) - implied(j)) > 1.0e-3_wp*abs(implied(j)) + 1.0e-3_wp) cycle
+               if (column(j) == 0) cycle
+               rounding(j) = rounding(j) + half_digit(column(j), i) &
+                  & + 1.0e-3_wp*abs(implied(j)) + 1.0e-3_wp
+               if (.not. abs(entries(j) - implied(j)) > rounding(j)) cycle
                call table%refuse(column(j), i, ' GPa does not apply to a '//class%name &
                   & //' crystal, whose '//general%constants(j)//' is '//to_text(implied(j)) &
                   & //' GPa; leave the cell empty', error)
@@ -161,6 +171,16 @@ contains
          call check_stiffness(points%stiffness(:, :, i), error)
          call prefix_error(error, 'line '//to_text(points%table%line(i))//': ')
       end subroutine take_constants
+
+      !> Half a unit of the last decimal of a cell.
+      real(wp) function half_digit(column, row)
+         integer, intent(in) :: column, row
+         character(len=:), allocatable :: cell
+
+         cell = points%table%cell(column, row)
+         half_digit = 0.5_wp
+         if (index(cell, '.') > 0) half_digit = 0.5_wp*10.0_wp**(index(cell, '.') - len(cell))
+      end function half_digit
 
       !> Set the class of each row, from the column `symmetry` if there is one.
       subroutine read_classes()

@@ -1,6 +1,7 @@
 !> A known stiffness with its covariance, such as one from density functional theory. The CSV has a
 !> column `row` and one for each constant of the class, the row 'mean' (GPa), and a row of the
-!> covariance (GPa²) for each constant, in any order.
+!> covariance (GPa²) for each constant, in any order. Or the text is the matrix (GPa), 6 x 6 numbers
+!> or the 21 of its upper triangle, whose constants have one relative standard deviation.
 module stiffness_table
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: check_stiffness
@@ -9,8 +10,8 @@ module stiffness_table
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor
    use point_tables, only: stiffness_most
-   use tables, only: table_type
-   use text, only: join, to_text
+   use tables, only: parse_table, table_type
+   use text, only: join, newline, number_ok, read_real, to_text
    implicit none
    private
    public :: stiffness_table_type, new_stiffness_table
@@ -25,8 +26,96 @@ module stiffness_table
 
 contains
 
+   !> Read the means and the covariance.
+   subroutine new_stiffness_table(content, relative_sd, class, self, error)
+      !> Text of the file.
+      character(len=*), intent(in) :: content
+      !> Of each constant of a matrix; unallocated for a table.
+      real(wp), allocatable, intent(in) :: relative_sd
+      type(crystal_class_type), intent(in) :: class
+      type(stiffness_table_type), intent(out) :: self
+      type(error_type), allocatable, intent(out) :: error
+      type(table_type) :: table
+      character(len=:), allocatable :: page
+
+      if (allocated(relative_sd)) then
+         call write_matrix(content, relative_sd, class, page, error)
+      else if (scan(content, '+-.0123456789[') == verify(content, ' '//newline)) then
+         call refuse(error, 'a matrix needs stiffness_relative_sd, the standard deviation of each ' &
+            & //'constant relative to its value')
+      else
+         page = content
+      end if
+      if (.not. allocated(error)) call parse_table(page, table, error)
+      if (.not. allocated(error)) call take_table(table, class, self, error)
+   end subroutine new_stiffness_table
+
+   !> Write the table of a matrix. Of entries that are equal by symmetry the first one counts.
+   subroutine write_matrix(content, relative_sd, class, page, error)
+      !> Numbers separated by blanks, commas or brackets.
+      character(len=*), intent(in) :: content
+      real(wp), intent(in) :: relative_sd
+      type(crystal_class_type), intent(in) :: class
+      !> Text of the table.
+      character(len=:), allocatable, intent(out) :: page
+      type(error_type), allocatable, intent(out) :: error
+      character(len=*), parameter :: marks = ' ,[]'//achar(9)//achar(13)//newline
+      real(wp), parameter :: tolerance = 0.01_wp
+      real(wp) :: values(37), c(6, 6), right(6, 6), mean(class%n_constants)
+      integer :: first, last, i, j, n, outcome
+
+      values = 0.0_wp
+      n = 0
+      last = 0
+      do while (n < size(values))
+         first = last + verify(content(last + 1:), marks)
+         if (first == last) exit
+         last = first - 2 + scan(content(first:)//newline, marks)
+         n = n + 1
+         call read_real(content(first:last), values(n), outcome)
+         if (outcome /= number_ok) then
+            call refuse(error, ''''//printable(content(first:last))//''' is not a number; ' &
+               & //'stiffness_relative_sd needs a matrix of 6 x 6 numbers')
+            return
+         end if
+      end do
+      if (n /= 21 .and. n /= 36) then
+         call refuse(error, to_text(n)//' numbers; a matrix has 36, or 21 in its upper triangle')
+         return
+      end if
+      c = reshape(values, [6, 6])
+      first = 0
+      do i = 1, merge(6, 0, n == 21)
+         c(i:, i) = values(first + 1:first + 7 - i)
+         c(i, i:) = c(i:, i)
+         first = first + 7 - i
+      end do
+      mean = class%constants_of(c)
+      right = class%stiffness(mean)
+      associate (at => maxloc(abs(c - right)))
+         i = at(2)
+         j = at(1)
+      end associate
+      if (abs(c(j, i) - right(j, i)) > tolerance*maxval(abs(c))) then
+         call refuse(error, 'row '//to_text(i)//', column '//to_text(j)//': '//to_text(c(j, i)) &
+            & //' GPa, where a '//class%name//' crystal has '//to_text(right(j, i)) &
+            & //' GPa; allowed within 1 % of the largest entry')
+         return
+      end if
+      page = 'row,'//join(class%constants, ',')//newline//'mean'
+      do j = 1, size(mean)
+         page = page//','//to_text(mean(j))
+      end do
+      do i = 1, size(mean)
+         page = page//newline//class%constants(i)
+         do j = 1, size(mean)
+            page = page//','//to_text(merge((relative_sd*mean(i))**2, 0.0_wp, i == j))
+         end do
+      end do
+   end subroutine write_matrix
+
    !> Read the means and the covariance from the rows of a table.
-   subroutine new_stiffness_table(table, class, self, error)
+   subroutine take_table(table, class, self, error)
       type(table_type), intent(in) :: table
       type(crystal_class_type), intent(in) :: class
       type(stiffness_table_type), intent(out) :: self
@@ -118,5 +207,5 @@ contains
          call refuse(error, 'the covariance is not positive definite; it must say that no ' &
             & //'combination of the constants is known exactly')
       end subroutine check_covariance
-   end subroutine new_stiffness_table
+   end subroutine take_table
 end module stiffness_table
