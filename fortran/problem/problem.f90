@@ -481,19 +481,15 @@ contains
          real(wp), allocatable :: nu(:)
 
          if (measurements%modulus_kind /= 'sample_modulus') return
-         call read_column(table, 'sample_nu', .true., nu, error)
+         call read_column(table, 'sample_nu', table%find('sample_nu') == 0, nu, error)
          if (allocated(error)) return
-         nu = pack(nu, nu > -1.0_wp)
-         if (size(nu) == 0) return
+         if (.not. nu(1) > -1.0_wp) return
          associate (stated => self%settings%measurements%sample_nu)
-            if (maxval(nu) - minval(nu) > tolerance) then
-               call refuse(error, 'column sample_nu: '//to_text(minval(nu))//' and ' &
-                  & //to_text(maxval(nu))//'; one Poisson''s ratio for all rows is allowed')
-            else if (self%states_nu .and. abs(nu(1) - stated) > tolerance) then
-               call refuse(error, 'sample_nu = '//to_text(stated)//', but the column sample_nu ' &
-                  & //'has '//to_text(nu(1))//'; leave sample_nu out')
-            end if
-            stated = nu(1)
+            if (.not. self%states_nu) stated = nu(1)
+            i = maxloc(abs(nu - stated), 1)
+            if (abs(nu(i) - stated) <= tolerance) return
+            call refuse(error, 'the columns and &measurements state sample_nu = ' &
+               & //to_text(stated)//' and '//to_text(nu(i))//'; one value is allowed')
          end associate
       end subroutine take_nu
 

@@ -17,7 +17,7 @@ module point_tables
    implicit none
    private
    public :: points_type, read_crystals, read_measurements, read_orientations, first_rows, &
-      & angles_look_like_radians, read_angles, read_groups
+      & angles_look_like_radians, read_angles, read_constants, read_groups
 
    !> Points, one for each row of a table. Values that the table does not have are NaN.
    type :: points_type
@@ -84,7 +84,7 @@ contains
       if (allocated(error)) return
       call read_angles(points, .false., error)
       if (allocated(error)) return
-      call read_constants(points, default_class, error)
+      call read_constants(points, default_class, 0.0_wp, error)
       if (allocated(error)) return
       call read_column(points%table, trim(merge('modulus_gpa            ', &
          & 'indentation_modulus_gpa', points%table%find('modulus_gpa') > 0)), .true., &
@@ -98,9 +98,11 @@ contains
    end subroutine read_crystals
 
    !> Read the independent constants of each row, and set the stiffness.
-   subroutine read_constants(points, default_class, error)
+   subroutine read_constants(points, default_class, tolerance, error)
       type(points_type), intent(inout) :: points
       type(crystal_class_type), intent(in) :: default_class
+      !> Share of the largest constant that an entry may differ from its value by symmetry.
+      real(wp), intent(in) :: tolerance
       type(error_type), allocatable, intent(out) :: error
       !> The class whose constants are all entries, and their columns.
       type(crystal_class_type) :: general
@@ -131,12 +133,12 @@ contains
       !> Take the constants of the class from the entries of row i, and set the stiffness.
       subroutine take_constants(i)
          integer, intent(in) :: i
-         real(wp) :: entries(21), implied(21), rounding(21), own(21)
+         real(wp) :: entries(21), implied(21), unit, beyond
          integer :: j, k
 
          entries = points%constants(:, i)
          points%constants(:, i) = nan
-         rounding = 0.0_wp
+         unit = 0.0_wp
          associate (class => points%classes(points%class(i)), table => points%table)
             do k = 1, class%n_constants
                j = findloc(general%constants, class%constants(k), dim=1)
@@ -148,20 +150,17 @@ contains
                end if
                if (allocated(error)) return
                points%constants(k, i) = entries(j)
-               own = 0.0_wp
-               own(k) = half_digit(column(j), i)
-               rounding = rounding &
-                  & + abs(general%constants_of(class%stiffness(own(:class%n_constants))))
+               unit = max(unit, last_digit(table%cell(column(j), i)))
             end do
             points%stiffness(:, :, i) = class%stiffness(points%constants(:class%n_constants, i))
             ! The cell of a dependent constant is empty, or has the value that follows by symmetry
-            ! from the others within the rounding of all of them.
+            ! from the others, within the rounding of all of them.
             implied = general%constants_of(points%stiffness(:, :, i))
             do j = 1, 21
-               if (column(j) == 0) cycle
-               rounding(j) = rounding(j) + half_digit(column(j), i) &
-                  & + 1.0e-3_wp*abs(implied(j)) + 1.0e-3_wp
-               if (.not. abs(entries(j) - implied(j)) > rounding(j)) cycle
+               beyond = abs(entries(j) - implied(j)) - 1.0e-3_wp &
+                  & - max(1.0e-3_wp*abs(implied(j)), tolerance*maxval(abs(implied)))
+               if (.not. beyond > unit) cycle
+               if (beyond <= last_digit(table%cell(column(j), i))) cycle
                call table%refuse(column(j), i, ' GPa does not apply to a '//class%name &
                   & //' crystal, whose '//general%constants(j)//' is '//to_text(implied(j)) &
                   & //' GPa; leave the cell empty', error)
@@ -172,15 +171,12 @@ contains
          call prefix_error(error, 'line '//to_text(points%table%line(i))//': ')
       end subroutine take_constants
 
-      !> Half a unit of the last decimal of a cell.
-      real(wp) function half_digit(column, row)
-         integer, intent(in) :: column, row
-         character(len=:), allocatable :: cell
+      !> A unit of the last decimal of a number.
+      pure real(wp) function last_digit(cell)
+         character(len=*), intent(in) :: cell
 
-         cell = points%table%cell(column, row)
-         half_digit = 0.5_wp
-         if (index(cell, '.') > 0) half_digit = 0.5_wp*10.0_wp**(index(cell, '.') - len(cell))
-      end function half_digit
+         last_digit = 10.0_wp**merge(index(cell, '.') - len(cell), 0, index(cell, '.') > 0)
+      end function last_digit
 
       !> Set the class of each row, from the column `symmetry` if there is one.
       subroutine read_classes()
