@@ -103,7 +103,7 @@ def canonical_table(
     if not stated("ebsd"):
         check_orientations(table, facts)
     check_modulus(table, stated("modulus_kind"))
-    use_ratio(table, found.ratios, stated("modulus_kind"))
+    add_ratio(table, found.ratios)
     if stated("ebsd"):
         indented = add_orientations(table, facts, origin)
     standard_errors(table)
@@ -210,7 +210,7 @@ def check_modulus(table: LaboratoryTable, kind: str | None) -> None:
         )
 
 
-def use_ratio(table: LaboratoryTable, ratios: list[str], kind: str | None) -> None:
+def add_ratio(table: LaboratoryTable, ratios: list[str]) -> None:
     """Note the Poisson's ratio with which the instrument made the moduli: that of a column, or else
     of another sheet, which becomes a column. The core uses it.
     """
@@ -218,10 +218,8 @@ def use_ratio(table: LaboratoryTable, ratios: list[str], kind: str | None) -> No
         n = len(table.cells)
         table.add_column("sample_nu", (ratios * n)[:n])
     j = table.column("sample_nu")
-    is_used = j >= 0 and "sample_modulus" in (kind, table.meanings[table.column(*MODULI)][:-4])
-    if is_used and (ratios or table.names[j] != "sample_nu"):
-        values = abridged(dict.fromkeys(table.cells[j]))
-        table.note(f"column {table.names[j]}: sample_nu = {values}")
+    if j >= 0 and (ratios or table.names[j] != "sample_nu"):
+        table.note(f"sample_nu = {abridged(dict.fromkeys(table.cells[j]))}")
 
 
 def check_units(table: LaboratoryTable, radians: bool) -> None:

@@ -86,7 +86,7 @@ DEVIATIONS = {
     *("der", "deit"),
 }
 #: Fischer's name of the plane strain modulus, and depths over which NanoSuite takes means.
-PLANE_STRAIN = re.compile(r"e_?it ?/ ?\(1 ?- ?[vν]_?s?_?(\^2|²)_?s?\)")
+PLANE_STRAIN = re.compile(r"e_?it ?/ ?\(1 ?- ?[vν]_?s?_?\^?2_?s?\)")
 DEPTHS = re.compile(r"\[\d+ ?- ?\d+ ?nm\]")
 #: Names of columns that a message lists at most.
 MOST_NAMES = 30

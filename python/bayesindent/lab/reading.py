@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field
 from io import StringIO
-from itertools import chain
 from pathlib import Path
 from typing import Any
 from zipfile import ZipFile
@@ -138,8 +137,8 @@ def rows_of_sheet(path: Path, sheet: str) -> Rows:
         filled = {line: len(cells) for line, cells in rows[name]}
         refuse_formulas(openpyxl, path, name, rows[name])
     blank = set(range(1, max(filled, default=0))) - {*filled}
-    others = (ratios_of(page) for other, page in rows.items() if other != name)
-    return Rows(rows[name], blank, name, ratios=[*dict.fromkeys(chain.from_iterable(others))])
+    ratios = [ratio for other, page in rows.items() if other != name for ratio in ratios_of(page)]
+    return Rows(rows[name], blank, name, ratios=ratios)
 
 
 def ratios_of(rows: list[tuple[int, list[str]]]) -> list[str]:
