@@ -10,7 +10,7 @@ module stiffness_table
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor
    use point_tables, only: points_type, read_constants, stiffness_most
-   use tables, only: parse_table, table_type
+   use tables, only: longest_name, parse_table, table_type
    use text, only: join, newline, split_list, to_text
    implicit none
    private
@@ -149,14 +149,15 @@ contains
       real(wp), parameter :: tolerance = 0.01_wp
       type(crystal_class_type) :: general
       type(points_type) :: points
-      character(len=:), allocatable :: list, words(:)
+      character(len=:), allocatable :: list
+      character(len=longest_name), allocatable :: words(:)
       integer :: i, j
 
       list = content(:min(len(content), most))
       do i = 1, len(list)
          if (scan(list(i:i), ' []'//achar(9)//achar(13)//newline) > 0) list(i:i) = ','
       end do
-      allocate (words, source=split_list(list))
+      words = split_list(list)
       if (size(words) == 36) words = pack(words, [((j >= i, j=1, 6), i=1, 6)])
       if (size(words) /= 21) then
          call refuse(error, to_text(size(words))//' numbers; a matrix has 36, or 21 in its upper ' &

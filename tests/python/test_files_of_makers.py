@@ -159,7 +159,11 @@ def test_published_constants(tmp_path, name):
         ("symmetry,C11 (MPa),C12,C44", "cubic,168400,121.4,75.4", "the unit mpa is not read"),
         ("symmetry,C11,C21,C_12,C44", "cubic,9,1,1,1", "C21 and C_12 are both C12"),
         (CRYSTALS["magnesium"][0], "hexagonal,59.5,26.1,21.8,61.6,16.4,17.1", "does not apply"),
-        ("symmetry,C11,C12,C13,C14,C33,C44,C24", "-3m,144.0,53.9,51.1,-20.5,84.0,33.5,-20.5", "C24"),
+        (
+            "symmetry,C11,C12,C13,C14,C33,C44,C24",
+            "-3m,144.0,53.9,51.1,-20.5,84.0,33.5,-20.5",
+            "C24",
+        ),
     ],
 )
 def test_constants_that_are_refused(tmp_path, header, row, words):
@@ -169,7 +173,9 @@ def test_constants_that_are_refused(tmp_path, header, row, words):
 
 MATRIX = "168.4 121.4 121.4 0 0 0\n121.4 168.4 121.4 0 0 0\n121.4 121.4 168.4 0 0 0\n"
 MATRIX += "0 0 0 75.4 0 0\n0 0 0 0 75.38 0\n0 0 0 0 0 75.4\n"
-TRIANGLE = "168.4 121.4 121.4 0 0 0\n  168.4 121.4 0 0 0\n    168.4 0 0 0\n 75.4 0 0\n 75.4 0\n 75.4"
+TRIANGLE = (
+    "168.4 121.4 121.4 0 0 0\n  168.4 121.4 0 0 0\n    168.4 0 0 0\n 75.4 0 0\n 75.4 0\n 75.4"
+)
 
 
 def test_a_matrix_is_a_known_stiffness(tmp_path):
@@ -189,7 +195,10 @@ def test_a_matrix_is_a_known_stiffness(tmp_path):
         path.write_text(text)
         got = found({"stiffness": path, "stiffness_relative_sd": 0.02})
         assert np.array_equal(got, right)
-    namelist = "&problem symmetry = '{}' /\n&prior /\n&knowledge stiffness_file = 'c.txt'{} /\n"
+    text = page("effective_modulus_gpa").replace("phi1,Phi,phi2", "phi1_deg,Phi_deg,phi2_deg")
+    (tmp_path / "a.csv").write_text(text)
+    namelist = "&problem symmetry = '{}' /\n&measurements file = 'a.csv' /\n"
+    namelist += "&knowledge stiffness_file = 'c.txt'{} /\n"
     sd = ", stiffness_relative_sd = 0.02"
     assert not checked(tmp_path, namelist.format("cubic", sd))
     path.write_text(MATRIX.replace("0 0 0 75.4 0 0", "0 0 0 75.4 0 9"))
