@@ -69,8 +69,9 @@ contains
          labels = [character(len=4) :: 'mean', class%constants]
          column = [(table%find(trim(headers(j))), j=1, size(column))]
          do j = 1, size(column)
-            call check(column(j) > 0, 'the column '//trim(headers(j))//' is missing; a '//class%name &
-               & //' crystal needs '//join(headers, ', ')//'; a matrix needs stiffness_relative_sd')
+            call check(column(j) > 0, 'the column '//trim(headers(j))//' is missing; a ' &
+               & //class%name//' crystal needs '//join(headers, ', ') &
+               & //'; a matrix needs stiffness_relative_sd')
          end do
          do j = 1, table%columns
             call check(any(column == j), 'the column '//printable(table%name(j))//' is none of ' &
@@ -97,8 +98,8 @@ contains
          self%mean = values(:, row(1))
          self%covariance = transpose(values(:, row(2:)))
          do j = 1, class%n_constants
-            call check(abs(self%mean(j)) <= stiffness_most, 'the mean of '//class%constants(j)//', ' &
-               & //to_text(self%mean(j))//' GPa, looks like MPa; allowed up to ' &
+            call check(abs(self%mean(j)) <= stiffness_most, 'the mean of '//class%constants(j) &
+               & //', '//to_text(self%mean(j))//' GPa, looks like MPa; allowed up to ' &
                & //to_text(stiffness_most)//' GPa')
          end do
       end subroutine read_rows

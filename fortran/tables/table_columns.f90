@@ -74,7 +74,7 @@ module table_columns
 
 contains
 
-   !> Find the `column` of a name, or the only one of its other names; 0 if there is none. An elastic
+   !> Find the `column` of a name, or the only one of its other names; 0 if there is none. A
    !> constant C12 may be C_12, C21 or C_21, too.
    subroutine find_column(table, name, column, error, needed)
       type(table_type), intent(in) :: table
