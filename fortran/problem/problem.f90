@@ -11,7 +11,7 @@ module problem
    use kinds, only: wp
    use machine, only: thread_count
    use named_values, only: named_values_reader_type
-   use namelist_file, only: entry_type
+   use namelist_file, only: entry_type, find_entry
    use measurement_checks, only: check_measurements, refuse_radians
    use point_tables, only: angles_look_like_radians, points_type, read_crystals, &
       & read_measurements, read_orientations
@@ -21,7 +21,7 @@ module problem
    use settings_checks, only: check_settings
    use settings_reader, only: read_settings, settings_namelist
    use stiffness_table, only: new_stiffness_table, stiffness_table_type
-   use table_columns, only: find_column, foreign_column
+   use table_columns, only: find_column, foreign_column, read_column
    use tables, only: parse_table, read_table, table_type
    use velocity_tables, only: append_velocities, read_velocities
    use text, only: newline, to_text
@@ -45,6 +45,8 @@ module problem
       !> Tables that the file names, unallocated if it does not; `velocities` are the speeds as they
       !> were read, and are among the measurements too.
       type(points_type), allocatable :: crystals, measurements, velocities, candidates
+      !> Whether the file states &measurements sample_nu.
+      logical :: states_nu = .false.
       !> Whether speeds of waves that cannot be detected were left out of the measurements.
       logical :: are_detected = .false.
       !> Grains from which &next chooses; unallocated: all directions.
@@ -107,6 +109,7 @@ contains
          if (len(namelist(i)%name) == 0) self%groups = self%groups//namelist(i)%group//' '
       end do
       allocate (self%warnings(0))
+      self%states_nu = find_entry(namelist, 'measurements', 'sample_nu') > 0
       call read_settings(namelist, command, needed, self%settings, error)
       if (allocated(error)) return
       associate (s => self%settings, last => self%settings%indenter)
@@ -216,15 +219,17 @@ contains
 
       !> Set the known stiffness.
       subroutine load_stiffness()
-         type(table_type) :: table
+         character(len=:), allocatable :: content
 
-         call find_table('stiffness', self%settings%knowledge%stiffness_file, table)
-         if (.not. allocated(error) .and. table%columns > 0) then
-            allocate (self%stiffness)
-            call new_stiffness_table(table, self%class, self%stiffness, error)
-         end if
-         call self%locate('knowledge', 'stiffness_file', error, &
-            & self%settings%knowledge%stiffness_file)
+         associate (stated => self%settings%knowledge)
+            call find_text('stiffness', stated%stiffness_file, content)
+            if (allocated(content) .and. .not. allocated(error)) then
+               allocate (self%stiffness)
+               call new_stiffness_table(content, stated%stiffness_relative_sd, self%class, &
+                  & self%stiffness, error)
+            end if
+            call self%locate('knowledge', 'stiffness_file', error, stated%stiffness_file)
+         end associate
       end subroutine load_stiffness
 
       !> Set the speeds.
@@ -462,11 +467,31 @@ contains
             end if
          end associate
          call read_shared_errors()
+         if (.not. allocated(error)) call take_nu()
          if (.not. allocated(error)) call refuse_copied_rows(measurements, error)
          if (allocated(error)) return
          weight = 1.0_wp/measurements%sd_gpa**2
          call combine_tests(self%class, measurements, error)
       end subroutine read_tests
+
+      !> Use the Poisson's ratio with which the instrument made the moduli of the table, if it has
+      !> a column of it.
+      subroutine take_nu()
+         real(wp), parameter :: tolerance = 1.0e-6_wp
+         real(wp), allocatable :: nu(:)
+
+         if (measurements%modulus_kind /= 'sample_modulus') return
+         call read_column(table, 'sample_nu', table%find('sample_nu') == 0, nu, error)
+         if (allocated(error)) return
+         if (.not. nu(1) > -1.0_wp) return
+         associate (stated => self%settings%measurements%sample_nu)
+            if (.not. self%states_nu) stated = nu(1)
+            i = maxloc(abs(nu - stated), 1)
+            if (abs(nu(i) - stated) <= tolerance) return
+            call refuse(error, 'the columns and &measurements state sample_nu = ' &
+               & //to_text(stated)//' and '//to_text(nu(i))//'; one value is allowed')
+         end associate
+      end subroutine take_nu
 
       !> Read the relative errors that the rows share, such as the calibration of the instrument:
       !> from the file of shared errors, which has one row for each row of the table, or from the

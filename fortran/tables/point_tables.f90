@@ -17,7 +17,7 @@ module point_tables
    implicit none
    private
    public :: points_type, read_crystals, read_measurements, read_orientations, first_rows, &
-      & angles_look_like_radians, read_angles, read_groups
+      & angles_look_like_radians, read_angles, read_constants, read_groups
 
    !> Points, one for each row of a table. Values that the table does not have are NaN.
    type :: points_type
@@ -84,7 +84,7 @@ contains
       if (allocated(error)) return
       call read_angles(points, .false., error)
       if (allocated(error)) return
-      call read_constants(points, default_class, error)
+      call read_constants(points, default_class, 0.0_wp, error)
       if (allocated(error)) return
       call read_column(points%table, trim(merge('modulus_gpa            ', &
          & 'indentation_modulus_gpa', points%table%find('modulus_gpa') > 0)), .true., &
@@ -98,9 +98,11 @@ contains
    end subroutine read_crystals
 
    !> Read the independent constants of each row, and set the stiffness.
-   subroutine read_constants(points, default_class, error)
+   subroutine read_constants(points, default_class, tolerance, error)
       type(points_type), intent(inout) :: points
       type(crystal_class_type), intent(in) :: default_class
+      !> Share of the largest constant that an entry may differ from its value by symmetry.
+      real(wp), intent(in) :: tolerance
       type(error_type), allocatable, intent(out) :: error
       !> The class whose constants are all entries, and their columns.
       type(crystal_class_type) :: general
@@ -113,7 +115,8 @@ contains
       allocate (points%constants(21, points%n))
       allocate (points%stiffness(6, 6, points%n))
       do j = 1, 21
-         column(j) = points%table%find(general%constants(j))
+         call find_column(points%table, general%constants(j), column(j), error, .false.)
+         if (allocated(error)) return
          call read_numbers(points%table, column(j), constant_column, .true., values, error)
          if (allocated(error)) return
          points%constants(j, :) = values
@@ -130,11 +133,12 @@ contains
       !> Take the constants of the class from the entries of row i, and set the stiffness.
       subroutine take_constants(i)
          integer, intent(in) :: i
-         real(wp) :: entries(21), implied(21)
+         real(wp) :: entries(21), implied(21), unit, beyond
          integer :: j, k
 
          entries = points%constants(:, i)
          points%constants(:, i) = nan
+         unit = 0.0_wp
          associate (class => points%classes(points%class(i)), table => points%table)
             do k = 1, class%n_constants
                j = findloc(general%constants, class%constants(k), dim=1)
@@ -146,12 +150,17 @@ contains
                end if
                if (allocated(error)) return
                points%constants(k, i) = entries(j)
+               unit = max(unit, last_digit(table%cell(column(j), i)))
             end do
             points%stiffness(:, :, i) = class%stiffness(points%constants(:class%n_constants, i))
-            ! The cell of a dependent constant is empty, or has the value that follows by symmetry.
+            ! The cell of a dependent constant is empty, or has the value that follows by symmetry
+            ! from the others, within the rounding of all of them.
             implied = general%constants_of(points%stiffness(:, :, i))
             do j = 1, 21
-               if (.not. abs(entries(j) - implied(j)) > 1.0e-3_wp*abs(implied(j)) + 1.0e-3_wp) cycle
+               beyond = abs(entries(j) - implied(j)) - 1.0e-3_wp &
+                  & - max(1.0e-3_wp*abs(implied(j)), tolerance*maxval(abs(implied)))
+               if (.not. beyond > unit) cycle
+               if (beyond <= last_digit(table%cell(column(j), i))) cycle
                call table%refuse(column(j), i, ' GPa does not apply to a '//class%name &
                   & //' crystal, whose '//general%constants(j)//' is '//to_text(implied(j)) &
                   & //' GPa; leave the cell empty', error)
@@ -161,6 +170,13 @@ contains
          call check_stiffness(points%stiffness(:, :, i), error)
          call prefix_error(error, 'line '//to_text(points%table%line(i))//': ')
       end subroutine take_constants
+
+      !> A unit of the last decimal of a number.
+      pure real(wp) function last_digit(cell)
+         character(len=*), intent(in) :: cell
+
+         last_digit = 10.0_wp**merge(index(cell, '.') - len(cell), 0, index(cell, '.') > 0)
+      end function last_digit
 
       !> Set the class of each row, from the column `symmetry` if there is one.
       subroutine read_classes()

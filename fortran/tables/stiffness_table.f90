@@ -1,16 +1,17 @@
 !> A known stiffness with its covariance, such as one from density functional theory. The CSV has a
 !> column `row` and one for each constant of the class, the row 'mean' (GPa), and a row of the
-!> covariance (GPa²) for each constant, in any order.
+!> covariance (GPa²) for each constant, in any order. Or the file is the matrix (GPa), 6 x 6 numbers
+!> or the 21 of its upper triangle, whose constants have one relative standard deviation.
 module stiffness_table
-   use crystal_class, only: crystal_class_type
+   use crystal_class, only: crystal_class_type, general_class, new_crystal_class
    use crystal_elasticity, only: check_stiffness
    use errors, only: error_type, prefix_error, refuse
    use files, only: printable
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor
-   use point_tables, only: stiffness_most
-   use tables, only: table_type
-   use text, only: join, to_text
+   use point_tables, only: points_type, read_constants, stiffness_most
+   use tables, only: longest_name, parse_table, table_type
+   use text, only: join, newline, split_list, to_text
    implicit none
    private
    public :: stiffness_table_type, new_stiffness_table
@@ -25,54 +26,23 @@ module stiffness_table
 
 contains
 
-   !> Read the means and the covariance from the rows of a table.
-   subroutine new_stiffness_table(table, class, self, error)
-      type(table_type), intent(in) :: table
+   !> Read the means and the covariance.
+   subroutine new_stiffness_table(content, relative_sd, class, self, error)
+      !> Text of the file.
+      character(len=*), intent(in) :: content
+      !> Of each constant of a matrix; unallocated for a table.
+      real(wp), allocatable, intent(in) :: relative_sd
       type(crystal_class_type), intent(in) :: class
       type(stiffness_table_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
-      character(len=4), dimension(class%n_constants + 1) :: headers, labels
-      integer, dimension(class%n_constants + 1) :: column, row
-      real(wp), allocatable :: values(:, :)
       integer :: i, j
 
-      self%table = table
-      headers = [character(len=4) :: 'row', class%constants]
-      labels = [character(len=4) :: 'mean', class%constants]
-      column = [(table%find(trim(headers(j))), j=1, size(column))]
-      do j = 1, size(column)
-         call check(column(j) > 0, 'the column '//trim(headers(j))//' is missing; a '//class%name &
-            & //' crystal needs '//join(headers, ', '))
-      end do
-      do j = 1, table%columns
-         call check(any(column == j), 'the column '//printable(table%name(j))//' is none of ' &
-            & //join(headers, ', ')//', the constants of a '//class%name//' crystal')
-      end do
-      if (allocated(error)) return
-      row = 0
-      do i = 1, table%rows
-         j = findloc(labels == table%cell(column(1), i), .true., dim=1)
-         if (j == 0) cycle
-         call check(row(j) == 0, 'line '//to_text(table%line(i))//': the row '//trim(labels(j)) &
-            & //' is there twice')
-         row(j) = i
-      end do
-      do j = 1, size(row)
-         call check(row(j) > 0, 'the row '//trim(labels(j))//' is missing; the rows are mean ' &
-            & //'(GPa) and those of the covariance (GPa^2), '//join(class%constants, ', '))
-      end do
-      call check(table%rows == size(row), to_text(table%rows)//' rows; '//to_text(size(row)) &
-         & //' are needed: '//join(labels, ', '))
-      if (allocated(error)) return
-      call table%numbers(column(2:), values, error)
-      if (allocated(error)) return
-      self%mean = values(:, row(1))
-      self%covariance = transpose(values(:, row(2:)))
-      do j = 1, class%n_constants
-         call check(abs(self%mean(j)) <= stiffness_most, 'the mean of '//class%constants(j)//', ' &
-            & //to_text(self%mean(j))//' GPa, looks like MPa; allowed up to ' &
-            & //to_text(stiffness_most)//' GPa')
-      end do
+      if (allocated(relative_sd)) then
+         call read_matrix(content, relative_sd, class, self, error)
+      else
+         call parse_table(content, self%table, error)
+         if (.not. allocated(error)) call read_rows(self%table)
+      end if
       if (allocated(error)) return
       call check_stiffness(class%stiffness(self%mean), error)
       call prefix_error(error, 'the mean: ')
@@ -87,6 +57,52 @@ contains
 
          if (.not. (right .or. allocated(error))) call refuse(error, message)
       end subroutine check
+
+      !> Read the means and the covariance from the rows of a table.
+      subroutine read_rows(table)
+         type(table_type), intent(in) :: table
+         character(len=4), dimension(class%n_constants + 1) :: headers, labels
+         integer, dimension(class%n_constants + 1) :: column, row
+         real(wp), allocatable :: values(:, :)
+
+         headers = [character(len=4) :: 'row', class%constants]
+         labels = [character(len=4) :: 'mean', class%constants]
+         column = [(table%find(trim(headers(j))), j=1, size(column))]
+         do j = 1, size(column)
+            call check(column(j) > 0, 'the column '//trim(headers(j))//' is missing; a ' &
+               & //class%name//' crystal needs '//join(headers, ', ') &
+               & //'; a matrix needs stiffness_relative_sd')
+         end do
+         do j = 1, table%columns
+            call check(any(column == j), 'the column '//printable(table%name(j))//' is none of ' &
+               & //join(headers, ', ')//', the constants of a '//class%name//' crystal')
+         end do
+         if (allocated(error)) return
+         row = 0
+         do i = 1, table%rows
+            j = findloc(labels == table%cell(column(1), i), .true., dim=1)
+            if (j == 0) cycle
+            call check(row(j) == 0, 'line '//to_text(table%line(i))//': the row '//trim(labels(j)) &
+               & //' is there twice')
+            row(j) = i
+         end do
+         do j = 1, size(row)
+            call check(row(j) > 0, 'the row '//trim(labels(j))//' is missing; the rows are mean ' &
+               & //'(GPa) and those of the covariance (GPa^2), '//join(class%constants, ', '))
+         end do
+         call check(table%rows == size(row), to_text(table%rows)//' rows; '//to_text(size(row)) &
+            & //' are needed: '//join(labels, ', '))
+         if (allocated(error)) return
+         call table%numbers(column(2:), values, error)
+         if (allocated(error)) return
+         self%mean = values(:, row(1))
+         self%covariance = transpose(values(:, row(2:)))
+         do j = 1, class%n_constants
+            call check(abs(self%mean(j)) <= stiffness_most, 'the mean of '//class%constants(j) &
+               & //', '//to_text(self%mean(j))//' GPa, looks like MPa; allowed up to ' &
+               & //to_text(stiffness_most)//' GPa')
+         end do
+      end subroutine read_rows
 
       !> Refuse a covariance that is not symmetric, apart from rounding, or not positive definite.
       subroutine check_covariance()
@@ -119,4 +135,48 @@ contains
             & //'combination of the constants is known exactly')
       end subroutine check_covariance
    end subroutine new_stiffness_table
+
+   !> Read a matrix. Of entries that are equal by symmetry the first one counts.
+   subroutine read_matrix(content, relative_sd, class, self, error)
+      !> Numbers separated by blanks, commas or brackets.
+      character(len=*), intent(in) :: content
+      real(wp), intent(in) :: relative_sd
+      type(crystal_class_type), intent(in) :: class
+      type(stiffness_table_type), intent(out) :: self
+      type(error_type), allocatable, intent(out) :: error
+      ! Characters of a file that are read; entries may differ by this share of the largest one from
+      ! what the symmetry gives them.
+      integer, parameter :: most = 4000
+      real(wp), parameter :: tolerance = 0.01_wp
+      type(crystal_class_type) :: general
+      type(points_type) :: points
+      character(len=:), allocatable :: list
+      character(len=longest_name), allocatable :: words(:)
+      integer :: i, j
+
+      list = content(:min(len(content), most))
+      do i = 1, len(list)
+         if (scan(list(i:i), ' []'//achar(9)//achar(13)//newline) > 0) list(i:i) = ','
+      end do
+      words = split_list(list)
+      if (size(words) == 36) words = pack(words, [((j >= i, j=1, 6), i=1, 6)])
+      if (size(words) /= 21) then
+         call refuse(error, to_text(size(words))//' numbers; a matrix has 36, or 21 in its upper ' &
+            & //'triangle; for a table leave stiffness_relative_sd out')
+         return
+      end if
+      call new_crystal_class(general_class, general, error)
+      call parse_table('symmetry,sd,'//join(general%constants, ',')//newline//class%name//',' &
+         & //to_text(relative_sd)//','//join(words, ','), points%table, error)
+      if (allocated(error)) return
+      points%n = 1
+      call read_constants(points, class, tolerance, error)
+      if (allocated(error)) return
+      self%table = points%table
+      self%mean = points%constants(:class%n_constants, 1)
+      allocate (self%covariance(class%n_constants, class%n_constants), source=0.0_wp)
+      do i = 1, class%n_constants
+         self%covariance(i, i) = (relative_sd*self%mean(i))**2
+      end do
+   end subroutine read_matrix
 end module stiffness_table

@@ -1,5 +1,5 @@
 !> Columns of tables: their names, and the numbers that they may have. Columns of orientations,
-!> waves and grains have other names, too, with a unit in brackets or after a slash.
+!> waves, grains and constants have other names, too, with a unit in brackets or after a slash.
 module table_columns
    use direction_columns, only: ways
    use errors, only: error_type, refuse, suggestion
@@ -37,13 +37,14 @@ module table_columns
       & column_type('indentation_modulus_gpa', moduli, ' GPa', no_modulus), &
       & column_type('effective_modulus_gpa', moduli, ' GPa', no_modulus), &
       & column_type('sample_modulus_gpa', moduli, ' GPa', no_modulus)]
-   type(column_type), parameter :: grain_columns(6) = [ &
+   type(column_type), parameter :: grain_columns(7) = [ &
       & column_type('sd_gpa', [no_less, moduli(2)], ' GPa', &
       & '; a standard deviation is above 0, up to 2000.0 GPa'), &
       & column_type('orientation_sd_deg', [0.0_wp, 20.0_wp], ' degrees'), &
       & column_type('depth_um', lengths, ' um'), column_type('contact_radius_um', lengths, ' um'), &
       & column_type('zero_sd_nm', [0.0_wp, 1000.0_wp], ' nm'), &
-      & column_type('grain_radius_um', lengths, ' um')]
+      & column_type('grain_radius_um', lengths, ' um'), &
+      & column_type('sample_nu', [-0.999_wp, 0.5_wp])]
    type(column_type), parameter :: propagation_column = column_type('propagation_deg', turns, &
       & ' degrees', others='propagation', units=degrees)
    type(column_type), parameter :: speed_columns(2) = [ &
@@ -73,7 +74,8 @@ module table_columns
 
 contains
 
-   !> Find the `column` of a name, or the only one of its other names; 0 if there is none.
+   !> Find the `column` of a name, or the only one of its other names; 0 if there is none. A
+   !> constant C12 may be C_12, C21 or C_21, too.
    subroutine find_column(table, name, column, error, needed)
       type(table_type), intent(in) :: table
       character(len=*), intent(in) :: name
@@ -82,12 +84,20 @@ contains
       !> Whether a table without the column is refused.
       logical, intent(in) :: needed
       character(len=:), allocatable :: names, others(:), word, unit
+      type(column_type) :: known
       integer :: i, j
 
       column = table%find(name)
       i = findloc(known_columns%name, name, dim=1)
-      if (column == 0 .and. i > 0) then
-         allocate (others, source=split_list(known_columns(i)%others))
+      if (i > 0) known = known_columns(i)
+      if (len(name) == 3 .and. name(1:1) == 'C') then
+         word = name(2:3)
+         unit = name(3:3)//name(2:2)
+         known%others = 'c'//word//', c_'//word//', c'//unit//', c_'//unit
+         known%units = ' gpa '
+      end if
+      if (column == 0 .and. len_trim(known%others) > 0) then
+         allocate (others, source=split_list(known%others))
          do j = 1, table%columns
             call split_name(table%name(j))
             if (all(others /= word)) cycle
@@ -95,9 +105,9 @@ contains
                call refuse(error, 'the columns '//printable(table%name(column))//' and ' &
                   & //printable(table%name(j))//' are both '//name//'; one of them is allowed, ' &
                   & //'or one that is named '//name)
-            else if (len(unit) > 0 .and. index(known_columns(i)%units, ' '//unit//' ') == 0) then
+            else if (len(unit) > 0 .and. index(known%units, ' '//unit//' ') == 0) then
                call refuse(error, 'column '//printable(table%name(j))//': the unit ' &
-                  & //printable(unit)//' is not read; allowed'//trim(known_columns(i)%units))
+                  & //printable(unit)//' is not read; allowed'//trim(known%units))
             end if
             if (allocated(error)) return
             column = j
@@ -114,7 +124,7 @@ contains
       !> 'deg' of 'phi1_deg'.
       subroutine split_name(header)
          character(len=*), intent(in) :: header
-         character(len=*), parameter :: endings(3) = ['_deg', '_rad', '_m_s']
+         character(len=*), parameter :: endings(4) = ['_deg', '_rad', '_m_s', '_gpa']
          integer :: k
 
          word = lower(header)

@@ -125,7 +125,6 @@ READ = {
         text([(*row, "Körnung") for row in ROWS], [*NAMES, "remark"]).encode("cp1252"),
         "Windows-1252",
     ),
-    "E*": (text(names=[*NAMES[:4], "E* (GPa)", "sd"]), ""),
     "Ereduced": (text(names=[*NAMES[:4], "Ereduced [GPa]", "sd"]), ""),
     "E_reduced": (text(names=[*NAMES[:4], "E_reduced", "sd"]), ""),
     "Reduced Modulus StdDev [GPa]": (
@@ -509,7 +508,7 @@ def test_headers_are_compared_as_they_stand_in_the_file(tmp_path):
 
 
 def test_a_refusal_proposes_no_kind_of_modulus(tmp_path):
-    (tmp_path / "a.csv").write_text(text(names=[*NAMES[:4], "Modulus At Max Load", "sd_gpa"]))
+    (tmp_path / "a.csv").write_text(text(names=[*NAMES[:4], "Modulus At Noon", "sd_gpa"]))
     with pytest.raises(bi.InputError, match="find out which modulus the instrument reports"):
         read_measurements(tmp_path / "a.csv", "cubic")
 

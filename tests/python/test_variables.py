@@ -538,6 +538,7 @@ EFFECTS = {
         "mean": (density, {"knowledge": {"knowledge": {"C44": (80, 5)}}}, {"C44": (85, 5)}),
         "sd": (density, {"knowledge": {"knowledge": {"C44": (80, 5)}}}, {"C44": (80, 9)}),
         "stiffness_file": (density, {}, {"stiffness": ([168, 121, 75], np.diag([9.0, 9, 9]))}),
+        "stiffness_relative_sd": None,  # test_files_of_makers: a matrix beside its table
         "source": (reported, {"knowledge": {"quantity": "C44", "mean": 80, "sd": 5}}, "a work"),
     },
     "sampler": {

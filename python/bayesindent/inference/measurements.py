@@ -69,11 +69,10 @@ def problem_of(
             said = [
                 (name, *pair_of(name, pair, "(mean, sd)"))
                 for name, pair in knowledge.items()
-                if name not in ("stiffness", "source")
+                if name not in ("stiffness", *ASIDE)
             ]
-        groups["knowledge"] = dict(zip(("quantity", "mean", "sd"), zip(*said))) | {
-            "source": knowledge.get("source")
-        }
+        groups["knowledge"] = dict(zip(("quantity", "mean", "sd"), zip(*said)))
+        groups["knowledge"] |= {name: knowledge.get(name) for name in ASIDE}
         stiffness = knowledge.get("stiffness")
         if isinstance(stiffness, str | os.PathLike):
             groups["knowledge"]["stiffness_file"] = stiffness
@@ -81,6 +80,10 @@ def problem_of(
             with located(origin, "knowledge", "stiffness_file"):
                 tables = {"stiffness": stiffness_table(symmetry, *stiffness)} | tables
     return Problem.from_keywords(origin, tables, **groups)
+
+
+#: Variables of `&knowledge` beside the quantities.
+ASIDE = ("source", "stiffness_relative_sd")
 
 
 def pair_of(name: str, value: Any, allowed: str) -> tuple:

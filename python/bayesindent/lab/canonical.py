@@ -24,6 +24,7 @@ from .columns import (
     SHARED,
     UNIT_WORDS,
     WAYS,
+    abridged,
     hint_of,
     listed,
     nearest_to,
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 
 #: Order of the columns; `row` is the line of the file.
 ORDER = (
-    *("row", "grain", "test", *ANGLES, *sorted(DIRECTIONS), *MODULI, "sd_gpa"),
+    *("row", "grain", "test", *ANGLES, *sorted(DIRECTIONS), *MODULI, "sd_gpa", "sample_nu"),
     *("orientation_sd_deg", "depth_um", "contact_radius_um", "grain_radius_um", "zero_sd_nm"),
     *("group", "reference", "session", "time_s", "x_um", "y_um"),
 )
@@ -102,6 +103,7 @@ def canonical_table(
     if not stated("ebsd"):
         check_orientations(table, facts)
     check_modulus(table, stated("modulus_kind"))
+    add_ratio(table, found.ratios)
     if stated("ebsd"):
         indented = add_orientations(table, facts, origin)
     standard_errors(table)
@@ -206,6 +208,18 @@ def check_modulus(table: LaboratoryTable, kind: str | None) -> None:
             f"modulus_kind; allowed {kinds} (effective_modulus: reduced modulus, Er; "
             "sample_modulus: EIT, Young's modulus)"
         )
+
+
+def add_ratio(table: LaboratoryTable, ratios: list[str]) -> None:
+    """Note the Poisson's ratio with which the instrument made the moduli: that of a column, or else
+    of another sheet, which becomes a column. The core uses it.
+    """
+    if table.column("sample_nu") < 0 and ratios:
+        n = len(table.cells)
+        table.add_column("sample_nu", (ratios * n)[:n])
+    j = table.column("sample_nu")
+    if j >= 0 and (ratios or table.names[j] != "sample_nu"):
+        table.note(f"sample_nu = {abridged(dict.fromkeys(table.cells[j]))}")
 
 
 def check_units(table: LaboratoryTable, radians: bool) -> None:

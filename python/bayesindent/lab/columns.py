@@ -38,18 +38,24 @@ COLUMNS = (
     Column("phi1_deg", "phi1 phi_1 φ1 euler1 euler_1 euler_angle_1", DEGREES + RADIANS),
     Column("Phi_deg", "phi φ euler2 euler_2 euler_angle_2", DEGREES + RADIANS),
     Column("phi2_deg", "phi2 phi_2 φ2 euler3 euler_3 euler_angle_3", DEGREES + RADIANS),
-    Column("modulus_gpa", "modulus e youngs_modulus young_modulus elastic_modulus", ["gpa"]),
+    Column("modulus_gpa", "modulus e e* youngs_modulus young_modulus elastic_modulus", ["gpa"]),
     Column("indentation_modulus_gpa", "indentation_modulus plane_strain_modulus m", ["gpa"]),
     Column(
         "effective_modulus_gpa",
-        "effective_modulus reduced_modulus er e_r eeff e_eff e* ereduced e_reduced",
+        "effective_modulus reduced_modulus er e_r eeff e_eff ereduced e_reduced",
         ["gpa"],
     ),
-    Column("sample_modulus_gpa", "sample_modulus es e_s eit e_it", ["gpa"]),
+    Column(
+        "sample_modulus_gpa",
+        "sample_modulus es e_s eit e_it modulus_at_max_load modulus_from_unload "
+        "modulus_over_defined_range e_over_defined_range",
+        ["gpa"],
+    ),
+    Column("sample_nu", "poissons_ratio poisson_ratio nu nu_s ν ν_s", ["-"]),
     Column(
         "sd_gpa",
         "sd std stdev st_dev std_dev stddev standard_deviation sigma error err "
-        "uncertainty standard_error std_error std_err se sem ±",
+        "uncertainty standard_error std_error std_err se sem ± der deit",
         ["gpa"],
     ),
     Column("orientation_sd_deg", "orientation_sd", DEGREES),
@@ -75,7 +81,13 @@ UNIT_WORDS = {*DEGREES, *RADIANS, "gpa", "mpa", "kpa", "pa", "um", "nm", "mm", "
 SHARED = re.compile(r"shared_\d+")
 #: Names of a standard deviation of single tests. A standard error, an error and an uncertainty are
 #: those of the value itself, and so is the canonical `sd_gpa`.
-DEVIATIONS = {"sd", "std", "stdev", "st_dev", "std_dev", "stddev", "standard_deviation", "sigma"}
+DEVIATIONS = {
+    *("sd", "std", "stdev", "st_dev", "std_dev", "stddev", "standard_deviation", "sigma"),
+    *("der", "deit"),
+}
+#: Fischer's name of the plane strain modulus, and depths over which NanoSuite takes means.
+PLANE_STRAIN = re.compile(r"e_?it ?/ ?\(1 ?- ?[vν]_?s?_?\^?2_?s?\)")
+DEPTHS = re.compile(r"\[\d+ ?- ?\d+ ?nm\]")
 #: Names of columns that a message lists at most.
 MOST_NAMES = 30
 #: Shorter headers are near to every name.
@@ -86,7 +98,8 @@ def split_name(header: str) -> tuple[str, str]:
     """Word and unit of a header: 'reduced_modulus' and 'gpa' of 'Reduced modulus (GPa)',
     'reduced-modulus / GPa' or 'reduced_modulus_GPa'.
     """
-    word, unit = header.lower(), ""
+    word, unit = PLANE_STRAIN.sub("plane_strain_modulus", header.lower()), ""
+    word = DEPTHS.sub("over_defined_range", word)
     if found := re.search(r"[(\[/](?!.*[(\[/])", word):
         word, unit = word[: found.start()].rstrip(), word[found.end() :]
         # A word may follow, such as the sd of 'Er (GPa) sd'.

@@ -4,7 +4,7 @@ import csv
 import re
 from collections.abc import Iterable, Mapping
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,8 @@ MOST_ROWS, MOST_BYTES = 200_000, 100_000_000
 MOST_UNPACKED = 1_000_000_000
 #: The first bytes of spreadsheets of Excel before 2007.
 OLD_EXCEL = bytes.fromhex("d0cf11e0")
+#: The sheet of NanoSuite that has the Poisson's ratio.
+INPUTS = "Required Inputs"
 #: A header is looked for among so many rows.
 FIRST_ROWS = 60
 
@@ -29,7 +31,7 @@ FIRST_ROWS = 60
 @dataclass
 class Rows:
     """Rows of texts with the numbers of their lines, the lines that are blank, the name of a sheet,
-    the text of the file, and notes on how it was read.
+    the text of the file, notes on how it was read, and Poisson's ratios in other sheets.
     """
 
     rows: list[tuple[int, list[str]]]
@@ -37,6 +39,7 @@ class Rows:
     sheet: str = ""
     text: str = ""
     notes: tuple[str, ...] = ()
+    ratios: list[str] = field(default_factory=list)
 
 
 def rows_of_file(path: Path, sheet: str, stated: Iterable[str]) -> Rows | None:
@@ -122,10 +125,10 @@ def rows_of_sheet(path: Path, sheet: str) -> Rows:
                 raise InputError(
                     f"there is no sheet {sheet!r}; the sheets are {', '.join(book.sheetnames)}"
                 )
-            names = [sheet] if sheet else book.sheetnames
+            names = [name for name in book.sheetnames if sheet in ("", name) or name == INPUTS]
             rows = {name: filled_rows(book[name]) for name in names}
         fit = [name for name, page in rows.items() if set(MODULI) & set(header_row(page)[2])]
-        name = next(iter(rows))
+        name = sheet or next(iter(rows))
         if len(fit) > 1 and name not in fit:
             raise InputError(
                 f"the sheets {', '.join(fit)} have moduli; state sheet = '{fit[0]}' or another"
@@ -133,7 +136,18 @@ def rows_of_sheet(path: Path, sheet: str) -> Rows:
         name = name if name in fit or not fit else fit[0]
         filled = {line: len(cells) for line, cells in rows[name]}
         refuse_formulas(openpyxl, path, name, rows[name])
-    return Rows(rows[name], set(range(1, max(filled, default=0))) - {*filled}, name)
+    blank = set(range(1, max(filled, default=0))) - {*filled}
+    ratios = [ratio for other, page in rows.items() if other != name for ratio in ratios_of(page)]
+    return Rows(rows[name], blank, name, ratios=ratios)
+
+
+def ratios_of(rows: list[tuple[int, list[str]]]) -> list[str]:
+    """The Poisson's ratios in a column of a sheet."""
+    header, _, meanings = header_row(rows)
+    if "sample_nu" not in meanings:
+        return []
+    j = meanings.index("sample_nu")
+    return [cell for _, cells in rows[header + 1 :] for cell in cells[j : j + 1] if is_number(cell)]
 
 
 def filled_rows(sheet: Any) -> list[tuple[int, list[str]]]:

@@ -1,0 +1,208 @@
+"""Moduli, Poisson's ratios and constants as the makers of instruments and tables write them: the
+numbers that they mean, in both programs.
+
+Modules: columns.py, canonical.py, reading.py, table_columns.f90, point_tables.f90,
+stiffness_table.f90.
+"""
+
+import subprocess
+
+import numpy as np
+import pytest
+
+import bayesindent as bi
+from bayesindent.settings.problem import Problem, read_crystals
+from support.diagnostics import notes
+from support.measured_tables import read_measurements
+from support.programs import BATCH
+
+#: Plane strain moduli of three grains of copper, GPa.
+MODULI = np.array([143.71, 145.51, 151.65])
+ANGLES = ("30.83,64.49,80.25", "85.25,54.07,52.66", "288.46,42.45,42.42")
+HEADER = "phi1,Phi,phi2,sd_gpa"
+
+
+def page(header, moduli=MODULI, more=""):
+    """A table with one modulus and further cells in each row."""
+    rows = (f"{m},{a},2{more}" for m, a in zip(moduli, ANGLES))
+    return "\n".join([f"{header.partition(';')[0]},{HEADER}{header.partition(';')[2]}", *rows])
+
+
+def checked(folder, namelist):
+    """The batch program's refusal of a namelist; '' if there is none."""
+    (folder / "b.nml").write_text(namelist)
+    done = subprocess.run(
+        [BATCH, "b.nml", "--check"], cwd=folder, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode == 0) == (not done.stderr), done.stderr
+    return done.stderr
+
+
+def test_the_ratio_of_the_file_is_used(tmp_path):
+    """The moduli of a file with nu are M (1 - nu^2); so many files state one M."""
+    for name, nu in (("Poissons Ratio", 0.18), ("nu", 0.35), ("Poisson's ratio [-]", 0.25)):
+        text = page(f"Es (GPa);,{name}", (MODULI * (1 - nu**2)).round(9), f",{nu}")
+        (tmp_path / "a.csv").write_text(text)
+        points = read_measurements(tmp_path / "a.csv", "cubic")
+        used = points.problem.settings.measurements.sample_nu
+        assert used == nu and f"sample_nu = {nu}" in notes(points.problem.warnings)
+        assert points.modulus_gpa / (1 - used**2) == pytest.approx(MODULI, rel=1e-9)
+        assert read_measurements(tmp_path / "a.csv", "cubic", sample_nu=nu)
+        with pytest.raises(bi.InputError, match=f"state sample_nu = 0.3 and {nu}; one value is"):
+            read_measurements(tmp_path / "a.csv", "cubic", sample_nu=0.3)
+    (tmp_path / "a.csv").write_text(text.replace(",0.25\n", ",0.2\n", 1))
+    with pytest.raises(bi.InputError, match="state sample_nu = 0.2 and 0.25; one value is allowed"):
+        read_measurements(tmp_path / "a.csv", "cubic")
+    # A reduced modulus does not depend on it.
+    (tmp_path / "a.csv").write_text(page("Er;,nu", more=",0.2").replace(",0.2\n", ",0.4\n", 1))
+    assert read_measurements(tmp_path / "a.csv", "cubic").problem.settings.measurements.sample_nu
+    (tmp_path / "a.csv").write_text(page("Es"))
+    default = read_measurements(tmp_path / "a.csv", "cubic").problem.settings.measurements
+    assert default.sample_nu == 0.3
+
+
+def test_the_batch_program_uses_the_ratio_of_the_table(tmp_path):
+    (tmp_path / "a.csv").write_text(page("Es;,nu", more=",0.18"))
+    canonical = Problem.from_keywords(
+        "f", problem={"symmetry": "cubic"}, measurements={"file": tmp_path / "a.csv"}
+    )
+    text = page("sample_modulus_gpa;,sample_nu", more=",0.18")
+    text = text.replace("phi1,Phi,phi2", "phi1_deg,Phi_deg,phi2_deg")
+    (tmp_path / "c.csv").write_text(text)
+    namelist = "&problem symmetry = 'cubic' /\n&measurements file = 'c.csv'{} /\n"
+    assert not checked(tmp_path, namelist.format(""))
+    assert "sample_nu = 0.3 and 0.18" in checked(tmp_path, namelist.format(", sample_nu = 0.3"))
+    # The canonical table has the ratio, and resolves to itself.
+    own = Problem.from_keywords(
+        "f", problem={"symmetry": "cubic"}, measurements={"file": tmp_path / "c.csv"}
+    )
+    assert "sample_nu = 0.18" in own.resolved and "sample_nu = 0.18" in canonical.resolved
+    assert not own.warnings or "sample_nu" not in notes(own.warnings)
+
+
+def test_the_ratio_of_another_sheet(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    for line in page("Modulus At Max Load [GPa]").splitlines():
+        book.active.append([float(x) if x[0].isdigit() else x for x in line.split(",")])
+    sheet = book.create_sheet("Required Inputs")
+    for row in (["Test", "Poissons Ratio"], ["1", 0.18], ["2", 0.18]):
+        sheet.append(row)
+    book.save(tmp_path / "a.xlsx")
+    for asked in ({}, {"sheet": "Sheet"}):
+        points = read_measurements(tmp_path / "a.xlsx", "cubic", **asked)
+        assert points.modulus_kind == "sample_modulus"
+        assert points.problem.settings.measurements.sample_nu == 0.18
+
+
+@pytest.mark.parametrize(
+    ("header", "kind"),
+    [
+        ("Modulus At Max Load", "sample_modulus"),
+        ("E Average Over Defined Range (GPa)", "sample_modulus"),
+        ("Avg Modulus [100-200 nm]", "sample_modulus"),
+        ("EIT [GPa]", "sample_modulus"),
+        ("EIT/(1-vs^2) [GPa]", "indentation_modulus"),
+        ("EIT/(1-νs²)", "indentation_modulus"),
+        ("Er [GPa]", "effective_modulus"),
+    ],
+)
+def test_kinds_of_modulus_by_the_names_of_makers(tmp_path, header, kind):
+    (tmp_path / "a.csv").write_text(page(header))
+    points = read_measurements(tmp_path / "a.csv", "cubic")
+    assert points.modulus_kind == kind and points.modulus_gpa.tolist() == MODULI.tolist()
+
+
+@pytest.mark.parametrize("header", ["E*", "E* [GPa]", "E", "Modulus", "Avg E"])
+def test_a_name_of_several_kinds_is_asked_for(tmp_path, header):
+    (tmp_path / "a.csv").write_text(page(header))
+    with pytest.raises(bi.InputError, match="does not say which modulus was measured"):
+        read_measurements(tmp_path / "a.csv", "cubic")
+
+
+def test_the_sd_of_asmec(tmp_path):
+    (tmp_path / "a.csv").write_text(page("Er").replace("sd_gpa", "DEr"))
+    assert read_measurements(tmp_path / "a.csv", "cubic").sd_gpa.tolist() == [2, 2, 2]
+
+
+CRYSTALS = {
+    "calcite": (
+        "symmetry,C11,C12,C13,C14,C33,C44,C66,C24,C56",
+        "trigonal,144,53.9,51.1,-20.5,84.0,33.5,45.1,20.5,-20.5",
+        [144, 53.9, 51.1, -20.5, 84.0, 33.5],
+    ),
+    "magnesium": (
+        "symmetry,C11,C12,C13,C33,C44,C66",
+        "hexagonal,59.5,26.1,21.8,61.6,16.4,16.8",
+        [59.5, 26.1, 16.4, 61.6, 21.8],
+    ),
+    "units": ("symmetry,C11 (GPa),C12 [GPa],C44_GPa", "cubic,168.4,121.4,75.4", None),
+    "indices": ("symmetry,C_11,C21,C_44", "cubic,168.4,121.4,75.4", None),
+}
+
+
+def crystals(folder, header, row):
+    (folder / "c.csv").write_text(f"{header},phi1_deg,Phi_deg,phi2_deg\n{row},10,40,70\n")
+    return folder / "c.csv"
+
+
+@pytest.mark.parametrize("name", CRYSTALS)
+def test_published_constants(tmp_path, name):
+    header, row, right = CRYSTALS[name]
+    points = read_crystals(crystals(tmp_path, header, row), "cubic")
+    assert list(points.constants[0].values()) == (right or [168.4, 121.4, 75.4])
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "words"),
+    [
+        ("symmetry,C11 (MPa),C12,C44", "cubic,168400,121.4,75.4", "the unit mpa is not read"),
+        ("symmetry,C11,C21,C_12,C44", "cubic,9,1,1,1", "C21 and C_12 are both C12"),
+        (CRYSTALS["magnesium"][0], "hexagonal,59.5,26.1,21.8,61.6,16.4,17.1", "does not apply"),
+        (
+            "symmetry,C11,C12,C13,C14,C33,C44,C24",
+            "-3m,144.0,53.9,51.1,-20.5,84.0,33.5,-20.5",
+            "C24",
+        ),
+    ],
+)
+def test_constants_that_are_refused(tmp_path, header, row, words):
+    with pytest.raises(bi.InputError, match=words):
+        read_crystals(crystals(tmp_path, header, row), "cubic")
+
+
+MATRIX = "168.4 121.4 121.4 0 0 0\n121.4 168.4 121.4 0 0 0\n121.4 121.4 168.4 0 0 0\n"
+MATRIX += "0 0 0 75.4 0 0\n0 0 0 0 75.38 0\n0 0 0 0 0 75.4\n"
+TRIANGLE = (
+    "168.4 121.4 121.4 0 0 0\n  168.4 121.4 0 0 0\n    168.4 0 0 0\n 75.4 0 0\n 75.4 0\n 75.4"
+)
+
+
+def test_a_matrix_is_a_known_stiffness(tmp_path):
+    """It is the table with the same means and with independent sds, in both programs."""
+    known = {"stiffness": ([168.4, 121.4, 75.4], np.diag((0.02 * np.r_[168.4, 121.4, 75.4]) ** 2))}
+    (tmp_path / "a.csv").write_text(page("Er"))
+    settings = {"symmetry": "cubic", "samples": 200, "burn_in": 200, "chains": 2}
+
+    def found(knowledge):
+        posterior = bi.extract(tmp_path / "a.csv", knowledge=knowledge, **settings).posterior
+        return np.array([posterior[name] for name in ("C11", "C12", "C44")])
+
+    right = found(known)
+    path = tmp_path / "c.txt"
+    bracketed = "[[" + "],\n[".join(MATRIX.replace(" ", ", ").strip().split("\n")) + "]]"
+    for text in (MATRIX, MATRIX.replace(" ", ","), MATRIX.replace(" ", "\t"), TRIANGLE, bracketed):
+        path.write_text(text)
+        got = found({"stiffness": path, "stiffness_relative_sd": 0.02})
+        assert np.array_equal(got, right)
+    text = page("effective_modulus_gpa").replace("phi1,Phi,phi2", "phi1_deg,Phi_deg,phi2_deg")
+    (tmp_path / "a.csv").write_text(text)
+    namelist = "&problem symmetry = '{}' /\n&measurements file = 'a.csv' /\n"
+    namelist += "&knowledge stiffness_file = 'c.txt'{} /\n"
+    sd = ", stiffness_relative_sd = 0.02"
+    assert not checked(tmp_path, namelist.format("cubic", sd))
+    path.write_text(MATRIX.replace("0 0 0 75.4 0 0", "0 0 0 75.4 0 9"))
+    assert "GPa does not apply to a cubic" in checked(tmp_path, namelist.format("cubic", sd))
+    path.write_text(MATRIX[:40])
+    assert "numbers; a matrix has 36" in checked(tmp_path, namelist.format("cubic", sd))
+    assert "needs stiffness_relative_sd" in checked(tmp_path, namelist.format("cubic", ""))
