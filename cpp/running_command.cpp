@@ -12,6 +12,7 @@
 #include <mutex>
 #include <string>
 #include <sys/file.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <csignal>
@@ -212,11 +213,35 @@ std::int32_t lock(const std::string &file, std::int32_t milliseconds, std::int32
   return 0;
 }
 
+// Whether the stack of the process or those of its threads are smaller than 1 MB.
+bool has_small_stacks() {
+  rlimit limit{};
+  getrlimit(RLIMIT_STACK, &limit);
+  const char *const stated = std::getenv("OMP_STACKSIZE");
+  // Kilobytes, if no unit follows.
+  unsigned size = 1024;
+  char unit = 'k';
+  if (stated != nullptr)
+    std::sscanf(stated, "%u %c", &size, &unit);
+  return limit.rlim_cur >> 20 == 0 || (size < 1024 && (unit | ' ') == 'k');
+}
+
 } // namespace
 
 extern "C" {
 
-void bayesindent_watch_signals() { watch("", false); }
+// A closed standard stream becomes /dev/null, so that no file which is opened later takes its
+// place. A program whose stacks are too small ends here.
+void bayesindent_watch_signals() {
+  for (int stream = 0; stream < 3; ++stream)
+    if (fcntl(stream, F_GETFD) < 0)
+      open("/dev/null", O_RDWR);
+  if (has_small_stacks()) {
+    dprintf(2, "stacks of less than 1 MB: set ulimit -s 8192 and OMP_STACKSIZE=8M\n");
+    std::exit(1);
+  }
+  watch("", false);
+}
 
 // Waits for the lock of an output folder and returns the status of `lock`. Afterwards signals are
 // also written to the log of the folder, and files that killed processes left unfinished are

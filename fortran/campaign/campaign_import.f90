@@ -4,6 +4,7 @@ module campaign_import
    use campaign_file, only: begin_transaction, end_transaction
    use crystal_class, only: crystal_class_type
    use errors, only: error_type, prefix_error, refuse
+   use files, only: printable
    use json, only: json_type
    use kinds, only: wp
    use point_tables, only: points_type
@@ -20,8 +21,8 @@ module campaign_import
 
 contains
 
-   !> Import the rows of a table that has modulus_gpa. The document has the number of new rows and
-   !> that of all simulations.
+   !> Import the rows of a table that has modulus_gpa. The document has the number of new rows, that
+   !> of all simulations, and that of failures.
    subroutine import_table(problem, places, points, name, document, error)
       type(problem_type), intent(in) :: problem
       !> With the folder of the results.
@@ -35,11 +36,11 @@ contains
       type(campaign_type) :: campaign
       type(row_type), allocatable :: rows(:)
       type(json_type) :: page
-      integer :: k, n_new, n_simulations
+      integer :: k, n_new, n_simulations, n_failed
 
-      if (.not. all(abs(points%modulus_gpa) <= huge(1.0_wp))) then
-         call refuse(error, &
-            & name//': there must be a column modulus_gpa (GPa) with a value in every row')
+      if (.not. any(points%modulus_gpa > 0.0_wp) .and. points%table%find('reason') == 0) then
+         call refuse(error, name//': there must be a column modulus_gpa (GPa) with a value, or a ' &
+            & //'column reason with the cause of each failure')
       else if (allocated(problem%class%name) .and. allocated(problem%settings%domain%c_min)) then
          if (any([(points%classes(k)%name /= problem%class%name, k=1, size(points%classes))])) then
             call refuse(error, name//': there are crystals that are not '//problem%class%name &
@@ -53,21 +54,25 @@ contains
       call prefix_error(error, name//': ')
       if (allocated(error)) return
       n_simulations = 0
+      n_failed = 0
       do k = 1, size(points%classes)
          call campaign%rows(points%classes(k)%name, rows, error)
          if (allocated(error)) return
          n_simulations = n_simulations + count(rows%outcome%status == outcome_done)
+         n_failed = n_failed + count(rows%outcome%status == outcome_failed)
       end do
       call page%begin_object()
       call page%put('imported', n_new)
       call page%put('simulations', n_simulations)
+      call page%put('failed', n_failed)
       call page%put('warnings', [line_type ::])
       call page%end_object()
       document = page%text()
    end subroutine import_table
 
-   !> Import results. Rows that are stored already with the same modulus are skipped. If a row
-   !> contradicts another one or a stored one, it is refused and nothing is stored.
+   !> Import results. A row without a modulus is a failure if its column `reason` has the cause, and
+   !> has no result yet otherwise. Rows that are stored already with the same outcome are skipped.
+   !> If a row contradicts another one or a stored one, it is refused and nothing is stored.
    subroutine import_points(self, points, n_new, error)
       type(campaign_type), intent(inout) :: self
       !> Crystals with moduli.
@@ -75,14 +80,22 @@ contains
       !> Number of rows that were not stored before.
       integer, intent(out) :: n_new
       type(error_type), allocatable, intent(out) :: error
-      !> Position of the first new row.
-      integer :: first, i
+      !> Why the simulation of the row failed, or ''.
+      character(len=:), allocatable :: failure
+      !> Position of the first new row; column of the reasons.
+      integer :: first, reason, i
 
       n_new = 0
+      reason = points%table%find('reason')
       call self%file%run(begin_transaction, error)
       if (.not. allocated(error)) call self%next_position(first, error)
       do i = 1, points%n
          if (allocated(error)) exit
+         failure = ''
+         if (.not. points%modulus_gpa(i) > 0.0_wp) then
+            if (reason > 0) failure = printable(points%table%cell(reason, i))
+            if (len(failure) == 0) cycle
+         end if
          associate (class => points%classes(points%class(i)))
             call import_row(class, points%constants(:class%n_constants, i), &
                & points%euler_deg(:, i), points%modulus_gpa(i))
@@ -110,8 +123,9 @@ contains
             row%constants = constants
             row%euler_deg = euler_deg
             row%imported = .true.
-            row%outcome%status = outcome_done
+            row%outcome%status = merge(outcome_done, outcome_failed, len(failure) == 0)
             row%outcome%modulus = modulus
+            row%outcome%message = failure
             call self%add(row, error)
             return
          end if
@@ -121,10 +135,11 @@ contains
          end do
          crystal = 'row '//to_text(i)//' ('//crystal(3:)//'): '
          if (row%outcome%status == outcome_failed) then
+            if (len(failure) > 0) return
             call refuse(error, crystal//'the campaign has this point as failed (' &
                & //row%outcome%message//'); a stored row is never changed: leave the row out, or ' &
                & //'import into a new campaign')
-         else if (abs(row%outcome%modulus - modulus) > tolerance*modulus) then
+         else if (.not. abs(row%outcome%modulus - modulus) <= tolerance*modulus) then
             call refuse(error, crystal//'modulus_gpa is '//to_text(modulus) &
                & //', but the same point has '//to_text(row%outcome%modulus)//' GPa ' &
                & //trim(merge('in an earlier row', 'in the campaign  ', row%position >= first)) &

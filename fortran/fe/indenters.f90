@@ -60,6 +60,7 @@ contains
          allocate (indenter)
          indenter%steepness = 0.5_wp/settings%radius_um
          indenter%sinking = 2.0_wp*indenter%steepness
+         indenter%radius = settings%radius_um
       case (cone_name)
          allocate (indenter)
          indenter%exponent = 1
@@ -126,7 +127,8 @@ contains
       contact_radius = (length/self%sinking)**(1.0_wp/self%exponent)
    end function contact_radius_of
 
-   !> Refuse a last point beyond the shape: the contact of a sphere stays on its lower half.
+   !> Refuse a last point beyond the shape: the contact stays on the lower half of the sphere, whose
+   !> tip a paraboloid has.
    subroutine check_length(self, variable, length, error)
       class(indenter_type), intent(in) :: self
       !> Name of the variable that states the length.
@@ -136,7 +138,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       if (.not. length < self%radius) then
-         call refuse(error, to_text(length)//' um is beyond the sphere; allowed ' &
+         call refuse(error, to_text(length)//' um is beyond the tip; allowed ' &
             & //'below its radius_um of '//to_text(self%radius)//' um', variable=variable)
       end if
    end subroutine check_length

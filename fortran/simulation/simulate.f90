@@ -193,13 +193,14 @@ contains
       real(wp), intent(out) :: largest(:)
       !> One line.
       character(len=:), allocatable, intent(out) :: warning
-      !> Relative error from which on there is a warning.
-      real(wp), parameter :: limit = 0.01_wp
+      !> Relative error from which on there is a warning. Error of infinite elements about the
+      !> half-space nearer than by default: it grows with the cube (`bench simulate convergence`).
+      real(wp), parameter :: limit = 0.01_wp, usual_outer = 5.0_wp, outer_error = 0.0025_wp
       class(specimen_type), allocatable :: specimen
       logical :: two_meshes
       integer, parameter :: most_listed = 10
       integer, allocatable :: large(:)
-      character(len=:), allocatable :: list
+      character(len=:), allocatable :: list, cause
       integer :: i, percent(2)
 
       largest = 0.0_wp
@@ -207,12 +208,17 @@ contains
       if (settings%simulation%simulator /= 'fe') return
       call find_specimen(settings, specimen)
       if (.not. allocated(specimen)) return
+      cause = 'instability'
       associate (simulation => settings%simulation)
          do i = 1, size(largest)
             two_meshes = specimen%wants_extrapolation(simulation%refine, stiffness(:, :, i))
             if (allocated(simulation%extrapolate)) two_meshes = simulation%extrapolate
             largest(i) = specimen%mesh_error(simulation%refine, stiffness(:, :, i), two_meshes)
          end do
+         if (simulation%outer < usual_outer .and. .not. specimen%has_length) then
+            cause = 'the infinite elements (outer)'
+            largest = largest + outer_error*((usual_outer/simulation%outer)**3 - 1.0_wp)
+         end if
       end associate
       large = pack([(i, i=1, size(largest))], largest > limit)
       if (size(large) == 0) return
@@ -221,7 +227,7 @@ contains
       if (size(largest) > 1) then
          warning = to_text(size(large))//' of '//to_text(size(largest))//' crystals are'
       end if
-      warning = warning//' so near instability that the error of the mesh may reach about ' &
+      warning = warning//' so near '//cause//' that the error of the mesh may reach about ' &
          & //to_text(percent(1))
       if (percent(2) > percent(1)) warning = warning//' to '//to_text(percent(2))
       warning = warning//' %'

@@ -70,9 +70,18 @@ contains
       character(len=:), allocatable :: warning
       real(wp), dimension(size(self%place)) :: largest, modulus
       type(row_type) :: rows(size(self%place))
+      !> Relative error above which a modulus counts as a failure. The campaign stores it.
+      real(wp), parameter :: most_error = 0.05_wp
       integer :: i, failed
 
       rows = self%rows(self%place)
+      call simulation_error(self%problem%settings, self%problem%crystals%stiffness, &
+         & largest, warning)
+      do i = 1, size(rows)
+         if (largest(i) <= most_error .or. rows(i)%outcome%status == outcome_failed) cycle
+         rows(i)%outcome%status = outcome_failed
+         rows(i)%outcome%message = 'its modulus may err by more than 5 %; refine the mesh'
+      end do
       modulus = merge(rows%outcome%modulus, nan, rows%outcome%status == outcome_done)
       call write_moduli(self%problem, self%output//'/moduli.csv', modulus, error)
       if (.not. allocated(error)) call new_indenter(self%problem%settings%indenter, indenter, error)
@@ -106,8 +115,6 @@ contains
       call page%end_array()
       call page%put('new_simulations', self%n_new)
       call page%put('failed', failed)
-      call simulation_error(self%problem%settings, self%problem%crystals%stiffness, &
-         & largest, warning)
       if (len(warning) > 0) call self%warn('mesh_error', warning)
       self%done = to_text(size(rows))//' crystals, '//to_text(self%n_new)//' new, ' &
          & //to_text(failed)//' failed: '//self%output//'/moduli.csv'

@@ -139,16 +139,17 @@ contains
                c%line = table%line(max(1, findloc(owner, k, 1)))
                rows = pack([(i, i=1, table%rows)], owner == k .and. all(abs(values) < no_value, 1))
                c%points = values(:, rows)
+               i = findloc(c%points(1, 2:) < c%points(1, :size(rows) - 1), .true., 1)
                if (size(rows) == 0) then
                   call refuse(error, place//' of the table of tests has no points; give them, or ' &
                      & //'leave its row out')
-               end if
-               i = findloc(c%points(1, 2:) < c%points(1, :size(rows) - 1), .true., 1)
-               if (i > 0) then
+               else if (i > 0) then
                   call refuse(error, place//', line '//to_text(table%line(rows(i + 1))) &
                      & //': the time runs backwards, '//to_text(c%points(1, i + 1))//' s after ' &
                      & //to_text(c%points(1, i))//' s; the points of a test are in the order of ' &
                      & //'time')
+               else if (.not. any(c%points(1, 2:) > c%points(1, 1))) then
+                  call refuse(error, place//': all times are equal, so no drift can be corrected')
                end if
                if (allocated(error)) return
             end associate

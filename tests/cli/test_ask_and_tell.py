@@ -39,7 +39,7 @@ def test_ask_and_tell(bayesindent, tmp_path):
     told = bayesindent("build", file, "--tell", results)
     assert (told.returncode, told.stdout) == (
         0,
-        "Campaign: 10 results imported, 10 simulations in all\n",
+        "Campaign: 10 results imported, 10 simulations in all, 0 failed\n",
     ), told.stderr
     assert (
         json.loads(bayesindent("build", file, "--tell", results, "--json").stdout)["imported"] == 0

@@ -201,3 +201,26 @@ for n in range(5):
         assert sorted(
             row.position for row in stored(tmp_path / str(n) / "campaign.sqlite")
         ) == list(range(6))
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_closed_streams(program, small):
+    """What is printed on closed streams goes into no file that was opened in their place."""
+    command = [*PROGRAMS[program], "a.nml", "--output", "out"]
+    line = 'exec 0<&- 1>&- 2>&-; exec "$@"'
+    done = subprocess.run(["sh", "-c", line, "sh", *command], cwd=small, timeout=60)
+    assert done.returncode == 0
+    assert (small / "out" / ".lock").read_text().strip().isdigit()
+
+
+@pytest.mark.parametrize(
+    "limit", ["ulimit -s 256", "export OMP_STACKSIZE=128K", "export OMP_STACKSIZE=64"]
+)
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_small_stacks(program, limit, small):
+    """Stacks that are too small end a program in a line that says what to set."""
+    command = ["sh", "-c", f'{limit}; exec "$@"', "sh", *PROGRAMS[program], "a.nml"]
+    done = subprocess.run(command, cwd=small, timeout=60, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (1, "")
+    line = "stacks of less than 1 MB: set ulimit -s 8192 and OMP_STACKSIZE=8M"
+    assert done.stderr.splitlines() == [line]

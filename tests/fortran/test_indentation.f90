@@ -190,7 +190,7 @@ contains
       settings%indenter%contact_radius_um = 16.0_wp
       call new_indenter(settings%indenter, sphere, error)
       call check_refused('a contact as wide as the sphere', error, &
-         & 'contact_radius_um: 16.0 um is beyond the sphere; allowed below')
+         & 'contact_radius_um: 16.0 um is beyond the tip; allowed below')
       settings%indenter%shape = 'pyramid'
       call new_indenter(settings%indenter, sphere, error)
       call check_refused('an unknown shape', error, &

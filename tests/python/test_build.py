@@ -5,7 +5,9 @@ importing, refusing.
 import itertools
 import json
 import re
+import sqlite3
 import time
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -470,6 +472,42 @@ def test_ask_and_tell(tmp_path):
     (tmp_path / "bare.csv").write_text(text)
     with pytest.raises(bi.InputError, match="modulus_gpa"):
         tell(problem, tmp_path, read_crystals(tmp_path / "bare.csv", "cubic"))
+
+
+def test_failures_are_told(tmp_path):
+    """A simulation that failed is a row with its reason, and its point is not asked for again. An
+    empty cell is a simulation that is not yet done.
+    """
+    problem = make_problem(
+        tmp_path,
+        simulation={"simulator": "'import'"},
+        surrogate={"model": "'paper'", "degree": 1, "bandlimit": 0},
+        design={"n_candidates": 200, "budget": 12},
+    )
+
+    def tell_moduli(cells):
+        rows = [[*point.values(), *cell] for point, cell in zip(points, cells, strict=True)]
+        table = tmp_path / "results.csv"
+        table.write_text(as_csv([*points[0], "modulus_gpa", "reason"], rows))
+        return tell(problem, tmp_path, read_crystals(table, "cubic"))
+
+    points = ask(problem, tmp_path, 4)["points"]
+    first = [[150.0, ""], ["", "no convergence"], ["", "contact, lost"], ["", ""]]
+    counts = ("imported", "simulations", "failed")
+    for imported in (3, 0):
+        document = tell_moduli(first)
+        assert [document[name] for name in counts] == [imported, 1, 2]
+    with closing(sqlite3.connect(tmp_path / "campaign.sqlite")) as file:
+        found = file.execute("SELECT status, message FROM simulation ORDER BY position").fetchall()
+    assert found == [("done", ""), ("failed", "no convergence"), ("failed", "contact, lost")]
+    # All candidates that are left.
+    again = ask(problem, tmp_path, 197)["points"]
+    assert points[3] in again
+    assert not any(point in again for point in points[:3])
+    with pytest.raises(bi.InputError, match=r"row 2 .* as failed \(no convergence\)"):
+        tell_moduli([[150.0, ""]] * 4)
+    with pytest.raises(bi.InputError, match="row 1 .* but the same point has 150.0 GPa"):
+        tell_moduli([["", "late"]] * 4)
 
 
 def test_candidates_of_a_table(tmp_path):

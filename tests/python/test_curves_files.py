@@ -48,6 +48,7 @@ GOOD = "test,grain,reference\na,g,\nq,,quartz\n"
             "nm are needed",
         ),
         (("time", -1, 0), "test a, line 3: the time runs backwards"),
+        (("time", 0, 0), "test a: all times are equal, so no drift can be corrected"),
         (("curves", None, ""), "curves.csv: .*empty"),
         (
             ("curves", None, "test,time_s,depth_nm,load_mn\na,1,2,3\na,2,3,4\n"),
@@ -74,7 +75,7 @@ def test_bad_input_is_one_line(bayesindent, tmp_path, change, message):
     if what == "load":
         rows = [(*row[:3], row[3] * old) for row in rows]
     if what == "time":
-        rows = [(row[0], -row[1], *row[2:]) for row in rows]
+        rows = [(row[0], row[1] * old, *row[2:]) for row in rows]
     text = "test,time_s,depth_nm,load_mn\n" + "".join(
         ",".join(map(str, row)) + "\n" for row in rows
     )

@@ -183,7 +183,11 @@ def test_the_default_block_is_the_papers():
         ({"depth_um": 0.1, "contact_radius_um": 0.5}, "depth_um: the last point is stated twice"),
         (
             {"shape": "sphere", "radius_um": 0.5},
-            "contact_radius_um: 0.5 um is beyond the sphere; allowed below its radius_um of 0.5 um",
+            "contact_radius_um: 0.5 um is beyond the tip; allowed below its radius_um of 0.5 um",
+        ),
+        (
+            {"radius_um": 0.001},
+            "contact_radius_um: 0.5 um is beyond the tip; allowed below its radius_um of 0.001 um",
         ),
         ({"shape": "cone", "half_angle_deg": 90}, "half_angle_deg: 90 is out of range"),
         (

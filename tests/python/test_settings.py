@@ -66,7 +66,7 @@ WRONG = {
     "sphere": (
         "indenter",
         {"shape": "sphere", "depth_um": 16.0},
-        "&indenter depth_um: 16.0 um is beyond the sphere; allowed below its radius_um",
+        "&indenter depth_um: 16.0 um is beyond the tip; allowed below its radius_um",
     ),
     "block": (
         "specimen",

@@ -153,7 +153,7 @@ def show_build(document: dict) -> None:
     elif "imported" in document:
         print(
             f"Campaign: {document['imported']} results imported, {document['simulations']} "
-            "simulations in all"
+            f"simulations in all, {document['failed']} failed"
         )
     else:
         print(
@@ -168,8 +168,8 @@ def after_build(arguments: argparse.Namespace, document: dict) -> str:
     """The next step."""
     if "points" in document:
         return (
-            "simulate these, add a column modulus_gpa, and bayesindent build "
-            f"{quoted(arguments.file)} --tell RESULTS.csv"
+            "simulate these, add a column modulus_gpa (or the cause of a failure as reason), and "
+            f"bayesindent build {quoted(arguments.file)} --tell RESULTS.csv"
         )
     if "imported" in document:
         return f"bayesindent build {quoted(arguments.file)}, which trains the surrogate on them"
