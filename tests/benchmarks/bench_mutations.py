@@ -524,7 +524,7 @@ def read_changed(folder: Path, file: str, command: str) -> str:
     status, lines = quietly([*map(str, words), "--quiet"])
     if status in (0, 3):
         return "read"
-    named = any(str(name) in lines[-1] for name in (out / file, namelist)) if lines else False
+    named = any(str(name) in lines[-1] for name in (out, namelist)) if lines else False
     return "refused" if status == 2 and named else f"status {status}: {lines[-1:]}"
 
 

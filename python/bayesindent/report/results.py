@@ -64,9 +64,14 @@ class Results:
         if self.result is None:
             with using_documents(self.folder):
                 self._read_folder()
+                self._arrange()
         else:
             self.resolved = self.result.posterior.attrs["settings"]
             self.documents["extract"] = json.loads(self.result.posterior.attrs["summary"])
+            self._arrange()
+
+    def _arrange(self) -> None:
+        """Set what several parts of the report use."""
         problem = self.settings["problem"]
         symmetry = problem.get("symmetry")
         self.symmetry = class_name(symmetry) if symmetry else ""
