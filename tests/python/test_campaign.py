@@ -231,6 +231,7 @@ def test_import(tmp_path):
     assert told(tmp_path, points, [134.0, 214.0]) == {
         "imported": 2,
         "simulations": 2,
+        "failed": 0,
         "warnings": [],
     }
     assert told(tmp_path, points, [134.0, 214.0])["imported"] == 0

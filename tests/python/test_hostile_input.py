@@ -23,7 +23,7 @@ START = "&problem symmetry = 'cubic' /\n"
             "line 2: byte 13 is not UTF-8 (save the file as UTF-8)",
         ),
         (
-            b"! ok\n! \xed\xa0\x80 is half a pair\n",
+            b"! ok\nx \xed\xa0\x80 is half a pair\n",
             "line 2: byte 3 is not UTF-8 (save the file as UTF-8)",
         ),
         (b"&problem\n title = '\xc3", "line 2: byte 11 is not UTF-8 (save the file as UTF-8)"),
