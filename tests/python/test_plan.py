@@ -185,7 +185,13 @@ def test_full_posteriors_have_these_sds(case):
             table, surrogate=bi.Surrogate.load("halfspace"), symmetry=symmetry, **KIND | settings
         )
         draws = posterior.sample(
-            method="ensemble", samples=10000, burn_in=6000, chains=2, threads=2, seed=number + 17
+            method="ensemble",
+            # Of quartz the sds of 10,000 samples are off by up to 3 %.
+            samples=40000 if case == "quartz" else 10000,
+            burn_in=6000,
+            chains=2,
+            threads=2,
+            seed=number + 17,
         )[0]
         full.append(draws.reshape(-1, draws.shape[-1]).std(axis=0))
     assert sds(symmetry, list(CRYSTALS[symmetry]), n, noise, **settings)[0] == pytest.approx(

@@ -248,6 +248,8 @@ def test_folder_of_the_file_and_odd_names(tmp_path):
 
 
 def value_of(variable, symmetry, draw):
+    if variable.name == "scheduler":
+        return draw(st.sampled_from(["local", "slurm", "address"]))
     if variable.kind == "choice":
         return draw(st.sampled_from([word.strip(" '") for word in variable.allowed.split(",")]))
     if variable.kind == "logical":
