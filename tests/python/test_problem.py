@@ -310,6 +310,8 @@ def namelists(draw):
             "geometry",
             "shape",
             "contact_radius_um",
+            "depth_um",
+            "radius_um",
             "lattice",
             "reference_gpa",
             "density_kg_m3",
