@@ -196,6 +196,9 @@ contains
             & 'surrogate', 'file', '''halfspace'' is the theory of a bulk sample, but geometry ' &
             & //'is '''//geometry &
             & //'''; state &design to train a surrogate of it, or the name of one')
+         call check(allocated(settings%knowledge%stiffness_relative_sd) &
+            & .and. .not. allocated(settings%knowledge%stiffness_file), 'knowledge', &
+            & 'stiffness_relative_sd', 'is only for stiffness_file; state that, or remove it')
          call check(all(settings%execution%scheduler /= schedulers), 'execution', 'scheduler', &
             & ''''//settings%execution%scheduler//'''; allowed '''//join(schedulers, ''', ''') &
             & //'''. Who answers at an address can run code here, so a namelist may not state ' &
