@@ -146,8 +146,7 @@ contains
 
       radians = self%settings%measurements%angles == 'radians'
       associate (s => self%settings)
-         call load_crystals(self, error)
-         if (allocated(error)) return
+         ! Python converts the tables of measurements first, so that they are the first here too.
          if (s%curves%given) call load_curves()
          if (.not. allocated(error)) call load_velocities()
          if (allocated(error)) return
@@ -168,6 +167,7 @@ contains
          call load_grains('measurements', 'texture', s%measurements%texture, self%texture)
          if (allocated(error)) return
          call load_grains('next', 'candidates', s%next%candidates, self%grains)
+         if (.not. allocated(error)) call load_crystals(self, error)
       end associate
 
    contains
