@@ -556,6 +556,7 @@ contains
             s%file = table_name
             s%sheet = ''
             if (allocated(s%columns)) deallocate (s%columns)
+            if (allocated(s%orientations_file)) deallocate (s%orientations_file)
             if (allocated(s%ebsd)) deallocate (s%ebsd)
             if (allocated(s%ebsd_points)) deallocate (s%ebsd_points)
             if (allocated(s%shared_errors) .and. .not. allocated(self%shared_file)) then

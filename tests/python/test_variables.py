@@ -502,6 +502,8 @@ EFFECTS = {
         "orientations": None,  # test_unknown_orientations: a table without angles
         # test_unknown_orientations: another texture is another likelihood and another input
         "texture": None,
+        "orientations_file": None,  # test_joining
+        "orientations_by": None,  # test_joining
         "ebsd_points": None,  # test_map_registration: the indents of a turned stage
         "modulus_kind": (density, {}, "effective_modulus"),
         "angles": (read, {"measurements": {"file": "radians.csv", "angles": "degrees"}}, "radians"),
