@@ -20,6 +20,7 @@ module problem
    use settings_schema, only: list_settings, set_settings, settings_type
    use settings_checks, only: check_settings
    use settings_reader, only: read_settings, settings_namelist
+   use space_groups, only: laue_class
    use stiffness_table, only: new_stiffness_table, stiffness_table_type
    use table_columns, only: find_column, foreign_column, read_column
    use tables, only: parse_table, read_table, table_type
@@ -96,6 +97,7 @@ contains
       character(len=*), intent(in) :: command, needed
       type(problem_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
+      type(entry_type) :: parsed(size(namelist))
       type(lattice_type) :: lattice
       integer :: i
 
@@ -110,7 +112,12 @@ contains
       end do
       allocate (self%warnings(0))
       self%states_nu = find_entry(namelist, 'measurements', 'sample_nu') > 0
-      call read_settings(namelist, command, needed, self%settings, error)
+      parsed = namelist
+      i = find_entry(parsed, 'problem', 'symmetry')
+      if (i > 0) then
+         if (size(parsed(i)%values) == 1) call name_class(parsed(i)%values(1)%text)
+      end if
+      call read_settings(parsed, command, needed, self%settings, error)
       if (allocated(error)) return
       associate (s => self%settings, last => self%settings%indenter)
          if (len(s%surrogate%file) == 0) then
@@ -135,6 +142,13 @@ contains
       if (allocated(error)) return
       if (len(self%settings%specimen%estimator) == 0) self%settings%specimen%estimator = 'curve'
    end subroutine new_problem
+
+   !> Replace a space group by its Laue class.
+   pure subroutine name_class(word)
+      character(len=:), allocatable, intent(inout) :: word
+
+      if (len(laue_class(word)) > 0) word = laue_class(word)
+   end subroutine name_class
 
    !> Read the tables that the groups name, or those that are given as texts.
    subroutine load_tables(self, given, error)
