@@ -17,7 +17,7 @@ module constants_posterior
    use kinds, only: degree, pi, wp
    use laboratory, only: change_contrast, laboratory_type, new_laboratory
    use measured_grains, only: all_tilts, measured_type, n_tilts, spread_orientations, tilt_moments
-   use nuisances, only: draw_nuisances, log_prior_of, nuisance_type
+   use nuisances, only: draw_nuisances, log_prior_of, new_nuisances, nuisance_type
    use observables, only: new_observable, observable_type, path_type
    use random, only: random_stream_type
    use abstract_sampler, only: outside, target_type
@@ -31,11 +31,6 @@ module constants_posterior
    private
    public :: posterior_type, new_posterior
 
-   !> Bounds of the common factor on the sds, if it is inferred. Its logarithm is uniform between
-   !> them.
-   real(wp), parameter :: factor_bounds(2) = [0.05_wp, 50.0_wp]
-   !> The sd of the logarithm of the scatter of grains, if that is inferred.
-   real(wp), parameter :: log_scatter_sd = log(3.0_wp)
    !> Least number of directions over which the mean of the logarithm of a modulus is taken. An
    !> error of the mean is one of the factor, so few are enough.
    integer, parameter :: mean_directions = 12
@@ -134,7 +129,10 @@ contains
          call posterior%laboratory%update(settings, measured%references, error)
          if (allocated(error)) return
       end if
-      call set_nuisances()
+      posterior%nuisances = new_nuisances(settings, posterior%laboratory%contrast)
+      posterior%infers_contrast = any(posterior%nuisances%name == 'contrast')
+      posterior%infers_scatter = any(posterior%nuisances%name == 'scatter')
+      posterior%infers_scale = any(posterior%nuisances%name == 'sd_factor')
       posterior%scale = posterior%errors%scale*measured%sd
       posterior%log_scales = sum(log(posterior%scale))
       posterior%n_directions = merge(n_tilts, 1, settings%misalignment_sd_deg > 0.0_wp &
@@ -179,29 +177,6 @@ contains
             & measured%sd, posterior%observable)
          call posterior%unknown%set_nodes(posterior%relative, error)
       end if
-
-   contains
-
-      !> Set the parameters beside the constants.
-      subroutine set_nuisances()
-         associate (self => posterior, contrast => posterior%laboratory%contrast)
-            self%infers_contrast = contrast(2) > 0.0_wp
-            self%infers_scatter = settings%scatter == 'inferred'
-            self%infers_scale = settings%scale == 'inferred'
-            allocate (self%nuisances(0))
-            if (self%infers_contrast) then
-               self%nuisances = [nuisance_type('contrast', contrast)]
-            end if
-            if (self%infers_scatter) then
-               self%nuisances = [self%nuisances, nuisance_type('scatter', &
-                  & [log(settings%scatter_sd), log_scatter_sd])]
-            end if
-            if (self%infers_scale) then
-               self%nuisances = [self%nuisances, nuisance_type('sd_factor', log(factor_bounds), &
-                  & is_normal=.false.)]
-            end if
-         end associate
-      end subroutine set_nuisances
    end subroutine new_posterior
 
    !> Change the degree of the surface harmonics from which the theory is read.

@@ -37,7 +37,8 @@ contains
       !> Numbers of groups, and of those that have moduli, which precede those of speeds.
       integer, intent(in) :: n_groups, n_of_moduli
 
-      laboratory%contrast = [settings%contrast_mean, settings%contrast_sd]
+      ! Speeds have no contrast.
+      if (n_of_moduli > 0) laboratory%contrast = [settings%contrast_mean, settings%contrast_sd]
       allocate (laboratory%mean(n_groups), laboratory%slope(n_groups), source=0.0_wp)
       allocate (laboratory%sd(n_groups), source=settings%velocity_calibration_sd)
       laboratory%mean(:n_of_moduli) = settings%calibration_mean
@@ -128,6 +129,7 @@ contains
    pure elemental real(wp) function log_factor(self, group, log_contrast)
       class(laboratory_type), intent(in) :: self
       integer, intent(in) :: group
+      !> ln(1+k).
       real(wp), intent(in) :: log_contrast
 
       log_factor = self%mean(group) + self%slope(group)*(log_contrast - self%contrast(1))
@@ -139,9 +141,9 @@ contains
       real(wp), intent(in) :: log_contrast, weights(:)
       !> Whether a value is a modulus, (value).
       logical, intent(in) :: are_moduli(:)
-      !> First the values, then the moduli of all directions, (value and direction), and derivatives
-      !> of these.
+      !> First the values, then the moduli of all directions, (value and direction).
       real(wp), intent(inout) :: values(:)
+      !> Derivatives of these.
       real(wp), intent(inout), optional :: slopes(:)
       real(wp) :: mean, k, ratio
       integer :: i, n

@@ -3,9 +3,10 @@
 module nuisances
    use kinds, only: pi, wp
    use random, only: random_stream_type
+   use settings_schema, only: measurements_settings_type
    implicit none
    private
-   public :: nuisance_type, log_prior_of, draw_nuisances
+   public :: nuisance_type, new_nuisances, log_prior_of, draw_nuisances
 
    type :: nuisance_type
       !> Of the number itself, as the results have it.
@@ -15,7 +16,26 @@ module nuisances
       logical :: is_normal = .true.
    end type nuisance_type
 
+   !> Bounds of the common factor on the sds.
+   real(wp), parameter :: factor_bounds(2) = [0.05_wp, 50.0_wp]
+   !> The sd of the logarithm of the scatter of grains.
+   real(wp), parameter :: log_scatter_sd = log(3.0_wp)
+
 contains
+
+   !> What is inferred beside the constants: the contrast of the laboratory, the scatter of grains,
+   !> and a common factor on the sds, in this order.
+   pure function new_nuisances(settings, contrast) result(nuisances)
+      type(measurements_settings_type), intent(in) :: settings
+      !> Mean and sd of the logarithm of the contrast.
+      real(wp), intent(in) :: contrast(2)
+      type(nuisance_type), allocatable :: nuisances(:)
+
+      nuisances = pack([nuisance_type('contrast', contrast), &
+         & nuisance_type('scatter', [log(max(settings%scatter_sd, tiny(1.0_wp))), &
+         & log_scatter_sd]), nuisance_type('sd_factor', log(factor_bounds), .false.)], &
+         & [contrast(2) > 0.0_wp, settings%scatter == 'inferred', settings%scale == 'inferred'])
+   end function new_nuisances
 
    !> Logarithm of the prior density of all nuisances, up to a constant.
    pure real(wp) function log_prior_of(nuisances, x, outside) result(log_density)

@@ -14,7 +14,7 @@ module problem
    use namelist_file, only: entry_type, find_entry
    use measurement_checks, only: check_measurements, refuse_radians
    use point_tables, only: angles_look_like_radians, points_type, read_crystals, &
-      & read_measurements, read_orientations
+      & read_measurements, read_orientations, split_references
    use repeated_tests, only: combine_tests, refuse_copied_rows
    use settings_list, only: settings_list_type
    use settings_schema, only: list_settings, set_settings, settings_type
@@ -467,10 +467,6 @@ contains
          end do
       end if
       self%settings%measurements%modulus_kind = measurements%modulus_kind
-      ! The shared errors of a table contain that of the indenter.
-      if (allocated(self%shared_errors) .and. .not. self%states_calibration) then
-         self%settings%measurements%calibration_sd = 0.0_wp
-      end if
       call check_measurements(self%settings, self%class, self%measurements, self%warnings, error)
       call locate_table(self, error)
       if (allocated(self%velocities)) call append_velocities(self%measurements, self%velocities)
@@ -480,7 +476,8 @@ contains
       !> Read the tests of the grains and their shared errors, and combine the tests of a grain.
       subroutine read_tests()
          associate (stated => self%settings%measurements)
-            call split_references()
+            call split_references(table, radians, stated, self%class, &
+               & self%settings%problem%lattice, self%reference_grains, error)
             if (allocated(error)) return
             call read_measurements(table, radians, stated, self%class, &
                & self%settings%problem%lattice, measurements, error)
@@ -499,29 +496,6 @@ contains
          weight = 1.0_wp/measurements%sd_gpa**2
          call combine_tests(self%class, measurements, error)
       end subroutine read_tests
-
-      !> Read the rows of references, and leave the others in the table.
-      subroutine split_references()
-         logical, allocatable :: is_reference(:)
-         type(points_type) :: points
-         integer :: column
-
-         column = table%find('reference')
-         if (column == 0) return
-         is_reference = [(.not. table%is_empty(column, i), i=1, table%rows)]
-         if (.not. any(is_reference) .or. all(is_reference)) return
-         if (allocated(self%shared_file) .or. table%find('shared_1') > 0) then
-            call refuse(error, 'rows with a reference and shared errors are not allowed in one ' &
-               & //'table: leave out one of them')
-            return
-         end if
-         call read_measurements(table%rows_of(is_reference), radians, &
-            & self%settings%measurements, self%class, self%settings%problem%lattice, points, error)
-         if (allocated(error)) return
-         points%named_by = column
-         self%reference_grains = points
-         table = table%rows_of(.not. is_reference)
-      end subroutine split_references
 
       !> Use the Poisson's ratio with which the instrument made the moduli of the table, if it has
       !> a column of it.
@@ -564,6 +538,11 @@ contains
             call source%numbers(pack([(j, j=1, source%columns)], chosen), values, error)
             self%shared_errors = transpose(values)
             self%shared_digest = source%digest()
+            ! They contain the error of the indenter.
+            if (.not. self%states_calibration) self%settings%measurements%calibration_sd = 0.0_wp
+            if (allocated(self%reference_grains)) then
+               call refuse(error, 'rows with a reference are not allowed beside shared errors')
+            end if
          end if
          if (allocated(self%shared_file)) then
             call prefix_error(error, 'shared_errors: '//printable(self%shared_file)//': ')

@@ -16,7 +16,7 @@ module point_tables
    use text, only: join, lower, to_text
    implicit none
    private
-   public :: points_type, read_crystals, read_measurements, read_orientations, first_rows, &
+   public :: points_type, read_crystals, read_measurements, split_references, read_orientations, first_rows, &
       & angles_look_like_radians, read_angles, read_constants, read_groups
 
    !> Points, one for each row of a table. Values that the table does not have are NaN.
@@ -317,6 +317,32 @@ contains
             & + (power*1.0e-3_wp*zero_sd_nm/points%depth_um*points%modulus_gpa)**2)
       end subroutine add_zero_error
    end subroutine read_measurements
+
+   !> Read the rows of a table that name a reference, and leave the others in the table.
+   subroutine split_references(table, radians, settings, crystal, parameters, references, error)
+      type(table_type), intent(inout) :: table
+      !> The unit of the angles in the table.
+      logical, intent(in) :: radians
+      type(measurements_settings_type), intent(in) :: settings
+      type(crystal_class_type), intent(in) :: crystal
+      !> See `read_measurements`.
+      real(wp), allocatable, intent(in) :: parameters(:)
+      !> Unallocated if there are none.
+      type(points_type), allocatable, intent(out) :: references
+      type(error_type), allocatable, intent(out) :: error
+      logical :: is_reference(table%rows)
+      integer :: column, i
+
+      column = table%find('reference')
+      if (column == 0) return
+      is_reference = [(.not. table%is_empty(column, i), i=1, table%rows)]
+      if (.not. any(is_reference) .or. all(is_reference)) return
+      allocate (references)
+      call read_measurements(table%rows_of(is_reference), radians, settings, crystal, parameters, &
+         & references, error)
+      references%named_by = column
+      table = table%rows_of(.not. is_reference)
+   end subroutine split_references
 
    !> Set the angles of each row, which follow from the direction if the table states that.
    subroutine read_orientations(points, radians, crystal, parameters, error)

@@ -97,11 +97,12 @@ def test_the_density_is_that_of_the_formula(symmetry, name):
 
 def test_exact_data_have_no_laboratory_and_others_are_said_first():
     table = measured("cubic", COPPER, 8)
-    short = {"samples": 50, "burn_in": 300, "chains": 1, "knowledge": BULK}
+    short = {"samples": 100, "burn_in": 500, "chains": 2, "knowledge": BULK}
     exact = bi.summary(bi.extract(table, "cubic", technique="exact", **short))
     assumed = bi.summary(bi.extract(table, "cubic", **short))
     assert "technique_assumed" not in codes(exact["warnings"])
-    assert codes(assumed["warnings"])[0] == "technique_assumed"
+    others = [found for found in assumed["warnings"] if found["severity"] != "unusable"]
+    assert codes(others)[0] == "technique_assumed"
     assert list(exact["parameters"]) == list(NAMES)
     assert list(assumed["parameters"]) == [*NAMES, "contrast"]
     assert exact["laboratory"]["log_contrast"]["prior_sd"] == 0
@@ -113,18 +114,18 @@ def test_exact_data_have_no_laboratory_and_others_are_said_first():
     assert (found["log_factor"][0]["prior_sd"], found["log_contrast"]["prior_sd"]) == (0, 0.05)
 
 
-@pytest.fixture(scope="module", params=["exact", "elastic_sphere"])
-def technique(request):
-    return request.param
-
-
+@pytest.mark.parametrize(
+    "technique", ["exact", pytest.param("elastic_sphere", marks=pytest.mark.long)]
+)
 def test_a_silent_fault_shifts_the_constants_as_the_table_of_assumptions_says(technique):
     table = measured("cubic", COPPER)
     exact = modulus("cubic", COPPER, table["euler_deg"])
     values, mean = table["indentation_modulus_gpa"], log_mean("cubic", COPPER)
-    asked = {"technique": technique, "knowledge": BULK, "samples": 4000, "burn_in": 2000}
+    asked = {"technique": technique, "knowledge": BULK}
     base = bi.summary(bi.extract(table, "cubic", **asked))
+    asked |= {"samples": 2000, "burn_in": 3000}
     assumed = {row["assumption"]: row for row in base["assumptions"]}
+    sds = np.array([base["parameters"][name]["sd"] for name in NAMES])
     should_be = {
         "kind: sample_modulus": values / (1 - 0.3**2),
         "factor": values * np.exp(-0.05),
@@ -138,8 +139,11 @@ def test_a_silent_fault_shifts_the_constants_as_the_table_of_assumptions_says(te
         )
         made = means(other) - means(base)
         stated = [assumed[name]["shift"][constant] for constant in NAMES]
-        # Linear to some per cent; the noise of the draws is 0.05 sd.
-        assert made == pytest.approx(stated, rel=0.1, abs=0.35), name
+        # A covariance with the change of the moduli, in their sds, over 15,000 draws; what is not
+        # linear; and the noise of the two means.
+        change = np.linalg.norm((moduli - values) / table["sd_gpa"])
+        accuracy = sds * (3 * change / np.sqrt(15000) + 0.1) + 0.05 * np.abs(made)
+        assert np.all(np.abs(made - stated) < accuracy), (name, made, stated)
     asked["knowledge"] = {"bulk_modulus": (139.1, 2)}
     other = bi.summary(bi.extract(table, "cubic", **asked))
     stated = [assumed["known: bulk_modulus"]["shift"][constant] for constant in NAMES]
@@ -250,7 +254,7 @@ def of_titanium(knowledge, **asked):
         technique="oliver_pharr",
         scatter="inferred",
         knowledge=knowledge,
-        **asked,
+        **{"samples": 2000, "burn_in": 3000} | asked,
     )
 
 
@@ -264,7 +268,7 @@ def test_titanium_with_the_constants_of_the_literature():
 
 def test_titanium_with_the_constants_fixed():
     known = {name: (value, 2e-4 * value) for name, value in TITANIUM.items()}
-    document = bi.summary(of_titanium(known, contrast_mean=0.0, contrast_sd=1.0, samples=4000))
+    document = bi.summary(of_titanium(known, contrast_mean=0.0, contrast_sd=1.0))
     # By least squares: ln f 0.212 ± 0.002, k -0.56 ± 0.06; the scatter is 1.4 %.
     factor, contrast = document["laboratory"]["log_factor"][0], document["parameters"]["contrast"]
     assert factor["mean"] == pytest.approx(0.212, abs=0.004)

@@ -126,7 +126,10 @@ def density(folder, groups):
     """The density of Step 2 at a few points, with a correction that is known badly."""
     settings = {name: value for values in groups.values() for name, value in values.items()}
     x = np.array([168.4, 121.4, 75.4]) * np.array([0.9, 1.0, 1.05])[:, None]
-    x = np.column_stack([x, np.full(3, 0.2)]) if settings.get("scale") == "inferred" else x
+    beside = [0.1] * (settings.get("technique", "exact") != "exact" or "contrast_sd" in settings)
+    beside += [-4.0] * (settings.get("scatter") == "inferred")
+    beside += [0.2] * (settings.get("scale") == "inferred")
+    x = np.column_stack([x, np.tile(beside, (3, 1))])
     posterior = Posterior.of(GRAINS, symmetry="cubic", surrogate=surrogate(), **KIND | settings)
     return posterior.evaluate(x)[0].round(9).tolist()
 
@@ -510,12 +513,17 @@ EFFECTS = {
         "indenter_modulus_gpa": (density, REDUCED, 600.0),
         "indenter_nu": (density, REDUCED, 0.3),
         "sample_nu": (density, {"measurements": {"modulus_kind": "sample_modulus"}}, 0.2),
+        "technique": (density, {}, "oliver_pharr"),
+        "calibration_mean": (density, {}, 0.03),
         "calibration_sd": (density, {}, 0.03),
+        "contrast_mean": (density, {}, 0.1),
+        "contrast_sd": (density, {}, 0.1),
         "orientation_sd_deg": (density, {}, 2.0),
         "misalignment_sd_deg": (density, {}, 2.0),
         "zero_sd_nm": None,  # test_tables: with depths
         "shared_errors": None,  # test_curves
         "yield_gpa": None,  # test_specimen_warnings: pressure of the contacts
+        "scatter": (density, {}, "inferred"),
         "scatter_sd": (density, {}, 0.03),
         "scale": (density, {}, "inferred"),
         "likelihood": (density, {}, "student"),
