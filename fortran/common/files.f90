@@ -7,6 +7,7 @@ module files
    use text, only: to_text
    implicit none
    private
+   public :: make_absolute
    public :: read_text_file, read_bytes, new_file_type, replace_file, make_folder, place_new_file
    public :: name_beside, folder_of, full_path, resolve_path, file_exists, is_folder, printable
    public :: process_number, checksum, hash_of
@@ -341,4 +342,11 @@ contains
       end do
    end function hash_of
 
+   !> Make the name of a file in a folder absolute, if there is such a file.
+   subroutine make_absolute(folder, name)
+      character(len=*), intent(in) :: folder
+      character(len=:), allocatable, intent(inout) :: name
+
+      if (file_exists(resolve_path(folder, name))) name = full_path(resolve_path(folder, name))
+   end subroutine make_absolute
 end module files

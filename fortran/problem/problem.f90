@@ -7,7 +7,7 @@ module problem
    use curve_tables, only: curve_set_type, read_curves, read_tests
    use diagnostics, only: diagnostic, diagnostic_type
    use errors, only: error_type, locate_error, prefix_error, refuse
-   use files, only: file_exists, folder_of, full_path, printable, read_text_file, resolve_path
+   use files, only: folder_of, make_absolute, printable, read_text_file, resolve_path
    use kinds, only: wp
    use machine, only: thread_count
    use named_values, only: named_values_reader_type
@@ -596,12 +596,4 @@ contains
          & //', defaults included; paths are absolute, or relative to this folder.'//newline &
          & //settings_namelist(settings, self%needed//' '//self%groups)
    end function resolved_text
-
-   !> Make the name of a file in a folder absolute, if there is such a file.
-   subroutine make_absolute(folder, name)
-      character(len=*), intent(in) :: folder
-      character(len=:), allocatable, intent(inout) :: name
-
-      if (file_exists(resolve_path(folder, name))) name = full_path(resolve_path(folder, name))
-   end subroutine make_absolute
 end module problem
