@@ -14,7 +14,7 @@ from support.tree import SOURCE
 CASE = f"""&problem symmetry = 'cubic' /
 &measurements
   file = '{SOURCE / "inputs" / "data" / "fe3si.csv"}'
-  modulus_kind = 'indentation_modulus'
+  modulus_kind = 'indentation_modulus', technique = 'exact'
 /
 &prior c_min = 50, 40, 15, c_max = 250, 150, 150, anisotropy_cap = 7.2 /
 &knowledge quantity = 'bulk_modulus', mean = KNOWN, sd = 3.3 /
