@@ -16,8 +16,9 @@ module point_tables
    use text, only: join, lower, to_text
    implicit none
    private
-   public :: points_type, read_crystals, read_measurements, split_references, read_orientations, first_rows, &
-      & angles_look_like_radians, read_angles, read_constants, read_groups
+   public :: points_type, read_crystals, read_measurements, split_references, &
+      & read_orientations, first_rows, angles_look_like_radians, read_angles, read_constants, &
+      & read_groups
 
    !> Points, one for each row of a table. Values that the table does not have are NaN.
    type :: points_type
