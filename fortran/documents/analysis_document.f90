@@ -10,6 +10,7 @@ module analysis_document
    use files, only: file_exists
    use json, only: json_type
    use kinds, only: i8, nan, wp
+   use resolved_namelist, only: resolved_text
    use named_values, only: named_values_reader_type, named_values_type, restore
    use orientation_check, only: readings
    use observables, only: path_names, surface_path
@@ -503,7 +504,7 @@ contains
       type(named_values_type), intent(inout) :: out
 
       call out%put('document', document)
-      call out%put('resolved', found%problem%resolved_text())
+      call out%put('resolved', resolved_text(found%problem))
       call out%put('symmetry', trim(found%problem%class%name))
       call out%put('title', found%problem%settings%problem%title)
       call out%put('modulus_kind', found%problem%settings%measurements%modulus_kind)

@@ -7,7 +7,7 @@ module problem
    use curve_tables, only: curve_set_type, read_curves, read_tests
    use diagnostics, only: diagnostic, diagnostic_type
    use errors, only: error_type, locate_error, prefix_error, refuse
-   use files, only: folder_of, make_absolute, printable, read_text_file, resolve_path
+   use files, only: folder_of, printable, read_text_file, resolve_path
    use kinds, only: wp
    use machine, only: thread_count
    use named_values, only: named_values_reader_type
@@ -16,10 +16,9 @@ module problem
    use point_tables, only: angles_look_like_radians, points_type, read_crystals, &
       & read_measurements, read_orientations, split_references
    use repeated_tests, only: combine_tests, refuse_copied_rows
-   use settings_list, only: settings_list_type
-   use settings_schema, only: list_settings, set_settings, settings_type
+   use settings_schema, only: settings_type
    use settings_checks, only: check_settings
-   use settings_reader, only: read_settings, settings_namelist
+   use settings_reader, only: read_settings
    use space_groups, only: laue_class
    use stiffness_table, only: new_stiffness_table, stiffness_table_type
    use table_columns, only: find_column, foreign_column, read_column
@@ -79,7 +78,7 @@ module problem
       logical :: is_of_batch = .false.
    contains
       procedure :: load_tables, locate, locate_curves, refuse => refuse_variable, &
-         & refuse_table, resolved_text, take_curve_results, threads
+         & refuse_table, take_curve_results, threads
    end type problem_type
 
    !> Name of the canonical table of the measurements in a folder of results.
@@ -560,40 +559,4 @@ contains
             & error, stated%file)
       end associate
    end subroutine locate_table
-
-   !> Text of the resolved namelist for the folder of results: stated and needed groups, every
-   !> variable with its value. The table of the measurements is the one in that folder.
-   function resolved_text(self) result(page)
-      class(problem_type), intent(in) :: self
-      character(len=:), allocatable :: page
-      type(settings_list_type) :: list
-      type(settings_type) :: settings
-      integer :: i
-
-      list = list_settings(self%settings)
-      do i = 1, size(list%variables)
-         associate (v => list%variables(i))
-            if (.not. allocated(v%values) .or. index(v%kind, 'file') == 0) cycle
-            call make_absolute(self%folder, v%values(1)%text)
-         end associate
-      end do
-      call set_settings(list, settings)
-      call make_absolute(self%folder, settings%surrogate%file)
-      associate (s => settings%measurements)
-         if (allocated(self%table_text)) then
-            s%file = table_name
-            s%sheet = ''
-            if (allocated(s%columns)) deallocate (s%columns)
-            if (allocated(s%orientations_file)) deallocate (s%orientations_file)
-            if (allocated(s%ebsd)) deallocate (s%ebsd)
-            if (allocated(s%ebsd_points)) deallocate (s%ebsd_points)
-            if (allocated(s%shared_errors) .and. .not. allocated(self%shared_file)) then
-               deallocate (s%shared_errors)
-            end if
-         end if
-      end associate
-      page = '! Every value of '//printable(self%path) &
-         & //', defaults included; paths are absolute, or relative to this folder.'//newline &
-         & //settings_namelist(settings, self%needed//' '//self%groups)
-   end function resolved_text
 end module problem
