@@ -22,6 +22,7 @@ module problem
    use settings_reader, only: read_settings, settings_namelist
    use stiffness_table, only: new_stiffness_table, stiffness_table_type
    use table_columns, only: find_column, foreign_column, read_column
+   use techniques, only: set_technique
    use tables, only: parse_table, read_table, table_type
    use velocity_tables, only: append_velocities, read_velocities
    use text, only: newline, to_text
@@ -45,8 +46,8 @@ module problem
       !> Tables that the file names, unallocated if it does not; `velocities` are the speeds as they
       !> were read, and are among the measurements too.
       type(points_type), allocatable :: crystals, measurements, velocities, candidates
-      !> Whether the file states &measurements sample_nu.
-      logical :: states_nu = .false.
+      !> Whether the file states &measurements sample_nu, technique and calibration_sd.
+      logical :: states_nu = .false., states_technique = .false., states_calibration = .false.
       !> Whether speeds of waves that cannot be detected were left out of the measurements.
       logical :: are_detected = .false.
       !> Grains from which &next chooses; unallocated: all directions.
@@ -61,6 +62,8 @@ module problem
       !> Curves of &curves, and crystals of &references.
       type(curve_set_type), allocatable :: curves
       type(points_type), allocatable :: references
+      !> Rows of the measurements that are of references, which their names name.
+      type(points_type), allocatable :: reference_grains
       !> Relative errors that measurements share: columns of sd 1, (row of the table, error);
       !> unallocated: none.
       real(wp), allocatable :: shared_errors(:, :)
@@ -110,6 +113,8 @@ contains
       end do
       allocate (self%warnings(0))
       self%states_nu = find_entry(namelist, 'measurements', 'sample_nu') > 0
+      self%states_technique = find_entry(namelist, 'measurements', 'technique') > 0
+      self%states_calibration = find_entry(namelist, 'measurements', 'calibration_sd') > 0
       call read_settings(namelist, command, needed, self%settings, error)
       if (allocated(error)) return
       associate (s => self%settings, last => self%settings%indenter)
@@ -117,6 +122,7 @@ contains
             s%surrogate%file = trim(merge('surrogate.txt', 'halfspace    ', &
                & s%design%given .or. s%domain%given))
          end if
+         call set_technique(s%measurements, s%problem%synthetic)
          if (.not. (allocated(last%depth_um) .or. allocated(last%contact_radius_um))) then
             last%contact_radius_um = paper_contact
          end if
@@ -447,6 +453,10 @@ contains
          end do
       end if
       self%settings%measurements%modulus_kind = measurements%modulus_kind
+      ! The shared errors of a table contain that of the indenter.
+      if (allocated(self%shared_errors) .and. .not. self%states_calibration) then
+         self%settings%measurements%calibration_sd = 0.0_wp
+      end if
       call check_measurements(self%settings, self%class, self%measurements, self%warnings, error)
       call locate_table(self, error)
       if (allocated(self%velocities)) call append_velocities(self%measurements, self%velocities)
@@ -456,6 +466,8 @@ contains
       !> Read the tests of the grains and their shared errors, and combine the tests of a grain.
       subroutine read_tests()
          associate (stated => self%settings%measurements)
+            call split_references()
+            if (allocated(error)) return
             call read_measurements(table, radians, stated, self%class, &
                & self%settings%problem%lattice, measurements, error)
             if (allocated(error)) return
@@ -473,6 +485,29 @@ contains
          weight = 1.0_wp/measurements%sd_gpa**2
          call combine_tests(self%class, measurements, error)
       end subroutine read_tests
+
+      !> Read the rows of references, and leave the others in the table.
+      subroutine split_references()
+         logical, allocatable :: is_reference(:)
+         type(points_type) :: points
+         integer :: column
+
+         column = table%find('reference')
+         if (column == 0) return
+         is_reference = [(.not. table%is_empty(column, i), i=1, table%rows)]
+         if (.not. any(is_reference) .or. all(is_reference)) return
+         if (allocated(self%shared_file) .or. table%find('shared_1') > 0) then
+            call refuse(error, 'rows with a reference and shared errors are not allowed in one ' &
+               & //'table: leave out one of them')
+            return
+         end if
+         call read_measurements(table%rows_of(is_reference), radians, &
+            & self%settings%measurements, self%class, self%settings%problem%lattice, points, error)
+         if (allocated(error)) return
+         points%named_by = column
+         self%reference_grains = points
+         table = table%rows_of(.not. is_reference)
+      end subroutine split_references
 
       !> Use the Poisson's ratio with which the instrument made the moduli of the table, if it has
       !> a column of it.
