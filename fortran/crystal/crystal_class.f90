@@ -100,7 +100,9 @@ contains
       integer :: i, j, k
 
       word = lower(adjustl(name))
-      if (index(', '//crystal_class_names()//',', ', '//trim(word)//',') == 0) word = laue_class(word)
+      if (index(', '//crystal_class_names()//',', ', '//trim(word)//',') == 0) then
+         word = laue_class(word)
+      end if
       do i = 1, size(table)
          if (any(split_list(table(i)%names) == word)) exit
       end do

@@ -41,7 +41,7 @@ TABLES = [
     ("planes", "h,k,l,modulus_gpa,sd_gpa", "1,0,1,120,2"),
     ("named", "phi1,Phi,phi2,first,second,sd_gpa", "1,2,3,120,130,2"),
 ]
-KIND = {"modulus_kind": "indentation_modulus"}
+KIND = {"modulus_kind": "indentation_modulus", "technique": "exact"}
 
 
 def spelled(values: dict) -> str:

@@ -57,6 +57,11 @@ def number(value: float | None, digits: int = 1) -> str:
     return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
 
 
+def digits_of(parameter: str) -> int:
+    """Decimals of a parameter: of a constant in GPa, or of a number beside the constants."""
+    return 1 if parameter.startswith("C") else 3
+
+
 def percent(value: float | None, digits: int = 0) -> str:
     """A share in per cent as text; a dash for None and NaN."""
     return number(value and 100 * value, digits)

@@ -14,6 +14,7 @@ from ...inference.analysis import groups_of
 from ...report.formatting import (
     SHARES,
     cells,
+    digits_of,
     number,
     numbers,
     region,
@@ -214,8 +215,8 @@ def show_extract(document: dict) -> None:
     rows = [
         [
             name,
-            *numbers(item, mean=1, sd=1),
-            " .. ".join(map(number, item["hdi_95"])),
+            *numbers(item, **dict.fromkeys(("mean", "sd"), digits_of(name))),
+            " .. ".join(number(value, digits_of(name)) for value in item["hdi_95"]),
             *share_cells(item),
         ]
         for name, item in document["parameters"].items()
