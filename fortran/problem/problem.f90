@@ -9,6 +9,7 @@ module problem
    use errors, only: error_type, locate_error, prefix_error, refuse
    use files, only: file_exists, folder_of, full_path, printable, read_text_file, resolve_path
    use kinds, only: wp
+   use layer_table, only: layer_table_type, read_layers
    use machine, only: thread_count
    use named_values, only: named_values_reader_type
    use namelist_file, only: entry_type, find_entry
@@ -68,6 +69,8 @@ module problem
       character(len=:), allocatable :: shared_file, shared_digest
       !> Stiffness of &knowledge.
       type(stiffness_table_type), allocatable :: stiffness
+      !> Layers of &specimen.
+      type(layer_table_type), allocatable :: layers
       !> Folder, without its last slash, for finished chains until Step 2 is done; unallocated: they
       !> are not stored.
       character(len=:), allocatable :: kept_in
@@ -115,7 +118,7 @@ contains
       associate (s => self%settings, last => self%settings%indenter)
          if (len(s%surrogate%file) == 0) then
             s%surrogate%file = trim(merge('surrogate.txt', 'halfspace    ', &
-               & s%design%given .or. s%domain%given))
+               & s%design%given .or. s%domain%given .or. s%specimen%geometry == 'film'))
          end if
          if (.not. (allocated(last%depth_um) .or. allocated(last%contact_radius_um))) then
             last%contact_radius_um = paper_contact
@@ -147,6 +150,11 @@ contains
       radians = self%settings%measurements%angles == 'radians'
       associate (s => self%settings)
          call load_crystals(self, error)
+         if (.not. allocated(error) .and. allocated(s%specimen%layers)) then
+            allocate (self%layers)
+            call read_layers(resolve_path(self%folder, s%specimen%layers), self%layers, error)
+            call self%locate('specimen', 'layers', error, s%specimen%layers)
+         end if
          if (allocated(error)) return
          if (s%curves%given) call load_curves()
          if (.not. allocated(error)) call load_velocities()
