@@ -50,7 +50,7 @@ contains
             if (.not. allocated(error)) call train_film(planned, self%surrogate, error)
             return
          end if
-         path = places%output//'/'//problem%settings%surrogate%file
+         path = places%output//problem%settings%surrogate%file
          inputs = '{'//inputs_of(problem, groups, places)//'}'
          call load_surrogate(path, self%surrogate, failure)
          if (.not. allocated(failure)) then

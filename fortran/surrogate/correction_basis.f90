@@ -114,7 +114,6 @@ contains
          ! Ten times the error of exact values.
          self%least_noise = 1.0e-4_wp
          self%logarithms = new_log_coordinates(self%domain%class)
-         return
       end if
       if (self%domain%log_anisotropy_max < huge(1.0_wp)) then
          self%noise_growth = spread_at_end/self%domain%log_anisotropy_max**growth_power

@@ -11,30 +11,33 @@ module film_training
    use crystal_elasticity, only: isotropic_stiffness, logarithmic_mean
    use detected_speeds, only: draw_aside
    use errors, only: error_type
+   use evidence_regression, only: add_data
    use film_theory, only: film_type, indent_films, young_of_film
    use indenters, only: indenter_type, new_indenter
    use kinds, only: degree, i8, wp
-   use logarithmic_coordinates, only: log_coordinates_type, new_log_coordinates
    use observables, only: new_observable, observable_type
    use posterior_focus, only: accurate_z, changes_of_variance, extend
    use problem, only: problem_type
-   use problem_posterior, only: focus_run
+   use problem_posterior, only: run_type
    use progress, only: advance_progress, begin_progress, end_progress
    use random, only: new_random_stream, random_stream_type
    use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: complete_domain, domain_type, spread_crystals
-   use surrogate_learner, only: add_simulations, fit_learner, learner_type, new_learner, &
-      & surrogate_of
+   use surrogate_learner, only: fit_learner, learner_type, new_learner, surrogate_of
    use surrogate_model, only: predict_crystals, simulations_type, surrogate_type
    use variance_shares, only: find_shares, from_surrogate, shares_type
    implicit none
    private
    public :: train_film, plan_film
 
-   !> Numbers of values over the broad region, and in each round at draws of the posterior and at
-   !> draws whose distance from their mean is larger by a factor.
-   integer, parameter :: n_broad = 400, n_drawn = 300, n_wide = 200, most_rounds = 6
-   real(wp), parameter :: wide = 1.7_wp
+   !> Numbers of values over the broad region, and in each round at draws of the posterior and over
+   !> the domain, which holds all draws.
+   integer, parameter :: n_broad = 400, n_drawn = 400, n_spread = 100, most_rounds = 6
+   !> Chains of the posterior of a round.
+   type(run_type), parameter :: pilot = run_type(1500, 500, 2, 7000001)
+   !> Noise of values over the domain, relative to that of draws. These values keep the correction
+   !> from going astray far from the posterior, and do not limit its accuracy there.
+   real(wp), parameter :: coarse_noise = 30.0_wp
    !> Greatest share of the correction in the variance of each constant.
    real(wp), parameter :: accurate_share = 0.01_wp
    !> Greatest share of crystals of a round that theory cannot indent.
@@ -101,6 +104,8 @@ contains
       type(surrogate_type), intent(out) :: surrogate
       type(error_type), allocatable, intent(out) :: error
       type(simulations_type) :: known
+      !> Noise of each value, relative.
+      real(wp), allocatable :: noise(:)
       type(domain_type) :: domain
       type(posterior_type) :: posterior
       real(wp), allocatable :: draws(:, :), share(:)
@@ -108,11 +113,11 @@ contains
       integer :: round, n_before
 
       call begin_progress('exact values of the film', int(n_broad + most_rounds*(n_drawn &
-         & + n_wide), i8))
+         & + n_spread), i8))
       call add_broad()
       do round = 1, most_rounds
          if (allocated(error)) exit
-         call draw_aside(problem, problem%settings%measurements, surrogate, focus_run, posterior, &
+         call draw_aside(problem, problem%settings%measurements, surrogate, pilot, posterior, &
             & draws, error)
          if (allocated(error)) exit
          call find_share()
@@ -126,7 +131,6 @@ contains
 
       !> Train on crystals over the broad region.
       subroutine add_broad()
-         real(wp), allocatable :: constants(:, :), euler_deg(:, :)
          type(observable_type) :: observable
          real(wp) :: poisson, anisotropy, scale, young
 
@@ -147,12 +151,21 @@ contains
          if (allocated(error)) return
          domain%is_extended = .true.
          allocate (known%constants(problem%class%n_constants, 0), known%euler_deg(3, 0), &
-            & known%modulus(0))
-         call spread_crystals(domain, n_broad, problem%settings%problem%seed, constants, &
-            & euler_deg, error)
-         if (.not. allocated(error)) call add_values(constants, euler_deg)
+            & known%modulus(0), noise(0))
+         call add_spread(n_broad, 0)
          if (.not. allocated(error)) call fit()
       end subroutine add_broad
+
+      !> Add values at crystals that are spread over the domain.
+      subroutine add_spread(n, number)
+         !> Of crystals; of the random stream.
+         integer, intent(in) :: n, number
+         real(wp), allocatable :: constants(:, :), euler_deg(:, :)
+
+         call spread_crystals(domain, n, problem%settings%problem%seed + number, constants, &
+            & euler_deg, error)
+         if (.not. allocated(error)) call add_values(constants, euler_deg, coarse_noise)
+      end subroutine add_spread
 
       !> Find the share of the correction in the variances. Grains of unknown orientation have none.
       subroutine find_share()
@@ -170,34 +183,20 @@ contains
 
       !> Train on crystals of the posterior, and compare them with the predictions.
       subroutine add_draws()
-         type(log_coordinates_type) :: logarithms
-         real(wp) :: w(problem%class%n_constants, n_drawn), mean(problem%class%n_constants), &
-            & constants(problem%class%n_constants, n_drawn + n_wide), &
-            & euler_deg(3, n_drawn + n_wide), c(6, 6, n_drawn)
+         real(wp) :: euler_deg(3, n_drawn)
          real(wp), allocatable, dimension(:) :: modulus, sd
          integer :: i
 
-         logarithms = new_log_coordinates(problem%class)
-         c = problem%class%stiffnesses(draws(:posterior%n_constants, &
-            & [(1 + (i - 1)*size(draws, 2)/n_drawn, i=1, n_drawn)]))
-         do i = 1, n_drawn
-            constants(:, i) = problem%class%constants_of(c(:, :, i))
-            w(:, i) = logarithms%to_logarithms(c(:, :, i))
-         end do
-         mean = sum(w, 2)/n_drawn
-         do i = 1, n_wide
-            constants(:, n_drawn + i) = problem%class%constants_of(logarithms%from_logarithms( &
-               & mean + wide*(w(:, 1 + (i - 1)*n_drawn/n_wide) - mean)))
-         end do
-         euler_deg = directions(problem%settings%problem%seed, round, size(euler_deg, 2))
-         do i = 1, size(euler_deg, 2)
-            if (mod(i, 2) == 0 .or. allocated(posterior%unknown)) cycle
+         euler_deg = directions(problem%settings%problem%seed, round, n_drawn)
+         do i = 1, n_drawn, 2
+            if (allocated(posterior%unknown)) exit
             associate (grains => problem%measurements%euler_deg)
                euler_deg(:, i) = grains(:, 1 + mod(i/2, size(grains, 2)))
             end associate
          end do
          n_before = size(known%modulus)
-         call add_values(constants(:, :n_drawn), euler_deg(:, :n_drawn))
+         call add_values(draws(:posterior%n_constants, &
+            & [(1 + (i - 1)*size(draws, 2)/n_drawn, i=1, n_drawn)]), euler_deg, 1.0_wp)
          if (allocated(error)) return
          associate (constants => known%constants(:, n_before + 1:), &
             & exact => known%modulus(n_before + 1:))
@@ -207,22 +206,16 @@ contains
             if (allocated(error)) return
             z = norm2((exact - modulus)/sd)/sqrt(real(size(exact), wp))
          end associate
-         call add_values(constants(:, n_drawn + 1:), euler_deg(:, n_drawn + 1:))
-         if (allocated(error)) return
          call extend(domain, problem%class%stiffnesses(known%constants(:, n_before + 1:)))
-         if (round == 1) then
-            ! Values far from the posterior would limit the accuracy there.
-            known%constants = known%constants(:, n_broad + 1:)
-            known%euler_deg = known%euler_deg(:, n_broad + 1:)
-            known%modulus = known%modulus(n_broad + 1:)
-         end if
+         call add_spread(n_spread, round)
+         if (allocated(error)) return
          call fit()
       end subroutine add_draws
 
       !> Compute exact values. Crystals that theory cannot indent are left out.
-      subroutine add_values(constants, euler_deg)
+      subroutine add_values(constants, euler_deg, relative_noise)
          !> GPa, (n_constants, n); degrees, (3, n).
-         real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
+         real(wp), intent(in) :: constants(:, :), euler_deg(:, :), relative_noise
          type(film_type) :: films(size(constants, 2))
          integer, allocatable :: made(:)
          integer :: i
@@ -238,6 +231,7 @@ contains
                & constants(:, made))
             known%euler_deg = reshape(known%euler_deg, [3, n], euler_deg(:, made))
             known%modulus = [known%modulus, films(made)%modulus]
+            noise = [noise, spread(relative_noise, 1, size(made))]
          end associate
       end subroutine add_values
 
@@ -247,15 +241,20 @@ contains
          class(basis_type), allocatable :: basis
          type(learner_type) :: learner
          class(indenter_type), allocatable :: indenter
+         real(wp), allocatable :: terms(:, :), scale(:), growth(:)
 
          settings%model = 'film'
          settings%degree = 3
          call new_basis(domain, settings, basis, error)
          if (.not. allocated(error)) call new_learner(basis, learner, error)
          if (allocated(error)) return
-         call add_simulations(learner, known%constants, known%euler_deg, known%modulus, .true., &
-            & error)
-         if (.not. allocated(error)) call fit_learner(learner, error)
+         call basis%evaluate_crystals(known%constants, known%euler_deg, terms, scale, growth)
+         learner%simulations = known
+         associate (y => basis%to_y(known%modulus, scale, growth))
+            call add_data(learner%design%regression, terms/spread(noise, 1, size(terms, 1)), &
+               & y/noise)
+         end associate
+         call fit_learner(learner, error)
          if (.not. allocated(error)) call surrogate_of(learner, '{}', surrogate, error)
          if (.not. allocated(error)) call new_indenter(problem%settings%indenter, indenter, error)
          if (.not. allocated(error)) surrogate%contact_radius = indenter%contact_radius
