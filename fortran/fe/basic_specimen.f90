@@ -132,6 +132,7 @@ contains
       !> Half-widths at both ends and contact radius, um; `refine`: number of layers relative to the
       !> default.
       real(wp), intent(in) :: from, to, contact_radius, refine
+      !> Its number.
       integer, intent(in) :: material
       type(mesh_stage_type), allocatable :: stages(:)
       !> Growth at refine = 1, and the distance up to which it holds (contact radii).

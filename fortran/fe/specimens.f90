@@ -5,7 +5,8 @@
 !> `new_indentation`.
 module specimens
    use basic_specimen, only: core_of_contact, fineness, graded_layers, halfspace_name, &
-      & layers_of_ratio, mesh_plan_type, mesh_stage_type, require, specimen_type, to_ball, to_cylinder
+      & layers_of_ratio, mesh_plan_type, mesh_stage_type, require, specimen_type, to_ball, &
+      & to_cylinder
    use crystal_elasticity, only: averages_type, isotropic_stiffness, polycrystal_averages
    use errors, only: error_type, locate_error, refuse
    use indenters, only: indenter_type, new_indenter

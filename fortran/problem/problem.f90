@@ -150,11 +150,6 @@ contains
       radians = self%settings%measurements%angles == 'radians'
       associate (s => self%settings)
          call load_crystals(self, error)
-         if (.not. allocated(error) .and. allocated(s%specimen%layers)) then
-            allocate (self%layers)
-            call read_layers(resolve_path(self%folder, s%specimen%layers), self%layers, error)
-            call self%locate('specimen', 'layers', error, s%specimen%layers)
-         end if
          if (allocated(error)) return
          if (s%curves%given) call load_curves()
          if (.not. allocated(error)) call load_velocities()
@@ -267,14 +262,20 @@ contains
       end subroutine load_grains
    end subroutine load_tables
 
-   !> Read the tables of crystals: those to simulate, references, and the candidates of &design,
-   !> which must be of the symmetry of &problem.
+   !> Read the layers, and the tables of crystals: those to simulate, references, and the candidates
+   !> of &design, which must be of the symmetry of &problem.
    subroutine load_crystals(self, error)
       type(problem_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       integer :: i
 
       associate (s => self%settings)
+         if (allocated(s%specimen%layers)) then
+            allocate (self%layers)
+            call read_layers(resolve_path(self%folder, s%specimen%layers), self%layers, error)
+            call self%locate('specimen', 'layers', error, s%specimen%layers)
+            if (allocated(error)) return
+         end if
          if (allocated(s%crystals%points)) then
             call read_file('crystals', 'points', s%crystals%points, self%crystals)
             if (allocated(error)) return

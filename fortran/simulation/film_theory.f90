@@ -205,7 +205,7 @@ contains
       else if (.not. allocated(stated%substrate_constants)) then
          call refuse(error, 'the variable is missing; substrate_symmetry needs it', &
             & variable='substrate_constants')
-      else if (size(stated%substrate_constants) /= class%n_constants) then
+      else if (size(stated%substrate_constants) /= size(class%constants)) then
          call refuse(error, to_text(size(stated%substrate_constants))//' values; ' &
             & //to_text(class%n_constants)//' are needed: '//join(class%constants, ', '), &
             & variable='substrate_constants')

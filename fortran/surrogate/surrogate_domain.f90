@@ -102,8 +102,8 @@ contains
       has_scale = self%stiffness(2) < huge(1.0_wp)
    end function has_scale
 
-   !> The crystals at which the surrogate may be evaluated: the domain, or all stable crystals of its
-   !> class if it is extended.
+   !> The crystals at which the surrogate may be evaluated: the domain, or all stable crystals of
+   !> its class if it is extended.
    pure type(domain_type) function support(self)
       class(domain_type), intent(in) :: self
 

@@ -61,7 +61,8 @@ contains
       if (self%crystal == 0) then
          call refuse(error, 'the row ''crystal'' is missing: which layer is the crystal?')
       else if (size(self%thickness) == 0) then
-         call refuse(error, 'there is no layer on the half-space; geometry = ''halfspace'' has none')
+         call refuse(error, &
+            & 'there is no layer on the half-space; geometry = ''halfspace'' has none')
       end if
 
    contains

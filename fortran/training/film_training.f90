@@ -46,6 +46,17 @@ module film_training
    real(wp), parameter :: broad_anisotropy = 2.5_wp, broad_poisson(2) = [0.05_wp, 0.45_wp], &
       & broad_scale = 3.0_wp, typical_poisson = 0.3_wp
 
+   type :: training_type
+      type(problem_type), pointer :: problem => null()
+      !> The exact values, and the noise of each, relative to that of draws.
+      type(simulations_type) :: known
+      real(wp), allocatable :: noise(:)
+      !> Contains all values.
+      type(domain_type) :: domain
+      !> Trained on the values so far.
+      type(surrogate_type) :: surrogate
+   end type training_type
+
 contains
 
    !> A problem with the measurements that &plan expects to be least precise, without their errors.
@@ -100,164 +111,190 @@ contains
 
    !> Train the correction of a film where the posterior of the problem is.
    subroutine train_film(problem, surrogate, error)
-      type(problem_type), intent(in) :: problem
+      type(problem_type), intent(in), target :: problem
       type(surrogate_type), intent(out) :: surrogate
       type(error_type), allocatable, intent(out) :: error
-      type(simulations_type) :: known
-      !> Noise of each value, relative.
-      real(wp), allocatable :: noise(:)
-      type(domain_type) :: domain
+      type(training_type) :: self
       type(posterior_type) :: posterior
       real(wp), allocatable :: draws(:, :), share(:)
       real(wp) :: z
-      integer :: round, n_before
+      integer :: round
 
+      self%problem => problem
       call begin_progress('exact values of the film', int(n_broad + most_rounds*(n_drawn &
          & + n_spread), i8))
-      call add_broad()
+      call find_broad(self, error)
+      if (.not. allocated(error)) call add_spread(self, n_broad, 0, error)
+      if (.not. allocated(error)) call fit(self, error)
       do round = 1, most_rounds
          if (allocated(error)) exit
-         call draw_aside(problem, problem%settings%measurements, surrogate, pilot, posterior, &
+         call draw_aside(problem, problem%settings%measurements, self%surrogate, pilot, posterior, &
             & draws, error)
          if (allocated(error)) exit
-         call find_share()
-         if (.not. allocated(error)) call add_draws()
+         call find_share(posterior, draws, problem%threads(), share, error)
+         if (.not. allocated(error)) call add_draws(self, posterior, draws, round, z, error)
+         if (.not. allocated(error)) call add_spread(self, n_spread, round, error)
+         if (.not. allocated(error)) call fit(self, error)
          if (allocated(error)) exit
          if (all(share <= accurate_share) .and. z <= accurate_z) exit
       end do
       call end_progress()
+      surrogate = self%surrogate
+   end subroutine train_film
 
-   contains
+   !> Set the domain to the broad region about the isotropic crystal with the mean measurement.
+   subroutine find_broad(self, error)
+      type(training_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+      type(observable_type) :: observable
+      real(wp) :: poisson, anisotropy, scale, young
 
-      !> Train on crystals over the broad region.
-      subroutine add_broad()
-         type(observable_type) :: observable
-         real(wp) :: poisson, anisotropy, scale, young
-
-         young = 100.0_wp
-         domain%log_anisotropy_max = broad_anisotropy
-         domain%poisson = broad_poisson
-         associate (model => problem%settings%measurements)
-            call new_observable(model%modulus_kind, model, observable, error)
-            if (allocated(error)) return
-            young = sum(problem%measurements%modulus_gpa)/size(problem%measurements%modulus_gpa)
-            young = young_of_film(problem, young/max(observable%factor &
-               & - observable%compliance*young, 1.0e-3_wp), typical_poisson)
-         end associate
+      associate (problem => self%problem, model => self%problem%settings%measurements, &
+         & domain => self%domain)
+         call new_observable(model%modulus_kind, model, observable, error)
+         if (allocated(error)) return
+         young = sum(problem%measurements%modulus_gpa)/size(problem%measurements%modulus_gpa)
+         young = young_of_film(problem, young/max(observable%factor &
+            & - observable%compliance*young, 1.0e-3_wp), typical_poisson)
          call logarithmic_mean(isotropic_stiffness(young, typical_poisson), poisson, anisotropy, &
             & scale)
+         domain%log_anisotropy_max = broad_anisotropy
+         domain%poisson = broad_poisson
          domain%stiffness = scale*[1.0_wp/broad_scale, broad_scale]
          call complete_domain(problem%class%name, domain, error)
-         if (allocated(error)) return
          domain%is_extended = .true.
-         allocate (known%constants(problem%class%n_constants, 0), known%euler_deg(3, 0), &
-            & known%modulus(0), noise(0))
-         call add_spread(n_broad, 0)
-         if (.not. allocated(error)) call fit()
-      end subroutine add_broad
-
-      !> Add values at crystals that are spread over the domain.
-      subroutine add_spread(n, number)
-         !> Of crystals; of the random stream.
-         integer, intent(in) :: n, number
-         real(wp), allocatable :: constants(:, :), euler_deg(:, :)
-
-         call spread_crystals(domain, n, problem%settings%problem%seed + number, constants, &
-            & euler_deg, error)
-         if (.not. allocated(error)) call add_values(constants, euler_deg, coarse_noise)
-      end subroutine add_spread
-
-      !> Find the share of the correction in the variances. Grains of unknown orientation have none.
-      subroutine find_share()
-         type(shares_type), allocatable :: shares(:)
-         integer :: i
-
-         share = spread(0.0_wp, 1, posterior%n_constants)
-         if (allocated(posterior%unknown)) return
-         call find_shares(posterior, draws, draws(:size(share), :), real(size(draws, 2), wp), &
-            & problem%threads(), shares, error)
-         if (allocated(error)) return
-         share = max([(shares(i)%by_source(from_surrogate), i=1, size(share))], &
-            & changes_of_variance(posterior, draws, size(share), problem%threads()))
-      end subroutine find_share
-
-      !> Train on crystals of the posterior, and compare them with the predictions.
-      subroutine add_draws()
-         real(wp) :: euler_deg(3, n_drawn)
-         real(wp), allocatable, dimension(:) :: modulus, sd
-         integer :: i
-
-         euler_deg = directions(problem%settings%problem%seed, round, n_drawn)
-         do i = 1, n_drawn, 2
-            if (allocated(posterior%unknown)) exit
-            associate (grains => problem%measurements%euler_deg)
-               euler_deg(:, i) = grains(:, 1 + mod(i/2, size(grains, 2)))
-            end associate
-         end do
-         n_before = size(known%modulus)
-         call add_values(draws(:posterior%n_constants, &
-            & [(1 + (i - 1)*size(draws, 2)/n_drawn, i=1, n_drawn)]), euler_deg, 1.0_wp)
-         if (allocated(error)) return
-         associate (constants => known%constants(:, n_before + 1:), &
-            & exact => known%modulus(n_before + 1:))
-            allocate (modulus(size(exact)), sd(size(exact)))
-            call predict_crystals(surrogate, problem%class%stiffnesses(constants), &
-               & degree*known%euler_deg(:, n_before + 1:), problem%threads(), modulus, sd, error)
-            if (allocated(error)) return
-            z = norm2((exact - modulus)/sd)/sqrt(real(size(exact), wp))
+         associate (known => self%known)
+            allocate (known%constants(problem%class%n_constants, 0), known%euler_deg(3, 0), &
+               & known%modulus(0), self%noise(0))
          end associate
-         call extend(domain, problem%class%stiffnesses(known%constants(:, n_before + 1:)))
-         call add_spread(n_spread, round)
-         if (allocated(error)) return
-         call fit()
-      end subroutine add_draws
+      end associate
+   end subroutine find_broad
 
-      !> Compute exact values. Crystals that theory cannot indent are left out.
-      subroutine add_values(constants, euler_deg, relative_noise)
-         !> GPa, (n_constants, n); degrees, (3, n).
-         real(wp), intent(in) :: constants(:, :), euler_deg(:, :), relative_noise
-         type(film_type) :: films(size(constants, 2))
-         integer, allocatable :: made(:)
-         integer :: i
+   !> Find the share of the correction in the variance of each constant. Grains of unknown
+   !> orientation have none.
+   subroutine find_share(posterior, draws, threads, share, error)
+      type(posterior_type), intent(in) :: posterior
+      !> (parameter, draw).
+      real(wp), intent(in) :: draws(:, :)
+      integer, intent(in) :: threads
+      real(wp), allocatable, intent(out) :: share(:)
+      type(error_type), allocatable, intent(out) :: error
+      type(shares_type), allocatable :: shares(:)
+      integer :: i
 
-         call indent_films(problem, problem%class%stiffnesses(constants), euler_deg, &
-            & problem%threads(), films, error)
-         made = pack([(i, i=1, size(films))], films%modulus > 0.0_wp)
-         if (size(made) < (1.0_wp - most_failed)*size(films)) return
-         if (allocated(error)) deallocate (error)
-         call advance_progress(int(size(films), i8))
-         associate (n => size(known%modulus) + size(made))
-            known%constants = reshape(known%constants, [size(constants, 1), n], &
-               & constants(:, made))
-            known%euler_deg = reshape(known%euler_deg, [3, n], euler_deg(:, made))
-            known%modulus = [known%modulus, films(made)%modulus]
-            noise = [noise, spread(relative_noise, 1, size(made))]
+      share = spread(0.0_wp, 1, posterior%n_constants)
+      if (allocated(posterior%unknown)) return
+      call find_shares(posterior, draws, draws(:size(share), :), real(size(draws, 2), wp), &
+         & threads, shares, error)
+      if (allocated(error)) return
+      share = max([(shares(i)%by_source(from_surrogate), i=1, size(share))], &
+         & changes_of_variance(posterior, draws, size(share), threads))
+   end subroutine find_share
+
+   !> Add values at crystals that are spread over the domain.
+   subroutine add_spread(self, n, number, error)
+      type(training_type), intent(inout) :: self
+      !> Of crystals; of the random stream.
+      integer, intent(in) :: n, number
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: constants(:, :), euler_deg(:, :)
+
+      call spread_crystals(self%domain, n, self%problem%settings%problem%seed + number, constants, &
+         & euler_deg, error)
+      if (.not. allocated(error)) then
+         call add_values(self, constants, euler_deg, coarse_noise, error)
+      end if
+   end subroutine add_spread
+
+   !> Add values at crystals of the posterior, half of them in the orientations of the grains, and
+   !> extend the domain to these crystals.
+   subroutine add_draws(self, posterior, draws, round, z, error)
+      type(training_type), intent(inout) :: self
+      type(posterior_type), intent(in) :: posterior
+      !> (parameter, draw).
+      real(wp), intent(in) :: draws(:, :)
+      integer, intent(in) :: round
+      !> Root mean square of (exact - predicted)/sd.
+      real(wp), intent(out) :: z
+      type(error_type), allocatable, intent(out) :: error
+      real(wp) :: euler_deg(3, n_drawn)
+      real(wp), allocatable, dimension(:) :: modulus, sd
+      integer :: before, i
+
+      euler_deg = directions(self%problem%settings%problem%seed, round, n_drawn)
+      do i = 1, n_drawn, 2
+         if (allocated(posterior%unknown)) exit
+         associate (grains => self%problem%measurements%euler_deg)
+            euler_deg(:, i) = grains(:, 1 + mod(i/2, size(grains, 2)))
          end associate
-      end subroutine add_values
-
-      !> Fit the correction to all values.
-      subroutine fit()
-         type(surrogate_settings_type) :: settings
-         class(basis_type), allocatable :: basis
-         type(learner_type) :: learner
-         class(indenter_type), allocatable :: indenter
-         real(wp), allocatable :: terms(:, :), scale(:), growth(:)
-
-         settings%model = 'film'
-         settings%degree = 3
-         call new_basis(domain, settings, basis, error)
-         if (.not. allocated(error)) call new_learner(basis, learner, error)
+      end do
+      before = size(self%known%modulus)
+      call add_values(self, draws(:posterior%n_constants, &
+         & [(1 + (i - 1)*size(draws, 2)/n_drawn, i=1, n_drawn)]), euler_deg, 1.0_wp, error)
+      if (allocated(error)) return
+      associate (crystals => self%problem%class%stiffnesses(self%known%constants(:, before + 1:)), &
+         & exact => self%known%modulus(before + 1:))
+         allocate (modulus(size(exact)), sd(size(exact)))
+         call predict_crystals(self%surrogate, crystals, &
+            & degree*self%known%euler_deg(:, before + 1:), self%problem%threads(), modulus, sd, &
+            & error)
          if (allocated(error)) return
-         call basis%evaluate_crystals(known%constants, known%euler_deg, terms, scale, growth)
-         learner%simulations = known
-         associate (y => basis%to_y(known%modulus, scale, growth))
-            call add_data(learner%design%regression, terms/spread(noise, 1, size(terms, 1)), &
-               & y/noise)
-         end associate
-         call fit_learner(learner, error)
-         if (.not. allocated(error)) call surrogate_of(learner, '{}', surrogate, error)
-         if (.not. allocated(error)) call new_indenter(problem%settings%indenter, indenter, error)
-         if (.not. allocated(error)) surrogate%contact_radius = indenter%contact_radius
-      end subroutine fit
-   end subroutine train_film
+         z = norm2((exact - modulus)/sd)/sqrt(real(size(exact), wp))
+         call extend(self%domain, crystals)
+      end associate
+   end subroutine add_draws
+
+   !> Compute exact values. Crystals that theory cannot indent are left out.
+   subroutine add_values(self, constants, euler_deg, noise, error)
+      type(training_type), intent(inout) :: self
+      !> GPa, (n_constants, n); degrees, (3, n); noise of the values, relative to that of draws.
+      real(wp), intent(in) :: constants(:, :), euler_deg(:, :), noise
+      type(error_type), allocatable, intent(out) :: error
+      type(film_type) :: films(size(constants, 2))
+      integer, allocatable :: made(:)
+      integer :: i, n
+
+      call indent_films(self%problem, self%problem%class%stiffnesses(constants), euler_deg, &
+         & self%problem%threads(), films, error)
+      made = pack([(i, i=1, size(films))], films%modulus > 0.0_wp)
+      if (size(made) < (1.0_wp - most_failed)*size(films)) return
+      if (allocated(error)) deallocate (error)
+      call advance_progress(int(size(films), i8))
+      associate (known => self%known)
+         n = size(known%modulus) + size(made)
+         known%constants = reshape(known%constants, [size(constants, 1), n], constants(:, made))
+         known%euler_deg = reshape(known%euler_deg, [3, n], euler_deg(:, made))
+         known%modulus = [known%modulus, films(made)%modulus]
+         self%noise = [self%noise, spread(noise, 1, size(made))]
+      end associate
+   end subroutine add_values
+
+   !> Fit the correction to all values.
+   subroutine fit(self, error)
+      type(training_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+      type(surrogate_settings_type) :: settings
+      class(basis_type), allocatable :: basis
+      type(learner_type) :: learner
+      class(indenter_type), allocatable :: indenter
+      real(wp), allocatable :: terms(:, :), scale(:), growth(:)
+
+      settings%model = 'film'
+      settings%degree = 3
+      call new_basis(self%domain, settings, basis, error)
+      if (.not. allocated(error)) call new_learner(basis, learner, error)
+      if (allocated(error)) return
+      learner%simulations = self%known
+      call basis%evaluate_crystals(self%known%constants, self%known%euler_deg, terms, scale, growth)
+      associate (y => basis%to_y(self%known%modulus, scale, growth))
+         call add_data(learner%design%regression, terms/spread(self%noise, 1, size(terms, 1)), &
+            & y/self%noise)
+      end associate
+      call fit_learner(learner, error)
+      if (.not. allocated(error)) call surrogate_of(learner, '{}', self%surrogate, error)
+      if (.not. allocated(error)) then
+         call new_indenter(self%problem%settings%indenter, indenter, error)
+      end if
+      if (.not. allocated(error)) self%surrogate%contact_radius = indenter%contact_radius
+   end subroutine fit
 end module film_training

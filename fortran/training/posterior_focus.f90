@@ -211,7 +211,9 @@ contains
       type(posterior_type), intent(in) :: posterior
       !> (parameter, draw).
       real(wp), intent(in) :: draws(:, :)
-      integer, intent(in) :: n_constants, threads
+      !> Number of constants, the first parameters.
+      integer, intent(in) :: n_constants
+      integer, intent(in) :: threads
       real(wp) :: change(n_constants)
       integer, parameter :: n_surrogates = 30
       !> Errors of the surrogates, in sds, and weights of the draws; surrogate 0 is exact.

@@ -1,4 +1,4 @@
-"""Whether the loop closes: embedded grains of metals for which the quickstart's first fifteen simulations are
+"""Whether the loop closes: embedded grains of metals for which the first fifteen simulations are
 wrong, and simulations at the posterior.
 
     ./bayesindent bench focus [--metals iridium,lead] [--grain 2.5,163,0.223] [--seeds 5] [--many

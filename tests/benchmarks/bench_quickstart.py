@@ -33,7 +33,9 @@ SD_GPA = 2.0
 def main(argv=None) -> int:
     """Simulate, sample, tabulate."""
     parser = argparse.ArgumentParser(
-        prog="bench quickstart", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog="bench quickstart",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--draws", type=int, default=200, help="draws of the noise (200)")
     parser.add_argument("--workers", type=int, default=0, help="threads (0: all cores)")
@@ -89,8 +91,7 @@ def main(argv=None) -> int:
 
 
 def without_noise(arguments) -> tuple[np.ndarray, np.ndarray]:
-    """Angles (n, 3) of the quickstart's grains, and their moduli (n,) in GPa.
-    """
+    """Angles (n, 3) of the quickstart's grains, and their moduli (n,) in GPa."""
     namelist = f90nml.read(QUICKSTART)
     angles = read_measurements(
         QUICKSTART.parent / namelist["measurements"].pop("file"),

@@ -31,7 +31,7 @@ def isotropic(young, nu):
 
 
 def modulus(layer, substrate, thickness, **settings):
-    """Of a film of isotropic layer and substrate, each (Young's modulus in GPa, Poisson's ratio)."""
+    """Of a film; layer and substrate have Young's modulus in GPa, and Poisson's ratio."""
     return float(
         bi.film_modulus(
             isotropic(*layer),
@@ -194,7 +194,9 @@ def test_layers(tmp_path, capsys):
     capsys.readouterr()
     assert found[1] == pytest.approx(found[0], rel=1e-12)
     assert found[2] == pytest.approx(found[0], rel=1e-7)
-    bulk = float(bi.halfspace_modulus(bi.stiffness("cubic", C11=168, C12=121, C44=75), [10, 40, 30]))
+    bulk = float(
+        bi.halfspace_modulus(bi.stiffness("cubic", C11=168, C12=121, C44=75), [10, 40, 30])
+    )
     assert 1.001 < found[3] / bulk < 1.1
 
 
@@ -324,7 +326,9 @@ def test_the_constants_of_a_film(tmp_path, capsys):
         exact = bi.film_modulus(crystal, angles, **settings)
         predicted, _ = surrogate.predict(np.repeat(crystal[None], len(angles), 0), angles)
         assert predicted == pytest.approx(exact, rel=2e-3)
-        misfits = [(rows["indentation_modulus_gpa"] - m) / rows["sd_gpa"] for m in (predicted, exact)]
+        misfits = [
+            (rows["indentation_modulus_gpa"] - m) / rows["sd_gpa"] for m in (predicted, exact)
+        ]
         log_weights[i] = 0.5 * (misfits[0] @ misfits[0] - misfits[1] @ misfits[1])
     weights = np.exp(log_weights - log_weights.max())
     weights /= weights.sum()

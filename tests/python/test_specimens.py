@@ -11,6 +11,7 @@ from support.paper_domains import DOMAINS
 
 ZINC = bi.stiffness("hexagonal", C11=161.1, C12=34.2, C44=38.3, C33=61.1, C13=50.3)
 
+
 def isotropic(young, nu):
     """Stiffness (6, 6) in GPa."""
     scale = young / ((1 + nu) * (1 - 2 * nu))

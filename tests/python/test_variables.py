@@ -96,7 +96,8 @@ def layered(folder, groups):
     )
     if "layers" in groups["specimen"]:
         groups = {"specimen": {"geometry": "film", "layers": "layers.csv"}}
-    problem = written(folder, merged({"crystals": {"points": "points.csv"}}, groups))
+    defaults = {"problem": {"symmetry": "cubic"}, "crystals": {"points": "points.csv"}}
+    problem = written(folder, merged(defaults, groups))
     assert main(["theory", str(problem.path), "--output", str(folder / "out")]) == 0
     return (folder / "out" / "theory.csv").read_text()
 
