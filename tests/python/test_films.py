@@ -321,15 +321,16 @@ def test_the_constants_of_a_film(tmp_path, capsys):
     crystals = bi.stiffness("cubic", *draws.T)
     settings = {"thickness_um": 0.5, "substrate_young_gpa": 200, "estimator": "curve"}
     surrogate = bi.Surrogate.load(tmp_path / "out" / "surrogate.txt")
-    log_weights = np.zeros(len(draws))
+    log_weights, errors = np.zeros(len(draws)), []
     for i, crystal in enumerate(crystals):
         exact = bi.film_modulus(crystal, angles, **settings)
         predicted, _ = surrogate.predict(np.repeat(crystal[None], len(angles), 0), angles)
-        assert predicted == pytest.approx(exact, rel=2e-3)
+        errors.append(predicted / exact - 1)
         misfits = [
             (rows["indentation_modulus_gpa"] - m) / rows["sd_gpa"] for m in (predicted, exact)
         ]
         log_weights[i] = 0.5 * (misfits[0] @ misfits[0] - misfits[1] @ misfits[1])
+    assert np.sqrt(np.mean(np.square(errors))) < 5e-4
     weights = np.exp(log_weights - log_weights.max())
     weights /= weights.sum()
     assert 1 / (weights**2).sum() > 0.95 * len(draws)
