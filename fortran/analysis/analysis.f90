@@ -3,6 +3,7 @@
 !> posterior, `infer` samples it. `further_measurements` and `planned_measurements` work on it, too.
 module analysis
    use constants_posterior, only: posterior_type
+   use assumptions, only: assumption_type, list_assumptions
    use crystal_elasticity, only: averages_type, polycrystal_averages
    use detected_speeds, only: draw_aside, omit_undetected
    use diagnostics, only: diagnosed_type
@@ -38,8 +39,8 @@ module analysis
       type(problem_type), pointer :: problem => null()
       type(surrogate_type) :: surrogate
       type(posterior_type) :: posterior
-      !> The last parameter may be the factor on the sds. The sampler has its logarithm; here it is
-      !> the factor itself.
+      !> The sampler has the logarithms of the parameters beside the constants; here they are the
+      !> parameters themselves.
       type(chains_type) :: chains, prior_chains
       !> Names of the parameters.
       character(len=9), allocatable :: names(:)
@@ -50,6 +51,8 @@ module analysis
       type(shares_type), allocatable :: parameter_shares(:), combination_shares(:), &
          & quantity_shares(:)
       type(combination_type), allocatable :: combinations(:)
+      !> Changes of the constants if an assumption is wrong.
+      type(assumption_type), allocatable :: assumptions(:)
       !> Expected gains from further knowledge.
       type(gain_type), allocatable :: gains(:)
       type(quantity_type), allocatable :: quantities(:)
@@ -222,7 +225,7 @@ contains
          n = posterior%dimension
          k = posterior%n_constants
          self%names = [character(len=9) :: posterior%prior%class%constants, &
-            & spread('sd_factor', 1, n - k)]
+            & posterior%nuisances%name]
          call reported_quantities(posterior%prior%class, self%quantities, error)
          if (allocated(error)) return
          call predict_grains(posterior, chains, threads, self%quantities, &
@@ -248,7 +251,10 @@ contains
             & .and. self%most_probable <= self%parameters%hdi_95(2))) self%most_probable = nan
          call find_all_shares()
          if (allocated(error)) return
-         if (n > k) draws(n, :) = exp(draws(n, :))
+         call list_assumptions(posterior, self%parameters(:k)%mean, self%parameter_shares(:k), &
+            & self%assumptions, error)
+         if (allocated(error)) return
+         draws(k + 1:, :) = exp(draws(k + 1:, :))
          self%limits = list_limits(posterior%prior, draws)
          call measure_sensitivity(posterior, draws, self%limits, self%changes)
          call expect_gains(posterior%prior, chains%draws, self%gains)
@@ -287,7 +293,7 @@ contains
          parameter_draws = thinned(self%chains%draws, &
             & max(size(draws, 2), most_predictions/self%posterior%n_grains))
          parameter_values = parameter_draws
-         if (self%posterior%infers_scale) parameter_draws(n, :) = log(parameter_draws(n, :))
+         parameter_draws(k + 1:, :) = log(parameter_draws(k + 1:, :))
          call find_shares(self%posterior, parameter_draws, parameter_values, &
             & min(effective, real(size(parameter_draws, 2), wp)), threads, &
             & self%parameter_shares, error)

@@ -89,9 +89,7 @@ contains
                & //'sd of the next speed, and no speeds were measured whose sd it could be', error)
          end if
          if (allocated(error)) return
-         if (posterior%infers_scale) then
-            few(posterior%dimension, :) = log(few(posterior%dimension, :))
-         end if
+         few(posterior%n_constants + 1:, :) = log(few(posterior%n_constants + 1:, :))
          if (posterior%grains%has_theory) then
             call choose_field_degree(posterior, few(:, ::degree_stride), threads, error)
          end if
@@ -215,7 +213,8 @@ contains
       integer, allocatable :: kind(:)
       integer :: i
 
-      call posterior%new_grains(candidates%euler_deg*degree, candidates%paths, grains, error)
+      call posterior%new_grains(candidates%euler_deg*degree, candidates%paths, grains, error, &
+         & with_mean=.true.)
       if (allocated(error)) return
       kind = merge(2, 1, candidates%paths%is_speed())
       candidates%sd = sd(kind)
@@ -259,7 +258,7 @@ contains
             else
                associate (n => posterior%grains%n_columns, calibrated => posterior%n_calibrated, &
                   & group => posterior%data%group(first(k)))
-                  if (calibrated > n) relative(n + group, k) = posterior%calibration(group)
+                  if (calibrated > n) relative(n + group, k) = posterior%laboratory%sd(group)
                   relative(calibrated + 1:calibrated + size(posterior%data%shared, 2), k) = &
                      & sum(posterior%data%shared(first(k):last(k), :), 1)/(last(k) - first(k) + 1)
                end associate
@@ -389,35 +388,53 @@ contains
       !> Variances, (measurement): of the shared errors given the data and the constants, and of the
       !> surrogate's errors that grains do not share.
       real(wp), intent(out), contiguous :: shared_variance(:), own_variance(:)
-      real(wp), dimension(size(values)) :: slope, mean, mean_slope
-      real(wp) :: c(6, 6), influence(size(values), grains%n_columns), &
+      !> Of the measurements, then of the directions over which moduli are averaged.
+      real(wp), dimension(size(values) + size(posterior%mean_weights)) :: moduli, mean, slope, &
+         & mean_slope
+      real(wp) :: c(6, 6), influence(size(moduli), grains%n_columns), &
          & columns(size(values), size(z)), shared(size(z))
       real(wp), allocatable :: precision(:, :)
       real(wp) :: factor(posterior%n_groups)
+      logical :: are_moduli(size(values))
       integer :: i, m
 
       m = posterior%n_shared
       c = posterior%stiffness(x)
+      are_moduli = [(i <= n, i=1, size(values))]
       call draw_shared(posterior, x, z(:m), shared(:m), precision, factor)
-      call grains%evaluate_moduli(c, values, slope)
-      mean = values
+      call grains%evaluate_moduli(c, moduli, slope)
+      mean = moduli
       mean_slope = slope
-      call posterior%observable%to_measured(mean(:n), mean_slope(:n))
+      call observe(mean, mean_slope)
       shared(m + 1:) = z(m + 1:)
-      columns = transpose(relative)*spread(mean, 2, size(z))
+      columns = transpose(relative)*spread(mean(:size(values)), 2, size(z))
       if (grains%n_columns > 0) then
          call grains%evaluate_columns(c, influence)
-         values = values + slope*matmul(influence, shared(:grains%n_columns))
-         columns(:, :grains%n_columns) = spread(mean_slope, 2, grains%n_columns)*influence
+         moduli = moduli + slope*matmul(influence, shared(:grains%n_columns))
+         columns(:, :grains%n_columns) &
+            & = spread(mean_slope(:size(values)), 2, grains%n_columns)*influence(:size(values), :)
       end if
-      call posterior%observable%to_measured(values(:n), slope(:n))
-      values = (1.0_wp + matmul(shared, relative))*values
+      call observe(moduli, slope)
+      values = (1.0_wp + matmul(shared, relative))*moduli(:size(values))
       do i = 1, size(values)
          call solve_lower(precision, columns(i, :m))
       end do
       shared_variance = sum(columns**2, 2)
       own_variance = 0.0_wp
       own_variance(:n) = posterior%scatter*mean_slope(:n)**2 &
-         & + (posterior%settings%scatter_sd*mean(:n))**2
+         & + (posterior%grain_scatter(x)*mean(:n))**2
+
+   contains
+
+      !> Convert moduli to the measured kind, with the contrast and the factor of the first group.
+      pure subroutine observe(moduli, slopes)
+         real(wp), intent(inout) :: moduli(:), slopes(:)
+
+         call posterior%set_contrast(x, are_moduli, moduli, slopes)
+         call posterior%observable%to_measured(moduli(:n), slopes(:n))
+         if (posterior%n_moduli == 0) return
+         moduli(:n) = moduli(:n)*exp(posterior%log_factor(x, 1))
+         slopes(:n) = slopes(:n)*exp(posterior%log_factor(x, 1))
+      end subroutine observe
    end subroutine draw_measurements
 end module further_measurements

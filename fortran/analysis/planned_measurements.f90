@@ -37,7 +37,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(chains_type) :: chains
       real(wp), allocatable :: draws(:, :)
-      real(wp), dimension(self%problem%class%n_constants + 1) :: mean
+      real(wp), dimension(self%problem%class%n_constants) :: mean
       real(wp) :: sd(size(mean), n_sets)
       character(len=:), allocatable :: names
       integer :: i, j, k
@@ -56,8 +56,8 @@ contains
                   call sample_aside(self%problem, self%posterior, run_type(burn_in, samples, &
                      & n_chains, first_stream + n_chains*k), chains, error)
                   if (allocated(error)) return
-                  draws = flattened(chains%draws)
-                  call moments(draws, mean(:size(draws, 1)), sd(:size(draws, 1), k))
+                  draws = flattened(chains%draws(:size(mean), :, :))
+                  call moments(draws, mean, sd(:, k))
                end do
                call page%begin_object()
                call page%put_numbers('grains, noise', [plan%grains(i), plan%noise(j)])

@@ -43,6 +43,12 @@ contains
       integer :: n
 
       found%warnings = [diagnostic_type ::]
+      associate (problem => found%problem)
+         if (.not. (problem%states_technique .or. problem%settings%problem%synthetic) &
+            & .and. found%posterior%n_moduli > 0) then
+            call found%warn('technique_assumed')
+         end if
+      end associate
       call check_limits(found, .false.)
       call warn_of_orientations(found)
       is_explained = found%orientations%is_detected() .or. size(found%orientations%outliers) > 0

@@ -3,12 +3,13 @@ module problem_posterior
    use abstract_sampler, only: sampler_type
    use constants_posterior, only: new_posterior, posterior_type
    use constants_prior, only: knowledge_type, new_prior, prior_type
-   use compliance_field, only: even_directions
-   use distinct_directions, only: new_region, region_type
-   use errors, only: error_type, exit_bad_input
+   use errors, only: error_type, exit_bad_input, prefix_error, refuse
+   use files, only: printable
    use film_theory, only: film_name, young_of_film
+   use halfspace_theory, only: halfspace_moduli
    use kinds, only: degree, wp
-   use measured_grains, only: mean_modulus, measured_type
+   use measured_grains, only: mean_modulus, measured_type, reference_rows_type, &
+      & spread_orientations
    use machine, only: check_memory
    use observables, only: new_observable, observable_type
    use point_tables, only: points_type
@@ -19,7 +20,6 @@ module problem_posterior
    use settings_reader, only: settings_namelist
    use settings_schema, only: measurements_settings_type
    use surrogate_model, only: surrogate_type
-   use direction_columns, only: angles_of_direction
    use text, only: to_text
    implicit none
    private
@@ -135,6 +135,11 @@ contains
 
       if (allocated(table)) then
          call take_measurements()
+         if (allocated(problem%reference_grains)) then
+            call take_references(problem, model, table, measured%references, error)
+            call problem%locate('measurements', '', error)
+            if (allocated(error)) return
+         end if
          call new_measured_posterior(problem, model, measured, surrogate, posterior, error)
       else
          call problem%refuse('measurements', '', &
@@ -170,20 +175,17 @@ contains
             measured%shared = shared_errors(problem, reshape([real(wp) ::], [n_moduli, 0]), table%n)
          end if
          if (problem%settings%measurements%orientations == 'unknown') then
-            call spread_orientations()
+            call let_be_unknown()
          end if
       end subroutine take_measurements
 
       !> Let each measurement be of any direction of the crystal, evenly over the sphere, or of any
       !> orientation of a texture.
-      subroutine spread_orientations()
+      subroutine let_be_unknown()
          !> Directions, for sds of this part of the modulus or more, and at most.
          real(wp), parameter :: usual = 0.02_wp, enough = 1200.0_wp, most = 6000.0_wp
-         type(region_type) :: region
-         real(wp), allocatable :: directions(:, :)
-         integer :: i, n
+         integer :: n
 
-         call new_region(problem%class, region)
          n = int(min(most, enough*max(1.0_wp, (usual/minval(measured%sd/measured%modulus))**2)))
          ! Where something is evaluated at the orientations of the measurements, there are as many.
          n = max(n, size(measured%modulus))
@@ -195,20 +197,98 @@ contains
             end associate
             measured%probability = spread(1.0_wp/n, 1, n)
          else
-            call even_directions(region, n, real(n, wp), directions)
-            n = size(directions, 2)
-            measured%euler = reshape([(angles_of_direction(directions(:, i))*degree, i=1, n)], &
-               & [3, n])
-            measured%probability = spread(1.0_wp, 1, n)
-            ! Over an arc angles are even, areas are not.
-            if (region%dimension == 1) then
-               measured%probability = sqrt(1.0_wp - matmul(region%axis, directions)**2)
-            end if
-            measured%probability = measured%probability/sum(measured%probability)
+            call spread_orientations(problem%class, n, measured%euler, measured%probability)
+            n = size(measured%probability)
          end if
          measured%tilt_sd = spread(0.0_wp, 1, n)
-      end subroutine spread_orientations
+      end subroutine let_be_unknown
    end subroutine new_table_posterior
+
+   !> Compare the measured references with their crystals.
+   subroutine take_references(problem, model, table, references, error)
+      type(problem_type), intent(in) :: problem
+      type(measurements_settings_type), intent(in) :: model
+      !> The measurements, of which each reference has a group.
+      type(points_type), intent(in) :: table
+      type(reference_rows_type), allocatable, intent(out) :: references
+      type(error_type), allocatable, intent(out) :: error
+      type(observable_type) :: observable
+      real(wp), dimension(problem%reference_grains%n) :: log_modulus, log_mean, value, slope
+      integer :: i
+
+      call new_observable(model%modulus_kind, model, observable, error)
+      if (allocated(error)) return
+      allocate (references)
+      associate (rows => problem%reference_grains, n => problem%reference_grains%n)
+         references%sd = rows%sd_gpa/rows%modulus_gpa
+         references%crystal_sd = spread(problem%settings%references%crystal_sd, 1, n)
+         allocate (references%crystal(n), references%group(n))
+         do i = 1, n
+            call find_crystal(rows%name(i))
+            if (.not. allocated(error)) call find_group()
+            call prefix_error(error, 'line '//to_text(rows%table%line(i))//': ')
+            if (allocated(error)) return
+         end do
+         slope = exp(model%contrast_mean)*(log_modulus - log_mean)
+         value = exp(log_mean + slope)
+         references%slope = value*slope
+         call observable%to_measured(value, references%slope)
+         references%slope = references%slope/value
+         references%deviation = log(rows%modulus_gpa/value)
+      end associate
+
+   contains
+
+      !> Find the crystal of row i and the logarithms of its modulus and of its mean over all
+      !> directions.
+      subroutine find_crystal(name)
+         character(len=*), intent(in) :: name
+         integer, parameter :: directions = 12
+         real(wp), allocatable :: euler(:, :), weights(:), moduli(:), circular(:)
+         integer :: k, m
+
+         associate (crystals => problem%references)
+            k = 0
+            if (allocated(problem%references)) then
+               k = findloc([(crystals%name(m) == name, m=1, crystals%n)], .true., 1)
+            end if
+            if (k == 0) then
+               call refuse(error, 'the reference '//printable(name)//' is no crystal of ' &
+                  & //'&references')
+               return
+            end if
+            references%crystal(i) = k
+            call spread_orientations(crystals%classes(crystals%class(k)), directions, euler, &
+               & weights)
+            euler = reshape([problem%reference_grains%euler_deg(:, i), euler/degree], &
+               & [3, size(weights) + 1])
+            allocate (moduli(size(euler, 2)), circular(size(euler, 2)))
+            call halfspace_moduli(spread(crystals%stiffness(:, :, k), 3, size(moduli)), euler, 1, &
+               & moduli, circular, error)
+            if (allocated(error)) return
+            log_modulus(i) = log(moduli(1))
+            log_mean(i) = dot_product(weights, log(moduli(2:)))
+         end associate
+      end subroutine find_crystal
+
+      !> Find the group of row i among those of the measurements.
+      subroutine find_group()
+         integer :: own, k
+
+         references%group(i) = 1
+         own = table%table%find('group')
+         if (own == 0) return
+         associate (cell => problem%reference_grains%table%cell(own, i))
+            k = findloc([(table%table%cell(own, table%row(k)) == cell, k=1, size(table%row))], &
+               & .true., 1)
+            if (k == 0) then
+               call refuse(error, 'no grain is of the group '//printable(cell)//' of the reference')
+            else
+               references%group(i) = table%group(k)
+            end if
+         end associate
+      end subroutine find_group
+   end subroutine take_references
 
    !> The posterior of other measurements, or with another model of their errors, than those of the
    !> problem. The prior and the knowledge are those of the problem.

@@ -13,6 +13,7 @@ module crystal_class
    use errors, only: error_type, refuse
    use kinds, only: degree, pi, wp
    use small_matrices, only: factor_definite, solve_lower, solve_upper
+   use space_groups, only: laue_class
    use text, only: join, lower, read_real, split_list, to_text
    implicit none
    private
@@ -90,17 +91,22 @@ module crystal_class
 
 contains
 
-   !> The class of a name or synonym, in upper or lower case.
+   !> The class of a name or synonym, in upper or lower case, or of a space group.
    subroutine new_crystal_class(name, class, error)
       character(len=*), intent(in) :: name
       type(crystal_class_type), intent(out) :: class
       type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: word
       integer :: i, j, k
 
+      word = lower(adjustl(name))
+      if (index(', '//crystal_class_names()//',', ', '//trim(word)//',') == 0) then
+         word = laue_class(word)
+      end if
       do i = 1, size(table)
-         if (any(split_list(table(i)%names) == lower(adjustl(name)))) exit
+         if (any(split_list(table(i)%names) == word)) exit
       end do
-      if (i > size(table) .or. len_trim(name) == 0) then
+      if (i > size(table)) then
          call refuse(error, ''''//trim(name)//''' is no crystal class; allowed ' &
             & //crystal_class_names())
          return

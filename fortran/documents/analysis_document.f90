@@ -10,6 +10,7 @@ module analysis_document
    use files, only: file_exists
    use json, only: json_type
    use kinds, only: i8, nan, wp
+   use resolved_namelist, only: resolved_text
    use named_values, only: named_values_reader_type, named_values_type, restore
    use orientation_check, only: readings
    use observables, only: path_names, surface_path
@@ -65,6 +66,8 @@ contains
          end do
          call page%end_object()
       end if
+      call write_laboratory(page, found)
+      call write_assumptions(page, found)
       call write_predicted(page, found)
       call write_identifiability(page, found)
       call write_prior(page, found)
@@ -186,12 +189,72 @@ contains
                   call page%put(known(j)%name, sum(share%by_quantity, mask=same))
                end if
             end do
-            call page%put('prior', share%prior)
+            if (found%posterior%infers_contrast) call page%put('contrast', share%contrast)
+            call page%put('prior', share%prior - share%contrast)
             call page%end_object()
          end associate
       end do
       call page%end_object()
    end subroutine write_parameters
+
+   !> Write factor and contrast of the laboratory, after the measurements and before them.
+   subroutine write_laboratory(page, found)
+      type(json_type), intent(inout) :: page
+      type(analysis_type), intent(in) :: found
+      real(wp), dimension(found%posterior%n_groups) :: mean, sd
+      integer :: i, k
+
+      k = found%posterior%n_constants
+      call page%begin_object('laboratory')
+      call page%put('technique', found%posterior%settings%technique)
+      associate (laboratory => found%posterior%laboratory, factor => found%predictions%factor)
+         call moments(log(flattened(factor)), mean, sd)
+         call page%begin_array('log_factor')
+         do i = 1, size(mean)
+            call page%begin_object()
+            call page%put_numbers('mean, sd, prior_mean, prior_sd', [mean(i), sd(i), &
+               & laboratory%mean(i), laboratory%sd(i)])
+            call page%end_object()
+         end do
+         call page%end_array()
+         mean(1) = laboratory%contrast(1)
+         sd(1) = laboratory%contrast(2)
+         if (found%posterior%infers_contrast) then
+            call moments(log(flattened(found%chains%draws(k + 1:k + 1, :, :))), mean(:1), sd(:1))
+         end if
+         call page%put_numbers('mean, sd, prior_mean, prior_sd', [mean(1), sd(1), &
+            & laboratory%contrast], 'log_contrast')
+      end associate
+      call page%end_object()
+   end subroutine write_laboratory
+
+   !> Write what no measurement can refute. The text names the constant that would move most.
+   subroutine write_assumptions(page, found)
+      type(json_type), intent(inout) :: page
+      type(analysis_type), intent(in) :: found
+      integer :: i, k
+
+      call page%begin_array('assumptions')
+      do i = 1, size(found%assumptions)
+         associate (assumption => found%assumptions(i), constants => found%parameters)
+            call page%begin_object()
+            call page%put('assumption', assumption%name)
+            if (assumption%size > 0.0_wp) call page%put('size', assumption%size)
+            call page%put_numbers(join(found%names(:size(assumption%shift)), ', '), &
+               & assumption%shift, 'shift')
+            call page%put('included', assumption%included)
+            k = maxloc(abs(assumption%shift)/constants(:size(assumption%shift))%sd, dim=1)
+            ! Without shares there are no changes.
+            if (k > 0) then
+               call page%put('text', 'If '//assumption%condition//', '//trim(found%names(k))// &
+                  & ' is '//fixed(constants(k)%mean + assumption%shift(k), 0)//', not ' &
+                  & //fixed(constants(k)%mean, 0)//' GPa.')
+            end if
+            call page%end_object()
+         end associate
+      end do
+      call page%end_array()
+   end subroutine write_assumptions
 
    !> Write the shares in the variance of a quantity, and whether it is determined.
    subroutine write_share(page, share, verdict)
@@ -441,7 +504,7 @@ contains
       type(named_values_type), intent(inout) :: out
 
       call out%put('document', document)
-      call out%put('resolved', found%problem%resolved_text())
+      call out%put('resolved', resolved_text(found%problem))
       call out%put('symmetry', trim(found%problem%class%name))
       call out%put('title', found%problem%settings%problem%title)
       call out%put('modulus_kind', found%problem%settings%measurements%modulus_kind)

@@ -16,6 +16,7 @@ module stage_documents
    use observables, only: modulus_kinds, new_observable, observable_type
    use point_tables, only: points_type
    use problem, only: canonical_mark, problem_type, table_name
+   use resolved_namelist, only: resolved_text
    use settings_reader, only: settings_namelist
    use surrogate_model, only: find_surrogate, places_type
    use tables, only: write_table
@@ -65,7 +66,7 @@ contains
          call write_canonical(output//'/'//table_name, problem%table_text, error)
          if (allocated(error)) return
       end if
-      resolved = problem%resolved_text()
+      resolved = resolved_text(problem)
       call write_document(output//manifest_name, '{'//newline//' "namelist": ' &
          & //quoted(full_path(problem%path))//','//newline//' "resolved": "'//checksum(resolved) &
          & //'",'//newline//' "inputs": {'//inputs//'}'//newline//'}'//newline, error)

@@ -19,6 +19,7 @@ module simulation_operations
    use named_values, only: named_values_type
    use point_tables, only: points_type
    use problem, only: problem_type
+   use resolved_namelist, only: resolved_text
    use settings_reader, only: put_settings, settings_namelist
    use simulate, only: new_simulator, outcome_type, simulation_error, simulator_type
    use stage_documents, only: begin_results, inputs_of, write_canonical
@@ -350,7 +351,7 @@ contains
 
       if (allocated(self%path)) then
          call put_settings(self%settings, out)
-         call out%put('resolved', self%resolved_text())
+         call out%put('resolved', resolved_text(self))
          call out%put('warnings', diagnostics_text(self%warnings))
          call out%put('stages', join(self%stages, ' '))
       end if

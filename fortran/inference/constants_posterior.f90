@@ -1,9 +1,10 @@
 !> The posterior of the elastic constants given measurements in grains of known orientation (Eqs. 12
 !> and 13).
 !>
-!> A measurement is m = f(M) (1 + e) + noise. The function f maps the indentation modulus M to the
-!> kind that was measured, e is a relative error common to all grains (sd `calibration_sd`), and the
-!> noise has the grain's sd, or that sd times an inferred common factor. The surrogate's own
+!> A measurement is m = f g(M') + noise. M' is the indentation modulus with the contrast of the
+!> laboratory, g maps it to the kind that was measured, and f is the factor of the laboratory, see
+!> `laboratory`. The noise has the grain's sd, or that sd times an inferred common factor, and the
+!> scatter of the grains. The surrogate's own
 !> uncertainty is correlated between grains: its covariance is G T(c) Gᵀ with G = (df/dy) K, of the
 !> rank of the harmonics. So V = D + U Uᵀ with a thin U, and Woodbury's formula reduces |V| and V^-1
 !> to a matrix of the size of U's columns.
@@ -14,7 +15,9 @@ module constants_posterior
    use error_models, only: error_model_type, new_error_model
    use errors, only: error_type, refuse
    use kinds, only: degree, pi, wp
-   use measured_grains, only: all_tilts, measured_type, n_tilts, tilt_moments
+   use laboratory, only: change_contrast, laboratory_type, new_laboratory
+   use measured_grains, only: all_tilts, measured_type, n_tilts, spread_orientations, tilt_moments
+   use nuisances, only: draw_nuisances, log_prior_of, nuisance_type
    use observables, only: new_observable, observable_type, path_type
    use random, only: random_stream_type
    use abstract_sampler, only: outside, target_type
@@ -30,13 +33,21 @@ module constants_posterior
 
    !> Bounds of the common factor on the sds, if it is inferred. Its logarithm is uniform between
    !> them.
-   real(wp), parameter :: least_factor = 0.05_wp, greatest_factor = 50.0_wp
+   real(wp), parameter :: factor_bounds(2) = [0.05_wp, 50.0_wp]
+   !> The sd of the logarithm of the scatter of grains, if that is inferred.
+   real(wp), parameter :: log_scatter_sd = log(3.0_wp)
+   !> Least number of directions over which the mean of the logarithm of a modulus is taken. An
+   !> error of the mean is one of the factor, so few are enough.
+   integer, parameter :: mean_directions = 12
 
    type, extends(target_type) :: posterior_type
       type(prior_type) :: prior
       type(measurements_settings_type) :: settings
-      !> Whether a common factor on the sds is inferred. Its logarithm is then the last parameter.
-      logical :: infers_scale = .false.
+      !> Parameters beside the constants, whose logarithms follow these. The contrast is the first,
+      !> a common factor on the sds the last.
+      type(nuisance_type), allocatable :: nuisances(:)
+      logical :: infers_contrast = .false., infers_scatter = .false., infers_scale = .false.
+      type(laboratory_type) :: laboratory
       !> Whether the data are left out.
       logical :: prior_only = .false.
       integer :: n_grains = 0, n_constants = 0, n_groups = 1
@@ -45,7 +56,8 @@ module constants_posterior
       !> Directions in which each grain is evaluated: 1, or `n_tilts`.
       integer, private :: n_directions = 1
       !> Model of the measured grains. Its rows are the grains as they are, then the same grains
-      !> with each further tilt. If the orientations are unknown, its rows are all directions.
+      !> with each further tilt. If the orientations are unknown, its rows are all directions. The
+      !> last rows are the directions of `mean_weights`.
       class(grain_model_type), allocatable :: grains
       !> The same model with the theory read more coarsely, allocated if that is accurate enough for
       !> proposals.
@@ -62,8 +74,10 @@ module constants_posterior
       real(wp), allocatable, private :: relative(:, :)
       !> Allocated if the orientations of the measured grains are unknown.
       type(unknown_orientations_type), allocatable :: unknown
-      !> Relative sds of the calibration errors, (group).
-      real(wp), allocatable :: calibration(:)
+      !> Weights of the directions in the mean of ln M, (direction); none without a contrast.
+      real(wp), allocatable :: mean_weights(:)
+      !> Whether a row before these is a modulus, (row).
+      logical, allocatable, private :: are_moduli(:)
       !> Bunge-Euler angles of the rows of `grains`, radians.
       real(wp), allocatable :: euler(:, :)
       !> Scales of the errors of the measurements, GPa or m/s, (grain), and the sum of their
@@ -75,7 +89,9 @@ module constants_posterior
    contains
       procedure :: evaluate, evaluate_working, to_working, from_working, coarsen, draw_start
       procedure :: set_field_degree, moduli_at, predict_measurements, evaluate_grains, &
-         & condense, scale_factor, log_prior, stiffness, new_grains
+         & condense, scale_factor, grain_scatter, log_contrast, log_factor, &
+         & mean_factors, set_contrast, &
+         & log_prior, stiffness, new_grains
    end type posterior_type
 
 contains
@@ -94,7 +110,9 @@ contains
       real(wp), parameter :: negligible = 1.0e-20_wp
       !> Work arrays of this length fit on the stack of a thread.
       integer, parameter :: most_grains = 20000
-      integer :: n_calibrations, g
+      type(path_type), allocatable :: paths(:)
+      real(wp), allocatable :: directions(:, :)
+      integer :: n_calibrations, g, n_rows
 
       call new_observable(settings%modulus_kind, settings, posterior%observable, error)
       if (.not. allocated(error)) call new_error_model(settings, posterior%errors, error)
@@ -105,39 +123,51 @@ contains
       if (allocated(error)) return
       posterior%prior = prior
       posterior%settings = settings
-      posterior%infers_scale = settings%scale == 'inferred'
       posterior%n_grains = size(measured%modulus)
       posterior%n_constants = prior%n_constants
       posterior%data = measured
       posterior%n_groups = max(1, maxval(measured%group))
       posterior%n_moduli = count(.not. measured%paths%is_speed())
-      allocate (posterior%calibration(posterior%n_groups), source=settings%calibration_sd)
-      ! The groups of speeds follow those of moduli.
-      g = maxval([0, measured%group(:posterior%n_moduli)])
-      posterior%calibration(g + 1:) = settings%velocity_calibration_sd
+      posterior%laboratory = new_laboratory(settings, posterior%n_groups, &
+         & maxval([0, measured%group(:posterior%n_moduli)]))
+      if (allocated(measured%references)) then
+         call posterior%laboratory%update(settings, measured%references, error)
+         if (allocated(error)) return
+      end if
+      call set_nuisances()
       posterior%scale = posterior%errors%scale*measured%sd
       posterior%log_scales = sum(log(posterior%scale))
       posterior%n_directions = merge(n_tilts, 1, settings%misalignment_sd_deg > 0.0_wp &
          & .or. any(measured%tilt_sd > 0.0_wp))
       posterior%euler = measured%euler
       if (posterior%n_directions > 1) posterior%euler = all_tilts(measured%euler, measured%tilt_sd)
+      n_rows = size(posterior%euler, 2)
+      allocate (posterior%mean_weights(0))
+      paths = [(measured%paths(modulo(g - 1, size(measured%paths)) + 1), g=1, n_rows)]
+      posterior%are_moduli = .not. paths%is_speed()
+      if (posterior%laboratory%has_contrast()) then
+         call spread_orientations(prior%class, mean_directions, directions, posterior%mean_weights)
+         posterior%euler = reshape([posterior%euler, directions], [3, n_rows + size(directions, 2)])
+         paths = [paths, spread(path_type(), 1, size(directions, 2))]
+      end if
       call new_grain_model(surrogate, prior%class, posterior%euler, with_covariance, &
          & posterior%grains, error)
       if (.not. allocated(error) .and. posterior%n_moduli < posterior%n_grains) then
-         call add_waves(measured%paths, measured%density, posterior%euler, posterior%grains, error)
+         call add_waves(paths, measured%density, posterior%euler, posterior%grains, error)
       end if
       if (allocated(error)) return
       if (with_covariance .and. negligible*surrogate%beta <= 1.0_wp) then
          posterior%scatter = 1.0_wp/surrogate%beta
       end if
-      n_calibrations = merge(posterior%n_groups, 0, any(posterior%calibration > 0.0_wp))
+      n_calibrations = merge(posterior%n_groups, 0, any(posterior%laboratory%sd > 0.0_wp))
       posterior%n_calibrated = posterior%grains%n_columns + n_calibrations
       posterior%n_shared = posterior%n_calibrated + size(measured%shared, 2) + merge(2, 0, &
          & settings%misalignment_sd_deg > 0.0_wp)
-      posterior%dimension = prior%n_constants + merge(1, 0, posterior%infers_scale)
+      posterior%dimension = prior%n_constants + size(posterior%nuisances)
       allocate (posterior%relative(posterior%n_grains, n_calibrations + size(measured%shared, 2)))
       do g = 1, n_calibrations
-         posterior%relative(:, g) = merge(posterior%calibration(g), 0.0_wp, measured%group == g)
+         posterior%relative(:, g) = merge(posterior%laboratory%sd(g), 0.0_wp, &
+            & measured%group == g)
       end do
       posterior%relative(:, n_calibrations + 1:) = measured%shared
       if (.not. allocated(measured%probability)) return
@@ -146,9 +176,32 @@ contains
             & 'orientations = ''unknown'' needs &sampler surrogate_variance = ''none''')
       else
          posterior%unknown = unknown_orientations_type(measured%probability, measured%modulus, &
-            & measured%sd, settings%scatter_sd, posterior%observable)
+            & measured%sd, posterior%observable)
          call posterior%unknown%set_nodes(posterior%relative, error)
       end if
+
+   contains
+
+      !> Set the parameters beside the constants.
+      subroutine set_nuisances()
+         associate (self => posterior, contrast => posterior%laboratory%contrast)
+            self%infers_contrast = contrast(2) > 0.0_wp
+            self%infers_scatter = settings%scatter == 'inferred'
+            self%infers_scale = settings%scale == 'inferred'
+            allocate (self%nuisances(0))
+            if (self%infers_contrast) then
+               self%nuisances = [nuisance_type('contrast', contrast)]
+            end if
+            if (self%infers_scatter) then
+               self%nuisances = [self%nuisances, nuisance_type('scatter', &
+                  & [log(settings%scatter_sd), log_scatter_sd])]
+            end if
+            if (self%infers_scale) then
+               self%nuisances = [self%nuisances, nuisance_type('sd_factor', log(factor_bounds), &
+                  & is_normal=.false.)]
+            end if
+         end associate
+      end subroutine set_nuisances
    end subroutine new_posterior
 
    !> Change the degree of the surface harmonics from which the theory is read.
@@ -175,17 +228,18 @@ contains
       !> (dimension, point).
       real(wp), intent(in) :: points(:, :)
       real(wp), intent(out) :: log_density(:)
-      real(wp) :: c(6, 6)
+      real(wp) :: c(6, 6), of_nuisances
       integer :: i
 
       log_density = outside
       do i = 1, size(log_density)
          c = self%stiffness(points(:, i))
+         of_nuisances = log_prior_of(self%nuisances, points(self%n_constants + 1:, i), outside)
          if (.not. (self%prior%admits(points(:self%n_constants, i), c) &
-            & .and. scale_is_admitted(self, points(:, i)))) then
+            & .and. of_nuisances > outside)) then
             cycle
          end if
-         log_density(i) = self%log_prior(c)
+         log_density(i) = self%log_prior(c) + of_nuisances
          if (self%prior_only) cycle
          log_density(i) = log_density(i) + likelihood_of_crystal(self, points(:, i), c, &
             & reshape(self%moduli_at(points(:, i:i)), [size(self%euler, 2)]))
@@ -210,7 +264,7 @@ contains
       real(wp), intent(out) :: log_density(:)
       !> Number of points whose moduli are computed together.
       integer, parameter :: block = 64
-      real(wp) :: c(6, 6, block)
+      real(wp) :: c(6, 6, block), of_nuisances
       !> Allocated, because many grains would overflow the stack of a thread.
       real(wp), allocatable :: moduli(:, :)
       integer :: in_support(block), n, i, k
@@ -228,12 +282,13 @@ contains
       do i = 1, size(w, 2)
          associate (crystal => c(:, :, n + 1), logarithms => self%prior%logarithms)
             crystal = logarithms%from_logarithms(w(:k, i))
+            of_nuisances = log_prior_of(self%nuisances, w(k + 1:, i), outside)
             if (.not. (self%prior%admits(self%prior%class%constants_of(crystal), crystal, &
-               & norm2(w(3:k, i))) .and. scale_is_admitted(self, w(:, i)))) then
+               & norm2(w(3:k, i))) .and. of_nuisances > outside)) then
                cycle
             end if
-            ! The factor on the sds needs no Jacobian: its logarithm is a coordinate of both.
-            log_density(i) = self%prior%log_density(crystal, w(:k, i))
+            ! Nuisances need no Jacobian: their logarithms are coordinates of both.
+            log_density(i) = self%prior%log_density(crystal, w(:k, i)) + of_nuisances
             if (.not. self%prior%in_logarithms) then
                log_density(i) = log_density(i) + logarithms%log_volume(w(:k, i))
             end if
@@ -267,15 +322,6 @@ contains
       end do
    end subroutine from_working
 
-   !> Whether the factor on the sds, if it is inferred, is within its bounds.
-   pure logical function scale_is_admitted(self, x)
-      class(posterior_type), intent(in) :: self
-      real(wp), intent(in) :: x(:)
-
-      scale_is_admitted = .not. self%infers_scale .or. (x(self%dimension) >= log(least_factor) &
-         & .and. x(self%dimension) <= log(greatest_factor))
-   end function scale_is_admitted
-
    subroutine draw_start(self, stream, x)
       class(posterior_type), intent(in) :: self
       type(random_stream_type), intent(inout) :: stream
@@ -283,9 +329,7 @@ contains
       real(wp), intent(out) :: x(:)
 
       call self%prior%draw_start(stream, x(:self%n_constants))
-      if (.not. self%infers_scale) return
-      call stream%uniform(x(self%dimension))
-      x(self%dimension) = log(least_factor) + x(self%dimension)*log(greatest_factor/least_factor)
+      call draw_nuisances(self%nuisances, stream, x(self%n_constants + 1:))
    end subroutine draw_start
 
    !> Stiffness of the crystal at a point `x`, in crystal axes, GPa.
@@ -318,11 +362,15 @@ contains
       !> The grain model's rows for this crystal, GPa.
       real(wp), intent(in), contiguous :: moduli(:)
       real(wp), dimension(self%n_grains) :: model, scales
-      real(wp), allocatable :: u(:, :), reduced(:, :), shared(:), precision(:, :)
+      real(wp), allocatable :: u(:, :), reduced(:, :), shared(:), precision(:, :), rows(:)
 
       if (allocated(self%unknown)) then
-         log_likelihood = self%unknown%log_likelihood(moduli)
-      else if (self%n_shared == 0 .and. .not. has_own_variance(self)) then
+         rows = moduli
+         call self%set_contrast(x, self%are_moduli, rows)
+         log_likelihood = self%unknown%log_likelihood(rows(:size(self%unknown%probability)), &
+            & self%grain_scatter(x), exp(self%log_factor(x, 1)))
+      else if (self%n_shared == 0 .and. .not. (has_own_variance(self) &
+         & .or. self%laboratory%changes_moduli())) then
          model = moduli
          call self%observable%to_measured(model(:self%n_moduli))
          log_likelihood = self%errors%log_density((self%data%modulus - model)/self%scale, &
@@ -345,6 +393,57 @@ contains
          & .or. self%settings%scatter_sd > 0.0_wp .or. allocated(self%unknown)
    end function has_own_variance
 
+   !> ln(1+k) at a point.
+   pure real(wp) function log_contrast(self, x)
+      class(posterior_type), intent(in) :: self
+      real(wp), intent(in) :: x(:)
+
+      log_contrast = self%laboratory%contrast(1)
+      if (self%infers_contrast) log_contrast = x(self%n_constants + 1)
+   end function log_contrast
+
+   !> Mean of ln f at a point.
+   pure real(wp) function log_factor(self, x, group)
+      class(posterior_type), intent(in) :: self
+      real(wp), intent(in) :: x(:)
+      integer, intent(in) :: group
+
+      log_factor = self%laboratory%log_factor(group, self%log_contrast(x))
+   end function log_factor
+
+   !> The mean factor of each measurement at a point, (grain).
+   pure function mean_factors(self, x) result(factors)
+      class(posterior_type), intent(in) :: self
+      real(wp), intent(in) :: x(:)
+      real(wp) :: factors(self%n_grains)
+
+      factors = exp(self%laboratory%log_factor(self%data%group, self%log_contrast(x)))
+   end function mean_factors
+
+   !> Give moduli of the crystal the contrast at a point.
+   pure subroutine set_contrast(self, x, are_moduli, values, slopes)
+      class(posterior_type), intent(in) :: self
+      real(wp), intent(in) :: x(:)
+      !> See `change_contrast`.
+      logical, intent(in) :: are_moduli(:)
+      real(wp), intent(inout) :: values(:)
+      real(wp), intent(inout), optional :: slopes(:)
+
+      if (size(self%mean_weights) == 0) return
+      call change_contrast(self%log_contrast(x), self%mean_weights, are_moduli, values, slopes)
+   end subroutine set_contrast
+
+   !> Relative sd of differences between grains at a point.
+   pure real(wp) function grain_scatter(self, x)
+      class(posterior_type), intent(in) :: self
+      real(wp), intent(in) :: x(:)
+
+      grain_scatter = self%settings%scatter_sd
+      if (self%infers_scatter) then
+         grain_scatter = exp(x(self%n_constants + merge(2, 1, self%infers_contrast)))
+      end if
+   end function grain_scatter
+
    !> Factor on the sds at a point, 1 unless it is inferred.
    pure real(wp) function scale_factor(self, x)
       class(posterior_type), intent(in) :: self
@@ -354,40 +453,45 @@ contains
       if (self%infers_scale) scale_factor = exp(x(self%dimension))
    end function scale_factor
 
-   !> Mean of the grain model for each measured grain, its derivative with respect to y, and the
-   !> variance that the grain does not share: the surrogate's, its orientation's, and that of
+   !> Mean modulus of each measured grain with the contrast, its derivative with respect to y, and
+   !> the variance that the grain does not share: the surrogate's, its orientation's, and that of
    !> differences between grains. For unknown orientations the moments are those over all
    !> directions.
-   pure subroutine evaluate_grains(self, c, modulus, slope, own_variance, tilt_slopes, moduli)
+   pure subroutine evaluate_grains(self, x, c, modulus, slope, own_variance, tilt_slopes, moduli)
       class(posterior_type), intent(in) :: self
-      real(wp), intent(in) :: c(6, 6)
+      !> Point, (dimension), and its stiffness, GPa.
+      real(wp), intent(in) :: x(:), c(6, 6)
       !> GPa, GPa and GPa², (grain).
       real(wp), intent(out), contiguous :: modulus(:), slope(:), own_variance(:)
       !> Derivatives with respect to the tilts of the sample, GPa/rad, (grain, 2). They are set only
       !> if grains are evaluated in several directions.
       real(wp), intent(out) :: tilt_slopes(:, :)
       real(wp), intent(in), optional :: moduli(size(self%euler, 2))
-      real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), moments(4)
+      real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), moments(4), scatter_sd
       integer :: g
 
       call self%grains%evaluate_moduli(c, rows, slopes, moduli)
+      call self%set_contrast(x, self%are_moduli, rows, slopes)
+      scatter_sd = self%grain_scatter(x)
       if (allocated(self%unknown)) then
-         modulus = dot_product(self%unknown%probability, rows)
-         slope = dot_product(self%unknown%probability, slopes)
-         own_variance = dot_product(self%unknown%probability, rows**2) - modulus**2 &
-            & + (self%settings%scatter_sd*modulus)**2
+         associate (probability => self%unknown%probability, n => size(self%unknown%probability))
+            modulus = dot_product(probability, rows(:n))
+            slope = dot_product(probability, slopes(:n))
+            own_variance = dot_product(probability, rows(:n)**2) - modulus**2 &
+               & + (scatter_sd*modulus)**2
+         end associate
          tilt_slopes = 0.0_wp
          return
       end if
       modulus = rows(:self%n_grains)
       slope = slopes(:self%n_grains)
-      own_variance = self%scatter*slope**2 + (self%settings%scatter_sd*modulus)**2
+      own_variance = self%scatter*slope**2 + (scatter_sd*modulus)**2
       ! Speeds follow from the theory alone.
       slope(self%n_moduli + 1:) = 0.0_wp
       own_variance(self%n_moduli + 1:) = 0.0_wp
       if (self%n_directions == 1) return
       do g = 1, self%n_grains
-         moments = tilt_moments(rows(g::self%n_grains), self%data%tilt_sd(g))
+         moments = tilt_moments(rows(g:size(self%are_moduli):self%n_grains), self%data%tilt_sd(g))
          modulus(g) = moments(1)
          own_variance(g) = own_variance(g) + moments(2)
          tilt_slopes(g, :) = moments(3:)
@@ -412,9 +516,13 @@ contains
       integer :: g, n
 
       allocate (u(self%n_grains, self%n_shared))
-      call evaluate_grains(self, c, model, slope, own_variance, tilt_slopes, moduli)
+      call evaluate_grains(self, x, c, model, slope, own_variance, tilt_slopes, moduli)
       map_slope = 1.0_wp
       call self%observable%to_measured(model(:self%n_moduli), map_slope(:self%n_moduli))
+      if (self%laboratory%changes_moduli()) then
+         map_slope = map_slope*self%mean_factors(x)
+         model = model*self%mean_factors(x)
+      end if
       scales = scale_factor(self, x)*self%scale
       if (has_own_variance(self)) then
          scales = sqrt(scales**2 + own_variance*(self%errors%scale*map_slope)**2)
@@ -437,7 +545,7 @@ contains
    end subroutine predict_measurements
 
    !> A model of other grains, for predictions of their moduli and measurements.
-   subroutine new_grains(self, euler, paths, grains, error, compute_all)
+   subroutine new_grains(self, euler, paths, grains, error, compute_all, with_mean)
       class(posterior_type), intent(in) :: self
       !> Bunge-Euler angles (radians), (3, n).
       real(wp), intent(in) :: euler(:, :)
@@ -448,16 +556,26 @@ contains
       !> Compute the theory of every crystal and grain in full: read none from a field, and
       !> interpolate none from other grains.
       logical, intent(in), optional :: compute_all
+      !> Append the directions of `mean_weights`; absent: do not.
+      logical, intent(in), optional :: with_mean
+      type(path_type), allocatable :: all_paths(:)
+      real(wp), allocatable :: all_euler(:, :)
+      integer :: n
 
+      n = 0
+      if (present(with_mean)) n = size(self%mean_weights)
+      all_paths = [paths, spread(path_type(), 1, n)]
+      all_euler = reshape([euler, self%euler(:, size(self%euler, 2) - n + 1:)], &
+         & [3, size(all_paths)])
       allocate (grains, source=self%grains)
       ! Every log-anisotropy is above -1.
       if (present(compute_all)) call grains%use_field_up_to(-1.0_wp)
       select type (grains)
       type is (wave_grains_type)
-         grains%paths = paths
-         call grains%set_grains(euler, error)
+         grains%paths = all_paths
+         call grains%set_grains(all_euler, error)
       class default
-         call add_waves(paths, self%data%density, euler, grains, error)
+         call add_waves(all_paths, self%data%density, all_euler, grains, error)
       end select
    end subroutine new_grains
 
@@ -485,7 +603,8 @@ contains
       integer :: n
 
       if (self%settings%likelihood /= 'normal' .or. self%infers_scale .or. self%n_shared > 0 &
-         & .or. has_own_variance(self) .or. self%observable%compliance > 0.0_wp) then
+         & .or. has_own_variance(self) .or. self%observable%compliance > 0.0_wp &
+         & .or. self%laboratory%changes_moduli()) then
          return
       end if
       select type (grains => self%grains)

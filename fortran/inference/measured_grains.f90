@@ -4,12 +4,27 @@
 !> modulus follow from the product of two three-point rules with steps of sqrt 3 sds
 !> (Gauss-Hermite), which are exact for moments up to degree 5 in each component.
 module measured_grains
+   use compliance_field, only: even_directions
+   use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: euler_angles, rotation_matrix
+   use direction_columns, only: angles_of_direction
+   use distinct_directions, only: new_region, region_type
    use kinds, only: degree, wp
    use observables, only: observable_type, path_type
    implicit none
    private
-   public :: measured_type, mean_modulus, all_tilts, tilt_moments, n_tilts
+   public :: measured_type, reference_rows_type, mean_modulus, spread_orientations, all_tilts, &
+      & tilt_moments, n_tilts
+
+   !> Measured moduli of n reference grains, whose crystals are known.
+   type :: reference_rows_type
+      !> Logarithm of each modulus over its prediction with the mean contrast, the relative sd of
+      !> its error, and the derivative of the predicted logarithm with respect to ln(1+k), (n).
+      real(wp), allocatable :: deviation(:), sd(:), slope(:)
+      !> Relative sd of the moduli of the known crystal, (n), and its number; number of the group.
+      real(wp), allocatable :: crystal_sd(:)
+      integer, allocatable :: crystal(:), group(:)
+   end type reference_rows_type
 
    !> Measurements in n grains: first the moduli, then the speeds of waves.
    type :: measured_type
@@ -28,6 +43,8 @@ module measured_grains
       integer, allocatable :: group(:)
       !> Effect of one sd of each relative error that the user stated, (n, error).
       real(wp), allocatable :: shared(:, :)
+      !> Unallocated if no references were measured.
+      type(reference_rows_type), allocatable :: references
    end type measured_type
 
    !> Directions in which a grain is evaluated: the cells of a 3 x 3 grid of tilts, in the order of
@@ -56,6 +73,27 @@ contains
                        & *(sum(measured%modulus)/size(measured%modulus))**2
       end if
    end function mean_modulus
+
+   !> Orientations whose indented directions are spread evenly over the distinct ones of a class.
+   subroutine spread_orientations(class, least, euler, probability)
+      type(crystal_class_type), intent(in) :: class
+      !> Least number of them.
+      integer, intent(in) :: least
+      !> Bunge-Euler angles, (3, n), radians, and share of all directions that each represents, (n).
+      real(wp), allocatable, intent(out) :: euler(:, :), probability(:)
+      type(region_type) :: region
+      real(wp), allocatable :: directions(:, :)
+      integer :: i, n
+
+      call new_region(class, region)
+      call even_directions(region, least, real(least, wp), directions)
+      n = size(directions, 2)
+      euler = reshape([(angles_of_direction(directions(:, i))*degree, i=1, n)], [3, n])
+      probability = spread(1.0_wp, 1, n)
+      ! Over an arc angles are even, areas are not.
+      if (region%dimension == 1) probability = sqrt(1.0_wp - matmul(region%axis, directions)**2)
+      probability = probability/sum(probability)
+   end subroutine spread_orientations
 
    !> Orientations of n grains with all tilts, (3, n n_tilts): the grains as they are, then all with
    !> the first tilt, and so on.

@@ -128,6 +128,11 @@ contains
       call new_harmonics(posterior%prior%class%generators, 4, harmonics, error)
       if (allocated(error) .or. n <= harmonics%n) return
       call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, u)
+      ! Shared errors in proportion to the predicted moduli would contain the orientations: they are
+      ! taken in proportion to the mean modulus.
+      do k = posterior%grains%n_columns + 1, posterior%n_calibrated + size(posterior%data%shared, 2)
+         u(:n, k) = u(:n, k)*(sum(model(:n))/n)/model(:n)
+      end do
       fit%scales = scales(:n)/posterior%errors%scale
       allocate (fit%weights(n), source=1.0_wp)
       allocate (rows(n, harmonics%n, 0:size(readings) - 1), values(harmonics%n))

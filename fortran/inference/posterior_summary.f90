@@ -49,8 +49,8 @@ module posterior_summary
    !> Predictions for a part of the draws, evenly spaced in each chain.
    type :: predictions_type
       integer :: stride = 1
-      !> Modulus of each grain, of the kind that was measured, GPa, (grain, draw, chain); one plus
-      !> the calibration error, (group, draw, chain).
+      !> Modulus of each grain, of the kind that was measured and with the contrast, GPa, (grain,
+      !> draw, chain); the factor of the laboratory, (group, draw, chain).
       real(wp), allocatable :: moduli(:, :, :), factor(:, :, :)
       !> Values of the requested quantities, (quantity, draw, chain).
       real(wp), allocatable :: quantities(:, :, :)
@@ -234,7 +234,7 @@ contains
       integer, parameter :: block = 16
       type(random_stream_type) :: stream
       class(grain_model_type), allocatable :: grains
-      real(wp), allocatable :: draws(:, :, :)
+      real(wp), allocatable :: draws(:, :, :), moduli(:, :, :)
       real(wp), dimension(posterior%n_grains) :: slope, variance
       real(wp) :: tilt_slopes(posterior%n_grains, 2), stiffness(6, 6)
       integer :: n, n_chains, i, last, c
@@ -247,14 +247,15 @@ contains
          & predictions%factor(posterior%n_groups, n, n_chains), &
          & predictions%quantities(size(quantities), n, n_chains))
       call posterior%new_grains(posterior%euler(:, :posterior%n_grains), posterior%data%paths, &
-         & grains, error)
+         & grains, error, with_mean=.true.)
       if (allocated(error)) return
+      allocate (moduli(posterior%n_grains + size(posterior%mean_weights), n, n_chains))
       !$omp parallel do num_threads(max(1, threads)) schedule(dynamic) collapse(2) private(last)
       do c = 1, n_chains
          do i = 1, n, block
             last = min(n, i + block - 1)
             call grains%evaluate_crystals(posterior%prior%class%stiffnesses(draws(:, i:last, c)), &
-               & predictions%moduli(:, i:last, c))
+               & moduli(:, i:last, c))
          end do
       end do
       !$omp end parallel do
@@ -262,11 +263,14 @@ contains
       do c = 1, n_chains
          do i = 1, n
             stiffness = posterior%stiffness(draws(:, i, c))
-            call add_shared(posterior, draws(:, i, c), grains, stream, &
-               & predictions%moduli(:, i, c), predictions%factor(:, i, c))
+            call add_shared(posterior, draws(:, i, c), grains, stream, moduli(:, i, c), &
+               & predictions%factor(:, i, c))
+            call posterior%set_contrast(draws(:, i, c), .not. posterior%data%paths%is_speed(), &
+               & moduli(:, i, c))
+            predictions%moduli(:, i, c) = moduli(:posterior%n_grains, i, c)
             if (allocated(posterior%unknown)) then
-               call posterior%evaluate_grains(stiffness, predictions%moduli(:, i, c), slope, &
-                  & variance, tilt_slopes)
+               call posterior%evaluate_grains(draws(:, i, c), stiffness, &
+                  & predictions%moduli(:, i, c), slope, variance, tilt_slopes)
             end if
             call posterior%observable%to_measured(predictions%moduli(:posterior%n_moduli, i, c))
             call evaluate_quantities(quantities, stiffness, predictions%quantities(:, i, c))

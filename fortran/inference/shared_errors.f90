@@ -40,9 +40,10 @@ contains
       real(wp), intent(out), contiguous :: errors(:)
       !> The lower factor of their precision, (shared error, shared error).
       real(wp), allocatable, intent(out) :: precision(:, :)
-      !> One plus the calibration error, (group).
+      !> The factor of the laboratory, (group).
       real(wp), intent(out) :: factor(:)
       real(wp), allocatable :: mean(:)
+      integer :: g
 
       call infer_shared(posterior, x, mean, precision)
       ! L^-ᵀ z has the covariance (L Lᵀ)^-1.
@@ -50,10 +51,13 @@ contains
       call solve_upper(precision, errors)
       errors = mean + errors
       factor = 1.0_wp
-      if (any(posterior%calibration > 0.0_wp)) then
-         factor = factor &
-            & + posterior%calibration*errors(posterior%grains%n_columns + 1:posterior%n_calibrated)
-      end if
+      associate (sd => posterior%laboratory%sd)
+         if (any(sd > 0.0_wp)) then
+            factor = factor &
+               & + sd*errors(posterior%grains%n_columns + 1:posterior%n_calibrated)
+         end if
+      end associate
+      factor = factor*[(exp(posterior%log_factor(x, g)), g=1, size(factor))]
    end subroutine draw_shared
 
    !> Draw the shared errors, given the data, and add the surrogate's to moduli. Without these
@@ -66,7 +70,7 @@ contains
       type(random_stream_type), intent(inout) :: stream
       !> Moduli of `grains` at the point, GPa, (grain).
       real(wp), intent(inout), contiguous :: moduli(:)
-      !> One plus the calibration error, (group).
+      !> The factor of the laboratory, (group).
       real(wp), intent(out) :: factor(:)
       real(wp), dimension(posterior%n_shared) :: errors, z
       real(wp), allocatable :: precision(:, :)

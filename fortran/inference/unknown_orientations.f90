@@ -32,8 +32,6 @@ module unknown_orientations
       real(wp), allocatable :: probability(:)
       !> Measurements and the sds of their own errors, (measurement).
       real(wp), allocatable :: measured(:), sd(:)
-      !> Relative sd of differences between grains.
-      real(wp) :: scatter_sd = 0.0_wp
       type(observable_type) :: observable
       !> Shared errors at the nodes of integration, relative to a modulus, (measurement, node), and
       !> logarithms of the weights, (node).
@@ -81,10 +79,12 @@ contains
    end subroutine set_nodes
 
    !> Logarithm of the density of all measurements, normalised.
-   pure real(wp) function log_likelihood(self, moduli)
+   pure real(wp) function log_likelihood(self, moduli, scatter_sd, factor)
       class(unknown_orientations_type), intent(in) :: self
       !> Moduli of all directions, GPa, (direction).
       real(wp), intent(in) :: moduli(:)
+      !> Relative sd of differences between grains, and factor of the laboratory.
+      real(wp), intent(in) :: scatter_sd, factor
       !> Value and variance in the unit of the measurements and its square, and probability, (bin).
       real(wp), allocatable, dimension(:) :: value, variance, probability
       real(wp), allocatable, dimension(:) :: slope, scale, misfit, density
@@ -106,10 +106,11 @@ contains
          probability(j:j + 1) = probability(j:j + 1) + self%probability(i)*[1.0_wp - share, share]
       end do
       value = [(low + width*(j - 1), j=1, bins)]
-      variance = (self%scatter_sd*value)**2 - width**2/6.0_wp
+      variance = (scatter_sd*value)**2 - width**2/6.0_wp
       slope = spread(1.0_wp, 1, bins)
       call self%observable%to_measured(value, slope)
-      variance = variance*slope**2
+      value = factor*value
+      variance = variance*(factor*slope)**2
       density = value
       joint = self%log_weight - 0.5_wp*size(self%measured)*log(2.0_wp*pi)
       do i = 1, size(self%measured)

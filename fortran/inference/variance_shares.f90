@@ -32,6 +32,10 @@ module variance_shares
       real(wp) :: measurements = 0.0_wp, knowledge = 0.0_wp, prior = 1.0_wp
       !> Parts of the variance, by `error_sources`, and by each known quantity.
       real(wp), allocatable :: by_source(:), by_quantity(:)
+      !> Part of the prior's share that is that of the contrast of the laboratory.
+      real(wp) :: contrast = 0.0_wp
+      !> Derivatives of the mean with respect to each measurement, and to each known value.
+      real(wp), allocatable :: by_measurement(:), by_known_value(:)
    end type shares_type
 
    !> Greatest sum of the shares of measurements and knowledge, and the number of its Monte Carlo
@@ -58,7 +62,7 @@ contains
       integer, parameter :: few_draws = 200, block = 16
       real(wp), allocatable, dimension(:, :) :: moduli, shared, scores, known_values, centred, &
          & weights, parts, covariances, derivatives, factor
-      real(wp), dimension(size(values, 1)) :: variance, total
+      real(wp), dimension(size(values, 1)) :: variance, total, of_contrast
       real(wp), dimension(posterior%n_grains) :: scales, residual, weight
       real(wp) :: greatest, unit
       integer :: i, j, n, q
@@ -89,6 +93,11 @@ contains
       call cholesky_factor(factor, error)
       if (allocated(error)) return
       call cholesky_solve(factor, derivatives)
+      of_contrast = 0.0_wp
+      if (posterior%infers_contrast) then
+         i = posterior%n_constants + 1
+         of_contrast = (matmul(centred, draws(i, :))/n/posterior%laboratory%contrast(2))**2
+      end if
       allocate (shares(size(values, 1)))
       total = (sum(parts, 1) + sum(covariances*derivatives, 1))/variance
       ! A share is the square of a covariance over a variance. For normal draws its relative error
@@ -104,6 +113,9 @@ contains
             share%measurements = sum(share%by_source)
             share%knowledge = sum(share%by_quantity)
             share%prior = max(0.0_wp, 1.0_wp - total(q)) + 0.0_wp*share%measurements
+            share%contrast = min(share%prior, of_contrast(q)/unit)
+            share%by_measurement = weights(:, q) + 0.0_wp*unit
+            share%by_known_value = derivatives(:, q) + 0.0_wp*unit
          end associate
       end do
    end subroutine find_shares
@@ -144,16 +156,17 @@ contains
             parts(source, :) = parts(source, :) + effect(j, :)**2/size(draws, 2)
          end do
          ! Variances of the errors that grains do not share.
-         call posterior%evaluate_grains(posterior%stiffness(draws(:, i)), modulus, slope, &
-            & variance, tilt_slopes, moduli(:, 1))
+         call posterior%evaluate_grains(draws(:, i), posterior%stiffness(draws(:, i)), modulus, &
+            & slope, variance, tilt_slopes, moduli(:, 1))
          value = modulus
          map_slope = 1.0_wp
          call posterior%observable%to_measured(value(:n_moduli), map_slope(:n_moduli))
+         map_slope = map_slope*posterior%mean_factors(draws(:, i))
          own = 0.0_wp
          own(:, from_noise) = (posterior%scale_factor(draws(:, i))*posterior%data%sd)**2
          own(:, from_surrogate) = posterior%scatter*(slope*map_slope)**2
          own(:n_moduli, from_grains) &
-            & = (posterior%settings%scatter_sd*modulus(:n_moduli)*map_slope(:n_moduli))**2
+            & = (posterior%grain_scatter(draws(:, i))*modulus(:n_moduli)*map_slope(:n_moduli))**2
          own(:, from_orientation) = max(0.0_wp, &
             & variance*map_slope**2 - own(:, from_surrogate) - own(:, from_grains))
          own(n_moduli + 1:, from_velocities) = own(n_moduli + 1:, from_noise)

@@ -7,7 +7,7 @@ module problem
    use curve_tables, only: curve_set_type, read_curves, read_tests
    use diagnostics, only: diagnostic, diagnostic_type
    use errors, only: error_type, locate_error, prefix_error, refuse
-   use files, only: file_exists, folder_of, full_path, printable, read_text_file, resolve_path
+   use files, only: folder_of, printable, read_text_file, resolve_path
    use kinds, only: wp
    use layer_table, only: layer_table_type, read_layers
    use machine, only: thread_count
@@ -17,12 +17,13 @@ module problem
    use point_tables, only: angles_look_like_radians, points_type, read_crystals, &
       & read_measurements, read_orientations
    use repeated_tests, only: combine_tests, refuse_copied_rows
-   use settings_list, only: settings_list_type
-   use settings_schema, only: list_settings, set_settings, settings_type
+   use settings_schema, only: settings_type
    use settings_checks, only: check_settings
-   use settings_reader, only: read_settings, settings_namelist
+   use settings_reader, only: read_settings
+   use space_groups, only: laue_class
    use stiffness_table, only: new_stiffness_table, stiffness_table_type
    use table_columns, only: find_column, foreign_column, read_column
+   use techniques, only: set_technique
    use tables, only: parse_table, read_table, table_type
    use velocity_tables, only: append_velocities, read_velocities
    use text, only: newline, to_text
@@ -46,8 +47,8 @@ module problem
       !> Tables that the file names, unallocated if it does not; `velocities` are the speeds as they
       !> were read, and are among the measurements too.
       type(points_type), allocatable :: crystals, measurements, velocities, candidates
-      !> Whether the file states &measurements sample_nu.
-      logical :: states_nu = .false.
+      !> Whether the file states &measurements sample_nu, technique and calibration_sd.
+      logical :: states_nu = .false., states_technique = .false., states_calibration = .false.
       !> Whether speeds of waves that cannot be detected were left out of the measurements.
       logical :: are_detected = .false.
       !> Grains from which &next chooses; unallocated: all directions.
@@ -62,6 +63,8 @@ module problem
       !> Curves of &curves, and crystals of &references.
       type(curve_set_type), allocatable :: curves
       type(points_type), allocatable :: references
+      !> Rows of the measurements that are of references, which their names name.
+      type(points_type), allocatable :: reference_grains
       !> Relative errors that measurements share: columns of sd 1, (row of the table, error);
       !> unallocated: none.
       real(wp), allocatable :: shared_errors(:, :)
@@ -78,7 +81,7 @@ module problem
       logical :: is_of_batch = .false.
    contains
       procedure :: load_tables, locate, locate_curves, refuse => refuse_variable, &
-         & refuse_table, resolved_text, take_curve_results, threads
+         & refuse_table, take_curve_results, threads
    end type problem_type
 
    !> Name of the canonical table of the measurements in a folder of results.
@@ -99,6 +102,7 @@ contains
       character(len=*), intent(in) :: command, needed
       type(problem_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
+      type(entry_type) :: parsed(size(namelist))
       type(lattice_type) :: lattice
       integer :: i
 
@@ -113,13 +117,21 @@ contains
       end do
       allocate (self%warnings(0))
       self%states_nu = find_entry(namelist, 'measurements', 'sample_nu') > 0
-      call read_settings(namelist, command, needed, self%settings, error)
+      self%states_technique = find_entry(namelist, 'measurements', 'technique') > 0
+      self%states_calibration = find_entry(namelist, 'measurements', 'calibration_sd') > 0
+      parsed = namelist
+      i = find_entry(parsed, 'problem', 'symmetry')
+      if (i > 0) then
+         if (size(parsed(i)%values) == 1) call name_class(parsed(i)%values(1)%text)
+      end if
+      call read_settings(parsed, command, needed, self%settings, error)
       if (allocated(error)) return
       associate (s => self%settings, last => self%settings%indenter)
          if (len(s%surrogate%file) == 0) then
             s%surrogate%file = trim(merge('surrogate.txt', 'halfspace    ', &
                & s%design%given .or. s%domain%given .or. s%specimen%geometry == 'film'))
          end if
+         call set_technique(s%measurements, s%problem%synthetic)
          if (.not. (allocated(last%depth_um) .or. allocated(last%contact_radius_um))) then
             last%contact_radius_um = paper_contact
          end if
@@ -139,6 +151,13 @@ contains
       if (len(self%settings%specimen%estimator) == 0) self%settings%specimen%estimator = 'curve'
    end subroutine new_problem
 
+   !> Replace a space group by its Laue class.
+   pure subroutine name_class(word)
+      character(len=:), allocatable, intent(inout) :: word
+
+      if (len(laue_class(word)) > 0) word = laue_class(word)
+   end subroutine name_class
+
    !> Read the tables that the groups name, or those that are given as texts.
    subroutine load_tables(self, given, error)
       class(problem_type), intent(inout) :: self
@@ -149,8 +168,7 @@ contains
 
       radians = self%settings%measurements%angles == 'radians'
       associate (s => self%settings)
-         call load_crystals(self, error)
-         if (allocated(error)) return
+         ! Python converts the tables of measurements first, so that they are the first here too.
          if (s%curves%given) call load_curves()
          if (.not. allocated(error)) call load_velocities()
          if (allocated(error)) return
@@ -171,6 +189,7 @@ contains
          call load_grains('measurements', 'texture', s%measurements%texture, self%texture)
          if (allocated(error)) return
          call load_grains('next', 'candidates', s%next%candidates, self%grains)
+         if (.not. allocated(error)) call load_crystals(self, error)
       end associate
 
    contains
@@ -456,6 +475,10 @@ contains
          end do
       end if
       self%settings%measurements%modulus_kind = measurements%modulus_kind
+      ! The shared errors of a table contain that of the indenter.
+      if (allocated(self%shared_errors) .and. .not. self%states_calibration) then
+         self%settings%measurements%calibration_sd = 0.0_wp
+      end if
       call check_measurements(self%settings, self%class, self%measurements, self%warnings, error)
       call locate_table(self, error)
       if (allocated(self%velocities)) call append_velocities(self%measurements, self%velocities)
@@ -465,6 +488,8 @@ contains
       !> Read the tests of the grains and their shared errors, and combine the tests of a grain.
       subroutine read_tests()
          associate (stated => self%settings%measurements)
+            call split_references()
+            if (allocated(error)) return
             call read_measurements(table, radians, stated, self%class, &
                & self%settings%problem%lattice, measurements, error)
             if (allocated(error)) return
@@ -482,6 +507,29 @@ contains
          weight = 1.0_wp/measurements%sd_gpa**2
          call combine_tests(self%class, measurements, error)
       end subroutine read_tests
+
+      !> Read the rows of references, and leave the others in the table.
+      subroutine split_references()
+         logical, allocatable :: is_reference(:)
+         type(points_type) :: points
+         integer :: column
+
+         column = table%find('reference')
+         if (column == 0) return
+         is_reference = [(.not. table%is_empty(column, i), i=1, table%rows)]
+         if (.not. any(is_reference) .or. all(is_reference)) return
+         if (allocated(self%shared_file) .or. table%find('shared_1') > 0) then
+            call refuse(error, 'rows with a reference and shared errors are not allowed in one ' &
+               & //'table: leave out one of them')
+            return
+         end if
+         call read_measurements(table%rows_of(is_reference), radians, &
+            & self%settings%measurements, self%class, self%settings%problem%lattice, points, error)
+         if (allocated(error)) return
+         points%named_by = column
+         self%reference_grains = points
+         table = table%rows_of(.not. is_reference)
+      end subroutine split_references
 
       !> Use the Poisson's ratio with which the instrument made the moduli of the table, if it has
       !> a column of it.
@@ -541,47 +589,4 @@ contains
             & error, stated%file)
       end associate
    end subroutine locate_table
-
-   !> Text of the resolved namelist for the folder of results: stated and needed groups, every
-   !> variable with its value. The table of the measurements is the one in that folder.
-   function resolved_text(self) result(page)
-      class(problem_type), intent(in) :: self
-      character(len=:), allocatable :: page
-      type(settings_list_type) :: list
-      type(settings_type) :: settings
-      integer :: i
-
-      list = list_settings(self%settings)
-      do i = 1, size(list%variables)
-         associate (v => list%variables(i))
-            if (.not. allocated(v%values) .or. index(v%kind, 'file') == 0) cycle
-            call make_absolute(self%folder, v%values(1)%text)
-         end associate
-      end do
-      call set_settings(list, settings)
-      call make_absolute(self%folder, settings%surrogate%file)
-      associate (s => settings%measurements)
-         if (allocated(self%table_text)) then
-            s%file = table_name
-            s%sheet = ''
-            if (allocated(s%columns)) deallocate (s%columns)
-            if (allocated(s%ebsd)) deallocate (s%ebsd)
-            if (allocated(s%ebsd_points)) deallocate (s%ebsd_points)
-            if (allocated(s%shared_errors) .and. .not. allocated(self%shared_file)) then
-               deallocate (s%shared_errors)
-            end if
-         end if
-      end associate
-      page = '! Every value of '//printable(self%path) &
-         & //', defaults included; paths are absolute, or relative to this folder.'//newline &
-         & //settings_namelist(settings, self%needed//' '//self%groups)
-   end function resolved_text
-
-   !> Make the name of a file in a folder absolute, if there is such a file.
-   subroutine make_absolute(folder, name)
-      character(len=*), intent(in) :: folder
-      character(len=:), allocatable, intent(inout) :: name
-
-      if (file_exists(resolve_path(folder, name))) name = full_path(resolve_path(folder, name))
-   end subroutine make_absolute
 end module problem

@@ -116,6 +116,8 @@ contains
             if (allocated(stated%columns) .or. len(stated%sheet) > 0 &
                & .or. index(lower(stated%file), '.xls') > 0) then
                call self%refuse_table(': is a spreadsheet, or its columns are stated', error)
+            else if (allocated(stated%orientations_file)) then
+               call self%refuse_table(' has its orientations in another file', error)
             end if
          end if
       end associate

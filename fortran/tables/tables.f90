@@ -30,7 +30,7 @@ module tables
       integer, allocatable, private :: bounds(:, :, :)
    contains
       procedure :: cell, is_empty, name, names, find, number, numbers, place, &
-         & refuse => refuse_cell, digest
+         & refuse => refuse_cell, digest, rows_of
    end type table_type
 
 contains
@@ -156,6 +156,23 @@ contains
          end if
       end subroutine take_cell
    end subroutine parse_table
+
+   !> The table with some of its rows.
+   pure function rows_of(self, chosen) result(table)
+      class(table_type), intent(in) :: self
+      !> (row).
+      logical, intent(in) :: chosen(:)
+      type(table_type) :: table
+      integer :: i
+
+      table = self
+      table%rows = count(chosen)
+      table%line = pack(self%line, chosen)
+      deallocate (table%bounds)
+      allocate (table%bounds(2, self%columns, 0:table%rows))
+      ! Row 0 is the header.
+      table%bounds(:, :, :) = self%bounds(:, :, [0, pack([(i, i=1, self%rows)], chosen)])
+   end function rows_of
 
    !> Refuse a header of numbers and a name that occurs twice.
    subroutine check_header(table, line, error)

@@ -14,6 +14,7 @@ from .crystal.elasticity import (
 from .crystal.elasticity import constant_names as constants
 from .fe.indentation import Indentation, IndentationResult, film_modulus
 from .inference.extract import extract, next_grain, plan, summary
+from .program.functions import FUNCTIONS
 from .report import plots
 from .report.comparison import compare
 from .report.plots import *  # noqa: F403
@@ -53,3 +54,6 @@ __all__ = [
     "summary",
 ]
 __all__ += plots.__all__
+# Commands that have no function with keywords of their own.
+globals().update(FUNCTIONS)
+__all__ += [*FUNCTIONS]

@@ -91,6 +91,7 @@ def analysis(
     surrogate: Surrogate | str | PathLike = "halfspace",
     bounds: Mapping | None = None,
     knowledge: Mapping | None = None,
+    references: str | PathLike | None = None,
     **settings: Any,
 ) -> Analysis:
     """Step 2 as an object: `posterior`, `summary()`, `predict(euler_deg)`, `next()`, `plan(grains,
@@ -98,7 +99,7 @@ def analysis(
 
     Parameters
     ----------
-    measurements, symmetry, surrogate, bounds, knowledge
+    measurements, symmetry, surrogate, bounds, knowledge, references
         As in `bi.extract`.
 
     Returns
@@ -106,5 +107,6 @@ def analysis(
     Analysis
         Its posterior is sampled when a result is first asked for.
     """
-    given = {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge} | settings
+    given = {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge}
+    given |= {"references": references} | settings
     return Analysis(*begun("bi.analysis", measurements, surrogate, **given))

@@ -59,6 +59,9 @@ CASES: dict[str, tuple[str, int, dict]] = {
     "inferred scale": ("copper", 12, {"scale": "inferred"}),
     "orientation sd": ("copper", 12, {"orientation_sd_deg": 3.0}),
     "orientation sd, few": ("copper", 6, {"orientation_sd_deg": 5.0}),
+    # Factor, contrast and scatter of plastic imprints, drawn from their priors.
+    "laboratory, cubic": ("copper", 12, {"technique": "oliver_pharr", "scatter": "inferred"}),
+    "laboratory, hexagonal": ("Zn", 16, {"technique": "oliver_pharr", "scatter": "inferred"}),
     "knowledge": ("copper", 12, {"knowledge": {"bulk_modulus": 0.1}}),
     "default prior, cubic": ("copper", 12, {"default": 2}),
     "default prior, hexagonal": ("Zn", 16, {"default": 3}),
@@ -81,6 +84,12 @@ CENTRE, VISIBLE = 140.0, np.array([[0, 0, 0], [0, 54.7356, 45], [0, 90, 0], [0, 
 PLAUSIBLE = 1.0, 2000.0
 #: The prior of the factor on unknown sds: its logarithm is uniform.
 FACTORS = 0.05, 50.0
+#: Mean and sd of ln f, of ln(1+k) and of the logarithm of the scatter.
+FACTOR, CONTRAST, SCATTER = (0.1, 0.15), (-0.15, 0.4), (np.log(0.01), np.log(3))
+#: Orientations for the mean of the logarithm of a modulus.
+EVERYWHERE = np.column_stack(
+    [np.zeros(400), np.degrees(np.arccos((np.arange(400) + 0.5) / 400)), 137.508 * np.arange(400)]
+)
 
 
 class Study:
@@ -100,6 +109,7 @@ class Study:
         self.group = self.extra.pop("group", 0)
         self.noise = self.extra.pop("noise", NOISE)
         self.visible = self.extra.pop("default", 0)
+        self.laboratory = "technique" in self.extra
         self.inferred = self.extra.get("scale") == "inferred"
         self.correction = (
             rough_correction(self.extra.pop("simulations")) if "simulations" in self.extra else None
@@ -182,13 +192,18 @@ class Study:
             if key in ("symmetry", "surrogate", "modulus_kind", "bounds")
         }
         grains = table | {"modulus_gpa": np.clip(table["modulus_gpa"], *PLAUSIBLE)}
+        exact = Posterior.of(grains, **plain)
         modulus = (
-            self.simulated(truth, true)
-            if self.correction
-            else Posterior.of(grains, **plain).moduli(truth, true)[0][0]
+            self.simulated(truth, true) if self.correction else exact.moduli(truth, true)[0][0]
         )
         sd = table["sd_gpa"]
         noise, drawn = rng.normal(size=n), []
+        if self.laboratory:
+            mean = np.log(exact.moduli(truth, EVERYWHERE)[0][0]).mean()
+            drawn = [rng.normal(*CONTRAST), rng.normal(*SCATTER)]
+            modulus = np.exp(FACTOR[0] + mean + np.exp(drawn[0]) * (np.log(modulus) - mean))
+            scatter = np.exp(drawn[1]) * modulus * rng.normal(size=n)
+            modulus = modulus * (1 + FACTOR[1] * rng.normal()) + scatter
         if "student_dof" in self.extra:
             dof = self.extra["student_dof"]
             noise = rng.standard_t(dof, n) * np.sqrt((dof - 2) / dof)
@@ -251,7 +266,8 @@ class Study:
     def labels(self) -> list[str]:
         """What is ranked."""
         moduli = [f"modulus {k + 1}" for k in range(self.visible)]
-        return [*self.names, *(["scale"] if self.inferred else []), "log density", *moduli]
+        beside = ["contrast", "scatter"] * self.laboratory + ["scale"] * self.inferred
+        return [*self.names, *beside, "log density", *moduli]
 
     @property
     def kept(self) -> list[str]:

@@ -49,7 +49,7 @@ def test_version(process):
 
 
 @pytest.mark.parametrize(
-    "arguments", [(), ("unknown",), ("run",), ("predict", "--surrogate", "halfspace")]
+    "arguments", [("--unknown",), ("unknown",), ("run",), ("predict", "--surrogate", "halfspace")]
 )
 def test_wrong_usage_exits_2(process, arguments):
     done = process(*arguments)

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
+import bayesindent as bi
 from bayesindent.common.diagnostics import diagnostic, labelled
 from bayesindent.program import cli
 from bayesindent.program.commands.stages import show_extract
@@ -74,7 +75,7 @@ def test_the_first_warnings_are_shown_and_all_are_in_the_document(capsys):
         (["a.nml"], "Did you mean 'run a.nml'?"),
         (["run", "a.nml", "--chek"], "unrecognized arguments: --chek. Did you mean '--check'?"),
         (["extract", "a.nml", "--sample5", "5"], "Did you mean '--samples'?"),
-        (["init", "Ti"], "init: Ti is a metal, not a crystal class; bayesindent init --metal Ti"),
+        (["extract", "a.nml", "--samples", "5.5"], "invalid whole value: '5.5'"),
     ],
 )
 def test_what_was_meant(bayesindent, words, meant):
@@ -177,3 +178,19 @@ def test_slips_of_namelists_are_named(bayesindent, iron, text, said):
     (iron / "c.nml").write_text(f"{text}\n&measurements file = 'grains.csv' /\n", encoding="utf-8")
     done = bayesindent("run", "c.nml", "--check")
     assert done.returncode == 2 and said in done.stderr, done.stderr
+
+
+@pytest.mark.parametrize("words", [["-V"], ["-v"], ["version"]])
+def test_the_version(bayesindent, words):
+    assert bayesindent(*words).stdout == f"bayesindent {bi.__version__}\n"
+
+
+def test_no_words_are_a_question(bayesindent):
+    done = bayesindent()
+    assert (done.returncode, done.stdout) == (0, bayesindent("--help").stdout)
+
+
+@pytest.mark.parametrize("name", ["nickel", "Ni"])
+def test_a_metal_by_its_name(bayesindent, tmp_path, name):
+    assert bayesindent("init", name, "--output", tmp_path / name).returncode == 0
+    assert "Of pure nickel" in (tmp_path / name / "grains.nml").read_text()

@@ -214,3 +214,25 @@ def test_the_batch_program_reads_no_maps(tmp_path):
         "bayesindent-batch, which needs the orientations"
     )
     assert (refused.returncode, refused.stderr) == (2, f"{said} as columns\n")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "first"),
+    [
+        ("&crystals points = 'C.csv' /\n&measurements file = 'T.csv' /\n", "&measurements file"),
+        ("&crystals points = 'C.csv' /\n&sampler chains = 0 /\n", "&sampler chains"),
+        ("&measurements file = 'T.csv', sample_nu = 0.9 /\n", "&measurements sample_nu"),
+    ],
+)
+def test_of_two_errors_both_programs_report_the_same_one(bayesindent, tmp_path, wrong, first):
+    (tmp_path / "T.csv").write_text("phi1_deg,Phi_deg,phi2_deg,sample_modulus_gpa\n1,2,3,200\n")
+    (tmp_path / "C.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n1,2,3,0,0,0\n")
+    (tmp_path / "a.nml").write_text(f"&problem symmetry = 'cubic' /\n{wrong}")
+    batch = subprocess.run(
+        [BATCH, "a.nml", "--check"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    python = bayesindent("run", "a.nml", "--check")
+    assert batch.returncode == python.returncode == 2
+    assert batch.stderr.startswith(f"a.nml: {first}")
+    # Python may add how a column is stated, which the batch program does not read.
+    assert python.stderr.startswith(batch.stderr.strip())

@@ -46,7 +46,7 @@ def least_p(name, change=None, times=1, **settings):
 
 
 #: Of `./bayesindent test`; the others are long.
-SHORT = ("cubic",)
+SHORT = ("cubic", "laboratory, cubic")
 
 
 @pytest.mark.parametrize(

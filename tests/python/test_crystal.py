@@ -1,10 +1,13 @@
-"""The crystal functions against the reference moduli and against each other."""
+"""The crystal functions against the reference moduli and against each other.
+
+Modules: space_groups.f90.
+"""
 
 import numpy as np
 import pytest
 
 import bayesindent as bi
-from bayesindent.crystal.elasticity import stiffness_rows
+from bayesindent.crystal.elasticity import class_name, stiffness_rows
 from support.csv_tables import ANGLES, named_numbers, numbers, read_rows
 from support.reference_theory import direct_modulus
 from support.tree import REFERENCE
@@ -132,3 +135,33 @@ def test_wrappers_keep_double_precision():
     for name in dir(bi.core.native):
         documentation = getattr(bi.core.native, name).__doc__ or ""
         assert "array('f')" not in documentation, name
+
+
+#: Laue classes with more than one name in their crystal system, by the point groups of diffpy.
+LAUE = {
+    **dict.fromkeys(("PG4", "PG4bar", "PG4/m"), "4/m"),
+    **dict.fromkeys(("PG3", "PG3bar"), "-3"),
+}
+
+
+@pytest.mark.parametrize("number", range(1, 231))
+def test_space_groups_have_their_class(number):
+    """By number and by symbol, as diffpy has them."""
+    group = pytest.importorskip("diffpy.structure.spacegroups").GetSpaceGroup(number)
+    expected = LAUE.get(group.point_group_name, group.crystal_system.lower())
+    if number in (2, 3, 4, 6, 23, 32, 222):
+        # They are point groups of other classes, too.
+        with pytest.raises(bi.InputError, match="is no crystal class"):
+            class_name(str(number))
+    else:
+        assert class_name(str(number)) == expected
+    assert class_name(group.short_name) == class_name(group.short_name.replace(" ", "")) == expected
+
+
+@pytest.mark.parametrize("word", ["0", "231", "cubik", "Qm-3m", "P", "F m", "bcd", "hexa"])
+def test_other_words_are_no_space_groups(word):
+    if word == "F m":
+        assert class_name(word) == "monoclinic"
+    else:
+        with pytest.raises(bi.InputError, match="is no crystal class"):
+            class_name(word)

@@ -17,7 +17,7 @@ from support.tree import REFERENCE
 
 COPPER = {"C11": 168.4, "C12": 121.4, "C44": 75.4}
 ALUMINIUM = {"C11": 107.3, "C12": 60.9, "C44": 28.3}
-KIND = {"modulus_kind": "indentation_modulus"}
+KIND = {"modulus_kind": "indentation_modulus", "technique": "exact"}
 #: From here on there is an expansion; and so many are more than twice the directions of any.
 MANY, MOST = 60, 1000
 

@@ -64,7 +64,10 @@ def test_conda_asks_for_what_pip_asks_for():
 
 def test_hosted_tests_run_what_is_there():
     jobs = yaml.safe_load((SOURCE / ".github" / "workflows" / "ci.yml").read_text())["jobs"]
-    assert {"test", "wheel", "docs"} == set(jobs)
+    assert {"test", "versions", "wheel", "bare", "docs"} == set(jobs)
+    used = [step["uses"] for job in jobs.values() for step in job["steps"] if "uses" in step]
+    assert used and all(re.fullmatch(r"actions/[\w-]+@[0-9a-f]{40}", action) for action in used)
+    assert all("timeout-minutes" in job for job in jobs.values())
     matrix = jobs["test"]["strategy"]["matrix"]["python"]
     classifiers = tomllib.loads((SOURCE / "pyproject.toml").read_text())["project"]["classifiers"]
     assert [f"Programming Language :: Python :: {version}" for version in matrix] == [

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import bayesindent as bi
 from bayesindent.common.diagnostics import message
 from bayesindent.crystal.elasticity import constant_names
-from bayesindent.settings.problem import read_crystals, schema
+from bayesindent.settings.problem import Problem, read_crystals, schema
 from support.diagnostics import codes
 from support.measured_tables import read_measurements
 from support.paper_domains import DOMAIN
@@ -391,3 +391,9 @@ def test_a_synonym_is_its_crystal_class(tmp_path):
         write(tmp_path, "&problem symmetry = 'M-3m' /\n&crystals points = 'p.csv' /\n"), "theory"
     )
     assert problem.settings.problem.symmetry == "cubic" and "symmetry = 'cubic'" in problem.resolved
+
+
+@pytest.mark.parametrize("word", ["Fm-3m", "225", "fcc"])
+def test_a_symmetry_may_be_a_space_group(word):
+    problem = Problem.from_keywords("f", problem={"symmetry": word})
+    assert problem.settings.problem.symmetry == "cubic"

@@ -326,9 +326,9 @@ def test_what_the_prior_moves_is_told_where_it_matters():
     ]
 
 
-def test_an_empty_folder_has_a_report(tmp_path, capsys):
-    assert main(["report", str(tmp_path)]) == 0
-    assert headings(tmp_path) == ["Provenance"]
+def test_an_empty_folder_has_no_report(tmp_path, capsys):
+    assert main(["report", str(tmp_path)]) == 2
+    assert "there are no results" in capsys.readouterr().err
 
 
 def test_directions_in_four_indices():
@@ -337,12 +337,16 @@ def test_directions_in_four_indices():
     """
     four = {(0, 0, 1): "[0001]", (1, 0, 0): "[21\u03051\u03050]", (0, 1, 0): "[011\u03050]"}
     assert {direction: direction_name(direction, True) for direction in four} == four
-    assert direction_name((1, 0, 1), True) == "45° from [0001]"
+    assert direction_name((1, 0, 1), True) == "45° from [0001] to [21\u03051\u03050]"
+    assert direction_name((0, 1, 1), True) == "45° from [0001] to [011\u03050]"
     assert direction_name((1, -1, 0), False) == "[11\u03050]"
     assert region({"within_deg": 2.0}, "6° from [0001]") == "6° from [0001], within 2°"
     assert region({"within_deg": 8.0}, "[001]") == "within 8° of [001]"
     assert latex("φ₁ of C11") == r"$\varphi_1$ of $C_{11}$"
-    assert quantity_name("young[101]", "hexagonal") == "Young's modulus at 45° from [0001]"
+    assert (
+        quantity_name("young[101]", "hexagonal")
+        == "Young's modulus at 45° from [0001] to [21\u03051\u03050]"
+    )
     assert quantity_name("young[100]", "trigonal") == "Young's modulus along [21\u03051\u03050]"
     assert quantity_name("young[100]", "cubic") == "Young's modulus along [100]"
 

@@ -41,7 +41,7 @@ TABLES = [
     ("planes", "h,k,l,modulus_gpa,sd_gpa", "1,0,1,120,2"),
     ("named", "phi1,Phi,phi2,first,second,sd_gpa", "1,2,3,120,130,2"),
 ]
-KIND = {"modulus_kind": "indentation_modulus"}
+KIND = {"modulus_kind": "indentation_modulus", "technique": "exact"}
 
 
 def spelled(values: dict) -> str:
@@ -531,6 +531,8 @@ EFFECTS = {
         "orientations": None,  # test_unknown_orientations: a table without angles
         # test_unknown_orientations: another texture is another likelihood and another input
         "texture": None,
+        "orientations_file": None,  # test_joining
+        "orientations_by": None,  # test_joining
         "ebsd_points": None,  # test_map_registration: the indents of a turned stage
         "modulus_kind": (density, {}, "effective_modulus"),
         "angles": (read, {"measurements": {"file": "radians.csv", "angles": "degrees"}}, "radians"),

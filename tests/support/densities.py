@@ -105,7 +105,10 @@ class Posterior:
     def of(
         cls, measurements, *, surrogate: Surrogate, what: str = DENSITY, **settings
     ) -> "Posterior":
-        """The posterior that `bi.extract` samples with these arguments."""
+        """The posterior that `bi.extract` samples with these arguments; the measurements are exact
+        unless `settings` state a technique.
+        """
+        settings = {"technique": "exact"} | settings
         return cls(problem_of("Posterior", surrogate, measurements, **settings), surrogate, what)
 
     @property

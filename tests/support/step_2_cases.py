@@ -29,8 +29,8 @@ __all__ = [
 ]
 
 
-#: What the reference moduli are.
-KIND = {"modulus_kind": "indentation_modulus"}
+#: What the reference moduli are, and the other moduli of tests, which have no laboratory.
+KIND = {"modulus_kind": "indentation_modulus", "technique": "exact"}
 
 
 def reference(symmetry):

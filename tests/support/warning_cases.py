@@ -13,7 +13,7 @@ GRAINS = 20
 NAMELIST = """\
 &problem symmetry = '{symmetry}' /
 &surrogate file = '{surrogate}' /
-&measurements file = '{table}', modulus_kind = 'indentation_modulus'{measurements} /
+&measurements file = '{table}', modulus_kind = 'indentation_modulus'{technique}{measurements} /
 &sampler samples = {samples}, burn_in = 500, chains = 2{sampler} /
 {more}
 """
@@ -127,6 +127,7 @@ CASES = {
     ),
     "small_grains": (lambda: measured() | {"grain_radius_um": np.full(GRAINS, 1.0)}, {}),
     "tests": (repeated, {}),
+    "technique": (measured, {"technique": ""}),
     "candidates": (candidates, {}),
 }
 
@@ -136,6 +137,7 @@ def write_case(folder: Path, name: str, columns: dict, **stated) -> Path:
     lines = [",".join(map(str, row)) for row in zip(*columns.values(), strict=True)]
     (folder / f"{name}.csv").write_text("\n".join([",".join(columns), *lines]) + "\n")
     default = {"symmetry": "cubic", "surrogate": "halfspace", "samples": 200}
+    default |= {"technique": ", technique = 'exact'"}
     text = dict.fromkeys(("measurements", "sampler", "more"), "") | default | stated
     template = BUILD if "C11" in columns else NAMELIST
     path = folder / f"{name}.nml"

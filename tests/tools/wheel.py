@@ -3,10 +3,12 @@ lacks.
 
 `wheel` makes that of this Python, `wheel PYTHON ..` those of other interpreters. `wheel --try
 FILE.whl` installs one on a bare Debian, which it makes for that, runs the programs there, and
-compares what they find with what they find here.
+compares what they find with what they find here. `wheel --lock` writes the exact versions of all
+packages of Python into requirements/.
 """
 
 import argparse
+import json
 import os
 import shutil
 import subprocess
@@ -15,7 +17,7 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from tools import bare_system
+from tools import bare_system, locks
 
 ROOT = Path(__file__).parents[2]
 DIST = ROOT / "dist"
@@ -31,6 +33,9 @@ KERNELS = {
     "HASWELL": "ZEN",
     "SKYLAKEX": "COOPERLAKE",
 }
+
+#: Debian packages whose libraries stay those of the user's system.
+FROM_THE_SYSTEM = {"libc6:amd64", "libgcc-s1:amd64", "libstdc++6:amd64"}
 
 
 def main(argv=None) -> int:
@@ -60,7 +65,13 @@ def main(argv=None) -> int:
         type=Path,
         help="a Debian that debootstrap made before, of which a copy is used",
     )
+    parser.add_argument(
+        "--lock", action="store_true", help="write requirements/ from pyproject.toml"
+    )
     arguments = parser.parse_args(argv)
+    if arguments.lock:
+        locks.write_locks()
+        return 0
     if arguments.tried:
         return bare_system.try_wheel(arguments.tried, arguments.system)
     DIST.mkdir(exist_ok=True)
@@ -127,9 +138,62 @@ def merged(plain: Path, wide: Path, folder: Path) -> Path:
         file.chmod(0o755)
         # With these paths auditwheel would copy the libraries that were linked at build time.
         subprocess.run([TOOLS / "patchelf", "--remove-rpath", file], check=True)
+    add_licences(contents)
     return Path(shutil.make_archive(str(folder / plain.stem), "zip", contents)).rename(
         folder / plain.name
     )
+
+
+def add_licences(contents: Path) -> None:
+    """Add the licence texts of the libraries that become part of a wheel, and a list of them with
+    their versions (a software bill of materials in CycloneDX's form).
+    """
+    info = next(contents.glob("*.dist-info"))
+    added = []
+    components = []
+    for package in sorted(linked_packages(contents) - FROM_THE_SYSTEM):
+        name = package.split(":")[0]
+        licence = info / "licenses" / f"{name}.txt"
+        shutil.copy(Path("/usr/share/doc", name, "copyright"), licence)
+        added.append(licence)
+        version = output("dpkg-query", "--show", "--showformat=${Version}", package)
+        components.append(
+            {
+                "type": "library",
+                "name": output("dpkg-query", "--show", "--showformat=${source:Package}", package),
+                "version": version,
+                "purl": f"pkg:deb/debian/{name}@{version}",
+                "licenses": [{"license": {"name": f"licenses/{name}.txt"}}],
+            }
+        )
+    bill = info / "sboms" / "libraries.cdx.json"
+    bill.parent.mkdir(exist_ok=True)
+    contents_of_bill = {"bomFormat": "CycloneDX", "specVersion": "1.5", "version": 1}
+    bill.write_text(json.dumps(contents_of_bill | {"components": components}, indent=1))
+    with open(info / "RECORD", "a") as record:
+        for file in (*added, bill):
+            record.write(f"{file.relative_to(contents)},,\n")
+
+
+def linked_packages(folder: Path) -> set[str]:
+    """Debian packages of the libraries that programs of a folder need."""
+    libraries = {
+        Path(words[2]).resolve()
+        for file in programs(folder)
+        for words in map(str.split, output("ldd", file).splitlines())
+        if len(words) > 2 and words[2].startswith("/")
+    }
+    # Debian lists files under /usr only, or without it.
+    names = {str(path) for path in libraries} | {
+        str(path).removeprefix("/usr") for path in libraries
+    }
+    found = subprocess.run(
+        ["dpkg-query", "--search", *names],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    return {line.split(": ")[0] for line in found.stdout.splitlines()}
 
 
 def programs(folder: Path) -> list[Path]:

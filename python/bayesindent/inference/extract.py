@@ -91,6 +91,7 @@ def extract(
     surrogate: Surrogate | str | PathLike = "halfspace",
     bounds: Mapping | None = None,
     knowledge: Mapping | None = None,
+    references: str | PathLike | None = None,
     progressbar: bool = False,
     **settings: Any,
 ) -> Any:
@@ -117,6 +118,8 @@ def extract(
         (mean, sd) by quantity ('bulk_modulus', 'C44', 'C33/C11', 'young[110]', ..); 'stiffness':
         (means, covariance) of all constants in GPa and GPa², or a CSV of them; 'source': a list of
         the works that state the quantities.
+    references : path, optional
+        `&references crystals`: the crystals that the column `reference` of the table names.
     progressbar : bool, default False
         Show the progress of the chains.
 
@@ -129,7 +132,8 @@ def extract(
         cannot be used, its first warning says why. `bi.summary(result)` has mean, sd and shares of
         each constant.
     """
-    given = {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge} | settings
+    given = {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge}
+    given |= {"references": references} | settings
     return sampled(*begun("bi.extract", measurements, surrogate, **given), progressbar)
 
 
@@ -203,7 +207,7 @@ def summary(result: Any) -> dict:
 
     `parameters` has `mean`, `sd`, `hdi_95`, `share` (of the variance: measurements, knowledge,
     prior), `verdict`, `ess_bulk` and `r_hat` of each constant. Further entries are `usable` with
-    `reasons`, `warnings`, `correlation`, `predicted` (of each grain), `identifiability`,
-    `error_budget`, and more.
+    `reasons`, `laboratory`, `assumptions`, `warnings`, `correlation`, `predicted` (of each grain),
+    `identifiability`, `error_budget`, and more.
     """
     return json.loads(result.posterior.attrs["summary"])

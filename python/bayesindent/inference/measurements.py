@@ -26,6 +26,7 @@ def problem_of(
     bounds: Mapping | None = None,
     knowledge: Mapping | None = None,
     velocities: Any = None,
+    references: str | os.PathLike | None = None,
     **variables: Any,
 ) -> Problem:
     """The problem that keywords of the function `origin` state, checked like a namelist file.
@@ -55,6 +56,8 @@ def problem_of(
             groups["measurements"][variable] = given
         elif given is not None or (needed and variable == "file"):
             tables[name] = measurements_of(given)
+    if references:
+        groups["references"] = {"crystals": references}
     if bounds:
         with located(origin, "prior"):
             groups["prior"] |= bounds_of(symmetry, bounds)

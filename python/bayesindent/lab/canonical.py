@@ -32,6 +32,7 @@ from .columns import (
     stated_columns,
 )
 from .header import table_of_rows
+from .joining import add_orientations_of_file
 from .means import standard_errors
 from .reading import MOST_ROWS, Rows, rows_of_columns, rows_of_file
 from .table import LaboratoryTable
@@ -96,6 +97,9 @@ def canonical_table(
     shared = stated("shared_errors")
     errors = shared_of_file(Path(facts["folder"]) / shared) if shared else {}
     add_shared_errors(table, errors)
+    if path := stated("orientations_file"):
+        with located(origin, "measurements", "orientations_file"), located(path):
+            add_orientations_of_file(table, Path(facts["folder"]) / path, stated("orientations_by"))
     leave_out_incomplete(table)
     if any(name not in table.meanings for name in errors):
         add_shared_errors(table, errors, must_fit=True)

@@ -48,7 +48,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         # A terminal with another encoding than UTF-8 may lack a plus-minus sign.
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
-    if argv[:1] == ["version"]:
+    if not argv:
+        argv = ["--help"]
+    elif argv[:1] == ["version"]:
         argv = ["--version"]
     elif argv[:1] == ["help"]:
         argv = [*argv[1:], "--help"]
@@ -162,7 +164,9 @@ def parser(words: Sequence[str] | None = None) -> Parser:
     with '--all' among them the help lists every variable.
     """
     root = Parser(prog="bayesindent", description=HELP["bayesindent"], epilog=HELP["examples"])
-    root.add_argument("--version", action="version", version=f"bayesindent {__version__}")
+    root.add_argument(
+        "-V", "-v", "--version", action="version", version=f"bayesindent {__version__}"
+    )
     subparsers = root.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for name, (_, summary) in SUMMARIES.items():
         sub = subparsers.add_parser(name, help=summary)
@@ -175,7 +179,8 @@ def parser(words: Sequence[str] | None = None) -> Parser:
         sub.set_defaults(command=command, json=False, results=None, quiet=False, parser=sub)
         sub.groups, sub.full = command.groups, "--all" in (words or ())
         if command.groups:
-            sub.add_argument("file", metavar="FILE.nml", type=Path, help="the namelist")
+            table = ", or a table of measurements" if name == "extract" else ""
+            sub.add_argument("file", metavar="FILE.nml", type=Path, help=f"the namelist{table}")
             sub.add_argument(
                 "--all", action="help", help="show this help with every variable of the namelist"
             )
@@ -189,7 +194,7 @@ def parser(words: Sequence[str] | None = None) -> Parser:
                 )
             if "sampler" in command.groups:
                 sub.add_argument(
-                    "--samples", metavar="N", type=int, help="in place of &sampler samples"
+                    "--samples", metavar="N", type=whole, help="in place of &sampler samples"
                 )
         if command.show is not None:
             sub.add_argument(
@@ -211,6 +216,14 @@ def parser(words: Sequence[str] | None = None) -> Parser:
         if command.arguments is not None:
             command.arguments(sub)
     return root
+
+
+def whole(text: str) -> int:
+    """The whole number of a text such as 10000 or 1e4."""
+    number = float(text)
+    if not number.is_integer():
+        raise ValueError
+    return int(number)
 
 
 def describe_group(name: str, full: bool) -> str:

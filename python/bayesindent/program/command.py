@@ -10,11 +10,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..core import call
+from ..core import InputError, call
 from ..settings.problem import Problem, schema, stages
 from ..stages.stage import run_stage
 from ..surrogate.surrogate import places
 from ..version import __version__
+from .from_table import is_table
 
 log = logging.getLogger("bayesindent")
 
@@ -72,6 +73,11 @@ def prepare(arguments: argparse.Namespace, patience_s: int | None = 0) -> tuple[
         # Dask reads its configuration when it is imported.
         os.environ["DASK_SCHEDULER_ADDRESS"] = address
         changes += "\n&execution engine = 'dask', scheduler = 'address' /"
+    if is_table(arguments.file):
+        raise InputError(
+            f"{arguments.file}: is a table, no namelist; bayesindent extract "
+            f"{quoted(arguments.file)} --symmetry CLASS"
+        )
     problem = Problem(arguments.file, arguments.command.name, changes)
     output = output_folder(arguments, arguments.file, patience_s)
     if patience_s is None:

@@ -57,6 +57,11 @@ def number(value: float | None, digits: int = 1) -> str:
     return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
 
 
+def digits_of(parameter: str) -> int:
+    """Decimals of a parameter: of a constant in GPa, or of a number beside the constants."""
+    return 1 if parameter.startswith("C") else 3
+
+
 def percent(value: float | None, digits: int = 0) -> str:
     """A share in per cent as text; a dash for None and NaN."""
     return number(value and 100 * value, digits)
@@ -138,27 +143,22 @@ def has_four_indices(symmetry: str) -> bool:
 def direction_name(direction: Sequence[float], four: bool) -> str:
     """The name of a direction with components along the Cartesian crystal axes.
 
-    With four indices x is [2-1-10] and y is [01-10]; other directions are angles to an axis.
+    With four indices x is [2-1-10] and y is [01-10]; other directions are angles to an axis, in the
+    plane with another one.
     """
     x, y, z = direction
+    along_c, along_x, along_y = "[0001]", "[21\u03051\u03050]", "[011\u03050]"
     if not four:
-        return (
-            "["
-            + "".join(f"{abs(round(index))}" + "\u0305" * (index < 0) for index in direction)
-            + "]"
-        )
-    axis, angle = (
-        ("[0001]", math.atan2(math.hypot(x, y), z))
-        if z or not (x or y)
-        else ("[21\u03051\u03050]", math.atan2(y, x))
-    )
-    return (
-        axis
-        if not angle
-        else "[011\u03050]"
-        if not (x or z)
-        else f"{math.degrees(angle):.0f}° from {axis}"
-    )
+        digits = (f"{abs(round(index))}" + "\u0305" * (index < 0) for index in direction)
+        return f"[{''.join(digits)}]"
+    if not (x or y):
+        return along_c
+    in_plane = math.degrees(math.atan2(y, x))
+    axes = {0: along_x, 90: along_y}
+    towards = axes.get(round(in_plane), f"{in_plane:.0f}° from {along_x}")
+    if not z:
+        return towards
+    return f"{math.degrees(math.atan2(math.hypot(x, y), z)):.0f}° from {along_c} to {towards}"
 
 
 def quantity_name(name: str, symmetry: str = "") -> str:

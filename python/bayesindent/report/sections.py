@@ -13,6 +13,7 @@ from markupsafe import Markup
 from ..version import __version__
 
 from .formatting import (  # isort: skip
+    digits_of,
     direction_name,
     has_four_indices,
     limit_name,
@@ -56,6 +57,15 @@ def report_rows(results: Results) -> dict[str, list[list]]:
         "correlation": [
             [name, *map(number, row, repeat(2))]
             for name, row in zip(parameters, document.get("correlation", []))
+        ],
+        "assumptions": [
+            [
+                row["assumption"],
+                "yes" if row["included"] else "no",
+                *numbers(row["shift"], **dict.fromkeys(results.constants, 1)),
+                row.get("text", ""),
+            ]
+            for row in document.get("assumptions", [])
         ],
         "limits": [
             [
@@ -115,10 +125,10 @@ def rounded_residual(item: dict) -> float | None:
 def constant_row(name: str, item: dict, reference: dict[str, float]) -> list:
     """Mean, sds, 95 % interval, what it is compared with, if anything, and shares of a constant."""
     compared = [number(reference.get(name))] if reference else []
-    interval = unbroken(" to ".join(map(number, item["hdi_95"])))
+    interval = unbroken(" to ".join(number(value, digits_of(name)) for value in item["hdi_95"]))
     return [
         name,
-        *numbers(item, mean=1, sd=1),
+        *numbers(item, **dict.fromkeys(("mean", "sd"), digits_of(name))),
         relative_sd(item),
         interval,
         *compared,

@@ -210,8 +210,12 @@ class Problem(NativeObject):
         for name, variable in CONVERTED.items():
             if file := facts.get(variable):
                 from ..lab.reading import text_with_commas
+                from ..lab.tensors import matrix_of_json
 
-                pages[name] = text_with_commas(path.parent / file)
+                group, _, name_of_file = variable.partition(".")
+                with located(path, group, name_of_file), located(file):
+                    matrix = matrix_of_json(path.parent / file)
+                pages[name] = matrix or text_with_commas(path.parent / file)
         #: The table of a laboratory and the canonical one, if one was read, or None; and the
         #: orientation map with the indents, or None.
         self.table: LaboratoryTable | None = None

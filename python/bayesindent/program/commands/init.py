@@ -38,6 +38,10 @@ def template(symmetry: str | None, metal: str | None) -> dict[str, str]:
 
     `symmetry` is a crystal class and `metal` the symbol of a metal, which implies its class.
     """
+    for symbol, each in metals().items():
+        # The name of a metal stands for --metal.
+        if symmetry and symmetry.casefold() in (symbol.casefold(), each.name):
+            symmetry, metal = None, metal or symbol
     known = metals().get(metal[:1].upper() + metal[1:].lower()) if metal else None
     if metal and known is None:
         raise InputError(f"init: --metal: {metal} is not known; known are {', '.join(metals())}")
@@ -48,11 +52,6 @@ def template(symmetry: str | None, metal: str | None) -> dict[str, str]:
                 "as fcc, hcp or mmm, or a --metal"
             )
         symmetry = known.structure
-    if symmetry.capitalize() in metals():
-        raise InputError(
-            f"init: {symmetry} is a metal, not a crystal class; bayesindent init --metal "
-            f"{symmetry.capitalize()}"
-        )
     word, stated = class_name(symmetry), symmetry.lower()
     others = {metal.structure for metal in metals().values()} - {known.structure if known else ""}
     if known and (word != known.symmetry or stated in others):

@@ -8,11 +8,13 @@ from pathlib import Path
 
 from ...common.progress import progress_bar
 from ...common.result_files import as_csv, whole_file, write_groups, write_text
+from ...core import InputError
 from ...fe.indentation import Indentation
 from ...inference.analysis import groups_of
 from ...report.formatting import (
     SHARES,
     cells,
+    digits_of,
     number,
     numbers,
     region,
@@ -25,7 +27,17 @@ from ...stages.results_folder import read_posterior
 from ...stages.stage import run_stage
 from ...surrogate.basis import Basis
 from ...surrogate.surrogate import places
-from ..command import PATIENCE_S, namelist_command, perform, prepare, quoted, report_of, show_table
+from ..command import (
+    PATIENCE_S,
+    namelist_command,
+    perform,
+    perform_stage,
+    prepare,
+    quoted,
+    report_of,
+    show_table,
+)
+from ..from_table import OPTIONS, add_table_options, is_table, namelist_of
 from . import SUMMARIES, command_of, report
 
 
@@ -179,6 +191,18 @@ def after_build(arguments: argparse.Namespace, document: dict) -> str:
     )
 
 
+def begin_extract(arguments: argparse.Namespace) -> dict:
+    """Perform the stage for a namelist, or for a table with options in its place."""
+    if is_table(arguments.file):
+        arguments.file = namelist_of(arguments, arguments.file)
+    elif stated := [name for name in OPTIONS if getattr(arguments, name)]:
+        option = stated[0].replace("_", "-")
+        raise InputError(
+            f"--{option} goes with a table; {arguments.file} is a namelist, state it there"
+        )
+    return perform_stage(arguments)
+
+
 def extract(problem: Problem, output: Path) -> dict:
     """Perform the stage and write its numbers in ArviZ' schema to posterior.nc."""
     document = run_stage(problem, "extract", output)
@@ -191,8 +215,8 @@ def show_extract(document: dict) -> None:
     rows = [
         [
             name,
-            *numbers(item, mean=1, sd=1),
-            " .. ".join(map(number, item["hdi_95"])),
+            *numbers(item, **dict.fromkeys(("mean", "sd"), digits_of(name))),
+            " .. ".join(number(value, digits_of(name)) for value in item["hdi_95"]),
             *share_cells(item),
         ]
         for name, item in document["parameters"].items()
@@ -304,7 +328,15 @@ COMMANDS = (
     ),
     namelist_command("plan", show=show_plan, then=report_of),
     namelist_command("curves", show=show_curves, then=report_of),
-    namelist_command("extract", stage=extract, show=show_extract, resumes=True, then=after_extract),
+    namelist_command(
+        "extract",
+        action=begin_extract,
+        stage=extract,
+        arguments=add_table_options,
+        show=show_extract,
+        resumes=True,
+        then=after_extract,
+    ),
     namelist_command(
         "next",
         show=show_next,

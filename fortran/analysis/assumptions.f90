@@ -1,0 +1,159 @@
+!> Assumptions that no measurement can refute: how far each constant moves if one is wrong by its
+!> usual size.
+!>
+!> If the measurements change by d, the posterior means change by wᵀ d to first order, where w =
+!> Cov(c, s) is the covariance of a constant with the score of each measurement over the draws, see
+!> `variance_shares`. So d is the difference between the measurements as they should have been and
+!> those of the table. If a known value changes, w follows from its covariance with the constant.
+module assumptions
+   use abstract_basis, only: grain_model_type
+   use constants_posterior, only: posterior_type
+   use errors, only: error_type
+   use kinds, only: wp
+   use measured_grains, only: spread_orientations
+   use observables, only: modulus_kinds, new_observable, observable_type, path_type
+   use text, only: fixed, to_text
+   use variance_shares, only: shares_type
+   implicit none
+   private
+   public :: assumption_type, list_assumptions
+
+   type :: assumption_type
+      !> Name, and what would be the case, to follow 'if'.
+      character(len=:), allocatable :: name, condition
+      !> Usual size: relative; 1/GPa of a layer; an sd of a known quantity; 0 for a kind of modulus.
+      real(wp) :: size = 0.0_wp
+      !> Whether the sds of the constants contain it.
+      logical :: included = .false.
+      !> Change of each constant, GPa, (constant).
+      real(wp), allocatable :: shift(:)
+   end type assumption_type
+
+   !> Usual sizes: of factor and contrast, unless the technique has greater ones; of the compliance
+   !> of a layer, 1/GPa; of the modulus of the tip; and of what neighbours at ten contact radii take
+   !> from a contrast.
+   real(wp), parameter :: usual_error = 0.05_wp, layer_compliance = 1.0_wp/2000.0_wp, &
+      & tip_error = 0.1_wp, pull = 0.1_wp
+
+contains
+
+   !> List all assumptions of a posterior.
+   subroutine list_assumptions(posterior, mean, shares, list, error)
+      type(posterior_type), intent(in) :: posterior
+      !> Mean of each constant, GPa, and its shares.
+      real(wp), intent(in) :: mean(:)
+      type(shares_type), intent(in) :: shares(:)
+      type(assumption_type), allocatable, intent(out) :: list(:)
+      type(error_type), allocatable, intent(out) :: error
+      real(wp) :: size_of
+      integer :: i, j
+
+      allocate (list(0))
+      associate (data => posterior%data, settings => posterior%settings, n => posterior%n_moduli)
+         if (n > 0) call add_assumptions_of_moduli()
+      end associate
+      if (allocated(error)) return
+      associate (known => posterior%prior%knowledge)
+         do j = 1, size(known%mean)
+            size_of = sqrt(known%covariance(j, j))
+            list = [list, assumption_type('known: '//known%quantities(j)%name, &
+               & known%quantities(j)%name//' is '//to_text(known%mean(j) + size_of, 4), size_of, &
+               & .true., [(size_of*shares(i)%by_known_value(j), i=1, size(mean))])]
+         end do
+      end associate
+
+   contains
+
+      subroutine add_assumptions_of_moduli()
+         type(observable_type) :: other
+         real(wp), dimension(posterior%n_moduli) :: m, contrast
+         real(wp) :: greatest(2)
+
+         m = posterior%data%modulus(:size(m))
+         call find_contrast(posterior, mean, contrast, error)
+         if (allocated(error)) return
+         associate (settings => posterior%settings, own => posterior%observable)
+            do i = 1, size(modulus_kinds)
+               call new_observable(trim(modulus_kinds(i)), settings, other, error)
+               if (allocated(error)) return
+               if (other%name == own%name) cycle
+               call add('kind: '//other%name, 'these are moduli of the kind '//other%name, 0.0_wp, &
+                  & .false., as_stated(other) - m)
+            end do
+            greatest = max(usual_error, [settings%calibration_sd, settings%contrast_sd])
+            call add('factor', 'the moduli are '//percent(greatest(1))//' too high', greatest(1), &
+               & settings%calibration_sd > 0.0_wp .or. size(posterior%data%shared) > 0, &
+               & m*(exp(-greatest(1)) - 1.0_wp))
+            call add('contrast', 'their anisotropy is '//percent(greatest(2))//' too low', &
+               & greatest(2), posterior%infers_contrast, m*(exp(greatest(2)*contrast) - 1.0_wp))
+            if (own%compliance > 0.0_wp) then
+               other = own
+               other%compliance = own%compliance/(1.0_wp - tip_error)
+               call add('tip material', 'the modulus of the tip is '//percent(tip_error) &
+                  & //' lower', tip_error, .false., as_stated(other) - m)
+            end if
+            other = own
+            other%compliance = own%compliance + layer_compliance
+            call add('added layer', 'a layer adds a compliance of 1/2000 per GPa', &
+               & layer_compliance, .false., as_stated(other) - m)
+            call add('neighbours', 'neighbours pull the moduli to their mean by '//percent(pull), &
+               & pull, posterior%infers_contrast, m*(exp(-log(1.0_wp - pull)*contrast) - 1.0_wp))
+         end associate
+      end subroutine add_assumptions_of_moduli
+
+      !> What would have been measured of the stated kind if the moduli of the table are `other`.
+      pure function as_stated(other) result(values)
+         type(observable_type), intent(in) :: other
+         real(wp) :: values(posterior%n_moduli)
+
+         values = posterior%data%modulus(:posterior%n_moduli)
+         values = values/max(other%factor - other%compliance*values, tiny(1.0_wp))
+         call posterior%observable%to_measured(values)
+      end function as_stated
+
+      !> Add an assumption with the change of the moduli.
+      subroutine add(name, condition, size_of, included, change)
+         character(len=*), intent(in) :: name, condition
+         real(wp), intent(in) :: size_of, change(:)
+         logical, intent(in) :: included
+
+         list = [list, assumption_type(name, condition, size_of, included, &
+            & [(sum(shares(j)%by_measurement(:posterior%n_moduli)*change), j=1, size(mean))])]
+      end subroutine add
+   end subroutine list_assumptions
+
+   !> Logarithm of each modulus over its mean over all directions, of the crystal with the mean
+   !> constants.
+   subroutine find_contrast(posterior, mean, contrast, error)
+      type(posterior_type), intent(in) :: posterior
+      !> GPa.
+      real(wp), intent(in) :: mean(:)
+      !> (modulus).
+      real(wp), intent(out) :: contrast(:)
+      type(error_type), allocatable, intent(out) :: error
+      integer, parameter :: directions = 12
+      class(grain_model_type), allocatable :: grains
+      real(wp), allocatable :: euler(:, :), weights(:), moduli(:, :)
+      type(path_type), allocatable :: paths(:)
+      integer :: n
+
+      n = size(contrast)
+      contrast = 0.0_wp
+      if (allocated(posterior%unknown)) return
+      call spread_orientations(posterior%prior%class, directions, euler, weights)
+      allocate (paths(n + size(weights)), moduli(n + size(weights), 1))
+      call posterior%new_grains(reshape([posterior%euler(:, :n), euler], [3, size(paths)]), paths, &
+         & grains, error)
+      if (allocated(error)) return
+      call grains%evaluate_crystals(reshape(posterior%stiffness(mean), [6, 6, 1]), moduli)
+      moduli = log(moduli)
+      contrast = moduli(:n, 1) - dot_product(weights, moduli(n + 1:, 1))
+   end subroutine find_contrast
+
+   pure function percent(share) result(text)
+      real(wp), intent(in) :: share
+      character(len=:), allocatable :: text
+
+      text = fixed(100.0_wp*share, 0)//' %'
+   end function percent
+end module assumptions

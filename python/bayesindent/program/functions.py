@@ -1,0 +1,41 @@
+"""Commands as functions of Python: `bi.theory("FILE.nml")` returns the document of the command."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..core import InputError
+from .cli import parser
+from .commands import SUMMARIES
+
+#: Commands whose functions have the words of the command line, a file first. The others are
+#: functions with keywords of their own.
+NAMES = ("init", "table", "map", "run", "simulate", "theory", "next", "predict")
+
+
+def function_of(name: str) -> Callable[..., dict]:
+    """The function of a command."""
+
+    def command(*words: str | Path, **options: Any) -> dict:
+        arguments = [name, *map(str, words)]
+        for option, value in options.items():
+            flag = f"--{option.replace('_', '-')}"
+            arguments += [flag] if value is True else [flag, str(value)]
+        try:
+            parsed = parser(arguments).parse_args(arguments)
+        except SystemExit:
+            raise InputError(f"bi.{name}: see bayesindent {name} --help") from None
+        document = parsed.command.action(parsed)
+        assert isinstance(document, dict)
+        return document
+
+    command.__name__ = command.__qualname__ = name
+    summary = SUMMARIES[name][1].capitalize()
+    command.__doc__ = (
+        f"{summary}.\n\nThe document of `bayesindent {name}`, whose words and options are those of "
+        "the command line: `output='DIR'` is --output DIR."
+    )
+    return command
+
+
+FUNCTIONS = {name: function_of(name) for name in NAMES}

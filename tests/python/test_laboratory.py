@@ -1,0 +1,298 @@
+"""The laboratory in the model: factor, contrast and scatter, assumptions, and reference grains.
+
+Modules: laboratory.f90, nuisances.f90, techniques.f90, assumptions.f90.
+"""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import bayesindent as bi
+from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
+from support.densities import Posterior
+from support.diagnostics import codes
+from support.step_2_cases import crystal
+from support.tree import REFERENCE
+
+COPPER, BULK = (168.4, 121.4, 75.4), {"bulk_modulus": (137.1, 2.0)}
+NAMES = ("C11", "C12", "C44")
+#: Titanium of the literature, GPa.
+TITANIUM = {"C11": 162.4, "C12": 92.0, "C44": 46.7, "C33": 180.7, "C13": 69.0}
+ANGLES = ("phi1_deg", "Phi_deg", "phi2_deg")
+
+
+def directions(n, seed):
+    """Random orientations."""
+    rng = np.random.default_rng(seed)
+    phi = np.degrees(np.arccos(rng.uniform(-1, 1, n)))
+    return np.column_stack([rng.uniform(0, 360, n), phi, rng.uniform(0, 360, n)])
+
+
+def modulus(symmetry, constants, euler_deg):
+    return halfspace_modulus(stiffness_rows(symmetry, [constants])[0], euler_deg)
+
+
+def log_mean(symmetry, constants):
+    """Mean of ln M over all directions."""
+    return np.log(modulus(symmetry, constants, directions(20000, 1))).mean()
+
+
+def measured(symmetry, constants, n=20, seed=3, *, factor=1.0, contrast=1.0, noise=0.02):
+    """A table of a laboratory with this factor and this contrast."""
+    euler = directions(n, seed)
+    exact, mean = modulus(symmetry, constants, euler), log_mean(symmetry, constants)
+    values = factor * np.exp(mean + contrast * (np.log(exact) - mean))
+    sd = noise * values
+    values = values + sd * np.random.default_rng(seed + 100).normal(size=n)
+    return {"euler_deg": euler, "indentation_modulus_gpa": values, "sd_gpa": sd}
+
+
+def titanium():
+    table = row_table(REFERENCE / "measured_titanium.csv")
+    names = (*ANGLES, "sample_modulus_gpa", "sd_gpa")
+    return {name: np.array(table[name], float) for name in names}
+
+
+def row_table(path):
+    """Columns of a CSV with remarks."""
+    lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
+    header, *rows = (line.split(",") for line in lines)
+    return dict(zip(header, zip(*rows, strict=True), strict=True))
+
+
+def means(document, names=NAMES):
+    return np.array([document["parameters"][name]["mean"] for name in names])
+
+
+@pytest.mark.parametrize("symmetry, name", [("cubic", "copper"), ("hexagonal", "Zn")])
+def test_the_density_is_that_of_the_formula(symmetry, name):
+    """Factor by its covariance, contrast and scatter at values of theirs."""
+    constants = np.array(crystal(name)[1])
+    table = measured(symmetry, constants, 12, contrast=0.7, factor=1.1)
+    posterior = Posterior.of(
+        table,
+        surrogate=bi.Surrogate.load("halfspace"),
+        symmetry=symmetry,
+        technique="oliver_pharr",
+        scatter="inferred",
+    )
+    points = np.array([[0.0, np.log(0.01)], [-0.4, np.log(0.03)], [0.3, np.log(0.002)]])
+    found = posterior.evaluate(np.column_stack([np.tile(constants, (3, 1)), points]))
+    expected = []
+    exact, mean = modulus(symmetry, constants, table["euler_deg"]), log_mean(symmetry, constants)
+    for log_contrast, log_scatter in points:
+        values = np.exp(0.1 + mean + np.exp(log_contrast) * (np.log(exact) - mean))
+        own = table["sd_gpa"] ** 2 + (np.exp(log_scatter) * values) ** 2
+        covariance = np.diag(own) + 0.15**2 * np.outer(values, values)
+        normal = stats.multivariate_normal(values, covariance)
+        expected.append(
+            normal.logpdf(table["indentation_modulus_gpa"])
+            + stats.norm(-0.15, 0.4).logpdf(log_contrast)
+            + stats.norm(np.log(0.01), np.log(3)).logpdf(log_scatter)
+        )
+    # What `evaluate` calls the likelihood has the priors of contrast and scatter. The degree of the
+    # field, and twelve directions in place of all, change M_ref by 1e-3.
+    assert found[1] == pytest.approx(expected, abs=0.15)
+
+
+def test_exact_data_have_no_laboratory_and_others_are_said_first():
+    table = measured("cubic", COPPER, 8)
+    short = {"samples": 50, "burn_in": 300, "chains": 1, "knowledge": BULK}
+    exact = bi.summary(bi.extract(table, "cubic", technique="exact", **short))
+    assumed = bi.summary(bi.extract(table, "cubic", **short))
+    assert "technique_assumed" not in codes(exact["warnings"])
+    assert codes(assumed["warnings"])[0] == "technique_assumed"
+    assert list(exact["parameters"]) == list(NAMES)
+    assert list(assumed["parameters"]) == [*NAMES, "contrast"]
+    assert exact["laboratory"]["log_contrast"]["prior_sd"] == 0
+    assert assumed["laboratory"]["technique"] == "elastic_sphere"
+    assert assumed["laboratory"]["log_factor"][0]["prior_sd"] == 0.05
+    shared = table | {"shared_1": np.full(8, 0.02)}
+    # The shared errors of curves contain that of the tip.
+    found = bi.summary(bi.extract(shared, "cubic", **short))["laboratory"]
+    assert (found["log_factor"][0]["prior_sd"], found["log_contrast"]["prior_sd"]) == (0, 0.05)
+
+
+@pytest.fixture(scope="module", params=["exact", "elastic_sphere"])
+def technique(request):
+    return request.param
+
+
+def test_a_silent_fault_shifts_the_constants_as_the_table_of_assumptions_says(technique):
+    table = measured("cubic", COPPER)
+    exact = modulus("cubic", COPPER, table["euler_deg"])
+    values, mean = table["indentation_modulus_gpa"], log_mean("cubic", COPPER)
+    asked = {"technique": technique, "knowledge": BULK, "samples": 4000, "burn_in": 2000}
+    base = bi.summary(bi.extract(table, "cubic", **asked))
+    assumed = {row["assumption"]: row for row in base["assumptions"]}
+    should_be = {
+        "kind: sample_modulus": values / (1 - 0.3**2),
+        "factor": values * np.exp(-0.05),
+        "contrast": values * np.exp(0.05 * (np.log(exact) - mean)),
+        "added layer": 1 / (1 / values - 1 / 2000),
+        "neighbours": values * np.exp(-np.log(0.9) * (np.log(exact) - mean)),
+    }
+    for name, moduli in should_be.items():
+        other = bi.summary(
+            bi.extract(table | {"indentation_modulus_gpa": moduli}, "cubic", **asked)
+        )
+        made = means(other) - means(base)
+        stated = [assumed[name]["shift"][constant] for constant in NAMES]
+        # Linear to some per cent; the noise of the draws is 0.05 sd.
+        assert made == pytest.approx(stated, rel=0.1, abs=0.35), name
+    asked["knowledge"] = {"bulk_modulus": (139.1, 2)}
+    other = bi.summary(bi.extract(table, "cubic", **asked))
+    stated = [assumed["known: bulk_modulus"]["shift"][constant] for constant in NAMES]
+    assert means(other) - means(base) == pytest.approx(stated, rel=0.1, abs=0.35)
+    included = {name: row["included"] for name, row in assumed.items()}
+    assert included["factor"] == included["contrast"] == (technique != "exact")
+    assert included["known: bulk_modulus"] and not included["kind: sample_modulus"]
+    assert assumed["kind: sample_modulus"]["text"].startswith("If these are moduli of the kind ")
+
+
+def references(tmp_path, *crystals):
+    """A file of reference crystals."""
+    rows = ["reference,symmetry,C11,C12,C44,phi1_deg,Phi_deg,phi2_deg"]
+    rows += [f"{name},cubic,{','.join(map(str, constants))},0,0,0" for name, constants in crystals]
+    (tmp_path / "crystals.csv").write_text("\n".join(rows) + "\n")
+    return tmp_path / "crystals.csv"
+
+
+def with_references(tmp_path, grains, references):
+    """The path of a table of grains and of references, (name, table)."""
+    rows = ["reference,phi1_deg,Phi_deg,phi2_deg,indentation_modulus_gpa,sd_gpa"]
+    for name, table in [("", grains), *references]:
+        rows += [
+            ",".join([name, *map(str, angles), repr(float(value)), repr(float(sd))])
+            for angles, value, sd in zip(
+                table["euler_deg"], table["indentation_modulus_gpa"], table["sd_gpa"], strict=True
+            )
+        ]
+    (tmp_path / "table.csv").write_text("\n".join(rows) + "\n")
+    return tmp_path / "table.csv"
+
+
+def test_references_determine_the_factor_of_the_tip_and_the_contrast_of_elastic_contacts(tmp_path):
+    """The linear update in closed form, in ln f and ln(1+k)."""
+    silicon, noise, factor, contrast = (165.6, 63.9, 79.5), 0.01, 1.06, 0.95
+    known = measured("cubic", silicon, 12, 5, factor=factor, contrast=contrast, noise=noise)
+    grains = measured("cubic", COPPER, 10, factor=factor, contrast=contrast, noise=0.005)
+    table = with_references(tmp_path, grains, [("Si", known)])
+    asked = {
+        "references": references(tmp_path, ("Si", silicon)),
+        "knowledge": BULK,
+        "samples": 1000,
+        "burn_in": 2000,
+    }
+    exact, mean = modulus("cubic", silicon, known["euler_deg"]), log_mean("cubic", silicon)
+    effect = np.column_stack([np.ones(12), np.log(exact) - mean])
+    deviation = np.log(known["indentation_modulus_gpa"] / exact)
+    prior = np.diag([0.05**2, 0.05**2])
+    errors = noise**2 * np.eye(12) + 0.01**2
+    precision = np.linalg.inv(prior) + effect.T @ np.linalg.solve(errors, effect)
+    covariance = np.linalg.inv(precision)
+    expected = covariance @ effect.T @ np.linalg.solve(errors, deviation)
+    found = bi.summary(bi.extract(table, "cubic", technique="elastic_sphere", **asked))
+    assert len(found["predicted"]) == 10
+    laboratory = found["laboratory"]
+    given = covariance[0, 0] - covariance[0, 1] ** 2 / covariance[1, 1]
+    (of_factor,), of_contrast = laboratory["log_factor"], laboratory["log_contrast"]
+    assert of_factor["prior_mean"] == pytest.approx(expected[0], abs=2e-3)
+    assert of_factor["prior_sd"] == pytest.approx(np.sqrt(given), rel=0.01)
+    assert of_contrast["prior_mean"] == pytest.approx(expected[1], abs=2e-3)
+    assert of_contrast["prior_sd"] == pytest.approx(np.sqrt(covariance[1, 1]), rel=0.02)
+    assert abs(of_factor["mean"] - np.log(factor)) < 3 * of_factor["sd"]
+    del asked["references"]
+    without = bi.summary(bi.extract(grains, "cubic", technique="elastic_sphere", **asked))
+    assert found["parameters"]["C44"]["sd"] < 0.8 * without["parameters"]["C44"]["sd"]
+    # Of plastic imprints the pile-up and the contrast of another metal stay unknown.
+    asked |= {"references": tmp_path / "crystals.csv", "technique": "oliver_pharr"}
+    plastic = bi.summary(bi.extract(table, "cubic", **asked))["laboratory"]
+    assert plastic["log_contrast"]["prior_sd"] == pytest.approx(0.4)
+    assert plastic["log_factor"][0]["prior_sd"] == pytest.approx(0.15, abs=0.01)
+
+
+def test_references_that_are_not_known_are_refused(tmp_path):
+    table = with_references(
+        tmp_path, measured("cubic", COPPER, 4), [("W", measured("cubic", COPPER, 2))]
+    )
+    with pytest.raises(bi.InputError, match="line 6: the reference W is no crystal of &references"):
+        bi.extract(table, "cubic", references=references(tmp_path, ("Si", COPPER)))
+
+
+def test_a_calibration_sd_raises_no_false_alarm():
+    """The shared column of the check is not made of predicted moduli: these have the
+    orientations.
+    """
+    document = bi.summary(
+        bi.extract(
+            titanium(),
+            "hexagonal",
+            sample_nu=0.28,
+            technique="exact",
+            calibration_sd=0.2,
+            samples=500,
+            chains=2,
+            knowledge={"bulk_modulus": (107, 3)},
+        )
+    )
+    assert not {"unexplained", "misread"} & set(codes(document["warnings"]))
+    check = document["checks"]["orientations"]
+    # About a constant modulus they are 614 without a shared error.
+    assert check["constant_chi_square"] > 500
+
+
+def of_titanium(knowledge, **asked):
+    return bi.extract(
+        titanium(),
+        "hexagonal",
+        sample_nu=0.28,
+        technique="oliver_pharr",
+        scatter="inferred",
+        knowledge=knowledge,
+        **asked,
+    )
+
+
+def test_titanium_with_the_constants_of_the_literature():
+    result = of_titanium({name: (value, 0.02 * value) for name, value in TITANIUM.items()})
+    found = bi.summary(result)["laboratory"]["log_factor"][0]
+    assert found["mean"] == pytest.approx(0.21, abs=0.03)
+    # The contrast at its median: its prior has the mean -0.15 of the logarithm.
+    assert float(np.median(result.posterior["contrast"])) - 1 == pytest.approx(-0.56, abs=0.08)
+
+
+def test_titanium_with_the_constants_fixed():
+    known = {name: (value, 2e-4 * value) for name, value in TITANIUM.items()}
+    document = bi.summary(of_titanium(known, contrast_mean=0.0, contrast_sd=1.0, samples=4000))
+    # By least squares: ln f 0.212 ± 0.002, k -0.56 ± 0.06; the scatter is 1.4 %.
+    factor, contrast = document["laboratory"]["log_factor"][0], document["parameters"]["contrast"]
+    assert factor["mean"] == pytest.approx(0.212, abs=0.004)
+    assert factor["sd"] == pytest.approx(0.002, abs=0.001)
+    assert contrast["mean"] - 1 == pytest.approx(-0.56, abs=0.03)
+    assert contrast["sd"] == pytest.approx(0.06, abs=0.01)
+    assert document["parameters"]["scatter"]["mean"] == pytest.approx(0.015, abs=0.003)
+
+
+@pytest.mark.long
+def test_titanium_with_the_bulk_modulus_alone():
+    document = bi.summary(of_titanium({"bulk_modulus": (107, 3)}))
+    for name, value in TITANIUM.items():
+        found = document["parameters"][name]
+        assert abs(found["mean"] - value) < 2 * found["sd"], name
+    assert document["parameters"]["contrast"]["share"]["prior"] > 0.4
+    assert document["parameters"]["C44"]["verdict"] != "determined"
+    budget = document["error_budget"]["C44"]
+    assert sum(budget.values()) == pytest.approx(1)
+    assert budget["contrast"] > 0.1
+
+
+def test_clean_tables_read_as_oliver_pharr():
+    """The prior does not bias: `bench laboratory` has more."""
+    z = []
+    for seed in range(6):
+        table = measured("cubic", COPPER, 20, seed)
+        asked = {"technique": "oliver_pharr", "knowledge": BULK, "samples": 1000, "chains": 2}
+        found = bi.summary(bi.extract(table, "cubic", **asked))["parameters"]["C44"]
+        z.append((found["mean"] - COPPER[2]) / found["sd"])
+    assert abs(np.mean(z)) < 0.5
